@@ -20,6 +20,7 @@ mod maps;
 mod modules;
 mod packed;
 mod page;
+mod pixels;
 mod server;
 
 use std::collections::BTreeSet;
@@ -27,6 +28,7 @@ use std::path::{Path, PathBuf};
 
 pub use facts::Cause;
 pub use last_run::{Failure, FrameRun, LastRun};
+pub use pixels::Pixels;
 pub use server::Server;
 
 use karat::unstable::diagnostic::shown;
@@ -154,6 +156,7 @@ pub struct Review {
     /// True if accepting may write where `CI` is set.
     ci_may_write: bool,
     in_editor: bool,
+    asked: pixels::Asked,
 }
 
 /// An entry of the page, by the number of its data file.
@@ -179,6 +182,7 @@ impl Review {
             accepted: false,
             ci_may_write: false,
             in_editor: false,
+            asked: pixels::Asked::default(),
         }
     }
 
@@ -193,6 +197,13 @@ impl Review {
     #[must_use]
     pub fn in_editor(mut self, is: bool) -> Self {
         self.in_editor = is;
+        self
+    }
+
+    /// Lets the served page ask how pixels come about.
+    #[must_use]
+    pub fn with_pixels(mut self, pixels: std::sync::Arc<dyn Pixels>) -> Self {
+        self.asked = pixels::Asked::of(pixels);
         self
     }
 

@@ -12,7 +12,7 @@ const HTML: &str = include_str!("page/page.html");
 const CSS: &str = include_str!("page/page.css");
 
 /// The scripts, each of which uses only those before it. They become one, in one scope.
-const SCRIPTS: [&str; 25] = [
+const SCRIPTS: [&str; 26] = [
     include_str!("page/numbers.js"),
     include_str!("page/tones.js"),
     include_str!("page/shader.js"),
@@ -25,6 +25,7 @@ const SCRIPTS: [&str; 25] = [
     include_str!("page/values.js"),
     include_str!("page/histogram.js"),
     include_str!("page/inspector.js"),
+    include_str!("page/pixel.js"),
     include_str!("page/facts.js"),
     include_str!("page/table.js"),
     include_str!("page/origin.js"),
@@ -100,6 +101,7 @@ pub(super) fn html(
     );
     let index = embedded(&json!({
         "served": !token.is_empty(),
+        "pixels": !token.is_empty() && review.asked.pixels.is_some(),
         "arguments": arguments,
         "cases": frames.collect::<Vec<_>>(),
         "unusable": unusable.collect::<Vec<_>>(),

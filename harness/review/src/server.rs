@@ -132,6 +132,7 @@ impl Desk {
         match (request.method.as_str(), place.as_str(), number) {
             ("GET", "", _) => self.page(),
             ("GET", _, Some(number)) => self.data(number, commit),
+            ("GET", asked, _) if asked.starts_with("ask/") => self.told(&asked[4..]),
             ("POST", "accept", _) => self.decide(request, Self::accept),
             ("POST", "reject", _) => self.decide(request, Self::reject),
             (_, "" | "accept" | "reject", _) | (_, _, Some(_)) => {
@@ -209,6 +210,19 @@ impl Desk {
             (None, None) => self.review.other_script(number, &entry),
         };
         Answer(200, "text/javascript; charset=utf-8", script)
+    }
+
+    /// What is asked of an entry's pixels: its number, and the question.
+    fn told(&self, asked: &str) -> Answer {
+        let (number, question) = asked.split_once('/').unwrap_or((asked, ""));
+        let entry = {
+            let numbered = locked(&self.numbered);
+            number.parse().ok().and_then(|number: usize| numbered.get(number).cloned())
+        };
+        match entry.and_then(|entry| self.review.asked.answer(&entry, question)) {
+            Some(told) => Answer(200, "application/json", told.to_string()),
+            None => Answer::text(404, "there is nothing here"),
+        }
     }
 
     /// The pending frame of exactly this name.

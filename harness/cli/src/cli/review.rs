@@ -2,19 +2,22 @@
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::Arc;
 
 use anyhow::Context;
-use karat::Goldens;
 use karat::unstable::golden::PendingFrames;
 use karat::unstable::output::counted;
 use karat::unstable::record::{Recorded, Subject};
-use karat_review::{LastRun, Review};
+use karat::{Goldens, Image};
+use karat_review::{LastRun, Map, Pixels, Review};
+use serde_json::Value;
 
 use super::artefact::Artefact;
 use super::goldens::{CiArgs, FolderArgs, FromArgs, report};
 use super::project::Project;
 use super::report::review_of;
-use super::{Ending, Outcome};
+use super::{Ending, Outcome, PackageArgs};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
@@ -59,6 +62,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if let Some(run) = last_run(artefact.as_ref(), &goldens) {
         review = review.with_run(run);
     }
+    review = review.with_pixels(Arc::new(Told));
     if let Some(folder) = &args.files {
         let PendingFrames { frames, unusable } = review.write(folder)?;
         let page = folder.join("index.html");
@@ -96,6 +100,84 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         told?;
     }
     Ok(if frames.is_empty() { Ending::Good } else { Ending::Bad })
+}
+
+/// Values and pixels of frames, by this program in processes of its own.
+#[derive(Debug)]
+struct Told;
+
+impl Told {
+    /// What a command prints of a frame.
+    fn ask(
+        command: &str,
+        before: &[String],
+        frame: &str,
+        after: &[String],
+    ) -> Result<String, String> {
+        let program = std::env::current_exe().map_err(|error| error.to_string())?;
+        let mut process = Command::new(program);
+        process.arg(command).args(before).args(["--", frame]).args(after);
+        let output = process.output().map_err(|error| error.to_string())?;
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).trim().to_owned();
+        match output.status.success() {
+            true => Ok(text(&output.stdout)),
+            false => Err(text(&output.stderr)),
+        }
+    }
+
+    /// How large the gallery is to draw a frame. One that a `*.test.toml` declares says it itself.
+    fn size(frame: &str, (width, height): (u32, u32)) -> Result<Vec<String>, String> {
+        let failed = |error: anyhow::Error| format!("{error:#}");
+        let project = Project::find().map_err(failed)?;
+        let found = super::tap::find(frame, &project, &PackageArgs::default()).map_err(failed)?;
+        Ok(match found {
+            Some(_) => Vec::new(),
+            None => vec![format!("--size={width}x{height}")],
+        })
+    }
+}
+
+impl Pixels for Told {
+    fn values(&self, frame: &str) -> Result<Vec<String>, String> {
+        Ok(Self::ask("tap", &[], frame, &[])?.lines().map(str::to_owned).collect())
+    }
+
+    fn tap(&self, frame: &str, size: (u32, u32), value: &str) -> Result<Map, String> {
+        let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
+        let mut words = Self::size(frame, size)?;
+        words.push(format!("--out={}", folder.path().display()));
+        let about = Self::ask("tap", &words, frame, &[value.to_owned()])?;
+        let is_image = |path: &PathBuf| path.extension().is_some_and(|end| end == "exr");
+        let image = files_below(folder.path()).into_iter().find(is_image);
+        // Without a picture there are the numbers, which say why.
+        let image = image.ok_or_else(|| about.clone())?;
+        let (image, _) = Image::read_exr(&image).map_err(|error| error.to_string())?;
+        let told = image.pixels().iter().filter(|pixel| pixel[3] > 0.0);
+        let finite = told.map(|pixel| pixel[0]).filter(|value| value.is_finite());
+        let [least, most] = finite
+            .fold([f32::INFINITY, f32::NEG_INFINITY], |[least, most], value| {
+                [least.min(value), most.max(value)]
+            });
+        let range = if least < most { [least, most] } else { [least.min(0.0), most.max(1.0)] };
+        let range = if least <= most { range } else { [0.0, 1.0] };
+        let lines = about.lines().filter(|line| !line.contains(".exr"));
+        let about = lines.map(str::trim).collect::<Vec<_>>().join("; ");
+        Ok(Map { name: value.to_owned(), about, image, range })
+    }
+
+    fn trace(&self, frame: &str, size: (u32, u32), (x, y): (u32, u32)) -> Result<Value, String> {
+        let mut words = Self::size(frame, size)?;
+        words.push("--json".to_owned());
+        let printed = Self::ask("trace", &words, frame, &[format!("{x},{y}")])?;
+        serde_json::from_str(&printed).map_err(|error| error.to_string())
+    }
+}
+
+/// All files of a folder: frames may have folders in their names.
+fn files_below(folder: &Path) -> Vec<PathBuf> {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let of = |path: PathBuf| if path.is_dir() { files_below(&path) } else { vec![path] };
+    entries.flat_map(|entry| of(entry.path())).collect()
 }
 
 /// What the last run of the project said, or the run that left an artefact. Without it the page has its

@@ -10,6 +10,7 @@ mod files;
 mod finding;
 mod listing;
 mod looking;
+mod pixels;
 #[path = "../given/program.rs"]
 mod program;
 mod project;

@@ -1,0 +1,92 @@
+//! How a pixel comes about, in the page.
+
+use karat::Image;
+
+use crate::browser::Browser;
+use crate::project::Project;
+
+const SHADER: &str = "@fragment
+fn shade(@location(0) uv: vec2f) -> @location(0) vec4f {
+    let near = 1.0 - uv.x;
+    let broken = sqrt(uv.y - 0.5);
+    return vec4f(near, near * near, broken, 1.0);
+}
+";
+
+/// A frame of 4 x 4 pixels whose golden is white.
+fn project() -> Project {
+    let project = Project::new();
+    project.put("shaders/m.wgsl", SHADER);
+    let frame = "[[frame]]\nname = \"disc\"\nfragment = \"shade\"\nsize = [4, 4]\n";
+    project.put("shaders/m.test.toml", frame);
+    let golden = Image::new(4, 4, vec![[1.0; 4]; 16]);
+    project.put_golden("disc", &golden);
+    let mut actual = golden;
+    actual.pixels_mut()[5] = [0.5, 0.25, 0.0, 1.0];
+    project.put_pending("disc", &actual, |_| {});
+    project.put_tiny("gone");
+    project
+}
+
+#[test]
+fn a_click_on_a_pixel_shows_its_steps_and_values_become_maps() {
+    let project = project();
+    let server = project.serve();
+    let mut browser = Browser::start();
+    let tab = browser.open(&format!("{}#disc", server.url));
+    browser.settle(&tab);
+    // One that doesn't differ is traced where that is asked for.
+    browser.value(&tab, "karat.change({ pinned: [0, 3] })");
+    browser.settle(&tab);
+    assert_eq!(browser.text(&tab, "#steps"), "");
+    browser.click(&tab, "#trace");
+    browser.wait(&tab, "document.getElementById('steps').innerText.includes('(0, 3)')");
+    browser.value(&tab, "karat.change({ pinned: [1, 1] })");
+    browser.wait(&tab, "document.getElementById('steps').innerText.includes('shade at (1, 1)')");
+    let steps = browser.text(&tab, "#steps");
+    for part in [
+        "uv = (0.375, 0.375)",
+        "m.wgsl:3",
+        "near = 1.0 - uv.x",
+        "0.625",
+        "the driver drew (0.625, 0.390625, ",
+    ] {
+        assert!(steps.contains(part), "no `{part}` in {steps}");
+    }
+    let strange = "document.querySelector('#steps .strange')?.innerText ?? ''";
+    assert!(browser.value(&tab, strange).as_str().is_some_and(|row| row.contains("NaN")));
+
+    browser.wait(&tab, "document.getElementById('told').options.length === 4");
+    let choose = |value: &str| {
+        format!("(() => {{ told.value = '{value}'; told.dispatchEvent(new Event('change')); }})()")
+            .replace("told", "document.getElementById('told')")
+    };
+    browser.value(&tab, &choose("m::shade::near"));
+    browser.wait(&tab, "karat.state.view === 'map'");
+    browser.settle(&tab);
+    let map = "karat.loaded().maps[karat.state.map]";
+    assert_eq!(browser.value(&tab, &format!("{map}.name")), "m::shade::near");
+    assert_eq!(browser.value(&tab, &format!("[...{map}.image.values].slice(0, 4)"))[0], 0.875);
+    assert_eq!(browser.value(&tab, &format!("{map}.range")), serde_json::json!([0.125, 0.875]));
+    assert!(browser.text(&tab, "#map-about").contains("0.125 at (3, 0) to 0.875 at (0, 0)"));
+    assert!(browser.text(&tab, "#map-value").contains("0.625"), "the pinned pixel's");
+    // The same again is the same map.
+    let count = browser.value(&tab, "karat.loaded().maps.length");
+    browser.value(&tab, &choose("m::shade::broken"));
+    browser.wait(&tab, &format!("{map}.name === 'm::shade::broken'"));
+    browser.value(&tab, &choose("m::shade::near"));
+    browser.wait(&tab, &format!("{map}.name === 'm::shade::near'"));
+    assert_eq!(
+        browser.value(&tab, "karat.loaded().maps.length"),
+        count.as_i64().expect("a count") + 1
+    );
+    browser
+        .screen(&tab, Some(&std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("pixels.png")));
+
+    // A golden that no frame is declared for says so.
+    browser.press(&tab, "j");
+    browser.wait(
+        &tab,
+        "document.getElementById('pixel-state').innerText.includes('there is no frame `gone`')",
+    );
+}

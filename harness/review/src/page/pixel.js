@@ -1,0 +1,108 @@
+// How a pixel comes about: the steps of the pinned one, and values of the shader as maps. The server
+// asks the program for both; a page from files has neither.
+
+(() => {
+  const pane = byId("pixel");
+  const values = byId("told");
+  const said = byId("pixel-state");
+  const body = byId("steps");
+  if (!index.pixels) return;
+
+  const ask = async (entry, question) => {
+    const answer = await fetch(`ask/${entry.index}/${question}`, { headers: { Accept: "application/json" } });
+    if (!answer.ok) throw new Error(await answer.text());
+    const told = await answer.json();
+    if (told.error) throw new Error(told.error);
+    return told;
+  };
+  const size = () => extent().join("x");
+
+  // The last question of each kind: an answer to one before it comes too late.
+  const asked = { values: 0, tap: 0, trace: 0 };
+  const attempt = async (kind, doing, work) => {
+    asked[kind] += 1;
+    const number = asked[kind];
+    said.textContent = doing;
+    try {
+      const done = await work();
+      if (number !== asked[kind]) return;
+      said.textContent = "";
+      done();
+    } catch (error) {
+      if (number === asked[kind]) said.textContent = error.message;
+    }
+  };
+
+  const step = ({ file, line, operation, single, double, allowed, is_strange: strange, has_lost: lost }) => {
+    const row = element("tr", { className: strange ? "strange" : lost ? "lost" : "", title: `f64: ${double}\nWGSL allows: ${allowed}` },
+      element("td", {}, `${file.split("/").pop()}:${line}`), element("td", {}, operation), element("td", {}, single));
+    return row;
+  };
+
+  const trace = (entry, [x, y]) => attempt("trace", `tracing (${x}, ${y}) …`, async () => {
+    const { pixel } = await ask(entry, `trace/${size()}/${x},${y}`);
+    return () => {
+      const line = (text) => element("p", {}, text);
+      body.replaceChildren(
+        line(`${pixel.function} at (${x}, ${y})`),
+        ...pixel.arguments.map(([name, value]) => line(`${name} = ${value}`)),
+        element("table", {}, element("tbody", {}, ...pixel.steps.map(step))),
+        line(`the engine returns ${pixel.engine}`),
+        line(`the driver drew ${pixel.driver}`),
+        ...pixel.notes.map(line));
+    };
+  });
+
+  const offer = (entry) => attempt("values", "asking for its values …", async () => {
+    const { values: lines } = await ask(entry, "values");
+    return () => {
+      const option = (line) => element("option", { value: line.split(": ")[0], title: line }, line.split(" = ")[0]);
+      values.replaceChildren(element("option", { value: "" }, `one of ${lines.length}`), ...lines.map(option));
+    };
+  });
+
+  values.addEventListener("change", () => {
+    const entry = selectedCase();
+    const value = values.value;
+    if (!value || !entry?.data) return;
+    attempt("tap", `drawing ${value} …`, async () => {
+      const { map } = await ask(entry, `tap/${size()}/${value}`);
+      const image = await numbers.image(map.image);
+      const scalar = image.values.every((number, i) => i % 4 === 0 || i % 4 === 3 || Object.is(number, image.values[i - (i % 4)]));
+      return () => {
+        const { maps } = entry.data;
+        const known = maps.findIndex(({ name }) => name === map.name);
+        maps.splice(known < 0 ? maps.length : known, 1, { ...map, image, scalar });
+        change({ view: "map", map: known < 0 ? maps.length - 1 : known });
+      };
+    });
+  });
+
+  byId("trace").addEventListener("click", () => {
+    const entry = selectedCase();
+    if (entry && state.pinned) trace(entry, state.pinned);
+  });
+
+  let shown = null;
+  let pinned = null;
+  listeners.push(() => {
+    const entry = selectedCase();
+    const has = ["pending", "golden"].includes(entry?.status) && part();
+    pane.hidden = !has;
+    if (!has) return;
+    if (shown !== entry) {
+      shown = entry;
+      values.replaceChildren(element("option", { value: "" }, "none"));
+      body.replaceChildren();
+      offer(entry);
+    }
+    byId("trace").disabled = !state.pinned;
+    const at = state.pinned?.join() ?? null;
+    // A click on a pixel that differs is a question.
+    const { golden, actual } = part();
+    const [g, a] = [texel(golden, state.pinned), texel(actual, state.pinned)];
+    const differs = g && a && g.some((value, c) => !Object.is(value, a[c]));
+    if (at !== pinned && differs) trace(entry, state.pinned);
+    pinned = at;
+  });
+})();

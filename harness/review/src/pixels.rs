@@ -1,0 +1,131 @@
+//! How pixels of frames come about, asked from the page.
+
+use std::fmt::Debug;
+use std::sync::{Arc, Mutex};
+
+use serde_json::{Value, json};
+
+use super::{Entry, Map, golden_name, packed};
+
+/// What tells how pixels of frames come about: the program that serves the page.
+pub trait Pixels: Debug + Send + Sync {
+    /// The values that a frame has, a line each: `scene::shade::n: vec3<f32> = normalize(v)`.
+    ///
+    /// # Errors
+    /// If the frame isn't known, or can't be drawn.
+    fn values(&self, frame: &str) -> Result<Vec<String>, String>;
+
+    /// A value on all pixels of a frame of this size.
+    ///
+    /// # Errors
+    /// If it can't be told.
+    fn tap(&self, frame: &str, size: (u32, u32), value: &str) -> Result<Map, String>;
+
+    /// A pixel of a frame of this size, step by step: what `karat trace --json` prints.
+    ///
+    /// # Errors
+    /// If it can't be traced.
+    fn trace(&self, frame: &str, size: (u32, u32), pixel: (u32, u32)) -> Result<Value, String>;
+}
+
+/// Those of a review, if the program that serves it has some.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Asked {
+    pub(super) pixels: Option<Arc<dyn Pixels>>,
+    /// One question at a time: each draws a frame.
+    busy: Arc<Mutex<()>>,
+}
+
+impl Asked {
+    pub(super) fn of(pixels: Arc<dyn Pixels>) -> Self {
+        Self { pixels: Some(pixels), busy: Arc::default() }
+    }
+
+    /// The answer to `values`, to `tap/640x360/scene::shade::n`, or to `trace/640x360/12,34`. `None`: it is none of these.
+    pub(super) fn answer(&self, entry: &Entry, question: &str) -> Option<Value> {
+        let pixels = self.pixels.as_ref()?;
+        let frame = match entry {
+            Entry::Pending(name) => name.as_str(),
+            Entry::Golden(file) => golden_name(file).0,
+            Entry::Failure(_) => return None,
+        };
+        let _turn = self.busy.lock();
+        let mut parts = question.splitn(3, '/');
+        let (kind, size, what) = (parts.next()?, parts.next(), parts.next());
+        let told = match (kind, size.and_then(|size| numbers(size, 'x')), what) {
+            ("values", None, None) => pixels.values(frame).map(|values| json!({ "values": values })),
+            ("tap", Some(size), Some(value)) if is_path(value) => {
+                pixels.tap(frame, size, value).map(|map| {
+                    let Map { name, about, image, range } = map;
+                    let image = packed::map(&image);
+                    json!({ "map": { "name": name, "about": about, "range": range, "image": image } })
+                })
+            }
+            ("trace", Some(size), Some(pixel)) => {
+                pixels.trace(frame, size, numbers(pixel, ',')?).map(|pixel| json!({ "pixel": pixel }))
+            }
+            _ => return None,
+        };
+        Some(told.unwrap_or_else(|error| json!({ "error": error })))
+    }
+}
+
+fn numbers(text: &str, between: char) -> Option<(u32, u32)> {
+    let (a, b) = text.split_once(between)?;
+    Some((a.parse().ok()?, b.parse().ok()?))
+}
+
+/// Names of WGSL with their paths: what the list of values has, and nothing that a program could take for an option.
+fn is_path(value: &str) -> bool {
+    let is_name = |c: char| c.is_alphanumeric() || c == '_' || c == ':';
+    !value.is_empty() && value.chars().all(is_name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use karat::Image;
+
+    #[derive(Debug)]
+    struct Echo;
+
+    impl Pixels for Echo {
+        fn values(&self, frame: &str) -> Result<Vec<String>, String> {
+            Ok(vec![frame.to_owned()])
+        }
+
+        fn tap(&self, _: &str, _: (u32, u32), value: &str) -> Result<Map, String> {
+            let image = Image::new(1, 1, vec![[0.5, 0.5, 0.5, 1.0]]);
+            Ok(Map { name: value.to_owned(), about: String::new(), image, range: [0.0, 1.0] })
+        }
+
+        fn trace(&self, frame: &str, size: (u32, u32), pixel: (u32, u32)) -> Result<Value, String> {
+            Err(format!("{frame} {size:?} {pixel:?}"))
+        }
+    }
+
+    #[test]
+    fn questions_are_read_and_nothing_else() {
+        let asked = Asked::of(Arc::new(Echo));
+        let entry = Entry::Golden("@gl-llvmpipe/scene.exr".to_owned());
+        let answer = |question: &str| asked.answer(&entry, question);
+        assert_eq!(answer("values"), Some(json!({ "values": ["scene"] })));
+        assert_eq!(answer("trace/4x2/3,1"), Some(json!({ "error": "scene (4, 2) (3, 1)" })));
+        assert_eq!(answer("tap/4x2/m::n").expect("a map")["map"]["name"], "m::n");
+        for wrong in [
+            "",
+            "value",
+            "tap/4x2/--out",
+            "tap/4x2/a b",
+            "tap/4x2/",
+            "tap/4/n",
+            "trace/4x2/3",
+            "trace/4x2/-1,0",
+            "values/4x2",
+        ] {
+            assert_eq!(answer(wrong), None, "{wrong}");
+        }
+        assert_eq!(asked.answer(&Entry::Failure(0), "values"), None);
+        assert_eq!(Asked::default().answer(&entry, "values"), None);
+    }
+}
