@@ -21,11 +21,18 @@ pub trait Pixels: Debug + Send + Sync {
     /// If it can't be told.
     fn tap(&self, frame: &str, size: (u32, u32), value: &str) -> Result<Map, String>;
 
-    /// A pixel of a frame of this size, step by step: what `karat trace --json` prints.
+    /// A pixel of a frame of this size, step by step: what `karat trace --json` prints; with a commit, the pixel with the
+    /// shaders of that commit and the one of today.
     ///
     /// # Errors
     /// If it can't be traced.
-    fn trace(&self, frame: &str, size: (u32, u32), pixel: (u32, u32)) -> Result<Value, String>;
+    fn trace(
+        &self,
+        frame: &str,
+        size: (u32, u32),
+        pixel: (u32, u32),
+        commit: Option<&str>,
+    ) -> Result<Value, String>;
 }
 
 /// Those of a review, if the program that serves it has some.
@@ -41,12 +48,17 @@ impl Asked {
         Self { pixels: Some(pixels), busy: Arc::default() }
     }
 
-    /// The answer to `values`, to `tap/640x360/scene::shade::n`, or to `trace/640x360/12,34`. `None`: it is none of these.
+    /// The answer to `values`, to `tap/640x360/scene::shade::n`, or to `trace/640x360/12,34`, which may end in `/<commit>`.
+    /// `None`: it is none of these.
     pub(super) fn answer(&self, entry: &Entry, question: &str) -> Option<Value> {
         let pixels = self.pixels.as_ref()?;
         let frame = match entry {
             Entry::Pending(name) => name.as_str(),
-            Entry::Golden(file) => golden_name(file).0,
+            // One of a profile has its folder before it.
+            Entry::Golden(file) => match golden_name(file).0 {
+                name if name.starts_with('@') => name.split_once('/').map_or(name, |(_, own)| own),
+                name => name,
+            },
             Entry::Failure(_) => return None,
         };
         let _turn = self.busy.lock();
@@ -61,8 +73,14 @@ impl Asked {
                     json!({ "map": { "name": name, "about": about, "range": range, "image": image } })
                 })
             }
-            ("trace", Some(size), Some(pixel)) => {
-                pixels.trace(frame, size, numbers(pixel, ',')?).map(|pixel| json!({ "pixel": pixel }))
+            ("trace", Some(size), Some(what)) => {
+                let (pixel, commit) = match what.split_once('/') {
+                    Some((pixel, commit)) if is_commit(commit) => (pixel, Some(commit)),
+                    Some(_) => return None,
+                    None => (what, None),
+                };
+                let pixel = numbers(pixel, ',')?;
+                pixels.trace(frame, size, pixel, commit).map(|pixel| json!({ "pixel": pixel }))
             }
             _ => return None,
         };
@@ -79,6 +97,11 @@ fn numbers(text: &str, between: char) -> Option<(u32, u32)> {
 fn is_path(value: &str) -> bool {
     let is_name = |c: char| c.is_alphanumeric() || c == '_' || c == ':';
     !value.is_empty() && value.chars().all(is_name)
+}
+
+/// A hash of git's, which is no option of a program.
+fn is_commit(text: &str) -> bool {
+    (4..=64).contains(&text.len()) && text.bytes().all(|byte| byte.is_ascii_hexdigit())
 }
 
 #[cfg(test)]
@@ -99,8 +122,14 @@ mod tests {
             Ok(Map { name: value.to_owned(), about: String::new(), image, range: [0.0, 1.0] })
         }
 
-        fn trace(&self, frame: &str, size: (u32, u32), pixel: (u32, u32)) -> Result<Value, String> {
-            Err(format!("{frame} {size:?} {pixel:?}"))
+        fn trace(
+            &self,
+            frame: &str,
+            size: (u32, u32),
+            pixel: (u32, u32),
+            commit: Option<&str>,
+        ) -> Result<Value, String> {
+            Err(format!("{frame} {size:?} {pixel:?} {commit:?}"))
         }
     }
 
@@ -110,7 +139,9 @@ mod tests {
         let entry = Entry::Golden("@gl-llvmpipe/scene.exr".to_owned());
         let answer = |question: &str| asked.answer(&entry, question);
         assert_eq!(answer("values"), Some(json!({ "values": ["scene"] })));
-        assert_eq!(answer("trace/4x2/3,1"), Some(json!({ "error": "scene (4, 2) (3, 1)" })));
+        assert_eq!(answer("trace/4x2/3,1"), Some(json!({ "error": "scene (4, 2) (3, 1) None" })));
+        let with = json!({ "error": "scene (4, 2) (3, 1) Some(\"1a2b\")" });
+        assert_eq!(answer("trace/4x2/3,1/1a2b"), Some(with));
         assert_eq!(answer("tap/4x2/m::n").expect("a map")["map"]["name"], "m::n");
         for wrong in [
             "",
@@ -121,6 +152,8 @@ mod tests {
             "tap/4/n",
             "trace/4x2/3",
             "trace/4x2/-1,0",
+            "trace/4x2/3,1/HEAD",
+            "trace/4x2/3,1/--json",
             "values/4x2",
         ] {
             assert_eq!(answer(wrong), None, "{wrong}");

@@ -55,6 +55,10 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         return Ok(Ending::Good);
     };
     let Some(before) = at_revision(args, &project, revision)? else {
+        if args.json {
+            write_json(&[&traced, &traced], out)?;
+            return Ok(Ending::Good);
+        }
         writeln!(out, "{DIM}the shaders are those of {revision}: no step differs{DIM:#}")?;
         return Ok(Ending::Good);
     };

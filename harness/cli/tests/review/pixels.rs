@@ -83,6 +83,20 @@ fn a_click_on_a_pixel_shows_its_steps_and_values_become_maps() {
     browser
         .screen(&tab, Some(&std::path::Path::new(env!("CARGO_TARGET_TMPDIR")).join("pixels.png")));
 
+    // The golden's commit had another shader.
+    project.commit("first");
+    project.put("shaders/m.wgsl", &SHADER.replace("near * near", "near * uv.y"));
+    let tab = browser.open(&format!("{}#disc", server.url));
+    browser.settle(&tab);
+    browser.value(&tab, "karat.change({ pinned: [1, 1] })");
+    browser.wait(
+        &tab,
+        "document.getElementById('steps').innerText.includes('the first step that differs')",
+    );
+    let steps = browser.text(&tab, "#steps");
+    assert!(steps.contains("was near * near: 0.390625"), "{steps}");
+    assert!(browser.text(&tab, "#steps .parted").contains("near * uv.y"), "{steps}");
+
     // A golden that no frame is declared for says so.
     browser.press(&tab, "j");
     browser.wait(

@@ -33,23 +33,41 @@
     }
   };
 
-  const step = ({ file, line, operation, single, double, allowed, is_strange: strange, has_lost: lost }) => {
-    const row = element("tr", { className: strange ? "strange" : lost ? "lost" : "", title: `f64: ${double}\nWGSL allows: ${allowed}` },
-      element("td", {}, `${file.split("/").pop()}:${line}`), element("td", {}, operation), element("td", {}, single));
-    return row;
+  const step = ({ file, line, operation, single, double, allowed, is_strange: strange, has_lost: lost }, parted) => element("tr",
+    { className: parted ? "parted" : strange ? "strange" : lost ? "lost" : "", title: `f64: ${double}\nWGSL allows: ${allowed}` },
+    element("td", {}, `${file.split("/").pop()}:${line}`), element("td", {}, operation), element("td", {}, single));
+
+  // With the shaders of the golden's commit, too, where git has one.
+  const told = async (entry, [x, y]) => {
+    const question = `trace/${size()}/${x},${y}`;
+    const commit = entry.data?.versions?.[0]?.commit;
+    try {
+      if (commit) return [...(await ask(entry, `${question}/${commit}`)).pixel, commit];
+    } catch {
+      // Today's shaders alone, then: the golden's may lack what the frame binds.
+    }
+    return [null, (await ask(entry, question)).pixel, null];
   };
 
-  const trace = (entry, [x, y]) => attempt("trace", `tracing (${x}, ${y}) …`, async () => {
-    const { pixel } = await ask(entry, `trace/${size()}/${x},${y}`);
+  const trace = (entry, at) => attempt("trace", `tracing (${at.join(", ")}) …`, async () => {
+    const [before, pixel, commit] = await told(entry, at);
     return () => {
       const line = (text) => element("p", {}, text);
+      const same = (a, b) => a && b && a.operation === b.operation && a.single === b.single;
+      const differs = before ? pixel.steps.findIndex((own, i) => !same(before.steps[i], own)) : -1;
+      const was = before?.steps[differs];
+      const parting = !before ? []
+        : differs < 0 ? [line(before.engine === pixel.engine ? `each step is as at the golden's commit ${commit}` : `a later run of a step differs from the golden's commit ${commit}`)]
+          : [line(`the first step that differs from the golden's commit ${commit} was ${was ? `${was.operation}: ${was.single}` : "not there"}`)];
       body.replaceChildren(
-        line(`${pixel.function} at (${x}, ${y})`),
+        line(`${pixel.function} at (${at.join(", ")})`),
         ...pixel.arguments.map(([name, value]) => line(`${name} = ${value}`)),
-        element("table", {}, element("tbody", {}, ...pixel.steps.map(step))),
+        ...parting,
+        element("table", {}, element("tbody", {}, ...pixel.steps.map((own, i) => step(own, i === differs)))),
         line(`the engine returns ${pixel.engine}`),
         line(`the driver drew ${pixel.driver}`),
         ...pixel.notes.map(line));
+      body.querySelector(".parted")?.scrollIntoView({ block: "nearest" });
     };
   });
 
