@@ -54,6 +54,24 @@ fn vertex(@location(0) position: vec3f, @builtin(instance_index) i: u32) -> @bui
     return vec4f(position.x + f32(i), position.y, position.z, 1.0);
 }
 
+@group(0) @binding(0) var<uniform> tint: vec4f;
+@group(0) @binding(1) var<uniform> other: vec4f;
+struct Pair { few: f32, many: vec2u }
+
+@fragment
+fn tinted(@builtin(position) at: vec4f) -> @location(0) vec4f {
+    let ternary = select(at.x, at.y, at.x > at.y);
+    let same = ternary;
+    let pair = Pair(at.x, vec2u(16777217u, 7u));
+    let wide = fwidth(at.y * 3.0);
+    return tint + ternary + wide + pair.few + same;
+}
+
+@fragment
+fn behind() -> @location(0) vec4f {
+    return other;
+}
+
 @fragment
 fn slopes(@location(0) uv: vec2f) -> @location(0) vec4f {
     let across = dpdx(uv.x);
@@ -242,7 +260,9 @@ fn places_name_the_largest_expression() {
     let several = error("in.uv");
     assert!(several.contains("is 4 values: say which"), "{several}");
     assert_eq!(of("wave::term"), "x * f32(i + 1u)");
-    assert!(error("ave::term").contains("has `ave::term`"));
+    assert!(error("ave::term").contains("has no value `ave::term`"));
+    let elsewhere = error("other.wgsl:3");
+    assert!(elsewhere.contains("has nothing in this file"), "{elsewhere}");
 }
 
 /// Each step with a name, in `f32`: as `tap` has it.
@@ -338,6 +358,34 @@ fn derivatives_and_draws_are_the_pixel_s_own() {
     }
 }
 
+/// A number that naga widens to a vector stays a number, an alias has the value of its original, and parts have names.
+#[test]
+fn types_aliases_and_parts_are_the_author_s() {
+    let package = package();
+    let draw = Draw::mesh("vertex", "tinted", half());
+    let tint = |value: f32| karat::fixture::Uniform::new(glam::Vec4::splat(value));
+    for path in drivers() {
+        let frame = package.frame("", 4, 2).with("tint", tint(0.5)).with("other", tint(0.25));
+        let frame = frame.draw(Draw::fragment("behind")).draw(draw.clone());
+        let of = |wanted: &str| tapped(&frame, path, &Tap::new(wanted));
+        assert_eq!(of("ternary").shape.lanes().len(), 1);
+        assert_eq!(floats(&of("ternary"))[..2], [0.5, 1.5 - 1.0]);
+        assert_eq!(floats(&of("same")), floats(&of("ternary")));
+        assert_eq!(of("pair.many.x").lanes[0], 16_777_217);
+        assert_eq!(of("pair.many").lanes[..2], [16_777_217, 7]);
+        assert_eq!(floats(&of("at.y * 3.0"))[0], 1.5);
+        // Each draw has resources of its own.
+        let front = frame.trace(path, (0, 0)).unwrap_or_else(|error| panic!("{path}: {error}"));
+        let wide = named_steps(&front).into_iter().rfind(|(name, _)| name == "wide");
+        assert_eq!(wide.map(|(_, values)| values), Some(vec![3.0]), "{path}");
+        let behind = frame.trace(path, (3, 0)).unwrap_or_else(|error| panic!("{path}: {error}"));
+        assert_eq!((&*behind.engine, behind.driver), ("(0.25, 0.25, 0.25, 0.25)", [0.25; 4]));
+        assert!(behind.notes.is_empty(), "{:?}", behind.notes);
+        let blended = both(&package).trace(path, (0, 0)).expect("it is drawn");
+        assert!(blended.notes.iter().any(|note| note.contains("made of several draws")), "{:?}", blended.notes);
+    }
+}
+
 #[test]
 fn what_has_no_value_is_refused_by_name() {
     let package = package();
@@ -347,6 +395,11 @@ fn what_has_no_value_is_refused_by_name() {
     let constant = refused(plain(&package), "none");
     assert!(matches!(constant, TapError::Untold { .. }), "{constant}");
     assert!(constant.to_string().contains("`2.0` can't be tapped: it is a constant"), "{constant}");
+    let often = plain(&package).tap(drivers()[0], &Tap::new("term").round(Some(9)));
+    let often = often.expect_err("no pixel goes round so often").to_string();
+    assert!(often.contains("for the time 9: at most 3 times"), "{often}");
+    let variable = refused(plain(&package), "sum.x").to_string();
+    assert!(variable.contains("has no value `sum.x`"), "{variable}");
     let mesh = Mesh::new(vec![Vec3::ZERO, Vec3::X, Vec3::Y], vec![0, 1, 2]);
     let depth = package.frame("", 4, 2).draw(Draw::depth("vertex", mesh)).depth();
     assert!(matches!(refused(depth, "at"), TapError::Depth));

@@ -374,8 +374,15 @@ pub fn tap(
     out: &mut dyn Write,
 ) -> Result<(), Box<dyn Error>> {
     if taps.is_empty() {
-        for line in frame.values(path)? {
+        let values = frame.values(path)?;
+        for line in &values {
             writeln!(out, "{line}")?;
+        }
+        if values.is_empty() {
+            writeln!(
+                out,
+                "its fragment functions have no `let` and no parameter; name another expression"
+            )?;
         }
     }
     for tap in taps {

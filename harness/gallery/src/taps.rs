@@ -11,7 +11,7 @@ use karat::unstable::frame::Tapped;
 use karat::unstable::image::write_colours;
 use karat::unstable::metric::ErrorMap;
 use karat::unstable::output::{Style, counted};
-use karat::unstable::value::{Scalar, format_f32, format_lane};
+use karat::unstable::value::{Scalar, Shape, format_f32, format_lane};
 
 /// NaN and infinities, as in previews of frames.
 const NAN: [u8; 4] = [255, 0, 255, 255];
@@ -63,19 +63,39 @@ pub fn write_tapped(
         writeln!(out, "    no pixel has it: there is no picture")?;
         return Ok(());
     }
-    if scalars.len() > 4 {
-        let count = scalars.len();
-        writeln!(out, "    {count} numbers a pixel are no picture: tap one of its parts")?;
+    if let Some(part) = part_of(&tapped.shape) {
+        let one = format!("{title}{part}");
+        writeln!(out, "    it is no picture, and its parts are: `{one}` is one of them")?;
         return Ok(());
     }
-    let named = tapped.name.as_ref().map(|name| format!("{of}::{name}"));
+    let mut named = tapped.name.as_ref().map(|name| format!("{of}::{name}"));
+    if let (Some(name), true) = (&mut named, tapped.has_twin) {
+        let _ = write!(name, "-{line}");
+    }
+    let named = named.map(|name| match tapped.round {
+        Some(round) => format!("{name}-round-{round}"),
+        None => name,
+    });
     let stem = folder.join(format!("{frame}.{}", file_name(named.as_deref().unwrap_or(&text))));
     let [exr, png] = ["exr", "png"].map(|ending| with_ending(&stem, ending));
     image(tapped, &scalars).write_exr(&exr, Precision::Float, None)?;
     let mapping = mapping(tapped, &scalars);
     write_colours(&png, tapped.size, &colours(tapped, &scalars, &mapping))?;
-    writeln!(out, "    {}  {}: {}", shown(&exr), shown(&png), mapping.told())?;
+    let strange = numbers(tapped, &scalars).flatten().any(|x| !x.is_finite());
+    let strange = if strange { "; NaN is magenta, an infinity yellow" } else { "" };
+    writeln!(out, "    {}  {}: {}{strange}", shown(&exr), shown(&png), mapping.told())?;
     Ok(())
+}
+
+/// A part of a value that is no picture itself; `None`: it is one.
+fn part_of(shape: &Shape) -> Option<String> {
+    match shape {
+        Shape::Scalar(_) | Shape::Vector { .. } => None,
+        Shape::Matrix { .. } | Shape::Array { .. } => Some("[0]".to_owned()),
+        Shape::Struct { members, .. } => {
+            Some(members.first().map_or_else(String::new, |(name, _)| format!(".{name}")))
+        }
+    }
 }
 
 /// Why the images of a value can't be written.
@@ -178,7 +198,7 @@ fn notes(tapped: &Tapped) -> Vec<String> {
     if told < all {
         let mut parts = vec![format!("{told} of {} have it", counted(all, "pixel"))];
         if undrawn > 0 {
-            parts.push(format!("{undrawn} aren't drawn"));
+            parts.push(format!("{undrawn} aren't drawn or are discarded"));
         }
         if all - told - undrawn > 0 {
             parts.push(format!("{} don't come there", all - told - undrawn));
@@ -186,9 +206,11 @@ fn notes(tapped: &Tapped) -> Vec<String> {
         notes.push(parts.join(", "));
     }
     let most = tapped.times.iter().flatten().max().copied().unwrap_or(0);
-    if most > 1 {
+    if let Some(round) = tapped.round {
+        notes.push(format!("computed up to {most} times a pixel: this is the time {round}"));
+    } else if most > 1 {
         notes.push(format!(
-            "computed up to {most} times a pixel: --round says which, and the last is shown"
+            "computed up to {most} times a pixel: this is the last, and --round says another"
         ));
     }
     match tapped.changed {
@@ -250,6 +272,7 @@ impl Mapping {
     fn told(&self) -> String {
         match self {
             Self::Truth => "white is true".to_owned(),
+            Self::Range([same, other]) if same == other => format!("all are {}", digits(*same)),
             Self::Range([least, most]) => {
                 format!("black is {}, light yellow {} (magma)", digits(*least), digits(*most))
             }

@@ -4,6 +4,7 @@ use std::borrow::Cow;
 use std::sync::Arc;
 
 use super::drawing::{Drawing, Scene, Source};
+use super::request::Draw;
 use super::{Blend, DrawError, Format};
 use crate::reflect::{Telling, Valued};
 
@@ -24,6 +25,16 @@ impl Drawing<'_> {
     /// room for a target beside several others.
     pub(crate) fn may_keep_colours(&self) -> bool {
         self.scene.samples == 1 && self.scene.formats.len() == 1
+    }
+
+    /// Whether a pixel may be made of several draws.
+    pub(crate) fn blends(&self) -> bool {
+        let targets = 0..self.scene.formats.len();
+        let blends = |target: usize| {
+            let of = |draw: &Draw| draw.blend_of(target, self.scene.blend) != Blend::Replace;
+            self.scene.draws.iter().any(of)
+        };
+        targets.into_iter().any(blends)
     }
 
     /// The same draws, whose fragment functions tell a value, in a round or in the last one; or which of them they are, from

@@ -2,12 +2,13 @@
 
 use super::tap::{Candidate, Read, Tap, TapError, candidates, read};
 use super::{Frame, drawn};
-use crate::draw::{DrawError, Drawing};
+use crate::draw::{DrawError, Drawing, Format, Source};
 use crate::executor;
+use crate::fixture::{self, Fixtures};
 use crate::interpret::trace::{BRIEFLY, Step, trace_briefly};
 use crate::path::{self, Device, Path};
 use crate::probe::Probed;
-use crate::value::Shape;
+use crate::value::{Scalar, Shape};
 
 /// A pixel with what its fragment function was given and did.
 #[derive(Clone, Debug)]
@@ -93,15 +94,20 @@ impl Frame<'_> {
         };
         let probed = Probed::with_overrides(scene.package, &of_module(), &scene.overrides)?;
         let mut probed = probed.with_varying();
-        probed.fit(drawing.fixtures())?;
+        // Those of other draws are none of its own.
+        let own = fixture::resolve(&probed.function().bindings, drawing.fixtures());
+        let own = own.map_err(DrawError::from)?.into_iter();
+        let fixtures: Fixtures =
+            own.map(|(binding, fixture)| (binding.path.clone(), fixture.clone())).collect();
+        probed.fit(&fixtures)?;
         let (lanes, mut notes) = lanes(&probed, &arguments, size, (x, y), path);
-        let (steps, more) = trace_briefly(&probed, drawing.fixtures(), &lanes)?;
+        let (steps, more) = trace_briefly(&probed, &fixtures, &lanes)?;
         if more {
             notes.push(format!(
                 "of an operation that runs more than {BRIEFLY} times the first {BRIEFLY} are shown"
             ));
         }
-        let results = executor::call(&probed, Path::CPU, &[lanes], drawing.fixtures())?;
+        let results = executor::call(&probed, Path::CPU, &[lanes], &fixtures)?;
         if drawing.scene().samples > 1 {
             notes.push(
                 "the inputs are those at the pixel's centre, and the frame has several samples"
@@ -109,6 +115,8 @@ impl Frame<'_> {
             );
         }
         let image = drawn(device, &drawing)?;
+        let driver = image.pixels()[pixel];
+        notes.extend(compared(&drawing, &probed, &results[0], driver));
         let shown = arguments.iter().map(|one| {
             let at = one
                 .at(pixel)
@@ -120,10 +128,43 @@ impl Frame<'_> {
             arguments: shown.collect(),
             steps,
             engine: probed.function().result.format(&results[0]),
-            driver: image.pixels()[pixel],
+            driver,
             notes,
         })
     }
+}
+
+/// What to know of the colour that the driver drew and of what the function returns in the engine.
+fn compared(
+    drawing: &Drawing<'_>,
+    probed: &Probed,
+    result: &[u32],
+    driver: [f32; 4],
+) -> Option<String> {
+    /// How far a driver's colour may be from the engine's before a reader is told: the gate of frames.
+    const FAR: f32 = 1e-3;
+    let scene = drawing.scene();
+    if drawing.blends() {
+        return Some(
+            "the frame blends: the driver's colour is made of several draws, and these are the steps of the last one"
+                .to_owned(),
+        );
+    }
+    let is_colour = *probed.function().result.lanes() == [Scalar::F32; 4];
+    if !is_colour || scene.formats != [Format::Float] || scene.result != Source::Target(0) {
+        return None;
+    }
+    let far = |(engine, driver): (&u32, &f32)| {
+        let engine = f32::from_bits(*engine);
+        let same = engine.to_bits() == driver.to_bits() || (engine.is_nan() && driver.is_nan());
+        !(same || (engine - driver).abs() <= FAR * engine.abs().max(1.0))
+    };
+    let parts = result.iter().zip(&driver).any(far);
+    parts.then(|| {
+        "the driver drew another colour than the engine returns: look for the first step that isn't finite, or that \
+         WGSL leaves open"
+            .to_owned()
+    })
 }
 
 /// The arguments of a fragment function on all pixels, in their order.

@@ -64,6 +64,10 @@ pub struct Tapped {
     pub times: Vec<Option<u32>>,
     /// The lanes of the value, pixel after pixel; zeros where it isn't told.
     pub lanes: Vec<u32>,
+    /// True if another value of the frame has the same name in the same function, and a file needs the line, too.
+    pub has_twin: bool,
+    /// The time that was asked for.
+    pub round: Option<u32>,
     /// True of pixels that have the value.
     pub told: Vec<bool>,
     /// Pixels whose colour is another one while the value is told beside it, since a driver compiles another program then.
@@ -79,7 +83,7 @@ pub enum TapError {
     #[error(transparent)]
     Frame(#[from] FrameError),
     /// No fragment function of the frame has it.
-    #[error("no fragment function of the frame, nor what it calls, has `{wanted}`{more}")]
+    #[error("the frame has no value `{wanted}`{more}")]
     Unknown {
         /// What was asked for.
         wanted: String,
@@ -116,7 +120,7 @@ pub enum TapError {
         size: (u32, u32),
     },
     /// Nothing is drawn there.
-    #[error("no draw covers the pixel ({}, {})", pixel.0, pixel.1)]
+    #[error("no draw shows at the pixel ({}, {}): none covers it, or all that do discard it", pixel.0, pixel.1)]
     Undrawn {
         /// Column and row.
         pixel: (u32, u32),
@@ -126,6 +130,14 @@ pub enum TapError {
         "the frame has several targets or samples, so that its colours can't be drawn beside the value: tap it alone"
     )]
     Beside,
+    /// No pixel computes it so often.
+    #[error("no pixel computes it for the time {round}: at most {most} times")]
+    Round {
+        /// The time that was asked for.
+        round: u32,
+        /// The most that a pixel computes it.
+        most: u32,
+    },
     /// The frame draws depth alone.
     #[error("the frame has no fragment function: it draws depth alone")]
     Depth,
@@ -166,7 +178,11 @@ impl Candidate {
     /// It in a line: what it is called, its type, its place, its text.
     fn told(&self, program: &Program) -> String {
         let text = self.text.split_whitespace().collect::<Vec<_>>().join(" ");
-        let shape = self.value.shape.as_ref().map_or_else(String::clone, ToString::to_string);
+        let shape = match &self.value.shape {
+            Ok(Shape::Struct { name, .. }) => program.path_of(name),
+            Ok(shape) => shape.to_string(),
+            Err(what) => what.clone(),
+        };
         let function = program.path_of(&self.value.function);
         match (self.path(program), &self.value.range) {
             (Some(path), Some(_)) => format!("{path}: {shape} = {text}  {}", self.place()),
@@ -222,9 +238,21 @@ pub(super) fn candidates(drawing: &Drawing<'_>) -> Vec<Candidate> {
             };
             let length =
                 |one: &&mut Candidate| one.value.range.as_ref().map_or(0, ExactSizeIterator::len);
+            let name = program.text()[statement.name.clone()].to_owned();
+            let named = program.resolve(statement.name.clone());
             if let Some(found) = all.iter_mut().filter(is_inside).max_by_key(length) {
-                found.named = program.resolve(statement.name.clone());
-                found.value.name = Some(program.text()[statement.name].to_owned());
+                (found.named, found.value.name) = (named, Some(name));
+                continue;
+            }
+            // Another name of a value.
+            let initialiser = program.text()[start..end].trim_matches([' ', '=', ';', '\n', '\t']);
+            let is_it = |one: &&Candidate| {
+                one.value.function == function && one.value.name.as_deref() == Some(initialiser)
+            };
+            if let Some(original) = all.iter().rev().find(is_it) {
+                let value = Valued { name: Some(name), ..original.value.clone() };
+                let (span, text) = (original.span.clone(), original.text.clone());
+                all.push(Candidate { value, span, text, named });
             }
         }
     }
@@ -265,7 +293,13 @@ fn find(drawing: &Drawing<'_>, wanted: &str) -> Result<Candidate, TapError> {
         [one] => Ok(all.swap_remove(one)),
         [] => {
             let names: Vec<&str> = all.iter().filter_map(|one| one.value.name.as_deref()).collect();
-            if let Some(near) = nearest(wanted, names.iter().copied()).filter(|_| more.is_empty()) {
+            let is_variable =
+                all.iter().any(|one| program.declares_var(&one.value.function, wanted));
+            if more.is_empty() && is_variable {
+                more = ": it is a `var`, which has a value each time that it is set, so name the expression".to_owned();
+            } else if let Some(near) =
+                nearest(wanted, names.iter().copied()).filter(|_| more.is_empty())
+            {
                 more = format!("; did you mean `{near}`?");
             }
             Err(TapError::Unknown { wanted: wanted.to_owned(), more })
@@ -275,6 +309,79 @@ fn find(drawing: &Drawing<'_>, wanted: &str) -> Result<Candidate, TapError> {
             Err(TapError::Several { wanted: wanted.to_owned(), places })
         }
     }
+}
+
+/// A part of a value: `.b`, `[1].x`.
+struct Part {
+    suffix: String,
+    shape: Shape,
+    /// Its first lane.
+    first: usize,
+}
+
+/// A value, whether another one has its name in its function, and the part of it that is wanted, if it is a part.
+fn find_or_part(
+    drawing: &Drawing<'_>,
+    wanted: &str,
+) -> Result<(Candidate, bool, Option<Part>), TapError> {
+    let is_twin = |found: &Candidate| {
+        let same = |one: &&Candidate| {
+            one.value.function == found.value.function && one.value.name == found.value.name
+        };
+        found.value.name.is_some() && candidates(drawing).iter().filter(same).count() > 1
+    };
+    let error = match find(drawing, wanted) {
+        Ok(found) => {
+            let twin = is_twin(&found);
+            return Ok((found, twin, None));
+        }
+        Err(error) => error,
+    };
+    let at = wanted.find(['.', '[']).filter(|_| place_of(wanted).is_none());
+    let (name, suffix) = wanted.split_at(at.unwrap_or(wanted.len()));
+    if suffix.is_empty() || !matches!(error, TapError::Unknown { .. }) {
+        return Err(error);
+    }
+    let Ok(found) = find(drawing, name) else { return Err(error) };
+    let part = found.value.shape.as_ref().ok().and_then(|shape| part_of(shape, suffix));
+    let Some((shape, first)) = part else { return Err(error) };
+    let twin = is_twin(&found);
+    Ok((found, twin, Some(Part { suffix: suffix.to_owned(), shape, first })))
+}
+
+/// A part of a shape by its name, and its first lane.
+fn part_of(shape: &Shape, suffix: &str) -> Option<(Shape, usize)> {
+    if suffix.is_empty() {
+        return Some((shape.clone(), 0));
+    }
+    let end = suffix[1..].find(['.', '[']).map_or(suffix.len(), |end| end + 1);
+    let (own, rest) = suffix.split_at(end);
+    let parts: Vec<(String, Shape)> = match shape {
+        Shape::Scalar(_) => Vec::new(),
+        Shape::Vector { size, scalar } => {
+            let names = [".x", ".y", ".z", ".w"].into_iter().take(usize::from(*size));
+            names.map(|name| (name.to_owned(), Shape::Scalar(*scalar))).collect()
+        }
+        Shape::Matrix { columns, rows, scalar } => {
+            let column = Shape::Vector { size: *rows, scalar: *scalar };
+            (0..*columns).map(|index| (format!("[{index}]"), column.clone())).collect()
+        }
+        Shape::Array { element, length } => {
+            (0..*length).map(|index| (format!("[{index}]"), Shape::clone(element))).collect()
+        }
+        Shape::Struct { members, .. } => {
+            members.iter().map(|(name, shape)| (format!(".{name}"), shape.clone())).collect()
+        }
+    };
+    let mut first = 0;
+    for (name, part) in parts {
+        if name == own {
+            let (shape, more) = part_of(&part, rest)?;
+            return Some((shape, first + more));
+        }
+        first += part.lanes().len();
+    }
+    None
 }
 
 /// Those of which something holds, by their indices.
@@ -288,9 +395,12 @@ fn at_place(
     (file, line, column): (&str, usize, Option<usize>),
     program: &Program,
 ) -> (Vec<usize>, String) {
-    let is_there = |one: &Candidate| {
-        std::path::Path::new(&one.span.file.name).ends_with(file) && one.value.range.is_some()
+    let file = std::path::Path::new(file.strip_prefix("./").unwrap_or(file));
+    let is_file = |one: &Candidate| {
+        let own = std::path::Path::new(&one.span.file.name);
+        own.ends_with(file) || file.ends_with(own)
     };
+    let is_there = |one: &Candidate| is_file(one) && one.value.range.is_some();
     let is_name = |one: &Candidate, is: &dyn Fn((usize, usize)) -> bool| {
         let name = one.named.as_ref().filter(|_| is_there(one));
         name.is_some_and(|name| is(name.file.line_column(name.range.start)))
@@ -307,7 +417,12 @@ fn at_place(
     let on_line = of(all, &|one| is_there(one) && one.line_column().0 == line);
     let more = match (found.is_empty(), on_line.is_empty()) {
         (false, _) => String::new(),
-        (true, true) => ": this line computes nothing of its own there".to_owned(),
+        (true, true) if !all.iter().any(is_file) => {
+            ": what its fragment functions run has nothing in this file".to_owned()
+        }
+        (true, true) => {
+            ": what its fragment functions run computes nothing of its own on this line".to_owned()
+        }
         (true, false) => {
             let there: Vec<_> = on_line.iter().map(|index| all[*index].told(program)).collect();
             format!("; on this line there are\n  {}", there.join("\n  "))
@@ -361,7 +476,7 @@ impl Frame<'_> {
         if drawing.fragments().is_empty() {
             return Err(TapError::Depth);
         }
-        let found = find(&drawing, &tap.wanted)?;
+        let (found, has_twin, part) = find_or_part(&drawing, &tap.wanted)?;
         let shape = found.value.shape.clone().map_err(|why| TapError::Untold {
             place: found.place(),
             text: found.text.clone(),
@@ -377,6 +492,10 @@ impl Frame<'_> {
         let Read { times, mut lanes, changed } = path::caught(path, &names, span.as_ref(), read)?;
         let least = tap.round.unwrap_or(1);
         let told: Vec<bool> = times.iter().map(|times| times.is_some_and(|n| n >= least)).collect();
+        let most = times.iter().flatten().max().copied().unwrap_or(0);
+        if let Some(round) = tap.round.filter(|round| *round > most) {
+            return Err(TapError::Round { round, most });
+        }
         let width = shape.lanes().len();
         for (lanes, told) in lanes.chunks_exact_mut(width).zip(&told) {
             if !told {
@@ -384,9 +503,33 @@ impl Frame<'_> {
             }
         }
         let function = drawing.program().path_of(&found.value.function);
-        let Candidate { value: Valued { name, .. }, span, text, .. } = found;
-        let size = drawing.size();
-        Ok(Tapped { span, text, name, function, shape, size, times, lanes, told, changed })
+        let Candidate { value: Valued { mut name, .. }, span, text, .. } = found;
+        let (size, round) = (drawing.size(), tap.round);
+        let mut shape = shape;
+        if let Some(Part { suffix, shape: own, first }) = part {
+            let count = own.lanes().len();
+            lanes = lanes
+                .chunks_exact(width)
+                .flat_map(|all| &all[first..first + count])
+                .copied()
+                .collect();
+            name = name.map(|name| name + &suffix);
+            shape = own;
+        }
+        Ok(Tapped {
+            span,
+            text,
+            name,
+            function,
+            shape,
+            size,
+            times,
+            lanes,
+            has_twin,
+            round,
+            told,
+            changed,
+        })
     }
 }
 

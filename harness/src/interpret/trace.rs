@@ -325,7 +325,10 @@ fn steps(
         let limit = |site: &Site| {
             let at = site.expression.map(|at| at.index());
             let components = at.map_or(1, |at| program.components(&site.function, at));
-            (std::ptr::from_ref(site).addr(), (runs.unwrap_or(0) * components, AtomicUsize::new(0)))
+            // A derivative is several operations at one site, the last of which is its value.
+            let is_many = at.is_some_and(|at| program.is_derivative(&site.function, at));
+            let limit = if is_many { usize::MAX } else { runs.unwrap_or(0) * components };
+            (std::ptr::from_ref(site).addr(), (limit, AtomicUsize::new(0)))
         };
         runs.map(|_| Arc::new(lowered.sites().iter().map(limit).collect()))
     };

@@ -89,6 +89,13 @@ impl Program {
         let (_, info) = self.body(name).expect("it is a function of this program");
         let told = told(&function.body);
         for (handle, expression) in function.expressions.iter() {
+            // naga makes a vector of a number that stands beside one, and gives it the number's place.
+            let span = |handle| function.expressions.get_span(handle);
+            if let Expression::Splat { value, .. } = expression
+                && span(*value) == span(handle)
+            {
+                continue;
+            }
             let argument = match expression {
                 Expression::FunctionArgument(index) => {
                     function.arguments[*index as usize].name.clone()

@@ -74,9 +74,10 @@ pub(super) fn find(
     place: &PackageArgs,
 ) -> anyhow::Result<Option<Suite>> {
     let mut names: Vec<String> = Vec::new();
+    let is_usual = place.package.is_none() && place.krate.is_none();
     let packages = match (project.packages(place), project.gallery()) {
         // A project may have a gallery and no folder of shaders.
-        (Err(_), Some(_)) => Vec::new(),
+        (Err(_), Some(_)) if is_usual => Vec::new(),
         (packages, _) => packages?,
     };
     for package in packages {

@@ -63,7 +63,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         return Ok(Ending::Good);
     };
     match args.json {
-        true => write_json(&[&before, &traced], out)?,
+        true => write_json(&[&before, &traced], out)?, // as the page of `karat review` reads them
         false => write_parting(&before, &traced, revision, out)?,
     }
     let as_long = before.steps.len() == traced.steps.len();
@@ -144,9 +144,8 @@ fn at_revision(args: &Args, project: &Project, revision: &str) -> anyhow::Result
     // Of a revision the files are elsewhere for a moment: git's name of it says more.
     let written = format!("{}{}", overlay.display(), std::path::MAIN_SEPARATOR);
     for row in &mut before.steps {
-        if let Some(own) = row.file.strip_prefix(&written) {
-            row.file = format!("{revision}:{own}");
-        }
+        let own = row.file.strip_prefix(&written).unwrap_or(&row.file);
+        row.file = format!("{revision}:{own}");
     }
     Ok(Some(before))
 }

@@ -65,6 +65,7 @@ fn values_are_pictures_and_numbers() {
         "disc.m-falloff-near.png: black is 0.0625, light yellow 0.9375 (magma)",
         "disc.m-shade-n.png: directions: red, green and blue are half of 1 + x, y, z",
         "16 of 32 pixels have it, 16 don't come there",
+        "; NaN is magenta, an infinity yellow",
         "red 0.141406, blue -0.141406",
         "NaN on 16 pixels, first (0, 0)",
         "disc.m-shade-is_right.png: white is true",
