@@ -37,9 +37,11 @@ const KNOWN: &[(&str, usize, Bound)] = &[
     ("cli/src/cli/record.rs", 1, TESTS),
     ("cli/src/cli/render.rs", 1, CARGO),
     ("cli/src/cli/replay.rs", 2, TESTS),
+    ("cli/src/cli/review.rs", 1, OURS),
     ("cli/src/cli/suite/cargo/libtest.rs", 1, TESTS),
     ("cli/src/cli/suite/cargo/programs.rs", 2, CARGO), // and `--list`, with a deadline
     ("cli/src/cli/test.rs", 2, TESTS),
+    ("cli/src/cli/trace.rs", 1, OURS),
     ("cli/src/cli/watch/keys.rs", 1, OURS),
     ("cli/src/cli/watch/worker.rs", 1, OURS),
     ("cli/src/quiet.rs", 1, OURS),

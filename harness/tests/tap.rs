@@ -363,7 +363,7 @@ fn derivatives_and_draws_are_the_pixel_s_own() {
 fn types_aliases_and_parts_are_the_author_s() {
     let package = package();
     let draw = Draw::mesh("vertex", "tinted", half());
-    let tint = |value: f32| karat::fixture::Uniform::new(glam::Vec4::splat(value));
+    let tint = |value: f32| Uniform::new(glam::Vec4::splat(value));
     for path in drivers() {
         let frame = package.frame("", 4, 2).with("tint", tint(0.5)).with("other", tint(0.25));
         let frame = frame.draw(Draw::fragment("behind")).draw(draw.clone());
