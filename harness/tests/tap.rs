@@ -382,7 +382,11 @@ fn types_aliases_and_parts_are_the_author_s() {
         assert_eq!((&*behind.engine, behind.driver), ("(0.25, 0.25, 0.25, 0.25)", [0.25; 4]));
         assert!(behind.notes.is_empty(), "{:?}", behind.notes);
         let blended = both(&package).trace(path, (0, 0)).expect("it is drawn");
-        assert!(blended.notes.iter().any(|note| note.contains("made of several draws")), "{:?}", blended.notes);
+        assert!(
+            blended.notes.iter().any(|note| note.contains("made of several draws")),
+            "{:?}",
+            blended.notes
+        );
     }
 }
 

@@ -100,8 +100,7 @@ pub(super) fn html(
         |unusable| json!({ "name": shown(&unusable.path), "error": unusable.reason.to_string() }),
     );
     let index = embedded(&json!({
-        "served": !token.is_empty(),
-        "pixels": !token.is_empty() && review.asked.pixels.is_some(),
+        "served": !token.is_empty(), "pixels": !token.is_empty() && review.asked.pixels.is_some(),
         "arguments": arguments,
         "cases": frames.collect::<Vec<_>>(),
         "unusable": unusable.collect::<Vec<_>>(),
