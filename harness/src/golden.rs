@@ -208,6 +208,23 @@ pub enum GoldenError {
     },
 }
 
+impl GoldenError {
+    /// Says how the worst pixel comes about, or the first that is no number.
+    pub(crate) fn point_at_worst(&mut self) {
+        let Self::Differs { case, difference, advice, .. } = self else { return };
+        let (what, at) = match &**difference {
+            FrameDifference::Values(found) => {
+                ("the worst pixel", found.worst.as_ref().map(|worst| (worst.x, worst.y)))
+            }
+            FrameDifference::NonFinite(found) => ("the first of them", found.first),
+            _ => return,
+        };
+        if let Some((x, y)) = at {
+            *advice += &format!("\n  `karat trace {case} {x},{y}` shows how {what} comes about");
+        }
+    }
+}
+
 impl Goldens {
     /// A folder relative to `base`. [`goldens!`](crate::goldens) fills in the manifest's folder.
     ///

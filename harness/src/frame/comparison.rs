@@ -138,7 +138,13 @@ impl Frame<'_> {
                     let record = PathRecord { cases, ratio, worst, asserted, ..record };
                     return Ok(Judged { record, values: Ok(margin) });
                 }
-                Err(cause) => Box::new(cause),
+                Err(mut cause) => {
+                    // `karat trace` finds a frame that a file declares by this name.
+                    if self.declared_at.is_some() {
+                        cause.point_at_worst();
+                    }
+                    Box::new(cause)
+                }
             };
             other_waits |= !known_issue;
             match &*cause {

@@ -9,6 +9,7 @@ use karat::Image;
 use karat::unstable::output::trusted;
 use karat::unstable::value::format_f32;
 use karat_gallery::{DrawArguments, RenderArguments, Row, Traced};
+use serde::Serialize;
 
 use super::git::shaders_at;
 use super::project::Project;
@@ -49,26 +50,43 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let Some(traced) = traced(args, &project)? else { return Ok(Ending::Bad) };
     let Some(revision) = &args.against else {
         match args.json {
-            true => write_json(&traced, out)?,
+            true => write_json(&told(args, &traced, &project), out)?,
             false => write(args, &traced, &project, out)?,
         }
         return Ok(Ending::Good);
     };
     let Some(before) = at_revision(args, &project, revision)? else {
         if args.json {
-            write_json(&[&traced, &traced], out)?;
+            let today = told(args, &traced, &project);
+            write_json(&[&today, &today], out)?;
             return Ok(Ending::Good);
         }
         writeln!(out, "{DIM}the shaders are those of {revision}: no step differs{DIM:#}")?;
         return Ok(Ending::Good);
     };
     match args.json {
-        true => write_json(&[&before, &traced], out)?, // as the page of `karat review` reads them
+        // As the page of `karat review` reads them.
+        true => write_json(&[&before, &traced].map(|one| told(args, one, &project)), out)?,
         false => write_parting(&before, &traced, revision, out)?,
     }
     let as_long = before.steps.len() == traced.steps.len();
     let same = as_long && first_difference(&before, &traced) == traced.steps.len();
     Ok(if same && before.engine == traced.engine { Ending::Good } else { Ending::Bad })
+}
+
+/// A pixel as JSON has it: numbers are texts, since JSON has no NaN.
+#[derive(Serialize)]
+struct Told<'t> {
+    frame: &'t str,
+    pixel: (u32, u32),
+    /// The golden's pixel, if there is one of the frame's name and size.
+    golden: Option<String>,
+    #[serde(flatten)]
+    traced: &'t Traced,
+}
+
+fn told<'t>(args: &'t Args, traced: &'t Traced, project: &Project) -> Told<'t> {
+    Told { frame: &args.frame, pixel: args.pixel, golden: golden(args, project), traced }
 }
 
 /// The pixel; `None` if it can't be traced, and the reason is told.

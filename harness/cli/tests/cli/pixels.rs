@@ -95,6 +95,29 @@ fn values_are_pictures_and_numbers() {
     assert!(beside.contains("the frame's own colours are the same beside it"), "{beside}");
 }
 
+/// A declared frame that differs names the command that goes on.
+#[test]
+fn a_frame_that_differs_says_how_to_go_on() {
+    let folder = folder();
+    let mended = SHADER.replace("sqrt(uv.y - 0.5)", "uv.y");
+    write(&folder.path().join("shaders"), "m.wgsl", &mended);
+    let test = || karat(folder.path(), &["test", "shaders", "--paths", "vulkan"]);
+    assert!(test().err.contains("has no golden"), "it is the first frame");
+    let golden = folder.path().join("shaders/golden").display().to_string();
+    karat(folder.path(), &["accept", "disc", "--goldens", &golden, "--because", "it is the first"]).good();
+    write(&folder.path().join("shaders"), "m.wgsl", &mended.replace("near * near", "near * x"));
+    let ran = test();
+    let message = format!("{}{}", ran.out, ran.err);
+    let hint = message.split("`karat trace disc ").nth(1).and_then(|rest| rest.split('`').next());
+    let pixel = hint.unwrap_or_else(|| panic!("no hint in {message}"));
+    let traced = on_vulkan(folder.path(), &["trace", "disc", pixel]).good();
+    assert!(traced.contains("near * x") && traced.contains("the driver drew"), "{traced}");
+    // NaN has a hint, too.
+    write(&folder.path().join("shaders"), "m.wgsl", SHADER);
+    let ran = test();
+    assert!(format!("{}{}", ran.out, ran.err).contains("`karat trace disc 0,0` shows how the first of them"), "{ran:?}");
+}
+
 #[test]
 fn what_cannot_be_told_is_an_error() {
     let folder = folder();
@@ -136,6 +159,11 @@ fn a_pixel_is_traced_and_compared_with_a_revision() {
     ] {
         assert!(out.contains(part), "no `{part}` in:\n{out}");
     }
+    let json = on_vulkan(folder.path(), &["trace", "disc", "1,3", "--json"]).good();
+    let json: serde_json::Value = serde_json::from_str(&json).expect("JSON");
+    assert_eq!((&json["frame"], &json["pixel"]), (&"disc".into(), &serde_json::json!([1, 3])));
+    assert!(json["steps"].as_array().is_some_and(|steps| steps.len() > 5), "{json}");
+    assert_eq!(json["arguments"][0], serde_json::json!(["uv", "(0.1875, 0.875)"]));
     let against = &["trace", "disc", "1,3", "--against", "HEAD"];
     let same = on_vulkan(folder.path(), against).good();
     assert!(same.contains("the shaders are those of HEAD: no step differs"), "{same}");
