@@ -23,6 +23,7 @@ mod golden;
 pub(crate) mod judge;
 pub(crate) mod order;
 pub(crate) mod sanitizer;
+mod tap;
 pub(crate) mod untyped;
 
 use std::fmt;

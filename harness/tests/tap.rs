@@ -412,3 +412,85 @@ fn what_has_no_value_is_refused_by_name() {
         "the engine draws no frames"
     );
 }
+
+const PASS: &str = "
+@group(0) @binding(0) var<storage, read_write> data: array<f32>;
+
+fn doubled(x: f32) -> f32 {
+    let twice = 2.0 * x;
+    return twice;
+}
+
+@compute @workgroup_size(4, 2)
+fn root(@builtin(global_invocation_id) id: vec3u) {
+    let index = id.y * 8u + id.x;
+    if (id.x == 7u) {
+        return;
+    }
+    let own = doubled(data[index]);
+    for (var i = 0u; i < id.x; i += 1u) {
+        let part = own + f32(i);
+        data[index] = part;
+    }
+}
+
+@compute @workgroup_size(2)
+fn without(@builtin(local_invocation_index) at: u32) {
+    let own = at * 3u;
+    data[at] = f32(own);
+}
+
+struct In { @builtin(global_invocation_id) id: vec3u }
+@compute @workgroup_size(1)
+fn inside(in: In) {
+    let own = in.id.x;
+    data[own] = 1.0;
+}
+";
+
+/// Each invocation of a pass has its value, on the engine and on drivers.
+#[test]
+fn invocations_tell_values() {
+    let package = Package::from_source("m", PASS);
+    let data: Vec<f32> = (0..16_u8).map(f32::from).collect();
+    let passes = package.compute().with("data", Storage::new(data));
+    let root = passes.clone().dispatch("root", [2, 1, 1]);
+    let mut paths = drivers();
+    paths.push(Path::CPU);
+    for path in paths {
+        let of = |wanted: &str| {
+            root.tap(path, &Tap::new(wanted)).unwrap_or_else(|error| panic!("{path}: {error}"))
+        };
+        let index = of("index");
+        assert_eq!((index.size, index.of), ((8, 2), "invocation"), "{path}");
+        assert_eq!(index.lanes, (0..16).collect::<Vec<u32>>(), "{path}");
+        let twice = of("twice");
+        assert_eq!(floats(&twice)[..3], [0.0, 2.0, 4.0], "{path}");
+        assert_eq!(
+            (twice.told[7], twice.times[7], floats(&twice)[14]),
+            (false, Some(0), 28.0),
+            "{path}"
+        );
+        let part = of("part");
+        assert_eq!(
+            (part.times[0], part.times[3], floats(&part)[3]),
+            (Some(0), Some(3), 8.0),
+            "{path}"
+        );
+        let second = root.tap(path, &Tap::new("part").round(Some(2))).expect("some go round twice");
+        assert_eq!((second.told[1], floats(&second)[3]), (false, 7.0), "{path}");
+        assert_eq!(of("id").lanes[3 * 10..3 * 11], [2, 1, 0], "{path}");
+        // The pass as it is doesn't change by being tapped.
+        let left = karat::unstable::compute::left(&root, path).expect("it runs");
+        assert_eq!(f32::from_bits(left[0].lanes[3]), 8.0, "{path}");
+        let without = passes.clone().dispatch("without", [1, 1, 1]);
+        assert_eq!(without.tap(path, &Tap::new("own")).expect("it runs").lanes, [0, 3], "{path}");
+        let inside = passes.clone().dispatch("inside", [1, 1, 1]).tap(path, &Tap::new("own"));
+        assert!(inside.expect_err("it is in a structure").to_string().contains("in a structure"));
+    }
+    let listed = root.values().expect("it is valid");
+    assert!(
+        listed.iter().any(|line| line.starts_with("doubled::twice: f32 = 2.0 * x")),
+        "{listed:?}"
+    );
+}

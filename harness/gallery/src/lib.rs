@@ -26,10 +26,11 @@ pub use traced::Traced;
 use karat::Frame;
 use karat::Image;
 use karat::Path;
+use karat::compute::Compute;
 use karat::image::{ImageError, Precision};
 use karat::path::PathError;
 use karat::unstable::diagnostic::{nearest, shown};
-use karat::unstable::frame::Tap;
+use karat::unstable::frame::{Tap, Tapped};
 use karat::unstable::golden::build_output;
 use karat::unstable::image::NonFinite;
 use karat::unstable::output::{Output, Style, counted};
@@ -361,12 +362,47 @@ fn tapped<'e>(
     Ok(failed)
 }
 
-/// Writes values of a frame, or lists what it has.
+/// What values are told of: a frame, or passes.
+pub trait Tappable {
+    /// Those that have names, a line each.
+    ///
+    /// # Errors
+    /// If it isn't valid.
+    fn values(&self, path: Path) -> Result<Vec<String>, Box<dyn Error>>;
+
+    /// One of them.
+    ///
+    /// # Errors
+    /// If there is none, or it can't run there.
+    fn tap(&self, path: Path, tap: &Tap) -> Result<Tapped, Box<dyn Error>>;
+}
+
+impl Tappable for Frame<'_> {
+    fn values(&self, path: Path) -> Result<Vec<String>, Box<dyn Error>> {
+        Ok(Frame::values(self, path)?)
+    }
+
+    fn tap(&self, path: Path, tap: &Tap) -> Result<Tapped, Box<dyn Error>> {
+        Ok(Frame::tap(self, path, tap)?)
+    }
+}
+
+impl Tappable for Compute<'_> {
+    fn values(&self, _: Path) -> Result<Vec<String>, Box<dyn Error>> {
+        Ok(Compute::values(self)?)
+    }
+
+    fn tap(&self, path: Path, tap: &Tap) -> Result<Tapped, Box<dyn Error>> {
+        Ok(Compute::tap(self, path, tap)?)
+    }
+}
+
+/// Writes values of a frame or of passes, or lists what there is.
 ///
 /// # Errors
-/// If there is no such value, the frame can't be drawn, or an image can't be written.
+/// If there is no such value, it can't run, or an image can't be written.
 pub fn tap(
-    frame: &Frame<'_>,
+    subject: &dyn Tappable,
     name: &str,
     folder: &FilePath,
     path: Path,
@@ -374,19 +410,16 @@ pub fn tap(
     out: &mut dyn Write,
 ) -> Result<(), Box<dyn Error>> {
     if taps.is_empty() {
-        let values = frame.values(path)?;
+        let values = subject.values(path)?;
         for line in &values {
             writeln!(out, "{line}")?;
         }
         if values.is_empty() {
-            writeln!(
-                out,
-                "its fragment functions have no `let` and no parameter; name another expression"
-            )?;
+            writeln!(out, "it has no `let` and no parameter; name another expression")?;
         }
     }
     for tap in taps {
-        let tapped = frame.tap(path, tap)?;
+        let tapped = subject.tap(path, tap)?;
         write_tapped(folder, name, &tapped, out)?;
         out.flush()?;
     }

@@ -8,7 +8,7 @@ use karat::Image;
 use karat::image::{ImageError, Precision};
 use karat::unstable::diagnostic::shown;
 use karat::unstable::frame::Tapped;
-use karat::unstable::image::write_colours;
+use karat::unstable::image::{write_colours, write_whole};
 use karat::unstable::metric::ErrorMap;
 use karat::unstable::output::{Style, counted};
 use karat::unstable::value::{Scalar, Shape, format_f32, format_lane};
@@ -60,7 +60,7 @@ pub fn write_tapped(
         writeln!(out, "    {note}")?;
     }
     if tapped.told.iter().all(|told| !told) {
-        writeln!(out, "    no pixel has it: there is no picture")?;
+        writeln!(out, "    no {} has it: there is no picture", tapped.of)?;
         return Ok(());
     }
     if let Some(part) = part_of(&tapped.shape) {
@@ -77,6 +77,12 @@ pub fn write_tapped(
         None => name,
     });
     let stem = folder.join(format!("{frame}.{}", file_name(named.as_deref().unwrap_or(&text))));
+    if tapped.size.1 == 1 && tapped.of != "pixel" {
+        let csv = with_ending(&stem, "csv");
+        write_whole(&csv, table(tapped, scalars.len()).as_bytes())?;
+        writeln!(out, "    {}: a row for each {}", shown(&csv), tapped.of)?;
+        return Ok(());
+    }
     let [exr, png] = ["exr", "png"].map(|ending| with_ending(&stem, ending));
     image(tapped, &scalars).write_exr(&exr, Precision::Float, None)?;
     let mapping = mapping(tapped, &scalars);
@@ -143,6 +149,28 @@ fn file_name(title: &str) -> String {
     name.trim_matches('-').to_owned()
 }
 
+/// The values as a table, empty where there is none.
+fn table(tapped: &Tapped, width: usize) -> String {
+    let mut text = String::from("invocation,times");
+    let names = tapped.shape.lane_names();
+    let named =
+        |name: &String| if name.is_empty() { ",value".to_owned() } else { format!(",{name}") };
+    text.extend(names.iter().map(named));
+    let scalars = tapped.shape.lanes();
+    let rows = tapped.lanes.chunks_exact(width).zip(&tapped.told).zip(&tapped.times);
+    for (index, ((lanes, told), times)) in rows.enumerate() {
+        let _ = write!(text, "\n{index},{}", times.unwrap_or(0));
+        for (lane, scalar) in lanes.iter().zip(&scalars) {
+            text.push(',');
+            if *told {
+                text += &format_lane(*scalar, *lane);
+            }
+        }
+    }
+    text.push('\n');
+    text
+}
+
 /// The values of a lane with their pixels, where it is told.
 fn lane_of(tapped: &Tapped, width: usize, lane: usize) -> impl Iterator<Item = (usize, u32)> {
     let rows = tapped.lanes.chunks_exact(width).zip(&tapped.told).enumerate();
@@ -180,8 +208,12 @@ fn summary(tapped: &Tapped, scalars: &[Scalar], lane: usize, name: &str) -> Stri
     let mut strange = |what: &str, is: fn(f64) -> bool| {
         let mut all = of_lane().filter(|(_, word)| is(scalar.decode(*word))).peekable();
         if let Some((first, _)) = all.peek().copied() {
-            let _ =
-                write!(text, "; {what} on {}, first {}", counted(all.count(), "pixel"), at(first));
+            let _ = write!(
+                text,
+                "; {what} on {}, first {}",
+                counted(all.count(), tapped.of),
+                at(first)
+            );
         }
     };
     strange("NaN", f64::is_nan);
@@ -196,7 +228,7 @@ fn notes(tapped: &Tapped) -> Vec<String> {
     let told = tapped.told.iter().filter(|told| **told).count();
     let mut notes = Vec::new();
     if told < all {
-        let mut parts = vec![format!("{told} of {} have it", counted(all, "pixel"))];
+        let mut parts = vec![format!("{told} of {} have it", counted(all, tapped.of))];
         if undrawn > 0 {
             parts.push(format!("{undrawn} aren't drawn or are discarded"));
         }
@@ -207,10 +239,10 @@ fn notes(tapped: &Tapped) -> Vec<String> {
     }
     let most = tapped.times.iter().flatten().max().copied().unwrap_or(0);
     if let Some(round) = tapped.round {
-        notes.push(format!("computed up to {most} times a pixel: this is the time {round}"));
+        notes.push(format!("computed up to {most} times: this is the time {round}"));
     } else if most > 1 {
         notes.push(format!(
-            "computed up to {most} times a pixel: this is the last, and --round says another"
+            "computed up to {most} times: this is the last, and --round says another"
         ));
     }
     match tapped.changed {

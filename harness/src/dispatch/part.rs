@@ -30,11 +30,28 @@ impl Part {
     }
 }
 
-/// A member, of each element of the arrays around it, with its lanes.
+/// A member, of each element of the arrays around it, or an element by its index (`[1].at`); with its lanes.
 fn picked(shape: &Shape, path: &str) -> Option<(Shape, Vec<usize>)> {
-    let (name, rest) = path.split_once('.').unwrap_or((path, ""));
+    if path.is_empty() {
+        return Some((shape.clone(), (0..shape.lanes().len()).collect()));
+    }
+    if let Some((index, rest)) = path.strip_prefix('[').and_then(|path| path.split_once(']')) {
+        let (element, count) = match shape {
+            Shape::Array { element, length } => (Shape::clone(element), *length),
+            Shape::Matrix { columns, rows, scalar } => {
+                (Shape::Vector { size: *rows, scalar: *scalar }, u32::from(*columns))
+            }
+            Shape::Vector { size, scalar } => (Shape::Scalar(*scalar), u32::from(*size)),
+            _ => return None,
+        };
+        let index = index.parse::<u32>().ok().filter(|index| *index < count)? as usize;
+        let width = element.lanes().len();
+        let (shape, lanes) = picked(&element, rest.strip_prefix('.').unwrap_or(rest))?;
+        return Some((shape, lanes.into_iter().map(|lane| index * width + lane).collect()));
+    }
+    let (name, rest) = path.split_at(path.find(['.', '[']).unwrap_or(path.len()));
+    let rest = rest.strip_prefix('.').unwrap_or(rest);
     match shape {
-        _ if path.is_empty() => Some((shape.clone(), (0..shape.lanes().len()).collect())),
         Shape::Array { element, length } => {
             let width = element.lanes().len();
             let (element, lanes) = picked(element, path)?;
@@ -105,7 +122,21 @@ mod tests {
         assert_eq!(lanes(&whole, "items.at.y").map(|(lanes, _)| lanes), Some(vec![3, 7]));
         assert_eq!(lanes(&whole, "count").map(|(lanes, _)| lanes), Some(vec![0]));
         assert_eq!(lanes(&whole, "").map(|(lanes, _)| lanes.len()), Some(9));
-        for wrong in ["at", "items.to", "items.at.w", "items.at.x.y", "count.x"] {
+        assert_eq!(lanes(&whole, "items[1].at.y").map(|(lanes, _)| lanes), Some(vec![7]));
+        assert_eq!(lanes(&items, "[1].mass").map(|(lanes, _)| lanes), Some(vec![4]));
+        assert_eq!(lanes(&whole, "items[0]").map(|(lanes, _)| lanes), Some(vec![1, 2, 3, 4]));
+        for wrong in [
+            "items[2]",
+            "items[x]",
+            "items[",
+            "count[0]",
+            "items[0]at[9]",
+            "at",
+            "items.to",
+            "items.at.w",
+            "items.at.x.y",
+            "count.x",
+        ] {
             assert_eq!(lanes(&whole, wrong), None, "{wrong}");
         }
         assert_eq!(members(&items), ["mass", "at"]);

@@ -173,14 +173,10 @@ fn arguments(
     drawing: &Drawing<'_>,
     fragment: &str,
 ) -> Result<Vec<Argument>, TapError> {
-    let all = candidates(drawing);
+    let all = candidates(drawing.program(), &drawing.fragments());
     let own = all.iter().filter(|one| one.value.function == fragment && one.value.range.is_none());
     let told = |one: &Candidate| -> Result<Argument, TapError> {
-        let shape = one.value.shape.clone().map_err(|why| TapError::Untold {
-            place: one.place(),
-            text: one.text.clone(),
-            why,
-        })?;
+        let shape = one.shape()?;
         let read = read(device, drawing, &one.value, &Tap::new(&one.text), shape.lanes().len())?;
         Ok(Argument { name: one.text.clone(), shape, read })
     };

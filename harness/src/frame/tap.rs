@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use super::{Frame, FrameError};
 use crate::diagnostic::{Span, nearest};
+use crate::dispatch::{DispatchError, Part};
 use crate::draw::{DrawError, Drawing};
 use crate::executor;
 use crate::interpret::author;
@@ -16,8 +17,8 @@ use crate::value::Shape;
 /// Which value of a frame's fragment functions, or of what they call, [`Frame::tap`] returns.
 #[derive(Clone, Debug)]
 pub struct Tap {
-    wanted: String,
-    round: Option<u32>,
+    pub(crate) wanted: String,
+    pub(crate) round: Option<u32>,
     beside: bool,
 }
 
@@ -58,8 +59,10 @@ pub struct Tapped {
     pub function: String,
     /// Its type.
     pub shape: Shape,
-    /// Width and height of the frame.
+    /// Width and height of the frame; of a pass its invocations, those of all layers below each other.
     pub size: (u32, u32),
+    /// What has the value: a pixel, or an invocation.
+    pub of: &'static str,
     /// How often each pixel computed it, row by row; `None`: no draw covers the pixel.
     pub times: Vec<Option<u32>>,
     /// The lanes of the value, pixel after pixel; zeros where it isn't told.
@@ -108,6 +111,9 @@ pub enum TapError {
         /// What it is.
         why: String,
     },
+    /// The passes can't be dispatched.
+    #[error(transparent)]
+    Dispatch(#[from] DispatchError),
     /// The engine doesn't execute the fragment function.
     #[error(transparent)]
     Probe(#[from] ProbeError),
@@ -150,10 +156,10 @@ impl From<DrawError> for TapError {
 }
 
 /// A value with its place in the author's file.
-pub(super) struct Candidate {
-    pub(super) value: Valued,
+pub(crate) struct Candidate {
+    pub(crate) value: Valued,
     span: Span,
-    pub(super) text: String,
+    pub(crate) text: String,
     /// Where a `let` names it.
     named: Option<Span>,
 }
@@ -166,6 +172,15 @@ impl Candidate {
     pub(super) fn place(&self) -> String {
         let (line, column) = self.line_column();
         format!("{}:{line}:{column}", self.span.file.name)
+    }
+
+    /// Its type, if it can be told.
+    pub(crate) fn shape(&self) -> Result<Shape, TapError> {
+        self.value.shape.clone().map_err(|why| TapError::Untold {
+            place: self.place(),
+            text: self.text.clone(),
+            why,
+        })
     }
 
     /// Its name, with the function's path before it, if it is a `let` or a parameter.
@@ -191,6 +206,11 @@ impl Candidate {
         }
     }
 
+    /// It in a line, if it has a name and a value.
+    pub(crate) fn listed(&self, program: &Program) -> Option<String> {
+        (self.value.shape.is_ok() && self.path(program).is_some()).then(|| self.told(program))
+    }
+
     /// Whether it is a `let` or a parameter of this name, or of the end of this path.
     fn is_named(&self, name: &str, program: &Program) -> bool {
         let path = self.path(program);
@@ -203,10 +223,9 @@ impl Candidate {
     }
 }
 
-/// All values of a frame's fragment functions, in the order of functions.
-pub(super) fn candidates(drawing: &Drawing<'_>) -> Vec<Candidate> {
-    let program = drawing.program();
-    let values = program.values_of(&drawing.fragments());
+/// All values of entry points, in the order of functions.
+pub(crate) fn candidates(program: &Program, entry_points: &[&str]) -> Vec<Candidate> {
+    let values = program.values_of(entry_points);
     let mut all: Vec<Candidate> = Vec::new();
     for value in values {
         let of_function =
@@ -269,9 +288,8 @@ fn place_of(wanted: &str) -> Option<(&str, usize, Option<usize>)> {
     }
 }
 
-fn find(drawing: &Drawing<'_>, wanted: &str) -> Result<Candidate, TapError> {
-    let program = drawing.program();
-    let mut all = candidates(drawing);
+fn find(program: &Program, entry_points: &[&str], wanted: &str) -> Result<Candidate, TapError> {
+    let mut all = candidates(program, entry_points);
     let (mut found, mut more) = match place_of(wanted) {
         Some(place) => at_place(&all, place, program),
         None => {
@@ -311,26 +329,27 @@ fn find(drawing: &Drawing<'_>, wanted: &str) -> Result<Candidate, TapError> {
     }
 }
 
-/// A part of a value: `.b`, `[1].x`.
-struct Part {
+/// A part of a value, as it is written: `.b`, `[1].x`.
+pub(crate) struct Wanted {
     suffix: String,
+    part: Part,
     shape: Shape,
-    /// Its first lane.
-    first: usize,
 }
 
 /// A value, whether another one has its name in its function, and the part of it that is wanted, if it is a part.
-fn find_or_part(
-    drawing: &Drawing<'_>,
+pub(crate) fn find_or_part(
+    program: &Program,
+    entry_points: &[&str],
     wanted: &str,
-) -> Result<(Candidate, bool, Option<Part>), TapError> {
+) -> Result<(Candidate, bool, Option<Wanted>), TapError> {
     let is_twin = |found: &Candidate| {
         let same = |one: &&Candidate| {
             one.value.function == found.value.function && one.value.name == found.value.name
         };
-        found.value.name.is_some() && candidates(drawing).iter().filter(same).count() > 1
+        found.value.name.is_some()
+            && candidates(program, entry_points).iter().filter(same).count() > 1
     };
-    let error = match find(drawing, wanted) {
+    let error = match find(program, entry_points, wanted) {
         Ok(found) => {
             let twin = is_twin(&found);
             return Ok((found, twin, None));
@@ -342,46 +361,12 @@ fn find_or_part(
     if suffix.is_empty() || !matches!(error, TapError::Unknown { .. }) {
         return Err(error);
     }
-    let Ok(found) = find(drawing, name) else { return Err(error) };
-    let part = found.value.shape.as_ref().ok().and_then(|shape| part_of(shape, suffix));
-    let Some((shape, first)) = part else { return Err(error) };
+    let Ok(found) = find(program, entry_points, name) else { return Err(error) };
+    let path = suffix.strip_prefix('.').unwrap_or(suffix);
+    let part = found.value.shape.as_ref().ok().and_then(|shape| Part::of(0, shape, path));
+    let Some((part, shape)) = part else { return Err(error) };
     let twin = is_twin(&found);
-    Ok((found, twin, Some(Part { suffix: suffix.to_owned(), shape, first })))
-}
-
-/// A part of a shape by its name, and its first lane.
-fn part_of(shape: &Shape, suffix: &str) -> Option<(Shape, usize)> {
-    if suffix.is_empty() {
-        return Some((shape.clone(), 0));
-    }
-    let end = suffix[1..].find(['.', '[']).map_or(suffix.len(), |end| end + 1);
-    let (own, rest) = suffix.split_at(end);
-    let parts: Vec<(String, Shape)> = match shape {
-        Shape::Scalar(_) => Vec::new(),
-        Shape::Vector { size, scalar } => {
-            let names = [".x", ".y", ".z", ".w"].into_iter().take(usize::from(*size));
-            names.map(|name| (name.to_owned(), Shape::Scalar(*scalar))).collect()
-        }
-        Shape::Matrix { columns, rows, scalar } => {
-            let column = Shape::Vector { size: *rows, scalar: *scalar };
-            (0..*columns).map(|index| (format!("[{index}]"), column.clone())).collect()
-        }
-        Shape::Array { element, length } => {
-            (0..*length).map(|index| (format!("[{index}]"), Shape::clone(element))).collect()
-        }
-        Shape::Struct { members, .. } => {
-            members.iter().map(|(name, shape)| (format!(".{name}"), shape.clone())).collect()
-        }
-    };
-    let mut first = 0;
-    for (name, part) in parts {
-        if name == own {
-            let (shape, more) = part_of(&part, rest)?;
-            return Some((shape, first + more));
-        }
-        first += part.lanes().len();
-    }
-    None
+    Ok((found, twin, Some(Wanted { suffix: suffix.to_owned(), part, shape })))
 }
 
 /// Those of which something holds, by their indices.
@@ -442,10 +427,9 @@ impl Frame<'_> {
     pub fn values(&self, path: Path) -> Result<Vec<String>, TapError> {
         let executor = executor::of(path).map_err(DrawError::from)?;
         let drawing = self.drawing_on(executor)?;
-        let all = candidates(&drawing);
         let program = drawing.program();
-        let named = all.iter().filter(|one| one.value.shape.is_ok() && one.path(program).is_some());
-        Ok(named.map(|one| one.told(program)).collect())
+        let all = candidates(program, &drawing.fragments());
+        Ok(all.iter().filter_map(|one| one.listed(program)).collect())
     }
 
     /// A value that the frame's fragment functions compute, on all of its pixels, as a driver computes it. The last draw that a
@@ -476,12 +460,9 @@ impl Frame<'_> {
         if drawing.fragments().is_empty() {
             return Err(TapError::Depth);
         }
-        let (found, has_twin, part) = find_or_part(&drawing, &tap.wanted)?;
-        let shape = found.value.shape.clone().map_err(|why| TapError::Untold {
-            place: found.place(),
-            text: found.text.clone(),
-            why,
-        })?;
+        let (found, has_twin, part) =
+            find_or_part(drawing.program(), &drawing.fragments(), &tap.wanted)?;
+        let shape = found.shape()?;
         let opened = path::open(path).map_err(DrawError::from)?;
         let device = opened.device().ok_or(DrawError::Unable { path })?;
         let (names, span) = drawing.entry_points();
@@ -489,55 +470,64 @@ impl Frame<'_> {
             return Err(TapError::Beside);
         }
         let read = || read(device, &drawing, &found.value, tap, shape.lanes().len());
-        let Read { times, mut lanes, changed } = path::caught(path, &names, span.as_ref(), read)?;
-        let least = tap.round.unwrap_or(1);
-        let told: Vec<bool> = times.iter().map(|times| times.is_some_and(|n| n >= least)).collect();
-        let most = times.iter().flatten().max().copied().unwrap_or(0);
-        if let Some(round) = tap.round.filter(|round| *round > most) {
-            return Err(TapError::Round { round, most });
-        }
-        let width = shape.lanes().len();
-        for (lanes, told) in lanes.chunks_exact_mut(width).zip(&told) {
-            if !told {
-                lanes.fill(0);
-            }
-        }
-        let function = drawing.program().path_of(&found.value.function);
-        let Candidate { value: Valued { mut name, .. }, span, text, .. } = found;
-        let (size, round) = (drawing.size(), tap.round);
-        let mut shape = shape;
-        if let Some(Part { suffix, shape: own, first }) = part {
-            let count = own.lanes().len();
-            lanes = lanes
-                .chunks_exact(width)
-                .flat_map(|all| &all[first..first + count])
-                .copied()
-                .collect();
-            name = name.map(|name| name + &suffix);
-            shape = own;
-        }
-        Ok(Tapped {
-            span,
-            text,
-            name,
-            function,
-            shape,
-            size,
-            times,
-            lanes,
-            has_twin,
-            round,
-            told,
-            changed,
-        })
+        let read = path::caught(path, &names, span.as_ref(), read)?;
+        let program = drawing.program();
+        tapped(program, (found, has_twin, part), tap, read, drawing.size())
     }
 }
 
+/// What was read of a value.
+pub(crate) fn tapped(
+    program: &Program,
+    (found, has_twin, part): (Candidate, bool, Option<Wanted>),
+    tap: &Tap,
+    Read { times, mut lanes, changed }: Read,
+    size: (u32, u32),
+) -> Result<Tapped, TapError> {
+    let function = program.path_of(&found.value.function);
+    let mut shape = found.shape()?;
+    let Candidate { value: Valued { mut name, .. }, span, text, .. } = found;
+    let least = tap.round.unwrap_or(1);
+    let told: Vec<bool> = times.iter().map(|times| times.is_some_and(|n| n >= least)).collect();
+    let most = times.iter().flatten().max().copied().unwrap_or(0);
+    if let Some(round) = tap.round.filter(|round| *round > most) {
+        return Err(TapError::Round { round, most });
+    }
+    let width = shape.lanes().len();
+    for (lanes, told) in lanes.chunks_exact_mut(width).zip(&told) {
+        if !told {
+            lanes.fill(0);
+        }
+    }
+    if let Some(Wanted { suffix, part, shape: own }) = part {
+        lanes = lanes.chunks_exact(width).flat_map(|all| part.pick(all.to_vec())).collect();
+        name = name.map(|name| name + &suffix);
+        shape = own;
+    }
+    let round = tap.round;
+    let of = "pixel";
+    Ok(Tapped {
+        span,
+        text,
+        name,
+        function,
+        shape,
+        size,
+        of,
+        times,
+        lanes,
+        has_twin,
+        round,
+        told,
+        changed,
+    })
+}
+
 /// What a device has told.
-pub(super) struct Read {
-    pub(super) times: Vec<Option<u32>>,
-    pub(super) lanes: Vec<u32>,
-    changed: Option<usize>,
+pub(crate) struct Read {
+    pub(crate) times: Vec<Option<u32>>,
+    pub(crate) lanes: Vec<u32>,
+    pub(crate) changed: Option<usize>,
 }
 
 pub(super) fn read(

@@ -52,13 +52,13 @@ pub(crate) struct Telling<'t> {
 }
 
 impl Program {
-    /// All values of some fragment functions and of what they call, function by function.
-    pub(crate) fn values_of(&self, fragments: &[&str]) -> Vec<Valued> {
+    /// All values of some entry points and of what they call, function by function.
+    pub(crate) fn values_of(&self, entry_points: &[&str]) -> Vec<Valued> {
         let module = &self.checked.module;
         let (mut open, mut seen) = (Vec::new(), BTreeSet::new());
         let mut all = Vec::new();
         for entry in &module.entry_points {
-            if entry.stage == ShaderStage::Fragment && fragments.contains(&&*entry.name) {
+            if entry_points.contains(&&*entry.name) {
                 self.values(&entry.name, &entry.function, &mut all);
                 open.push(&entry.function);
             }
@@ -155,6 +155,68 @@ impl Program {
                 module.entry_points[index].function = function;
             }
         }
+        let program = Self::from_ir(self.linked.clone(), module)?;
+        Ok(Self { overrides: self.overrides.clone(), ..program })
+    }
+
+    /// A program whose compute entry point leaves a value of each invocation in a buffer: its words, and behind them a 1 and
+    /// the rounds together. The buffer's path is [`TOLD`]. `counts`: the invocations in each direction.
+    ///
+    /// # Errors
+    /// If naga doesn't take it.
+    pub(crate) fn telling_pass(
+        &self,
+        entry_point: &str,
+        (value, round): (&Valued, Option<u32>),
+        counts: [u32; 3],
+    ) -> Result<Self, ReflectError> {
+        let mut module = self.checked.module.clone();
+        let (kept, ways) = self.keeping(&mut module, value, round);
+        let plain = |inner| Type { name: None, inner };
+        let u32_type = module.types.insert(plain(TypeInner::Scalar(Scalar::U32)), NOWHERE);
+        let size = naga::ArraySize::Dynamic;
+        let array = TypeInner::Array { base: u32_type, size, stride: 4 };
+        let array = module.types.insert(plain(array), NOWHERE);
+        let triple = TypeInner::Vector { size: VectorSize::Tri, scalar: Scalar::U32 };
+        let triple = module.types.insert(plain(triple), NOWHERE);
+        let access = naga::StorageAccess::LOAD | naga::StorageAccess::STORE;
+        let told = GlobalVariable {
+            name: Some(TOLD.to_owned()),
+            space: AddressSpace::Storage { access },
+            binding: Some(naga::ResourceBinding { group: 0, binding: self.free_binding() }),
+            ty: array,
+            init: None,
+            memory_decorations: naga::MemoryDecorations::empty(),
+        };
+        let told = module.global_variables.append(told, NOWHERE);
+        let mut entries = module.entry_points.iter_mut();
+        let entry = entries.find(|entry| entry.name == entry_point).expect("it has one");
+        let function = &mut entry.function;
+        // A second argument of this builtin value would be one too many.
+        let id = Some(Binding::BuiltIn(naga::BuiltIn::GlobalInvocationId));
+        let at = match function.arguments.iter().position(|argument| argument.binding == id) {
+            Some(at) => at,
+            None if holds(&module.types, function, &id) => {
+                return Err(untold_pass(entry_point));
+            }
+            None => {
+                let name = Some("karat_told_id".to_owned());
+                function.arguments.push(naga::FunctionArgument { name, ty: triple, binding: id });
+                function.arguments.len() - 1
+            }
+        };
+        let at = u32::try_from(at).expect("there are few arguments");
+        let mut body = std::mem::take(&mut function.body);
+        rewrite(&mut body, &mut |statement| {
+            if !matches!(statement, Statement::Return { .. }) {
+                return Rewritten::AsIs;
+            }
+            let mut block =
+                leave(function, (kept.expect("it keeps a value"), told), (at, counts), &ways);
+            block.push(Statement::Return { value: None }, NOWHERE);
+            Rewritten::Instead(block)
+        });
+        function.body = body;
         let program = Self::from_ir(self.linked.clone(), module)?;
         Ok(Self { overrides: self.overrides.clone(), ..program })
     }
@@ -350,6 +412,101 @@ impl Kept {
     }
 }
 
+/// The buffer of words that a pass leaves.
+pub(crate) const TOLD: &str = "karat_told_words";
+
+/// Whether a structure among a function's arguments has a builtin value.
+fn holds(types: &naga::UniqueArena<Type>, function: &Function, id: &Option<Binding>) -> bool {
+    function.arguments.iter().any(|argument| match &types[argument.ty].inner {
+        TypeInner::Struct { members, .. } => members.iter().any(|member| member.binding == *id),
+        _ => false,
+    })
+}
+
+fn untold_pass(entry_point: &str) -> ReflectError {
+    let message = format!(
+        "`{entry_point}` takes `global_invocation_id` in a structure: its values can't be told"
+    );
+    let note = "take it as a parameter of its own";
+    ReflectError::Unprobeable(Box::new(crate::diagnostic::Diagnostic::new(message).note(note)))
+}
+
+/// The words of an expression's lane.
+fn bits(
+    add: &mut dyn FnMut(Expression) -> Handle<Expression>,
+    lane: Handle<Expression>,
+    scalar: Scalar,
+) -> Handle<Expression> {
+    let as_bits = |expr, kind, convert| Expression::As { expr, kind, convert };
+    match scalar.kind {
+        ScalarKind::Bool => add(as_bits(lane, ScalarKind::Uint, Some(4))),
+        ScalarKind::Float if scalar.width != 4 => {
+            let wide = add(as_bits(lane, ScalarKind::Float, Some(4)));
+            add(as_bits(wide, ScalarKind::Uint, None))
+        }
+        ScalarKind::Uint => lane,
+        _ => add(as_bits(lane, ScalarKind::Uint, None)),
+    }
+}
+
+/// Stores the words of an invocation, each at its place.
+fn leave(
+    function: &mut Function,
+    (kept, told): (Kept, Handle<GlobalVariable>),
+    (id, counts): (u32, [u32; 3]),
+    ways: &[(Vec<u32>, Scalar)],
+) -> Block {
+    let width = u32::try_from(ways.len() + 1).unwrap_or(u32::MAX);
+    let mut before = |expression| function.expressions.append(expression, NOWHERE);
+    let mut number = |value| before(Expression::Literal(Literal::U32(value)));
+    let [columns, rows] = [counts[0], counts[1]].map(&mut number);
+    let (width, one) = (number(width), number(1));
+    let offsets: Vec<_> =
+        (0..=ways.len()).map(|at| number(u32::try_from(at).unwrap_or(u32::MAX))).collect();
+    let id = before(Expression::FunctionArgument(id));
+    let base = before(Expression::GlobalVariable(told));
+    let [value, rounds] =
+        [kept.value, kept.rounds].map(|one| before(Expression::GlobalVariable(one)));
+    let mut first = None;
+    let mut add = |expression| {
+        let handle = function.expressions.append(expression, NOWHERE);
+        first.get_or_insert(handle);
+        handle
+    };
+    let [x, y, z] = [0, 1, 2].map(|index| add(Expression::AccessIndex { base: id, index }));
+    let mut binary = |op, left, right| add(Expression::Binary { op, left, right });
+    let row = binary(BinaryOperator::Multiply, z, rows);
+    let row = binary(BinaryOperator::Add, row, y);
+    let place = binary(BinaryOperator::Multiply, row, columns);
+    let place = binary(BinaryOperator::Add, place, x);
+    let place = binary(BinaryOperator::Multiply, place, width);
+    let left = add(Expression::Load { pointer: rounds });
+    let count = add(Expression::Binary { op: BinaryOperator::Add, left, right: one });
+    let mut stores = Vec::new();
+    for (at, offset) in offsets.into_iter().enumerate() {
+        let word = match ways.get(at) {
+            None => count,
+            Some((way, scalar)) => {
+                let mut pointer = value;
+                for index in way {
+                    pointer = add(Expression::AccessIndex { base: pointer, index: *index });
+                }
+                let lane = add(Expression::Load { pointer });
+                bits(&mut add, lane, *scalar)
+            }
+        };
+        let index = add(Expression::Binary { op: BinaryOperator::Add, left: place, right: offset });
+        stores.push((add(Expression::Access { base, index }), word));
+    }
+    let last = stores.last().map_or(count, |(pointer, _)| *pointer);
+    let mut block = Block::new();
+    block.push(Statement::Emit(naga::Range::new_from_bounds(first.unwrap_or(last), last)), NOWHERE);
+    for (pointer, value) in stores {
+        block.push(Statement::Store { pointer, value }, NOWHERE);
+    }
+    block
+}
+
 /// What an entry point returns with words: its type, that of the words, and which of the members that it returned before
 /// stay, by their indices; `None` stands for a result that was no structure.
 fn returning(
@@ -445,16 +602,7 @@ fn tell(
                 pointer = add(Expression::AccessIndex { base: pointer, index: *index });
             }
             let lane = add(Expression::Load { pointer });
-            let as_bits = |expr, kind, convert| Expression::As { expr, kind, convert };
-            words.push(match scalar.kind {
-                ScalarKind::Bool => add(as_bits(lane, ScalarKind::Uint, Some(4))),
-                ScalarKind::Float if scalar.width != 4 => {
-                    let wide = add(as_bits(lane, ScalarKind::Float, Some(4)));
-                    add(as_bits(wide, ScalarKind::Uint, None))
-                }
-                ScalarKind::Uint => lane,
-                _ => add(as_bits(lane, ScalarKind::Uint, None)),
-            });
+            words.push(bits(&mut add, lane, *scalar));
         }
         let told = add(Expression::Compose { ty: words_type, components: words });
         let mut components = Vec::new();

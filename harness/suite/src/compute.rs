@@ -451,6 +451,11 @@ impl Assertion {
     }
 
     /// Dispatches and judges.
+    /// The passes, with their resources.
+    pub(crate) fn passes<'p>(&self, package: &'p Package) -> Result<Compute<'p>, Misdeclared> {
+        self.compute(package, None)
+    }
+
     pub(crate) fn judged(&self, package: &Package) -> Result<ComputeAgreement, Stop> {
         let compute = self.compute(package, None)?;
         self.judge(package, &compute)

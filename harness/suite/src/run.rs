@@ -678,6 +678,22 @@ impl Suite {
         })
     }
 
+    /// The passes of a `[[compute]]` whose last entry point has this name, with its module or without; `None` if there is none.
+    ///
+    /// # Errors
+    /// If they aren't declared as they should be.
+    #[must_use]
+    pub fn compute(&self, name: &str) -> Option<Result<karat::compute::Compute<'_>, Wrong>> {
+        let is_it = |path: &str| path == name || path.rsplit("::").next() == Some(name);
+        self.tests.iter().find_map(|test| match &test.kind {
+            Kind::Compute(assertion) if assertion.entries().last().is_some_and(is_it) => {
+                let passes = assertion.passes(&self.package);
+                Some(passes.map_err(|wrong| wrong.told(&|_| None, &test.span)))
+            }
+            _ => None,
+        })
+    }
+
     fn drawn(&self, declared: &Frame, whole: &Span) -> Result<Drawn<'_>, Wrong> {
         frame(&self.package, declared, whole).map_err(|wrong| {
             let wrong = wrong.told(&|key| declared.keys.place_of(key?).cloned(), whole);

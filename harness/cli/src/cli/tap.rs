@@ -6,7 +6,7 @@ use anyhow::{anyhow, bail, ensure};
 use karat::unstable::diagnostic::nearest;
 use karat::unstable::frame::Tap;
 use karat::unstable::output::tell;
-use karat_gallery::{DrawArguments, RenderArguments};
+use karat_gallery::{DrawArguments, RenderArguments, Tappable};
 use karat_suite::Suite;
 
 use super::project::Project;
@@ -18,13 +18,14 @@ Examples:
   karat tap scene n_dot_v half             two of them, by the names of their `let`
   karat tap scene shaders/brdf.wgsl:42:13  the largest expression that begins there
   karat tap scene term --round 3           what each pixel computed for the third time
-FRAME is the name of a `[[frame]]` in a `*.test.toml`, or a frame of the gallery that `karat render` draws.
+FRAME is the name of a `[[frame]]` in a `*.test.toml`, a frame of the gallery that `karat render` draws, or the last entry
+point of a `[[compute]]`, of which each invocation has a value.
 The driver computes each value in the frame's own draws. Pixels that don't come to it are transparent, and counted.
 Exit codes: 0 each value was told; 1 one can't be; 2 there is no such frame, or no driver.";
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// The frame
+    /// The frame, or the compute pass
     frame: String,
     /// A `let` or a parameter by its name, an expression that stands once, or a place: FILE:LINE[:COLUMN]
     #[arg(value_name = "VALUE")]
@@ -44,21 +45,42 @@ pub(super) struct Args {
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let project = Project::find()?;
+    if let Some(passes) = passes(args, &project, out)? {
+        return Ok(passes);
+    }
     let Some(suite) = find(&args.frame, &project, &args.package)? else {
         let (values, drawn) = (args.values.clone(), args.drawn.clone());
         let how = (args.round, args.beside);
         let arguments = RenderArguments::tapping(&args.frame, values, how, drawn);
         return render::run(arguments, out);
     };
-    let path = expect_own(&args.drawn)?;
     let frame = suite.frame(&args.frame).expect("it was there");
-    let frame = frame.map_err(|wrong| anyhow!("{}", wrong.message))?;
-    let path = karat_gallery::open(path)?;
+    tell_of(&frame.map_err(|wrong| anyhow!("{}", wrong.message))?, args, &project, out)
+}
+
+/// Of the passes of a `[[compute]]`, if there are some of this name.
+fn passes(args: &Args, project: &Project, out: &mut dyn Write) -> anyhow::Result<Option<Ending>> {
+    // Without a folder of shaders there may be a gallery, and what is wrong is told there.
+    for package in project.packages(&args.package).unwrap_or_default() {
+        let suite = Suite::of(package)?;
+        if let Some(compute) = suite.compute(&args.frame) {
+            let compute = compute.map_err(|wrong| anyhow!("{}", wrong.message))?;
+            ensure!(!args.beside, "passes have no colours: leave `--beside` out");
+            return tell_of(&compute, args, project, out).map(Some);
+        }
+    }
+    Ok(None)
+}
+
+fn tell_of(subject: &dyn Tappable, args: &Args, project: &Project, out: &mut dyn Write) -> Outcome {
+    let path = karat_gallery::open(expect_own(&args.drawn)?)?;
     let folder = args.drawn.out.clone().unwrap_or_else(|| project.output().join("frames"));
     std::fs::create_dir_all(&folder)?;
     let tap = |value: &String| Tap::new(value).round(args.round).beside(args.beside);
     let taps: Vec<Tap> = args.values.iter().map(tap).collect();
-    match karat_gallery::tap(&frame, &args.frame, &folder, path, &taps, out) {
+    // A pass is named by its path.
+    let name = args.frame.replace("::", "-");
+    match karat_gallery::tap(subject, &name, &folder, path, &taps, out) {
         Ok(()) => Ok(Ending::Good),
         Err(error) => {
             refuse(&*error);

@@ -95,6 +95,46 @@ fn values_are_pictures_and_numbers() {
     assert!(beside.contains("the frame's own colours are the same beside it"), "{beside}");
 }
 
+/// A pass has a value for each invocation: a table, or a picture where it has rows.
+#[test]
+fn invocations_are_a_table_or_a_picture() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let shader = "@group(0) @binding(0) var<storage, read_write> data: array<f32>;
+@compute @workgroup_size(4)
+fn root(@builtin(global_invocation_id) id: vec3u) {
+    if (id.x == 3u) { return; }
+    let own = data[id.x] * 2.0;
+    data[id.x] = own;
+}
+@compute @workgroup_size(2, 2)
+fn grid(@builtin(global_invocation_id) id: vec3u) {
+    let place = id.y * 4u + id.x;
+    data[place] = 1.0;
+}
+";
+    let tests = "[[compute]]\nentry = \"root\"\nworkgroups = 1\nwith = { data = [1, 2, 3, 4] }\n\
+                 [compute.after.data]\nequals = [2, 4, 6, 4]\ntolerance = \"1 ulp\"\n\
+                 [[compute]]\nentry = \"grid\"\nworkgroups = [2, 1, 1]\nwith = { data = [0, 0, 0, 0, 0, 0, 0, 0] }\n\
+                 [compute.after.data]\nfinite = true\n";
+    write(&folder.path().join("shaders"), "m.wgsl", shader);
+    write(&folder.path().join("shaders"), "m.test.toml", tests);
+    karat(folder.path(), &["test", "shaders", "--paths", "cpu"]).good();
+    let out = format!("--out={}", folder.path().join("out").display());
+    for path in ["--path=cpu", "--path=vulkan"] {
+        let root = karat(folder.path(), &["tap", "root", "own", &out, path]).good();
+        assert!(root.contains("2 at (0, 0) to 6 at (2, 0), mean 4"), "{root}");
+        assert!(root.contains("3 of 4 invocations have it"), "{root}");
+        let table = std::fs::read_to_string(folder.path().join("out/root.m-root-own.csv"));
+        assert_eq!(table.expect("a table"), "invocation,times,value\n0,1,2\n1,1,4\n2,1,6\n3,0,\n");
+        let grid = karat(folder.path(), &["tap", "m::grid", "place", &out, path]).good();
+        assert!(grid.contains("m-grid.m-grid-place.png: black is 0, light yellow 7"), "{grid}");
+    }
+    let listed = karat(folder.path(), &["tap", "grid", "--path=cpu"]).good();
+    assert!(listed.contains("m::grid::place: u32 = id.y * 4u + id.x"), "{listed}");
+    let beside = karat(folder.path(), &["tap", "grid", "place", "--beside"]).error();
+    assert!(beside.contains("passes have no colours"), "{beside}");
+}
+
 /// A declared frame that differs names the command that goes on.
 #[test]
 fn a_frame_that_differs_says_how_to_go_on() {
@@ -102,9 +142,10 @@ fn a_frame_that_differs_says_how_to_go_on() {
     let mended = SHADER.replace("sqrt(uv.y - 0.5)", "uv.y");
     write(&folder.path().join("shaders"), "m.wgsl", &mended);
     let test = || karat(folder.path(), &["test", "shaders", "--paths", "vulkan"]);
-    assert!(test().err.contains("has no golden"), "it is the first frame");
+    assert!(test().out.contains("has no golden"), "it is the first frame");
     let golden = folder.path().join("shaders/golden").display().to_string();
-    karat(folder.path(), &["accept", "disc", "--goldens", &golden, "--because", "it is the first"]).good();
+    karat(folder.path(), &["accept", "disc", "--goldens", &golden, "--because", "it is the first"])
+        .good();
     write(&folder.path().join("shaders"), "m.wgsl", &mended.replace("near * near", "near * x"));
     let ran = test();
     let message = format!("{}{}", ran.out, ran.err);
@@ -115,7 +156,11 @@ fn a_frame_that_differs_says_how_to_go_on() {
     // NaN has a hint, too.
     write(&folder.path().join("shaders"), "m.wgsl", SHADER);
     let ran = test();
-    assert!(format!("{}{}", ran.out, ran.err).contains("`karat trace disc 0,0` shows how the first of them"), "{ran:?}");
+    assert!(
+        format!("{}{}", ran.out, ran.err)
+            .contains("`karat trace disc 0,0` shows how the first of them"),
+        "{ran:?}"
+    );
 }
 
 #[test]
