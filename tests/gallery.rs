@@ -5,6 +5,8 @@ use std::process::Command;
 
 use karat::Image;
 use karat::image::Precision;
+use karat::unstable::frame::Tap;
+use karat::unstable::trace::Value;
 
 /// Runs the gallery as `karat render` does.
 fn gallery(folder: &Path, arguments: &[&str]) -> std::process::Output {
@@ -64,4 +66,68 @@ fn images_that_are_no_environment_are_refused() {
         let text = String::from_utf8_lossy(&output.stderr).into_owned();
         assert!(!output.status.success() && text.contains(complaint), "{text}");
     }
+}
+
+/// What drivers tell of the scene's values is what WGSL allows for the inputs that they interpolated, and nearly always what
+/// the engine computes.
+#[test]
+fn values_of_the_scene_are_the_engine_s() {
+    const NAMES: [&str; 10] = [
+        "scene::surface::texel",
+        "scene::surface::normal",
+        "scene::surface::v",
+        "scene::surface::n",
+        "scene::facing_normal::missing",
+        "specular::estimate::n_dot_v",
+        "irradiance::estimate::frame",
+        "materials::material_from_texels::dielectric",
+        "sampling::orthonormal_basis::a",
+        "sampling::orthonormal_basis::b",
+    ];
+    const SIZE: (u32, u32) = (64, 48);
+    let (mut compared, mut equal) = (0, 0);
+    for path in frames::open_paths() {
+        let shot = frames::Shot::golden(path).sized(SIZE.0, SIZE.1);
+        let shot = frames::Shot { samples: Some(4), ..shot };
+        let frame = frames::frame("scene", &shot).expect("it is a frame");
+        let tapped: Vec<_> = NAMES
+            .iter()
+            .map(|name| {
+                frame.tap(path, &Tap::new(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
+            })
+            .collect();
+        let shown = tapped[1].told.iter().enumerate().filter(|(_, told)| **told);
+        let pixels: Vec<u32> =
+            shown.map(|(at, _)| u32::try_from(at).expect("few")).step_by(120).collect();
+        assert!(pixels.len() >= 4, "{} pixels", pixels.len());
+        for pixel in pixels {
+            let at = (pixel % SIZE.0, pixel / SIZE.0);
+            let traced = frame.trace(path, at).unwrap_or_else(|error| panic!("{at:?}: {error}"));
+            for one in &tapped {
+                let width = one.shape.lanes().len();
+                let lanes = &one.lanes[pixel as usize * width..][..width];
+                let own = traced.steps.iter().rfind(|step| {
+                    step.span.range == one.span.range && step.span.file.name == one.span.file.name
+                });
+                // Constructors and calls have no step.
+                let Some(step) = own.filter(|_| one.told[pixel as usize]) else { continue };
+                for ((lane, single), allowed) in lanes.iter().zip(&step.single).zip(&step.allowed) {
+                    let Value::Single(single) = single else { continue };
+                    let driver = f32::from_bits(*lane);
+                    compared += 1;
+                    equal += usize::from(driver.to_bits() == single.to_bits());
+                    if let Some((Value::Single(lo), Value::Single(hi))) = allowed {
+                        let text = &one.text;
+                        assert!(
+                            (*lo..=*hi).contains(&driver),
+                            "{text} at {at:?} on {path}: {driver}, {lo} to {hi}"
+                        );
+                    }
+                }
+            }
+        }
+    }
+    println!("{equal} of {compared} numbers have the engine's bits");
+    assert!(compared >= 60, "only {compared} were compared");
+    assert!(equal * 2 > compared, "{equal} of {compared} are equal");
 }
