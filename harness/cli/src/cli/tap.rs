@@ -27,7 +27,7 @@ Exit codes: 0 each value was told; 1 one can't be; 2 there is no such frame, or 
 pub(super) struct Args {
     /// The frame, or the compute pass
     frame: String,
-    /// A `let` or a parameter by its name, an expression that stands once, or a place: FILE:LINE[:COLUMN]
+    /// A `let` or a parameter by its name, an expression that stands once, or a place: FILE:LINE, FILE:LINE:COLUMN
     #[arg(value_name = "VALUE")]
     values: Vec<String>,
     /// What a pixel computed for this time, from 1 [default: the last]
