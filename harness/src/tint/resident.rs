@@ -12,8 +12,8 @@ use super::{JUDGE, LONGEST, NoVerdict, Question};
 use crate::lines::{Answers, Broken, Lines};
 use crate::settings;
 
-/// How long it may take to start: a Chromium on a busy machine takes some seconds.
-const START: Duration = Duration::from_secs(15);
+/// How long it may take to start: a Chromium on a busy machine takes some seconds, and one that a cold disk has took 18.
+const START: Duration = Duration::from_secs(45);
 /// How long it may take for one text, unless KARAT_TIMEOUT is less. It takes a millisecond.
 const PATIENCE: Duration = Duration::from_secs(10);
 /// How often it is started in a run, when texts end it.
