@@ -68,8 +68,8 @@ fn images_that_are_no_environment_are_refused() {
     }
 }
 
-/// What drivers tell of the scene's values is what WGSL allows for the inputs that they interpolated, and nearly always what
-/// the engine computes.
+/// Values of the scene on drivers lie within the range that WGSL allows for the inputs that they interpolated. Most have the
+/// engine's bits: products and sums are exact on both, and `normalize` and `dot` aren't.
 #[test]
 fn values_of_the_scene_are_the_engine_s() {
     const NAMES: [&str; 10] = [

@@ -8,6 +8,7 @@ use crate::command;
 pub(crate) fn run(names: &[String]) -> Result<()> {
     let mut mutate = command::karat(&["mutate", "--tests", "library::"])?;
     mutate.args(names.iter().flat_map(|name| ["--only", name]));
+    // Mutants that frames alone see live on the engine: the report says which, and the exit code acceptances that don't hold.
     mutate.args(["--fail-under", "0", "--stryker", "target/karat/mutation.json"]);
     command::run(&mut mutate)
 }

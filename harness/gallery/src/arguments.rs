@@ -36,13 +36,13 @@ pub struct RenderArguments {
     #[arg(long, hide = true, value_name = "VALUE", num_args = 0..=1)]
     pub(super) tap: Option<Vec<String>>,
     /// The time that a pixel computes them
-    #[arg(long, hide = true, value_name = "N")]
+    #[arg(long, hide = true, value_name = "N", requires = "tap")]
     pub(super) round: Option<u32>,
-    /// Whether the frame's colours are drawn beside them
-    #[arg(long, hide = true)]
+    /// Draw the frame's colours beside them
+    #[arg(long, hide = true, requires = "tap")]
     pub(super) beside: bool,
     /// A pixel whose steps are printed as JSON: see `karat trace`
-    #[arg(long, hide = true, value_name = "X,Y", value_parser = pixel)]
+    #[arg(long, hide = true, value_name = "X,Y", value_parser = pixel, conflicts_with = "tap")]
     pub(super) trace: Option<(u32, u32)>,
 }
 
@@ -289,6 +289,7 @@ mod tests {
             (&["--exposure", "bright"], "`bright` isn't a finite number of stops"),
             (&["--environment", "no/sky.exr"], "there is no such file"),
             (&["--environment", "."], "it isn't a file"),
+            (&["scene", "--round", "2"], "required arguments were not provided"),
             (&["--trace", "3"], "`3` is no pixel: write its column and its row, as 120,64"),
             (&["--path", "vulcan"], "did you mean `vulkan`?"),
             (&["--first", "scene"], "cannot be used with"),

@@ -20,8 +20,9 @@ use clap::Parser;
 
 pub use arguments::{DrawArguments, ExposureArguments, RenderArguments, pixel};
 pub use steps::{Row, rows};
-pub use taps::{TapWriteError, write_tapped};
 pub use traced::Traced;
+
+use taps::write_tapped;
 
 use karat::Frame;
 use karat::Image;
@@ -362,7 +363,7 @@ fn tapped<'e>(
     Ok(failed)
 }
 
-/// What values are told of: a frame, or passes.
+/// An owner of values: a frame, or passes.
 pub trait Tappable {
     /// Those that have names, a line each.
     ///
@@ -427,7 +428,7 @@ pub fn tap(
 }
 
 impl Entry {
-    /// What is made of the frame.
+    /// Describes the frame, and makes something of it.
     fn described<T>(
         &self,
         options: &RenderOptions,

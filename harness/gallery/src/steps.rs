@@ -23,7 +23,7 @@ pub struct Row {
     pub single: String,
     /// Its values in `f64`.
     pub double: String,
-    /// What WGSL allows of them.
+    /// The range that WGSL allows.
     pub allowed: String,
     /// True if an `f32` isn't finite.
     pub is_strange: bool,

@@ -1,11 +1,12 @@
 //! Values of frames as pictures: EXR with the numbers, PNG to look at, and a summary in words.
 
+use std::error::Error;
 use std::fmt::Write as _;
-use std::io::{self, Write};
+use std::io::Write;
 use std::path::{Path as FilePath, PathBuf};
 
 use karat::Image;
-use karat::image::{ImageError, Precision};
+use karat::image::Precision;
 use karat::unstable::diagnostic::shown;
 use karat::unstable::frame::Tapped;
 use karat::unstable::image::{write_colours, write_whole};
@@ -39,12 +40,12 @@ enum Mapping {
 ///
 /// # Errors
 /// If a file can't be written.
-pub fn write_tapped(
+pub(crate) fn write_tapped(
     folder: &FilePath,
     frame: &str,
     tapped: &Tapped,
     out: &mut dyn Write,
-) -> Result<(), TapWriteError> {
+) -> Result<(), Box<dyn Error>> {
     let head = Style::HEAD;
     let scalars = tapped.shape.lanes();
     let text = tapped.text.split_whitespace().collect::<Vec<_>>().join(" ");
@@ -104,18 +105,6 @@ fn part_of(shape: &Shape) -> Option<String> {
     }
 }
 
-/// Why the images of a value can't be written.
-#[derive(Debug, thiserror::Error)]
-#[non_exhaustive]
-pub enum TapWriteError {
-    /// An image.
-    #[error(transparent)]
-    Image(#[from] ImageError),
-    /// What is said of them.
-    #[error(transparent)]
-    Output(#[from] io::Error),
-}
-
 fn with_ending(stem: &FilePath, ending: &str) -> PathBuf {
     let mut name = stem.as_os_str().to_owned();
     name.push(".");
@@ -171,7 +160,7 @@ fn table(tapped: &Tapped, width: usize) -> String {
     text
 }
 
-/// The values of a lane with their pixels, where it is told.
+/// The values of a lane with their pixels.
 fn lane_of(tapped: &Tapped, width: usize, lane: usize) -> impl Iterator<Item = (usize, u32)> {
     let rows = tapped.lanes.chunks_exact(width).zip(&tapped.told).enumerate();
     rows.filter(|(_, (_, told))| **told).map(move |(pixel, (lanes, _))| (pixel, lanes[lane]))
@@ -221,7 +210,7 @@ fn summary(tapped: &Tapped, scalars: &[Scalar], lane: usize, name: &str) -> Stri
     text
 }
 
-/// What pixels without a value are, and what the tap changed.
+/// Notes on pixels without a value, and on colours that changed.
 fn notes(tapped: &Tapped) -> Vec<String> {
     let all = tapped.told.len();
     let undrawn = tapped.times.iter().filter(|times| times.is_none()).count();

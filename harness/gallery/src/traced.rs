@@ -15,11 +15,11 @@ pub struct Traced {
     pub arguments: Vec<(String, String)>,
     /// Its operations.
     pub steps: Vec<Row>,
-    /// What it returns in the engine.
+    /// Its result in the engine.
     pub engine: String,
     /// The pixel as the driver drew it.
     pub driver: String,
-    /// What to know of the values.
+    /// Notes on the values.
     pub notes: Vec<String>,
 }
 

@@ -7,7 +7,7 @@ use serde_json::{Value, json};
 
 use super::{Entry, Map, golden_name, packed};
 
-/// What tells how pixels of frames come about: the program that serves the page.
+/// A source of values and steps of pixels: the program that serves the page.
 pub trait Pixels: Debug + Send + Sync {
     /// The values that a frame has, a line each: `scene::shade::n: vec3<f32> = normalize(v)`.
     ///

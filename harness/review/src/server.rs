@@ -212,7 +212,7 @@ impl Desk {
         Answer(200, "text/javascript; charset=utf-8", script)
     }
 
-    /// What is asked of an entry's pixels: its number, and the question.
+    /// Answers a question about an entry's pixels: its number, and the question.
     fn told(&self, asked: &str) -> Answer {
         let (number, question) = asked.split_once('/').unwrap_or((asked, ""));
         let entry = {

@@ -10,6 +10,9 @@ use crate::frame::tap::{Read, Tap, TapError, Tapped, candidates, find_or_part, t
 use crate::path::Path;
 use crate::reflect::TOLD;
 
+/// Bytes of a storage buffer that every device of WebGPU binds (`maxStorageBufferBindingSize`).
+const MOST_BYTES: usize = 128 << 20;
+
 impl Compute<'_> {
     /// The values of the last pass that have names, a line each.
     ///
@@ -55,6 +58,15 @@ impl Compute<'_> {
         let width = found.0.shape()?.lanes().len() + 1;
         let size = pass.workgroup_size();
         let counts: [u32; 3] = std::array::from_fn(|k| size[k].saturating_mul(pass.workgroups[k]));
+        let invocations = counts.iter().map(|count| *count as usize).product::<usize>();
+        let bytes = invocations.saturating_mul(4 * width);
+        if bytes > MOST_BYTES {
+            let (place, text) = (found.0.place(), found.0.text.clone());
+            let why = format!(
+                "one of {invocations} invocations, and more than a buffer holds ({MOST_BYTES} bytes)"
+            );
+            return Err(TapError::Untold { place, text, why });
+        }
         let telling = program.telling_pass(&entry_point, (&found.0.value, tap.round), counts);
         pass.program = Arc::new(telling.map_err(crate::dispatch::DispatchError::from)?);
         let (bindings, _) =
@@ -62,8 +74,7 @@ impl Compute<'_> {
         let told = bindings.into_iter().find(|binding| binding.path == TOLD);
         let number = passes.resources.len();
         pass.bindings.push((told.expect("its invocations write it"), number));
-        let invocations = counts.iter().map(|count| *count as usize).product::<usize>();
-        let fixture = Buffer::zeros(4 * width * invocations).into();
+        let fixture = Buffer::zeros(bytes).into();
         passes.resources.push(Held { name: TOLD.to_owned(), fixture });
         let executor = executor::of(path).map_err(crate::dispatch::DispatchError::from)?;
         let left = executor::dispatch(executor, &passes)?;

@@ -48,7 +48,7 @@ pub(super) struct Painter<'a> {
     pub(super) formats: Vec<wgpu::TextureFormat>,
     pub(super) depth_format: wgpu::TextureFormat,
     pub(super) resources: &'a BTreeMap<&'a str, Resource>,
-    /// What is read back.
+    /// The targets that are read back.
     pub(super) sources: Vec<Source>,
 }
 

@@ -21,13 +21,13 @@ impl Drawing<'_> {
         names.map(|name| self.program.entry_point_name(name)).collect()
     }
 
-    /// Whether its own colours can be drawn beside a value. Words have no mean over several samples, and devices may have no
+    /// True if its own colours can be drawn beside a value. Words have no mean over several samples, and devices may have no
     /// room for a target beside several others.
     pub(crate) fn may_keep_colours(&self) -> bool {
         self.scene.samples == 1 && self.scene.formats.len() == 1
     }
 
-    /// Whether a pixel may be made of several draws.
+    /// True if a pixel may be made of several draws.
     pub(crate) fn blends(&self) -> bool {
         let targets = 0..self.scene.formats.len();
         let blends = |target: usize| {

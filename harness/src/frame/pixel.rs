@@ -6,6 +6,7 @@ use crate::draw::{DrawError, Drawing, Format, Source};
 use crate::executor;
 use crate::fixture::{self, Fixtures};
 use crate::interpret::trace::{BRIEFLY, Step, trace_briefly};
+use crate::metric::DEFAULT_RELATIVE;
 use crate::path::{self, Device, Path};
 use crate::probe::Probed;
 use crate::value::{Scalar, Shape};
@@ -20,11 +21,11 @@ pub struct TracedPixel {
     pub arguments: Vec<(String, String)>,
     /// Each operation, in the engine.
     pub steps: Vec<Step>,
-    /// What the function returns in the engine.
+    /// The result of the function in the engine.
     pub engine: String,
     /// The pixel as the driver drew it.
     pub driver: [f32; 4],
-    /// What to know of the values.
+    /// Notes on the values.
     pub notes: Vec<String>,
 }
 
@@ -134,15 +135,13 @@ impl Frame<'_> {
     }
 }
 
-/// What to know of the colour that the driver drew and of what the function returns in the engine.
+/// A note where the driver's colour isn't the engine's.
 fn compared(
     drawing: &Drawing<'_>,
     probed: &Probed,
     result: &[u32],
     driver: [f32; 4],
 ) -> Option<String> {
-    /// How far a driver's colour may be from the engine's before a reader is told: the gate of frames.
-    const FAR: f32 = 1e-3;
     let scene = drawing.scene();
     if drawing.blends() {
         return Some(
@@ -157,7 +156,7 @@ fn compared(
     let far = |(engine, driver): (&u32, &f32)| {
         let engine = f32::from_bits(*engine);
         let same = engine.to_bits() == driver.to_bits() || (engine.is_nan() && driver.is_nan());
-        !(same || (engine - driver).abs() <= FAR * engine.abs().max(1.0))
+        !(same || (engine - driver).abs() <= DEFAULT_RELATIVE * engine.abs().max(1.0))
     };
     let parts = result.iter().zip(&driver).any(far);
     parts.then(|| {

@@ -61,7 +61,7 @@ pub struct Tapped {
     pub shape: Shape,
     /// Width and height of the frame; of a pass its invocations, those of all layers below each other.
     pub size: (u32, u32),
-    /// What has the value: a pixel, or an invocation.
+    /// The word for an owner of the value: a pixel, or an invocation.
     pub of: &'static str,
     /// How often each pixel computed it, row by row; `None`: no draw covers the pixel.
     pub times: Vec<Option<u32>>,
@@ -73,7 +73,7 @@ pub struct Tapped {
     pub round: Option<u32>,
     /// True of pixels that have the value.
     pub told: Vec<bool>,
-    /// Pixels whose colour is another one while the value is told beside it, since a driver compiles another program then.
+    /// Pixels whose colour is another one with the value beside it, since a driver compiles another program then.
     /// `None`: the value was drawn alone.
     pub changed: Option<usize>,
 }
@@ -88,15 +88,15 @@ pub enum TapError {
     /// No fragment function of the frame has it.
     #[error("the frame has no value `{wanted}`{more}")]
     Unknown {
-        /// What was asked for.
+        /// The value as it was asked for.
         wanted: String,
-        /// What is near it.
+        /// The nearest there is.
         more: String,
     },
     /// It stands in several places.
     #[error("`{wanted}` is {} values: say which\n  {}", places.len(), places.join("\n  "))]
     Several {
-        /// What was asked for.
+        /// The value as it was asked for.
         wanted: String,
         /// Each place, with its function and its text.
         places: Vec<String>,
@@ -108,7 +108,7 @@ pub enum TapError {
         place: String,
         /// Its text.
         text: String,
-        /// What it is.
+        /// Its kind.
         why: String,
     },
     /// The passes can't be dispatched.
@@ -169,7 +169,7 @@ impl Candidate {
         self.span.file.line_column(self.span.range.start)
     }
 
-    pub(super) fn place(&self) -> String {
+    pub(crate) fn place(&self) -> String {
         let (line, column) = self.line_column();
         format!("{}:{line}:{column}", self.span.file.name)
     }
@@ -211,7 +211,7 @@ impl Candidate {
         (self.value.shape.is_ok() && self.path(program).is_some()).then(|| self.told(program))
     }
 
-    /// Whether it is a `let` or a parameter of this name, or of the end of this path.
+    /// True of a `let` or a parameter of this name, or of the end of this path.
     fn is_named(&self, name: &str, program: &Program) -> bool {
         let path = self.path(program);
         path.is_some_and(|path| {
@@ -288,17 +288,17 @@ fn place_of(wanted: &str) -> Option<(&str, usize, Option<usize>)> {
     }
 }
 
-fn find(program: &Program, entry_points: &[&str], wanted: &str) -> Result<Candidate, TapError> {
-    let mut all = candidates(program, entry_points);
+/// The value that is wanted, by its index.
+fn find(program: &Program, all: &[Candidate], wanted: &str) -> Result<usize, TapError> {
     let (mut found, mut more) = match place_of(wanted) {
-        Some(place) => at_place(&all, place, program),
+        Some(place) => at_place(all, place, program),
         None => {
             let without_blanks = |text: &str| text.split_whitespace().collect::<String>();
             let text = without_blanks(wanted);
-            let named = of(&all, &|one| one.is_named(wanted, program));
+            let named = of(all, &|one| one.is_named(wanted, program));
             let is_text =
                 |one: &Candidate| one.value.range.is_some() && without_blanks(&one.text) == text;
-            (if named.is_empty() { of(&all, &is_text) } else { named }, String::new())
+            (if named.is_empty() { of(all, &is_text) } else { named }, String::new())
         }
     };
     // A function that two modules' copies share has one place.
@@ -308,7 +308,7 @@ fn find(program: &Program, entry_points: &[&str], wanted: &str) -> Result<Candid
         places.insert((all[*index].place(), value.function.clone(), value.name.clone()))
     });
     match *found {
-        [one] => Ok(all.swap_remove(one)),
+        [one] => Ok(one),
         [] => {
             let names: Vec<&str> = all.iter().filter_map(|one| one.value.name.as_deref()).collect();
             let is_variable =
@@ -342,31 +342,27 @@ pub(crate) fn find_or_part(
     entry_points: &[&str],
     wanted: &str,
 ) -> Result<(Candidate, bool, Option<Wanted>), TapError> {
-    let is_twin = |found: &Candidate| {
-        let same = |one: &&Candidate| {
-            one.value.function == found.value.function && one.value.name == found.value.name
-        };
-        found.value.name.is_some()
-            && candidates(program, entry_points).iter().filter(same).count() > 1
-    };
-    let error = match find(program, entry_points, wanted) {
-        Ok(found) => {
-            let twin = is_twin(&found);
-            return Ok((found, twin, None));
+    let mut all = candidates(program, entry_points);
+    let (found, part) = match find(program, &all, wanted) {
+        Ok(found) => (found, None),
+        Err(error) => {
+            let at = wanted.find(['.', '[']).filter(|_| place_of(wanted).is_none());
+            let (name, suffix) = wanted.split_at(at.unwrap_or(wanted.len()));
+            let path = suffix.strip_prefix('.').unwrap_or(suffix);
+            let part = find(program, &all, name).ok().and_then(|found| {
+                let (part, shape) = Part::of(0, all[found].value.shape.as_ref().ok()?, path)?;
+                Some((found, Some(Wanted { suffix: suffix.to_owned(), part, shape })))
+            });
+            match (error, part) {
+                (TapError::Unknown { .. }, Some(part)) if !suffix.is_empty() => part,
+                (error, _) => return Err(error),
+            }
         }
-        Err(error) => error,
     };
-    let at = wanted.find(['.', '[']).filter(|_| place_of(wanted).is_none());
-    let (name, suffix) = wanted.split_at(at.unwrap_or(wanted.len()));
-    if suffix.is_empty() || !matches!(error, TapError::Unknown { .. }) {
-        return Err(error);
-    }
-    let Ok(found) = find(program, entry_points, name) else { return Err(error) };
-    let path = suffix.strip_prefix('.').unwrap_or(suffix);
-    let part = found.value.shape.as_ref().ok().and_then(|shape| Part::of(0, shape, path));
-    let Some((part, shape)) = part else { return Err(error) };
-    let twin = is_twin(&found);
-    Ok((found, twin, Some(Wanted { suffix: suffix.to_owned(), part, shape })))
+    let Valued { function, name, .. } = &all[found].value;
+    let same = |one: &&Candidate| one.value.function == *function && one.value.name == *name;
+    let has_twin = name.is_some() && all.iter().filter(same).count() > 1;
+    Ok((all.swap_remove(found), has_twin, part))
 }
 
 /// Those of which something holds, by their indices.
@@ -476,7 +472,7 @@ impl Frame<'_> {
     }
 }
 
-/// What was read of a value.
+/// A value as it was read, with its place and its name.
 pub(crate) fn tapped(
     program: &Program,
     (found, has_twin, part): (Candidate, bool, Option<Wanted>),
@@ -523,7 +519,7 @@ pub(crate) fn tapped(
     })
 }
 
-/// What a device has told.
+/// The words that came from a device, by pixels or invocations.
 pub(crate) struct Read {
     pub(crate) times: Vec<Option<u32>>,
     pub(crate) lanes: Vec<u32>,

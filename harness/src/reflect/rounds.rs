@@ -265,7 +265,11 @@ fn loops_of(body: &Block) -> Vec<(naga::Span, bool)> {
 }
 
 /// Visits all statements of a block in order, with their places and whether a loop is around.
-fn walk(block: &Block, in_loop: bool, visit: &mut dyn FnMut(&Statement, naga::Span, bool)) {
+pub(super) fn walk(
+    block: &Block,
+    in_loop: bool,
+    visit: &mut dyn FnMut(&Statement, naga::Span, bool),
+) {
     for (statement, span) in block.span_iter() {
         visit(statement, *span, in_loop);
         for (inner, looped) in blocks(statement) {

@@ -509,13 +509,13 @@ impl Program {
         matches!(found, Some((_, naga::Expression::Unary { op, .. })) if *op == negate)
     }
 
-    /// Whether a function has a `var` of this name.
+    /// True if a function has a `var` of this name.
     pub(crate) fn declares_var(&self, function: &str, name: &str) -> bool {
         let variables = self.body(function).map(|(function, _)| &function.local_variables);
         variables.is_some_and(|all| all.iter().any(|(_, one)| one.name.as_deref() == Some(name)))
     }
 
-    /// Whether an expression of a function, by its index, is a derivative.
+    /// True if an expression of a function, by its index, is a derivative.
     pub(crate) fn is_derivative(&self, function: &str, expression: usize) -> bool {
         let found = self.body(function).and_then(|(f, _)| f.expressions.iter().nth(expression));
         matches!(found, Some((_, naga::Expression::Derivative { .. })))

@@ -15,6 +15,7 @@ use naga::{
 
 use naga::proc::{Layouter, TypeResolution};
 
+use super::rounds::walk;
 use super::{NAMED, Program, ReflectError};
 use crate::value::Shape;
 
@@ -36,7 +37,7 @@ pub(crate) struct Valued {
     pub(crate) shape: Result<Shape, String>,
 }
 
-/// What a tapped program tells.
+/// The words of a tapped program, and where they go.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Telling<'t> {
     /// `None`: which of the fragment functions it is, from 1.
@@ -47,7 +48,7 @@ pub(crate) struct Telling<'t> {
     pub(crate) first: usize,
     /// The location of the words.
     pub(crate) location: u32,
-    /// Whether other locations are left out.
+    /// True if other locations are left out.
     pub(crate) alone: bool,
 }
 
@@ -64,19 +65,11 @@ impl Program {
             }
         }
         while let Some(function) = open.pop() {
-            for (_, expression) in function.expressions.iter() {
-                if let Expression::CallResult(callee) = expression
+            walk(&function.body, false, &mut |statement, _, _| {
+                if let Statement::Call { function: callee, .. } = statement
                     && seen.insert(*callee)
                 {
                     let callee = &module.functions[*callee];
-                    self.values(callee.name.as_deref().expect(NAMED), callee, &mut all);
-                    open.push(callee);
-                }
-            }
-            // A function that returns nothing has no result in an expression.
-            called(&function.body, &mut |callee| {
-                if seen.insert(callee) {
-                    let callee = &module.functions[callee];
                     self.values(callee.name.as_deref().expect(NAMED), callee, &mut all);
                     open.push(callee);
                 }
@@ -87,7 +80,7 @@ impl Program {
 
     fn values(&self, name: &str, function: &Function, all: &mut Vec<Valued>) {
         let (_, info) = self.body(name).expect("it is a function of this program");
-        let told = told(&function.body);
+        let computed = computed(&function.body);
         for (handle, expression) in function.expressions.iter() {
             // naga makes a vector of a number that stands beside one, and gives it the number's place.
             let span = |handle| function.expressions.get_span(handle);
@@ -103,7 +96,7 @@ impl Program {
                 _ => None,
             };
             let shape = match expression {
-                _ if argument.is_some() || told.contains(&handle) => match &info[handle].ty {
+                _ if argument.is_some() || computed.contains(&handle) => match &info[handle].ty {
                     TypeResolution::Handle(ty) => self.shape(*ty),
                     TypeResolution::Value(inner) => {
                         self.shape_of(&Type { name: None, inner: inner.clone() })
@@ -142,8 +135,8 @@ impl Program {
         let mut module = self.checked.module.clone();
         let (mut kept, mut ways) = (None, Vec::new());
         if let Some(value) = telling.value {
-            let (kept, ways) = (&mut kept, &mut ways);
-            (*kept, *ways) = self.keeping(&mut module, value, telling.round);
+            let (own, lanes) = self.keeping(&mut module, value, telling.round);
+            (kept, ways) = (Some(own), lanes);
         }
         for index in 0..module.entry_points.len() {
             let entry = &module.entry_points[index];
@@ -211,8 +204,7 @@ impl Program {
             if !matches!(statement, Statement::Return { .. }) {
                 return Rewritten::AsIs;
             }
-            let mut block =
-                leave(function, (kept.expect("it keeps a value"), told), (at, counts), &ways);
+            let mut block = leave(function, (kept, told), (at, counts), &ways);
             block.push(Statement::Return { value: None }, NOWHERE);
             Rewritten::Instead(block)
         });
@@ -227,7 +219,7 @@ impl Program {
         module: &mut Module,
         value: &Valued,
         round: Option<u32>,
-    ) -> (Option<Kept>, Vec<(Vec<u32>, Scalar)>) {
+    ) -> (Kept, Vec<(Vec<u32>, Scalar)>) {
         let (function, info) = self.body(&value.function).expect("it is a function of the program");
         let mut all = function.expressions.iter().map(|(handle, _)| handle);
         let handle = all.nth(value.expression).expect("it is an expression of its function");
@@ -263,54 +255,20 @@ impl Program {
             }
         };
         kept.keep(function, handle, round);
-        (Some(kept), ways)
+        (kept, ways)
     }
 }
 
 const NOWHERE: Span = Span::UNDEFINED;
 
 /// The expressions that statements of a body compute.
-fn told(body: &Block) -> BTreeSet<Handle<Expression>> {
+fn computed(body: &Block) -> BTreeSet<Handle<Expression>> {
     let mut all = BTreeSet::new();
-    each_block(body, &mut |block| {
-        for statement in block.iter() {
-            match statement {
-                Statement::Emit(range) => all.extend(range.clone()),
-                other => all.extend(result_of(other)),
-            }
-        }
+    walk(body, false, &mut |statement, _, _| match statement {
+        Statement::Emit(range) => all.extend(range.clone()),
+        other => all.extend(result_of(other)),
     });
     all
-}
-
-/// The functions that a body calls.
-fn called(body: &Block, visit: &mut dyn FnMut(Handle<Function>)) {
-    each_block(body, &mut |block| {
-        for statement in block.iter() {
-            if let Statement::Call { function, .. } = statement {
-                visit(*function);
-            }
-        }
-    });
-}
-
-fn each_block(block: &Block, visit: &mut dyn FnMut(&Block)) {
-    visit(block);
-    for statement in block.iter() {
-        for inner in blocks_of(statement) {
-            each_block(inner, visit);
-        }
-    }
-}
-
-fn blocks_of(statement: &Statement) -> Vec<&Block> {
-    match statement {
-        Statement::Block(inner) => vec![inner],
-        Statement::If { accept, reject, .. } => vec![accept, reject],
-        Statement::Switch { cases, .. } => cases.iter().map(|case| &case.body).collect(),
-        Statement::Loop { body, continuing, .. } => vec![body, continuing],
-        _ => Vec::new(),
-    }
 }
 
 /// The expression that a statement computes, beside an `Emit`.
@@ -355,7 +313,7 @@ fn lanes(module: &Module, ty: Handle<Type>, way: Vec<u32>) -> Vec<(Vec<u32>, Sca
     all
 }
 
-/// The variables that keep a value until it is told.
+/// The variables that keep a value until the entry point returns.
 #[derive(Clone, Copy)]
 struct Kept {
     value: Handle<GlobalVariable>,
@@ -415,7 +373,7 @@ impl Kept {
 /// The buffer of words that a pass leaves.
 pub(crate) const TOLD: &str = "karat_told_words";
 
-/// Whether a structure among a function's arguments has a builtin value.
+/// True if a structure among a function's arguments has a builtin value.
 fn holds(types: &naga::UniqueArena<Type>, function: &Function, id: &Option<Binding>) -> bool {
     function.arguments.iter().any(|argument| match &types[argument.ty].inner {
         TypeInner::Struct { members, .. } => members.iter().any(|member| member.binding == *id),
@@ -456,13 +414,13 @@ fn leave(
     (id, counts): (u32, [u32; 3]),
     ways: &[(Vec<u32>, Scalar)],
 ) -> Block {
-    let width = u32::try_from(ways.len() + 1).unwrap_or(u32::MAX);
+    let word = |at: usize| u32::try_from(at).expect("a value has far fewer words than 2^32");
+    let width = word(ways.len() + 1);
     let mut before = |expression| function.expressions.append(expression, NOWHERE);
     let mut number = |value| before(Expression::Literal(Literal::U32(value)));
     let [columns, rows] = [counts[0], counts[1]].map(&mut number);
     let (width, one) = (number(width), number(1));
-    let offsets: Vec<_> =
-        (0..=ways.len()).map(|at| number(u32::try_from(at).unwrap_or(u32::MAX))).collect();
+    let offsets: Vec<_> = (0..=ways.len()).map(|at| number(word(at))).collect();
     let id = before(Expression::FunctionArgument(id));
     let base = before(Expression::GlobalVariable(told));
     let [value, rounds] =
@@ -507,7 +465,7 @@ fn leave(
     block
 }
 
-/// What an entry point returns with words: its type, that of the words, and which of the members that it returned before
+/// The result of an entry point with words: its type, that of the words, and which of the members that it returned before
 /// stay, by their indices; `None` stands for a result that was no structure.
 fn returning(
     module: &mut Module,
@@ -574,7 +532,7 @@ fn tell(
     rewrite(&mut body, &mut |statement| {
         let Statement::Return { value: returned } = statement else { return Rewritten::AsIs };
         let mut first = None;
-        // What needs no statement stands before what does.
+        // Expressions that need no statement stand before those that do.
         let mut before = |expression| function.expressions.append(expression, NOWHERE);
         let zero = before(Expression::Literal(Literal::U32(0)));
         let one = before(Expression::Literal(Literal::U32(1)));
@@ -624,7 +582,7 @@ fn tell(
     function.body = body;
 }
 
-/// What a statement becomes.
+/// A statement after it was looked at.
 enum Rewritten {
     AsIs,
     /// It stays, and these follow.

@@ -107,7 +107,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
 struct Told;
 
 impl Told {
-    /// What a command prints of a frame.
+    /// The output of a command about a frame.
     fn ask(
         command: &str,
         before: &[String],

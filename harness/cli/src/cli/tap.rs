@@ -30,7 +30,7 @@ pub(super) struct Args {
     /// A `let` or a parameter by its name, an expression that stands once, or a place: FILE:LINE, FILE:LINE:COLUMN
     #[arg(value_name = "VALUE")]
     values: Vec<String>,
-    /// What a pixel computed for this time, from 1 [default: the last]
+    /// The value that a pixel computes for this time, from 1 [default: the last]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     round: Option<u32>,
     /// Draw the frame's colours beside the value, and compare them with the frame: a driver may compute otherwise what it
@@ -60,7 +60,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
 
 /// Of the passes of a `[[compute]]`, if there are some of this name.
 fn passes(args: &Args, project: &Project, out: &mut dyn Write) -> anyhow::Result<Option<Ending>> {
-    // Without a folder of shaders there may be a gallery, and what is wrong is told there.
+    // Without a folder of shaders there may be a gallery: the frames come next, with the error.
     for package in project.packages(&args.package).unwrap_or_default() {
         let suite = Suite::of(package)?;
         if let Some(compute) = suite.compute(&args.frame) {

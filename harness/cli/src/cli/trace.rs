@@ -89,7 +89,7 @@ fn told<'t>(args: &'t Args, traced: &'t Traced, project: &Project) -> Told<'t> {
     Told { frame: &args.frame, pixel: args.pixel, golden: golden(args, project), traced }
 }
 
-/// The pixel; `None` if it can't be traced, and the reason is told.
+/// The pixel; `None` if it can't be traced: then the reason is on standard error.
 fn traced(args: &Args, project: &Project) -> anyhow::Result<Option<Traced>> {
     if let Some(suite) = tap::find(&args.frame, project, &args.package)? {
         let path = tap::expect_own(&args.drawn)?;

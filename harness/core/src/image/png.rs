@@ -56,17 +56,7 @@ impl Image {
     /// If `stops` isn't finite.
     pub fn write_png_exposed(&self, path: &Path, stops: f32) -> Result<(), ImageError> {
         assert!(stops.is_finite(), "an exposure of {stops} stops");
-        let failed = |cause| ImageError::Write { path: shown(path), cause };
-        let bytes = self.exposed(stops);
-        let mut file = Vec::new();
-        let mut encoder = png::Encoder::new(&mut file, self.width, self.height);
-        encoder.set_color(png::ColorType::Rgb);
-        encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
-        encoder
-            .write_header()
-            .and_then(|mut writer| writer.write_image_data(&bytes))
-            .map_err(|error| failed(std::io::Error::other(error)))?;
-        super::whole::write_whole(path, &file).map_err(failed)
+        written(path, (self.width, self.height), png::ColorType::Rgb, &self.exposed(stops))
     }
 
     /// Three bytes a pixel.
@@ -96,19 +86,25 @@ impl Image {
 ///
 /// # Errors
 /// If the file can't be written.
-pub fn write_colours(
+pub fn write_colours(path: &Path, size: (u32, u32), colours: &[u8]) -> Result<(), ImageError> {
+    written(path, size, png::ColorType::Rgba, colours)
+}
+
+/// Writes a file of 8-bit sRGB.
+fn written(
     path: &Path,
     (width, height): (u32, u32),
-    colours: &[u8],
+    kind: png::ColorType,
+    bytes: &[u8],
 ) -> Result<(), ImageError> {
     let failed = |cause| ImageError::Write { path: shown(path), cause };
     let mut file = Vec::new();
     let mut encoder = png::Encoder::new(&mut file, width, height);
-    encoder.set_color(png::ColorType::Rgba);
+    encoder.set_color(kind);
     encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
     encoder
         .write_header()
-        .and_then(|mut writer| writer.write_image_data(colours))
+        .and_then(|mut writer| writer.write_image_data(bytes))
         .map_err(|error| failed(std::io::Error::other(error)))?;
     super::whole::write_whole(path, &file).map_err(failed)
 }
