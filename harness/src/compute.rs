@@ -36,6 +36,7 @@ use crate::fixture::{Fixture, Fixtures};
 use crate::golden::ValuesError;
 use crate::package::Package;
 use crate::path::{Adapter, Path, PathError, Selected, Selector};
+use crate::probe::ProbeError;
 use crate::record::Details;
 use crate::reflect::Overrides;
 use crate::run::{
@@ -287,6 +288,9 @@ impl Fails for ComputeError {
     fn is_verdict(&self) -> bool {
         match self {
             Self::Differs(_) | Self::Order(_) | Self::Violations(_) | Self::Accepted { .. } => true,
+            Self::Dispatch(error) => {
+                matches!(error, DispatchError::Probe(ProbeError::Asserted(_)))
+            }
             Self::Declaration(wrong) => wrong.is_verdict(),
             Self::Golden { cause, .. } => cause.is_failure(),
             Self::Paths(paths) => paths.all().any(Self::is_verdict),

@@ -13,7 +13,7 @@ use std::collections::BTreeMap;
 
 pub use expectation::FrameMean;
 
-use crate::diagnostic::{Blame, Blamed};
+use crate::diagnostic::{Blame, Blamed, Diagnostic};
 use crate::dispatch::Watched;
 use crate::draw::{Blend, Draw, DrawError, Drawing, Format, Mesh, Scene, Source};
 use crate::executor::{self, Executor};
@@ -138,6 +138,9 @@ pub enum FrameError {
         /// The values that the frame was cleared to.
         clear: [f32; 4],
     },
+    /// An assertion of a fragment function is false.
+    #[error("{0}")]
+    Asserted(Box<Diagnostic>),
     /// Several paths fail, or some have no verdict.
     #[error("{0}")]
     Paths(Box<PathFailures<Self>>),
@@ -157,6 +160,7 @@ impl Blamed for FrameError {
             Self::Draw(error) => error.blame(),
             Self::Declaration(wrong) => wrong.blame(),
             Self::Tolerance(_) => Blame::setting(&["tolerance"]),
+            Self::Asserted(found) => Blame::of(Some(found), &[]),
             Self::Paths(paths) => paths.blame(),
             _ => Blame::TEST,
         }
@@ -166,7 +170,7 @@ impl Blamed for FrameError {
 impl Fails for FrameError {
     fn is_verdict(&self) -> bool {
         match self {
-            Self::Mean { .. } => true,
+            Self::Mean { .. } | Self::Asserted(_) => true,
             Self::Declaration(wrong) => wrong.is_verdict(),
             Self::Golden { cause, .. } => {
                 matches!(**cause, GoldenError::Differs { .. } | GoldenError::Unacceptable { .. })

@@ -6,6 +6,7 @@
 //! in it is a line and column of the author's. [`Package::is_valid`] validates what no test needs.
 
 pub(crate) mod accepted;
+pub(crate) mod asserts;
 mod brackets;
 mod cargo;
 mod compilers;

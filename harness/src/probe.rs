@@ -309,6 +309,9 @@ pub enum ProbeError {
         /// The loop.
         diagnostic: Box<Diagnostic>,
     },
+    /// An assertion of the shader is false.
+    #[error("{0}")]
+    Asserted(Box<Diagnostic>),
     /// Some results weren't written: they still are what they were set to before the kernel ran.
     #[error(
         "the kernel of `{function}` ran on path `{path}`, but never wrote {count} of {words} result \
@@ -371,7 +374,9 @@ impl Blamed for ProbeError {
         match self {
             Self::Reflect(error) => error.blame(),
             Self::Fixture(error) => error.blame(),
-            Self::Rounds { diagnostic, .. } => Blame::of(Some(diagnostic), &[]),
+            Self::Rounds { diagnostic, .. } | Self::Asserted(diagnostic) => {
+                Blame::of(Some(diagnostic), &[])
+            }
             _ => Blame::TEST,
         }
     }

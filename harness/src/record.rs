@@ -391,8 +391,11 @@ pub(crate) fn saw(rows: &mut dyn Iterator<Item = &[u32]>, ratio: f64) {
         if let Some(seen) = seen {
             let mut hasher = blake3::Hasher::new();
             hasher.update(&seen.values);
-            for row in rows {
-                hasher.update(bytemuck::cast_slice(row));
+            // WGSL lets the sign of a zero be ignored (15.7.2). As an integer it would be the least one.
+            const NEGATIVE_ZERO: u32 = 1 << 31;
+            for word in rows.flatten() {
+                let word = if *word == NEGATIVE_ZERO { 0 } else { *word };
+                hasher.update(&word.to_le_bytes());
             }
             seen.values = *hasher.finalize().as_bytes();
             seen.ratio = seen.ratio.max(ratio);

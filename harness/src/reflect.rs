@@ -60,7 +60,7 @@ pub use rounds::Watched;
 pub(crate) use rounds::{COUNTERS, CountedLoop, Nesting, count_rounds};
 pub(crate) use signature::Passed;
 pub use signature::{Function, State};
-pub(crate) use tapped::{TOLD, Telling, Valued, WORDS};
+pub(crate) use tapped::{TOLD, Telling, Valued, WORDS, When};
 pub(crate) use validation::validate;
 pub use validation::{Invalid, Validated};
 

@@ -371,6 +371,12 @@ pub trait Tappable {
     /// If it isn't valid.
     fn values(&self, path: Path) -> Result<Vec<String>, Box<dyn Error>>;
 
+    /// The places of lines that print.
+    ///
+    /// # Errors
+    /// If it isn't valid.
+    fn prints(&self, path: Path) -> Result<Vec<String>, Box<dyn Error>>;
+
     /// One of them.
     ///
     /// # Errors
@@ -383,6 +389,10 @@ impl Tappable for Frame<'_> {
         Ok(Frame::values(self, path)?)
     }
 
+    fn prints(&self, path: Path) -> Result<Vec<String>, Box<dyn Error>> {
+        Ok(Frame::prints(self, path)?)
+    }
+
     fn tap(&self, path: Path, tap: &Tap) -> Result<Tapped, Box<dyn Error>> {
         Ok(Frame::tap(self, path, tap)?)
     }
@@ -393,12 +403,16 @@ impl Tappable for Compute<'_> {
         Ok(Compute::values(self)?)
     }
 
+    fn prints(&self, _: Path) -> Result<Vec<String>, Box<dyn Error>> {
+        Ok(Compute::prints(self)?)
+    }
+
     fn tap(&self, path: Path, tap: &Tap) -> Result<Tapped, Box<dyn Error>> {
         Ok(Compute::tap(self, path, tap)?)
     }
 }
 
-/// Writes values of a frame or of passes, or lists what there is.
+/// Writes values of a frame or of passes: without any those that its lines print, or else the list of what there is.
 ///
 /// # Errors
 /// If there is no such value, it can't run, or an image can't be written.
@@ -410,7 +424,11 @@ pub fn tap(
     taps: &[Tap],
     out: &mut dyn Write,
 ) -> Result<(), Box<dyn Error>> {
-    if taps.is_empty() {
+    let printed: Vec<Tap> = match taps.is_empty() {
+        true => subject.prints(path)?.iter().map(|place| Tap::new(place)).collect(),
+        false => Vec::new(),
+    };
+    if taps.is_empty() && printed.is_empty() {
         let values = subject.values(path)?;
         for line in &values {
             writeln!(out, "{line}")?;
@@ -419,7 +437,7 @@ pub fn tap(
             writeln!(out, "it has no `let` and no parameter; name another expression")?;
         }
     }
-    for tap in taps {
+    for tap in taps.iter().chain(&printed) {
         let tapped = subject.tap(path, tap)?;
         write_tapped(folder, name, &tapped, out)?;
         out.flush()?;

@@ -166,6 +166,9 @@ pub struct PathChange {
     /// else a digit. Behind them the members of buffers that aren't elements of arrays. Arguments and members that change
     /// nothing there are left out.
     pub arguments: Vec<(String, String)>,
+    /// All arguments there, of a function.
+    #[serde(skip)]
+    pub given: Vec<(String, String)>,
     /// The result for these before the edit.
     pub before: String,
     /// And after it.
@@ -1159,7 +1162,19 @@ mod tests {
             let (cases, relative, arguments) = ((2, 9), None, Vec::new());
             let clarity = Clarity::Plain;
             let words = vec![word];
-            PathChange { path, cases, ulp, relative, arguments, before, after, clarity, words }
+            let given = Vec::new();
+            PathChange {
+                path,
+                cases,
+                ulp,
+                relative,
+                arguments,
+                given,
+                before,
+                after,
+                clarity,
+                words,
+            }
         };
         let mut sum = change(Some(3), "a", "1");
         for (ulp, resource, after, shown) in [

@@ -16,7 +16,7 @@ use karat::unstable::reflect::{Program, ReflectError};
 use karat_suite::{Fault, FindError, Suite, Test, Wrong};
 use serde::Serialize;
 
-use crate::lived::{self, Lived};
+use crate::lived::{self, Equality, Lived};
 use crate::maker::{self, Mutant};
 
 /// Mutants that are to be tried.
@@ -89,8 +89,11 @@ pub enum Fate {
         /// The difference that a test would see.
         why: Lived,
     },
-    /// It is the same shader: no test can see it, and none ran.
-    Equal,
+    /// It does what the original does: no test can see it, and none ran.
+    Equal {
+        /// Why that is known.
+        by: Equality,
+    },
     /// It is no valid WGSL, which shows nothing of the tests.
     Invalid {
         /// Why not.
@@ -469,8 +472,8 @@ impl Request {
         if let Err(error) = linked {
             return Fate::Invalid { reason: reason(&error) };
         }
-        if lived::is_equal(&self.package, &package, one) {
-            return Fate::Equal;
+        if let Some(by) = lived::equality(&self.package, &package, one) {
+            return Fate::Equal { by };
         }
         let own = match Suite::of(package.clone()) {
             Ok(own) => own,
@@ -507,7 +510,7 @@ impl Request {
                 }
             };
             match fault {
-                Fault::Values | Fault::Violations(_) => {
+                Fault::Values | Fault::Violations(_) | Fault::Vacuous => {
                     return Fate::Killed { test: judge.name.clone() };
                 }
                 Fault::Unbegun => {

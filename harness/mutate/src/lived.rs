@@ -1,7 +1,9 @@
 //! Why a mutant lived: where it and the original part, if they do.
 
+use std::fmt;
+
 use karat::Package;
-use karat::unstable::interpret::is_same;
+use karat::unstable::interpret::{agree_everywhere, is_same};
 use karat::unstable::probe::Probed;
 use karat_inspect::compare::{Change, Compared, PathChange, Request};
 use serde::Serialize;
@@ -31,7 +33,7 @@ pub enum Lived {
 pub struct Difference {
     /// The function that shows it: `calc::half`.
     pub function: String,
-    /// The simplest arguments that show it, by their names. Others change nothing there.
+    /// The simplest arguments that show it, by their names, and the members of buffers that matter there.
     pub arguments: Vec<(String, String)>,
     /// The result of the original, or the values that its pass leaves.
     pub original: String,
@@ -46,10 +48,38 @@ pub struct Difference {
     pastes: bool,
 }
 
-/// True of a mutant whose function does what the original does: no test can see it.
-pub(crate) fn is_equal(original: &Package, mutant: &Package, candidate: &Candidate) -> bool {
+/// Why no test can see a mutant.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Equality {
+    /// Its function executes the same operations.
+    Operations,
+    /// Its function returns the same for so many inputs, and has no others.
+    Inputs(usize),
+}
+
+impl fmt::Display for Equality {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Operations => f.write_str("it executes the same operations"),
+            Self::Inputs(0 | 1) => f.write_str("it has no inputs, and returns the same"),
+            Self::Inputs(count) => write!(f, "it returns the same for all {count} inputs"),
+        }
+    }
+}
+
+/// Why a mutant's function is known to do what the original does; `None`: it may do something else.
+pub(crate) fn equality(
+    original: &Package,
+    mutant: &Package,
+    candidate: &Candidate,
+) -> Option<Equality> {
     let probed = [original, mutant].map(|package| Probed::new(package, &candidate.path()));
-    matches!(&probed, [Ok(a), Ok(b)] if is_same([a, b]))
+    let [Ok(a), Ok(b)] = &probed else { return None };
+    match is_same([a, b]) {
+        true => Some(Equality::Operations),
+        false => agree_everywhere([a, b]).map(Equality::Inputs),
+    }
 }
 
 /// Compares a mutant with the original, at its function or else at what uses it.
@@ -111,14 +141,15 @@ impl Difference {
         // Members of buffers, overrides and features aren't what a test says in `over`.
         let is_parameter =
             |(name, _): &(String, String)| parameters.iter().any(|(own, _)| own == name);
+        let is_other = |one: &&(String, String)| change.given.iter().all(|(own, _)| *own != one.0);
+        let others: Vec<_> = change.arguments.iter().filter(is_other).cloned().collect();
         let pastes = compared.under.is_empty()
             && compared.dispatched.is_none()
-            // One that is left out could be any number, and then the original returns something else.
-            && change.arguments.len() == parameters.len()
-            && change.arguments.iter().all(is_parameter);
+            && change.given.len() == parameters.len()
+            && others.iter().all(is_parameter);
         Self {
             function: compared.function.clone(),
-            arguments: change.arguments.clone(),
+            arguments: change.given.iter().cloned().chain(others).collect(),
             original: change.before.clone(),
             mutant: change.after.clone(),
             floats,
@@ -147,8 +178,11 @@ impl Difference {
         if own == others {
             return None;
         }
-        let far = own.iter().zip(&others).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
-        let tolerance = match (self.floats, far.is_finite() && far > 0.0) {
+        let far: Vec<f64> = own.iter().zip(&others).map(|(a, b)| (a - b).abs()).collect();
+        // A mutant's NaN is outside of any bound, and then the narrowest says the most.
+        let is_number = far.iter().all(|one| one.is_finite());
+        let far = far.into_iter().fold(0.0, f64::max);
+        let tolerance = match (self.floats, is_number && far > 0.0) {
             (false, _) => String::new(),
             // Half of the way to the mutant.
             (true, true) => format!("tolerance = \"abs {:.1e}\"\n", far / 2.0),

@@ -19,7 +19,7 @@ pub struct Score {
     pub lived: usize,
     /// Those that no test is made of.
     pub untested: usize,
-    /// Those that are the same shader. No test can see them.
+    /// Those that do what the original does. No test can see them.
     pub equal: usize,
     /// Those that `karat.toml` accepts.
     pub accepted: usize,
@@ -38,7 +38,7 @@ impl Score {
         for Tried { fate, .. } in all {
             *match fate {
                 Fate::Killed { .. } => &mut sum.killed,
-                Fate::Equal => &mut sum.equal,
+                Fate::Equal { .. } => &mut sum.equal,
                 Fate::Lived { .. } => &mut sum.lived,
                 Fate::Untested { .. } => &mut sum.untested,
                 Fate::Accepted { .. } => &mut sum.accepted,

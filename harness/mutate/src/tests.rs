@@ -5,7 +5,7 @@ use std::path::Path;
 use karat::Package;
 use tempfile::TempDir;
 
-use crate::{Fate, Hunted, Lived, MutateError, Request, Score, Tried};
+use crate::{Equality, Fate, Hunted, Lived, MutateError, Request, Score, Tried};
 
 const SHADER: &str = "fn half(x: f32) -> f32 { return 0.5 * x; }\n\
                       fn lonely(x: f32) -> f32 { return x + 3.0; }\n\
@@ -101,12 +101,49 @@ fn equal_mutants_are_no_gaps() {
                  [[test]]\nfunction = \"g\"\nover = { x = 2 }\nfinite = true\n";
     let hunted = hunted(folder(shader, tests).path());
     let fate = |item, original, replacement| of(&hunted, item, original, replacement).fate.clone();
-    assert_eq!(fate("f", "3.0", "6.0"), Fate::Equal, "nothing needs it");
-    assert_eq!(fate("f", "x * 1.0", "x"), Fate::Equal);
+    let same = Fate::Equal { by: Equality::Operations };
+    assert_eq!(fate("f", "3.0", "6.0"), same, "nothing needs it");
+    assert_eq!(fate("f", "x * 1.0", "x"), same);
     let differs = fate("f", "1.0", "2.0");
     assert!(matches!(differs, Fate::Lived { why: Lived::Differs(_), .. }), "{differs:?}");
     // One number of 2^32 tells these two apart.
     assert!(matches!(fate("g", "1.0", "2.0"), Fate::Lived { .. }));
+}
+
+/// Where all inputs can be tried, those that agree for each are equal, and one input that differs is enough for another word.
+#[test]
+fn all_inputs_are_tried_where_they_are_few() {
+    let shader = "enable f16;\n\
+                  fn f(x: f16) -> f16 { return max(x * x, -1.0h); }\n\
+                  fn g(x: f16) -> bool { return x > 0.5004h && x < 0.501h; }\n\
+                  fn h(a: bool, b: bool) -> bool { return (a && b) || (a && !b) || b; }\n\
+                  fn c() -> f32 { return max(sqrt(2.0), 1.0); }\n";
+    let test = |name: &str, over: &str, rest: &str| {
+        format!("[[test]]\nfunction = \"{name}\"\n{over}{rest}\n")
+    };
+    let tests = [
+        test("f", "over = { x = 2 }\n", "in_range = [-100, 100]"),
+        test("g", "over = { x = 2 }\n", "equals = false"),
+        test("h", "over = { a = true, b = true }\n", "equals = true"),
+        test("c", "", "in_range = [-100, 100]"),
+    ];
+    let hunted = hunted(folder(shader, &tests.concat()).path());
+    let fate = |item, original, replacement| of(&hunted, item, original, replacement).fate.clone();
+    let all = |count| Fate::Equal { by: Equality::Inputs(count) };
+    // Without `a && b` it is `a || b` as well.
+    assert_eq!(fate("h", "(a && b) || (a && !b)", "(a && !b)"), all(4));
+    let parted = fate("h", "!", "");
+    assert!(!matches!(parted, Fate::Equal { .. }), "{parted:?}");
+    // A NaN alone tells them apart: the square of one is below no number, and `max` takes the other.
+    let nan = fate("f", "max(x * x, -1.0h)", "(x * x)");
+    assert!(!matches!(nan, Fate::Equal { .. }), "{nan:?}");
+    // So does one number of 65,536.
+    let one = fate("g", "(x > 0.5004h && x < 0.501h)", "(x > 0.5004h)");
+    assert!(!matches!(one, Fate::Equal { .. }), "{one:?}");
+    assert_eq!(
+        fate("c", "max(sqrt(2.0), 1.0)", "(sqrt(2.0))"),
+        Fate::Equal { by: Equality::Operations }
+    );
 }
 
 /// The tests that are suggested pass as the shader is, and kill the mutants that they are for.

@@ -17,6 +17,7 @@ use super::{CaseFailure, Failure, Plan, Simplest, Vacuous};
 use crate::domain::{Held, Numbering, Origin, Stream};
 use crate::executor::{self, Executor, Results, Running};
 use crate::fixture::Fixtures;
+use crate::interpret::asserted::{Watched, shown};
 use crate::interpret::{Accuracy, Interpreted};
 use crate::judge::{Described, Judge, Shown, tally};
 use crate::parallel;
@@ -93,6 +94,8 @@ pub(super) struct Session<'a> {
     pub(super) recorded: bool,
     /// Hazards that are meant.
     pub(super) accepted: &'a [super::kinds::Accepted],
+    /// The function's lines that assert or print, if it has any.
+    watched: Option<Watched>,
 }
 
 /// Judges a batch.
@@ -143,6 +146,7 @@ impl<'a> Session<'a> {
         }
         let own_executors = !plan.probe.executors.is_empty();
         let memory = None;
+        let watched = Watched::of(&called.probed, fixtures)?;
         Ok(Self {
             called,
             stream,
@@ -157,6 +161,7 @@ impl<'a> Session<'a> {
             memory,
             recorded: plan.recorded,
             accepted: &plan.accepted,
+            watched,
         })
     }
 
@@ -243,7 +248,15 @@ impl<'a> Session<'a> {
     }
 
     pub(super) fn dispatch(&self, batch: &Batch) -> Result<Running<'_>, Failure> {
-        Ok(self.called.start(&batch.lanes(), batch.cases)?)
+        let lanes = batch.lanes();
+        // Of simpler inputs for a failing case nothing more is to be said.
+        if let Some(watched) = &self.watched
+            && (batch.is_drawn || self.input().is_some())
+        {
+            let first = usize::try_from(batch.first).unwrap_or(usize::MAX);
+            watched.look(first, batch.cases, &lanes)?;
+        }
+        Ok(self.called.start(&lanes, batch.cases)?)
     }
 
     /// Calls the function with other arguments for the cases of a batch.
@@ -389,6 +402,14 @@ impl<'a> Session<'a> {
             // While one batch runs, the next one is drawn.
             next = draw()?;
             sum = Some(PathTally::and(sum, judge(&batch, running)?));
+        }
+        if let Some(watched) = &self.watched {
+            watched.tell(&|case| {
+                let row = self.case(case as u64).ok().map(|held| held.row);
+                let own =
+                    row.map(|row| self.called.function().arguments(&row[..self.called.words]));
+                own.map_or_else(|| format!("case {case}"), |own| shown(&own))
+            });
         }
         sum.map_or_else(|| self.called.vacuous(Vacuous::NoCases), Ok)
     }

@@ -165,9 +165,18 @@ impl Fails for Failure {
     fn is_verdict(&self) -> bool {
         match self {
             Self::Disagreement(_) | Self::Rejection(_) => true,
+            Self::Probe(error) => matches!(error, ProbeError::Asserted(_)),
             Self::Declaration(wrong) => wrong.is_verdict(),
             Self::Golden { cause, .. } => cause.is_failure(),
             Self::Paths(paths) => paths.all().any(Self::is_verdict),
+            _ => false,
+        }
+    }
+
+    fn is_vacuous(&self) -> bool {
+        match self {
+            Self::Domain { .. } => true,
+            Self::Paths(paths) => paths.all().any(Self::is_vacuous),
             _ => false,
         }
     }

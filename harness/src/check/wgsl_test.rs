@@ -7,6 +7,7 @@ use std::sync::{Arc, OnceLock};
 use super::{Probe, Together};
 use crate::diagnostic::Span;
 use crate::expectation::REPORT_WORDS;
+use crate::interpret::asserted::has_lines;
 use crate::package::test_items::TestItem;
 use crate::package::{Features, Package, PackageError};
 use crate::reflect::{Program, ReflectError};
@@ -225,10 +226,11 @@ impl TestGroup {
             modules.entry(&test.module).or_default().push(test);
         }
         let parts = modules.values().flat_map(|tests| tests.chunks(TOGETHER));
-        parts.filter(|part| part.len() > 1).filter_map(|part| Self::new(part).ok()).collect()
+        parts.filter(|part| part.len() > 1).filter_map(Self::new).collect()
     }
 
-    fn new(tests: &[&WgslTest]) -> Result<Self, ReflectError> {
+    /// `None` of those that can't be linked together, and of those with lines that assert or print.
+    fn new(tests: &[&WgslTest]) -> Option<Self> {
         let mut text = "import karat::{begin, counts};\n".to_owned();
         let (mut list, mut calls) = (vec!["karat_which: u32".to_owned()], String::new());
         let (mut structs, mut members) = (BTreeMap::new(), BTreeMap::new());
@@ -239,7 +241,7 @@ impl TestGroup {
                 .expect("text takes text");
             members.insert(test.name.clone(), (which, words));
             let mut names = Vec::new();
-            let types = test.types(&mut structs)?;
+            let types = test.types(&mut structs).ok()?;
             for ((name, shape), ty) in
                 test.parameters().expect("tests without are run otherwise").iter().zip(types)
             {
@@ -270,9 +272,8 @@ impl TestGroup {
             if module.is_empty() { "counted".to_owned() } else { format!("{module}::counted") };
         let module = (module, &*tests[0].span.file.text);
         let [package] = package.around(TESTED, module, &tests[0].features, [text]);
-        // What can't be linked together runs alone.
-        Program::of_function(&package, &function)?;
-        Ok(Self { package, function, shapes, words, members })
+        let program = Program::of_function(&package, &function).ok()?;
+        (!has_lines(&program)).then_some(Self { package, function, shapes, words, members })
     }
 
     /// [`WgslTest::probe`] with the others: `None` if it isn't in this group.

@@ -6,7 +6,7 @@ use super::Compute;
 use crate::dispatch::{Held, Passes};
 use crate::executor;
 use crate::fixture::Buffer;
-use crate::frame::tap::{Read, Tap, TapError, Tapped, candidates, find_or_part, tapped};
+use crate::frame::tap::{Read, Tap, TapError, Tapped, candidates, find_or_part, prints, tapped};
 use crate::path::Path;
 use crate::reflect::TOLD;
 
@@ -25,6 +25,18 @@ impl Compute<'_> {
         let pass = passes.passes.last().expect("there is one");
         let all = candidates(&pass.program, &[&pass.entry_point]);
         Ok(all.iter().filter_map(|one| one.listed(&pass.program)).collect())
+    }
+
+    /// The places of the lines that print, in what the last pass runs: each is one for [`Tap::new`].
+    ///
+    /// # Errors
+    /// If the passes aren't valid.
+    ///
+    /// *Unstable*: for programs around tests.
+    pub fn prints(&self) -> Result<Vec<String>, TapError> {
+        let passes = self.passes()?;
+        let pass = passes.passes.last().expect("there is one");
+        Ok(prints(&pass.program, &[&pass.entry_point]))
     }
 
     /// A value that the invocations of the last pass compute, on a path.
@@ -67,7 +79,8 @@ impl Compute<'_> {
             );
             return Err(TapError::Untold { place, text, why });
         }
-        let telling = program.telling_pass(&entry_point, (&found.0.value, tap.round), counts);
+        let telling =
+            program.telling_pass(&entry_point, (&found.0.value, tap.round.into()), counts);
         pass.program = Arc::new(telling.map_err(crate::dispatch::DispatchError::from)?);
         let (bindings, _) =
             pass.program.compute_entry_point(&entry_point).expect("it is one still");

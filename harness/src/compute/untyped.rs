@@ -7,6 +7,7 @@ use super::judge::{Assertion, Each, Expected, Statement};
 use super::{After, Compute, ComputeAgreement, ComputeError};
 use crate::dispatch::{DispatchError, Part, Violation, Watched};
 use crate::executor;
+use crate::interpret::asserted::{KEPT, printed_by};
 use crate::path::Path;
 use crate::tolerance::Tolerance;
 use crate::value::{Scalar, Shape};
@@ -139,6 +140,14 @@ pub fn violations(
         (violation, if fails { message.to_string() } else { message.to_warning() })
     };
     Ok((examined.violations.into_iter().map(shown).collect(), examined.watched))
+}
+
+/// What lines of the passes' shaders print: a table for each.
+///
+/// # Errors
+/// If the passes aren't valid, the engine doesn't execute them, or an assertion of theirs is false.
+pub fn printed(compute: &Compute<'_>) -> Result<Vec<String>, ComputeError> {
+    Ok(printed_by(&compute.passes()?, KEPT)?)
 }
 
 /// Each intermediate of an invocation of the last pass, by its `global_invocation_id`.

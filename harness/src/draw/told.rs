@@ -6,7 +6,7 @@ use std::sync::Arc;
 use super::drawing::{Drawing, Scene, Source};
 use super::request::Draw;
 use super::{Blend, DrawError, Format};
-use crate::reflect::{Telling, Valued};
+use crate::reflect::{Telling, Valued, When};
 
 /// A drawing that tells a value, and the target that has its words.
 pub(crate) struct Told<'s> {
@@ -37,7 +37,7 @@ impl Drawing<'_> {
         targets.into_iter().any(blends)
     }
 
-    /// The same draws, whose fragment functions tell a value, in a round or in the last one; or which of them they are, from
+    /// The same draws, whose fragment functions tell a value; or which of them they are, from
     /// 1 in the order of [`fragments`](Self::fragments). Alone, a driver computes nothing else.
     ///
     /// # Errors
@@ -45,7 +45,7 @@ impl Drawing<'_> {
     pub(crate) fn telling(
         &self,
         value: Option<&Valued>,
-        round: Option<u32>,
+        when: When,
         first: usize,
         alone: bool,
     ) -> Result<Told<'_>, DrawError> {
@@ -64,7 +64,7 @@ impl Drawing<'_> {
             draw.state.blends.push((target, Blend::Replace));
         }
         let location = u32::try_from(target).expect("there are few targets");
-        let telling = Telling { value, round, first, location, alone };
+        let telling = Telling { value, when, first, location, alone };
         let program = Arc::new(self.program.telling(&self.fragments(), telling)?);
         let bindings = scene.bindings(&program)?;
         let fixtures = self.fixtures().clone();

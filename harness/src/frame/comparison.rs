@@ -95,6 +95,7 @@ impl Frame<'_> {
             let path = executor.path();
             let drawing = self.drawing_on(executor)?;
             let image = super::drawn(executor, &drawing)?;
+            super::tap::expect_asserted(&drawing, executor.path())?;
             read.extend(drawing.read());
             *watched = super::unwatched(&drawing);
             read.extend(goldens.files(case, adapter));

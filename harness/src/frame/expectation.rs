@@ -101,6 +101,7 @@ impl Frame<'_> {
         let on_path = &mut |executor: &dyn Executor, adapter: &Adapter| {
             let drawing = self.drawing_on(executor)?;
             let image = super::drawn(executor, &drawing)?;
+            super::tap::expect_asserted(&drawing, executor.path())?;
             read.extend(drawing.read());
             *watched = super::unwatched(&drawing);
             let mean = mean(&image, rect);

@@ -1,6 +1,6 @@
 //! How a pixel of a frame comes about: what its fragment function was given, and each step of it in the engine.
 
-use super::tap::{Candidate, Read, Tap, TapError, candidates, read};
+use super::tap::{Candidate, Read, TapError, candidates, read};
 use super::{Frame, drawn};
 use crate::draw::{DrawError, Drawing, Format, Source};
 use crate::executor;
@@ -9,6 +9,7 @@ use crate::interpret::trace::{BRIEFLY, Step, trace_briefly};
 use crate::metric::DEFAULT_RELATIVE;
 use crate::path::{self, Device, Path};
 use crate::probe::Probed;
+use crate::reflect::When;
 use crate::value::{Scalar, Shape};
 
 /// A pixel with what its fragment function was given and did.
@@ -81,7 +82,7 @@ impl Frame<'_> {
         let opened = path::open(path).map_err(DrawError::from)?;
         let device = opened.device().ok_or(DrawError::Unable { path })?;
         let pixel = (y * size.0 + x) as usize;
-        let told = drawing.telling(None, None, 0, true)?;
+        let told = drawing.telling(None, When::Last, 0, true)?;
         let seen = device.texels(&told.drawing, &[told.target])?.swap_remove(0);
         let number = seen[pixel][0].checked_sub(1).ok_or(TapError::Undrawn { pixel: (x, y) })?;
         let fragment = fragments[number as usize].to_owned();
@@ -176,7 +177,7 @@ fn arguments(
     let own = all.iter().filter(|one| one.value.function == fragment && one.value.range.is_none());
     let told = |one: &Candidate| -> Result<Argument, TapError> {
         let shape = one.shape()?;
-        let read = read(device, drawing, &one.value, &Tap::new(&one.text), shape.lanes().len())?;
+        let read = read(device, drawing, &one.value, (When::Last, false), shape.lanes().len())?;
         Ok(Argument { name: one.text.clone(), shape, read })
     };
     own.map(told).collect()

@@ -3,15 +3,17 @@
 use std::collections::BTreeSet;
 
 use super::{Frame, FrameError};
-use crate::diagnostic::{Span, nearest};
+use crate::diagnostic::{Diagnostic, Span, nearest};
 use crate::dispatch::{DispatchError, Part};
 use crate::draw::{DrawError, Drawing};
 use crate::executor;
+use crate::interpret::asserted::assertions;
 use crate::interpret::author;
+use crate::package::asserts::PRINTED;
 use crate::package::let_statements;
 use crate::path::{self, Device, Path};
 use crate::probe::ProbeError;
-use crate::reflect::{Program, Valued, WORDS};
+use crate::reflect::{Program, Valued, WORDS, When};
 use crate::value::Shape;
 
 /// Which value of a frame's fragment functions, or of what they call, [`Frame::tap`] returns.
@@ -278,6 +280,15 @@ pub(crate) fn candidates(program: &Program, entry_points: &[&str]) -> Vec<Candid
     all
 }
 
+/// The places of the lines that print, in what some entry points run.
+pub(crate) fn prints(program: &Program, entry_points: &[&str]) -> Vec<String> {
+    let all = candidates(program, entry_points);
+    let is_print =
+        |one: &&Candidate| one.value.name.as_ref().is_some_and(|name| name.starts_with(PRINTED));
+    let place = |one: &Candidate| format!("{}:{}", one.span.file.name, one.line_column().0);
+    all.iter().filter(is_print).map(place).collect()
+}
+
 /// A path, a line from 1 and a column, or the line alone.
 fn place_of(wanted: &str) -> Option<(&str, usize, Option<usize>)> {
     let (rest, last) = wanted.rsplit_once(':')?;
@@ -428,6 +439,18 @@ impl Frame<'_> {
         Ok(all.iter().filter_map(|one| one.listed(program)).collect())
     }
 
+    /// The places of the lines that print, in what the frame's fragment functions run: each is one for [`Tap::new`].
+    ///
+    /// # Errors
+    /// If the frame can't be drawn.
+    ///
+    /// *Unstable*: for programs around tests.
+    pub fn prints(&self, path: Path) -> Result<Vec<String>, TapError> {
+        let executor = executor::of(path).map_err(DrawError::from)?;
+        let drawing = self.drawing_on(executor)?;
+        Ok(prints(drawing.program(), &drawing.fragments()))
+    }
+
     /// A value that the frame's fragment functions compute, on all of its pixels, as a driver computes it. The last draw that a
     /// pixel shows tells it.
     ///
@@ -465,11 +488,37 @@ impl Frame<'_> {
         if tap.beside && !drawing.may_keep_colours() {
             return Err(TapError::Beside);
         }
-        let read = || read(device, &drawing, &found.value, tap, shape.lanes().len());
+        let (how, width) = ((tap.round.into(), tap.beside), shape.lanes().len());
+        let read = || read(device, &drawing, &found.value, how, width);
         let read = path::caught(path, &names, span.as_ref(), read)?;
         let program = drawing.program();
         tapped(program, (found, has_twin, part), tap, read, drawing.size())
     }
+}
+
+/// Fails by an assertion of fragment functions that is false for a pixel that shows.
+pub(super) fn expect_asserted(drawing: &Drawing<'_>, path: Path) -> Result<(), FrameError> {
+    let fragments = drawing.fragments();
+    for (value, span, text) in assertions(drawing.program(), &fragments) {
+        let opened = path::open(path)?;
+        let device = opened.device().ok_or(DrawError::Unable { path })?;
+        let (names, place) = drawing.entry_points();
+        let read = || read(device, drawing, &value, (When::False, false), 1);
+        let Read { times, .. } = path::caught(path, &names, place.as_ref(), read)?;
+        let is_wrong = |times: &Option<u32>| times.is_some_and(|times| times > 0);
+        let Some(first) = times.iter().position(is_wrong) else { continue };
+        let (wrong, of) =
+            (times.iter().filter(|times| is_wrong(times)).count(), times.iter().flatten().count());
+        let width = drawing.size().0 as usize;
+        let (x, y) = (first % width, first / width);
+        let message =
+            format!("the assertion `{text}` is false for {wrong} of {of} pixels on path `{path}`");
+        let note = format!("`karat trace` shows each step there: karat trace FRAME {x},{y}");
+        let label = format!("first for the pixel ({x}, {y})");
+        let found = Diagnostic::new(message).at(span, label).note(note);
+        return Err(FrameError::Asserted(Box::new(found)));
+    }
+    Ok(())
 }
 
 /// A value as it was read, with its place and its name.
@@ -530,15 +579,15 @@ pub(super) fn read(
     device: &Device,
     drawing: &Drawing<'_>,
     value: &Valued,
-    tap: &Tap,
+    (when, beside): (When, bool),
     width: usize,
 ) -> Result<Read, DrawError> {
     let pixels = drawing.size().0 as usize * drawing.size().1 as usize;
     let mut words: Vec<Vec<u32>> = vec![Vec::with_capacity(width + WORDS); pixels];
     let mut changed = None;
     for first in (0..=width).step_by(WORDS) {
-        let colours = tap.beside && first == 0;
-        let told = drawing.telling(Some(value), tap.round, first, !colours)?;
+        let colours = beside && first == 0;
+        let told = drawing.telling(Some(value), when, first, !colours)?;
         let targets = if colours { vec![told.target, 0] } else { vec![told.target] };
         let mut texels = device.texels(&told.drawing, &targets)?.into_iter();
         let own = texels.next().unwrap_or_default();

@@ -52,6 +52,14 @@ pub enum PackageError {
         /// What it says.
         reason: String,
     },
+    /// A line that asserts or prints can't be read.
+    #[error("{place}: {reason}: write `//karat: print x` or `//karat: assert x >= 0.0`")]
+    Asserts {
+        /// The line.
+        place: String,
+        /// Why not.
+        reason: String,
+    },
     /// There are no shaders of a crate.
     #[error("no shaders of crate `{name}`: {reason}")]
     Crate {

@@ -12,6 +12,7 @@ use std::sync::Arc;
 
 use blake3::Hash;
 
+use super::asserts;
 use super::directives::{self, Include};
 use super::feature::{Feature, Features};
 use super::manifest::Manifest;
@@ -576,7 +577,7 @@ impl Package {
         match self.find(components) {
             Some(Place::Memory(name, text)) => {
                 let name = if name.is_empty() { self.name() } else { name.to_owned() };
-                Ok(SourceFile::new(format!("<{name}>"), text))
+                asserts::read(SourceFile::new(format!("<{name}>"), text))
             }
             Some(Place::File(path)) => {
                 let path = overlay.file(path);

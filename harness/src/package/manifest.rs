@@ -9,6 +9,7 @@ use std::process::{Command, Output};
 use serde::Deserialize;
 
 use super::accepted::{AcceptedHazard, AcceptedMutants, Hazards, KnownRows};
+use super::asserts;
 use super::compilers::{self, Compilers};
 use super::feature::{Feature, Features};
 use super::function_item::functions_of;
@@ -556,10 +557,10 @@ impl Manifest {
         path: &Path,
         source: SourceFile,
     ) -> Result<SourceFile, PackageError> {
-        let source = self.printed(root, path, source)?;
+        let SourceFile { name, text, values } = asserts::read(self.printed(root, path, source)?)?;
         // Lines are the author's, since no value has an end of a line; columns are mapped back.
-        let (text, values) = values::substituted(&source.text, &self.values);
-        Ok(SourceFile { name: source.name, text, values })
+        let (text, outer) = values::substituted(&text, &self.values);
+        Ok(SourceFile { name, text, values: asserts::composed(values, outer) })
     }
 
     fn printed(

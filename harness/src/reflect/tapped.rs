@@ -17,6 +17,8 @@ use naga::proc::{Layouter, TypeResolution};
 
 use super::rounds::walk;
 use super::{NAMED, Program, ReflectError};
+use crate::package::asserts::{ASSERTED, HOLDER, PRINTED};
+use crate::package::let_statements;
 use crate::value::Shape;
 
 /// Words of a tap in one target.
@@ -37,13 +39,31 @@ pub(crate) struct Valued {
     pub(crate) shape: Result<Shape, String>,
 }
 
+/// Which of the values that an expression has, one after the other, is told.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(crate) enum When {
+    /// The last one.
+    #[default]
+    Last,
+    /// That of a round, from 1.
+    Round(u32),
+    /// The last one that is false, of a condition; only those are counted as rounds.
+    False,
+}
+
+impl From<Option<u32>> for When {
+    fn from(round: Option<u32>) -> Self {
+        round.map_or(Self::Last, Self::Round)
+    }
+}
+
 /// The words of a tapped program, and where they go.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Telling<'t> {
     /// `None`: which of the fragment functions it is, from 1.
     pub(crate) value: Option<&'t Valued>,
-    /// The round to tell, from 1, if not the last one.
-    pub(crate) round: Option<u32>,
+    /// Which of its values.
+    pub(crate) when: When,
     /// The first of the words that are told: those of the value, and behind them a 1 and the rounds together.
     pub(crate) first: usize,
     /// The location of the words.
@@ -75,6 +95,21 @@ impl Program {
                 }
             });
         }
+        all
+    }
+
+    /// The values that a `let` gives one of these names, as they begin, in all functions.
+    pub(crate) fn named_values(&self, beginnings: &[&str]) -> Vec<Valued> {
+        let module = &self.checked.module;
+        let mut all = Vec::new();
+        for (_, function) in module.functions.iter() {
+            self.values(function.name.as_deref().expect(NAMED), function, &mut all);
+        }
+        for entry in &module.entry_points {
+            self.values(&entry.name, &entry.function, &mut all);
+        }
+        let begins = |name: &String| beginnings.iter().any(|one| name.starts_with(one));
+        all.retain(|one| one.name.as_ref().is_some_and(begins));
         all
     }
 
@@ -113,14 +148,29 @@ impl Program {
                 let whole = super::whole_call(self.text(), range.clone())?;
                 Some(range.start..range.start + whole.len())
             });
+            let range = range.filter(|_| argument.is_none());
+            let own = argument.or_else(|| function.named_expressions.get(&handle).cloned());
             all.push(Valued {
                 function: name.to_owned(),
                 expression: handle.index(),
-                range: range.filter(|_| argument.is_none()),
-                name: argument.or_else(|| function.named_expressions.get(&handle).cloned()),
+                range: range.or_else(|| self.held(name, own.as_ref()?)),
+                name: own,
                 shape,
             });
         }
+    }
+
+    /// The place of what an assertion or a print holds, by its name: naga keeps none.
+    fn held(&self, function: &str, name: &str) -> Option<Range<usize>> {
+        if ![ASSERTED, PRINTED].iter().any(|one| name.starts_with(one)) {
+            return None;
+        }
+        let text = self.text();
+        let all = let_statements(text, function);
+        let found = all.into_iter().find(|one| &text[one.name.clone()] == name)?;
+        let end = found.end?;
+        let start = found.name.end + text[found.name.end..end].find(HOLDER)?;
+        Some(start..end - 1)
     }
 
     /// A program whose fragment functions of these names tell a value, or which of these they are.
@@ -135,7 +185,7 @@ impl Program {
         let mut module = self.checked.module.clone();
         let (mut kept, mut ways) = (None, Vec::new());
         if let Some(value) = telling.value {
-            let (own, lanes) = self.keeping(&mut module, value, telling.round);
+            let (own, lanes) = self.keeping(&mut module, value, telling.when);
             (kept, ways) = (Some(own), lanes);
         }
         for index in 0..module.entry_points.len() {
@@ -160,11 +210,11 @@ impl Program {
     pub(crate) fn telling_pass(
         &self,
         entry_point: &str,
-        (value, round): (&Valued, Option<u32>),
+        (value, when): (&Valued, When),
         counts: [u32; 3],
     ) -> Result<Self, ReflectError> {
         let mut module = self.checked.module.clone();
-        let (kept, ways) = self.keeping(&mut module, value, round);
+        let (kept, ways) = self.keeping(&mut module, value, when);
         let plain = |inner| Type { name: None, inner };
         let u32_type = module.types.insert(plain(TypeInner::Scalar(Scalar::U32)), NOWHERE);
         let size = naga::ArraySize::Dynamic;
@@ -218,7 +268,7 @@ impl Program {
         &self,
         module: &mut Module,
         value: &Valued,
-        round: Option<u32>,
+        when: When,
     ) -> (Kept, Vec<(Vec<u32>, Scalar)>) {
         let (function, info) = self.body(&value.function).expect("it is a function of the program");
         let mut all = function.expressions.iter().map(|(handle, _)| handle);
@@ -254,7 +304,7 @@ impl Program {
                 &mut entries.find(|entry| entry.name == *name).expect("it has one").function
             }
         };
-        kept.keep(function, handle, round);
+        kept.keep(function, handle, when);
         (kept, ways)
     }
 }
@@ -322,14 +372,17 @@ struct Kept {
 
 impl Kept {
     /// Stores a value behind the statement that computes it, and counts.
-    fn keep(self, function: &mut Function, value: Handle<Expression>, round: Option<u32>) {
+    fn keep(self, function: &mut Function, value: Handle<Expression>, when: When) {
         let mut body = std::mem::take(&mut function.body);
         let store = |function: &mut Function| {
             let mut add = |expression| function.expressions.append(expression, NOWHERE);
             let rounds = add(Expression::GlobalVariable(self.rounds));
             let pointer = add(Expression::GlobalVariable(self.value));
             let one = add(Expression::Literal(Literal::U32(1)));
-            let wanted = round.map(|round| add(Expression::Literal(Literal::U32(round))));
+            let wanted = match when {
+                When::Round(round) => Some(add(Expression::Literal(Literal::U32(round)))),
+                When::Last | When::False => None,
+            };
             let left = add(Expression::Load { pointer: rounds });
             let op = BinaryOperator::Add;
             let mut last = add(Expression::Binary { op, left, right: one });
@@ -350,6 +403,11 @@ impl Kept {
                     let reject = Block::new();
                     block.push(Statement::If { condition, accept, reject }, NOWHERE);
                 }
+            }
+            if when == When::False {
+                let (accept, reject) = (Block::new(), block);
+                block = Block::new();
+                block.push(Statement::If { condition: value, accept, reject }, NOWHERE);
             }
             block
         };

@@ -15,6 +15,11 @@ pub trait Fails: Display + Blamed {
     /// True if values are wrong, or a declaration is: otherwise there is no verdict.
     fn is_verdict(&self) -> bool;
 
+    /// True if the shader leaves nothing that could fail, such as a result that is the same for all inputs.
+    fn is_vacuous(&self) -> bool {
+        false
+    }
+
     /// The same as data.
     fn details(&self) -> Details {
         Details::of(&self.to_string()).at(self.blame().message)

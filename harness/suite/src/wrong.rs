@@ -33,6 +33,8 @@ pub enum Fault {
     Values,
     /// Passes have these violations, a line each: all assertions of them fail by these.
     Violations(String),
+    /// The shader leaves nothing that could fail: its result is the same for all inputs, say.
+    Vacuous,
     /// The test can't begin, or was stopped: nothing was compared.
     Unbegun,
 }
@@ -58,7 +60,7 @@ impl Wrong {
             Fault::Values => None,
             Fault::Violations(all) => Some(all.clone()),
             // The place and the excerpt are the test's own.
-            Fault::Unbegun => {
+            Fault::Vacuous | Fault::Unbegun => {
                 let is_said = |line: &&str| {
                     let line = line.trim_start();
                     !(line.starts_with("-->") || line.contains('|'))
@@ -90,7 +92,11 @@ pub(crate) fn blamed(
     whole: &Span,
 ) -> Wrong {
     let blame = failure.blame();
-    let fault = if failure.is_verdict() { Fault::Values } else { Fault::Unbegun };
+    let fault = match (failure.is_verdict(), failure.is_vacuous()) {
+        (true, _) => Fault::Values,
+        (false, true) => Fault::Vacuous,
+        (false, false) => Fault::Unbegun,
+    };
     let span = match blame.at {
         At::Text => {
             let place = blame.message.and_then(Diagnostic::location).map(ToString::to_string);

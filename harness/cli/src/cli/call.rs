@@ -323,6 +323,7 @@ fn single(request: &Request<'_>, lanes: &[u32], args: &Args, out: &mut dyn Write
         }
         writeln!(out)?;
     }
+    write!(out, "{}", karat::unstable::interpret::asserted::printed(probed, fixtures, lanes)?)?;
     args.show_steps(
         &function.name,
         &|| Ok(karat::unstable::trace::trace(probed, fixtures, lanes)?),

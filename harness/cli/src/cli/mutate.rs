@@ -54,7 +54,7 @@ pub(super) struct Args {
     /// The path that tests run on
     #[arg(long, value_name = "PATH", default_value = "cpu")]
     paths: String,
-    /// Show killed mutants and those that aren't valid, too
+    /// Show all mutants: killed, equal and accepted ones, those that aren't valid, and each that no test uses
     #[arg(long)]
     all: bool,
     /// List the mutants, and try none
@@ -313,6 +313,11 @@ fn write_one(hunted: &Hunted, all: bool, out: &mut dyn Write) -> std::io::Result
                     1 => "1 test passes with it".to_owned(),
                     many => format!("{many} tests pass with it"),
                 };
+                // Where a test sees other values, the line below says so.
+                let tests = match hidden {
+                    Some(_) => tests,
+                    None => format!("{tests}: no value that they compare depends on it"),
+                };
                 let word = if hidden.is_some() { "hidden" } else { "lived" };
                 let by = hidden.iter().map(|Hidden { test, ratios: [before, after] }| {
                     let percent = |ratio: &f64| format!("{:.3}%", 100.0 * ratio);
@@ -335,13 +340,13 @@ fn write_one(hunted: &Hunted, all: bool, out: &mut dyn Write) -> std::io::Result
             Fate::Accepted { reason } if all => (KNOWN, "accepted", vec![reason.clone()]),
             Fate::Killed { test } if all => (GOOD, "killed", vec![format!("by `{test}`")]),
             Fate::Invalid { reason } if all => (DIM, "invalid", vec![reason.clone()]),
-            Fate::Equal if all => (DIM, "equal", Vec::new()),
+            Fate::Equal { by } if all => (DIM, "equal", vec![by.to_string()]),
             Fate::Idle if all => {
                 (DIM, "idle", vec!["it changes nothing that is linked".to_owned()])
             }
             Fate::Accepted { .. }
             | Fate::Killed { .. }
-            | Fate::Equal
+            | Fate::Equal { .. }
             | Fate::Invalid { .. }
             | Fate::Idle => continue,
         };

@@ -296,9 +296,10 @@ fn changed(
         pair.shared.results.iter().filter(differs).copied().unzip();
     let is_whole = pair.shared.is_same();
     let matter = lanes_that_matter(pair, (rows, count, simpler), &row, &result)?;
-    let mut given = function.arguments(&row);
+    let given = function.arguments(&row);
+    let mut arguments = given.clone();
     let mut at = 0;
-    given.retain(|(name, _)| {
+    arguments.retain(|(name, _)| {
         let shape = function.parameters.iter().find(|(known, _)| known == name);
         let lanes = shape.map_or(0, |(_, shape)| shape.lanes().len());
         at += lanes;
@@ -309,7 +310,8 @@ fn changed(
         cases: (total, count),
         ulp: largest.ulp,
         relative: largest.relative,
-        arguments: given,
+        arguments,
+        given,
         before: told(&of_old.result, was, &old, is_whole),
         after: told(&function.result, is, &new, is_whole),
         clarity: best.0,

@@ -372,6 +372,7 @@ impl Difference {
             ulp,
             relative,
             arguments: members.to_vec(),
+            given: Vec::new(),
             before: first.before,
             after: first.after,
             clarity,

@@ -5,7 +5,7 @@ use std::io::Write;
 use anyhow::ensure;
 use karat::Path;
 use karat::compute::Compute;
-use karat::unstable::compute::{Content, left, violations};
+use karat::unstable::compute::{Content, left, printed, violations};
 
 use super::super::table::{BAD, DIM, HEAD, KNOWN};
 use super::super::{Ending, Outcome};
@@ -80,6 +80,9 @@ pub(super) fn run(compute: &Compute<'_>, paths: &[Path], out: &mut dyn Write) ->
     }
     if !watched.reason.is_empty() {
         writeln!(out, "{DIM}not looked through whole: {}{DIM:#}", watched.reason)?;
+    }
+    for table in printed(compute)? {
+        write!(out, "{table}")?;
     }
     ensure!(stopped.is_empty(), "{}", stopped.join("\n"));
     Ok(if fails { Ending::Bad } else { Ending::Good })

@@ -36,8 +36,8 @@ fn mutant(one: &Tried) -> Value {
     let Candidate { id, mutant, .. } = &one.candidate;
     let (status, reason) = match &one.fate {
         Fate::Killed { test } => ("Killed", format!("killed by {test}")),
-        // It has no word for a mutant that is the same shader; one that is left out of the score is ignored.
-        Fate::Equal => ("Ignored", "it is the same shader".to_owned()),
+        // It has no word for a mutant that is equal; one that is left out of the score is ignored.
+        Fate::Equal { by } => ("Ignored", by.to_string()),
         Fate::Accepted { reason } => ("Ignored", reason.clone()),
         Fate::Lived { .. } => ("Survived", String::new()),
         Fate::Untested { .. } => ("NoCoverage", String::new()),

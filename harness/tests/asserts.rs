@@ -1,0 +1,179 @@
+//! Lines that assert and print in shaders: in calls, checks, passes and frames.
+
+use karat::fixture::Fixtures;
+use karat::frame::FrameError;
+use karat::metric::Rect;
+use karat::package::PackageError;
+use karat::prelude::*;
+use karat::unstable::compute;
+use karat::unstable::frame::Tap;
+use karat::unstable::interpret::asserted::printed;
+use karat::unstable::path::adapter;
+use karat::unstable::probe::{ProbeError, Probed};
+use karat::unstable::run::Fails as _;
+use karat::{Package, Path};
+
+const FUNCTION: &str = "fn f(x: f32, n: i32) -> f32 {
+    let y = x * 2.0;
+    // karat: print y
+    if x > 1.0 {
+        //karat: print vec2f(x, y)
+    }
+    for (var i = 0; i < n; i++) {
+        @if(karat) print(x + f32(i));
+    }
+    //karat: assert y >= 0.0 || n == 3
+    return y;
+}
+";
+
+fn print(x: f32, n: u32) -> Result<String, ProbeError> {
+    let probed = Probed::new(&Package::from_source("m", FUNCTION), "f").expect("it is valid");
+    printed(&probed, &Fixtures::new(), &[x.to_bits(), n])
+}
+
+/// A line prints what it stands for, where control comes by, once a round.
+#[test]
+fn a_call_prints_its_values() {
+    let all = "<m>:3:21: `y` (f32): 1 value\n  4\n<m>:5:24: `vec2f(x, y)` (vec2<f32>): 1 value\n  (2, 4)\n\
+               <m>:8:25: `(x + f32(i))` (f32): 2 values\n  least 2, most 3\n  2\n  3\n";
+    assert_eq!(print(2.0, 2).expect("its assertion holds"), all);
+    let none = "<m>:3:21: `y` (f32): 1 value\n  1\n<m>:5:24: `vec2f(x, y)` (vec2<f32>): 0 values\n\
+                <m>:8:25: `(x + f32(i))` (f32): 0 values\n";
+    assert_eq!(print(0.5, 0).expect("it holds"), none);
+    assert!(print(-1.0, 3).is_ok(), "the other side holds");
+    let error = print(-1.0, 2).expect_err("neither holds").to_string();
+    for part in ["the assertion `y >= 0.0 || n == 3` is false", "<m>:10:22", "x = -1, n = 2"] {
+        assert!(error.contains(part), "{error}");
+    }
+}
+
+/// A check fails by an assertion that is false for one of its inputs, on each path, and names the input.
+#[test]
+fn checks_fail_by_assertions() {
+    let text = "fn f(x: f32) -> f32 {\n    //karat: assert x < 3.9\n    return x;\n}\n\
+                fn sound(x: f32) -> f32 {\n    //karat: assert x <= 4.0 && true\n    return x;\n}\n";
+    let package = Package::from_source("m", text);
+    let agrees = |function: &str| {
+        let check = package.function(function).over(0.0..=4.0).unrecorded();
+        check.try_agrees_with(|x: f64| x, Ulp(0.0))
+    };
+    let failure = agrees("f").expect_err("4 is one of the cases");
+    assert!(failure.is_verdict(), "{failure}");
+    let told = failure.to_string();
+    let case = told.split("x = ").nth(1).and_then(|rest| rest.split('\n').next());
+    let case: f32 = case.expect("it names the input").trim().parse().expect("a number");
+    assert!(case >= 3.9 && told.contains("<m>:2:21") && told.contains("`x < 3.9`"), "{told}");
+    agrees("sound").expect("it holds for all of them");
+}
+
+/// An assertion is what the engine computes: one that it can't look at is no silence.
+#[test]
+fn an_assertion_that_is_not_looked_at_is_an_error() {
+    let text = "@group(0) @binding(0) var<storage, read_write> total: array<f32, 1>;\n\
+                fn f(x: f32) -> f32 {\n    total[0] += x;\n    //karat: assert x >= 0.0\n    return x;\n}\n";
+    let package = Package::from_source("m", text);
+    let check = package.function("f").with("total", Storage::new([0.0_f32])).over(0.0..=4.0);
+    let failure = check.unrecorded().try_satisfies("is any", |_, _: f32| true);
+    let told = failure.expect_err("nothing looks at it").to_string();
+    assert!(told.contains("`f` writes what is seen outside"), "{told}");
+}
+
+/// Passes print by invocations, and fail by the first that makes an assertion false.
+#[test]
+fn passes_assert_and_print() {
+    let text = "@group(0) @binding(0) var<storage, read_write> data: array<f32>;
+@compute @workgroup_size(4) fn root(@builtin(global_invocation_id) id: vec3u) {
+    let own = data[id.x] + 0.5;
+    //karat: print own
+    //karat: assert own < LIMIT
+    data[id.x] = own;
+}
+";
+    let of = |limit: &str| {
+        let package = Package::from_source("m", &text.replace("LIMIT", limit));
+        let passes = package
+            .compute()
+            .with("data", Storage::new([0.0_f32, 1.0, 4.0, 9.0, 16.0, 25.0, 9.0, 4.0]));
+        let passes = passes.dispatch("root", [2, 1, 1]);
+        let after = passes.clone().after("data").unrecorded();
+        let judged = after.try_satisfies("is anything", |_: &[f32]| true);
+        (judged.map(drop), compute::printed(&passes))
+    };
+    let (judged, tables) = of("26.0");
+    judged.expect("all are below 26");
+    let table = tables.expect("it prints").concat();
+    for line in [
+        "`own` (f32): 8 values",
+        "least 0.5 for local (0, 0, 0) of workgroup (0, 0, 0)",
+        "  local (2, 0, 0) of workgroup (0, 0, 0)  4.5",
+        "  local (1, 0, 0) of workgroup (1, 0, 0)  25.5",
+    ] {
+        assert!(table.contains(line), "{table}");
+    }
+    let (judged, tables) = of("16.5");
+    let failure = judged.expect_err("16.5 isn't below itself");
+    assert!(failure.is_verdict());
+    let told = failure.to_string();
+    for part in ["`own < 16.5` is false", "<m>:5:21", "local (0, 0, 0) of workgroup (1, 0, 0)"] {
+        assert!(told.contains(part), "{told}");
+    }
+    assert!(tables.is_err());
+}
+
+/// A frame fails by the pixels that make an assertion false, in a loop too, and tells what its lines print.
+#[test]
+fn frames_assert_and_print() {
+    let text = "@fragment fn fragment(@builtin(position) at: vec4f) -> @location(0) vec4f {
+    var sum = 0.0;
+    for (var i = 0; i < 3; i++) {
+        sum += at.x;
+        //karat: assert i != 1 || at.x < LIMIT
+    }
+    //karat: print sum
+    return vec4f(sum);
+}
+";
+    let paths = [Path::VULKAN, Path::GL].into_iter().filter(|path| adapter(*path).is_ok());
+    for path in paths {
+        let mean = |limit: &str| {
+            let package = Package::from_source("m", &text.replace("LIMIT", limit));
+            let frame = package.frame("", 4, 2).fragment("fragment").unrecorded();
+            let tapped = frame.tap(path, &Tap::new(&frame.prints(path).expect("one line")[0]));
+            let tapped = tapped.expect("it is told");
+            assert_eq!(f32::from_bits(tapped.lanes[1]), 4.5, "{path}");
+            let one = Rect::new(0, 0, 1, 1);
+            frame.try_has_mean(one, [1.5; 3], Abs(1e-3)).map(drop)
+        };
+        mean("4.0").unwrap_or_else(|error| panic!("{path}: {error}"));
+        let failure = mean("3.0").expect_err("the last column is at 3.5");
+        assert!(failure.is_verdict(), "{failure}");
+        let told = failure.to_string();
+        for part in ["is false for 2 of 8 pixels", "<m>:5:25", "first for the pixel (3, 0)"] {
+            assert!(told.contains(part), "{path}: {told}");
+        }
+        assert!(matches!(failure, FrameError::Asserted(_) | FrameError::Paths(_)));
+    }
+}
+
+/// A slip is no comment, and an expression that isn't valid is told at its place.
+#[test]
+fn slips_are_errors() {
+    let wrong = |line: &str| {
+        let text = format!("fn f(x: f32) -> f32 {{\n    {line}\n    return x;\n}}\n");
+        match Probed::new(&Package::from_source("m", &text), "f") {
+            Err(ProbeError::Reflect(error)) => error.to_string(),
+            other => panic!("{other:?}"),
+        }
+    };
+    for (line, part) in [
+        ("//karat: prnt x", "did you mean `print`?"),
+        ("//karat: print z", "z"),
+        ("//karat: assert x", "bool"),
+    ] {
+        let told = wrong(line);
+        assert!(told.contains("<m>:2") && told.contains(part), "{told}");
+    }
+    let error = PackageError::Asserts { place: "m:2".to_owned(), reason: "it is".to_owned() };
+    assert!(error.to_string().contains("//karat: assert x >= 0.0"));
+}
