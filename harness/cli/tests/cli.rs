@@ -1,5 +1,7 @@
 //! The command line as a process: what it prints, and its exit code.
 
+#[path = "cli/asserts.rs"]
+mod asserts;
 #[path = "cli/call.rs"]
 mod call;
 #[path = "cli/check.rs"]

@@ -39,6 +39,8 @@ pub struct Value {
     pub at: Range<usize>,
     /// The author's text: `{{ N }}`.
     pub placeholder: String,
+    /// True if messages show the author's text, and not what stands for it.
+    pub hidden: bool,
 }
 
 /// The name alone: `expect` on an error would print the whole text.
@@ -62,7 +64,7 @@ impl SourceFile {
             return Cow::Borrowed(&self.text);
         }
         let (mut written, mut done) = (String::with_capacity(self.text.len()), 0);
-        for Value { at, placeholder } in &self.values {
+        for Value { at, placeholder, .. } in &self.values {
             written.push_str(&self.text[done..at.start]);
             written.push_str(placeholder);
             done = at.end;
@@ -75,7 +77,7 @@ impl SourceFile {
     #[must_use]
     pub fn written_at(&self, offset: usize) -> usize {
         let (mut text, mut written) = (0, 0);
-        for Value { at, placeholder } in &self.values {
+        for Value { at, placeholder, .. } in &self.values {
             if offset < at.start {
                 break;
             }
@@ -365,7 +367,11 @@ mod tests {
     /// A place behind values is the author's, and so is the text that a file is known by.
     #[test]
     fn places_behind_values_are_the_authors() {
-        let value = |at, placeholder: &str| Value { at, placeholder: placeholder.to_owned() };
+        let value = |at, placeholder: &str| Value {
+            at,
+            placeholder: placeholder.to_owned(),
+            hidden: false,
+        };
         let values = vec![value(0..3, "{N}"), value(6..7, "{{ LONG }}"), value(16..20, "é")];
         let file = SourceFile { values, ..SourceFile::new("a.wgsl", "2.0 + 8;\nreturn 1.25;\n") };
         assert_eq!(file.written(), "{N} + {{ LONG }};\nreturn é;\n");

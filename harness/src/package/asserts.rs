@@ -54,7 +54,8 @@ pub(super) fn read(source: SourceFile) -> Result<SourceFile, PackageError> {
         let mut replace = |text: &mut String, by: &str, placeholder: &str| {
             let start = text.len();
             text.push_str(by);
-            values.push(Value { at: start..text.len(), placeholder: placeholder.to_owned() });
+            let placeholder = placeholder.to_owned();
+            values.push(Value { at: start..text.len(), placeholder, hidden: true });
         };
         text.push_str(&line[..indent]);
         replace(&mut text, &format!("var {HOLDER}{number} = "), &format!("{head}{before}"));
@@ -131,12 +132,13 @@ impl Verb {
 pub(super) fn composed(inner: Vec<Value>, outer: Vec<Value>) -> Vec<Value> {
     let (mut all, mut shift, mut outer) = (Vec::new(), 0_isize, outer.into_iter().peekable());
     let moved = |at: usize, shift: isize| at.checked_add_signed(shift).expect("it is in the text");
-    for Value { at, placeholder } in inner {
+    for Value { at, placeholder, hidden } in inner {
         while let Some(one) = outer.next_if(|one| moved(one.at.start, -shift) < at.start) {
             shift += one.at.len() as isize - one.placeholder.len() as isize;
             all.push(one);
         }
-        all.push(Value { at: moved(at.start, shift)..moved(at.end, shift), placeholder });
+        let at = moved(at.start, shift)..moved(at.end, shift);
+        all.push(Value { at, placeholder, hidden });
     }
     all.extend(outer);
     all

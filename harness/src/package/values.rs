@@ -49,7 +49,7 @@ pub(super) fn substituted(text: &str, values: &Values) -> (String, Vec<Value>) {
         let start = result.len();
         result.push_str(&values[name]);
         let placeholder = text[range.clone()].to_owned();
-        all.push(Value { at: start..result.len(), placeholder });
+        all.push(Value { at: start..result.len(), placeholder, hidden: false });
         done = range.end;
     }
     result.push_str(&text[done..]);

@@ -80,6 +80,17 @@ impl<'a> Excerpt<'a> {
     }
 
     fn copy(&mut self, from: Range<usize>) {
+        let mut at = from.start;
+        let is_in = |range: &Range<usize>| from.start <= range.start && range.end <= from.end;
+        for value in self.file.values.iter().filter(|value| value.hidden && is_in(&value.at)) {
+            self.copy_visible(at..value.at.start);
+            self.change(value.at.clone(), &visible(&value.placeholder));
+            at = value.at.end;
+        }
+        self.copy_visible(at..from.end);
+    }
+
+    fn copy_visible(&mut self, from: Range<usize>) {
         let text = &self.file.text[from.clone()];
         if visible(text) == text {
             self.text.push_str(text);

@@ -1,0 +1,70 @@
+//! `//karat: print` and `//karat: assert` in a folder without Rust.
+
+use super::*;
+
+const SHADER: &str = "@if(karat) import karat::{assert, print};
+
+fn half(x: f32) -> f32 {
+    //karat: print x
+    @if(karat) assert(x < LIMIT);
+    return 0.5 * x;
+}
+
+@fragment
+fn shade(@location(0) uv: vec2f) -> @location(0) vec4f {
+    let own = half(uv.x);
+    // karat: print own + 1.0
+    return vec4f(own);
+}
+";
+
+const TESTS: &str = "[[test]]\nfunction = \"half\"\nover = { x = \"0..4\" }\nin_range = [0, 2]\n\n\
+                     [[frame]]\nname = \"disc\"\nfragment = \"shade\"\nsize = [8, 4]\n";
+
+const OWN: &str =
+    "import package::m::half;\n@test fn halves() { expect_near(half(3.0), 1.5, 0.0); }\n\
+     @test fn others() { expect_near(half(1.0), 0.5, 0.0); }\nimport karat::expect_near;\n";
+
+fn folder(limit: &str) -> TempDir {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let shaders = folder.path().join("shaders");
+    write(&shaders, "m.wgsl", &SHADER.replace("LIMIT", limit));
+    write(&shaders, "m.test.toml", TESTS);
+    write(&shaders, "m_test.wgsl", OWN);
+    folder
+}
+
+/// A call prints, a test that passes prints, and `karat tap` without a value shows what lines print.
+#[test]
+fn lines_print() {
+    let folder = folder("5.0");
+    let called = karat(folder.path(), &["call", "m::half", "3", "--path=cpu"]).good();
+    assert!(called.ends_with("shaders/m.wgsl:4:20: `x` (f32): 1 value\n  3\n"), "{called}");
+    let ran = karat(folder.path(), &["test", "--paths=cpu", "--no-frames"]);
+    let told = format!("{}{}", ran.out, ran.err);
+    assert!(told.contains("`x` (f32): 65536 values\n  least 0 for x = 0, most 4 for x = 4"), "{told}");
+    let out = format!("--out={}", folder.path().join("out").display());
+    let tapped = karat(folder.path(), &["tap", "disc", "--path=vulkan", &out]).good();
+    assert!(tapped.contains("shaders/m.wgsl:12:21") && tapped.contains("1.03125 at (0, "), "{tapped}");
+}
+
+/// A test that comes to a false assertion fails at its line, declared or in WGSL, alone or of many.
+#[test]
+fn tests_fail_by_assertions() {
+    let folder = folder("2.0");
+    for paths in ["--paths=cpu", "--paths=vulkan"] {
+        let ran = karat(folder.path(), &["test", paths]);
+        assert_eq!(ran.code, Some(1), "{}", ran.out);
+        let told = format!("{}{}", ran.out, ran.err);
+        for part in [
+            "the assertion `(x < 2.0)` is false",
+            "shaders/m.wgsl:5:22",
+            "@if(karat) assert(x < 2.0);",
+            "m::half in_range ... FAILED",
+            "m_test::halves ... FAILED",
+            "m_test::others ... ok",
+        ] {
+            assert!(told.contains(part), "{paths}: no `{part}` in {told}");
+        }
+    }
+}
