@@ -8,6 +8,7 @@ pub mod asserted;
 mod counted;
 mod coverage;
 mod dispatch;
+pub mod equal;
 pub mod hazards;
 mod order;
 mod outside;
@@ -258,9 +259,16 @@ impl Interpreted {
         }
         // No proof waits for a long loop.
         let options = Options { undecided: FEW_ROUNDS, fuel: MANY_ROUNDS, ..self.options() };
-        let results = self.lowered.call_between(cases, rows, &self.resources, &options);
+        let results = self.lowered.call_between(cases, rows, &self.resources, &options, &());
         let results = results.map_err(|stop| stopped(&self.program, &self.function.name, &stop))?;
         Ok(Some((0..cases).flat_map(|case| results.row(case)).map(Bound::of).collect()))
+    }
+
+    /// Runs once for all arguments from those of a row to those of another one; false if that can't be done.
+    fn watched_between(&self, rows: [&[u32]; 2], observer: &dyn Observer<Intervals>) -> bool {
+        let options = Options { undecided: FEW_ROUNDS, fuel: MANY_ROUNDS, ..self.options() };
+        let ran = || self.lowered.call_between(1, rows, &self.resources, &options, observer);
+        self.quads.is_none() && ran().is_ok()
     }
 
     /// Results in double precision.
@@ -371,91 +379,6 @@ fn lowered(probed: &Probed, settings: &Settings) -> Result<Lowered, ProbeError> 
         }
     };
     Ok(lowered.map_err(|refusal| refused(program, &refusal))?)
-}
-
-/// True if two functions are known to be one: the engine executes the same operations, once constants are folded, what is one
-/// number by an identity is one operation, and what no result needs is gone. False says nothing.
-pub fn is_same(functions: [&Probed; 2]) -> bool {
-    if functions.iter().any(|probed| probed.function().form.alone) {
-        return false;
-    }
-    let settings = Settings { identities: true, ..Settings::default() };
-    match functions.map(|probed| lowered(probed, &settings)) {
-        [Ok(a), Ok(b)] => a.is_same(&b),
-        _ => false,
-    }
-}
-
-/// Inputs that are all tried: some seconds of the engine's time.
-const ALL_INPUTS: usize = 1 << 24;
-
-/// How many inputs two functions have, if there are at most 2^24 and both return the same for each: bit by bit, but for NaN.
-/// Only booleans and 16-bit floats are as few, and what reads a resource or an override has other inputs.
-pub fn agree_everywhere(functions: [&Probed; 2]) -> Option<usize> {
-    let lanes = functions.map(|probed| {
-        let of = probed.function().parameters.iter().flat_map(|(_, shape)| shape.lanes());
-        of.collect::<Vec<_>>()
-    });
-    let is_closed = |probed: &&Probed| {
-        let Probed { program, function, .. } = probed;
-        let form = &function.form;
-        let reads = function.bindings.len() + form.taken.len() + form.builtins.len();
-        reads == 0 && !form.fragment && program.module().overrides.is_empty()
-    };
-    let [own, other] = &lanes;
-    if own != other || !functions.iter().all(is_closed) {
-        return None;
-    }
-    let mut count = 1_usize;
-    for lane in own {
-        count = count.checked_mul(inputs_of(*lane)?).filter(|count| *count <= ALL_INPUTS)?;
-    }
-    let [original, changed] =
-        functions.map(|probed| Interpreted::new(probed, &Fixtures::new()).ok());
-    let (original, changed) = (original?, changed?);
-    if original.results != changed.results {
-        return None;
-    }
-    let firsts = (0..count).step_by(BATCH_OF_ALL);
-    let agree = |first: usize| -> Option<bool> {
-        let cases = BATCH_OF_ALL.min(count - first);
-        let rows: Vec<u32> =
-            (first..first + cases).flat_map(|at| row_of(own, at).collect::<Vec<_>>()).collect();
-        let [a, b] = [&original, &changed].map(|one| one.words(cases, &rows).ok());
-        let (a, b) = (a?, b?);
-        let mut each = a.iter().zip(&b).zip(original.results.iter().cycle());
-        Some(each.all(|((a, b), scalar)| {
-            let is_nan = |word: &u32| f32::from_bits(*word).is_nan();
-            a == b || (scalar.is_float() && is_nan(a) && is_nan(b))
-        }))
-    };
-    firsts.map(agree).all(|agrees| agrees == Some(true)).then_some(count)
-}
-
-/// Rows that are held at a time.
-const BATCH_OF_ALL: usize = 1 << 16;
-
-/// The values that there are of a scalar, if they are few.
-fn inputs_of(scalar: Scalar) -> Option<usize> {
-    match scalar {
-        Scalar::Bool => Some(2),
-        Scalar::F16 => Some(1 << 16),
-        Scalar::F32 | Scalar::I32 | Scalar::U32 => None,
-    }
-}
-
-/// The row with a number among all of them.
-fn row_of(lanes: &[Scalar], at: usize) -> impl Iterator<Item = u32> {
-    let mut rest = at;
-    lanes.iter().map(move |lane| {
-        let values = inputs_of(*lane).unwrap_or(1);
-        let own = rest % values;
-        rest /= values;
-        match lane {
-            Scalar::F16 => half::f16::from_bits(own as u16).to_f32().to_bits(),
-            _ => own as u32,
-        }
-    })
 }
 
 /// An expression in the author's file, and its text there.

@@ -197,12 +197,13 @@ impl Program {
         [rows, to]: [&[u32]; 2],
         resources: &Resources,
         options: &Options,
+        observer: &dyn Observer<Intervals>,
     ) -> Result<Results<Intervals>, Stop> {
         if to.len() != rows.len() {
             let width = self.code.parameters.len();
             return Err(Stop::Rows { found: to.len(), width, cases });
         }
-        Intervals::call(self, &Call { cases, rows, to: Some(to), resources, options }, &())
+        Intervals::call(self, &Call { cases, rows, to: Some(to), resources, options }, observer)
     }
 
     /// [`call`](Self::call), compiled once for each arithmetic.

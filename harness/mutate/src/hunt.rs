@@ -17,7 +17,7 @@ use karat_suite::{Fault, FindError, Suite, Test, Wrong};
 use serde::Serialize;
 
 use crate::lived::{self, Equality, Lived};
-use crate::maker::{self, Mutant};
+use crate::maker::{self, Mutant, Rule};
 
 /// Mutants that are to be tried.
 ///
@@ -273,6 +273,15 @@ impl Request {
         let suite = Suite::of(self.package.clone())?;
         let tests: BTreeSet<&str> = suite.tests.iter().map(|test| &*test.name).collect();
         let mut all = Vec::new();
+        let mut seen: BTreeMap<String, usize> = BTreeMap::new();
+        // Lines that are the same have ids by their order.
+        let mut named = |of: &str, path: &str, [before, after]: [String; 2]| {
+            let name = format!("{of}\n{path}\n{before}\n{after}");
+            let count = seen.entry(name.clone()).or_default();
+            *count += 1;
+            let id = blake3::hash(format!("{name}\n{count}").as_bytes()).to_hex();
+            id[..8].to_owned()
+        };
         for module in self.package.modules()? {
             let unread = |reason: String| MutateError::Read { module: module.clone(), reason };
             let file = file_of(&self.package, &module);
@@ -280,22 +289,29 @@ impl Request {
             let text = std::fs::read_to_string(&file)
                 .map_err(|error| unread(format!("can't read `{}`: {error}", file.display())))?;
             let text: Arc<str> = text.into();
-            let mut seen: BTreeMap<String, usize> = BTreeMap::new();
             for mutant in maker::mutants(&text) {
                 let path = path_of(&module, &mutant.item);
                 // The tests themselves aren't what is judged.
                 if tests.contains(&*path) {
                     continue;
                 }
-                let [before, after] = mutant.lines(&text);
                 // Two packages of one file may have the same functions.
                 let of = if module.is_empty() { self.package.name() } else { module.clone() };
-                let name = format!("{of}\n{path}\n{before}\n{after}");
-                let count = seen.entry(name.clone()).or_default();
-                *count += 1;
-                let id = blake3::hash(format!("{name}\n{count}").as_bytes()).to_hex();
-                let (id, module) = (id[..8].to_owned(), module.clone());
-                let (file, text) = (file.clone(), Arc::clone(&text));
+                let id = named(&of, &path, mutant.lines(&text));
+                let (module, file, text) = (module.clone(), file.clone(), Arc::clone(&text));
+                all.push(Candidate { id, module, file, text, mutant });
+            }
+        }
+        for (module, file) in suite.declared() {
+            let text = std::fs::read_to_string(&file).map_err(|error| MutateError::Read {
+                module: module.clone(),
+                reason: format!("can't read `{}`: {error}", file.display()),
+            })?;
+            let text: Arc<str> = text.into();
+            for mutant in maker::samplers(&text) {
+                let path = path_of(&module, &mutant.item);
+                let id = named(&format!("{module} tests"), &path, mutant.lines(&text));
+                let (module, file, text) = (module.clone(), file.clone(), Arc::clone(&text));
                 all.push(Candidate { id, module, file, text, mutant });
             }
         }
@@ -463,16 +479,17 @@ impl Request {
     fn fate(&self, one: &Candidate, judges: &[Judge], others: Option<&dyn Others>) -> Fate {
         let Candidate { module, file, text, mutant, .. } = one;
         let package = self.package.unsaved(file, &mutant.applied(text));
+        let is_shader = mutant.rule != Rule::Sampler;
         // Of a module that isn't valid anyway the item alone has to be.
         let whole = Program::of_module(&self.package, module).is_ok();
-        let linked = match whole {
+        let linked = match whole || !is_shader {
             true => Program::of_module(&package, module),
             false => Program::of_items(&package, module, &[&mutant.item]),
         };
         if let Err(error) = linked {
             return Fate::Invalid { reason: reason(&error) };
         }
-        if let Some(by) = lived::equality(&self.package, &package, one) {
+        if let Some(by) = lived::equality(&self.package, &package, one).filter(|_| is_shader) {
             return Fate::Equal { by };
         }
         let own = match Suite::of(package.clone()) {
@@ -490,6 +507,10 @@ impl Request {
                     return Fate::Unknown { reason };
                 }
             }
+        }
+        if concerned.is_empty() && !is_shader {
+            let reason = "no test that runs here has this sampler".to_owned();
+            return Fate::Unknown { reason };
         }
         if concerned.is_empty() && is_idle(&self.package, &package) {
             return Fate::Idle;
@@ -518,7 +539,8 @@ impl Request {
                 }
             }
         }
-        let others = others.map(|others| others.judge(one)).unwrap_or_default();
+        let others = others.filter(|_| is_shader).map(|others| others.judge(one));
+        let others = others.unwrap_or_default();
         if let Some(test) = others.killed {
             return Fate::Killed { test };
         }
@@ -530,7 +552,10 @@ impl Request {
                 None => Fate::Stopped { test, reason },
             },
             None => {
-                let why = lived::why(&self.package, &package, one);
+                let why = match is_shader {
+                    true => lived::why(&self.package, &package, one),
+                    false => Lived::Sampler,
+                };
                 let hidden = Hidden::nearest(hidden, others.hidden);
                 if tests == 0 { Fate::Untested { why } } else { Fate::Lived { tests, hidden, why } }
             }

@@ -3,12 +3,13 @@
 use std::fmt;
 
 use karat::Package;
-use karat::unstable::interpret::{agree_everywhere, is_same};
+use karat::unstable::interpret::equal::{Guard, agree_everywhere, is_same, never_acts};
 use karat::unstable::probe::Probed;
 use karat_inspect::compare::{Change, Compared, PathChange, Request};
 use serde::Serialize;
 
 use crate::Candidate;
+use crate::maker::{Mutant, Rule};
 
 /// Why a mutant lived.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -21,6 +22,8 @@ pub enum Lived {
         /// The inputs that were tried.
         cases: usize,
     },
+    /// It is the sampler of a test, and the shader is the same: no test samples where the two differ.
+    Sampler,
     /// Original and mutant can't be compared.
     Unknown {
         /// Why.
@@ -54,6 +57,8 @@ pub struct Difference {
 pub enum Equality {
     /// Its function executes the same operations.
     Operations,
+    /// It leaves a guard out that never acts: whatever the arguments, the value lies within its bounds.
+    Intervals,
     /// Its function returns the same for so many inputs, and has no others.
     Inputs(usize),
 }
@@ -62,6 +67,9 @@ impl fmt::Display for Equality {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Operations => f.write_str("it executes the same operations"),
+            Self::Intervals => {
+                f.write_str("the guard never acts: by intervals its value is within the bound")
+            }
             Self::Inputs(0 | 1) => f.write_str("it has no inputs, and returns the same"),
             Self::Inputs(count) => write!(f, "it returns the same for all {count} inputs"),
         }
@@ -76,8 +84,13 @@ pub(crate) fn equality(
 ) -> Option<Equality> {
     let probed = [original, mutant].map(|package| Probed::new(package, &candidate.path()));
     let [Ok(a), Ok(b)] = &probed else { return None };
-    match is_same([a, b]) {
-        true => Some(Equality::Operations),
+    let Mutant { rule, range, original, replacement, .. } = &candidate.mutant;
+    let argument = replacement.strip_prefix('(').and_then(|rest| rest.strip_suffix(')'));
+    let guard = argument.map(|argument| Guard { at: range.start, text: original, argument });
+    let guard = guard.filter(|_| *rule == Rule::Guard);
+    match guard.is_some_and(|guard| never_acts(a, &guard)) {
+        _ if is_same([a, b]) => Some(Equality::Operations),
+        true => Some(Equality::Intervals),
         false => agree_everywhere([a, b]).map(Equality::Inputs),
     }
 }

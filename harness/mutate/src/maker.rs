@@ -35,6 +35,8 @@ pub enum Rule {
     Condition,
     /// A barrier, or an atomic whose value nothing uses, is left out.
     Order,
+    /// A sampler that a test declares: its filter, or what is beyond the edge.
+    Sampler,
 }
 
 impl fmt::Display for Rule {
@@ -51,6 +53,7 @@ impl fmt::Display for Rule {
             Self::Sign => "sign",
             Self::Condition => "condition",
             Self::Order => "order",
+            Self::Sampler => "sampler",
         })
     }
 }
@@ -118,7 +121,70 @@ pub fn mutants(text: &str) -> Vec<Mutant> {
     // Two rules may come to the same text.
     let mut seen = BTreeSet::new();
     found.retain(|mutant| seen.insert(mutant.applied(text)) && mutant.applied(text) != text);
+    // What asserts or prints isn't what is judged.
+    let line = |at: usize| text[..at].rsplit('\n').next().unwrap_or_default().trim_start();
+    found.retain(|mutant| !line(mutant.range.start).starts_with("@if(karat)"));
     found
+}
+
+/// All mutants of the samplers that a file of tests declares: `filtering = "linear repeat"`. Each belongs to the name before it.
+pub(crate) fn samplers(text: &str) -> Vec<Mutant> {
+    let mut found = Vec::new();
+    for (start, quoted) in quoted(text) {
+        let line_start = text[..start].rfind('\n').map_or(0, |at| at + 1);
+        let before = text[line_start..start - 1].trim_end().strip_suffix('=').map(str::trim_end);
+        let is_part = |c: char| c.is_alphanumeric() || c == '_';
+        let key = before.map(|before| before.rsplit(|c| !is_part(c)).next().unwrap_or_default());
+        let Some(key) = key.filter(|key| !key.is_empty() && *key != "name") else { continue };
+        let words: Vec<&str> = quoted.split_whitespace().collect();
+        let [filter @ ("linear" | "nearest"), rest @ ..] = &*words else { continue };
+        let address = rest.iter().find(|word| ["clamp", "repeat", "mirror"].contains(word));
+        let others = || rest.iter().filter(|word| Some(*word) != address).copied();
+        let with = |filter: &'static str, address: Option<&str>| {
+            let all = [filter].into_iter().chain(address.into_iter().filter(|one| *one != "clamp"));
+            all.map(str::to_owned).chain(others().map(str::to_owned)).collect::<Vec<_>>().join(" ")
+        };
+        let [own, other] = match *filter {
+            "linear" => ["linear", "nearest"],
+            _ => ["nearest", "linear"],
+        };
+        let elsewhere =
+            if address.is_some_and(|word| *word == "repeat") { "clamp" } else { "repeat" };
+        for replacement in [with(other, address.copied()), with(own, Some(elsewhere))] {
+            found.push(Mutant {
+                rule: Rule::Sampler,
+                item: key.to_owned(),
+                range: start..start + quoted.len(),
+                original: quoted.to_owned(),
+                replacement,
+                line: text[..start].matches('\n').count() + 1,
+                column: text[line_start..start].chars().count() + 1,
+            });
+        }
+    }
+    found
+}
+
+/// What stands between double quotes in TOML, on one line, each with its place. Comments aren't looked into.
+fn quoted(text: &str) -> Vec<(usize, &str)> {
+    let (mut all, mut start) = (Vec::new(), 0);
+    for line in text.split_inclusive('\n') {
+        let (mut open, mut at) = (None, 0);
+        for character in line.chars() {
+            match (character, open) {
+                ('#', None) => break,
+                ('"', None) => open = Some(at + 1),
+                ('"', Some(from)) => {
+                    all.push((start + from, &line[from..at]));
+                    open = None;
+                }
+                _ => {}
+            }
+            at += character.len_utf8();
+        }
+        start += line.len();
+    }
+    all
 }
 
 struct Maker<'a> {
@@ -702,6 +768,27 @@ mod tests {
         assert_eq!(texts.len(), found.len());
         assert!(!texts.contains(text) && found.len() > 8);
         assert!(found.iter().all(|mutant| text[mutant.range.clone()] == mutant.original));
+    }
+
+    /// A sampler has another filter, and something else beyond its edge. Names and comments stay.
+    #[test]
+    fn samplers_of_tests_are_changed() {
+        let text = "[[test]]\nname = \"linear\" # \"nearest\"\nwith = { a = \"linear\", b = \"nearest repeat\", c = \"x.png\" }\n\
+                    with.shadow = \"linear less_equal\"\n";
+        let found = samplers(text);
+        let told: Vec<(&str, &str)> =
+            found.iter().map(|one| (&*one.item, &*one.replacement)).collect();
+        let expected = [
+            ("a", "nearest"),
+            ("a", "linear repeat"),
+            ("b", "linear repeat"),
+            ("b", "nearest"),
+            ("shadow", "nearest less_equal"),
+            ("shadow", "linear repeat less_equal"),
+        ];
+        assert_eq!(told, expected);
+        assert!(found.iter().all(|one| text[one.range.clone()] == one.original));
+        assert_eq!((found[2].line, found[2].column), (3, 29));
     }
 
     #[test]

@@ -110,6 +110,70 @@ fn equal_mutants_are_no_gaps() {
     assert!(matches!(fate("g", "1.0", "2.0"), Fate::Lived { .. }));
 }
 
+/// A guard that never acts is left out without a difference, and one that acts for some argument isn't.
+#[test]
+fn guards_that_never_act_are_equal() {
+    let shader = "fn f(x: f32) -> f32 { return max(abs(x), 0.0); }\n\
+                  fn g(x: f32) -> f32 { return max(abs(x), 0.001); }\n\
+                  fn h(x: f32, n: u32) -> f32 { return min(saturate(x), 1.0) + clamp(fract(x), -2.0, 2.0) + clamp(sin(x), -2.0, 2.0) + f32(n); }\n\
+                  fn i(x: f32) -> f32 { if (x > 0.5) { return max(x, 0.5); } return max(x, 0.25); }\n";
+    let test = |name: &str, over: &str| {
+        format!("[[test]]\nfunction = \"{name}\"\nover = {over}\nin_range = [-1e9, 1e10]\n\n")
+    };
+    let tests = [
+        test("f", "{ x = 2 }"),
+        test("g", "{ x = 2 }"),
+        test("h", "{ x = 2, n = 1 }"),
+        test("i", "{ x = 2 }"),
+    ];
+    let hunted = hunted(folder(shader, &tests.concat()).path());
+    let fate = |item, original, replacement| of(&hunted, item, original, replacement).fate.clone();
+    let equal = Fate::Equal { by: Equality::Intervals };
+    assert_eq!(fate("f", "max(abs(x), 0.0)", "(abs(x))"), equal);
+    assert_eq!(fate("h", "min(saturate(x), 1.0)", "(saturate(x))"), equal);
+    assert_eq!(fate("h", "clamp(fract(x), -2.0, 2.0)", "(fract(x))"), equal);
+    for acts in [
+        fate("f", "max(abs(x), 0.0)", "(0.0)"),
+        fate("f", "abs(x)", "(x)"),
+        fate("g", "max(abs(x), 0.001)", "(abs(x))"),
+        fate("h", "saturate(x)", "(x)"),
+        fate("i", "max(x, 0.25)", "(x)"),
+        // Beyond a half turn WGSL says nothing of how near a sine is.
+        fate("h", "clamp(sin(x), -2.0, 2.0)", "(sin(x))"),
+    ] {
+        assert!(!matches!(acts, Fate::Equal { .. }), "{acts:?}");
+    }
+}
+
+/// The samplers of declared tests are changed, too: a test that samples beyond the edge sees another address.
+#[test]
+fn samplers_of_tests_are_mutants() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let write = |file: &str, text: &str| {
+        std::fs::write(folder.path().join(file), text).expect("written");
+    };
+    write(
+        "calc.wgsl",
+        "@group(0) @binding(0) var image: texture_2d<f32>;\n@group(0) @binding(1) var how: sampler;\n\
+         fn at(u: f32) -> f32 { return textureSampleLevel(image, how, vec2f(u, 0.5), 0.0).x; }\n",
+    );
+    let image = karat::Image::new(2, 1, vec![[0.0, 0.0, 0.0, 1.0], [1.0; 4]]);
+    let file = folder.path().join("image.exr");
+    image.write_exr(&file, karat::image::Precision::Float, None).expect("written");
+    let image = "image = \"image.exr\", how = \"nearest repeat\"";
+    write(
+        "calc.test.toml",
+        &format!(
+            "[[test]]\nfunction = \"at\"\nwith = {{ {image} }}\nover = {{ u = 1.25 }}\nequals = 0\ntolerance = \"exact\"\n"
+        ),
+    );
+    let hunted = hunted(folder.path());
+    let killed = Fate::Killed { test: "calc::at equals".to_owned() };
+    assert_eq!(of(&hunted, "how", "nearest repeat", "nearest").fate, killed);
+    let lived = &of(&hunted, "how", "nearest repeat", "linear repeat").fate;
+    assert!(matches!(lived, Fate::Lived { why: Lived::Sampler, .. }), "{lived:?}");
+}
+
 /// Where all inputs can be tried, those that agree for each are equal, and one input that differs is enough for another word.
 #[test]
 fn all_inputs_are_tried_where_they_are_few() {
@@ -138,7 +202,7 @@ fn all_inputs_are_tried_where_they_are_few() {
     let nan = fate("f", "max(x * x, -1.0h)", "(x * x)");
     assert!(!matches!(nan, Fate::Equal { .. }), "{nan:?}");
     // So does one number of 65,536.
-    let one = fate("g", "x > 0.5004h && x < 0.501h", "(x > 0.5004h)");
+    let one = fate("g", "x > 0.5004h && x < 0.501h", "x > 0.5004h");
     assert!(!matches!(one, Fate::Equal { .. }), "{one:?}");
     assert_eq!(
         fate("c", "max(sqrt(2.0), 1.0)", "(sqrt(2.0))"),

@@ -8,7 +8,7 @@ use std::fmt;
 use super::judge::{Assertion, Element, Expected, Sum};
 use super::{After, ComputeError};
 use crate::dispatch::{Afterwards, DispatchError, Examined, Part, Passes};
-use crate::interpret::asserted::{SHOWN, printed_by};
+use crate::interpret::asserted::{SHOWN, printed_by, tell};
 use crate::interpret::{OrderOf, Run, Runner, Tried, in_order_of, parting};
 use crate::probe::ProbeError;
 use crate::record::{Details, Replay};
@@ -196,9 +196,7 @@ impl After<'_> {
         }
         let examined = self.with_tint(passes, examined);
         self.expect_no_violations(examined, report, replay)?;
-        for table in printed_by(passes, SHOWN)? {
-            eprint!("{table}");
-        }
+        tell(&printed_by(passes, SHOWN)?.concat());
         if let (Some(order), Some(judged)) = (dependent, &judged) {
             return Err(self.dependence(passes, order, judged, replay)?);
         }

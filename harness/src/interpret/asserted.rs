@@ -321,19 +321,26 @@ impl Watched {
     /// Writes what a check prints, once in the thread of its test: each path would print the same. `case` is the name of a
     /// case.
     pub(crate) fn tell(&self, case: &dyn Fn(usize) -> String) {
-        thread_local! {
-            static TOLD: RefCell<String> = const { RefCell::new(String::new()) };
-        }
         let mut text: String = self.prints().iter().map(|print| print.table(SHOWN, case)).collect();
         let assertions = self.assertions.lock().unwrap_or_else(PoisonError::into_inner);
         text.extend(assertions.iter().filter_map(Assertion::unreached));
-        TOLD.with_borrow_mut(|told| {
-            if *told != text {
-                eprint!("{text}");
-                *told = text;
-            }
-        });
+        tell(&text);
     }
+}
+
+/// Writes what a test prints, under its name: that of its thread.
+pub(crate) fn tell(text: &str) {
+    thread_local! {
+        static TOLD: RefCell<String> = const { RefCell::new(String::new()) };
+    }
+    TOLD.with_borrow_mut(|told| {
+        if *told != text && !text.is_empty() {
+            let thread = std::thread::current();
+            let name = thread.name().map_or_else(String::new, |name| format!("{name} prints\n"));
+            eprint!("{name}{text}");
+            text.clone_into(told);
+        }
+    });
 }
 
 /// Arguments in a line.

@@ -1,7 +1,7 @@
 //! The parts of a package that programs need which look into functions without a test.
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::accepted::{AcceptedMutants, Hazards, KnownRows};
 use super::feature::Feature;
@@ -78,6 +78,12 @@ pub fn known_rows(package: &Package) -> Result<Vec<KnownRows>, PackageError> {
 #[must_use]
 pub fn file_of(package: &Package, module: &str) -> Option<PathBuf> {
     package.file_at(&ModulePath::root(module).components)
+}
+
+/// The text that stands in for a file, if [`Package::unsaved`] gave one.
+#[must_use]
+pub fn unsaved_of<'p>(package: &'p Package, file: &Path) -> Option<&'p str> {
+    package.unsaved_text(file)
 }
 
 /// The words of a module's own file, and the features that its conditions ask about and that aren't set.

@@ -454,12 +454,20 @@ fn with_nearest(message: &str) -> String {
     }
 }
 
-/// Reads a file of declared tests, and what is wrong with some of its tables: one hides no other. `root` is the package.
-pub(crate) fn read(file: &Path, root: &Path) -> Result<(Vec<Test>, Vec<Diagnostic>), Diagnostic> {
+/// Reads a file of declared tests, and what is wrong with some of its tables: one hides no other. `unsaved` is a text in place
+/// of the file's, and `root` is the package.
+pub(crate) fn read(
+    file: &Path,
+    unsaved: Option<String>,
+    root: &Path,
+) -> Result<(Vec<Test>, Vec<Diagnostic>), Diagnostic> {
     let name = shown(file);
     let unread = |error: &dyn fmt::Display| of_whole(file, format!("can't read `{name}`: {error}"));
-    let bytes = read_file(file).map_err(|error| unread(&error))?;
-    let text = String::from_utf8(bytes).map_err(|error| unread(&error))?;
+    let saved = || {
+        let bytes = read_file(file).map_err(|error| unread(&error))?;
+        String::from_utf8(bytes).map_err(|error| unread(&error))
+    };
+    let text = unsaved.map_or_else(saved, Ok)?;
     // Windows' editors write a mark of order first.
     let text = text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text);
     let source = Arc::new(SourceFile::new(name, text));
@@ -640,7 +648,7 @@ fn own(module: &str, name: &str) -> String {
 }
 
 /// The module beside a file: `sub::brdf` of `sub/brdf.test.toml`; `""` in a package of one file.
-fn module_of(file: &Path, root: &Path) -> String {
+pub(crate) fn module_of(file: &Path, root: &Path) -> String {
     if root.is_file() {
         return String::new();
     }
@@ -742,7 +750,7 @@ mod tests {
         let file = folder.path().join("sub").join("brdf.test.toml");
         std::fs::create_dir(file.parent().expect("a parent")).expect("a folder");
         std::fs::write(&file, text).expect("a file");
-        let (tests, wrong) = read(&file, folder.path()).map_err(|found| found.to_string())?;
+        let (tests, wrong) = read(&file, None, folder.path()).map_err(|found| found.to_string())?;
         match wrong.first() {
             Some(found) => Err(found.to_string()),
             None => Ok(tests.into_iter().map(|test| test.name).collect()),
@@ -758,7 +766,7 @@ mod tests {
         let read = |wrong: &str| {
             let text = format!("{}[[test]]\nfunction = \"b\"\n{wrong}\n{}", good("a"), good("c"));
             std::fs::write(&file, text).expect("a file");
-            read(&file, folder.path()).map(|(tests, wrong)| {
+            read(&file, None, folder.path()).map(|(tests, wrong)| {
                 let place = |one: &Diagnostic| one.location().expect("a place").to_string();
                 (tests.len(), wrong.iter().map(place).collect::<Vec<_>>())
             })
@@ -786,7 +794,7 @@ mod tests {
         ] {
             let text = format!("\u{feff}{first}{}", good("a"));
             std::fs::write(&file, text).expect("a file");
-            let (tests, wrong) = super::read(&file, folder.path()).expect("the file is read");
+            let (tests, wrong) = super::read(&file, None, folder.path()).expect("the file is read");
             let places: Vec<_> = wrong.iter().map(ToString::to_string).collect();
             let place = format!("m.test.toml:{line}:");
             assert!(tests.len() == 1 && places.len() == 1, "{first}: {places:?}");

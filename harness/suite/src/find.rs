@@ -8,6 +8,7 @@ use karat::Package;
 use karat::package::PackageError;
 use karat::unstable::diagnostic::{Diagnostic, SourceFile, Span, nearest, read_file, shown};
 use karat::unstable::output::name;
+use karat::unstable::package::unsaved_of;
 
 use crate::declared;
 use crate::{Broken, Kind, Suite, Test, Wrong};
@@ -44,7 +45,7 @@ pub(crate) fn find(package: Package) -> Result<Suite, FindError> {
     }
     for file in meant(&package)? {
         let read = match file.to_string_lossy().ends_with(ENDING) {
-            true => declared::read(&file, &root),
+            true => declared::read(&file, unsaved_of(&package, &file).map(str::to_owned), &root),
             false => Err(unread(&file)),
         };
         let name = file.display().to_string();
@@ -149,6 +150,17 @@ fn is_misnamed_module(file: &Path) -> bool {
 pub fn is_meant(file: &Path) -> bool {
     let name = file.file_name().unwrap_or_default().to_string_lossy();
     stem_of(&name).is_some() || declares(file, &name) || is_misnamed_module(file)
+}
+
+impl Suite {
+    /// The files that declare tests, each with its module.
+    #[must_use]
+    pub fn declared(&self) -> Vec<(String, PathBuf)> {
+        let root = self.package.root();
+        let files = meant(&self.package).unwrap_or_default().into_iter();
+        let files = files.filter(|file| file.to_string_lossy().ends_with(ENDING));
+        files.map(|file| (declared::module_of(&file, &root), file)).collect()
+    }
 }
 
 /// The files of a package, or of its one module, that were meant to declare tests.

@@ -418,6 +418,9 @@ fn lines(tests: &str, why: &Lived) -> Vec<String> {
         Lived::Unseen { cases } => {
             vec![format!("{tests}; no difference found in {}", counted(*cases, "input"))]
         }
+        Lived::Sampler => vec![format!(
+            "{tests}; sample between texels for the filter, and beyond the edge for the address"
+        )],
         Lived::Unknown { reason } => vec![format!("{tests}; {reason}")],
     }
 }

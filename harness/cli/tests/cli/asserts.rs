@@ -21,8 +21,7 @@ fn shade(@location(0) uv: vec2f) -> @location(0) vec4f {
 const TESTS: &str = "[[test]]\nfunction = \"half\"\nover = { x = \"0..4\" }\nin_range = [0, 2]\n\n\
                      [[frame]]\nname = \"disc\"\nfragment = \"shade\"\nsize = [8, 4]\n";
 
-const OWN: &str =
-    "import package::m::half;\n@test fn halves() { expect_near(half(3.0), 1.5, 0.0); }\n\
+const OWN: &str = "import package::m::half;\n@test fn halves() { expect_near(half(3.0), 1.5, 0.0); }\n\
      @test fn others() { expect_near(half(1.0), 0.5, 0.0); }\nimport karat::expect_near;\n";
 
 fn folder(limit: &str) -> TempDir {
@@ -42,10 +41,16 @@ fn lines_print() {
     assert!(called.ends_with("shaders/m.wgsl:4:20: `x` (f32): 1 value\n  3\n"), "{called}");
     let ran = karat(folder.path(), &["test", "--paths=cpu", "--no-frames"]);
     let told = format!("{}{}", ran.out, ran.err);
-    assert!(told.contains("`x` (f32): 65536 values\n  least 0 for x = 0, most 4 for x = 4"), "{told}");
+    assert!(
+        told.contains("`x` (f32): 65536 values\n  least 0 for x = 0, most 4 for x = 4"),
+        "{told}"
+    );
     let out = format!("--out={}", folder.path().join("out").display());
     let tapped = karat(folder.path(), &["tap", "disc", "--path=vulkan", &out]).good();
-    assert!(tapped.contains("shaders/m.wgsl:12:21") && tapped.contains("1.03125 at (0, "), "{tapped}");
+    assert!(
+        tapped.contains("shaders/m.wgsl:12:21") && tapped.contains("1.03125 at (0, "),
+        "{tapped}"
+    );
 }
 
 /// A test that comes to a false assertion fails at its line, declared or in WGSL, alone or of many.
@@ -62,7 +67,8 @@ fn tests_fail_by_assertions() {
             "@if(karat) assert(x < 2.0);",
             "m::half in_range ... FAILED",
             "m_test::halves ... FAILED",
-            "m_test::others ... ok",
+            "1 passed; 3 failed",
+            "m_test::others prints\nshaders/m.wgsl:4:20: `x` (f32): 1 value\n  1\n",
         ] {
             assert!(told.contains(part), "{paths}: no `{part}` in {told}");
         }

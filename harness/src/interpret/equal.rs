@@ -1,0 +1,176 @@
+//! Functions that are known to do the same: what no test can tell apart.
+
+use std::collections::BTreeSet;
+use std::sync::{Mutex, PoisonError};
+
+use karat_engine::{Interval, Intervals, Lanes, Observer, Settings, Site, Truth};
+
+use super::{Interpreted, author_of, lowered};
+use crate::fixture::Fixtures;
+use crate::probe::Probed;
+use crate::value::Scalar;
+
+/// True if two functions are known to be one: the engine executes the same operations, once constants are folded, what is one
+/// number by an identity is one operation, and what no result needs is gone. False says nothing.
+pub fn is_same(functions: [&Probed; 2]) -> bool {
+    if functions.iter().any(|probed| probed.function().form.alone) {
+        return false;
+    }
+    let settings = Settings { identities: true, ..Settings::default() };
+    match functions.map(|probed| lowered(probed, &settings)) {
+        [Ok(a), Ok(b)] => a.is_same(&b),
+        _ => false,
+    }
+}
+
+/// A guard at a place of the author's file: `max(x, 0.0)`, and the argument that is left without it.
+pub struct Guard<'g> {
+    /// Its first byte in the author's text.
+    pub at: usize,
+    /// Its text.
+    pub text: &'g str,
+    /// The text of the argument.
+    pub argument: &'g str,
+}
+
+/// The values of a guard's operands, and whether each shows that it returns the first one.
+struct Guarded<'g> {
+    sites: BTreeSet<usize>,
+    acts: &'g (dyn Fn(&[Interval]) -> bool + Sync),
+    seen: Mutex<(bool, bool)>,
+}
+
+impl Observer<Intervals> for Guarded<'_> {
+    fn floats(&self, lanes: &Lanes<'_, Intervals>) {
+        if !self.sites.contains(&lanes.site.number) {
+            return;
+        }
+        let mut seen = self.seen.lock().unwrap_or_else(PoisonError::into_inner);
+        for lane in (0..lanes.active.len()).filter(|lane| lanes.active[*lane] != Truth::False) {
+            let operands: Vec<Interval> = lanes.operands.iter().map(|all| all[lane]).collect();
+            seen.0 = true;
+            seen.1 |= lanes.floats.len() != 1
+                || !operands.iter().all(|one| one.is_bounded())
+                || (self.acts)(&operands);
+        }
+    }
+}
+
+/// True if a guard of a function never acts: over all arguments as intervals, what it bounds lies within its bounds already.
+/// Then no implementation of WGSL returns something else without it, but for the sign of a zero, which WGSL lets be ignored.
+pub fn never_acts(probed: &Probed, guard: &Guard<'_>) -> bool {
+    let Probed { program, function, .. } = probed;
+    let name = guard.text.split('(').next().unwrap_or_default().trim();
+    let inside = guard.text.trim_start_matches(|c| c != '(').trim_start_matches(['(', ' ']);
+    let acts: &(dyn Fn(&[Interval]) -> bool + Sync) = match name {
+        "max" => &|of| !matches!(of, [x, least] if x.lo() >= least.hi()),
+        "min" => &|of| !matches!(of, [x, most] if x.hi() <= most.lo()),
+        "clamp" => {
+            &|of| !matches!(of, [x, least, most] if x.lo() >= least.hi() && x.hi() <= most.lo())
+        }
+        "saturate" => &|of| !matches!(of, [x] if x.lo() >= 0.0 && x.hi() <= 1.0),
+        "abs" => &|of| !matches!(of, [x] if x.lo() >= 0.0),
+        _ => return false,
+    };
+    let reads = function.bindings.len() + function.form.taken.len() + function.form.builtins.len();
+    let is_closed = reads == 0 && program.module().overrides.is_empty();
+    let lanes: Vec<Scalar> =
+        function.parameters.iter().flat_map(|(_, shape)| shape.lanes()).collect();
+    if !inside.starts_with(guard.argument) || !is_closed || lanes.contains(&Scalar::F16) {
+        return false;
+    }
+    let Ok(own) = Interpreted::new(probed, &Fixtures::new()) else { return false };
+    let is_it = |site: &&Site| {
+        author_of(program, site)
+            .is_some_and(|(span, text)| span.written().1.start == guard.at && text == guard.text)
+    };
+    let sites = own.lowered.sites().iter().filter(is_it).map(|site| site.number).collect();
+    let guarded = Guarded { sites, acts, seen: Mutex::default() };
+    let ends = |low: bool| -> Vec<u32> {
+        let end = |scalar: &Scalar| match (scalar, low) {
+            (Scalar::F32 | Scalar::F16, true) => f32::MIN.to_bits(),
+            (Scalar::F32 | Scalar::F16, false) => f32::MAX.to_bits(),
+            (Scalar::I32, true) => i32::MIN.cast_unsigned(),
+            (Scalar::I32, false) => i32::MAX.cast_unsigned(),
+            (Scalar::U32, false) => u32::MAX,
+            (Scalar::U32 | Scalar::Bool, low) => u32::from(!low && *scalar == Scalar::Bool),
+        };
+        lanes.iter().map(end).collect()
+    };
+    let (from, to) = (ends(true), ends(false));
+    let ran = own.watched_between([&from, &to], &guarded);
+    let (came, acts) = guarded.seen.into_inner().unwrap_or_else(PoisonError::into_inner);
+    ran && came && !acts
+}
+
+/// Inputs that are all tried: some seconds of the engine's time.
+const ALL_INPUTS: usize = 1 << 24;
+
+/// How many inputs two functions have, if there are at most 2^24 and both return the same for each: bit by bit, but for NaN.
+/// Only booleans and 16-bit floats are as few, and what reads a resource or an override has other inputs.
+pub fn agree_everywhere(functions: [&Probed; 2]) -> Option<usize> {
+    let lanes = functions.map(|probed| {
+        let of = probed.function().parameters.iter().flat_map(|(_, shape)| shape.lanes());
+        of.collect::<Vec<_>>()
+    });
+    let is_closed = |probed: &&Probed| {
+        let Probed { program, function, .. } = probed;
+        let form = &function.form;
+        let reads = function.bindings.len() + form.taken.len() + form.builtins.len();
+        reads == 0 && !form.fragment && program.module().overrides.is_empty()
+    };
+    let [own, other] = &lanes;
+    if own != other || !functions.iter().all(is_closed) {
+        return None;
+    }
+    let mut count = 1_usize;
+    for lane in own {
+        count = count.checked_mul(inputs_of(*lane)?).filter(|count| *count <= ALL_INPUTS)?;
+    }
+    let [original, changed] =
+        functions.map(|probed| Interpreted::new(probed, &Fixtures::new()).ok());
+    let (original, changed) = (original?, changed?);
+    if original.results != changed.results {
+        return None;
+    }
+    let firsts = (0..count).step_by(BATCH_OF_ALL);
+    let agree = |first: usize| -> Option<bool> {
+        let cases = BATCH_OF_ALL.min(count - first);
+        let rows: Vec<u32> =
+            (first..first + cases).flat_map(|at| row_of(own, at).collect::<Vec<_>>()).collect();
+        let [a, b] = [&original, &changed].map(|one| one.words(cases, &rows).ok());
+        let (a, b) = (a?, b?);
+        let mut each = a.iter().zip(&b).zip(original.results.iter().cycle());
+        Some(each.all(|((a, b), scalar)| {
+            let is_nan = |word: &u32| f32::from_bits(*word).is_nan();
+            a == b || (scalar.is_float() && is_nan(a) && is_nan(b))
+        }))
+    };
+    firsts.map(agree).all(|agrees| agrees == Some(true)).then_some(count)
+}
+
+/// Rows that are held at a time.
+const BATCH_OF_ALL: usize = 1 << 16;
+
+/// The values that there are of a scalar, if they are few.
+fn inputs_of(scalar: Scalar) -> Option<usize> {
+    match scalar {
+        Scalar::Bool => Some(2),
+        Scalar::F16 => Some(1 << 16),
+        Scalar::F32 | Scalar::I32 | Scalar::U32 => None,
+    }
+}
+
+/// The row with a number among all of them.
+fn row_of(lanes: &[Scalar], at: usize) -> impl Iterator<Item = u32> {
+    let mut rest = at;
+    lanes.iter().map(move |lane| {
+        let values = inputs_of(*lane).unwrap_or(1);
+        let own = rest % values;
+        rest /= values;
+        match lane {
+            Scalar::F16 => half::f16::from_bits(own as u16).to_f32().to_bits(),
+            _ => own as u32,
+        }
+    })
+}
