@@ -412,7 +412,7 @@ impl Tappable for Compute<'_> {
     }
 }
 
-/// Writes values of a frame or of passes: without any those that its lines print, or else the list of what there is.
+/// Writes values of a frame or of passes, or lists what there is.
 ///
 /// # Errors
 /// If there is no such value, it can't run, or an image can't be written.
@@ -424,11 +424,16 @@ pub fn tap(
     taps: &[Tap],
     out: &mut dyn Write,
 ) -> Result<(), Box<dyn Error>> {
-    let printed: Vec<Tap> = match taps.is_empty() {
-        true => subject.prints(path)?.iter().map(|place| Tap::new(place)).collect(),
-        false => Vec::new(),
-    };
-    if taps.is_empty() && printed.is_empty() {
+    let mut all: Vec<Tap> = Vec::new();
+    for tap in taps {
+        let places = if tap.is_of_prints() { subject.prints(path)? } else { Vec::new() };
+        match (tap.is_of_prints(), places.is_empty()) {
+            (true, true) => return Err("no line of it prints: write `//karat: print x`".into()),
+            (true, false) => all.extend(places.iter().map(|place| tap.of(place))),
+            (false, _) => all.push(tap.clone()),
+        }
+    }
+    if taps.is_empty() {
         let values = subject.values(path)?;
         for line in &values {
             writeln!(out, "{line}")?;
@@ -437,7 +442,7 @@ pub fn tap(
             writeln!(out, "it has no `let` and no parameter; name another expression")?;
         }
     }
-    for tap in taps.iter().chain(&printed) {
+    for tap in &all {
         let tapped = subject.tap(path, tap)?;
         write_tapped(folder, name, &tapped, out)?;
         out.flush()?;

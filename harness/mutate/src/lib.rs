@@ -26,6 +26,6 @@ mod tests;
 mod tokens;
 
 pub use hunt::{Candidate, Fate, Hidden, Hunted, Judged, MutateError, Others, Request, Tried};
-pub use lived::{Difference, Equality, Lived};
+pub use lived::{Difference, Equality, Form, Lived};
 pub use maker::{Mutant, Rule, mutants};
 pub use score::Score;

@@ -5,6 +5,7 @@ use std::fmt;
 use karat::Package;
 use karat::unstable::interpret::equal::{Guard, agree_everywhere, is_same, never_acts};
 use karat::unstable::probe::Probed;
+use karat::unstable::value::{Scalar, Shape};
 use karat_inspect::compare::{Change, Compared, PathChange, Request};
 use serde::Serialize;
 
@@ -46,9 +47,23 @@ pub struct Difference {
     pub floats: bool,
     /// True of a compute pass, which leaves something and returns nothing.
     pub leaves: bool,
-    /// True if its arguments alone make the difference, and no feature.
+    /// The types of its arguments, if these alone make the difference and no feature.
     #[serde(skip)]
-    pastes: bool,
+    types: Option<Vec<Shape>>,
+    /// The type of its result.
+    #[serde(skip)]
+    result: Option<Shape>,
+}
+
+/// A language of tests.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Form {
+    /// A `[[test]]` for a `*.test.toml`.
+    Toml,
+    /// A function with `@test`.
+    Wgsl,
+    /// A function with `#[test]`, of a package that is called `SHADERS`.
+    Rust,
 }
 
 /// Why no test can see a mutant.
@@ -149,6 +164,7 @@ impl Difference {
         let is_float =
             |probed: &Probed| probed.function().result.lanes().iter().any(|lane| lane.is_float());
         let floats = probed.as_ref().is_ok_and(is_float);
+        let result = probed.as_ref().ok().map(|one| one.function().result.clone());
         let parameters =
             probed.map_or_else(|_| Vec::new(), |one| one.function().parameters.clone());
         // Members of buffers, overrides and features aren't what a test says in `over`.
@@ -167,7 +183,8 @@ impl Difference {
             mutant: change.after.clone(),
             floats,
             leaves: compared.dispatched.is_some(),
-            pastes,
+            types: pastes.then(|| parameters.into_iter().map(|(_, shape)| shape).collect()),
+            result,
         }
     }
 
@@ -186,24 +203,178 @@ impl Difference {
         });
         let over = over.collect::<Option<Vec<_>>>()?.join(", ");
         let over = if over.is_empty() { over } else { format!("over = {{ {over} }}\n") };
-        let equals = toml_of(&self.original).filter(|_| self.pastes)?;
+        let equals = toml_of(&self.original).filter(|_| self.types.is_some())?;
+        let tolerance = match self.bound()? {
+            Some(bound) => format!("tolerance = \"abs {bound}\"\n"),
+            None if self.floats => "tolerance = \"1 ulp\"\n".to_owned(),
+            None => String::new(),
+        };
+        let name = self.function.rsplit("::").next().unwrap_or(&self.function);
+        Some(format!("[[test]]\nfunction = \"{name}\"\n{over}equals = {equals}\n{tolerance}"))
+    }
+
+    /// The same test in another language, under a name that ends in this. `None`, too, of structures, arrays and matrices.
+    #[must_use]
+    pub fn test_as(&self, form: Form, ending: &str) -> Option<String> {
+        let (types, result) = (self.types.as_ref()?, self.result.as_ref()?);
+        let toml = self.test()?;
+        let function = &self.function;
+        let (module, name) = function.rsplit_once("::").unwrap_or(("", function));
+        let values = || self.arguments.iter().zip(types);
+        let bound = self.bound()?;
+        match form {
+            Form::Toml => Some(toml),
+            Form::Wgsl => {
+                let of = |((_, value), shape): (&(String, String), &Shape)| wgsl_of(value, shape);
+                let arguments = values().map(of).collect::<Option<Vec<_>>>()?.join(", ");
+                let (call, equals) =
+                    (format!("{name}({arguments})"), wgsl_of(&self.original, result)?);
+                let (expects, suffix, behind) = match (result, self.floats) {
+                    (Shape::Scalar(Scalar::Bool), _) => {
+                        ("true", String::new(), format!("{call} == {equals}"))
+                    }
+                    (_, true) => {
+                        let (verb, bound) =
+                            bound.map_or(("ulp", "1.0".to_owned()), |bound| ("near", bound));
+                        (verb, suffix_of(result)?, format!("{call}, {equals}, {bound}"))
+                    }
+                    (_, false) => ("equal", suffix_of(result)?, format!("{call}, {equals}")),
+                };
+                let path =
+                    if module.is_empty() { name.to_owned() } else { format!("{module}::{name}") };
+                Some(format!(
+                    "import package::{path};\nimport karat::expect_{expects}{suffix};\n\
+                     @test fn {name}_{ending}() {{ expect_{expects}{suffix}({behind}); }}\n"
+                ))
+            }
+            Form::Rust => {
+                let of = |((_, value), shape): (&(String, String), &Shape)| {
+                    Some((rust_of(value, shape, false)?, rust_type(shape)?))
+                };
+                let all = values().map(of).collect::<Option<Vec<_>>>()?;
+                let just: Vec<String> =
+                    all.iter().map(|(value, _)| format!("Just({value})")).collect();
+                let over =
+                    if let [one] = &*just { one.clone() } else { format!("({})", just.join(", ")) };
+                let takes: Vec<String> = all.iter().map(|(_, ty)| format!("_: {ty}")).collect();
+                let equals = rust_of(&self.original, result, true)?;
+                let bound = match (bound, self.floats) {
+                    (Some(bound), _) => format!("Abs({bound})"),
+                    (None, true) => "Ulp(1.0)".to_owned(),
+                    (None, false) => "Abs(0.0)".to_owned(),
+                };
+                (!all.is_empty()).then(|| {
+                    format!(
+                        "#[test]\nfn {name}_{ending}() {{\n    SHADERS.function(\"{function}\").over({over})\
+                         .agrees_with(|{}| {equals}, {bound});\n}}\n",
+                        takes.join(", ")
+                    )
+                })
+            }
+        }
+    }
+
+    /// Half of the way to the mutant, as an absolute bound, if there is one; `None` of both if the two differ by the sign of a 0
+    /// alone.
+    fn bound(&self) -> Option<Option<String>> {
         let [own, others] = [&self.original, &self.mutant].map(|text| numbers(text));
-        if own == others {
+        if self.floats && own == others {
             return None;
         }
         let far: Vec<f64> = own.iter().zip(&others).map(|(a, b)| (a - b).abs()).collect();
         // A mutant's NaN is outside of any bound, and then the narrowest says the most.
         let is_number = far.iter().all(|one| one.is_finite());
         let far = far.into_iter().fold(0.0, f64::max);
-        let tolerance = match (self.floats, is_number && far > 0.0) {
-            (false, _) => String::new(),
-            // Half of the way to the mutant.
-            (true, true) => format!("tolerance = \"abs {:.1e}\"\n", far / 2.0),
-            (true, false) => "tolerance = \"1 ulp\"\n".to_owned(),
-        };
-        let name = self.function.rsplit("::").next().unwrap_or(&self.function);
-        Some(format!("[[test]]\nfunction = \"{name}\"\n{over}equals = {equals}\n{tolerance}"))
+        let has = self.floats && is_number && far > 0.0;
+        Some(has.then(|| format!("{:.1e}", far / 2.0)))
     }
+}
+
+/// The components of a vector as it is shown, or the scalar.
+fn components<'v>(value: &'v str, shape: &Shape) -> Option<(Scalar, Vec<&'v str>)> {
+    let scalar = match shape {
+        Shape::Scalar(scalar) | Shape::Vector { scalar, .. } => *scalar,
+        _ => return None,
+    };
+    let inner = value.trim_start_matches('(').trim_end_matches(')');
+    Some((scalar, inner.split(", ").collect()))
+}
+
+/// A float as both languages write it.
+fn float(text: &str) -> String {
+    if text.contains(['.', 'e']) { text.to_owned() } else { format!("{text}.0") }
+}
+
+fn wgsl_of(value: &str, shape: &Shape) -> Option<String> {
+    let (scalar, parts) = components(value, shape)?;
+    let one = |part: &str| match scalar {
+        Scalar::F32 => float(part),
+        Scalar::F16 => format!("{}h", float(part)),
+        Scalar::U32 => format!("{part}u"),
+        Scalar::I32 | Scalar::Bool => part.to_owned(),
+    };
+    let all: Vec<String> = parts.into_iter().map(one).collect();
+    Some(match shape {
+        Shape::Vector { .. } => format!("{shape}({})", all.join(", ")),
+        _ => all.concat(),
+    })
+}
+
+/// The suffix of an expectation's name by the type of its values: `_vec3f`.
+fn suffix_of(shape: &Shape) -> Option<String> {
+    let of = |scalar: &Scalar| match scalar {
+        Scalar::F32 => Some("f"),
+        Scalar::I32 => Some("i"),
+        Scalar::U32 => Some("u"),
+        Scalar::F16 | Scalar::Bool => None,
+    };
+    match shape {
+        Shape::Scalar(Scalar::F32) => Some(String::new()),
+        Shape::Scalar(scalar) => of(scalar).map(|letter| format!("_{letter}32")),
+        Shape::Vector { size, scalar } => of(scalar).map(|letter| format!("_vec{size}{letter}")),
+        _ => None,
+    }
+}
+
+/// A value in Rust: of a reference, which computes in double precision, or an argument.
+fn rust_of(value: &str, shape: &Shape, reference: bool) -> Option<String> {
+    let (scalar, parts) = components(value, shape)?;
+    let one = |part: &str| match scalar {
+        Scalar::F32 => float(part),
+        _ => part.to_owned(),
+    };
+    let all = parts.into_iter().map(one).collect::<Vec<_>>().join(", ");
+    let double = if reference && scalar == Scalar::F32 { "D" } else { "" };
+    Some(match (shape, rust_type(shape)?) {
+        (Shape::Vector { .. }, ty) => {
+            format!("{double}{}::new({all})", ty.trim_start_matches('D'))
+        }
+        (_, ty) if ty == "f64" => {
+            if reference {
+                all
+            } else {
+                format!("{all}_f32")
+            }
+        }
+        (_, ty) if ty == "bool" => all,
+        (_, ty) => format!("{all}_{ty}"),
+    })
+}
+
+/// The type that a reference takes for an argument.
+fn rust_type(shape: &Shape) -> Option<String> {
+    Some(match shape {
+        Shape::Scalar(Scalar::F32) => "f64".to_owned(),
+        Shape::Scalar(Scalar::F16) => return None,
+        Shape::Scalar(scalar) => scalar.wgsl().to_owned(),
+        Shape::Vector { size, scalar } => match scalar {
+            Scalar::F32 => format!("DVec{size}"),
+            Scalar::I32 => format!("IVec{size}"),
+            Scalar::U32 => format!("UVec{size}"),
+            Scalar::F16 | Scalar::Bool => return None,
+        },
+        _ => return None,
+    })
 }
 
 /// The numbers of a value as it is shown: `(1, NaN)`.

@@ -5,7 +5,7 @@ use std::path::Path;
 use karat::Package;
 use tempfile::TempDir;
 
-use crate::{Equality, Fate, Hunted, Lived, MutateError, Request, Score, Tried};
+use crate::{Equality, Fate, Form, Hunted, Lived, MutateError, Request, Score, Tried};
 
 const SHADER: &str = "fn half(x: f32) -> f32 { return 0.5 * x; }\n\
                       fn lonely(x: f32) -> f32 { return x + 3.0; }\n\
@@ -231,6 +231,52 @@ fn suggested_tests_kill() {
     for (id, test) in &suggested {
         let one = second.tried.iter().find(|one| one.candidate.id == *id).expect("its id stays");
         assert!(matches!(one.fate, Fate::Killed { .. }), "{one:?} lives with\n{test}");
+    }
+}
+
+/// The same tests in WGSL kill, too, and those in Rust are the lines that a test has.
+#[test]
+fn tests_are_suggested_in_three_languages() {
+    let shader = "fn half(x: f32) -> f32 { return 0.5 * x; }\n\
+                  fn turned(v: vec3f, n: u32) -> vec3f { return v.zxy * f32(n); }\n\
+                  fn next(n: i32) -> i32 { return n + 7; }\n\
+                  fn is_low(x: f32) -> bool { return x < 3.0; }\n";
+    let tests = "[[test]]\nfunction = \"half\"\nover = { x = 2 }\nin_range = [-1e9, 1e9]\n";
+    let folder = folder(shader, tests);
+    let first = hunted(folder.path());
+    let differ = first.tried.iter().filter_map(|one| match &one.fate {
+        Fate::Lived { why: Lived::Differs(found), .. }
+        | Fate::Untested { why: Lived::Differs(found) } => Some((one, found)),
+        _ => None,
+    });
+    let (mut wgsl, mut killed, mut rust) = (String::new(), Vec::new(), String::new());
+    for (one, found) in differ {
+        let id = &one.candidate.id;
+        let Some(test) = found.test_as(Form::Wgsl, id) else { panic!("{found:?}") };
+        // An import stands once in a module.
+        let news = test.lines().filter(|line| !wgsl.contains(line)).collect::<Vec<_>>().join("\n");
+        wgsl = format!("{news}\n{wgsl}");
+        killed.push((id.clone(), test));
+        rust += &found.test_as(Form::Rust, id).expect("its types are scalars and vectors");
+    }
+    assert!(killed.len() > 6 && wgsl.contains("expect_near_vec3f(turned(vec3<f32>("), "{wgsl}");
+    assert!(
+        wgsl.contains("expect_equal_i32(next(") && wgsl.contains("expect_true(is_low("),
+        "{wgsl}"
+    );
+    std::fs::write(folder.path().join("calc_test.wgsl"), &wgsl).expect("written");
+    let second = hunted(folder.path());
+    for (id, test) in killed {
+        let one = second.tried.iter().find(|one| one.candidate.id == id).expect("its id stays");
+        assert!(matches!(one.fate, Fate::Killed { .. }), "{one:?} lives with\n{test}");
+    }
+    for part in [
+        "    SHADERS.function(\"calc::half\").over(Just(1.0_f32)).agrees_with(|_: f64| 0.5, Abs(",
+        "    SHADERS.function(\"calc::turned\").over((Just(Vec3::new(",
+        "|_: DVec3, _: u32| DVec3::new(",
+        ".agrees_with(|_: i32| ",
+    ] {
+        assert!(rust.contains(part), "no `{part}` in {rust}");
     }
 }
 

@@ -35,6 +35,7 @@ pub(super) fn script(index: usize, case: &Case, history: &Value) -> String {
         "declared": facts::declared(case.golden_provenance.as_ref(), &case.actual_provenance),
         "versions": history["versions"],
         "modules": history["modules"],
+        "told": history["told"],
         "golden_pixels": case.golden_provenance.as_ref().map(|known| &known.pixels),
         "facts": facts::table(case.golden_provenance.as_ref(), &case.actual_provenance),
     });

@@ -294,7 +294,7 @@ impl Review {
         for (index, entry) in entries.iter().enumerate() {
             let frame = pending.frames.get(index);
             let script = match frame {
-                Some(frame) => self.script(index, frame),
+                Some(frame) => self.script(index, frame, true),
                 None => self.other_script(index, entry),
             };
             let room = MOST_BYTES.saturating_sub(script.len());
@@ -312,15 +312,19 @@ impl Review {
         Ok(pending)
     }
 
-    /// What the page loads of a frame.
-    fn script(&self, index: usize, frame: &Pending) -> String {
+    /// What the page loads of a frame. A page without a server asks nothing later: it has some pixels `in_advance`.
+    fn script(&self, index: usize, frame: &Pending, in_advance: bool) -> String {
         match Case::load(&self.goldens, frame) {
             Ok(case) => {
                 let golden = self.goldens.compared(frame);
                 let versions = history::versions(&golden);
                 // What is new has no modules of before.
                 let modules = (!frame.is_new()).then(|| self.changed_modules(&golden, &case));
-                data::script(index, &case, &json!({ "versions": versions, "modules": modules }))
+                let mut more = json!({ "versions": versions, "modules": modules });
+                if in_advance {
+                    more["told"] = self.asked.in_advance(&case, &versions);
+                }
+                data::script(index, &case, &more)
             }
             Err(error) => data::failure(index, &error.to_string()),
         }

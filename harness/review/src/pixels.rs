@@ -3,9 +3,10 @@
 use std::fmt::Debug;
 use std::sync::{Arc, Mutex};
 
+use karat::Image;
 use serde_json::{Value, json};
 
-use super::{Entry, Map, golden_name, packed};
+use super::{Case, Entry, Map, golden_name, packed};
 
 /// A source of values and steps of pixels: the program that serves the page.
 pub trait Pixels: Debug + Send + Sync {
@@ -88,6 +89,59 @@ impl Asked {
     }
 }
 
+/// Pixels that a page without a server has: each takes about a second.
+const IN_ADVANCE: usize = 3;
+
+impl Asked {
+    /// The pixels that are farthest from the golden, each as `trace` answers: with the golden's commit of these versions and
+    /// without, the newest first. Where none can be traced there is nothing.
+    pub(super) fn in_advance(&self, case: &Case, versions: &[Value]) -> Value {
+        let mut all = serde_json::Map::new();
+        let pair =
+            case.parts.first().and_then(|part| part.golden.as_ref().zip(part.actual.as_ref()));
+        let (Some(pixels), Some((golden, actual))) = (&self.pixels, pair) else {
+            return Value::Null;
+        };
+        let size = (actual.width(), actual.height());
+        let commit = versions.first().and_then(|version| version["commit"].as_str());
+        for (x, y) in farthest(golden, actual) {
+            let trace = |commit: Option<&str>| pixels.trace(&case.name, size, (x, y), commit);
+            let both = commit.and_then(|commit| Some((trace(Some(commit)).ok()?, commit)));
+            let told = match both {
+                Some((pair, commit)) => json!([pair[0], pair[1], commit]),
+                None => match trace(None) {
+                    Ok(pixel) => json!([null, pixel, null]),
+                    // What can't be traced at one pixel can't at another, either.
+                    Err(_) => break,
+                },
+            };
+            all.insert(format!("{x},{y}"), told);
+        }
+        if all.is_empty() { Value::Null } else { Value::Object(all) }
+    }
+}
+
+/// The pixels whose values are farthest from each other, of one size; those that aren't numbers first.
+fn farthest(golden: &Image, actual: &Image) -> Vec<(u32, u32)> {
+    let width = actual.width();
+    if (golden.width(), golden.height()) != (width, actual.height()) {
+        return Vec::new();
+    }
+    let far = |(a, b): (&[f32; 4], &[f32; 4])| {
+        let of = |(a, b): (&f32, &f32)| match (a.is_finite(), b.is_finite()) {
+            (true, true) => (a - b).abs(),
+            _ if a.to_bits() == b.to_bits() => 0.0,
+            _ => f32::INFINITY,
+        };
+        a.iter().zip(b).map(of).fold(0.0, f32::max)
+    };
+    let all = golden.pixels().iter().zip(actual.pixels()).map(far).enumerate();
+    let mut all: Vec<(usize, f32)> = all.filter(|(_, far)| *far > 0.0).collect();
+    all.sort_by(|(_, a), (_, b)| b.total_cmp(a));
+    let place = |(at, _): &(usize, f32)| (*at as u32 % width, *at as u32 / width);
+    all.iter().take(IN_ADVANCE).map(place).collect()
+}
+
 fn numbers(text: &str, between: char) -> Option<(u32, u32)> {
     let (a, b) = text.split_once(between)?;
     Some((a.parse().ok()?, b.parse().ok()?))
@@ -131,6 +185,17 @@ mod tests {
         ) -> Result<Value, String> {
             Err(format!("{frame} {size:?} {pixel:?} {commit:?}"))
         }
+    }
+
+    #[test]
+    fn the_farthest_pixels_come_first() {
+        let golden = Image::new(3, 2, vec![[0.0; 4]; 6]);
+        let mut actual = golden.clone();
+        let pixels = actual.pixels_mut();
+        (pixels[1][0], pixels[2][3], pixels[4][1], pixels[5][0]) = (0.5, f32::NAN, -2.0, 0.25);
+        assert_eq!(farthest(&golden, &actual), [(2, 0), (1, 1), (1, 0)]);
+        assert_eq!(farthest(&golden, &golden), []);
+        assert_eq!(farthest(&golden, &Image::new(2, 3, vec![[1.0; 4]; 6])), []);
     }
 
     #[test]

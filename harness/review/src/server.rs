@@ -205,7 +205,7 @@ impl Desk {
                     None => return Answer::text(404, "there is no such version"),
                 }
             }
-            (None, Some(Ok(pending))) => self.review.script(number, &pending),
+            (None, Some(Ok(pending))) => self.review.script(number, &pending, false),
             (None, Some(Err(error))) => data::failure(number, &error.to_string()),
             (None, None) => self.review.other_script(number, &entry),
         };

@@ -33,6 +33,18 @@ impl Tap {
         Self { wanted: wanted.to_owned(), round: None, beside: false }
     }
 
+    /// What lines print, each at its place: `karat:print`.
+    #[must_use]
+    pub fn is_of_prints(&self) -> bool {
+        self.wanted == "karat:print"
+    }
+
+    /// The same of another value.
+    #[must_use]
+    pub fn of(&self, wanted: &str) -> Self {
+        Self { wanted: wanted.to_owned(), ..self.clone() }
+    }
+
     /// The value that a pixel computes for the `round`th time, from 1, in place of the last one.
     #[must_use]
     pub fn round(self, round: Option<u32>) -> Self {

@@ -14,7 +14,7 @@ use karat::unstable::diagnostic::shown;
 use karat::unstable::output::{counted, tell};
 use karat::unstable::run::Host;
 use karat_mutate::{
-    Candidate, Fate, Hidden, Hunted, Lived, MutateError, Others, Request, Score, Tried,
+    Candidate, Fate, Form, Hidden, Hunted, Lived, MutateError, Others, Request, Score, Tried,
 };
 
 use super::git::lines_since;
@@ -57,6 +57,9 @@ pub(super) struct Args {
     /// Show all mutants: killed, equal and accepted ones, those that aren't valid, and each that no test uses
     #[arg(long)]
     all: bool,
+    /// The language of suggested tests
+    #[arg(long, value_name = "LANGUAGE", value_enum, default_value = "toml")]
+    suggest: Suggest,
     /// List the mutants, and try none
     #[arg(long, conflicts_with_all = ["json", "stryker", "all", "fail_under"])]
     list: bool,
@@ -74,6 +77,23 @@ pub(super) struct Args {
     scratch: Option<PathBuf>,
     #[command(flatten)]
     place: PlaceArgs,
+}
+
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum Suggest {
+    Toml,
+    Wgsl,
+    Rust,
+}
+
+impl From<Suggest> for Form {
+    fn from(suggest: Suggest) -> Self {
+        match suggest {
+            Suggest::Toml => Self::Toml,
+            Suggest::Wgsl => Self::Wgsl,
+            Suggest::Rust => Self::Rust,
+        }
+    }
 }
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
@@ -153,7 +173,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             if all.len() > 1 {
                 writeln!(out, "{HEAD}{title}{HEAD:#}")?;
             }
-            write_one(hunted, args.all, out)?;
+            write_one(hunted, args, out)?;
         }
         write_modules(&all, out)?;
         for complaint in complaints {
@@ -293,7 +313,8 @@ fn headline(one: &Candidate) -> String {
 }
 
 /// Those that lived, each with why. Of a function that no test uses the first one stands for all.
-fn write_one(hunted: &Hunted, all: bool, out: &mut dyn Write) -> std::io::Result<()> {
+fn write_one(hunted: &Hunted, args: &Args, out: &mut dyn Write) -> std::io::Result<()> {
+    let all = args.all;
     let mut suggested: BTreeSet<String> = BTreeSet::new();
     let mut untested: BTreeMap<String, usize> = BTreeMap::new();
     for one in hunted.tried.iter().filter(|one| is_untested(one)) {
@@ -365,8 +386,8 @@ fn write_one(hunted: &Hunted, all: bool, out: &mut dyn Write) -> std::io::Result
         }
         if let Fate::Lived { why: Lived::Differs(found), .. }
         | Fate::Untested { why: Lived::Differs(found) } = &one.fate
-            && let Some(test) = found.test()
-            && suggested.insert(test.clone())
+            && let Some(test) = found.test_as(args.suggest.into(), &one.candidate.id)
+            && found.test().is_some_and(|test| suggested.insert(test))
         {
             for line in test.lines() {
                 writeln!(out, "    {DIM}|{DIM:#} {line}")?;

@@ -18,6 +18,7 @@ Examples:
   karat tap scene n_dot_v half             two of them, by the names of their `let`
   karat tap scene shaders/brdf.wgsl:42:13  the largest expression that begins there
   karat tap scene term --round 3           what each pixel computed for the third time
+  karat tap scene karat:print              what its lines print: `//karat: print x`
 FRAME is the name of a `[[frame]]` in a `*.test.toml`, a frame of the gallery that `karat render` draws, or the last entry
 point of a `[[compute]]`, of which each invocation has a value.
 The driver computes each value in the frame's own draws. Pixels that don't come to it are transparent, and counted.
@@ -27,7 +28,8 @@ Exit codes: 0 each value was told; 1 one can't be; 2 there is no such frame, or 
 pub(super) struct Args {
     /// The frame, or the compute pass
     frame: String,
-    /// A `let` or a parameter by its name, an expression that stands once, or a place: FILE:LINE, FILE:LINE:COLUMN
+    /// A `let` or a parameter by its name, an expression that stands once, a place (FILE:LINE, FILE:LINE:COLUMN), or
+    /// `karat:print`
     #[arg(value_name = "VALUE")]
     values: Vec<String>,
     /// The value that a pixel computes for this time, from 1 [default: the last]

@@ -33,7 +33,7 @@ fn folder(limit: &str) -> TempDir {
     folder
 }
 
-/// A call prints, a test that passes prints, and `karat tap` without a value shows what lines print.
+/// A call prints, a test that passes prints, and `karat tap` shows what lines print on all pixels.
 #[test]
 fn lines_print() {
     let folder = folder("5.0");
@@ -46,7 +46,8 @@ fn lines_print() {
         "{told}"
     );
     let out = format!("--out={}", folder.path().join("out").display());
-    let tapped = karat(folder.path(), &["tap", "disc", "--path=vulkan", &out]).good();
+    let tapped =
+        karat(folder.path(), &["tap", "disc", "karat:print", "--path=vulkan", &out]).good();
     assert!(
         tapped.contains("shaders/m.wgsl:12:21") && tapped.contains("1.03125 at (0, "),
         "{tapped}"

@@ -28,6 +28,32 @@ fn project() -> Project {
     project
 }
 
+/// A page without a server has the steps of the pixels that differ most, and says which these are.
+#[test]
+fn a_page_of_files_has_the_pixels_that_differ_most() {
+    let project = project();
+    let report = project.folder().join("report");
+    let ran = project.karat(&["review", "--static"]).arg(&report).output().expect("it was built");
+    assert_eq!(ran.status.code(), Some(0), "{ran:?}");
+    let mut browser = Browser::start();
+    let tab = browser.open(&format!("file://{}/index.html#disc", report.display()));
+    browser.settle(&tab);
+    browser.wait(&tab, "document.getElementById('told').options.length === 2");
+    assert!(browser.text(&tab, "#told").contains("pixel (1, 1)"));
+    browser.value(&tab, "karat.change({ pinned: [0, 3] })");
+    browser.click(&tab, "#trace");
+    let said = "document.getElementById('pixel-state').innerText.includes('the steps of (1, 1)')";
+    browser.wait(&tab, said);
+    let choose = "(() => { const told = document.getElementById('told'); told.value = '1,1'; \
+                  told.dispatchEvent(new Event('change')); })()";
+    browser.value(&tab, choose);
+    browser.wait(&tab, "document.getElementById('steps').innerText.includes('shade at (1, 1)')");
+    assert!(browser.text(&tab, "#steps").contains("near = 1.0 - uv.x"));
+    // A frame that no shader draws has none.
+    browser.press(&tab, "j");
+    browser.wait(&tab, "document.getElementById('pixel').hidden");
+}
+
 #[test]
 fn a_click_on_a_pixel_shows_its_steps_and_values_become_maps() {
     let project = project();

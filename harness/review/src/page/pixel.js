@@ -1,12 +1,12 @@
 // How a pixel comes about: the steps of the pinned one, and values of the shader as maps. The server
-// asks the program for both; a page from files has neither.
+// asks the program for both; a page from files has the steps of the pixels that are farthest from the golden.
 
 (() => {
   const pane = byId("pixel");
   const values = byId("told");
   const said = byId("pixel-state");
   const body = byId("steps");
-  if (!index.pixels) return;
+  const known = (entry) => entry.data?.told ?? {};
 
   const ask = async (entry, question) => {
     const answer = await fetch(`ask/${entry.index}/${question}`, { headers: { Accept: "application/json" } });
@@ -39,6 +39,11 @@
 
   // With the shaders of the golden's commit, too, where git has one.
   const told = async (entry, [x, y]) => {
+    if (!index.pixels) {
+      const one = known(entry)[`${x},${y}`];
+      if (!one) throw new Error(`without a server the page has the steps of ${Object.keys(known(entry)).map((at) => `(${at.replace(",", ", ")})`).join(" and ")}`);
+      return one;
+    }
     const question = `trace/${size()}/${x},${y}`;
     const commit = entry.data?.versions?.[0]?.commit;
     try {
@@ -72,6 +77,10 @@
   });
 
   const offer = (entry) => attempt("values", "asking for its values …", async () => {
+    if (!index.pixels) {
+      const option = (at) => element("option", { value: at }, `pixel (${at.replace(",", ", ")})`);
+      return () => values.replaceChildren(element("option", { value: "" }, "pixels that differ most"), ...Object.keys(known(entry)).map(option));
+    }
     const { values: lines } = await ask(entry, "values");
     return () => {
       const option = (line) => element("option", { value: line.split(": ")[0], title: line }, line.split(" = ")[0]);
@@ -83,6 +92,7 @@
     const entry = selectedCase();
     const value = values.value;
     if (!value || !entry?.data) return;
+    if (!index.pixels) return change({ pinned: value.split(",").map(Number) });
     attempt("tap", `drawing ${value} …`, async () => {
       const { map } = await ask(entry, `tap/${size()}/${value}`);
       const image = await numbers.image(map.image);
@@ -105,7 +115,7 @@
   let pinned = null;
   listeners.push(() => {
     const entry = selectedCase();
-    const has = ["pending", "golden"].includes(entry?.status) && part();
+    const has = ["pending", "golden"].includes(entry?.status) && part() && (index.pixels || entry.data?.told);
     pane.hidden = !has;
     if (!has) return;
     if (shown !== entry) {
