@@ -320,20 +320,16 @@ fn wgsl_of(value: &str, shape: &Shape) -> Option<String> {
     })
 }
 
-/// The suffix of an expectation's name by the type of its values: `_vec3f`.
+/// The suffix of an expectation's name by the type of its values: `_vec3`, `_vec2u`.
 fn suffix_of(shape: &Shape) -> Option<String> {
-    let of = |scalar: &Scalar| match scalar {
-        Scalar::F32 => Some("f"),
-        Scalar::I32 => Some("i"),
-        Scalar::U32 => Some("u"),
-        Scalar::F16 | Scalar::Bool => None,
-    };
-    match shape {
-        Shape::Scalar(Scalar::F32) => Some(String::new()),
-        Shape::Scalar(scalar) => of(scalar).map(|letter| format!("_{letter}32")),
-        Shape::Vector { size, scalar } => of(scalar).map(|letter| format!("_vec{size}{letter}")),
-        _ => None,
-    }
+    Some(match shape {
+        Shape::Scalar(Scalar::F32) => String::new(),
+        Shape::Scalar(scalar @ (Scalar::I32 | Scalar::U32)) => format!("_{}", scalar.wgsl()),
+        Shape::Vector { size, scalar: Scalar::F32 } => format!("_vec{size}"),
+        Shape::Vector { size, scalar: Scalar::I32 } => format!("_vec{size}i"),
+        Shape::Vector { size, scalar: Scalar::U32 } => format!("_vec{size}u"),
+        _ => return None,
+    })
 }
 
 /// A value in Rust: of a reference, which computes in double precision, or an argument.

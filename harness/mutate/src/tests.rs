@@ -259,7 +259,7 @@ fn tests_are_suggested_in_three_languages() {
         killed.push((id.clone(), test));
         rust += &found.test_as(Form::Rust, id).expect("its types are scalars and vectors");
     }
-    assert!(killed.len() > 6 && wgsl.contains("expect_near_vec3f(turned(vec3<f32>("), "{wgsl}");
+    assert!(killed.len() > 6 && wgsl.contains("expect_near_vec3(turned(vec3<f32>("), "{wgsl}");
     assert!(
         wgsl.contains("expect_equal_i32(next(") && wgsl.contains("expect_true(is_low("),
         "{wgsl}"
