@@ -91,7 +91,7 @@ fn passes_assert_and_print() {
 }
 ";
     let of = |limit: &str| {
-        let package = Package::from_source("m", &text.replace("LIMIT", limit));
+        let package = Package::from_source("m", text.replace("LIMIT", limit));
         let passes = package
             .compute()
             .with("data", Storage::new([0.0_f32, 1.0, 4.0, 9.0, 16.0, 25.0, 9.0, 4.0]));
@@ -137,7 +137,7 @@ fn frames_assert_and_print() {
     let paths = [Path::VULKAN, Path::GL].into_iter().filter(|path| adapter(*path).is_ok());
     for path in paths {
         let mean = |limit: &str| {
-            let package = Package::from_source("m", &text.replace("LIMIT", limit));
+            let package = Package::from_source("m", text.replace("LIMIT", limit));
             let frame = package.frame("", 4, 2).fragment("fragment").unrecorded();
             let tapped = frame.tap(path, &Tap::new(&frame.prints(path).expect("one line")[0]));
             let tapped = tapped.expect("it is told");

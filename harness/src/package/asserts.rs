@@ -90,7 +90,7 @@ impl<'l> Line<'l> {
         let rest = rest.trim_start();
         let word: &str = rest.split(|c: char| !c.is_alphanumeric()).next().unwrap_or_default();
         let Some(verb) = Verb::of(word) else {
-            let near = nearest(word, ["assert", "print"].into_iter());
+            let near = nearest(word, ["assert", "print"]);
             let near = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
             return Err(format!("`//{COMMENT} {word}` neither asserts nor prints{near}"));
         };
