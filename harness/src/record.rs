@@ -385,6 +385,11 @@ thread_local! {
     static SEEN: RefCell<Option<Seen>> = const { RefCell::new(None) };
 }
 
+/// True within [`unrecorded`].
+pub(crate) fn is_unrecorded() -> bool {
+    SEEN.with_borrow(Option::is_some)
+}
+
 /// Adds rows that a check judged, and the largest ratio of their errors.
 pub(crate) fn saw(rows: &mut dyn Iterator<Item = &[u32]>, ratio: f64) {
     SEEN.with_borrow_mut(|seen| {

@@ -29,7 +29,8 @@ const FUNCTION: &str = "fn f(x: f32, n: i32) -> f32 {
 
 fn print(x: f32, n: u32) -> Result<String, ProbeError> {
     let probed = Probed::new(&Package::from_source("m", FUNCTION), "f").expect("it is valid");
-    printed(&probed, &Fixtures::new(), &[x.to_bits(), n])
+    let (text, asserted) = printed(&probed, &Fixtures::new(), &[vec![x.to_bits(), n]]);
+    asserted.map(|()| text)
 }
 
 /// A line prints what it stands for, where control comes by, once a round.
@@ -154,6 +155,47 @@ fn frames_assert_and_print() {
         }
         assert!(matches!(failure, FrameError::Asserted(_) | FrameError::Paths(_)));
     }
+}
+
+/// A line changes nothing: a call that writes and an atomic are refused, and a read outside of an array is no truth.
+#[test]
+fn lines_change_nothing_and_read_what_is_there() {
+    let told = |text: &str, function: &str, row: &[u32]| {
+        let package = Package::from_source("m", text);
+        let probed = Probed::new(&package, function).expect("it is valid");
+        let (text, asserted) = printed(&probed, &Fixtures::new(), &[row.to_vec()]);
+        asserted.map_or_else(|error| error.to_string(), |()| text)
+    };
+    let bump = "var<private> count = 0;\nfn bump() -> i32 { count += 1; return count; }\n\
+                fn plain() -> i32 { return count; }\n\
+                fn put(p: ptr<function, f32>) -> f32 { *p = 9.0; return *p; }\n";
+    for (line, is_refused) in
+        [("bump()", true), ("plain()", false), ("put(&y)", true), ("y", false)]
+    {
+        let text = format!(
+            "{bump}fn f(x: f32) -> f32 {{\n    var y = x;\n    //karat: print {line}\n    return y + f32(count);\n}}\n"
+        );
+        let told = told(&text, "f", &[1.0_f32.to_bits()]);
+        let refused = told.contains("changes something itself") && told.contains("<m>:7:20");
+        assert_eq!(refused, is_refused, "{line}: {told}");
+    }
+    let text = "fn f(i: u32) -> f32 {\n    var all = array<f32, 2>(1.0, 2.0);\n    //karat: assert all[i] > 0.0\n    \
+                //karat: print all[i]\n    return 1.0;\n}\n";
+    assert!(told(text, "f", &[1]).contains("`all[i]` (f32): 1 value\n  2\n"));
+    let outside = told(text, "f", &[2]);
+    assert!(outside.contains("`all[i] > 0.0` reads outside of an array"), "{outside}");
+}
+
+/// What isn't a number is counted, and neither least nor largest.
+#[test]
+fn nan_is_counted() {
+    let text = "fn f(x: f32) -> f32 {\n    //karat: print sqrt(x)\n    return x;\n}\n";
+    let package = Package::from_source("m", text);
+    let probed = Probed::new(&package, "f").expect("it is valid");
+    let rows: Vec<Vec<u32>> = [4.0_f32, -1.0, 0.01].map(|x| vec![x.to_bits()]).to_vec();
+    let (table, _) = printed(&probed, &Fixtures::new(), &rows);
+    let expected = "`sqrt(x)` (f32): 3 values, NaN 1 times\n  least 0.1 for x = 0.01, most 2 for x = 4\n  x = 4  2\n";
+    assert!(table.contains(expected), "{table}");
 }
 
 /// A slip is no comment, and an expression that isn't valid is told at its place.

@@ -199,7 +199,7 @@ impl Diagnostic {
     fn shown(&self, severity: codespan::Severity) -> String {
         let text = self.render(severity).unwrap_or_else(|_| self.message.clone());
         // Messages quote names of others.
-        visible(&text).trim_end().to_owned()
+        without_made_up(&visible(&text)).trim_end().to_owned()
     }
 
     fn render(
@@ -254,6 +254,19 @@ impl fmt::Display for Diagnostic {
 }
 
 impl std::error::Error for Diagnostic {}
+
+/// A message in which names that stand for a line of the author's, `karat_value_12`, are words.
+fn without_made_up(text: &str) -> String {
+    const MADE_UP: [&str; 3] = ["karat_value_", "karat_assert_", "karat_print_"];
+    let mut text = text.to_owned();
+    for name in MADE_UP {
+        while let Some(start) = text.find(name) {
+            let digits = text[start + name.len()..].bytes().take_while(u8::is_ascii_digit).count();
+            text.replace_range(start..start + name.len() + digits, "what it asserts or prints");
+        }
+    }
+    text
+}
 
 /// The name in `known` that `unknown` was most likely meant to be, if one is close: its last `::`
 /// part is equal, or at most a third of the letters differ.

@@ -254,7 +254,11 @@ impl<'a> Session<'a> {
             && (batch.is_drawn || self.input().is_some())
         {
             let first = usize::try_from(batch.first).unwrap_or(usize::MAX);
-            watched.look(first, batch.cases, &lanes)?;
+            let looked = watched.look(first, batch.cases, &lanes);
+            if looked.is_err() {
+                self.tell_prints(watched);
+            }
+            looked?;
         }
         Ok(self.called.start(&lanes, batch.cases)?)
     }
@@ -403,15 +407,16 @@ impl<'a> Session<'a> {
             next = draw()?;
             sum = Some(PathTally::and(sum, judge(&batch, running)?));
         }
-        if let Some(watched) = &self.watched {
-            watched.tell(&|case| {
-                let row = self.case(case as u64).ok().map(|held| held.row);
-                let own =
-                    row.map(|row| self.called.function().arguments(&row[..self.called.words]));
-                own.map_or_else(|| format!("case {case}"), |own| shown(&own))
-            });
-        }
+        self.watched.iter().for_each(|watched| self.tell_prints(watched));
         sum.map_or_else(|| self.called.vacuous(Vacuous::NoCases), Ok)
+    }
+
+    fn tell_prints(&self, watched: &Watched) {
+        watched.tell(&|case| {
+            let row = self.case(case as u64).ok().map(|held| held.row);
+            let own = row.map(|row| self.called.function().arguments(&row[..self.called.words]));
+            own.map_or_else(|| format!("case {case}"), |own| shown(&own))
+        });
     }
 
     /// Cases from the index `first` on.

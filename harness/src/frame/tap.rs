@@ -511,7 +511,8 @@ impl Frame<'_> {
 /// Fails by an assertion of fragment functions that is false for a pixel that shows.
 pub(super) fn expect_asserted(drawing: &Drawing<'_>, path: Path) -> Result<(), FrameError> {
     let fragments = drawing.fragments();
-    for (value, span, text) in assertions(drawing.program(), &fragments) {
+    let all = assertions(drawing.program(), &fragments).map_err(DrawError::from)?;
+    for (value, span, text) in all {
         let opened = path::open(path)?;
         let device = opened.device().ok_or(DrawError::Unable { path })?;
         let (names, place) = drawing.entry_points();
@@ -525,9 +526,8 @@ pub(super) fn expect_asserted(drawing: &Drawing<'_>, path: Path) -> Result<(), F
         let (x, y) = (first % width, first / width);
         let message =
             format!("the assertion `{text}` is false for {wrong} of {of} pixels on path `{path}`");
-        let note = format!("`karat trace` shows each step there: karat trace FRAME {x},{y}");
         let label = format!("first for the pixel ({x}, {y})");
-        let found = Diagnostic::new(message).at(span, label).note(note);
+        let found = Diagnostic::new(message).at(span, label);
         return Err(FrameError::Asserted(Box::new(found)));
     }
     Ok(())

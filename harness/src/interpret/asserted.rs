@@ -3,20 +3,24 @@
 use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
-use std::sync::{Mutex, PoisonError};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 
-use karat_engine::{F32, Lanes, Observer, Program as Lowered, Settings, Site};
+use karat_engine::{F32, Lanes, Observer, Program as Lowered, Settings, Site, Wrong};
 
+use super::counted::counts;
 use super::dispatch::{Prepared, options};
 use super::{Interpreted, author};
 use crate::diagnostic::{Diagnostic, Span, one_line};
 use crate::dispatch::{DispatchError, Passes};
 use crate::fixture::Fixtures;
+use crate::hazard::Kind;
 use crate::output::counted;
 use crate::package::asserts::{ASSERTED, PRINTED};
 use crate::probe::{ProbeError, Probed};
-use crate::reflect::{Program, Valued};
-use crate::value::{Scalar, Shape};
+use crate::record::is_unrecorded;
+use crate::reflect::{Program, ReflectError, Valued};
+use crate::value::{Scalar, Shape, format_lane};
 
 /// Values of a print that are kept: those of the first cases.
 pub(crate) const KEPT: usize = 1024;
@@ -37,8 +41,15 @@ pub(crate) struct Print {
     /// The first values in the order of cases, each with its case: a call, or an invocation.
     first: Vec<(usize, Vec<u32>)>,
     /// The least and the largest number of each component, each with its case; none of booleans and NaN.
-    ends: Vec<Option<[(f64, usize); 2]>>,
+    ends: Vec<Option<[End; 2]>>,
+    /// How many components were NaN.
+    nans: u64,
+    /// The first case in which it reads outside of an array.
+    outside: Option<usize>,
 }
+
+/// A number that is least or largest, its word, and its case.
+type End = (f64, u32, usize);
 
 /// An assertion, and how often it was false.
 struct Assertion {
@@ -47,6 +58,8 @@ struct Assertion {
     count: u64,
     wrong: u64,
     first: Option<usize>,
+    /// The first case in which it reads outside of an array.
+    outside: Option<usize>,
 }
 
 enum Line {
@@ -55,9 +68,12 @@ enum Line {
 }
 
 /// The lines of a program that assert or print, and what was seen of them.
-struct Seen {
+struct Seen<'p> {
+    program: &'p Program,
     /// The lines by the addresses of their sites.
     sites: BTreeMap<usize, usize>,
+    /// The expression of each line.
+    spans: Vec<Span>,
     lines: Vec<Mutex<Line>>,
     /// Lanes of a case.
     lanes: usize,
@@ -74,20 +90,29 @@ pub(crate) fn has_lines(program: &Program) -> bool {
 }
 
 /// The lines of a program that assert, each with its place: those that a function of it reaches.
-pub(crate) fn assertions(program: &Program, of: &[&str]) -> Vec<(Valued, Span, String)> {
+///
+/// # Errors
+/// If one changes something itself.
+pub(crate) fn assertions(
+    program: &Program,
+    of: &[&str],
+) -> Result<Vec<(Valued, Span, String)>, ReflectError> {
+    if has_lines(program) {
+        program.expect_no_effects()?;
+    }
     let all = program.values_of(of).into_iter();
     let all = all.filter(|one| one.name.as_ref().is_some_and(|name| name.starts_with(ASSERTED)));
     let placed = |one: Valued| {
         let (span, text) = author(program, one.range.clone()?)?;
         Some((one, span, text))
     };
-    all.filter_map(placed).collect()
+    Ok(all.filter_map(placed).collect())
 }
 
-impl Seen {
-    fn of(program: &Program, lowered: &Lowered, lanes: usize) -> Self {
+impl<'p> Seen<'p> {
+    fn of(program: &'p Program, lowered: &Lowered, lanes: usize) -> Self {
         let values = program.named_values(&[ASSERTED, PRINTED]);
-        let (mut sites, mut lines) = (BTreeMap::new(), Vec::new());
+        let (mut sites, mut lines, mut spans) = (BTreeMap::new(), Vec::new(), Vec::new());
         for value in values {
             let is_it = |site: &&Site| {
                 site.function == value.function
@@ -99,17 +124,22 @@ impl Seen {
                 continue;
             };
             sites.extend(own.map(|site| (std::ptr::from_ref(site).addr(), lines.len())));
+            spans.push(span.clone());
             let text = one_line(&text);
             let is_print = value.name.is_some_and(|name| name.starts_with(PRINTED));
             lines.push(Mutex::new(match is_print {
                 true => {
-                    let ends = vec![None; shape.lanes().len()];
-                    Line::Print(Print { span, text, shape, count: 0, first: Vec::new(), ends })
+                    let (ends, first) = (vec![None; shape.lanes().len()], Vec::new());
+                    let (count, nans, outside) = (0, 0, None);
+                    Line::Print(Print { span, text, shape, count, first, ends, nans, outside })
                 }
-                false => Line::Assertion(Assertion { span, text, count: 0, wrong: 0, first: None }),
+                false => {
+                    let (count, wrong, first, outside) = (0, 0, None, None);
+                    Line::Assertion(Assertion { span, text, count, wrong, first, outside })
+                }
             }));
         }
-        Self { sites, lines, lanes }
+        Self { program, sites, spans, lines, lanes }
     }
 
     /// The lines after a run, in the order of the text.
@@ -119,7 +149,7 @@ impl Seen {
     }
 }
 
-impl Observer<F32> for Seen {
+impl Observer<F32> for Seen<'_> {
     fn named(&self, lanes: &Lanes<'_, F32>) {
         let Some(line) = self.sites.get(&std::ptr::from_ref(lanes.site).addr()) else { return };
         let mut line = self.lines[*line].lock().unwrap_or_else(PoisonError::into_inner);
@@ -142,6 +172,22 @@ impl Observer<F32> for Seen {
             }
         }
     }
+
+    fn wrong(&self, one: &Wrong<'_>) {
+        let place = one.site.span.to_range().and_then(|range| self.program.resolve(range));
+        let (Kind::OutOfRange, Some(place)) = (one.kind, place) else { return };
+        let is_in = |span: &Span| {
+            Arc::ptr_eq(&span.file, &place.file) && span.range.contains(&place.range.start)
+        };
+        let Some(line) = self.spans.iter().position(is_in) else { return };
+        let mut line = self.lines[line].lock().unwrap_or_else(PoisonError::into_inner);
+        let outside = match &mut *line {
+            Line::Print(own) => &mut own.outside,
+            Line::Assertion(own) => &mut own.outside,
+        };
+        let case = one.case / self.lanes;
+        *outside = Some(outside.map_or(case, |first| first.min(case)));
+    }
 }
 
 impl Print {
@@ -158,12 +204,13 @@ impl Print {
         let words: Vec<u32> = words.collect();
         for ((word, scalar), ends) in words.iter().zip(self.shape.lanes()).zip(&mut self.ends) {
             let value = scalar.decode(*word);
+            self.nans += u64::from(value.is_nan());
             if scalar == Scalar::Bool || value.is_nan() {
                 continue;
             }
-            let own = (value, case);
-            let before = |a: (f64, usize), b: (f64, usize)| a.0 < b.0 || a.0 == b.0 && a.1 < b.1;
-            let after = |a: (f64, usize), b: (f64, usize)| a.0 > b.0 || a.0 == b.0 && a.1 < b.1;
+            let own = (value, *word, case);
+            let before = |a: End, b: End| a.0 < b.0 || a.0 == b.0 && a.2 < b.2;
+            let after = |a: End, b: End| a.0 > b.0 || a.0 == b.0 && a.2 < b.2;
             *ends = Some(match *ends {
                 None => [own; 2],
                 Some([least, most]) => [
@@ -187,11 +234,14 @@ impl Print {
     /// Adds those of later cases, of which the first has this number.
     fn merge(&mut self, other: Self, first: usize) {
         self.count += other.count;
+        self.nans += other.nans;
+        self.outside = self.outside.or(other.outside.map(|case| first + case));
         let room = KEPT.saturating_sub(self.first.len());
         self.first
             .extend(other.first.into_iter().take(room).map(|(case, words)| (first + case, words)));
         for (own, other) in self.ends.iter_mut().zip(other.ends) {
-            let moved = other.map(|ends| ends.map(|(value, case)| (value, first + case)));
+            let moved =
+                other.map(|ends| ends.map(|(value, word, case)| (value, word, first + case)));
             *own = match (*own, moved) {
                 (Some([a, b]), Some([c, d])) => {
                     Some([if c.0 < a.0 { c } else { a }, if d.0 > b.0 { d } else { b }])
@@ -204,15 +254,25 @@ impl Print {
     /// Its values in lines: count, least and largest; then the first `most` of them. `case` is the name of a case, empty where
     /// there is one.
     fn table(&self, most: usize, case: &dyn Fn(usize) -> String) -> String {
-        let Self { span, text, shape, count, .. } = self;
+        let Self { span, text, shape, count, nans, .. } = self;
         let times = counted(usize::try_from(*count).unwrap_or(usize::MAX), "value");
-        let mut table = format!("{span}: `{text}` ({shape}): {times}\n");
+        let mut table = format!("{span}: `{text}` ({shape}): {times}");
+        if *nans > 0 {
+            let _ = write!(table, ", NaN {nans} times");
+        }
+        table.push('\n');
+        if let Some(outside) = self.outside {
+            let of = case(outside);
+            let of = if of.is_empty() { of } else { format!(" for {of}") };
+            let _ = writeln!(table, "  it reads outside of an array{of}");
+        }
         if *count > 1 {
-            for (name, ends) in shape.lane_names().iter().zip(&self.ends) {
+            let names = shape.lane_names().into_iter().zip(shape.lanes());
+            for ((name, scalar), ends) in names.zip(&self.ends) {
                 let Some([least, most]) = ends else { continue };
-                let end = |(value, at): &(f64, usize)| match case(*at) {
-                    none if none.is_empty() => value.to_string(),
-                    case => format!("{value} for {case}"),
+                let end = |(_, word, at): &End| match (format_lane(scalar, *word), case(*at)) {
+                    (value, none) if none.is_empty() => value,
+                    (value, case) => format!("{value} for {case}"),
                 };
                 let name = if name.is_empty() { String::new() } else { format!("{name} ") };
                 let _ = writeln!(table, "  {name}least {}, most {}", end(least), end(most));
@@ -232,6 +292,11 @@ impl Print {
 }
 
 impl Assertion {
+    /// The first case in which it is false, or reads what isn't there.
+    fn fails(&self) -> Option<usize> {
+        self.first.or(self.outside)
+    }
+
     /// A line about an assertion that shows nothing, since no case comes to it.
     fn unreached(&self) -> Option<String> {
         let Self { span, text, count, .. } = self;
@@ -241,6 +306,7 @@ impl Assertion {
     fn diagnostic(&self, of: &str, first: &str, note: &str) -> Box<Diagnostic> {
         let Self { span, text, count, wrong, .. } = self;
         let message = match count {
+            _ if *wrong == 0 => format!("the assertion `{text}` reads outside of an array"),
             1 => format!("the assertion `{text}` is false"),
             _ => format!("the assertion `{text}` is false {wrong} of {count} times"),
         };
@@ -255,6 +321,7 @@ pub(crate) struct Watched {
     function: Interpreted,
     prints: Mutex<Vec<Print>>,
     assertions: Mutex<Vec<Assertion>>,
+    cases: AtomicUsize,
 }
 
 impl Watched {
@@ -266,12 +333,13 @@ impl Watched {
         if !has_lines(&probed.program) {
             return Ok(None);
         }
+        probed.program.expect_no_effects()?;
         let function = Interpreted::with(probed, fixtures, &settings())?;
         // Others of its module may have the lines.
         let seen = Seen::of(&function.program, &function.lowered, 1);
         Ok((!seen.sites.is_empty()).then(|| {
-            let (prints, assertions) = Default::default();
-            Self { function, prints, assertions }
+            let (prints, assertions, cases) = Default::default();
+            Self { function, prints, assertions, cases }
         }))
     }
 
@@ -280,7 +348,9 @@ impl Watched {
     /// # Errors
     /// If an assertion is false.
     pub(crate) fn look(&self, first: usize, cases: usize, rows: &[u32]) -> Result<(), ProbeError> {
-        let Self { function, prints, assertions } = self;
+        let Self { function, prints, assertions, cases: all } = self;
+        all.fetch_add(cases, Ordering::Relaxed);
+        let mut wrong = None;
         let seen = Seen::of(&function.program, &function.lowered, function.lanes());
         function.observed::<F32>(cases, rows, &function.options(), &seen)?;
         let width = rows.len() / cases.max(1);
@@ -291,10 +361,10 @@ impl Watched {
         for line in seen.lines() {
             match line {
                 Line::Assertion(own) => {
-                    if let Some(first) = own.first {
+                    if let Some(first) = own.fails().filter(|_| wrong.is_none()) {
                         let arguments = arguments(first);
                         let of = if own.wrong > 1 { "first for" } else { "for" };
-                        return Err(ProbeError::Asserted(own.diagnostic(of, &arguments, "")));
+                        wrong = Some(own.diagnostic(of, &arguments, ""));
                     }
                     match assertions.iter_mut().find(|known| known.span == own.span) {
                         Some(known) => known.count += own.count,
@@ -310,7 +380,7 @@ impl Watched {
                 }
             }
         }
-        Ok(())
+        wrong.map_or(Ok(()), |wrong| Err(ProbeError::Asserted(wrong)))
     }
 
     /// The prints so far.
@@ -323,7 +393,10 @@ impl Watched {
     pub(crate) fn tell(&self, case: &dyn Fn(usize) -> String) {
         let mut text: String = self.prints().iter().map(|print| print.table(SHOWN, case)).collect();
         let assertions = self.assertions.lock().unwrap_or_else(PoisonError::into_inner);
-        text.extend(assertions.iter().filter_map(Assertion::unreached));
+        // One case alone may well go another way.
+        if self.cases.load(Ordering::Relaxed) > 1 {
+            text.extend(assertions.iter().filter_map(Assertion::unreached));
+        }
         tell(&text);
     }
 }
@@ -334,7 +407,8 @@ pub(crate) fn tell(text: &str) {
         static TOLD: RefCell<String> = const { RefCell::new(String::new()) };
     }
     TOLD.with_borrow_mut(|told| {
-        if *told != text && !text.is_empty() {
+        // Mutants and counted runs repeat what the tests print.
+        if *told != text && !text.is_empty() && !is_unrecorded() && !counts() {
             let thread = std::thread::current();
             let name = thread.name().map_or_else(String::new, |name| format!("{name} prints\n"));
             eprint!("{name}{text}");
@@ -349,15 +423,22 @@ pub(crate) fn shown(arguments: &[(String, String)]) -> String {
     all.collect::<Vec<_>>().join(", ")
 }
 
-/// What the lines of a function print for some arguments: a table.
-///
-/// # Errors
-/// If an assertion of it is false, or the engine doesn't execute it.
-pub fn printed(probed: &Probed, fixtures: &Fixtures, row: &[u32]) -> Result<String, ProbeError> {
-    let Some(watched) = Watched::of(probed, fixtures)? else { return Ok(String::new()) };
-    watched.look(0, 1, row)?;
-    let table = |print: &Print| print.table(KEPT, &|_| String::new());
-    Ok(watched.prints().iter().map(table).collect())
+/// What the lines of a function print for some rows of arguments, in tables, and an assertion that is false for one of them.
+pub fn printed(
+    probed: &Probed,
+    fixtures: &Fixtures,
+    rows: &[Vec<u32>],
+) -> (String, Result<(), ProbeError>) {
+    let watched = match Watched::of(probed, fixtures) {
+        Ok(Some(watched)) => watched,
+        other => return (String::new(), other.map(drop)),
+    };
+    let looked = watched.look(0, rows.len(), &rows.concat());
+    let name = |case: usize| match (rows.len(), rows.get(case)) {
+        (1, _) | (_, None) => String::new(),
+        (_, Some(row)) => shown(&probed.function().arguments(row)),
+    };
+    (watched.prints().iter().map(|print| print.table(KEPT, &name)).collect(), looked)
 }
 
 /// What the lines of passes print: a table for each, of so many values at most.
@@ -367,6 +448,9 @@ pub fn printed(probed: &Probed, fixtures: &Fixtures, row: &[u32]) -> Result<Stri
 pub(crate) fn printed_by(passes: &Passes, most: usize) -> Result<Vec<String>, DispatchError> {
     if !passes.passes.iter().any(|pass| has_lines(&pass.program)) {
         return Ok(Vec::new());
+    }
+    for pass in &passes.passes {
+        pass.program.expect_no_effects()?;
     }
     let (mut all, mut wrong) = (Vec::new(), None);
     Prepared::new(passes, &settings())?.run(&mut |pass, lowered, resources| {
@@ -381,7 +465,7 @@ pub(crate) fn printed_by(passes: &Passes, most: usize) -> Result<Vec<String>, Di
                 }
                 Line::Assertion(own) => {
                     all.extend(own.unreached());
-                    let Some(first) = own.first.filter(|_| wrong.is_none()) else { continue };
+                    let Some(first) = own.fails().filter(|_| wrong.is_none()) else { continue };
                     let note = format!("by Karat's engine, in `{}`", pass.name);
                     let invocation = pass.invocation(size, first);
                     let of = if own.wrong > 1 { "first by" } else { "by" };

@@ -9,6 +9,7 @@ use karat_engine::{Count, Counts, Program as Lowered, Statement, StatementKind, 
 use serde::{Deserialize, Serialize};
 
 use crate::image::append_line;
+use crate::package::asserts::is_in_a_line;
 use crate::reflect::Program;
 use crate::settings;
 
@@ -180,6 +181,10 @@ fn counted(
 ) -> Option<Counted> {
     let bytes = span.to_range()?;
     let span = program.resolve(bytes.clone())?;
+    // What asserts or prints is no code of the shader.
+    if is_in_a_line(&span) {
+        return None;
+    }
     let text = span.file.text.get(span.range.clone())?.trim();
     let kind = match kind {
         StatementKind::Plain => CountedKind::Plain,

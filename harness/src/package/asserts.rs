@@ -17,6 +17,7 @@ pub(crate) const HOLDER: &str = "karat_value_";
 /// The marks that begin such a line.
 const COMMENT: &str = "karat:";
 const CONDITION: &str = "@if(karat)";
+const CONDITION_HEAD: &str = "@if(karat";
 
 /// A line that asserts or prints, and the parts that aren't its expression: bytes of the line.
 struct Line<'l> {
@@ -33,7 +34,8 @@ enum Verb {
 
 /// A text in which assertions and prints are code.
 pub(super) fn read(source: SourceFile) -> Result<SourceFile, PackageError> {
-    if !source.text.contains(COMMENT) && !source.text.contains(CONDITION) {
+    let lower = source.text.to_ascii_lowercase();
+    if !lower.contains("karat") {
         return Ok(source);
     }
     let (mut text, mut values) = (String::with_capacity(2 * source.text.len()), Vec::new());
@@ -76,16 +78,13 @@ impl<'l> Line<'l> {
         let own = line.trim();
         let comment = own.strip_prefix("//").map(str::trim_start);
         let Some(rest) = comment.and_then(|rest| rest.strip_prefix(COMMENT)) else {
-            let Some(rest) = own.strip_prefix(CONDITION) else {
-                let late = line.find("//").is_some_and(|at| {
-                    line[at..].trim_start_matches('/').trim_start().starts_with(COMMENT)
-                });
-                return match late {
-                    true => Err(format!("`//{COMMENT}` stands on a line of its own")),
-                    false => Ok(None),
-                };
+            return match line.find(CONDITION_HEAD) {
+                Some(_) => Self::called(own),
+                None if is_meant(line) => {
+                    Err(format!("`//{COMMENT}`, with two slashes, stands on a line of its own"))
+                }
+                None => Ok(None),
             };
-            return Self::called(own, rest.trim_start());
         };
         let rest = rest.trim_start();
         let word: &str = rest.split(|c: char| !c.is_alphanumeric()).next().unwrap_or_default();
@@ -99,23 +98,81 @@ impl<'l> Line<'l> {
         // What follows may be a comment in the comment.
         let expression = behind.split("//").next().unwrap_or_default();
         let expression = expression.trim().trim_end_matches(';').trim_end();
-        match expression.is_empty() {
-            true => Err(format!("`//{COMMENT} {word}` has no expression")),
-            false => Ok(Some(Self { verb, head, expression })),
+        match (expression.is_empty(), is_one(expression)) {
+            (true, _) => Err(format!("`//{COMMENT} {word}` has no expression")),
+            (_, false) => Err(format!("`{expression}` isn't one expression")),
+            _ => Ok(Some(Self { verb, head, expression })),
         }
     }
 
-    /// `@if(karat) assert(x);`, of which `rest` is behind the condition.
-    fn called(own: &'l str, rest: &'l str) -> Result<Option<Self>, String> {
-        let Some((word, _)) = rest.split_once('(') else { return Ok(None) };
-        let Some(verb) = Verb::of(word.trim_end()) else { return Ok(None) };
+    /// `@if(karat) assert(x);`, or an import.
+    fn called(own: &'l str) -> Result<Option<Self>, String> {
+        let wrong = || {
+            Err(format!(
+                "behind `{CONDITION}` stands an import of `karat`, or `print(x);` or `assert(x);` on one line"
+            ))
+        };
+        let Some(rest) = own.strip_prefix(CONDITION).map(str::trim_start) else { return wrong() };
+        if rest.starts_with("import ") {
+            return Ok(None);
+        }
+        let Some((word, _)) = rest.split_once('(') else { return wrong() };
+        let Some(verb) = Verb::of(word.trim_end()) else { return wrong() };
         let head = &own[..own.len() - rest.len() + word.len()];
         let call = rest[word.len()..].split("//").next().unwrap_or_default().trim_end();
-        match call.strip_suffix(';').map(str::trim_end).filter(|call| call.ends_with(')')) {
+        let call = call.strip_suffix(';').map(str::trim_end);
+        match call.filter(|call| is_one(call) && is_enclosed(call)) {
             Some(expression) => Ok(Some(Self { verb, head, expression })),
-            None => Err(format!("`{CONDITION} {}(…);` stands on one line", word.trim_end())),
+            None => wrong(),
         }
     }
+}
+
+/// True of a comment that names Karat and a verb, and isn't written as it has to be.
+fn is_meant(line: &str) -> bool {
+    let Some(at) = line.find("//") else { return false };
+    let lower = line[at..].trim_start_matches('/').trim_start().to_ascii_lowercase();
+    let Some(rest) = lower.strip_prefix("karat") else { return false };
+    let rest = rest.trim_start_matches([' ', '\t', ':']);
+    let verbs = ["print ", "assert ", "print(", "assert("];
+    lower.starts_with(COMMENT) || verbs.iter().any(|verb| rest.starts_with(verb))
+}
+
+/// True of a text without the end of a statement or a comment, and whose brackets have partners.
+fn is_one(expression: &str) -> bool {
+    let mut open = Vec::new();
+    let mut paired = true;
+    for character in expression.chars() {
+        match character {
+            '(' | '[' => open.push(character),
+            ')' => paired &= open.pop() == Some('('),
+            ']' => paired &= open.pop() == Some('['),
+            ';' | '{' | '}' => return false,
+            _ => {}
+        }
+    }
+    paired && open.is_empty() && !expression.contains("/*")
+}
+
+/// True of a text whose first bracket is closed by its last.
+fn is_enclosed(call: &str) -> bool {
+    let mut depth = 0;
+    let closed = call.char_indices().find_map(|(at, character)| {
+        depth += i32::from(character == '(') - i32::from(character == ')');
+        (depth == 0).then_some(at)
+    });
+    call.starts_with('(') && closed == Some(call.len() - 1)
+}
+
+/// True of a place in a line that asserts or prints.
+pub(crate) fn is_in_a_line(span: &Span) -> bool {
+    let (text, at) = (&span.file.text, span.range.start);
+    let is_before = |value: &Value| {
+        value.hidden
+            && value.at.start <= at
+            && text.get(value.at.start..at).is_some_and(|between| !between.contains('\n'))
+    };
+    span.file.values.iter().any(is_before)
 }
 
 impl Verb {
@@ -177,9 +234,12 @@ mod tests {
         let asserts = "var karat_value_2 = (x > 0); let karat_assert_2: bool = karat_value_2;";
         assert_eq!(text("@if(karat) assert(x > 0);"), asserts);
         assert_eq!(text("@if(karat) assert (x > 0) ; // why"), asserts);
-        for line in
-            ["// karate: print x", "@if(karat) let y = f(x);", "// say //", "x = 1; // karat"]
-        {
+        for line in [
+            "// karate: print x",
+            "@if(karat) import karat::print;",
+            "// say //",
+            "x = 1; // karat",
+        ] {
             assert_eq!(text(line), line);
         }
     }
@@ -196,6 +256,17 @@ mod tests {
             ("//karat:", "neither asserts nor prints"),
             ("let y = x; //karat: print y", "on a line of its own"),
             ("@if(karat) print(x", "on one line"),
+            ("@if(karat) let y = f(x);", "on one line"),
+            ("let y = x; @if(karat) print(y);", "on one line"),
+            ("@if(karat && true) print(y);", "on one line"),
+            ("@if(karat) print(x); @if(karat) print(x);", "on one line"),
+            ("@if(karat) print(x) + (y);", "on one line"),
+            ("//karat: print x; y = 9.0", "isn't one expression"),
+            ("//karat: print f(x", "isn't one expression"),
+            ("//karat: print x /* open", "isn't one expression"),
+            ("//karat print x", "on a line of its own"),
+            ("// Karat : assert x > 1", "on a line of its own"),
+            ("/// karat: print x", "with two slashes"),
         ] {
             let error = error(line);
             assert!(error.contains("m.wgsl:2") && error.contains(part), "{line}: {error}");

@@ -14,10 +14,11 @@ use naga::{
 };
 
 use naga::proc::{Layouter, TypeResolution};
+use naga::valid::GlobalUse;
 
 use super::rounds::walk;
 use super::{NAMED, Program, ReflectError};
-use crate::package::asserts::{ASSERTED, HOLDER, PRINTED};
+use crate::package::asserts::{ASSERTED, HOLDER, PRINTED, is_in_a_line};
 use crate::package::let_statements;
 use crate::value::Shape;
 
@@ -158,6 +159,51 @@ impl Program {
                 shape,
             });
         }
+    }
+
+    /// Refuses lines that assert or print and change what the shader computes: a call that writes, or an atomic.
+    ///
+    /// # Errors
+    /// The place of the effect.
+    pub(crate) fn expect_no_effects(&self) -> Result<(), ReflectError> {
+        let (module, info) = (self.module(), self.info());
+        let functions = module.functions.iter().map(|(_, function)| function);
+        let mut found = None;
+        for function in functions.chain(module.entry_points.iter().map(|entry| &entry.function)) {
+            walk(&function.body, false, &mut |statement, span, _| {
+                let writes = match statement {
+                    Statement::Call { function: callee, arguments, .. } => {
+                        let own = &info[*callee];
+                        let mut globals = module.global_variables.iter();
+                        let is_pointer = |argument: &Handle<Expression>| {
+                            matches!(
+                                function.expressions[*argument],
+                                Expression::LocalVariable(_)
+                                    | Expression::Access { .. }
+                                    | Expression::AccessIndex { .. }
+                            ) && module.functions[*callee].arguments.iter().any(|argument| {
+                                matches!(module.types[argument.ty].inner, TypeInner::Pointer { .. })
+                            })
+                        };
+                        globals.any(|(handle, _)| {
+                            own[handle].intersects(GlobalUse::WRITE | GlobalUse::ATOMIC)
+                        }) || arguments.iter().any(is_pointer)
+                    }
+                    Statement::Atomic { .. } | Statement::ImageStore { .. } => true,
+                    _ => false,
+                };
+                let place = writes.then(|| self.resolve(span.to_range()?)).flatten();
+                if let Some(place) = place.filter(is_in_a_line) {
+                    found = found.take().or(Some(place));
+                }
+            });
+        }
+        let Some(place) = found else { return Ok(()) };
+        let message = "a line that asserts or prints changes something itself";
+        let note = "call it in the shader, and assert or print what it returned";
+        let found =
+            crate::diagnostic::Diagnostic::new(message).at(place.first_line(), "").note(note);
+        Err(ReflectError::Unprobeable(Box::new(found)))
     }
 
     /// The place of what an assertion or a print holds, by its name: naga keeps none.

@@ -323,7 +323,7 @@ fn single(request: &Request<'_>, lanes: &[u32], args: &Args, out: &mut dyn Write
         }
         writeln!(out)?;
     }
-    write!(out, "{}", karat::unstable::interpret::asserted::printed(probed, fixtures, lanes)?)?;
+    write!(out, "{}", given.printed)?;
     args.show_steps(
         &function.name,
         &|| Ok(karat::unstable::trace::trace(probed, fixtures, lanes)?),
@@ -343,6 +343,7 @@ fn sweep(request: &Request<'_>, given: &Given, args: &Args, out: &mut dyn Write)
     };
     let rows: Vec<Vec<u32>> = sweep.values.iter().map(row).collect();
     let found = cases::results(request, &rows)?;
+    eprint!("{}", found.printed);
     let Some(plot) = &args.plot else {
         cases::write_table(request, &rows, &found.results, &[], out)?;
         return found.ending();

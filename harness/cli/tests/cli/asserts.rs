@@ -54,6 +54,26 @@ fn lines_print() {
     );
 }
 
+/// A false assertion fails a call, a sweep and a table, once what they print is shown.
+#[test]
+fn calls_fail_by_assertions() {
+    let folder = folder("2.0");
+    let ran = karat(folder.path(), &["call", "m::half", "3", "--path=cpu"]);
+    assert_eq!(ran.code, Some(1), "{}", ran.err);
+    assert!(ran.out.contains("`x` (f32): 1 value\n  3\n"), "{}", ran.out);
+    assert!(ran.err.contains("the assertion `(x < 2.0)` is false"), "{}", ran.err);
+    let ran = karat(folder.path(), &["call", "m::half", "0..4:3", "--path=cpu"]);
+    assert_eq!(ran.code, Some(1), "{}", ran.err);
+    for part in ["least 0 for x = 0, most 4 for x = 4", "is false 2 of 3 times", "first for x = 2"]
+    {
+        assert!(ran.err.contains(part), "no `{part}` in {}", ran.err);
+    }
+    write(folder.path(), "in.csv", "x\n1\n3\n");
+    let ran = karat(folder.path(), &["call", "m::half", "--table=in.csv", "--path=cpu"]);
+    assert_eq!(ran.code, Some(1), "{}", ran.err);
+    assert!(ran.err.contains("is false 1 of 2 times"), "{}", ran.err);
+}
+
 /// A test that comes to a false assertion fails at its line, declared or in WGSL, alone or of many.
 #[test]
 fn tests_fail_by_assertions() {

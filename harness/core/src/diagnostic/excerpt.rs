@@ -81,11 +81,13 @@ impl<'a> Excerpt<'a> {
 
     fn copy(&mut self, from: Range<usize>) {
         let mut at = from.start;
-        let is_in = |range: &Range<usize>| from.start <= range.start && range.end <= from.end;
+        let is_in = |range: &Range<usize>| range.start < from.end && from.start < range.end;
         for value in self.file.values.iter().filter(|value| value.hidden && is_in(&value.at)) {
-            self.copy_visible(at..value.at.start);
-            self.change(value.at.clone(), &visible(&value.placeholder));
-            at = value.at.end;
+            self.copy_visible(at..value.at.start.max(at));
+            // Of one that is cut the author's text is shown all the same.
+            let own = value.at.start.max(at)..value.at.end.min(from.end);
+            at = own.end;
+            self.change(own, &visible(&value.placeholder));
         }
         self.copy_visible(at..from.end);
     }

@@ -8,7 +8,8 @@ use anyhow::{Context, bail, ensure};
 use indicatif::{ProgressBar, ProgressStyle};
 use karat::fixture::Fixtures;
 use karat::unstable::image::write_whole;
-use karat::unstable::output::counted;
+use karat::unstable::interpret::asserted::printed;
+use karat::unstable::output::{counted, tell};
 use karat::unstable::probe::{ProbeError, Probed};
 use karat::unstable::reflect::Function;
 use karat::unstable::value::{Scalar, Shape};
@@ -65,6 +66,7 @@ pub(super) fn evaluate(request: &Request<'_>, input: &FilePath, out: &mut dyn Wr
     let table = read(input, &columns, function, request.expect.as_ref())?;
     ensure!(!table.rows.is_empty(), "`{}` holds no case", input.display());
     let given = results(request, &table.rows)?;
+    eprint!("{}", given.printed);
     match &request.expect {
         None => {
             write_table(request, &table.rows, &given.results, &table.others, out)?;
@@ -75,8 +77,8 @@ pub(super) fn evaluate(request: &Request<'_>, input: &FilePath, out: &mut dyn Wr
                 write_table(request, &table.rows, &given.results, &table.others, out)?;
             }
             let ending = compare(request, &columns, &table, &given.results, tolerance, input, out)?;
-            given.ending()?;
-            Ok(ending)
+            let asserted = given.ending()?;
+            Ok(if matches!(asserted, Ending::Good) { ending } else { asserted })
         }
     }
 }
@@ -89,6 +91,10 @@ pub(super) struct Given {
     pub(super) results: Vec<OfPath>,
     /// Paths that gave nothing, and why.
     stopped: Vec<(Path, ProbeError)>,
+    /// What lines of the shader print.
+    pub(super) printed: String,
+    /// An assertion of the shader that is false for a row.
+    asserted: Result<(), ProbeError>,
 }
 
 impl Given {
@@ -100,7 +106,14 @@ impl Given {
         };
         let told: Vec<String> = self.stopped.iter().map(told).collect();
         ensure!(told.is_empty(), "{}", told.join("\n"));
-        Ok(Ending::Good)
+        match &self.asserted {
+            Ok(()) => Ok(Ending::Good),
+            Err(ProbeError::Asserted(found)) => {
+                tell(&found.to_string());
+                Ok(Ending::Bad)
+            }
+            Err(other) => bail!("{other}"),
+        }
     }
 }
 
@@ -136,7 +149,8 @@ pub(super) fn results(request: &Request<'_>, rows: &[Vec<u32>]) -> anyhow::Resul
             _ => bail!("{}", told.join("\n")),
         }
     }
-    Ok(Given { results, stopped })
+    let (printed, asserted) = printed(request.probed, request.fixtures, rows);
+    Ok(Given { results, stopped, printed, asserted })
 }
 
 /// A lane as decimals that read back to it, or in hexadecimal.
@@ -448,7 +462,12 @@ mod tests {
     fn a_path_without_results_is_bad() {
         let (path, expected, found) = (Path::VULKAN, 1, 0);
         let stopped = vec![(path, ProbeError::Length { path, expected, found })];
-        let given = Given { results: vec![(Path::CPU, Vec::new())], stopped };
+        let given = Given {
+            results: vec![(Path::CPU, Vec::new())],
+            stopped,
+            printed: String::new(),
+            asserted: Ok(()),
+        };
         let error = given.ending().expect_err("a path has no result").to_string();
         assert!(
             error.starts_with("no result on vulkan: path `vulkan` returned 0 words"),
