@@ -381,6 +381,12 @@ fn types_aliases_and_parts_are_the_author_s() {
         let behind = frame.trace(path, (3, 0)).unwrap_or_else(|error| panic!("{path}: {error}"));
         assert_eq!((&*behind.engine, behind.driver), ("(0.25, 0.25, 0.25, 0.25)", [0.25; 4]));
         assert!(behind.notes.is_empty(), "{:?}", behind.notes);
+        // The draw behind the one that shows, and none behind that.
+        let second =
+            frame.trace_layer(path, (0, 0), 2).unwrap_or_else(|error| panic!("{path}: {error}"));
+        assert_eq!((&*second.engine, second.driver), (&*behind.engine, [0.25; 4]), "{path}");
+        let third = frame.trace_layer(path, (0, 0), 3).expect_err("two draws cover it");
+        assert!(matches!(third, TapError::Undrawn { pixel: (0, 0) }), "{third}");
         let blended = both(&package).trace(path, (0, 0)).expect("it is drawn");
         assert!(
             blended.notes.iter().any(|note| note.contains("made of several draws")),

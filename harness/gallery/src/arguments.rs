@@ -44,6 +44,9 @@ pub struct RenderArguments {
     /// A pixel whose steps are printed as JSON: see `karat trace`
     #[arg(long, hide = true, value_name = "X,Y", value_parser = pixel, conflicts_with = "tap")]
     pub(super) trace: Option<(u32, u32)>,
+    /// The draw that is traced there, from the one that shows
+    #[arg(long, hide = true, value_name = "N", requires = "trace")]
+    pub(super) layer: Option<u32>,
 }
 
 /// How frames are drawn, and where to.
@@ -110,15 +113,17 @@ impl RenderArguments {
 
     /// Those of a pixel of a frame.
     #[must_use]
-    pub fn tracing(frame: &str, pixel: (u32, u32), drawn: DrawArguments) -> Self {
-        Self { frames: vec![frame.to_owned()], trace: Some(pixel), drawn, ..Self::default() }
+    pub fn tracing(frame: &str, pixel: (u32, u32), layer: u32, drawn: DrawArguments) -> Self {
+        let (frames, trace, layer) = (vec![frame.to_owned()], Some(pixel), Some(layer));
+        Self { frames, trace, layer, drawn, ..Self::default() }
     }
 
     /// The same arguments, as a command line has them.
     #[must_use]
     pub fn words(&self) -> Vec<OsString> {
         // All fields are named, so that none is forgotten.
-        let Self { frames, first, list, all, drawn, exposure, tap, round, beside, trace } = self;
+        let Self { frames, first, list, all, drawn, exposure, tap, round, beside, trace, layer } =
+            self;
         let DrawArguments { out, size, samples, environment, path } = drawn;
         let mut words: Vec<OsString> = Vec::new();
         let flags = [("--first", first), ("--list", list), ("--all", all), ("--beside", beside)];
@@ -157,6 +162,7 @@ impl RenderArguments {
         }
         if let Some((x, y)) = trace {
             words.push(format!("--trace={x},{y}").into());
+            words.extend(layer.map(|layer| format!("--layer={layer}").into()));
         }
         words.push("--".into());
         words.extend(frames.iter().map(Into::into));

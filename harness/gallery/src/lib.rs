@@ -215,7 +215,8 @@ impl Gallery {
             return tapped(&selected, &options, &folder, &taps, (out, err));
         }
         if let Some(pixel) = arguments.trace {
-            return traced(&selected, &options, pixel, (out, err));
+            let layer = arguments.layer.unwrap_or(1);
+            return traced(&selected, &options, (pixel, layer), (out, err));
         }
         let width = selected.iter().map(|entry| entry.name.len()).max().unwrap_or(0);
         let mut failed = Vec::new();
@@ -323,11 +324,12 @@ impl Gallery {
 fn traced<'e>(
     selected: &[&'e Entry],
     options: &RenderOptions,
-    pixel: (u32, u32),
+    (pixel, layer): ((u32, u32), u32),
     (out, err): (&mut dyn Write, &mut dyn Write),
 ) -> Result<Vec<&'e str>, GalleryError> {
     let [entry] = *selected else { return Err(GalleryError::OneTraced) };
-    let trace = |frame: Frame<'static>| Ok(Traced::from(frame.trace(options.path, pixel)?));
+    let trace =
+        |frame: Frame<'static>| Ok(Traced::from(frame.trace_layer(options.path, pixel, layer)?));
     match entry.described(options, trace) {
         Ok(traced) => {
             // In one piece, since what is written is looked through for its last line end.

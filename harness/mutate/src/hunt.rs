@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use karat::Package;
 use karat::package::PackageError;
-use karat::unstable::diagnostic::shown;
+use karat::unstable::diagnostic::{nearest, shown};
 use karat::unstable::package::{AcceptedMutants, accepted_mutants, file_of};
 use karat::unstable::record::Seen;
 use karat::unstable::reflect::{Program, ReflectError};
@@ -367,12 +367,18 @@ impl Request {
     ) -> Result<Hunted, MutateError> {
         let all = self.all()?;
         let accepted = self.accepted(&all)?;
+        let known: BTreeSet<String> = all.iter().map(Candidate::path).collect();
         let (all, of) = self.chosen(all);
         if all.is_empty() {
             let of = match (&*self.only, &self.lines) {
                 ([], None) => String::new(),
                 ([], Some(_)) => " in the lines that changed".to_owned(),
-                (names, _) => format!(" of `{}`", names.join("`, `")),
+                (names, _) => {
+                    let near = nearest(&names[0], known.iter().map(String::as_str));
+                    let near =
+                        near.map_or_else(String::new, |near| format!(" (did you mean `{near}`?)"));
+                    format!(" of `{}`{near}", names.join("`, `"))
+                }
             };
             return Err(MutateError::NoMutant { of });
         }

@@ -14,7 +14,22 @@ pub(crate) struct Told<'s> {
     pub(crate) target: usize,
 }
 
-impl Drawing<'_> {
+impl<'s> Drawing<'s> {
+    /// It without one of its draws, which is the one of this number among those with a fragment function.
+    ///
+    /// # Errors
+    /// If the others can't be bound.
+    pub(crate) fn without_draw(&self, number: usize) -> Result<Self, DrawError> {
+        let mut scene = Scene::clone(&self.scene);
+        let has_fragment = |(_, draw): &(usize, &Draw)| draw.fragment.is_some();
+        let index = scene.draws.iter().enumerate().filter(has_fragment).nth(number);
+        let index = index.map(|(index, _)| index).expect("it is one of them");
+        drop(scene.draws.remove(index));
+        let (program, fixtures) = (Arc::clone(&self.program), self.fixtures().clone());
+        let bindings = scene.bindings(&program)?;
+        Ok(Self::with(Cow::Owned(scene), program, bindings, fixtures))
+    }
+
     /// The fragment functions of its draws, by their names in the text.
     pub(crate) fn fragments(&self) -> Vec<&str> {
         let names = self.scene.draws.iter().filter_map(|draw| draw.fragment.as_deref());

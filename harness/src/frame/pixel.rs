@@ -68,24 +68,48 @@ impl Frame<'_> {
     /// If no draw covers the pixel, the frame can't be drawn, or the engine doesn't execute the function.
     ///
     /// *Unstable*: for programs around tests.
-    pub fn trace(&self, path: Path, (x, y): (u32, u32)) -> Result<TracedPixel, TapError> {
+    pub fn trace(&self, path: Path, pixel: (u32, u32)) -> Result<TracedPixel, TapError> {
+        self.trace_layer(path, pixel, 1)
+    }
+
+    /// The same of another draw that covers the pixel: 1 is the one that it shows, 2 the one that it would show without that
+    /// one.
+    ///
+    /// # Errors
+    /// As [`trace`](Self::trace).
+    ///
+    /// *Unstable*: for programs around tests.
+    pub fn trace_layer(
+        &self,
+        path: Path,
+        (x, y): (u32, u32),
+        layer: u32,
+    ) -> Result<TracedPixel, TapError> {
         let executor = executor::of(path).map_err(DrawError::from)?;
-        let drawing = self.drawing_on(executor)?;
+        let mut drawing = self.drawing_on(executor)?;
         let size = drawing.size();
         if x >= size.0 || y >= size.1 {
             return Err(TapError::Outside { pixel: (x, y), size });
         }
-        let fragments = drawing.fragments();
-        if fragments.is_empty() {
+        if drawing.fragments().is_empty() {
             return Err(TapError::Depth);
         }
         let opened = path::open(path).map_err(DrawError::from)?;
         let device = opened.device().ok_or(DrawError::Unable { path })?;
         let pixel = (y * size.0 + x) as usize;
-        let told = drawing.telling(None, When::Last, 0, true)?;
-        let seen = device.texels(&told.drawing, &[told.target])?.swap_remove(0);
-        let number = seen[pixel][0].checked_sub(1).ok_or(TapError::Undrawn { pixel: (x, y) })?;
-        let fragment = fragments[number as usize].to_owned();
+        let shown = |drawing: &Drawing<'_>| -> Result<usize, TapError> {
+            let none = || TapError::Undrawn { pixel: (x, y) };
+            if drawing.fragments().is_empty() {
+                return Err(none());
+            }
+            let told = drawing.telling(None, When::Last, 0, true)?;
+            let seen = device.texels(&told.drawing, &[told.target])?.swap_remove(0);
+            Ok(seen[pixel][0].checked_sub(1).ok_or_else(none)? as usize)
+        };
+        for _ in 1..layer {
+            drawing = drawing.without_draw(shown(&drawing)?)?;
+        }
+        let fragment = drawing.fragments()[shown(&drawing)?].to_owned();
         let function = drawing.program().path_of(&fragment);
         let arguments = arguments(device, &drawing, &fragment)?;
 

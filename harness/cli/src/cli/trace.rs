@@ -21,6 +21,7 @@ pub(super) const EXAMPLES: &str = "\
 Examples:
   karat trace scene 120,64                 column 120, row 64, from 0,0 at the upper left
   karat trace scene 120,64 --against HEAD  the first step that differs from a revision of git
+  karat trace scene 120,64 --layer 2       the draw behind the one that the pixel shows
 FRAME is the name of a `[[frame]]` in a `*.test.toml`, or a frame of the gallery that `karat render` draws.
 The driver tells what the pixel's fragment function is given, and Karat's engine runs it: each step in f32,
 in f64, and within what WGSL allows.
@@ -33,6 +34,9 @@ pub(super) struct Args {
     /// The pixel: its column and its row
     #[arg(value_name = "X,Y", value_parser = karat_gallery::pixel)]
     pixel: (u32, u32),
+    /// The draw that covers the pixel: 1 is the one that it shows, 2 the one that it would show without that one
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
+    layer: u32,
     /// Compare the steps with those of the shaders at a revision of git
     #[arg(long, value_name = "REVISION")]
     against: Option<String>,
@@ -95,7 +99,7 @@ fn traced(args: &Args, project: &Project) -> anyhow::Result<Option<Traced>> {
         let path = tap::expect_own(&args.drawn)?;
         let frame = suite.frame(&args.frame).expect("it was there");
         let frame = frame.map_err(|wrong| anyhow!("{}", wrong.message))?;
-        return match frame.trace(karat_gallery::open(path)?, args.pixel) {
+        return match frame.trace_layer(karat_gallery::open(path)?, args.pixel, args.layer) {
             Ok(pixel) => Ok(Some(pixel.into())),
             Err(error) => {
                 tap::refuse(&error);
@@ -103,7 +107,8 @@ fn traced(args: &Args, project: &Project) -> anyhow::Result<Option<Traced>> {
             }
         };
     }
-    let arguments = RenderArguments::tracing(&args.frame, args.pixel, args.drawn.clone());
+    let drawn = args.drawn.clone();
+    let arguments = RenderArguments::tracing(&args.frame, args.pixel, args.layer, drawn);
     let mut printed = Vec::new();
     if render::run(arguments, &mut printed)? != Ending::Good {
         return Ok(None);
