@@ -31,7 +31,8 @@ mod setup;
 mod size;
 mod step;
 mod suite;
-#[path = "../../harness/cli/src/cli/loader/swiftshader.rs"]
+#[path = "../../harness/src/path/swiftshader.rs"]
+#[expect(unreachable_pub, reason = "Karat offers it to programs around tests")]
 mod swiftshader;
 
 /// Everything that CI runs, run the same way here.

@@ -31,6 +31,7 @@ pub(crate) fn run() -> ExitCode {
     // Before the tests, whose last lines on stdout are those that readers of a log want.
     if swiftshader::manifest().is_some() {
         steps.run("swiftshader", second_driver);
+        steps.run("dawn and chromium", web);
     }
     steps.run("behind a pipe", behind_a_pipe);
     steps.run("mutants", mutants);
@@ -92,6 +93,18 @@ fn second_driver() -> Result<()> {
     const PATH: &str = "vulkan@swiftshader";
     test.env(swiftshader::ADD, manifest).env("KARAT_PATHS", PATH).env("KARAT_REQUIRE", PATH);
     command::run_aside(&mut test)
+}
+
+/// Jobs with known answers, and functions of the library, on the paths of the web.
+fn web() -> Result<()> {
+    for path in ["dawn", "chromium"] {
+        command::run_aside(&mut command::karat(&["doctor", "--executor", path])?)?;
+        let mut test = command::cargo(&["test", "--workspace", "--locked", "--no-fail-fast"]);
+        test.args(["--test", "library", "--", "fresnel::"]);
+        test.env("KARAT_PATHS", path).env("KARAT_REQUIRE", path);
+        command::run_aside(&mut test)?;
+    }
+    Ok(())
 }
 
 /// A sample of the mutants of one of the library's modules: its tests see 97 in 100 of them.

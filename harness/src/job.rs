@@ -4,7 +4,7 @@
 //! implementation of WebGPU, an engine, a device on another machine. KARAT_EXECUTORS names programs that do:
 //!
 //! ```sh
-//! KARAT_EXECUTORS='dawn=node dawn.mjs' KARAT_PATHS=process@dawn cargo test
+//! KARAT_EXECUTORS='mine=target/debug/mine' KARAT_PATHS=process@mine cargo test
 //! ```
 //!
 //! Such a program writes a [`Greeting`](crate::path::Greeting) as its first line. Then it reads a job a line, as JSON,

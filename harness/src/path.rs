@@ -8,7 +8,7 @@
 //!   that opens; where none does, Karat's own engine, `cpu`. A path listed by name must open, and may be listed once only. `vulkan@llvmpipe` also
 //!   names the driver, so several drivers of one API can run in one process.
 //! - `KARAT_REQUIRE`: paths that must run, too; one that doesn't open is an error.
-//! - `KARAT_EXECUTORS`: programs that run jobs, `dawn=node dawn.mjs`; each is a path, `process@dawn`. See
+//! - `KARAT_EXECUTORS`: programs that run jobs, `mine=target/debug/mine`; each is a path, `process@mine`. See
 //!   [`job`](crate::unstable::job).
 //! - `KARAT_ADAPTER`: part of an adapter's name, to choose among several.
 //! - `KARAT_TIMEOUT`: seconds that a shader may take before the process gives up (default 60).
@@ -29,6 +29,8 @@ mod route;
 mod route;
 pub(crate) mod selection;
 mod selector;
+pub mod swiftshader;
+pub(crate) mod web;
 
 pub(crate) use crate::reflect::Ability;
 pub(crate) use deadline::{Guard, guard, guard_opening};
@@ -52,7 +54,7 @@ use crate::settings::SettingsError;
 #[non_exhaustive]
 pub enum PathError {
     /// No path of this name.
-    #[error("there is no execution path `{name}`; a path is vulkan, metal, dx12, gl, cpu or process@NAME{}",
+    #[error("there is no execution path `{name}`; a path is vulkan, metal, dx12, gl, cpu, dawn, chromium or process@NAME{}",
         guess(nearest.as_deref()))]
     Unknown {
         /// What was asked for.

@@ -19,8 +19,10 @@ use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
 pub(crate) use answer::{Answer, Message, Severity};
+pub(crate) use browser::Page;
 use find::Kind;
 pub use find::installed;
+pub(crate) use find::{browser, dawn};
 pub use reason::Reason;
 use resident::Resident;
 

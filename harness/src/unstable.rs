@@ -144,6 +144,8 @@ pub mod path {
     pub use crate::path::selection::{
         adapter, expect_sound, named, programs, required, selected, selects,
     };
+    pub use crate::path::swiftshader;
+    pub use crate::path::web::has_chosen_drivers;
     pub use crate::reflect::Ability;
 }
 

@@ -50,7 +50,7 @@ const KNOWN: &[(&str, usize, Bound)] = &[
     ("src/golden/acceptance.rs", 1, Deadline),
     ("src/package/cargo/metadata.rs", 2, CARGO), // and `rustc -vV`, with a deadline
     ("src/package/manifest.rs", 1, Deadline),
-    ("src/path/process.rs", 1, Answers),
+    ("src/path/web.rs", 2, Answers),
     ("src/tint/browser.rs", 1, Answers),
     ("src/tint/program.rs", 2, Deadline),
     ("src/tint/resident.rs", 1, Answers),

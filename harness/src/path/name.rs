@@ -5,7 +5,7 @@ use std::fmt;
 use std::str::FromStr;
 use std::sync::Mutex;
 
-use super::{PathError, driver};
+use super::{PathError, driver, web};
 use crate::diagnostic::nearest;
 
 /// What runs a shader.
@@ -285,8 +285,11 @@ pub(super) struct Parts {
 }
 
 impl Parts {
-    /// `api:via@driver`, each of which may be left out.
+    /// `api:via@driver`, each of which may be left out; `dawn` alone is `process@dawn`, and `chromium` likewise.
     pub(super) fn read(name: &str) -> Result<Self, PathError> {
+        if let Some(own) = web::NAMES.into_iter().find(|own| *own == name) {
+            return Ok(Self { api: Some(Api::Process), via: None, driver: Some(own) });
+        }
         let (rest, driver) = match name.split_once('@') {
             Some((rest, driver)) => (rest, Some(driver)),
             None => (name, None),
@@ -322,7 +325,8 @@ impl Parts {
 }
 
 fn unknown(name: &str, api: &str) -> PathError {
-    let nearest = nearest(api, Api::ALL.map(Api::name)).map(|known| match known {
+    let known = Api::ALL.map(Api::name).into_iter().chain(web::NAMES);
+    let nearest = nearest(api, known).map(|known| match known {
         "process" => "process@NAME".to_owned(),
         known => known.to_owned(),
     });
@@ -359,6 +363,18 @@ fn intern(text: &str) -> &'static str {
 mod tests {
     use super::*;
 
+    /// The paths of the web are programs that come with Karat, under short names.
+    #[test]
+    fn the_web_has_paths_of_its_own() {
+        for name in ["dawn", "chromium"] {
+            let path: Path = name.parse().expect("it is a path");
+            assert_eq!((path.api(), path.driver()), (Api::Process, Some(name)));
+            assert_eq!(path.name().parse::<Path>().expect("its long name"), path);
+        }
+        let error = "chromum".parse::<Path>().expect_err("it is none").to_string();
+        assert!(error.contains("chromium"), "{error}");
+    }
+
     #[test]
     fn a_name_says_api_route_and_driver() {
         for name in ["vulkan", "cpu", "vulkan:hlsl", "gl@llvmpipe", "dx12:hlsl-dxc@warp"] {
@@ -375,12 +391,12 @@ mod tests {
         for (name, message) in [
             (
                 "vulcan",
-                "there is no execution path `vulcan`; a path is vulkan, metal, dx12, gl, cpu or process@NAME; \
+                "there is no execution path `vulcan`; a path is vulkan, metal, dx12, gl, cpu, dawn, chromium or process@NAME; \
                  did you mean `vulkan`?",
             ),
             (
                 "",
-                "there is no execution path ``; a path is vulkan, metal, dx12, gl, cpu or process@NAME",
+                "there is no execution path ``; a path is vulkan, metal, dx12, gl, cpu, dawn, chromium or process@NAME",
             ),
             ("@llvmpipe", "there is no execution path `@llvmpipe`; a path is"),
             (

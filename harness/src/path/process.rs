@@ -1,21 +1,18 @@
-//! A program that runs jobs: KARAT_EXECUTORS says how to start it, and it answers line by line.
+//! A program that runs jobs: KARAT_EXECUTORS says how to start it, or it comes with Karat, and it answers line by line.
 //!
 //! Its first line is a [`Greeting`]. After it, each line that it reads is a job, and each line that it writes
 //! is the reply. Threads that ask at the same time have a process each.
 
-use std::process::Command;
 use std::sync::{Mutex, PoisonError};
 
+use super::web::{self, Runner, Running};
 use super::{Ability, Adapter, Path, PathError};
 use crate::diagnostic::{nearest, one_line};
-use crate::lines::{Answers, Broken, Lines};
+use crate::lines::Broken;
 use crate::settings;
 
 /// The version of jobs and their replies. It changes when an older program would misread a job.
 pub(crate) const JOBS: u32 = 1;
-
-/// The longest reply that is read: a frame of 4096 by 4096 pixels, whose words have up to ten digits.
-const LONGEST: u64 = 1 << 30;
 
 /// The first line of a program that runs jobs: `{"jobs": 1, "name": "Dawn", "can": ["f16", "textures"]}`.
 ///
@@ -49,9 +46,9 @@ pub struct Greeting {
 #[derive(Debug)]
 pub(crate) struct Process {
     path: Path,
-    command: Vec<String>,
+    runner: Runner,
     greeting: Greeting,
-    idle: Mutex<Vec<Lines>>,
+    idle: Mutex<Vec<Running>>,
 }
 
 impl Process {
@@ -66,15 +63,19 @@ impl Process {
             let reason = "`process@NAME` is a program that KARAT_EXECUTORS names".to_owned();
             return Err(unavailable(reason));
         };
-        let Some((_, command)) = known.iter().find(|(known, _)| known == name) else {
-            let guess = super::guess(nearest(name, names()));
-            return Err(unavailable(format!("KARAT_EXECUTORS names no `{name}`{guess}")));
+        let given = known.iter().find(|(known, _)| known == name);
+        let runner = match (given, Runner::of(name)) {
+            (Some((_, command)), _) => Runner::Given(command.clone()),
+            (None, Some(own)) => own.map_err(unavailable)?,
+            (None, None) => {
+                let guess = super::guess(nearest(name, names().chain(web::NAMES)));
+                return Err(unavailable(format!("KARAT_EXECUTORS names no `{name}`{guess}")));
+            }
         };
-        let (lines, greeting) = start(command).map_err(|reason| {
-            unavailable(format!("`{}`, which KARAT_EXECUTORS names: {reason}", command.join(" ")))
-        })?;
-        let (command, idle) = (command.clone(), Mutex::new(vec![lines]));
-        Ok(Self { path, command, greeting, idle })
+        let started = start(&runner).map_err(|reason| unavailable(format!("{runner}: {reason}")));
+        let (running, greeting) = started?;
+        let idle = Mutex::new(vec![running]);
+        Ok(Self { path, runner, greeting, idle })
     }
 
     pub(crate) fn path(&self) -> Path {
@@ -101,7 +102,7 @@ impl Process {
         let idle = self.idle.lock().unwrap_or_else(PoisonError::into_inner).pop();
         let mut lines = match idle {
             Some(lines) => lines,
-            None => start(&self.command).map_err(failed)?.0,
+            None => start(&self.runner).map_err(failed)?.0,
         };
         let deadline = settings::deadline();
         let answer = lines.send(line).and_then(|()| lines.receive(deadline));
@@ -122,14 +123,9 @@ impl Process {
 }
 
 /// Starts a program and hears its greeting.
-fn start(command: &[String]) -> Result<(Lines, Greeting), String> {
-    let (program, arguments) = command.split_first().expect("a program has a name");
-    let mut command = Command::new(program);
-    // The record is of this process' tests.
-    command.args(arguments).env_remove("KARAT_RECORD");
-    let lines = Lines::start(&mut command, Answers::Stdout, b'\n', LONGEST);
-    let mut lines = lines.map_err(|error| error.to_string())?;
+fn start(runner: &Runner) -> Result<(Running, Greeting), String> {
     let deadline = settings::deadline();
+    let mut lines = runner.start(deadline).map_err(|error| error.to_string())?;
     let first = lines.receive(deadline).map_err(|broken| match broken {
         Broken::Hung(_) => {
             let seconds = deadline.as_secs_f64();

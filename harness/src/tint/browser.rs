@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 
 use serde_json::{Value, json};
 
-use super::{JUDGE, NoVerdict};
+use super::NoVerdict;
 use crate::lines::{Answers, Broken, Lines};
 
 /// A browser reads commands from descriptor 3 and answers on 4, which its stdin and stdout become. Its
@@ -24,7 +24,7 @@ const LOADING: Duration = Duration::from_secs(5);
 const POLL: Duration = Duration::from_millis(20);
 
 /// In the page: texts one after the other, as error scopes are a device's.
-const PAGE: &str = "let last = navigator.gpu ? deviceOf(navigator.gpu, false) \
+pub(super) const PAGE: &str = "let last = navigator.gpu ? deviceOf(navigator.gpu, false) \
     : Promise.reject('this browser has no WebGPU'); \
     const ask = (question) => last = last.then(() => judge(navigator.gpu, question)).then(JSON.stringify); \
     const version = navigator.userAgent.match(/Chrom\\w*\\/[\\d.]+/)?.[0] ?? navigator.userAgent; \
@@ -32,15 +32,20 @@ const PAGE: &str = "let last = navigator.gpu ? deviceOf(navigator.gpu, false) \
         (error) => JSON.stringify({ error: String(error?.message ?? error) }))";
 
 /// A page of a browser.
-pub(super) struct Page {
+#[derive(Debug)]
+pub(crate) struct Page {
     lines: Lines,
     session: String,
     calls: u64,
 }
 
 impl Page {
-    /// Starts a browser, and loads what asks Tint. Its first message is a greeting.
-    pub(super) fn open(program: &Path, patience: Duration) -> Result<Self, NoVerdict> {
+    /// Starts a browser, and evaluates a script there, whose value is a promise of a greeting. It declares `ask`.
+    pub(crate) fn open(
+        program: &Path,
+        patience: Duration,
+        (script, longest): (&str, u64),
+    ) -> Result<Self, NoVerdict> {
         if cfg!(windows) {
             let reason = "on Windows a browser has no pipe to be asked by".to_owned();
             return Err(Broken::Start(reason).into());
@@ -64,7 +69,7 @@ impl Page {
         if is_root() {
             command.arg("--no-sandbox");
         }
-        let lines = Lines::start(&mut command, Answers::Stdout, 0, super::LONGEST)?;
+        let lines = Lines::start(&mut command, Answers::Stdout, 0, longest)?;
         let mut page = Self { lines, session: String::new(), calls: 0 };
         page.call("Target.getTargets", &json!({}))?;
         let found = page.answer(patience)?;
@@ -78,7 +83,7 @@ impl Page {
         let session = session.ok_or_else(|| Broken::Start("it opens no session".to_owned()))?;
         page.session = session.to_owned();
         page.load(patience)?;
-        page.evaluate(&format!("{JUDGE}{PAGE}"))?;
+        page.evaluate(script)?;
         Ok(page)
     }
 
@@ -97,12 +102,12 @@ impl Page {
     }
 
     /// Asks a question, written as JSON.
-    pub(super) fn send(&mut self, question: &str) -> Result<(), NoVerdict> {
+    pub(crate) fn send(&mut self, question: &str) -> Result<(), NoVerdict> {
         self.evaluate(&format!("ask({question})"))
     }
 
     /// The next answer.
-    pub(super) fn receive(&mut self, patience: Duration) -> Result<String, NoVerdict> {
+    pub(crate) fn receive(&mut self, patience: Duration) -> Result<String, NoVerdict> {
         let answer = self.answer(patience)?;
         match answer["result"]["value"].as_str() {
             Some(text) => Ok(text.to_owned()),

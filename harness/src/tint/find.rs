@@ -54,19 +54,10 @@ pub(super) fn find(folder: &Path, needed: bool) -> Result<Kind, Missing> {
             }
         };
     }
-    let node = node();
-    let packages = folder.ancestors().map(|folder| folder.join("node_modules"));
-    let packages = packages.chain(installed().map(|own| own.join("node_modules")));
-    let packages = packages.chain(node.iter().filter_map(|node| global(node)));
-    let mut packages = packages.map(|modules| modules.join("webgpu")).filter(|one| is_dawn(one));
-    let mut other = "not here".to_owned();
-    match (packages.next(), node) {
-        (Some(package), Some(node)) => return Ok(Kind::Node { node, package }),
-        (Some(package), None) => {
-            other = format!("`{}` is here, but no `node`", package.display());
-        }
-        (None, _) => {}
-    }
+    let mut other = match dawn(folder) {
+        Ok((node, package)) => return Ok(Kind::Node { node, package }),
+        Err(reason) => reason,
+    };
     for program in in_path("tint") {
         match program::is_tint(&program) {
             Ok(true) => return Ok(Kind::Program(program)),
@@ -83,6 +74,20 @@ pub(super) fn find(folder: &Path, needed: bool) -> Result<Kind, Missing> {
             ),
         }),
         None => Err(missing(other)),
+    }
+}
+
+/// Dawn for Node: Node, and the npm package `webgpu` that is nearest to a folder, or that this machine has for all.
+pub(crate) fn dawn(folder: &Path) -> Result<(PathBuf, PathBuf), String> {
+    let node = node();
+    let packages = folder.ancestors().map(|folder| folder.join("node_modules"));
+    let packages = packages.chain(installed().map(|own| own.join("node_modules")));
+    let packages = packages.chain(node.iter().filter_map(|node| global(node)));
+    let mut packages = packages.map(|modules| modules.join("webgpu")).filter(|one| is_dawn(one));
+    match (packages.next(), node) {
+        (Some(package), Some(node)) => Ok((node, package)),
+        (Some(package), None) => Err(format!("`{}` is here, but no `node`", package.display())),
+        (None, _) => Err("not here".to_owned()),
     }
 }
 
@@ -144,7 +149,7 @@ fn global(node: &Path) -> Option<PathBuf> {
 }
 
 /// A Chromium of the machine.
-fn browser() -> Option<PathBuf> {
+pub(crate) fn browser() -> Option<PathBuf> {
     let in_path = BROWSERS.iter().flat_map(|name| in_path(name));
     let files = BROWSER_FILES.iter().map(PathBuf::from);
     in_path.chain(files).find(|program| program.is_file())

@@ -6,7 +6,7 @@ use std::time::Duration;
 use serde::Deserialize;
 
 use super::answer::{self, Answer};
-use super::browser::Page;
+use super::browser::{PAGE, Page};
 use super::find::Kind;
 use super::{JUDGE, LONGEST, NoVerdict, Question};
 use crate::lines::{Answers, Broken, Lines};
@@ -45,7 +45,10 @@ impl Asked {
                 command.args(["--no-warnings", "--input-type=module", "--eval", &script, "--"]);
                 Self::Node(Lines::start(command.arg(package), Answers::Stderr, b'\n', LONGEST)?)
             }
-            Kind::Browser(program) => Self::Browser(Page::open(program, START)?),
+            Kind::Browser(program) => {
+                let script = format!("{JUDGE}{PAGE}");
+                Self::Browser(Page::open(program, START, (&script, LONGEST))?)
+            }
             Kind::Program(_) => return Err(Broken::Start("it doesn't stay".to_owned()).into()),
         })
     }

@@ -4,28 +4,22 @@
 //! loads. So where a path names SwiftShader, this program starts itself anew with the loader's
 //! variable set; tests that it runs inherit it.
 
-mod swiftshader;
-
 use std::ffi::{OsStr, OsString};
 use std::path::Path;
 use std::process::{Command, ExitCode};
 
 use anyhow::Context;
-use swiftshader::ADD;
+use karat::unstable::path::{has_chosen_drivers, swiftshader};
 
 /// What a path names.
 const NAMED: &str = "@swiftshader";
-
-/// The loader's variables. If one is set, its user has chosen.
-const CHOSEN: [&str; 3] = [ADD, "VK_DRIVER_FILES", "VK_ICD_FILENAMES"];
 
 /// Starts the program anew with the second driver, if a path names it and it isn't there already.
 /// `None`: go on.
 pub(super) fn with_second_driver() -> Option<anyhow::Result<ExitCode>> {
     let arguments: Vec<OsString> = std::env::args_os().skip(1).collect();
     let asked = ["KARAT_PATHS", "KARAT_REQUIRE"].map(std::env::var_os).into_iter().flatten();
-    let chosen = CHOSEN.iter().any(|name| std::env::var_os(name).is_some());
-    if chosen || !is_named(arguments.iter().cloned().chain(asked)) {
+    if has_chosen_drivers() || !is_named(arguments.iter().cloned().chain(asked)) {
         return None;
     }
     Some(again(&arguments, &swiftshader::manifest()?))
@@ -38,7 +32,7 @@ fn is_named(words: impl Iterator<Item = OsString>) -> bool {
 fn again(arguments: &[OsString], manifest: &Path) -> anyhow::Result<ExitCode> {
     let program = std::env::current_exe().context("can't find out where this program is")?;
     let mut command = Command::new(program);
-    command.args(arguments).env(ADD, OsStr::new(manifest));
+    command.args(arguments).env(swiftshader::ADD, OsStr::new(manifest));
     // In place of this process where systems can, so that signals reach it.
     #[cfg(unix)]
     return Err(std::os::unix::process::CommandExt::exec(&mut command).into());

@@ -12,9 +12,10 @@ const MANIFESTS: [&str; 5] = [
 ];
 
 /// The variable by which the loader is told of one more driver.
-pub(crate) const ADD: &str = "VK_ADD_DRIVER_FILES";
+pub const ADD: &str = "VK_ADD_DRIVER_FILES";
 
 /// The manifest of a browser on this machine.
-pub(crate) fn manifest() -> Option<PathBuf> {
+#[must_use]
+pub fn manifest() -> Option<PathBuf> {
     MANIFESTS.iter().map(PathBuf::from).find(|file| file.is_file())
 }

@@ -1,0 +1,344 @@
+// Runs Karat's jobs by WebGPU: in Node on Dawn (`dawn.mjs`), or in a page of a Chromium. `jobs.schema.json` describes the data.
+
+// A device with all that jobs may want, and the greeting.
+async function opened(gpu, name) {
+    const adapter = await gpu.requestAdapter();
+    if (!adapter) {
+        throw new Error('it finds no adapter: install a driver of Vulkan 1.3, or Chromium, whose SwiftShader it takes');
+    }
+    const features = ['depth32float-stencil8', 'float32-filterable', 'float32-blendable', 'shader-f16', 'subgroups'];
+    const { maxStorageBufferBindingSize, maxBufferSize } = adapter.limits;
+    const device = await adapter.requestDevice({
+        requiredFeatures: features.filter((feature) => adapter.features.has(feature)),
+        requiredLimits: { maxStorageBufferBindingSize, maxBufferSize },
+    });
+    const { info } = adapter;
+    const able = { f16: 'shader-f16', subgroups: 'subgroups' };
+    const can = Object.keys(able).filter((ability) => device.features.has(able[ability]));
+    const greeting = {
+        jobs: 1,
+        name: `${name} on ${info.description || `${info.vendor} ${info.architecture}`}`,
+        software: info.isFallbackAdapter || /swiftshader|llvmpipe/i.test(`${info.description} ${info.architecture}`),
+        can: [...can, 'textures', 'frames'],
+    };
+    return { device, greeting };
+}
+
+// The answer to a job, with whatever went wrong.
+async function answered(device, job) {
+    device.pushErrorScope('validation');
+    device.pushErrorScope('out-of-memory');
+    const reply = await run(device, job).catch((error) => {
+        const { message, pass = 0, bytes = null, refused = false } = error;
+        return { [refused ? 'refused' : 'failed']: { message, pass, bytes } };
+    });
+    const [first, second] = [await device.popErrorScope(), await device.popErrorScope()];
+    const wrong = first ?? second;
+    // A shader that was taken isn't refused.
+    const failed = wrong && reply.done && { failed: { message: wrong.message } };
+    return { id: job.id, reply: failed || reply };
+}
+
+// An error of the shader: nothing has run.
+function refusal(message, pass, bytes) {
+    return Object.assign(new Error(message), { refused: true, pass, bytes });
+}
+
+// A module, once the compiler has taken it.
+async function compiled(device, wgsl, number) {
+    const module = device.createShaderModule({ code: wgsl });
+    const { messages } = await module.getCompilationInfo();
+    const wrong = messages.find(({ type }) => type === 'error');
+    if (wrong) {
+        // Offsets of JavaScript's texts are in UTF-16.
+        const byte = (offset) => new TextEncoder().encode(wgsl.slice(0, offset)).length;
+        const { message, offset, length } = wrong;
+        throw refusal(message, number, { start: byte(offset), end: byte(offset + length) });
+    }
+    return module;
+}
+
+// Binds what a pass or a draw reads, group by group.
+function bind(device, pipeline, pass, bindings, held) {
+    if (bindings.some(({ at }) => !at)) throw refusal('it has no immediates', 0);
+    for (const group of new Set(bindings.map(({ at }) => at[0]))) {
+        const layout = pipeline.getBindGroupLayout(group);
+        const own = bindings.filter(({ at }) => at[0] === group);
+        const entries = own.map(({ at, resource }) => ({ binding: at[1], resource: bound(held[resource]) }));
+        pass.setBindGroup(group, device.createBindGroup({ layout, entries }));
+    }
+}
+
+async function run(device, { jobs, resources, outputs, work }) {
+    if (jobs !== 1) throw new Error(`it reads jobs of version 1, and not ${jobs}`);
+    const held = resources.map((resource) => hold(device, resource));
+    const encoder = device.createCommandEncoder();
+    if (work.frame) {
+        const { words, textures } = await draw(device, encoder, work.frame, held);
+        const done = [await read(device, encoder, [words])].flat();
+        [...textures, words].forEach((one) => one.destroy());
+        held.forEach((one) => (one.buffer ?? one.texture)?.destroy());
+        return { done };
+    }
+    for (const [number, pass] of work.passes.entries()) {
+        const { wgsl, overrides } = pass.shader;
+        const module = await compiled(device, wgsl, number);
+        const pipeline = await device.createComputePipelineAsync({
+            layout: 'auto',
+            compute: { module, entryPoint: pass.entry_point, constants: overrides },
+        }).catch((error) => { throw refusal(error.message, number); });
+        const dispatch = encoder.beginComputePass();
+        dispatch.setPipeline(pipeline);
+        bind(device, pipeline, dispatch, pass.bindings, held);
+        dispatch.dispatchWorkgroups(...pass.workgroups);
+        dispatch.end();
+    }
+    const buffers = outputs.map((number) => {
+        if (!held[number].buffer) throw new Error('it reads no textures back');
+        return held[number].buffer;
+    });
+    const done = await read(device, encoder, buffers);
+    held.forEach((one) => (one.buffer ?? one.texture)?.destroy());
+    return { done };
+}
+
+// Submits the work, and returns the words of some buffers after it.
+async function read(device, encoder, buffers) {
+    const staged = buffers.map((buffer) => {
+        const usage = GPUBufferUsage.MAP_READ | GPUBufferUsage.COPY_DST;
+        const staging = device.createBuffer({ size: buffer.size, usage });
+        encoder.copyBufferToBuffer(buffer, 0, staging, 0, buffer.size);
+        return staging;
+    });
+    device.queue.submit([encoder.finish()]);
+    const done = [];
+    for (const staging of staged) {
+        await staging.mapAsync(GPUMapMode.READ);
+        done.push(Array.from(new Uint32Array(staging.getMappedRange())));
+        staging.destroy();
+    }
+    return done;
+}
+
+// The draws of a frame, one after the other, and the words of its result: four of each pixel.
+async function draw(device, encoder, frame, held) {
+    const { width, height, samples, clear, result } = frame;
+    if (frame.prepass) throw refusal('it draws no depth before the colours', 0);
+    if (result === 'depth' && samples > 1) throw refusal('it reads no depth of several samples', 0);
+    const module = await compiled(device, frame.shader.wgsl, 0);
+    const blending = (state, target) => state.blends.findLast(([own]) => own === target)?.[1] ?? state.blend ?? frame.blend;
+    const wide = samples === 1 && (device.features.has('float32-blendable')
+        || frame.draws.every(({ draw: { state } }) => frame.formats.every((_, target) => blending(state, target) === 'replace')));
+    const formats = frame.formats.map((format) => (format === 'float' ? (wide ? 'rgba32float' : 'rgba16float') : format));
+    const texture = (format, sampleCount) => device.createTexture({
+        size: [width, height],
+        format,
+        sampleCount,
+        usage: GPUTextureUsage.RENDER_ATTACHMENT | (sampleCount === 1 ? GPUTextureUsage.TEXTURE_BINDING : 0),
+    });
+    const colours = formats.map((format) => texture(format, samples));
+    const resolved = samples > 1 ? formats.map((format) => texture(format, 1)) : colours;
+    const hasStencil = frame.draws.some(({ draw: { state } }) => state.stencil);
+    const depthFormat = hasStencil ? 'depth32float-stencil8' : 'depth32float';
+    if (hasStencil && !device.features.has('depth32float-stencil8')) throw refusal('it has no stencils', 0);
+    const depth = texture(depthFormat, samples);
+    let first = true;
+    for (const { draw: one, covering, bindings } of frame.draws) {
+        const { state, geometry } = one;
+        const mesh = geometry.mesh;
+        const { constants, buffers } = { constants: frame.shader.overrides, buffers: attributes(device, mesh) };
+        const vertex = covering
+            ? { module: await compiled(device, covering, 0), buffers: [] }
+            : { module, entryPoint: one.vertex, constants, buffers: buffers.map(({ layout }) => layout) };
+        const targets = formats.map((format, target) => ({
+            format,
+            blend: blend(blending(state, target)),
+            writeMask: mask(state.masks.find(([own]) => own === target)?.[1]),
+        }));
+        const fragment = one.fragment ? { module, entryPoint: one.fragment, constants, targets } : undefined;
+        const face = state.stencil && {
+            compare: state.stencil.compare,
+            failOp: state.stencil.fail,
+            depthFailOp: state.stencil.depth_fail,
+            passOp: state.stencil.pass,
+        };
+        const pipeline = await device.createRenderPipelineAsync({
+            layout: 'auto',
+            vertex,
+            fragment,
+            primitive: { cullMode: state.cull ?? 'none', frontFace: state.winding },
+            multisample: { count: samples },
+            depthStencil: {
+                format: depthFormat,
+                depthCompare: state.depth_compare ?? 'less-equal',
+                depthWriteEnabled: state.depth_write ?? true,
+                depthBias: state.bias.constant,
+                depthBiasSlopeScale: state.bias.slope,
+                depthBiasClamp: state.bias.clamp,
+                ...(face ? {
+                    stencilFront: face,
+                    stencilBack: face,
+                    stencilReadMask: state.stencil.read_mask,
+                    stencilWriteMask: state.stencil.write_mask,
+                } : {}),
+            },
+        }).catch((error) => { throw refusal(error.message, 0); });
+        const [r, g, b, a] = clear;
+        const loadOp = first ? 'clear' : 'load';
+        // Depth alone has no colours: then the first draw of a frame that has some clears them.
+        const pass = encoder.beginRenderPass({
+            colorAttachments: fragment ? colours.map((colour, target) => ({
+                view: colour.createView(),
+                resolveTarget: samples > 1 ? resolved[target].createView() : undefined,
+                loadOp: colour.cleared ? 'load' : 'clear',
+                clearValue: { r, g, b, a },
+                storeOp: 'store',
+            })) : [],
+            depthStencilAttachment: {
+                view: depth.createView(),
+                depthLoadOp: loadOp,
+                depthClearValue: frame.clear_depth,
+                depthStoreOp: 'store',
+                ...(hasStencil ? { stencilLoadOp: loadOp, stencilClearValue: 0, stencilStoreOp: 'store' } : {}),
+            },
+        });
+        first = false;
+        if (fragment) colours.forEach((colour) => { colour.cleared = true; });
+        pass.setPipeline(pipeline);
+        bind(device, pipeline, pass, bindings, held);
+        const [cr, cg, cb, ca] = state.blend_constant;
+        pass.setBlendConstant({ r: cr, g: cg, b: cb, a: ca });
+        if (state.stencil) pass.setStencilReference(state.stencil.reference);
+        buffers.forEach(({ buffer }, slot) => pass.setVertexBuffer(slot, buffer));
+        if (mesh?.indices.length) {
+            const indices = made(device, new Uint32Array(mesh.indices), GPUBufferUsage.INDEX);
+            pass.setIndexBuffer(indices, 'uint32');
+            pass.drawIndexed(mesh.indices.length, one.instances, 0, one.base_vertex, one.first_instance);
+        } else {
+            const own = mesh && mesh.attributes.find(({ by_instance: by }) => !by);
+            const count = own ? own.words.length / own.width : geometry.vertices ?? 0;
+            pass.draw(count, one.instances, 0, one.first_instance);
+        }
+        pass.end();
+    }
+    const target = result === 'depth' ? depth : resolved[result.target];
+    const words = await told(device, encoder, target, result === 'depth' ? 'depth' : formats[result.target]);
+    const textures = [...new Set([...colours, ...resolved, depth])];
+    return { words, textures };
+}
+
+// Copies the values of a texture into a buffer, as floats.
+async function told(device, encoder, texture, format) {
+    const { width, height } = texture;
+    const type = format === 'depth' ? 'texture_depth_2d'
+        : `texture_2d<${format.endsWith('uint') ? 'u32' : format.endsWith('sint') ? 'i32' : 'f32'}>`;
+    const value = format === 'depth' ? 'vec4f(textureLoad(image, at.xy, 0), 0.0, 0.0, 1.0)' : 'vec4f(textureLoad(image, at.xy, 0))';
+    const code = `@group(0) @binding(0) var image: ${type};
+        @group(0) @binding(1) var<storage, read_write> words: array<vec4u>;
+        @compute @workgroup_size(8, 8) fn tell(@builtin(global_invocation_id) at: vec3u) {
+            let size = textureDimensions(image);
+            if (any(at.xy >= size)) { return; }
+            words[at.y * size.x + at.x] = bitcast<vec4u>(${value});
+        }`;
+    const module = device.createShaderModule({ code });
+    const pipeline = await device.createComputePipelineAsync({ layout: 'auto', compute: { module } });
+    const words = device.createBuffer({ size: 16 * width * height, usage: GPUBufferUsage.STORAGE | GPUBufferUsage.COPY_SRC });
+    const entries = [
+        { binding: 0, resource: texture.createView({ aspect: format === 'depth' ? 'depth-only' : 'all' }) },
+        { binding: 1, resource: { buffer: words } },
+    ];
+    const pass = encoder.beginComputePass();
+    pass.setPipeline(pipeline);
+    pass.setBindGroup(0, device.createBindGroup({ layout: pipeline.getBindGroupLayout(0), entries }));
+    pass.dispatchWorkgroups(Math.ceil(width / 8), Math.ceil(height / 8));
+    pass.end();
+    return words;
+}
+
+// The vertex buffers of a mesh, one an attribute.
+function attributes(device, mesh) {
+    const names = { f32: 'float32', i32: 'sint32', u32: 'uint32' };
+    return (mesh?.attributes ?? []).map(({ location, scalar, width, words, by_instance: byInstance }) => {
+        if (!names[scalar]) throw refusal(`it has no vertices of ${scalar}`, 0);
+        const format = width > 1 ? `${names[scalar]}x${width}` : names[scalar];
+        const layout = {
+            arrayStride: 4 * width,
+            stepMode: byInstance ? 'instance' : 'vertex',
+            attributes: [{ format, offset: 0, shaderLocation: location }],
+        };
+        return { layout, buffer: made(device, new Uint32Array(words), GPUBufferUsage.VERTEX) };
+    });
+}
+
+function made(device, words, usage) {
+    const buffer = device.createBuffer({ size: Math.max(words.byteLength, 4), usage: usage | GPUBufferUsage.COPY_DST });
+    device.queue.writeBuffer(buffer, 0, words);
+    return buffer;
+}
+
+// How a pixel that is drawn again mixes with what is there.
+function blend(kind) {
+    const component = (srcFactor, dstFactor, operation = 'add') => ({ srcFactor, dstFactor, operation });
+    const both = (color, alpha = color) => ({ color, alpha });
+    if (kind.custom) {
+        const own = ({ src_factor: src, dst_factor: dst, operation }) => component(src, dst, operation);
+        return both(own(kind.custom.color), own(kind.custom.alpha));
+    }
+    return {
+        replace: undefined,
+        add: both(component('one', 'one')),
+        alpha: both(component('src-alpha', 'one-minus-src-alpha'), component('one', 'one-minus-src-alpha')),
+        premultiplied: both(component('one', 'one-minus-src-alpha')),
+        multiply: both(component('dst', 'zero')),
+    }[kind];
+}
+
+function mask(channels) {
+    const bits = { r: 1, g: 2, b: 4, a: 8 };
+    return channels === undefined ? 15 : [...channels].reduce((sum, channel) => sum | bits[channel], 0);
+}
+
+function bound({ buffer, texture, view, sampler }) {
+    return sampler ?? (texture ? texture.createView(view) : { buffer });
+}
+
+function hold(device, { buffer, texture, sampler }) {
+    if (sampler) {
+        const [addressModeU, addressModeV, addressModeW] = sampler.address;
+        const [lodMinClamp, lodMaxClamp] = sampler.lod;
+        const { mag: magFilter, min: minFilter, mip: mipmapFilter, anisotropy: maxAnisotropy } = sampler;
+        const compare = sampler.compare ?? undefined;
+        const filters = { magFilter, minFilter, mipmapFilter, maxAnisotropy, compare };
+        return { sampler: device.createSampler({
+            addressModeU, addressModeV, addressModeW, lodMinClamp, lodMaxClamp, ...filters,
+        }) };
+    }
+    if (buffer) {
+        const words = new Uint32Array(buffer.words);
+        const { STORAGE, UNIFORM, COPY_SRC, COPY_DST } = GPUBufferUsage;
+        const usage = STORAGE | UNIFORM | COPY_SRC | COPY_DST;
+        const made = device.createBuffer({ size: Math.max(words.byteLength, 4), usage });
+        device.queue.writeBuffer(made, 0, words);
+        return { buffer: made };
+    }
+    const { dimension, arrayed, texels, samples, levels } = texture.texture;
+    if (texture.format || texels === 'depth' || samples > 1) {
+        throw refusal('it has no storage textures, depths or samples', 0);
+    }
+    const [{ width, height, depth, words }] = levels;
+    const layers = words.length / (width * height);
+    const made = device.createTexture({
+        size: [width, height, layers],
+        mipLevelCount: levels.length,
+        dimension: dimension === 'cube' ? '2d' : dimension,
+        format: { float: 'rgba32float', sint: 'rgba32sint', uint: 'rgba32uint' }[texels],
+        usage: GPUTextureUsage.TEXTURE_BINDING | GPUTextureUsage.COPY_DST,
+    });
+    levels.forEach((level, mipLevel) => device.queue.writeTexture(
+        { texture: made, mipLevel },
+        new Uint32Array(level.words.flat()),
+        { bytesPerRow: 16 * level.width, rowsPerImage: level.height },
+        [level.width, level.height, level.depth * (layers / depth)],
+    ));
+    return { texture: made, view: { dimension: arrayed ? `${dimension}-array` : dimension } };
+}

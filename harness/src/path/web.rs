@@ -1,0 +1,133 @@
+//! Programs that run jobs: those that KARAT_EXECUTORS names, and two that come with Karat, Dawn in Node and a page of a
+//! Chromium.
+
+use std::fmt;
+use std::path::PathBuf;
+use std::process::Command;
+use std::time::Duration;
+
+use super::swiftshader;
+use crate::diagnostic::shown;
+use crate::lines::{Answers, Broken, Lines};
+use crate::tint::{self, NoVerdict, Page};
+
+/// The names of those that come with Karat, which are paths by themselves.
+pub(super) const NAMES: [&str; 2] = ["dawn", "chromium"];
+
+/// The longest reply that is read: a frame of 4096 by 4096 pixels, whose words have up to ten digits.
+const LONGEST: u64 = 1 << 30;
+
+/// What runs jobs by WebGPU, in JavaScript, and what asks it in Node and in a page.
+const JOBS: &str = include_str!("jobs.js");
+const NODE: &str = include_str!("dawn.mjs");
+const PAGE: &str = include_str!("page.js");
+
+/// A program that can be started.
+#[derive(Clone, Debug)]
+pub(super) enum Runner {
+    /// A command of KARAT_EXECUTORS.
+    Given(Vec<String>),
+    /// Dawn for Node: Node, and the folder of the package.
+    Dawn { node: PathBuf, package: PathBuf },
+    /// A Chromium.
+    Chromium(PathBuf),
+}
+
+/// One that runs.
+#[derive(Debug)]
+pub(super) enum Running {
+    Lines(Lines),
+    Page(Box<Page>),
+}
+
+impl fmt::Display for Runner {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::Given(command) => {
+                write!(f, "`{}`, which KARAT_EXECUTORS names", command.join(" "))
+            }
+            Self::Dawn { package, .. } => write!(f, "Dawn in `{}`", shown(package)),
+            Self::Chromium(program) => write!(f, "the browser `{}`", program.display()),
+        }
+    }
+}
+
+impl Runner {
+    /// One of those that come with Karat, as this machine has it.
+    pub(super) fn of(name: &str) -> Option<Result<Self, String>> {
+        match name {
+            "dawn" => {
+                let here = std::env::current_dir().unwrap_or_default();
+                let found = tint::dawn(&here);
+                Some(found.map(|(node, package)| Self::Dawn { node, package }).map_err(|reason| {
+                    format!("{reason}: install Node, and `npm install --save-dev webgpu`")
+                }))
+            }
+            "chromium" => {
+                let found = tint::browser().map(Self::Chromium);
+                Some(found.ok_or_else(|| "no Chromium is in PATH, and no Chrome".to_owned()))
+            }
+            _ => None,
+        }
+    }
+
+    /// Starts it. Its first message is a greeting.
+    pub(super) fn start(&self, patience: Duration) -> Result<Running, Broken> {
+        let lines = |command: &mut Command| {
+            // The record is of this process' tests.
+            command.env_remove("KARAT_RECORD");
+            Lines::start(command, Answers::Stdout, b'\n', LONGEST).map(Running::Lines)
+        };
+        match self {
+            Self::Given(command) => {
+                let (program, arguments) = command.split_first().expect("a program has a name");
+                lines(Command::new(program).args(arguments))
+            }
+            Self::Dawn { node, package } => {
+                let script = format!("{JOBS}{NODE}");
+                let mut command = Command::new(node);
+                command.args(["--no-warnings", "--input-type=module", "--eval", &script, "--"]);
+                // Dawn takes no Vulkan as old as Debian 12's, so it is told of a browser's SwiftShader, too.
+                if let Some(manifest) = swiftshader::manifest().filter(|_| !has_chosen_drivers()) {
+                    command.env(swiftshader::ADD, manifest);
+                }
+                lines(command.arg(package))
+            }
+            Self::Chromium(program) => {
+                let script = format!("{JOBS}{PAGE}");
+                let page = Page::open(program, patience, (&script, LONGEST));
+                page.map(|page| Running::Page(Box::new(page))).map_err(broken)
+            }
+        }
+    }
+}
+
+/// True if one of the variables of Vulkan's loader is set: its user has chosen the drivers.
+#[must_use]
+pub fn has_chosen_drivers() -> bool {
+    let chosen = [swiftshader::ADD, "VK_DRIVER_FILES", "VK_ICD_FILENAMES"];
+    chosen.iter().any(|name| std::env::var_os(name).is_some())
+}
+
+impl Running {
+    pub(super) fn send(&mut self, job: &str) -> Result<(), Broken> {
+        match self {
+            Self::Lines(lines) => lines.send(job),
+            Self::Page(page) => page.send(job).map_err(broken),
+        }
+    }
+
+    pub(super) fn receive(&mut self, patience: Duration) -> Result<String, Broken> {
+        match self {
+            Self::Lines(lines) => lines.receive(patience),
+            Self::Page(page) => page.receive(patience).map_err(broken),
+        }
+    }
+}
+
+fn broken(error: NoVerdict) -> Broken {
+    match error {
+        NoVerdict::Process(broken) => broken,
+        other => Broken::Start(other.to_string()),
+    }
+}
