@@ -123,7 +123,9 @@ async function read(device, encoder, buffers) {
 // The draws of a frame, one after the other, and the words of its result: four of each pixel.
 async function draw(device, encoder, frame, held) {
     const { width, height, samples, clear, result } = frame;
-    if (frame.prepass) throw refusal('it draws no depth before the colours', 0);
+    // A depth that the fragment function decides is drawn with it alone.
+    const decides = frame.prepass && (/\bdiscard\b|frag_depth/.test(frame.shader.wgsl) || frame.draws.some(({ draw: one }) => one.depth_fragment));
+    if (decides) throw refusal('it draws no depth of fragments before the colours', 0);
     if (result === 'depth' && samples > 1) throw refusal('it reads no depth of several samples', 0);
     const module = await compiled(device, frame.shader.wgsl, 0);
     const blending = (state, target) => state.blends.findLast(([own]) => own === target)?.[1] ?? state.blend ?? frame.blend;
@@ -142,8 +144,10 @@ async function draw(device, encoder, frame, held) {
     const depthFormat = hasStencil ? 'depth32float-stencil8' : 'depth32float';
     if (hasStencil && !device.features.has('depth32float-stencil8')) throw refusal('it has no stencils', 0);
     const depth = texture(depthFormat, samples);
+    const writesDepth = frame.shader.wgsl.includes('frag_depth');
     let first = true;
-    for (const { draw: one, covering, bindings } of frame.draws) {
+    const inAdvance = frame.draws.filter(({ draw: { geometry } }) => frame.prepass && geometry.mesh).map((own) => ({ ...own, depthAlone: true }));
+    for (const { draw: one, covering, bindings, depthAlone = false } of [...inAdvance, ...frame.draws]) {
         const { state, geometry } = one;
         const mesh = geometry.mesh;
         const { constants, buffers } = { constants: frame.shader.overrides, buffers: attributes(device, mesh) };
@@ -153,7 +157,7 @@ async function draw(device, encoder, frame, held) {
         const targets = formats.map((format, target) => ({
             format,
             blend: blend(blending(state, target)),
-            writeMask: mask(state.masks.find(([own]) => own === target)?.[1]),
+            writeMask: depthAlone ? 0 : mask(state.masks.findLast(([own]) => own === target)?.[1]),
         }));
         const fragment = one.fragment ? { module, entryPoint: one.fragment, constants, targets } : undefined;
         const face = state.stencil && {
@@ -166,12 +170,11 @@ async function draw(device, encoder, frame, held) {
             layout: 'auto',
             vertex,
             fragment,
-            primitive: { cullMode: state.cull ?? 'none', frontFace: state.winding },
+            primitive: { cullMode: state.cull ?? (mesh ? 'back' : 'none'), frontFace: state.winding },
             multisample: { count: samples },
             depthStencil: {
                 format: depthFormat,
-                depthCompare: state.depth_compare ?? 'less-equal',
-                depthWriteEnabled: state.depth_write ?? true,
+                ...depthOf(state, frame.prepass && mesh, depthAlone, one.vertex !== null || writesDepth),
                 depthBias: state.bias.constant,
                 depthBiasSlopeScale: state.bias.slope,
                 depthBiasClamp: state.bias.clamp,
@@ -225,6 +228,13 @@ async function draw(device, encoder, frame, held) {
     const words = await told(device, encoder, target, result === 'depth' ? 'depth' : formats[result.target]);
     const textures = [...new Set([...colours, ...resolved, depth])];
     return { words, textures };
+}
+
+// How depth is compared, and whether it is written: of what is drawn in advance, and of what is drawn behind that.
+function depthOf(state, isBehind, depthAlone, writes) {
+    if (isBehind && !depthAlone) return { depthCompare: 'equal', depthWriteEnabled: false };
+    const depthCompare = state.depth_compare ?? (depthAlone ? 'less' : 'less-equal');
+    return { depthCompare, depthWriteEnabled: state.depth_write ?? writes };
 }
 
 // Copies the values of a texture into a buffer, as floats.
