@@ -385,6 +385,26 @@ thread_local! {
     static SEEN: RefCell<Option<Seen>> = const { RefCell::new(None) };
 }
 
+/// Writes what lines of shaders print in a test, under the test's name, and once: each path prints the same.
+pub(crate) fn tell_prints(text: &str) {
+    thread_local! {
+        static TOLD: RefCell<String> = const { RefCell::new(String::new()) };
+    }
+    TOLD.with_borrow_mut(|told| {
+        // Mutants and counted runs repeat what the tests print.
+        if *told != text
+            && !text.is_empty()
+            && !is_unrecorded()
+            && crate::settings::coverage().is_none()
+        {
+            let thread = std::thread::current();
+            let name = thread.name().map_or_else(String::new, |name| format!("{name} prints\n"));
+            eprint!("{name}{text}");
+            text.clone_into(told);
+        }
+    });
+}
+
 /// True within [`unrecorded`].
 pub(crate) fn is_unrecorded() -> bool {
     SEEN.with_borrow(Option::is_some)

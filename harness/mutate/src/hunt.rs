@@ -483,20 +483,10 @@ impl Request {
 
     /// Gives a mutant to its tests, until one kills it.
     fn fate(&self, one: &Candidate, judges: &[Judge], others: Option<&dyn Others>) -> Fate {
-        let Candidate { module, file, text, mutant, .. } = one;
-        let package = self.package.unsaved(file, &mutant.applied(text));
-        let is_shader = mutant.rule != Rule::Sampler;
-        // Of a module that isn't valid anyway the item alone has to be.
-        let whole = Program::of_module(&self.package, module).is_ok();
-        let linked = match whole || !is_shader {
-            true => Program::of_module(&package, module),
-            false => Program::of_items(&package, module, &[&mutant.item]),
-        };
-        if let Err(error) = linked {
-            return Fate::Invalid { reason: reason(&error) };
-        }
-        if let Some(by) = lived::equality(&self.package, &package, one).filter(|_| is_shader) {
-            return Fate::Equal { by };
+        let package = self.package.unsaved(&one.file, &one.mutant.applied(&one.text));
+        let is_shader = one.mutant.rule != Rule::Sampler;
+        if let Some(known) = self.before_tests(one, &package).filter(|_| is_shader) {
+            return known;
         }
         let own = match Suite::of(package.clone()) {
             Ok(own) => own,
@@ -514,12 +504,12 @@ impl Request {
                 }
             }
         }
-        if concerned.is_empty() && !is_shader {
-            let reason = "no test that runs here has this sampler".to_owned();
-            return Fate::Unknown { reason };
-        }
-        if concerned.is_empty() && is_idle(&self.package, &package) {
-            return Fate::Idle;
+        if concerned.is_empty() {
+            match is_shader {
+                false => return Fate::without_sampler(),
+                true if is_idle(&self.package, &package) => return Fate::Idle,
+                true => {}
+            }
         }
         // A test that calls the function itself is the likeliest to kill the mutant, and then a quick one.
         let path = one.path();
@@ -558,14 +548,25 @@ impl Request {
                 None => Fate::Stopped { test, reason },
             },
             None => {
-                let why = match is_shader {
-                    true => lived::why(&self.package, &package, one),
-                    false => Lived::Sampler,
-                };
+                let why = lived::why(&self.package, &package, one);
                 let hidden = Hidden::nearest(hidden, others.hidden);
                 if tests == 0 { Fate::Untested { why } } else { Fate::Lived { tests, hidden, why } }
             }
         }
+    }
+
+    /// The fate of a mutant that no test has to judge: it isn't valid, or does what the original does.
+    fn before_tests(&self, one: &Candidate, package: &Package) -> Option<Fate> {
+        let Candidate { module, mutant, .. } = one;
+        // Of a module that isn't valid anyway the item alone has to be.
+        let linked = match Program::of_module(&self.package, module).is_ok() {
+            true => Program::of_module(package, module),
+            false => Program::of_items(package, module, &[&mutant.item]),
+        };
+        if let Err(error) = linked {
+            return Some(Fate::Invalid { reason: reason(&error) });
+        }
+        lived::equality(&self.package, package, one).map(|by| Fate::Equal { by })
     }
 
     /// Why a module that is valid isn't with a mutant.
@@ -576,6 +577,12 @@ impl Request {
             Program::of_module(&self.package, module).is_ok().then(|| reason(&error))
         });
         broken.next()
+    }
+}
+
+impl Fate {
+    fn without_sampler() -> Self {
+        Self::Unknown { reason: "no test that runs here has this sampler".to_owned() }
     }
 }
 

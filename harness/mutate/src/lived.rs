@@ -112,6 +112,9 @@ pub(crate) fn equality(
 
 /// Compares a mutant with the original, at its function or else at what uses it.
 pub(crate) fn why(original: &Package, mutant: &Package, candidate: &Candidate) -> Lived {
+    if candidate.mutant.rule == Rule::Sampler {
+        return Lived::Sampler;
+    }
     let own = candidate.path();
     let compared = |only: &[&str]| {
         let request = Request::new(original.clone(), mutant.clone());

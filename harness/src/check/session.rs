@@ -23,6 +23,7 @@ use crate::judge::{Described, Judge, Shown, tally};
 use crate::parallel;
 use crate::path::{Api, Path};
 use crate::probe::{BATCH, Inputs, ProbeError};
+use crate::record::tell_prints;
 use crate::run::{Descent, Identity, Memory, replay, with_inputs};
 
 /// Room for cases in a dispatch of few, for the values that a failing one is replaced by.
@@ -412,11 +413,12 @@ impl<'a> Session<'a> {
     }
 
     fn tell_prints(&self, watched: &Watched) {
-        watched.tell(&|case| {
+        let told = watched.told(&|case| {
             let row = self.case(case as u64).ok().map(|held| held.row);
             let own = row.map(|row| self.called.function().arguments(&row[..self.called.words]));
             own.map_or_else(|| format!("case {case}"), |own| shown(&own))
         });
+        tell_prints(&told);
     }
 
     /// Cases from the index `first` on.

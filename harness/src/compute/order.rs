@@ -8,10 +8,10 @@ use std::fmt;
 use super::judge::{Assertion, Element, Expected, Sum};
 use super::{After, ComputeError};
 use crate::dispatch::{Afterwards, DispatchError, Examined, Part, Passes};
-use crate::interpret::asserted::{SHOWN, printed_by, tell};
+use crate::interpret::asserted::{SHOWN, printed_by};
 use crate::interpret::{OrderOf, Run, Runner, Tried, in_order_of, parting};
 use crate::probe::ProbeError;
-use crate::record::{Details, Replay};
+use crate::record::{Details, Replay, tell_prints};
 use crate::run::Report;
 use crate::value::Shape;
 
@@ -196,7 +196,7 @@ impl After<'_> {
         }
         let examined = self.with_tint(passes, examined);
         self.expect_no_violations(examined, report, replay)?;
-        tell(&printed_by(passes, SHOWN)?.concat());
+        tell_prints(&printed_by(passes, SHOWN)?.concat());
         if let (Some(order), Some(judged)) = (dependent, &judged) {
             return Err(self.dependence(passes, order, judged, replay)?);
         }

@@ -1,6 +1,5 @@
 //! Assertions and prints of a shader, as Karat's engine comes to them.
 
-use std::cell::RefCell;
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::sync::atomic::{AtomicUsize, Ordering};
@@ -8,7 +7,6 @@ use std::sync::{Arc, Mutex, PoisonError};
 
 use karat_engine::{F32, Lanes, Observer, Program as Lowered, Settings, Site, Wrong};
 
-use super::counted::counts;
 use super::dispatch::{Prepared, options};
 use super::{Interpreted, author};
 use crate::diagnostic::{Diagnostic, Span, one_line};
@@ -18,7 +16,6 @@ use crate::hazard::Kind;
 use crate::output::counted;
 use crate::package::asserts::{ASSERTED, PRINTED};
 use crate::probe::{ProbeError, Probed};
-use crate::record::is_unrecorded;
 use crate::reflect::{Program, ReflectError, Valued};
 use crate::value::{Scalar, Shape, format_lane};
 
@@ -388,33 +385,16 @@ impl Watched {
         std::mem::take(&mut *self.prints.lock().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// Writes what a check prints, once in the thread of its test: each path would print the same. `case` is the name of a
-    /// case.
-    pub(crate) fn tell(&self, case: &dyn Fn(usize) -> String) {
+    /// What a check prints, in tables. `case` is the name of a case.
+    pub(crate) fn told(&self, case: &dyn Fn(usize) -> String) -> String {
         let mut text: String = self.prints().iter().map(|print| print.table(SHOWN, case)).collect();
         let assertions = self.assertions.lock().unwrap_or_else(PoisonError::into_inner);
         // One case alone may well go another way.
         if self.cases.load(Ordering::Relaxed) > 1 {
             text.extend(assertions.iter().filter_map(Assertion::unreached));
         }
-        tell(&text);
+        text
     }
-}
-
-/// Writes what a test prints, under its name: that of its thread.
-pub(crate) fn tell(text: &str) {
-    thread_local! {
-        static TOLD: RefCell<String> = const { RefCell::new(String::new()) };
-    }
-    TOLD.with_borrow_mut(|told| {
-        // Mutants and counted runs repeat what the tests print.
-        if *told != text && !text.is_empty() && !is_unrecorded() && !counts() {
-            let thread = std::thread::current();
-            let name = thread.name().map_or_else(String::new, |name| format!("{name} prints\n"));
-            eprint!("{name}{text}");
-            text.clone_into(told);
-        }
-    });
 }
 
 /// Arguments in a line.

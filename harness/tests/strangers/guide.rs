@@ -259,8 +259,8 @@ fn the_guide_has_these_samples() {
     assert_eq!(count, 18);
 }
 
-/// Each shader is one that the samples test, but for two: WESL's conditions, which
-/// `harness/tests/package.rs` tests, and an import of Bevy's, which would fetch a crate; tests in WGSL
+/// Each shader is one that the samples test, but for three: WESL's conditions, which
+/// `harness/tests/package.rs` and `harness/cli/tests/cli/asserts.rs` test, and an import of Bevy's, which would fetch a crate; tests in WGSL
 /// are run by karat-suite.
 #[test]
 fn the_guide_has_these_shaders() {
@@ -271,7 +271,7 @@ fn the_guide_has_these_shaders() {
         .map(|file| plain(&std::fs::read_to_string(file.path()).expect("a shader")))
         .collect::<Vec<_>>()
         .join("\n");
-    let elsewhere = ["@if(fast)", "import bevy_render::", "@test fn"];
+    let elsewhere = ["@if(fast)", "@if(karat)", "import bevy_render::", "@test fn"];
     let mut count = 0;
     for (chapter, text) in chapters {
         for sample in blocks(&text, "wgsl") {
@@ -283,7 +283,21 @@ fn the_guide_has_these_shaders() {
             assert!(own.contains(&plain(sample)), "{chapter}: not tested here:\n{sample}");
         }
     }
-    assert_eq!(count, 5);
+    assert_eq!(count, 6);
+}
+
+/// The function of the page about prints and assertions fails where the page says so.
+#[test]
+fn a_line_asserts() {
+    let text = include_str!("shaders/lights.wgsl");
+    let package = Package::from_source("lights", text);
+    let check = |least: f32| {
+        let over = package.function("attenuation").over((least..=8.0, 1.0..=2.0));
+        over.unrecorded().try_stays_within(0.0..=1.0)
+    };
+    check(0.0).expect("no distance is below 0");
+    let told = check(-5.0).expect_err("some are").to_string();
+    assert!(told.contains("the assertion `ratio >= 0.0` is false"), "{told}");
 }
 
 /// The pass of the page about tests without Rust does what its test says.

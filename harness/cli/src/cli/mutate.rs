@@ -330,15 +330,7 @@ fn write_one(hunted: &Hunted, args: &Args, out: &mut dyn Write) -> std::io::Resu
         };
         let (style, word, why) = match &one.fate {
             Fate::Lived { tests, hidden, why } => {
-                let tests = match tests {
-                    1 => "1 test passes with it".to_owned(),
-                    many => format!("{many} tests pass with it"),
-                };
-                // Where a test sees other values, the line below says so.
-                let tests = match hidden {
-                    Some(_) => tests,
-                    None => format!("{tests}: no value that they compare depends on it"),
-                };
+                let tests = passing(*tests, hidden.as_ref());
                 let word = if hidden.is_some() { "hidden" } else { "lived" };
                 let by = hidden.iter().map(|Hidden { test, ratios: [before, after] }| {
                     let percent = |ratio: &f64| format!("{:.3}%", 100.0 * ratio);
@@ -395,6 +387,18 @@ fn write_one(hunted: &Hunted, args: &Args, out: &mut dyn Write) -> std::io::Resu
         }
     }
     Ok(())
+}
+
+/// How many tests pass with a mutant. Where one of them sees other values, a line of its own says so.
+fn passing(tests: usize, hidden: Option<&Hidden>) -> String {
+    let tests = match tests {
+        1 => "1 test passes with it".to_owned(),
+        many => format!("{many} tests pass with it"),
+    };
+    match hidden {
+        Some(_) => tests,
+        None => format!("{tests}: no value that they compare depends on it"),
+    }
 }
 
 /// A warning of GitHub's at each line on which mutants lived: one for all of the line.

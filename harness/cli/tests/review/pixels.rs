@@ -41,6 +41,7 @@ fn a_page_of_files_has_the_pixels_that_differ_most() {
     browser.wait(&tab, "document.getElementById('told').options.length === 2");
     assert!(browser.text(&tab, "#told").contains("pixel (1, 1)"));
     browser.value(&tab, "karat.change({ pinned: [0, 3] })");
+    browser.settle(&tab);
     browser.click(&tab, "#trace");
     let said = "document.getElementById('pixel-state').innerText.includes('the steps of (1, 1)')";
     browser.wait(&tab, said);

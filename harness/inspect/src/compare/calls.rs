@@ -271,8 +271,7 @@ fn changed(
     }
     let is_as_good =
         |(clear, usual, far): Evidence| (clear, usual) >= (best.0, best.1) && far.is_like(best.2);
-    let mut row = row_of(first).to_vec();
-    let mut left = simpler;
+    let (mut row, mut left) = (row_of(first).to_vec(), simpler);
     for _ in 0..SIMPLER {
         let simpler = drawn.domain.shrink(&row);
         let all = simpler.concat();
@@ -296,8 +295,7 @@ fn changed(
         pair.shared.results.iter().filter(differs).copied().unzip();
     let is_whole = pair.shared.is_same();
     let matter = lanes_that_matter(pair, (rows, count, simpler), &row, &result)?;
-    let given = function.arguments(&row);
-    let mut arguments = given.clone();
+    let mut arguments = function.arguments(&row);
     let mut at = 0;
     arguments.retain(|(name, _)| {
         let shape = function.parameters.iter().find(|(known, _)| known == name);
@@ -311,7 +309,7 @@ fn changed(
         ulp: largest.ulp,
         relative: largest.relative,
         arguments,
-        given,
+        given: function.arguments(&row),
         before: told(&of_old.result, was, &old, is_whole),
         after: told(&function.result, is, &new, is_whole),
         clarity: best.0,
