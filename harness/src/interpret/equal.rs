@@ -174,3 +174,32 @@ fn row_of(lanes: &[Scalar], at: usize) -> impl Iterator<Item = u32> {
         }
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::package::Package;
+
+    fn agree(texts: [&str; 2]) -> Option<usize> {
+        let [a, b] = texts.map(|text| {
+            let package = Package::from_source("m", format!("enable f16;\n{text}"));
+            Probed::new(&package, "f").expect("it is valid")
+        });
+        agree_everywhere([&a, &b])
+    }
+
+    /// One input that parts them is enough, and NaN is one.
+    #[test]
+    fn sixteen_bits_are_few() {
+        let of = |body: &str| format!("fn f(x: f16) -> f16 {{ return {body}; }}");
+        let all = |a: &str, b: &str| agree([&of(a), &of(b)]);
+        assert_eq!(all("x + x", "2.0h * x"), Some(1 << 16));
+        assert_eq!(all("max(x * x, -1.0h)", "x * x"), None, "the square of a NaN is no number");
+        assert_eq!(all("select(x, 0.0h, x == 0.5h)", "x"), None);
+        // 32 bits are many, and what an override changes has other inputs.
+        let text = "fn f(x: f32) -> f32 { return x; }";
+        assert_eq!(agree([text, text]), None);
+        let text = "override N = 1.0; fn f(x: bool) -> f32 { return select(N, 0.0, x); }";
+        assert_eq!(agree([text, text]), None);
+    }
+}
