@@ -165,13 +165,7 @@ impl Interpreted {
         counted::note(&self.program, &self.lowered, counts, &|case| {
             let width = arguments.len() / cases;
             let row = arguments.chunks(width.max(1)).nth(case / self.lanes())?;
-            let shown = self.function.arguments(row).into_iter();
-            Some(
-                shown
-                    .map(|(name, value)| format!("{name} = {value}"))
-                    .collect::<Vec<_>>()
-                    .join(", "),
-            )
+            Some(self.function.shown(row))
         });
         Ok(words)
     }

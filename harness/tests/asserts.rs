@@ -68,6 +68,28 @@ fn checks_fail_by_assertions() {
     agrees("sound").expect("it holds for all of them");
 }
 
+/// Each call that a check makes is looked at: of other arguments, of a table, of an integral, of samples.
+#[test]
+fn every_kind_of_check_looks() {
+    let text = "fn f(x: f32) -> f32 {\n    //karat: assert x >= 0.0 && x <= 4.0\n    return x;\n}\n\
+                fn density(x: f32) -> f32 {\n    //karat: assert x < 0.5\n    return 1.0;\n}\n";
+    let package = Package::from_source("m", text);
+    let f = || package.function("f").over(0.0..=4.0).unrecorded();
+    f().try_invariant_under(|x| 4.0 - x, Abs(9.0)).expect("it holds for both");
+    let told =
+        f().try_invariant_under(|x| x - 5.0, Abs(9.0)).expect_err("the other argument is below 0");
+    assert!(told.to_string().contains("the assertion `x >= 0.0 && x <= 4.0` is false"), "{told}");
+    let integral = package.function("density").integral(Just(()), |&()| {
+        (0..64)
+            .map(|i| ((f64::from(i) + 0.5) / 64.0, 1.0 / 64.0))
+            .map(|(x, w)| (x as f32, w))
+            .collect()
+    });
+    let told =
+        integral.unrecorded().try_agrees_with(|()| 1.0, Abs(1e-3)).expect_err("half of its nodes");
+    assert!(told.to_string().contains("the assertion `x < 0.5` is false"), "{told}");
+}
+
 /// An assertion is what the engine computes: one that it can't look at is no silence.
 #[test]
 fn an_assertion_that_is_not_looked_at_is_an_error() {
@@ -136,6 +158,8 @@ fn frames_assert_and_print() {
 }
 ";
     let paths = [Path::VULKAN, Path::GL].into_iter().filter(|path| adapter(*path).is_ok());
+    let paths: Vec<Path> = paths.collect();
+    assert!(!paths.is_empty(), "no driver opens");
     for path in paths {
         let mean = |limit: &str| {
             let package = Package::from_source("m", text.replace("LIMIT", limit));
@@ -186,7 +210,7 @@ fn lines_change_nothing_and_read_what_is_there() {
     assert!(outside.contains("`all[i] > 0.0` reads outside of an array"), "{outside}");
 }
 
-/// What isn't a number is counted, and neither least nor largest.
+/// NaN is counted, and is neither least nor largest.
 #[test]
 fn nan_is_counted() {
     let text = "fn f(x: f32) -> f32 {\n    //karat: print sqrt(x)\n    return x;\n}\n";
@@ -198,7 +222,7 @@ fn nan_is_counted() {
     assert!(table.contains(expected), "{table}");
 }
 
-/// A slip is no comment, and an expression that isn't valid is told at its place.
+/// A slip is an error, and so is an expression that isn't valid, at its place.
 #[test]
 fn slips_are_errors() {
     let wrong = |line: &str| {

@@ -121,7 +121,7 @@ pub fn mutants(text: &str) -> Vec<Mutant> {
     // Two rules may come to the same text.
     let mut seen = BTreeSet::new();
     found.retain(|mutant| seen.insert(mutant.applied(text)) && mutant.applied(text) != text);
-    // What asserts or prints isn't what is judged.
+    // A line that asserts or prints isn't judged.
     let line = |at: usize| text[..at].rsplit('\n').next().unwrap_or_default().trim_start();
     found.retain(|mutant| !line(mutant.range.start).starts_with("@if(karat)"));
     found

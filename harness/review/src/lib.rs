@@ -312,7 +312,7 @@ impl Review {
         Ok(pending)
     }
 
-    /// What the page loads of a frame. A page without a server asks nothing later: it has some pixels `in_advance`.
+    /// The data of a frame for the page. A page without a server asks nothing later: it has some pixels `in_advance`.
     fn script(&self, index: usize, frame: &Pending, in_advance: bool) -> String {
         match Case::load(&self.goldens, frame) {
             Ok(case) => {

@@ -111,7 +111,7 @@ impl Asked {
                 Some((pair, commit)) => json!([pair[0], pair[1], commit]),
                 None => match trace(None) {
                     Ok(pixel) => json!([null, pixel, null]),
-                    // What can't be traced at one pixel can't at another, either.
+                    // The next pixel would fail for the same reason.
                     Err(_) => break,
                 },
             };

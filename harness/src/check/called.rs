@@ -5,11 +5,13 @@ use std::ops::Deref;
 
 use super::{Failure, Mismatch, Vacuous};
 use crate::diagnostic::{FileRead, Span};
-use crate::executor::{self, Caller, Executor, Results};
+use crate::executor::{self, Caller, Executor, Results, Running};
 use crate::fixture::{self, Fixtures};
+use crate::interpret::asserted::Watched;
 use crate::package::Package;
 use crate::path::Adapter;
 use crate::probe::{self, Inputs, ProbeError, Probed};
+use crate::record::tell_prints;
 use crate::reflect::{Function, Overrides};
 use crate::tolerance::Tolerance;
 use crate::value::{Scalar, Shape};
@@ -60,8 +62,9 @@ impl Fitting {
     ) -> Result<Called<'e>, Failure> {
         let Self(probed) = self;
         fixture::check_used(&probed.function.bindings, fixtures).map_err(ProbeError::from)?;
+        let watched = Watched::of(&probed, fixtures)?;
         let caller = Caller::new(executor, Cow::Owned(probed), fixtures, calls)?;
-        Ok(Called { caller, adapter: executor::adapter(executor) })
+        Ok(Called { caller, adapter: executor::adapter(executor), watched })
     }
 }
 
@@ -70,6 +73,15 @@ impl Fitting {
 pub(super) struct Called<'e> {
     caller: Caller<'e>,
     pub(super) adapter: Adapter,
+    /// The function's lines that assert or print, if it has any.
+    watched: Option<Watched>,
+}
+
+impl Drop for Called<'_> {
+    /// A check that is done with its function says what that printed.
+    fn drop(&mut self) {
+        self.watched.iter().for_each(|watched| tell_prints(&watched.told()));
+    }
 }
 
 impl<'e> Deref for Called<'e> {
@@ -99,6 +111,14 @@ impl Called<'_> {
     /// The lanes of all arguments.
     pub(super) fn argument_scalars(&self) -> Vec<Scalar> {
         probe::parameter_shapes(self.function()).into_iter().flat_map(Shape::lanes).collect()
+    }
+
+    /// Starts calls, at whose assertions and prints Karat's engine looks before.
+    pub(super) fn start(&self, rows: &[u32], calls: usize) -> Result<Running<'_>, ProbeError> {
+        if let Some(watched) = &self.watched {
+            watched.look(calls, rows)?;
+        }
+        self.caller.start(rows, calls)
     }
 
     /// Calls, and waits.

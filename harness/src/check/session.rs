@@ -17,13 +17,11 @@ use super::{CaseFailure, Failure, Plan, Simplest, Vacuous};
 use crate::domain::{Held, Numbering, Origin, Stream};
 use crate::executor::{self, Executor, Results, Running};
 use crate::fixture::Fixtures;
-use crate::interpret::asserted::{Watched, shown};
 use crate::interpret::{Accuracy, Interpreted};
 use crate::judge::{Described, Judge, Shown, tally};
 use crate::parallel;
 use crate::path::{Api, Path};
 use crate::probe::{BATCH, Inputs, ProbeError};
-use crate::record::tell_prints;
 use crate::run::{Descent, Identity, Memory, replay, with_inputs};
 
 /// Room for cases in a dispatch of few, for the values that a failing one is replaced by.
@@ -95,8 +93,6 @@ pub(super) struct Session<'a> {
     pub(super) recorded: bool,
     /// Hazards that are meant.
     pub(super) accepted: &'a [super::kinds::Accepted],
-    /// The function's lines that assert or print, if it has any.
-    watched: Option<Watched>,
 }
 
 /// Judges a batch.
@@ -147,7 +143,6 @@ impl<'a> Session<'a> {
         }
         let own_executors = !plan.probe.executors.is_empty();
         let memory = None;
-        let watched = Watched::of(&called.probed, fixtures)?;
         Ok(Self {
             called,
             stream,
@@ -162,7 +157,6 @@ impl<'a> Session<'a> {
             memory,
             recorded: plan.recorded,
             accepted: &plan.accepted,
-            watched,
         })
     }
 
@@ -249,19 +243,7 @@ impl<'a> Session<'a> {
     }
 
     pub(super) fn dispatch(&self, batch: &Batch) -> Result<Running<'_>, Failure> {
-        let lanes = batch.lanes();
-        // Of simpler inputs for a failing case nothing more is to be said.
-        if let Some(watched) = &self.watched
-            && (batch.is_drawn || self.input().is_some())
-        {
-            let first = usize::try_from(batch.first).unwrap_or(usize::MAX);
-            let looked = watched.look(first, batch.cases, &lanes);
-            if looked.is_err() {
-                self.tell_prints(watched);
-            }
-            looked?;
-        }
-        Ok(self.called.start(&lanes, batch.cases)?)
+        Ok(self.called.start(&batch.lanes(), batch.cases)?)
     }
 
     /// Calls the function with other arguments for the cases of a batch.
@@ -408,17 +390,7 @@ impl<'a> Session<'a> {
             next = draw()?;
             sum = Some(PathTally::and(sum, judge(&batch, running)?));
         }
-        self.watched.iter().for_each(|watched| self.tell_prints(watched));
         sum.map_or_else(|| self.called.vacuous(Vacuous::NoCases), Ok)
-    }
-
-    fn tell_prints(&self, watched: &Watched) {
-        let told = watched.told(&|case| {
-            let row = self.case(case as u64).ok().map(|held| held.row);
-            let own = row.map(|row| self.called.function().arguments(&row[..self.called.words]));
-            own.map_or_else(|| format!("case {case}"), |own| shown(&own))
-        });
-        tell_prints(&told);
     }
 
     /// Cases from the index `first` on.

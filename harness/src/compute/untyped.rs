@@ -142,7 +142,7 @@ pub fn violations(
     Ok((examined.violations.into_iter().map(shown).collect(), examined.watched))
 }
 
-/// What lines of the passes' shaders print: a table for each.
+/// The tables of the lines that print in the passes' shaders.
 ///
 /// # Errors
 /// If the passes aren't valid, the engine doesn't execute them, or an assertion of theirs is false.

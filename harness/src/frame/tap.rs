@@ -33,7 +33,7 @@ impl Tap {
         Self { wanted: wanted.to_owned(), round: None, beside: false }
     }
 
-    /// What lines print, each at its place: `karat:print`.
+    /// True of `karat:print`, which stands for each line that prints.
     #[must_use]
     pub fn is_of_prints(&self) -> bool {
         self.wanted == "karat:print"

@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
-use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use karat_engine::{F32, Lanes, Observer, Program as Lowered, Settings, Site, Wrong};
@@ -25,8 +24,8 @@ pub(crate) const KEPT: usize = 1024;
 /// Values of a print that the output of a test shows.
 pub(crate) const SHOWN: usize = 16;
 
-/// A line that prints, with its values.
-pub(crate) struct Print {
+/// A line that prints, with its values. Cases are numbers while they run, and have names behind that.
+struct Print<C> {
     /// The expression in the author's file.
     span: Span,
     /// Its text.
@@ -36,17 +35,14 @@ pub(crate) struct Print {
     /// How often it was printed.
     count: u64,
     /// The first values in the order of cases, each with its case: a call, or an invocation.
-    first: Vec<(usize, Vec<u32>)>,
-    /// The least and the largest number of each component, each with its case; none of booleans and NaN.
-    ends: Vec<Option<[End; 2]>>,
+    first: Vec<(C, Vec<u32>)>,
+    /// The least and the largest number of each component, each with its word and its case; none of booleans and NaN.
+    ends: Vec<Option<[(f64, u32, C); 2]>>,
     /// How many components were NaN.
     nans: u64,
     /// The first case in which it reads outside of an array.
-    outside: Option<usize>,
+    outside: Option<C>,
 }
-
-/// A number that is least or largest, its word, and its case.
-type End = (f64, u32, usize);
 
 /// An assertion, and how often it was false.
 struct Assertion {
@@ -60,7 +56,7 @@ struct Assertion {
 }
 
 enum Line {
-    Print(Print),
+    Print(Print<usize>),
     Assertion(Assertion),
 }
 
@@ -187,7 +183,7 @@ impl Observer<F32> for Seen<'_> {
     }
 }
 
-impl Print {
+impl Print<usize> {
     fn add(&mut self, case: usize, lanes: &Lanes<'_, F32>, lane: usize) {
         self.count += 1;
         // Scalars come by their kinds.
@@ -206,15 +202,14 @@ impl Print {
                 continue;
             }
             let own = (value, *word, case);
-            let before = |a: End, b: End| a.0 < b.0 || a.0 == b.0 && a.2 < b.2;
-            let after = |a: End, b: End| a.0 > b.0 || a.0 == b.0 && a.2 < b.2;
-            *ends = Some(match *ends {
-                None => [own; 2],
-                Some([least, most]) => [
-                    if before(own, least) { own } else { least },
-                    if after(own, most) { own } else { most },
-                ],
-            });
+            // Of equal ones the first case: cases run in any order.
+            let [least, most] = ends.get_or_insert([own; 2]);
+            if value < least.0 || value == least.0 && case < least.2 {
+                *least = own;
+            }
+            if value > most.0 || value == most.0 && case < most.2 {
+                *most = own;
+            }
         }
         self.first.push((case, words));
         // Chunks of cases run beside each other; those of one come in their order.
@@ -228,29 +223,50 @@ impl Print {
         self.first.truncate(KEPT);
     }
 
-    /// Adds those of later cases, of which the first has this number.
-    fn merge(&mut self, other: Self, first: usize) {
+    /// The same, whose cases have names.
+    fn named(mut self, name: &dyn Fn(usize) -> String) -> Print<String> {
+        self.keep_first();
+        let Self { span, text, shape, count, first, ends, nans, outside } = self;
+        let end = |(value, word, case)| (value, word, name(case));
+        Print {
+            first: first.into_iter().map(|(case, words)| (name(case), words)).collect(),
+            ends: ends.into_iter().map(|ends| ends.map(|ends| ends.map(end))).collect(),
+            outside: outside.map(name),
+            span,
+            text,
+            shape,
+            count,
+            nans,
+        }
+    }
+}
+
+impl Print<String> {
+    /// Adds the values of later cases.
+    fn merge(&mut self, other: Self) {
         self.count += other.count;
         self.nans += other.nans;
-        self.outside = self.outside.or(other.outside.map(|case| first + case));
+        self.outside = self.outside.take().or(other.outside);
         let room = KEPT.saturating_sub(self.first.len());
-        self.first
-            .extend(other.first.into_iter().take(room).map(|(case, words)| (first + case, words)));
+        self.first.extend(other.first.into_iter().take(room));
         for (own, other) in self.ends.iter_mut().zip(other.ends) {
-            let moved =
-                other.map(|ends| ends.map(|(value, word, case)| (value, word, first + case)));
-            *own = match (*own, moved) {
-                (Some([a, b]), Some([c, d])) => {
-                    Some([if c.0 < a.0 { c } else { a }, if d.0 > b.0 { d } else { b }])
+            match (own, other) {
+                (Some([least, most]), Some([low, high])) => {
+                    if low.0 < least.0 {
+                        *least = low;
+                    }
+                    if high.0 > most.0 {
+                        *most = high;
+                    }
                 }
-                (own, other) => own.or(other),
-            };
+                (own @ None, other) => *own = other,
+                (Some(_), None) => {}
+            }
         }
     }
 
-    /// Its values in lines: count, least and largest; then the first `most` of them. `case` is the name of a case, empty where
-    /// there is one.
-    fn table(&self, most: usize, case: &dyn Fn(usize) -> String) -> String {
+    /// Its values in lines: count, least and largest; then the first `most` of them.
+    fn table(&self, most: usize) -> String {
         let Self { span, text, shape, count, nans, .. } = self;
         let times = counted(usize::try_from(*count).unwrap_or(usize::MAX), "value");
         let mut table = format!("{span}: `{text}` ({shape}): {times}");
@@ -258,25 +274,22 @@ impl Print {
             let _ = write!(table, ", NaN {nans} times");
         }
         table.push('\n');
-        if let Some(outside) = self.outside {
-            let of = case(outside);
-            let of = if of.is_empty() { of } else { format!(" for {of}") };
-            let _ = writeln!(table, "  it reads outside of an array{of}");
+        let of = |case: &str| if case.is_empty() { String::new() } else { format!(" for {case}") };
+        if let Some(outside) = &self.outside {
+            let _ = writeln!(table, "  it reads outside of an array{}", of(outside));
         }
         if *count > 1 {
             let names = shape.lane_names().into_iter().zip(shape.lanes());
             for ((name, scalar), ends) in names.zip(&self.ends) {
-                let Some([least, most]) = ends else { continue };
-                let end = |(_, word, at): &End| match (format_lane(scalar, *word), case(*at)) {
-                    (value, none) if none.is_empty() => value,
-                    (value, case) => format!("{value} for {case}"),
-                };
+                let Some(ends) = ends else { continue };
+                let [least, most] = ends
+                    .each_ref()
+                    .map(|(_, word, case)| format!("{}{}", format_lane(scalar, *word), of(case)));
                 let name = if name.is_empty() { String::new() } else { format!("{name} ") };
-                let _ = writeln!(table, "  {name}least {}, most {}", end(least), end(most));
+                let _ = writeln!(table, "  {name}least {least}, most {most}");
             }
         }
-        for (at, words) in self.first.iter().take(most) {
-            let case = case(*at);
+        for (case, words) in self.first.iter().take(most) {
             let between = if case.is_empty() { "" } else { "  " };
             let _ = writeln!(table, "  {case}{between}{}", shape.format(words));
         }
@@ -313,12 +326,18 @@ impl Assertion {
     }
 }
 
-/// A function whose assertions and prints are looked at over the cases of a check.
+/// A function whose assertions and prints are looked at in each of its calls.
 pub(crate) struct Watched {
     function: Interpreted,
-    prints: Mutex<Vec<Print>>,
-    assertions: Mutex<Vec<Assertion>>,
-    cases: AtomicUsize,
+    lines: Mutex<Lines>,
+}
+
+/// The lines of a function over the calls so far.
+#[derive(Default)]
+struct Lines {
+    prints: Vec<Print<String>>,
+    assertions: Vec<Assertion>,
+    calls: usize,
 }
 
 impl Watched {
@@ -334,44 +353,40 @@ impl Watched {
         let function = Interpreted::with(probed, fixtures, &settings())?;
         // Others of its module may have the lines.
         let seen = Seen::of(&function.program, &function.lowered, 1);
-        Ok((!seen.sites.is_empty()).then(|| {
-            let (prints, assertions, cases) = Default::default();
-            Self { function, prints, assertions, cases }
-        }))
+        let has_own = !seen.sites.is_empty();
+        Ok(has_own.then(|| Self { function, lines: Mutex::default() }))
     }
 
-    /// Looks at some cases, of which the first has this number.
+    /// Looks at some calls. The cases of prints are named by their arguments.
     ///
     /// # Errors
-    /// If an assertion is false.
-    pub(crate) fn look(&self, first: usize, cases: usize, rows: &[u32]) -> Result<(), ProbeError> {
-        let Self { function, prints, assertions, cases: all } = self;
-        all.fetch_add(cases, Ordering::Relaxed);
-        let mut wrong = None;
+    /// If an assertion is false, or reads outside of an array.
+    pub(crate) fn look(&self, calls: usize, rows: &[u32]) -> Result<(), ProbeError> {
+        let function = &self.function;
         let seen = Seen::of(&function.program, &function.lowered, function.lanes());
-        function.observed::<F32>(cases, rows, &function.options(), &seen)?;
-        let width = rows.len() / cases.max(1);
-        let arguments =
-            |case: usize| shown(&function.function.arguments(&rows[case * width..][..width]));
-        let mut prints = prints.lock().unwrap_or_else(PoisonError::into_inner);
-        let mut assertions = assertions.lock().unwrap_or_else(PoisonError::into_inner);
+        function.observed::<F32>(calls, rows, &function.options(), &seen)?;
+        let width = rows.len() / calls.max(1);
+        let arguments = |case: usize| function.function.shown(&rows[case * width..][..width]);
+        let mut wrong = None;
+        let mut lines = self.lines.lock().unwrap_or_else(PoisonError::into_inner);
+        let Lines { prints, assertions, calls: all } = &mut *lines;
+        *all += calls;
         for line in seen.lines() {
             match line {
                 Line::Assertion(own) => {
                     if let Some(first) = own.fails().filter(|_| wrong.is_none()) {
-                        let arguments = arguments(first);
                         let of = if own.wrong > 1 { "first for" } else { "for" };
-                        wrong = Some(own.diagnostic(of, &arguments, ""));
+                        wrong = Some(own.diagnostic(of, &arguments(first), ""));
                     }
                     match assertions.iter_mut().find(|known| known.span == own.span) {
                         Some(known) => known.count += own.count,
                         None => assertions.push(own),
                     }
                 }
-                Line::Print(mut own) => {
-                    own.keep_first();
+                Line::Print(own) => {
+                    let own = own.named(&arguments);
                     match prints.iter_mut().find(|known| known.span == own.span) {
-                        Some(known) => known.merge(own, first),
+                        Some(known) => known.merge(own),
                         None => prints.push(own),
                     }
                 }
@@ -380,30 +395,20 @@ impl Watched {
         wrong.map_or(Ok(()), |wrong| Err(ProbeError::Asserted(wrong)))
     }
 
-    /// The prints so far.
-    fn prints(&self) -> Vec<Print> {
-        std::mem::take(&mut *self.prints.lock().unwrap_or_else(PoisonError::into_inner))
-    }
-
-    /// What a check prints, in tables. `case` is the name of a case.
-    pub(crate) fn told(&self, case: &dyn Fn(usize) -> String) -> String {
-        let mut text: String = self.prints().iter().map(|print| print.table(SHOWN, case)).collect();
-        let assertions = self.assertions.lock().unwrap_or_else(PoisonError::into_inner);
-        // One case alone may well go another way.
-        if self.cases.load(Ordering::Relaxed) > 1 {
+    /// The tables of the calls so far, and assertions to which none of them comes.
+    pub(crate) fn told(&self) -> String {
+        let mut lines = self.lines.lock().unwrap_or_else(PoisonError::into_inner);
+        let Lines { prints, assertions, calls } = std::mem::take(&mut *lines);
+        let mut text: String = prints.iter().map(|print| print.table(SHOWN)).collect();
+        // One call alone may well go another way.
+        if calls > 1 {
             text.extend(assertions.iter().filter_map(Assertion::unreached));
         }
         text
     }
 }
 
-/// Arguments in a line.
-pub(crate) fn shown(arguments: &[(String, String)]) -> String {
-    let all = arguments.iter().map(|(name, value)| format!("{name} = {value}"));
-    all.collect::<Vec<_>>().join(", ")
-}
-
-/// What the lines of a function print for some rows of arguments, in tables, and an assertion that is false for one of them.
+/// The tables of a function's prints for some rows of arguments, and an assertion that is false for one of them.
 pub fn printed(
     probed: &Probed,
     fixtures: &Fixtures,
@@ -413,15 +418,19 @@ pub fn printed(
         Ok(Some(watched)) => watched,
         other => return (String::new(), other.map(drop)),
     };
-    let looked = watched.look(0, rows.len(), &rows.concat());
-    let name = |case: usize| match (rows.len(), rows.get(case)) {
-        (1, _) | (_, None) => String::new(),
-        (_, Some(row)) => shown(&probed.function().arguments(row)),
-    };
-    (watched.prints().iter().map(|print| print.table(KEPT, &name)).collect(), looked)
+    let looked = watched.look(rows.len(), &rows.concat());
+    let mut lines = watched.lines.lock().unwrap_or_else(PoisonError::into_inner);
+    // A single call has its arguments beside it.
+    if let [_] = rows {
+        let first = lines.prints.iter_mut().flat_map(|print| &mut print.first);
+        first.for_each(|(case, _)| case.clear());
+        let ends = lines.prints.iter_mut().flat_map(|print| &mut print.ends);
+        ends.flatten().flatten().for_each(|(_, _, case)| case.clear());
+    }
+    (lines.prints.iter().map(|print| print.table(KEPT)).collect(), looked)
 }
 
-/// What the lines of passes print: a table for each, of so many values at most.
+/// The tables of the lines that print in passes, of so many values at most.
 ///
 /// # Errors
 /// If an assertion of theirs is false, or the engine doesn't execute them.
@@ -439,9 +448,8 @@ pub(crate) fn printed_by(passes: &Passes, most: usize) -> Result<Vec<String>, Di
         let size = lowered.workgroup_size().expect("a pass is an entry point");
         for line in seen.lines() {
             match line {
-                Line::Print(mut own) => {
-                    own.keep_first();
-                    all.push(own.table(most, &|case| pass.invocation(size, case)));
+                Line::Print(own) => {
+                    all.push(own.named(&|case| pass.invocation(size, case)).table(most));
                 }
                 Line::Assertion(own) => {
                     all.extend(own.unreached());

@@ -181,7 +181,7 @@ fn counted(
 ) -> Option<Counted> {
     let bytes = span.to_range()?;
     let span = program.resolve(bytes.clone())?;
-    // What asserts or prints is no code of the shader.
+    // A line that asserts or prints is no code of the shader.
     if is_in_a_line(&span) {
         return None;
     }

@@ -95,7 +95,7 @@ impl<'l> Line<'l> {
         };
         let behind = &rest[word.len()..];
         let head = &own[..own.len() - behind.len()];
-        // What follows may be a comment in the comment.
+        // A second comment may follow.
         let expression = behind.split("//").next().unwrap_or_default();
         let expression = expression.trim().trim_end_matches(';').trim_end();
         match (expression.is_empty(), is_one(expression)) {

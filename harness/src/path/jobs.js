@@ -145,12 +145,30 @@ async function draw(device, encoder, frame, held) {
     if (hasStencil && !device.features.has('depth32float-stencil8')) throw refusal('it has no stencils', 0);
     const depth = texture(depthFormat, samples);
     const writesDepth = frame.shader.wgsl.includes('frag_depth');
-    let first = true;
+    // A draw of depth alone has no colours, so that each draw is a pass of its own.
+    const targetsOf = (hasColours, loadOp) => encoder.beginRenderPass({
+        colorAttachments: hasColours ? colours.map((colour, target) => ({
+            view: colour.createView(),
+            resolveTarget: samples > 1 ? resolved[target].createView() : undefined,
+            loadOp,
+            clearValue: clear,
+            storeOp: 'store',
+        })) : [],
+        depthStencilAttachment: {
+            view: depth.createView(),
+            depthLoadOp: loadOp,
+            depthClearValue: frame.clear_depth,
+            depthStoreOp: 'store',
+            ...(hasStencil ? { stencilLoadOp: loadOp, stencilClearValue: 0, stencilStoreOp: 'store' } : {}),
+        },
+    });
+    targetsOf(true, 'clear').end();
     const inAdvance = frame.draws.filter(({ draw: { geometry } }) => frame.prepass && geometry.mesh).map((own) => ({ ...own, depthAlone: true }));
     for (const { draw: one, covering, bindings, depthAlone = false } of [...inAdvance, ...frame.draws]) {
         const { state, geometry } = one;
         const mesh = geometry.mesh;
-        const { constants, buffers } = { constants: frame.shader.overrides, buffers: attributes(device, mesh) };
+        const constants = frame.shader.overrides;
+        const buffers = attributes(device, mesh);
         const vertex = covering
             ? { module: await compiled(device, covering, 0), buffers: [] }
             : { module, entryPoint: one.vertex, constants, buffers: buffers.map(({ layout }) => layout) };
@@ -160,7 +178,7 @@ async function draw(device, encoder, frame, held) {
             writeMask: depthAlone ? 0 : mask(state.masks.findLast(([own]) => own === target)?.[1]),
         }));
         const fragment = one.fragment ? { module, entryPoint: one.fragment, constants, targets } : undefined;
-        const face = state.stencil && {
+        const face = state.stencil && !depthAlone && {
             compare: state.stencil.compare,
             failOp: state.stencil.fail,
             depthFailOp: state.stencil.depth_fail,
@@ -186,27 +204,7 @@ async function draw(device, encoder, frame, held) {
                 } : {}),
             },
         }).catch((error) => { throw refusal(error.message, 0); });
-        const [r, g, b, a] = clear;
-        const loadOp = first ? 'clear' : 'load';
-        // Depth alone has no colours: then the first draw of a frame that has some clears them.
-        const pass = encoder.beginRenderPass({
-            colorAttachments: fragment ? colours.map((colour, target) => ({
-                view: colour.createView(),
-                resolveTarget: samples > 1 ? resolved[target].createView() : undefined,
-                loadOp: colour.cleared ? 'load' : 'clear',
-                clearValue: { r, g, b, a },
-                storeOp: 'store',
-            })) : [],
-            depthStencilAttachment: {
-                view: depth.createView(),
-                depthLoadOp: loadOp,
-                depthClearValue: frame.clear_depth,
-                depthStoreOp: 'store',
-                ...(hasStencil ? { stencilLoadOp: loadOp, stencilClearValue: 0, stencilStoreOp: 'store' } : {}),
-            },
-        });
-        first = false;
-        if (fragment) colours.forEach((colour) => { colour.cleared = true; });
+        const pass = targetsOf(fragment, 'load');
         pass.setPipeline(pipeline);
         bind(device, pipeline, pass, bindings, held);
         const [cr, cg, cb, ca] = state.blend_constant;

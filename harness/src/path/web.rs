@@ -17,7 +17,7 @@ pub(super) const NAMES: [&str; 2] = ["dawn", "chromium"];
 /// The longest reply that is read: a frame of 4096 by 4096 pixels, whose words have up to ten digits.
 const LONGEST: u64 = 1 << 30;
 
-/// What runs jobs by WebGPU, in JavaScript, and what asks it in Node and in a page.
+/// The JavaScript that runs jobs by WebGPU, and that by which Node and a page ask it.
 const JOBS: &str = include_str!("jobs.js");
 const NODE: &str = include_str!("dawn.mjs");
 const PAGE: &str = include_str!("page.js");
@@ -87,7 +87,7 @@ impl Runner {
                 let script = format!("{JOBS}{NODE}");
                 let mut command = Command::new(node);
                 command.args(["--no-warnings", "--input-type=module", "--eval", &script, "--"]);
-                // Dawn takes no Vulkan as old as Debian 12's, so it is told of a browser's SwiftShader, too.
+                // Dawn refuses a Vulkan as old as Debian 12's. A browser's SwiftShader is new enough.
                 if let Some(manifest) = swiftshader::manifest().filter(|_| !has_chosen_drivers()) {
                     command.env(swiftshader::ADD, manifest);
                 }

@@ -113,6 +113,13 @@ impl Function {
         arguments
     }
 
+    /// The arguments of a row in a line: `x = 1, n = 2`.
+    pub(crate) fn shown(&self, words: &[u32]) -> String {
+        let all =
+            self.arguments(words).into_iter().map(|(name, value)| format!("{name} = {value}"));
+        all.collect::<Vec<_>>().join(", ")
+    }
+
     /// The shapes that one invocation's call gives: the result, and what pointers point to.
     pub fn outputs(&self) -> Vec<(String, Shape)> {
         let returned = self.form.returns.iter().map(|shape| (RESULT.to_owned(), shape.clone()));
@@ -191,6 +198,16 @@ impl Program {
     /// operations that only a fragment shader has.
     pub fn function(&self, path: &str) -> Result<Function, ReflectError> {
         self.function_in_state(path, &State::new())
+    }
+
+    /// True of a function that uses a variable of its module, such as a private one: then its arguments aren't all that it
+    /// depends on.
+    pub(crate) fn uses_variables(&self, path: &str) -> bool {
+        let Some((handle, _)) = self.declared(self.called_name(self.name_of(path))) else {
+            return true;
+        };
+        let info = &self.checked.info[handle];
+        self.checked.module.global_variables.iter().any(|(one, _)| !info[one].is_empty())
     }
 
     /// The private variables by which a function gets something of others, or leaves them something: those that it writes, and

@@ -40,7 +40,7 @@ pub(crate) struct Valued {
     pub(crate) shape: Result<Shape, String>,
 }
 
-/// Which of the values that an expression has, one after the other, is told.
+/// The one of an expression's values, in the order of its runs, that a tap keeps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum When {
     /// The last one.

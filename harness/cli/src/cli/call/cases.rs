@@ -91,7 +91,7 @@ pub(super) struct Given {
     pub(super) results: Vec<OfPath>,
     /// Paths that gave nothing, and why.
     stopped: Vec<(Path, ProbeError)>,
-    /// What lines of the shader print.
+    /// The tables of the shader's lines that print.
     pub(super) printed: String,
     /// An assertion of the shader that is false for a row.
     asserted: Result<(), ProbeError>,
