@@ -8,6 +8,9 @@ use std::collections::BTreeSet;
 use std::fmt;
 use std::ops::Range;
 
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
 use crate::tokens::{Kind, Token, tokens};
 
 /// What kind of slip a mutant is.
@@ -127,64 +130,69 @@ pub fn mutants(text: &str) -> Vec<Mutant> {
     found
 }
 
-/// All mutants of the samplers that a file of tests declares: `filtering = "linear repeat"`. Each belongs to the name before it.
+/// All mutants of the samplers that a file of tests declares, each belonging to its variable: texts below a `with` that begin
+/// with a filter, such as `filtering = "linear repeat"`.
 pub(crate) fn samplers(text: &str) -> Vec<Mutant> {
     let mut found = Vec::new();
-    for (start, quoted) in quoted(text) {
-        let line_start = text[..start].rfind('\n').map_or(0, |at| at + 1);
-        let before = text[line_start..start - 1].trim_end().strip_suffix('=').map(str::trim_end);
-        let is_part = |c: char| c.is_alphanumeric() || c == '_';
-        let key = before.map(|before| before.rsplit(|c| !is_part(c)).next().unwrap_or_default());
-        let Some(key) = key.filter(|key| !key.is_empty() && *key != "name") else { continue };
-        let words: Vec<&str> = quoted.split_whitespace().collect();
-        let [filter @ ("linear" | "nearest"), rest @ ..] = &*words else { continue };
-        let address = rest.iter().find(|word| ["clamp", "repeat", "mirror"].contains(word));
-        let others = || rest.iter().filter(|word| Some(*word) != address).copied();
-        let with = |filter: &'static str, address: Option<&str>| {
-            let all = [filter].into_iter().chain(address.into_iter().filter(|one| *one != "clamp"));
-            all.map(str::to_owned).chain(others().map(str::to_owned)).collect::<Vec<_>>().join(" ")
-        };
-        let [own, other] = match *filter {
-            "linear" => ["linear", "nearest"],
-            _ => ["nearest", "linear"],
-        };
-        let elsewhere =
-            if address.is_some_and(|word| *word == "repeat") { "clamp" } else { "repeat" };
-        for replacement in [with(other, address.copied()), with(own, Some(elsewhere))] {
-            found.push(Mutant {
-                rule: Rule::Sampler,
-                item: key.to_owned(),
-                range: start..start + quoted.len(),
-                original: quoted.to_owned(),
-                replacement,
-                line: text[..start].matches('\n').count() + 1,
-                column: text[line_start..start].chars().count() + 1,
-            });
-        }
+    if let Ok(table) = DeTable::parse(text) {
+        below(table.get_ref(), false, &mut |name, value| {
+            let DeValue::String(own) = value.get_ref() else { return };
+            // Inside of the quotes, where nothing is escaped.
+            let range = value.span().start + 1..value.span().end - 1;
+            if text.get(range.clone()) == Some(own) {
+                found.extend(of_sampler(text, name, range));
+            }
+        });
     }
+    found.sort_by_key(|mutant| mutant.range.start);
     found
 }
 
-/// What stands between double quotes in TOML, on one line, each with its place. Comments aren't looked into.
-fn quoted(text: &str) -> Vec<(usize, &str)> {
-    let (mut all, mut start) = (Vec::new(), 0);
-    for line in text.split_inclusive('\n') {
-        let (mut open, mut at) = (None, 0);
-        for character in line.chars() {
-            match (character, open) {
-                ('#', None) => break,
-                ('"', None) => open = Some(at + 1),
-                ('"', Some(from)) => {
-                    all.push((start + from, &line[from..at]));
-                    open = None;
-                }
-                _ => {}
+/// Visits all values below a key `with`, each with the last key.
+fn below<'t>(
+    table: &'t DeTable<'_>,
+    is_below: bool,
+    visit: &mut dyn FnMut(&str, &'t Spanned<DeValue<'_>>),
+) {
+    for (key, value) in table {
+        let is_below_now = is_below || key.get_ref() == "with";
+        match value.get_ref() {
+            DeValue::Table(inner) => below(inner, is_below_now, visit),
+            DeValue::Array(all) => {
+                let tables = all.iter().filter_map(|one| one.get_ref().as_table());
+                tables.for_each(|inner| below(inner, is_below_now, visit));
             }
-            at += character.len_utf8();
+            _ if is_below => visit(key.get_ref(), value),
+            _ => {}
         }
-        start += line.len();
     }
-    all
+}
+
+/// Another filter, and something else beyond the edge, where a text is a sampler.
+fn of_sampler(text: &str, name: &str, range: Range<usize>) -> Vec<Mutant> {
+    let words: Vec<&str> = text[range.clone()].split_whitespace().collect();
+    let [filter @ ("linear" | "nearest"), rest @ ..] = &*words else { return Vec::new() };
+    let is_address = |word: &&&str| ["clamp", "repeat", "mirror"].contains(*word);
+    let address = rest.iter().find(is_address).copied();
+    let with = |filter: &str, address: Option<&str>| {
+        // It is clamped unless it says something else.
+        let address = address.filter(|address| *address != "clamp");
+        let others = rest.iter().filter(|word| !is_address(word)).copied();
+        [filter].into_iter().chain(address).chain(others).collect::<Vec<_>>().join(" ")
+    };
+    let other = if *filter == "linear" { "nearest" } else { "linear" };
+    let elsewhere = if address == Some("repeat") { "clamp" } else { "repeat" };
+    let line_start = text[..range.start].rfind('\n').map_or(0, |at| at + 1);
+    let mutant = |replacement: String| Mutant {
+        rule: Rule::Sampler,
+        item: name.to_owned(),
+        range: range.clone(),
+        original: text[range.clone()].to_owned(),
+        replacement,
+        line: text[..range.start].matches('\n').count() + 1,
+        column: text[line_start..range.start].chars().count() + 1,
+    };
+    [with(other, address), with(filter, Some(elsewhere))].map(mutant).to_vec()
 }
 
 struct Maker<'a> {
@@ -774,7 +782,7 @@ mod tests {
     #[test]
     fn samplers_of_tests_are_changed() {
         let text = "[[test]]\nname = \"linear\" # \"nearest\"\nwith = { a = \"linear\", b = \"nearest repeat\", c = \"x.png\" }\n\
-                    with.shadow = \"linear less_equal\"\n";
+                    [[test]]\nwith.shadow = \"linear less_equal\"\n";
         let found = samplers(text);
         let told: Vec<(&str, &str)> =
             found.iter().map(|one| (&*one.item, &*one.replacement)).collect();
