@@ -1,5 +1,6 @@
 //! Lines that assert and print in shaders: in calls, checks, passes and frames.
 
+use karat::draw::{Draw, Mesh};
 use karat::fixture::Fixtures;
 use karat::frame::FrameError;
 use karat::metric::Rect;
@@ -178,6 +179,27 @@ fn frames_assert_and_print() {
             assert!(told.contains(part), "{path}: {told}");
         }
         assert!(matches!(failure, FrameError::Asserted(_) | FrameError::Paths(_)));
+    }
+}
+
+/// An assertion of a vertex function doesn't keep the frame from passing.
+#[test]
+fn vertex_functions_are_not_looked_at() {
+    let text = "@vertex fn vertex(@location(0) position: vec3f) -> @builtin(position) vec4f {
+    //karat: assert position.x > 9.0
+    return vec4f(position, 1.0);
+}
+@fragment fn fragment() -> @location(0) vec4f { return vec4f(0.25); }
+";
+    let package = Package::from_source("m", text);
+    let corner = |x: f32, y: f32| glam::Vec3::new(x, y, 0.0);
+    let corners = vec![corner(-1.0, -1.0), corner(3.0, -1.0), corner(-1.0, 3.0)];
+    let mesh = Mesh::new(corners, vec![0, 1, 2]);
+    let frame = package.frame("", 2, 2).draw(Draw::mesh("vertex", "fragment", mesh));
+    for path in [Path::VULKAN, Path::GL].into_iter().filter(|path| adapter(*path).is_ok()) {
+        let mean =
+            frame.clone().unrecorded().try_has_mean(Rect::new(0, 0, 1, 1), [0.25; 3], Abs(0.0));
+        mean.map(drop).unwrap_or_else(|error| panic!("{path}: {error}"));
     }
 }
 

@@ -234,6 +234,36 @@ fn several_targets_and_depth_stay() {
     }
 }
 
+/// A draw has room for 32 bytes of a pixel: what it tells of several values is what it tells of each alone.
+#[test]
+fn several_values_share_draws() {
+    let package = package();
+    let frame = plain(&package);
+    let names = ["column", "sum", "term", "in", "column"];
+    for path in drivers() {
+        let taps = names.map(Tap::new);
+        let all = frame.taps(path, &taps).unwrap_or_else(|error| panic!("{path}: {error}"));
+        assert_eq!(all.len(), names.len());
+        for (tap, together) in taps.iter().zip(&all) {
+            let alone = tapped(&frame, path, tap);
+            assert_eq!(
+                (&together.lanes, &together.times),
+                (&alone.lanes, &alone.times),
+                "{path} {tap:?}"
+            );
+        }
+        let beside = taps.map(|tap| tap.beside(true));
+        let beside = frame.taps(path, &beside).expect("it has one target");
+        assert!(
+            beside.iter().zip(&all).all(|(a, b)| a.lanes == b.lanes && a.changed == Some(0)),
+            "{path}"
+        );
+        // None of several is told where one can't be.
+        let wrong = frame.taps(path, &[Tap::new("column"), Tap::new("colunm")]);
+        assert!(wrong.is_err_and(|error| error.to_string().contains("did you mean `column`?")));
+    }
+}
+
 #[test]
 fn places_name_the_largest_expression() {
     let package = package();

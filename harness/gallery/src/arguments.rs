@@ -41,6 +41,9 @@ pub struct RenderArguments {
     /// Draw the frame's colours beside them
     #[arg(long, hide = true, requires = "tap")]
     pub(super) beside: bool,
+    /// A pixel at which the engine's value is told beside the driver's
+    #[arg(long, hide = true, value_name = "X,Y", value_parser = pixel, requires = "tap")]
+    pub(super) at: Vec<(u32, u32)>,
     /// A pixel whose steps are printed as JSON: see `karat trace`
     #[arg(long, hide = true, value_name = "X,Y", value_parser = pixel, conflicts_with = "tap")]
     pub(super) trace: Option<(u32, u32)>,
@@ -99,16 +102,16 @@ impl RenderArguments {
         self
     }
 
-    /// Those of values of a frame; without one it lists what the frame has.
+    /// Those of values of a frame, with the engine's at some pixels; without a value it lists what the frame has.
     #[must_use]
     pub fn tapping(
         frame: &str,
         values: Vec<String>,
-        (round, beside): (Option<u32>, bool),
+        (round, beside, at): (Option<u32>, bool, Vec<(u32, u32)>),
         drawn: DrawArguments,
     ) -> Self {
         let (frames, tap) = (vec![frame.to_owned()], Some(values));
-        Self { frames, tap, round, beside, drawn, ..Self::default() }
+        Self { frames, tap, round, beside, at, drawn, ..Self::default() }
     }
 
     /// Those of a pixel of a frame.
@@ -122,8 +125,20 @@ impl RenderArguments {
     #[must_use]
     pub fn words(&self) -> Vec<OsString> {
         // All fields are named, so that none is forgotten.
-        let Self { frames, first, list, all, drawn, exposure, tap, round, beside, trace, layer } =
-            self;
+        let Self {
+            frames,
+            first,
+            list,
+            all,
+            drawn,
+            exposure,
+            tap,
+            round,
+            beside,
+            at,
+            trace,
+            layer,
+        } = self;
         let DrawArguments { out, size, samples, environment, path } = drawn;
         let mut words: Vec<OsString> = Vec::new();
         let flags = [("--first", first), ("--list", list), ("--all", all), ("--beside", beside)];
@@ -160,6 +175,7 @@ impl RenderArguments {
         if let Some(round) = round {
             words.push(format!("--round={round}").into());
         }
+        words.extend(at.iter().map(|(x, y)| format!("--at={x},{y}").into()));
         if let Some((x, y)) = trace {
             words.push(format!("--trace={x},{y}").into());
             words.extend(layer.map(|layer| format!("--layer={layer}").into()));
@@ -249,6 +265,7 @@ mod tests {
             &["--out", "a folder", "--exposure=1e-30", "--", "--first"],
             &["--out=--all", "--exposure", "1.5", "a[0]"],
             &["scene", "--tap", "--beside"],
+            &["scene", "--tap=x", "--at=3,4", "--at", "5,6"],
             &["scene", "--trace=3,4"],
             &["--tap=-x", "--tap=a < b", "--round=2", "scene"],
         ] {

@@ -6,6 +6,7 @@
 
 mod arguments;
 mod steps;
+mod tappable;
 mod taps;
 mod traced;
 
@@ -20,18 +21,16 @@ use clap::Parser;
 
 pub use arguments::{DrawArguments, ExposureArguments, RenderArguments, pixel};
 pub use steps::{Row, rows};
+pub use tappable::{Tappable, tap};
 pub use traced::Traced;
-
-use taps::write_tapped;
 
 use karat::Frame;
 use karat::Image;
 use karat::Path;
-use karat::compute::Compute;
 use karat::image::{ImageError, Precision};
 use karat::path::PathError;
 use karat::unstable::diagnostic::{nearest, shown};
-use karat::unstable::frame::{Tap, Tapped};
+use karat::unstable::frame::Tap;
 use karat::unstable::golden::build_output;
 use karat::unstable::image::NonFinite;
 use karat::unstable::output::{Output, Style, counted};
@@ -212,7 +211,7 @@ impl Gallery {
             let tap =
                 |value: &String| Tap::new(value).round(arguments.round).beside(arguments.beside);
             let taps: Vec<Tap> = values.iter().map(tap).collect();
-            return tapped(&selected, &options, &folder, &taps, (out, err));
+            return tapped(&selected, &options, &folder, (&taps, &arguments.at), (out, err));
         }
         if let Some(pixel) = arguments.trace {
             let layer = arguments.layer.unwrap_or(1);
@@ -349,7 +348,7 @@ fn tapped<'e>(
     selected: &[&'e Entry],
     options: &RenderOptions,
     folder: &FilePath,
-    taps: &[Tap],
+    taps: (&[Tap], &[(u32, u32)]),
     (out, err): (&mut dyn Write, &mut dyn Write),
 ) -> Result<Vec<&'e str>, GalleryError> {
     let mut failed = Vec::new();
@@ -363,93 +362,6 @@ fn tapped<'e>(
         }
     }
     Ok(failed)
-}
-
-/// An owner of values: a frame, or passes.
-pub trait Tappable {
-    /// Those that have names, a line each.
-    ///
-    /// # Errors
-    /// If it isn't valid.
-    fn values(&self, path: Path) -> Result<Vec<String>, Box<dyn Error>>;
-
-    /// The places of lines that print.
-    ///
-    /// # Errors
-    /// If it isn't valid.
-    fn prints(&self, path: Path) -> Result<Vec<String>, Box<dyn Error>>;
-
-    /// One of them.
-    ///
-    /// # Errors
-    /// If there is none, or it can't run there.
-    fn tap(&self, path: Path, tap: &Tap) -> Result<Tapped, Box<dyn Error>>;
-}
-
-impl Tappable for Frame<'_> {
-    fn values(&self, path: Path) -> Result<Vec<String>, Box<dyn Error>> {
-        Ok(Frame::values(self, path)?)
-    }
-
-    fn prints(&self, path: Path) -> Result<Vec<String>, Box<dyn Error>> {
-        Ok(Frame::prints(self, path)?)
-    }
-
-    fn tap(&self, path: Path, tap: &Tap) -> Result<Tapped, Box<dyn Error>> {
-        Ok(Frame::tap(self, path, tap)?)
-    }
-}
-
-impl Tappable for Compute<'_> {
-    fn values(&self, _: Path) -> Result<Vec<String>, Box<dyn Error>> {
-        Ok(Compute::values(self)?)
-    }
-
-    fn prints(&self, _: Path) -> Result<Vec<String>, Box<dyn Error>> {
-        Ok(Compute::prints(self)?)
-    }
-
-    fn tap(&self, path: Path, tap: &Tap) -> Result<Tapped, Box<dyn Error>> {
-        Ok(Compute::tap(self, path, tap)?)
-    }
-}
-
-/// Writes values of a frame or of passes, or lists what there is.
-///
-/// # Errors
-/// If there is no such value, it can't run, or an image can't be written.
-pub fn tap(
-    subject: &dyn Tappable,
-    name: &str,
-    folder: &FilePath,
-    path: Path,
-    taps: &[Tap],
-    out: &mut dyn Write,
-) -> Result<(), Box<dyn Error>> {
-    let mut all: Vec<Tap> = Vec::new();
-    for tap in taps {
-        let places = if tap.is_of_prints() { subject.prints(path)? } else { Vec::new() };
-        match (tap.is_of_prints(), places.is_empty()) {
-            (true, true) => return Err("no line of it prints: write `//karat: print x`".into()),
-            (true, false) => all.extend(places.iter().map(|place| tap.of(place))),
-            (false, _) => all.push(tap.clone()),
-        }
-    }
-    if taps.is_empty() {
-        let values = subject.values(path)?;
-        for line in &values {
-            writeln!(out, "{line}")?;
-        }
-        if values.is_empty() {
-            writeln!(out, "it has no `let` and no parameter; name another expression")?;
-        }
-    }
-    for tap in &all {
-        let tapped = subject.tap(path, tap)?;
-        write_tapped(folder, name, &tapped, out)?;
-        out.flush()?;
-    }
-    Ok(())
 }
 
 impl Entry {

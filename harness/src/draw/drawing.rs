@@ -34,7 +34,7 @@ pub(crate) struct Scene<'a> {
     pub(crate) samples: u32,
     pub(crate) clear: [f32; 4],
     pub(crate) clear_depth: f32,
-    /// The target that tells a value, which begins with zeros.
+    /// The first of the targets that tell values, which begin with zeros.
     pub(crate) told: Option<usize>,
 }
 

@@ -284,7 +284,7 @@ impl<'a> Painter<'a> {
                 .iter()
                 .enumerate()
                 .map(|(index, (plain, several))| {
-                    let zeros = self.scene.told == Some(index);
+                    let zeros = self.scene.told.is_some_and(|first| index >= first);
                     let [r, g, b, a] = if zeros { [0.0; 4] } else { clear.map(f64::from) };
                     Some(wgpu::RenderPassColorAttachment {
                         view: several.as_ref().unwrap_or(plain),

@@ -6,12 +6,16 @@ use std::sync::Arc;
 use super::drawing::{Drawing, Scene, Source};
 use super::request::Draw;
 use super::{Blend, DrawError, Format};
-use crate::reflect::{Telling, Valued, When};
+use crate::reflect::{Telling, Valued, WORDS, When};
 
-/// A drawing that tells a value, and the target that has its words.
+/// Targets of words that every device of WebGPU draws to at once: a pixel may have 32 bytes in all
+/// (`maxColorAttachmentBytesPerSample`), and the words of a target are 16.
+const TARGETS: usize = 2;
+
+/// A drawing that tells values, and the targets that have their words.
 pub(crate) struct Told<'s> {
     pub(crate) drawing: Drawing<'s>,
-    pub(crate) target: usize,
+    pub(crate) targets: Vec<usize>,
 }
 
 impl<'s> Drawing<'s> {
@@ -36,6 +40,12 @@ impl<'s> Drawing<'s> {
         names.map(|name| self.program.entry_point_name(name)).collect()
     }
 
+    /// Its vertex functions, by their names in the text.
+    pub(crate) fn vertices(&self) -> Vec<&str> {
+        let names = self.scene.draws.iter().filter_map(|draw| draw.vertex.as_deref());
+        names.map(|name| self.program.entry_point_name(name)).collect()
+    }
+
     /// True if its own colours can be drawn beside a value. Words have no mean over several samples, and devices may have no
     /// room for a target beside several others.
     pub(crate) fn may_keep_colours(&self) -> bool {
@@ -52,15 +62,15 @@ impl<'s> Drawing<'s> {
         targets.into_iter().any(blends)
     }
 
-    /// The same draws, whose fragment functions tell a value; or which of them they are, from
-    /// 1 in the order of [`fragments`](Self::fragments). Alone, a driver computes nothing else.
+    /// The same draws, whose fragment functions tell values, from the `first` of their words on; of no value they tell which
+    /// of them they are, from 1 in the order of [`fragments`](Self::fragments). Alone, a driver computes nothing else, and
+    /// there is room for twice as many words.
     ///
     /// # Errors
     /// If naga doesn't take it.
     pub(crate) fn telling(
         &self,
-        value: Option<&Valued>,
-        when: When,
+        values: &[(&Valued, When)],
         first: usize,
         alone: bool,
     ) -> Result<Told<'_>, DrawError> {
@@ -68,22 +78,27 @@ impl<'s> Drawing<'s> {
         if alone {
             scene.formats.clear();
         }
-        let target = scene.formats.len();
-        scene.formats.push(Format::Rgba32Uint);
-        (scene.result, scene.samples, scene.told) = (Source::Target(target), 1, Some(target));
+        let words = values.iter().filter_map(|(value, _)| value.words()).sum::<usize>();
+        let needed = words.saturating_sub(first).div_ceil(WORDS).max(1);
+        let own = scene.formats.len();
+        let targets = own..own + if alone { needed.min(TARGETS) } else { 1 };
+        let targets: Vec<usize> = targets.collect();
+        scene.formats.extend(targets.iter().map(|_| Format::Rgba32Uint));
+        (scene.result, scene.samples, scene.told) = (Source::Target(own), 1, Some(own));
         for draw in &mut scene.draws {
             if alone {
                 draw.state.blends.clear();
                 draw.state.masks.clear();
             }
-            draw.state.blends.push((target, Blend::Replace));
+            draw.state.blends.extend(targets.iter().map(|target| (*target, Blend::Replace)));
         }
-        let location = u32::try_from(target).expect("there are few targets");
-        let telling = Telling { value, when, first, location, alone };
+        let location = |target: &usize| u32::try_from(*target).expect("there are few targets");
+        let locations: Vec<u32> = targets.iter().map(location).collect();
+        let telling = Telling { values, first, locations: &locations, alone };
         let program = Arc::new(self.program.telling(&self.fragments(), telling)?);
         let bindings = scene.bindings(&program)?;
         let fixtures = self.fixtures().clone();
         let drawing = Drawing::with(Cow::Owned(scene), program, bindings, fixtures);
-        Ok(Told { drawing, target })
+        Ok(Told { drawing, targets })
     }
 }

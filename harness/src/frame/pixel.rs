@@ -102,8 +102,8 @@ impl Frame<'_> {
             if drawing.fragments().is_empty() {
                 return Err(none());
             }
-            let told = drawing.telling(None, When::Last, 0, true)?;
-            let seen = device.texels(&told.drawing, &[told.target])?.swap_remove(0);
+            let told = drawing.telling(&[], 0, true)?;
+            let seen = device.texels(&told.drawing, &told.targets)?.swap_remove(0);
             Ok(seen[pixel][0].checked_sub(1).ok_or_else(none)? as usize)
         };
         for _ in 1..layer {
@@ -199,12 +199,16 @@ fn arguments(
 ) -> Result<Vec<Argument>, TapError> {
     let all = candidates(drawing.program(), &drawing.fragments());
     let own = all.iter().filter(|one| one.value.function == fragment && one.value.range.is_none());
-    let told = |one: &Candidate| -> Result<Argument, TapError> {
-        let shape = one.shape()?;
-        let read = read(device, drawing, &one.value, (When::Last, false), shape.lanes().len())?;
-        Ok(Argument { name: one.text.clone(), shape, read })
+    let own: Vec<(&Candidate, Shape)> =
+        own.map(|one| Ok((one, one.shape()?))).collect::<Result<_, TapError>>()?;
+    let values: Vec<_> = own.iter().map(|(one, _)| (&one.value, When::Last)).collect();
+    let read = read(device, drawing, &values, false)?;
+    let told = |((one, shape), read): ((&Candidate, Shape), Read)| Argument {
+        name: one.text.clone(),
+        shape,
+        read,
     };
-    own.map(told).collect()
+    Ok(own.into_iter().zip(read).map(told).collect())
 }
 
 /// The lanes of a call, with the slopes of those arguments that vary; and what isn't known of these.

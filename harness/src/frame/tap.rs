@@ -13,6 +13,7 @@ use crate::package::asserts::PRINTED;
 use crate::package::let_statements;
 use crate::path::{self, Device, Path};
 use crate::probe::ProbeError;
+use crate::record::tell_prints;
 use crate::reflect::{Program, Valued, WORDS, When};
 use crate::value::Shape;
 
@@ -486,38 +487,83 @@ impl Frame<'_> {
     ///
     /// *Unstable*: for programs around tests.
     pub fn tap(&self, path: Path, tap: &Tap) -> Result<Tapped, TapError> {
+        Ok(self.taps(path, std::slice::from_ref(tap))?.swap_remove(0))
+    }
+
+    /// Several values, of which a draw tells as many as 32 bytes of a pixel have room for. Of those that are asked for with the
+    /// frame's colours [beside](Tap::beside) them each has its own draws.
+    ///
+    /// # Errors
+    /// As [`tap`](Self::tap), of any of them.
+    ///
+    /// *Unstable*: for programs around tests.
+    pub fn taps(&self, path: Path, taps: &[Tap]) -> Result<Vec<Tapped>, TapError> {
         let executor = executor::of(path).map_err(DrawError::from)?;
         let drawing = self.drawing_on(executor)?;
         if drawing.fragments().is_empty() {
             return Err(TapError::Depth);
         }
-        let (found, has_twin, part) =
-            find_or_part(drawing.program(), &drawing.fragments(), &tap.wanted)?;
-        let shape = found.shape()?;
+        let program = drawing.program();
+        let find = |tap: &Tap| {
+            let found = find_or_part(program, &drawing.fragments(), &tap.wanted)?;
+            found.0.shape()?;
+            Ok(found)
+        };
+        let found: Vec<_> = taps.iter().map(find).collect::<Result<_, TapError>>()?;
         let opened = path::open(path).map_err(DrawError::from)?;
         let device = opened.device().ok_or(DrawError::Unable { path })?;
         let (names, span) = drawing.entry_points();
-        if tap.beside && !drawing.may_keep_colours() {
+        if taps.iter().any(|tap| tap.beside) && !drawing.may_keep_colours() {
             return Err(TapError::Beside);
         }
-        let (how, width) = ((tap.round.into(), tap.beside), shape.lanes().len());
-        let read = || read(device, &drawing, &found.value, how, width);
-        let read = path::caught(path, &names, span.as_ref(), read)?;
-        let program = drawing.program();
-        tapped(program, (found, has_twin, part), tap, read, drawing.size())
+        let values: Vec<(&Valued, When)> =
+            found.iter().zip(taps).map(|(found, tap)| (&found.0.value, tap.round.into())).collect();
+        let all = || match taps.iter().any(|tap| tap.beside) {
+            false => read(device, &drawing, &values, false),
+            true => {
+                let one = |value| Ok(read(device, &drawing, &[value], true)?.swap_remove(0));
+                values.iter().copied().map(one).collect()
+            }
+        };
+        let all = path::caught(path, &names, span.as_ref(), all)?;
+        let told = |((found, tap), read)| tapped(program, found, tap, read, drawing.size());
+        found.into_iter().zip(taps).zip(all).map(told).collect()
     }
 }
 
-/// Fails by an assertion of fragment functions that is false for a pixel that shows.
+/// Fails by an assertion of fragment functions that is false for a pixel that shows, and names those that weren't looked at.
 pub(super) fn expect_asserted(drawing: &Drawing<'_>, path: Path) -> Result<(), FrameError> {
-    let fragments = drawing.fragments();
-    let all = assertions(drawing.program(), &fragments).map_err(DrawError::from)?;
-    for (value, span, text) in all {
-        let opened = path::open(path)?;
-        let device = opened.device().ok_or(DrawError::Unable { path })?;
-        let (names, place) = drawing.entry_points();
-        let read = || read(device, drawing, &value, (When::False, false), 1);
-        let Read { times, .. } = path::caught(path, &names, place.as_ref(), read)?;
+    let of = |names: &[&str]| assertions(drawing.program(), names).map_err(DrawError::from);
+    let all = of(&drawing.fragments())?;
+    let mut notes = String::new();
+    for (_, span, text) in of(&drawing.vertices())? {
+        if !all.iter().any(|(_, own, _)| *own == span) {
+            let why = "in a frame only fragment functions are looked at";
+            notes += &format!("note: {span}: nothing looks at the assertion `{text}`: {why}\n");
+        }
+    }
+    if all.is_empty() {
+        tell_prints(&notes);
+        return Ok(());
+    }
+    let opened = path::open(path)?;
+    let device = opened.device().ok_or(DrawError::Unable { path })?;
+    let (names, place) = drawing.entry_points();
+    // How often each is false, and how often it is come to.
+    let values: Vec<_> = [When::False, When::Last]
+        .into_iter()
+        .flat_map(|when| all.iter().map(move |(value, ..)| (value, when)))
+        .collect();
+    let read = || read(device, drawing, &values, false);
+    let read = path::caught(path, &names, place.as_ref(), read)?;
+    let (wrong, reached) = read.split_at(all.len());
+    for ((_, span, text), Read { times, .. }) in all.iter().zip(reached) {
+        if times.iter().all(|times| times.unwrap_or(0) == 0) {
+            notes += &format!("note: {span}: no pixel comes to the assertion `{text}`\n");
+        }
+    }
+    tell_prints(&notes);
+    for ((_, span, text), Read { times, .. }) in all.iter().zip(wrong) {
         let is_wrong = |times: &Option<u32>| times.is_some_and(|times| times > 0);
         let Some(first) = times.iter().position(is_wrong) else { continue };
         let (wrong, of) =
@@ -527,7 +573,7 @@ pub(super) fn expect_asserted(drawing: &Drawing<'_>, path: Path) -> Result<(), F
         let message =
             format!("the assertion `{text}` is false for {wrong} of {of} pixels on path `{path}`");
         let label = format!("first for the pixel ({x}, {y})");
-        let found = Diagnostic::new(message).at(span, label);
+        let found = Diagnostic::new(message).at(span.clone(), label);
         return Err(FrameError::Asserted(Box::new(found)));
     }
     Ok(())
@@ -590,26 +636,38 @@ pub(crate) struct Read {
 pub(super) fn read(
     device: &Device,
     drawing: &Drawing<'_>,
-    value: &Valued,
-    (when, beside): (When, bool),
-    width: usize,
-) -> Result<Read, DrawError> {
+    values: &[(&Valued, When)],
+    beside: bool,
+) -> Result<Vec<Read>, DrawError> {
     let pixels = drawing.size().0 as usize * drawing.size().1 as usize;
-    let mut words: Vec<Vec<u32>> = vec![Vec::with_capacity(width + WORDS); pixels];
-    let mut changed = None;
-    for first in (0..=width).step_by(WORDS) {
+    let widths: Vec<usize> = values.iter().filter_map(|(value, _)| value.words()).collect();
+    let count: usize = widths.iter().sum();
+    let mut words: Vec<Vec<u32>> = vec![Vec::with_capacity(count + WORDS); pixels];
+    let (mut changed, mut first) = (None, 0);
+    while first < count {
         let colours = beside && first == 0;
-        let told = drawing.telling(Some(value), when, first, !colours)?;
-        let targets = if colours { vec![told.target, 0] } else { vec![told.target] };
-        let mut texels = device.texels(&told.drawing, &targets)?.into_iter();
-        let own = texels.next().unwrap_or_default();
-        words.iter_mut().zip(own).for_each(|(words, own)| words.extend(own));
-        if let Some(with) = texels.next() {
+        let told = drawing.telling(values, first, !colours)?;
+        first += WORDS * told.targets.len();
+        let own = told.targets.len();
+        let targets: Vec<usize> = told.targets.into_iter().chain(colours.then_some(0)).collect();
+        let mut texels = device.texels(&told.drawing, &targets)?;
+        for own in texels.drain(..own) {
+            words.iter_mut().zip(own).for_each(|(words, own)| words.extend(own));
+        }
+        if let Some(with) = texels.pop() {
             let without = device.texels(drawing, &[0])?.swap_remove(0);
             changed = Some(with.iter().zip(&without).filter(|(a, b)| a != b).count());
         }
     }
-    let times = words.iter().map(|words| words[width].checked_sub(1)).collect();
-    let lanes = words.iter().flat_map(|words| &words[..width]).copied().collect();
-    Ok(Read { times, lanes, changed })
+    let mut start = 0;
+    let mut of = |width: usize| {
+        let lanes = start..start + width - 1;
+        start += width;
+        Read {
+            times: words.iter().map(|words| words[lanes.end].checked_sub(1)).collect(),
+            lanes: words.iter().flat_map(|words| &words[lanes.clone()]).copied().collect(),
+            changed,
+        }
+    };
+    Ok(widths.into_iter().map(&mut of).collect())
 }

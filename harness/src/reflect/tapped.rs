@@ -40,6 +40,13 @@ pub(crate) struct Valued {
     pub(crate) shape: Result<Shape, String>,
 }
 
+impl Valued {
+    /// The words that tell it: its lanes, and 1 and its rounds together. `None`: it can't be told.
+    pub(crate) fn words(&self) -> Option<usize> {
+        Some(self.shape.as_ref().ok()?.lanes().len() + 1)
+    }
+}
+
 /// The one of an expression's values, in the order of its runs, that a tap keeps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum When {
@@ -61,14 +68,12 @@ impl From<Option<u32>> for When {
 /// The words of a tapped program, and where they go.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Telling<'t> {
-    /// `None`: which of the fragment functions it is, from 1.
-    pub(crate) value: Option<&'t Valued>,
-    /// Which of its values.
-    pub(crate) when: When,
-    /// The first of the words that are told: those of the value, and behind them a 1 and the rounds together.
+    /// None: which of the fragment functions it is, from 1.
+    pub(crate) values: &'t [(&'t Valued, When)],
+    /// The first of the words that are told: for each value its own, and behind them 1 and the rounds together.
     pub(crate) first: usize,
-    /// The location of the words.
-    pub(crate) location: u32,
+    /// The locations of the words, [`WORDS`] at each.
+    pub(crate) locations: &'t [u32],
     /// True if other locations are left out.
     pub(crate) alone: bool,
 }
@@ -229,18 +234,15 @@ impl Program {
         telling: Telling<'_>,
     ) -> Result<Self, ReflectError> {
         let mut module = self.checked.module.clone();
-        let (mut kept, mut ways) = (None, Vec::new());
-        if let Some(value) = telling.value {
-            let (own, lanes) = self.keeping(&mut module, value, telling.when);
-            (kept, ways) = (Some(own), lanes);
-        }
+        let keep = |(value, when): &(&Valued, When)| self.keeping(&mut module, value, *when);
+        let kept: Vec<(Kept, Vec<Way>)> = telling.values.iter().map(keep).collect();
         for index in 0..module.entry_points.len() {
             let entry = &module.entry_points[index];
             let known = fragments.iter().position(|name| *name == entry.name);
             if let (ShaderStage::Fragment, Some(number)) = (entry.stage, known) {
                 let mut function = entry.function.clone();
                 let number = u32::try_from(number).expect("there are few functions") + 1;
-                tell(&mut module, &mut function, (kept, number), &ways, telling);
+                tell(&mut module, &mut function, (&kept, number), telling);
                 module.entry_points[index].function = function;
             }
         }
@@ -310,12 +312,7 @@ impl Program {
     }
 
     /// Lets a function keep a value: where it is kept, and the ways to its lanes.
-    fn keeping(
-        &self,
-        module: &mut Module,
-        value: &Valued,
-        when: When,
-    ) -> (Kept, Vec<(Vec<u32>, Scalar)>) {
+    fn keeping(&self, module: &mut Module, value: &Valued, when: When) -> (Kept, Vec<Way>) {
         let (function, info) = self.body(&value.function).expect("it is a function of the program");
         let mut all = function.expressions.iter().map(|(handle, _)| handle);
         let handle = all.nth(value.expression).expect("it is an expression of its function");
@@ -379,8 +376,11 @@ fn result_of(statement: &Statement) -> Option<Handle<Expression>> {
     }
 }
 
-/// The ways to the lanes of a type, by indices, with their scalars.
-fn lanes(module: &Module, ty: Handle<Type>, way: Vec<u32>) -> Vec<(Vec<u32>, Scalar)> {
+/// The way to a lane of a type, by indices, with its scalar.
+type Way = (Vec<u32>, Scalar);
+
+/// The ways to the lanes of a type.
+fn lanes(module: &Module, ty: Handle<Type>, way: Vec<u32>) -> Vec<Way> {
     let mut all = Vec::new();
     let with = |index: u32| [&*way, &[index]].concat();
     match &module.types[ty].inner {
@@ -516,7 +516,7 @@ fn leave(
     function: &mut Function,
     (kept, told): (Kept, Handle<GlobalVariable>),
     (id, counts): (u32, [u32; 3]),
-    ways: &[(Vec<u32>, Scalar)],
+    ways: &[Way],
 ) -> Block {
     let word = |at: usize| u32::try_from(at).expect("a value has far fewer words than 2^32");
     let width = word(ways.len() + 1);
@@ -596,15 +596,16 @@ fn returning(
     let is_location =
         |member: &StructMember| matches!(member.binding, Some(Binding::Location { .. }));
     all.retain(|(_, member)| !(telling.alone && is_location(member)));
-    let location = Binding::Location {
-        location: telling.location,
+    let at = |location: &u32| Binding::Location {
+        location: *location,
         interpolation: None,
         sampling: None,
         blend_src: None,
         per_primitive: false,
     };
     let (kept, mut members): (Vec<_>, Vec<_>) = all.into_iter().unzip();
-    members.push(member("karat_told", words, Some(location)));
+    let told = |location| member(&format!("karat_told_{location}"), words, Some(at(location)));
+    members.extend(telling.locations.iter().map(told));
     // No host sees it: its layout has to be one, as naga's validator has it.
     let mut layouter = Layouter::default();
     let mut span = 0;
@@ -627,8 +628,7 @@ fn returning(
 fn tell(
     module: &mut Module,
     function: &mut Function,
-    (kept_in, number): (Option<Kept>, u32),
-    ways: &[(Vec<u32>, Scalar)],
+    (values, number): (&[(Kept, Vec<Way>)], u32),
     telling: Telling<'_>,
 ) {
     let ([ty, words_type], kept) = returning(module, function, telling);
@@ -641,32 +641,38 @@ fn tell(
         let zero = before(Expression::Literal(Literal::U32(0)));
         let one = before(Expression::Literal(Literal::U32(1)));
         let number = before(Expression::Literal(Literal::U32(number)));
-        let variables = kept_in.map(|kept| {
-            [kept.value, kept.rounds].map(|one| before(Expression::GlobalVariable(one)))
-        });
+        let mut variable = |one| before(Expression::GlobalVariable(one));
+        let variables: Vec<_> =
+            values.iter().map(|(kept, _)| (variable(kept.value), variable(kept.rounds))).collect();
         let mut add = |expression| {
             let handle = function.expressions.append(expression, NOWHERE);
             first.get_or_insert(handle);
             handle
         };
-        let count = variables.map_or(number, |[_, rounds]| {
-            let left = add(Expression::Load { pointer: rounds });
-            add(Expression::Binary { op: BinaryOperator::Add, left, right: one })
-        });
-        let mut words = Vec::new();
-        for at in telling.first..telling.first + WORDS {
-            let (Some((way, scalar)), Some([value, _])) = (ways.get(at), variables) else {
-                words.push(if at == ways.len() { count } else { zero });
-                continue;
-            };
-            let mut pointer = value;
-            for index in way {
-                pointer = add(Expression::AccessIndex { base: pointer, index: *index });
-            }
-            let lane = add(Expression::Load { pointer });
-            words.push(bits(&mut add, lane, *scalar));
+        // Of each value its lanes, and the rounds.
+        let mut places: Vec<(usize, Option<&Way>)> = Vec::new();
+        for (index, (_, ways)) in values.iter().enumerate() {
+            places.extend(ways.iter().map(|way| (index, Some(way))));
+            places.push((index, None));
         }
-        let told = add(Expression::Compose { ty: words_type, components: words });
+        let mut word = |at: usize| match places.get(at) {
+            None if at == 0 => number,
+            None => zero,
+            Some((index, None)) => {
+                let left = add(Expression::Load { pointer: variables[*index].1 });
+                add(Expression::Binary { op: BinaryOperator::Add, left, right: one })
+            }
+            Some((index, Some((way, scalar)))) => {
+                let mut pointer = variables[*index].0;
+                for index in way {
+                    pointer = add(Expression::AccessIndex { base: pointer, index: *index });
+                }
+                let lane = add(Expression::Load { pointer });
+                bits(&mut add, lane, *scalar)
+            }
+        };
+        let count = WORDS * telling.locations.len();
+        let words: Vec<_> = (telling.first..telling.first + count).map(&mut word).collect();
         let mut components = Vec::new();
         for index in &kept {
             let Some(own) = *returned else { continue };
@@ -675,7 +681,9 @@ fn tell(
                 Some(index) => add(Expression::AccessIndex { base: own, index: *index }),
             });
         }
-        components.push(told);
+        for words in words.chunks_exact(WORDS) {
+            components.push(add(Expression::Compose { ty: words_type, components: words.into() }));
+        }
         let last = add(Expression::Compose { ty, components });
         let start = first.unwrap_or(last);
         let mut block = Block::new();

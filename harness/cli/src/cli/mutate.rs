@@ -162,40 +162,33 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let least = args.fail_under.unwrap_or(100.0);
     let complaints: Vec<&String> = all.iter().flat_map(|(_, hunted)| &hunted.complaints).collect();
     let good = complaints.is_empty() && score.percent().is_some_and(|percent| percent >= least);
-    if args.github || (report::runs_on_github() && !args.json) {
+    let is_github = args.github || (report::runs_on_github() && !args.json);
+    if is_github {
         write_annotations(&all, &project, out)?;
     }
     if args.json {
         write_json(&tried().map(as_json).collect::<Vec<_>>(), out)?;
         complaints.iter().for_each(|complaint| tell(&format!("error: {complaint}")));
-    } else {
-        for (title, hunted) in &all {
-            if all.len() > 1 {
-                writeln!(out, "{HEAD}{title}{HEAD:#}")?;
-            }
-            write_one(hunted, args, out)?;
+        return Ok(if good { Ending::Good } else { Ending::Bad });
+    }
+    let mut text = Vec::new();
+    for (title, hunted) in &all {
+        if all.len() > 1 {
+            writeln!(text, "{HEAD}{title}{HEAD:#}")?;
         }
-        write_modules(&all, out)?;
-        for complaint in complaints {
-            writeln!(out, "{BAD}error{BAD:#}: {complaint}")?;
-        }
-        let mut parts = parts(&all, &score, rust.as_ref().map_or(0, |rust| rust.count), args);
-        match &rust {
-            Some(rust) if !rust.unfit.is_empty() => {
-                let unfit: Vec<&str> = rust.unfit.iter().map(String::as_str).collect();
-                let tests = counted(unfit.len(), "test");
-                let fail = if unfit.len() == 1 { "fails" } else { "fail" };
-                let named = some(&unfit);
-                parts.push(format!("{tests} in Rust {fail} anyway, and not by a check: {named}"));
-            }
-            None if project.is_cargo() => {
-                parts.push("tests in Rust weren't run: name no folder".to_owned());
-            }
-            _ => {}
-        }
-        let style = if good { GOOD } else { BAD };
-        let seconds = began.elapsed().as_secs_f64();
-        writeln!(out, "{style}{}{style:#}; {seconds:.0} s", parts.join("; "))?;
+        write_one(hunted, args, &mut text)?;
+    }
+    write_modules(&all, &mut text)?;
+    for complaint in complaints {
+        writeln!(text, "{BAD}error{BAD:#}: {complaint}")?;
+    }
+    out.write_all(&text)?;
+    let parts = parts(&all, &score, (rust.as_ref(), project.is_cargo()), args).join("; ");
+    let style = if good { GOOD } else { BAD };
+    let seconds = began.elapsed().as_secs_f64();
+    writeln!(out, "{style}{parts}{style:#}; {seconds:.0} s")?;
+    if is_github {
+        report::summarise("karat mutate", &parts, &text)?;
     }
     Ok(if good { Ending::Good } else { Ending::Bad })
 }
@@ -407,18 +400,21 @@ fn write_annotations(
     project: &Project,
     out: &mut dyn Write,
 ) -> std::io::Result<()> {
-    let mut lines: BTreeMap<(String, usize), Vec<String>> = BTreeMap::new();
+    let mut lines: BTreeMap<(String, usize), (usize, Vec<String>)> = BTreeMap::new();
     for one in all.iter().flat_map(|(_, hunted)| &hunted.tried) {
         if matches!(&one.fate, Fate::Lived { .. } | Fate::Untested { .. }) {
             let Candidate { file, mutant, .. } = &one.candidate;
             let text = format!("`{}` -> `{}`", mutant.original, mutant.replacement);
-            lines.entry((file.display().to_string(), mutant.line)).or_default().push(text);
+            let line = lines.entry((file.display().to_string(), mutant.line));
+            let (first, texts) = line.or_insert((mutant.column, Vec::new()));
+            *first = mutant.column.min(*first);
+            texts.push(text);
         }
     }
-    let lines = lines.into_iter().map(|((file, line), mutants)| {
+    let lines = lines.into_iter().map(|((file, line), (column, mutants))| {
         let mutants_of = counted(mutants.len(), "mutant");
         let message = format!("no test sees {mutants_of} of this line: {}", mutants.join(", "));
-        (format!("{file}:{line}:1"), message)
+        (format!("{file}:{line}:{column}"), message)
     });
     report::write_warnings("karat mutate", lines, project, out)
 }
@@ -480,10 +476,16 @@ fn write_modules(all: &[(String, Hunted)], out: &mut dyn Write) -> std::io::Resu
 }
 
 /// The last line: the score, and what wasn't judged.
-fn parts(all: &[(String, Hunted)], score: &Score, rust: usize, args: &Args) -> Vec<String> {
+fn parts(
+    all: &[(String, Hunted)],
+    score: &Score,
+    (rust, is_cargo): (Option<&RustTests>, bool),
+    args: &Args,
+) -> Vec<String> {
     let sum =
         |of: &dyn Fn(&Hunted) -> usize| all.iter().map(|(_, hunted)| of(hunted)).sum::<usize>();
-    let tests = counted(rust + sum(&|hunted| hunted.tests), "test");
+    let in_rust = rust.map_or(0, |rust| rust.count);
+    let tests = counted(in_rust + sum(&|hunted| hunted.tests), "test");
     let mut parts = vec![match score.percent() {
         Some(percent) => format!(
             "score {percent}%: {} of {} mutants killed by {tests} on {}",
@@ -518,6 +520,17 @@ fn parts(all: &[(String, Hunted)], score: &Score, rust: usize, args: &Args) -> V
         let are = if invalid.len() == 1 { "isn't" } else { "aren't" };
         let modules = counted(invalid.len(), "module");
         parts.push(format!("{modules} {are} valid: {}", some(&invalid)));
+    }
+    match rust {
+        Some(rust) if !rust.unfit.is_empty() => {
+            let unfit: Vec<&str> = rust.unfit.iter().map(String::as_str).collect();
+            let tests = counted(unfit.len(), "test");
+            let fail = if unfit.len() == 1 { "fails" } else { "fail" };
+            let named = some(&unfit);
+            parts.push(format!("{tests} in Rust {fail} anyway, and not by a check: {named}"));
+        }
+        None if is_cargo => parts.push("tests in Rust weren't run: name no folder".to_owned()),
+        _ => {}
     }
     parts
 }

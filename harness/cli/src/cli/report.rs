@@ -31,7 +31,7 @@ use karat_suite::{Suite, Test};
 use karat_review::{Failure, FrameRun, LastRun};
 
 pub(super) use self::github::Held;
-pub(super) use self::github::{runs_here as runs_on_github, write_warnings};
+pub(super) use self::github::{runs_here as runs_on_github, summarise, write_warnings};
 use self::html::Beside;
 pub(super) use self::names::Names;
 pub(super) use self::sum::Sum;
@@ -402,6 +402,12 @@ impl Place {
         let (column, line, file) = (parts.next()?, parts.next()?, parts.next()?);
         Some(Self { file: file.to_owned(), line: line.parse().ok()?, column: column.parse().ok()? })
     }
+}
+
+/// The place that a failure is about: that of its message, or else that of what is tested.
+fn wrong_place(record: &Record, root: &Path, workspace: &Path) -> Option<Place> {
+    let told = || located(record.details.as_ref()?.place.as_deref()?, root, workspace);
+    told().or_else(|| place(record, root, workspace))
 }
 
 /// The function in WGSL, or the test that draws the frame, or else the golden's facts. Files are relative to the

@@ -17,6 +17,7 @@ Examples:
   karat tap scene                          the values that the frame `scene` has
   karat tap scene n_dot_v half             two of them, by the names of their `let`
   karat tap scene shaders/brdf.wgsl:42:13  the largest expression that begins there
+  karat tap scene half --at 120,64         and what Karat's engine computes there
   karat tap scene term --round 3           what each pixel computed for the third time
   karat tap scene karat:print              what its lines print: `//karat: print x`
 FRAME is the name of a `[[frame]]` in a `*.test.toml`, a frame of the gallery that `karat render` draws, or the last entry
@@ -35,6 +36,9 @@ pub(super) struct Args {
     /// The value that a pixel computes for this time, from 1 [default: the last]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     round: Option<u32>,
+    /// A pixel, or an invocation, at which the engine's value is told beside the driver's; may be repeated
+    #[arg(long, value_name = "X,Y", value_parser = karat_gallery::pixel, requires = "values")]
+    at: Vec<(u32, u32)>,
     /// Draw the frame's colours beside the value, and compare them with the frame: a driver may compute otherwise what it
     /// computes alone
     #[arg(long)]
@@ -52,7 +56,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     let Some(suite) = find(&args.frame, &project, &args.package)? else {
         let (values, drawn) = (args.values.clone(), args.drawn.clone());
-        let how = (args.round, args.beside);
+        let how = (args.round, args.beside, args.at.clone());
         let arguments = RenderArguments::tapping(&args.frame, values, how, drawn);
         return render::run(arguments, out);
     };
@@ -82,7 +86,7 @@ fn tell_of(subject: &dyn Tappable, args: &Args, project: &Project, out: &mut dyn
     let taps: Vec<Tap> = args.values.iter().map(tap).collect();
     // A pass is named by its path.
     let name = args.frame.replace("::", "-");
-    match karat_gallery::tap(subject, &name, &folder, path, &taps, out) {
+    match karat_gallery::tap(subject, &name, &folder, path, (&taps, &args.at), out) {
         Ok(()) => Ok(Ending::Good),
         Err(error) => {
             refuse(&*error);

@@ -54,6 +54,22 @@ fn lines_print() {
     );
 }
 
+/// An assertion that no pixel comes to shows nothing, and the frame's test says so.
+#[test]
+fn assertions_that_no_pixel_comes_to_are_named() {
+    let folder = folder("5.0");
+    let shader = SHADER.replace("LIMIT", "5.0").replace(
+        "    return vec4f(own);",
+        "    if (uv.x > 2.0) {\n        //karat: assert own > 9.0\n        return vec4f(0.0);\n    }\n    return vec4f(own);",
+    );
+    write(&folder.path().join("shaders"), "m.wgsl", &shader);
+    let ran = karat(folder.path(), &["test", "--paths=vulkan"]);
+    let told = format!("{}{}", ran.out, ran.err);
+    let note = "note: shaders/m.wgsl:14:25: no pixel comes to the assertion `own > 9.0`";
+    assert!(told.contains(note), "{told}");
+    assert!(!told.contains("comes to the assertion `(x < 5.0)`"), "{told}");
+}
+
 /// A false assertion fails a call, a sweep and a table, once what they print is shown.
 #[test]
 fn calls_fail_by_assertions() {
@@ -93,5 +109,8 @@ fn tests_fail_by_assertions() {
         ] {
             assert!(told.contains(part), "{paths}: no `{part}` in {told}");
         }
+        let short = karat(folder.path(), &["test", "--short", paths]).out;
+        let line = "shaders/m.wgsl:5:22: error: the assertion `(x < 2.0)` is false";
+        assert!(short.contains(line), "{paths}: no `{line}` in {short}");
     }
 }

@@ -114,16 +114,23 @@ fn a_merge_is_gated_by_a_score() {
     assert!(error.contains("there is no test"), "{error}");
 }
 
-/// A warning for each line on which mutants lived, below the repository that GitHub shows.
+/// A warning for each line on which mutants lived, below the repository that GitHub shows, and the log in the job's summary.
 #[test]
 fn lines_are_annotated() {
     let folder = folder();
-    let ran = karat(folder.path(), &["mutate", "--github"]);
+    let summary = folder.path().join("summary.md");
+    let mut github = command(folder.path(), &["mutate", "--github"]);
+    let ran = output(github.env("GITHUB_STEP_SUMMARY", &summary));
     let warnings: Vec<&str> =
         ran.out.lines().filter(|line| line.starts_with("::warning ")).collect();
-    let start = "::warning file=shaders/calc.wgsl,line=2,col=1,title=karat mutate::no test sees ";
+    let start = "::warning file=shaders/calc.wgsl,line=2,col=35,title=karat mutate::no test sees ";
     assert!(warnings.len() == 1 && warnings[0].starts_with(start), "{ran:?}");
     assert!(warnings[0].contains("of this line: `x + 3.0` -> `x`"), "{ran:?}");
+    let summary = std::fs::read_to_string(summary).expect("it was written");
+    for part in ["## karat mutate", " mutants killed by ", "<pre>no test shaders/calc.wgsl:2:35 "] {
+        assert!(summary.contains(part), "{part}: {summary}");
+    }
+    assert!(!summary.contains('\u{1b}'), "{summary}");
 }
 
 /// Stryker's report has each mutant where it stands, by the words of its schema.

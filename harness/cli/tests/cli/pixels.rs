@@ -91,6 +91,17 @@ fn values_are_pictures_and_numbers() {
     assert_eq!(colours("m-shade-broken")[..4], [255, 0, 255, 255]);
     assert_eq!(colours("m-shade-inner")[..4], [0; 4]);
     assert_eq!(colours("m-shade-is_right")[4 * 7..4 * 8], [255; 4]);
+    let at = ["tap", "disc", "near", "broken", "--at", "0,0", "--at=7,3"];
+    let at = on_vulkan(folder.path(), &at).good();
+    for part in [
+        "    at (0, 0): 0.9375 on vulkan; 0.9375 in the engine; 0.9375 in f64, WGSL allows 0.937",
+        "    at (7, 3): 0.0625 on vulkan; 0.0625 in the engine; ",
+        "    at (0, 0): NaN on vulkan; NaN in the engine; ",
+    ] {
+        assert!(at.contains(part), "no `{part}` in:\n{at}");
+    }
+    let parameter = on_vulkan(folder.path(), &["tap", "disc", "uv", "--at=0,0"]);
+    assert!(parameter.out.contains("steps don't have it: is it a parameter?"), "{parameter:?}");
     let beside = on_vulkan(folder.path(), &["tap", "disc", "near", "--beside"]).good();
     assert!(beside.contains("the frame's own colours are the same beside it"), "{beside}");
 }
@@ -121,7 +132,11 @@ fn grid(@builtin(global_invocation_id) id: vec3u) {
     karat(folder.path(), &["test", "shaders", "--paths", "cpu"]).good();
     let out = format!("--out={}", folder.path().join("out").display());
     for path in ["--path=cpu", "--path=vulkan"] {
-        let root = karat(folder.path(), &["tap", "root", "own", &out, path]).good();
+        let root = ["tap", "root", "own", &out, path, "--at=1,0", "--at=3,0"];
+        let root = karat(folder.path(), &root).good();
+        let on = path.trim_start_matches("--path=");
+        assert!(root.contains(&format!("at (1, 0): 4 on {on}; 4 in the engine\n")), "{root}");
+        assert!(root.contains(&format!("at (3, 0): not computed on {on}; so ")), "{root}");
         assert!(root.contains("2 at (0, 0) to 6 at (2, 0), mean 4"), "{root}");
         assert!(root.contains("3 of 4 invocations have it"), "{root}");
         let table = std::fs::read_to_string(folder.path().join("out/root.m-root-own.csv"));
@@ -173,6 +188,8 @@ fn what_cannot_be_told_is_an_error() {
         (&["tap", "disc", "shaders/m.wgsl:12:1"], "computes nothing of its own"),
         (&["tap", "disc", "uv.x"], "is 2 values: say which\n  shaders/m.wgsl:9:23"),
         (&["tap", "disc", "near", "--round", "0"], "0 is not in"),
+        (&["tap", "disc", "near", "--at", "8,0"], "and no pixel (8, 0)"),
+        (&["tap", "disc", "near", "--at", "8"], "`8` is no pixel"),
         (&["tap", "disc", "near", "--size", "4x4"], "leave `--size`"),
         (&["trace", "disc", "8,0"], "8 x 4 pixels, from (0, 0) at the upper left"),
         (&["trace", "disc", "1"], "`1` is no pixel: write its column and its row"),

@@ -6,16 +6,18 @@ use std::hash::{BuildHasher, Hasher, RandomState};
 use std::io::Write;
 
 use anyhow::Context;
-use karat::unstable::output::{counted, markdown, visible};
+use karat::unstable::output::{Output, counted, markdown, visible};
 use karat::unstable::record::{ModuleError, Record, Subject};
 
 use super::short::{self, Finding};
 use super::tables::{is_failure, share};
-use super::{Names, Place, Sum, located, pictures, place, replays, workspace};
+use super::{Names, Place, Sum, located, pictures, replays, workspace, wrong_place};
 use crate::cli::project::Project;
 
 /// GitHub takes a MiB of summary for each step, and drops more.
 const LONGEST: usize = 900 << 10;
+/// Bytes of a log in the summary; HTML writes some characters with five.
+const LONGEST_LOG: usize = LONGEST / 5;
 /// Characters of a message in the summary.
 const LONGEST_MESSAGE: usize = 4 << 10;
 /// Errors of a step that GitHub's runner makes annotations of; it only logs the others.
@@ -61,10 +63,33 @@ pub(super) fn write(
     out.flush()?;
     let pictures = project.output().join("report");
     records.iter().try_for_each(|record| pictures::clear(record, names, &pictures))?;
+    append_summary(|| summary(&failures, sum, names, project))
+}
+
+/// Adds to the summary of the job, if there is one: a headline, and behind it the text that the log has.
+pub(in crate::cli) fn summarise(title: &str, headline: &str, text: &[u8]) -> anyhow::Result<()> {
+    let mut plain = Vec::new();
+    let mut output = Output::new(anstream::StripStream::new(&mut plain));
+    output.write_all(text)?;
+    output.finish()?;
+    let text = String::from_utf8_lossy(&plain);
+    let end = text.char_indices().map(|(at, _)| at).take_while(|at| *at <= LONGEST_LOG).last();
+    let cut = &text[..end.filter(|_| text.len() > LONGEST_LOG).unwrap_or(text.len())];
+    let more = if cut.len() < text.len() { "\n... (the log has the rest)" } else { "" };
+    append_summary(|| {
+        Ok(format!(
+            "## {title}\n\n{}.\n\n<details><summary>more</summary>\n\n<pre>{}{more}</pre>\n</details>\n\n",
+            markdown(headline),
+            html(cut)
+        ))
+    })
+}
+
+fn append_summary(text: impl FnOnce() -> anyhow::Result<String>) -> anyhow::Result<()> {
     let Some(file) = std::env::var_os("GITHUB_STEP_SUMMARY").filter(|file| !file.is_empty()) else {
         return Ok(());
     };
-    let text = summary(&failures, sum, names, project)?;
+    let text = text()?;
     let shown = std::path::Path::new(&file).display().to_string();
     let mut file = OpenOptions::new()
         .create(true)
@@ -96,7 +121,7 @@ fn annotations(
         let title = names.subject(record);
         let found = short::expectations(record, &workspace);
         if found.is_empty() {
-            let place = place(record, project.root(), &workspace);
+            let place = wrong_place(record, project.root(), &workspace);
             return vec![annotation(place.as_ref(), &title, &message(record))];
         }
         let replay = replays(record).first().map(|command| format!("\nreplay: {command}"));

@@ -8,7 +8,7 @@ use karat::unstable::output::{headline as headline_of, one_line};
 use karat::unstable::record::{ExpectationDetails, ModuleError, PathRecord, Record, Subject};
 use karat::unstable::reflect::{Invalid, Opinion, ReflectError};
 
-use super::{Place, Sum, failing, is_failure, located, place};
+use super::{Place, Sum, failing, is_failure, located, wrong_place};
 
 /// Something that is wrong, in one line, and where.
 #[derive(Debug, PartialEq, Eq)]
@@ -84,8 +84,7 @@ pub(in crate::cli) fn of(record: &Record, root: &Path) -> Vec<Finding> {
     if !violations.is_empty() {
         return violations;
     }
-    let told = || located(record.details.as_ref()?.place.as_deref()?, root, root);
-    vec![Finding { place: place(record, root, root).or_else(told), message: headline(record) }]
+    vec![Finding { place: wrong_place(record, root, root), message: headline(record) }]
 }
 
 /// The expectations that fail, each once where it stands: what the simplest case saw, and on which paths it fails.

@@ -1,0 +1,188 @@
+//! Values of a frame or of passes, and the engine's beside them.
+
+use std::error::Error;
+use std::io::Write;
+use std::path::Path as FilePath;
+
+use karat::compute::Compute;
+use karat::unstable::frame::{Tap, TapError, Tapped};
+use karat::unstable::trace::Step;
+use karat::{Frame, Path};
+
+use crate::steps::rows;
+use crate::taps::write_tapped;
+
+/// An owner of values: a frame, or passes.
+pub trait Tappable {
+    /// Those that have names, a line each.
+    ///
+    /// # Errors
+    /// If it isn't valid.
+    fn values(&self, path: Path) -> Result<Vec<String>, Box<dyn Error>>;
+
+    /// The places of lines that print.
+    ///
+    /// # Errors
+    /// If it isn't valid.
+    fn prints(&self, path: Path) -> Result<Vec<String>, Box<dyn Error>>;
+
+    /// Those that are asked for.
+    ///
+    /// # Errors
+    /// If there is none of one, or it can't run there.
+    fn taps(&self, path: Path, taps: &[Tap]) -> Result<Vec<Tapped>, Box<dyn Error>>;
+
+    /// The engine's value at a pixel or an invocation, in words.
+    ///
+    /// # Errors
+    /// If the engine doesn't run it.
+    fn engine(
+        &self,
+        path: Path,
+        tap: &Tap,
+        tapped: &Tapped,
+        at: (u32, u32),
+    ) -> Result<String, Box<dyn Error>>;
+}
+
+impl Tappable for Frame<'_> {
+    fn values(&self, path: Path) -> Result<Vec<String>, Box<dyn Error>> {
+        Ok(Frame::values(self, path)?)
+    }
+
+    fn prints(&self, path: Path) -> Result<Vec<String>, Box<dyn Error>> {
+        Ok(Frame::prints(self, path)?)
+    }
+
+    fn taps(&self, path: Path, taps: &[Tap]) -> Result<Vec<Tapped>, Box<dyn Error>> {
+        Ok(Frame::taps(self, path, taps)?)
+    }
+
+    fn engine(
+        &self,
+        path: Path,
+        _: &Tap,
+        tapped: &Tapped,
+        at: (u32, u32),
+    ) -> Result<String, Box<dyn Error>> {
+        let steps = self.trace(path, at)?.steps;
+        let is_it = |step: &&Step| {
+            let (own, wanted) = (&step.span, &tapped.span);
+            (&own.file.name, own.range.start, &step.text)
+                == (&wanted.file.name, wanted.range.start, &tapped.text)
+        };
+        let found: Vec<&Step> = steps.iter().filter(is_it).collect();
+        let times = tapped.times[index(tapped, at)].unwrap_or(0) as usize;
+        let wanted = tapped.round.map_or(times, |round| round as usize);
+        let step = match (found.get(wanted.wrapping_sub(1)), found.len()) {
+            (Some(step), _) => (*step).clone(),
+            (None, 0) => {
+                return Ok(
+                    "the engine's steps don't have it: is it a parameter? Tap what is passed"
+                        .to_owned(),
+                );
+            }
+            (None, shown) => {
+                return Ok(format!(
+                    "of its {times} times the engine shows {shown}: choose one by --round"
+                ));
+            }
+        };
+        let row = rows(&[step]).swap_remove(0);
+        let allowed = match row.allowed.as_str() {
+            "not known" => String::new(),
+            allowed => format!(", WGSL allows {allowed}"),
+        };
+        Ok(format!("{} in the engine; {} in f64{allowed}", row.single, row.double))
+    }
+}
+
+impl Tappable for Compute<'_> {
+    fn values(&self, _: Path) -> Result<Vec<String>, Box<dyn Error>> {
+        Ok(Compute::values(self)?)
+    }
+
+    fn prints(&self, _: Path) -> Result<Vec<String>, Box<dyn Error>> {
+        Ok(Compute::prints(self)?)
+    }
+
+    fn taps(&self, path: Path, taps: &[Tap]) -> Result<Vec<Tapped>, Box<dyn Error>> {
+        let mut all = Vec::new();
+        for tap in taps {
+            all.push(Compute::tap(self, path, tap)?);
+        }
+        Ok(all)
+    }
+
+    fn engine(
+        &self,
+        _: Path,
+        tap: &Tap,
+        _: &Tapped,
+        at: (u32, u32),
+    ) -> Result<String, Box<dyn Error>> {
+        Ok(format!("{} in the engine", value(&Compute::tap(self, Path::CPU, tap)?, at)))
+    }
+}
+
+/// Writes values of a frame or of passes, each with the engine's value at some pixels or invocations, or lists what there is.
+///
+/// # Errors
+/// If there is no such value, it can't run, or an image can't be written.
+pub fn tap(
+    subject: &dyn Tappable,
+    name: &str,
+    folder: &FilePath,
+    path: Path,
+    (taps, pixels): (&[Tap], &[(u32, u32)]),
+    out: &mut dyn Write,
+) -> Result<(), Box<dyn Error>> {
+    let mut all: Vec<Tap> = Vec::new();
+    for tap in taps {
+        let places = if tap.is_of_prints() { subject.prints(path)? } else { Vec::new() };
+        match (tap.is_of_prints(), places.is_empty()) {
+            (true, true) => return Err("no line of it prints: write `//karat: print x`".into()),
+            (true, false) => all.extend(places.iter().map(|place| tap.of(place))),
+            (false, _) => all.push(tap.clone()),
+        }
+    }
+    if taps.is_empty() {
+        let values = subject.values(path)?;
+        for line in &values {
+            writeln!(out, "{line}")?;
+        }
+        if values.is_empty() {
+            writeln!(out, "it has no `let` and no parameter; name another expression")?;
+        }
+    }
+    for (tap, tapped) in all.iter().zip(subject.taps(path, &all)?) {
+        write_tapped(folder, name, &tapped, out)?;
+        for pixel in pixels {
+            let (x, y) = *pixel;
+            if x >= tapped.size.0 || y >= tapped.size.1 {
+                return Err(TapError::Outside { pixel: *pixel, size: tapped.size }.into());
+            }
+            let driver = value(&tapped, *pixel);
+            let engine = match tapped.told[index(&tapped, *pixel)] {
+                true => subject.engine(path, tap, &tapped, *pixel)?,
+                false => "so it has no value in the engine".to_owned(),
+            };
+            writeln!(out, "    at ({x}, {y}): {driver} on {path}; {engine}")?;
+        }
+        out.flush()?;
+    }
+    Ok(())
+}
+
+fn index(tapped: &Tapped, (x, y): (u32, u32)) -> usize {
+    (y * tapped.size.0 + x) as usize
+}
+
+/// A value at a pixel or an invocation, in words.
+fn value(tapped: &Tapped, at: (u32, u32)) -> String {
+    let (index, width) = (index(tapped, at), tapped.shape.lanes().len());
+    match tapped.told.get(index) {
+        Some(true) => tapped.shape.format(&tapped.lanes[index * width..][..width]),
+        _ => "not computed".to_owned(),
+    }
+}
