@@ -2,9 +2,12 @@
 
 use std::collections::BTreeSet;
 use std::io::Write;
+use std::path::{Path, PathBuf};
 
+use anyhow::ensure;
 use karat::Package;
 use karat::package::PackageError;
+use karat::unstable::diagnostic::shown;
 use karat::unstable::package::FunctionItem;
 use karat::unstable::record::{self, Run, Subject};
 use karat::unstable::reflect::{Program, ReflectError};
@@ -12,12 +15,16 @@ use karat_suite::{Broken, Suite, Test, Wrong};
 use serde::Serialize;
 
 use super::project::Project;
+use super::report::Place;
 use super::search;
-use super::table::{BAD, DIM, GOOD, Table};
-use super::{Ending, Outcome, PlaceArgs, write_json};
+use super::table::{BAD, DIM, GOOD, PLAIN, Table};
+use super::{Ending, Outcome, PlaceArgs, resolved, write_json};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
+    /// List the tests beside the shaders in place of functions
+    #[arg(long)]
+    tests: bool,
     /// Print JSON
     #[arg(long)]
     json: bool,
@@ -41,7 +48,66 @@ struct Entry {
     error: Option<String>,
 }
 
+/// A test beside the shaders, or a file that was meant to declare some.
+#[derive(Serialize)]
+struct TestEntry {
+    /// The folder of the shaders.
+    package: PathBuf,
+    name: String,
+    /// The file of the test.
+    file: PathBuf,
+    /// Both from 1.
+    line: u32,
+    column: u32,
+    /// Why it is no test.
+    error: Option<Wrong>,
+}
+
+/// The tests of packages: functions with `@test`, and those that `*.test.toml` declare.
+fn list_tests(args: &Args, out: &mut dyn Write) -> Outcome {
+    let project = Project::find()?;
+    let mut all: Vec<TestEntry> = Vec::new();
+    for package in project.packages(&args.place.package())? {
+        let (suite, root) = (Suite::of(package.clone())?, resolved(&package.root()));
+        let mut add = |name: &str, place: Option<String>, error: Option<&Wrong>| {
+            let whole = || Place { file: name.to_owned(), line: 1, column: 1 };
+            let place = place.as_deref().and_then(Place::of).unwrap_or_else(whole);
+            all.push(TestEntry {
+                package: root.clone(),
+                name: name.to_owned(),
+                file: resolved(Path::new(&place.file)),
+                line: place.line,
+                column: place.column,
+                error: error.cloned(),
+            });
+        };
+        suite.tests.iter().for_each(|test| add(&test.name, Some(test.span.to_string()), None));
+        for Broken { name, wrong, .. } in &suite.broken {
+            add(name, wrong.place.clone(), Some(wrong));
+        }
+    }
+    ensure!(!all.is_empty(), "no test is beside the shaders: `karat init` writes a first one");
+    let good = all.iter().all(|one| one.error.is_none());
+    match args.json {
+        true => write_json(&all, out)?,
+        false => {
+            for TestEntry { name, file, line, column, error, .. } in &all {
+                let (style, more) = match error {
+                    Some(wrong) => (BAD, format!(": {}", wrong.headline)),
+                    None => (PLAIN, String::new()),
+                };
+                writeln!(out, "{}:{line}:{column} {style}{name}{style:#}{more}", shown(file))?;
+            }
+            args.place.write_outside(out)?;
+        }
+    }
+    Ok(if good { Ending::Good } else { Ending::Bad })
+}
+
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
+    if args.tests {
+        return list_tests(args, out);
+    }
     let project = Project::last_tested()?;
     let ran = tested_functions(&project)?;
     let mut entries = Vec::new();
@@ -74,7 +140,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             }
         }
     }
-    anyhow::ensure!(!entries.is_empty(), "the packages hold no function");
+    ensure!(!entries.is_empty(), "the packages hold no function");
     let good = valid && no_tests.is_empty();
     let verdict = if good { Ending::Good } else { Ending::Bad };
     if args.json {

@@ -46,7 +46,8 @@ pub(super) fn run(root: &Path, out: &mut dyn Write) -> Outcome {
                     false => Reads::Any,
                 };
                 let broken = error.map(Wrong::of).into_iter().collect();
-                Said::Done { tests, broken, idle, invalid: None, remarks: None, reads }
+                let records = Vec::new();
+                Said::Done { tests, broken, idle, invalid: None, remarks: None, reads, records }
             }
             Err(error) => {
                 // Who watches forgets all verdicts.

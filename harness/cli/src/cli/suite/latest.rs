@@ -34,6 +34,11 @@ impl Latest {
         self.0.contains_key(test)
     }
 
+    /// The records of a test's last run.
+    pub(super) fn of(&self, test: &str) -> &[Record] {
+        self.0.get(test).map_or(&[], Vec::as_slice)
+    }
+
     /// Takes what this process recorded since it was last asked, and empties its file.
     pub(super) fn take_own<'n>(&mut self, tests: impl Iterator<Item = &'n str>) {
         let Some(folder) = std::env::var_os("KARAT_RECORD") else { return };

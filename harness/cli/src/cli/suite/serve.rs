@@ -102,8 +102,9 @@ fn answer(
     let all: BTreeSet<String> = tests.iter().map(|test| test.name.clone()).collect();
     // Who watches forgets the verdict of a test that is gone: when it is back, it runs.
     known.retain(|name, _| all.contains(name));
+    let is_asked = |test: &&Test| request.only.as_ref().is_none_or(|only| test.name == *only);
     let mut concerned = Vec::new();
-    for test in tests {
+    for test in tests.into_iter().filter(is_asked) {
         let normalized_text = suite.normalized_text(test);
         let same = normalized_text.is_some() && known.get(&test.name) == Some(&normalized_text);
         if same && !request.all && latest.renew(&test.name, files) {
@@ -127,7 +128,8 @@ fn answer(
         false => Reads::These(suite.reads().iter().map(|file| resolved(file)).collect()),
     };
     let (idle, invalid, remarks) = (idle.len(), None, None);
-    Ok(Said::Done { tests: all, broken, idle, invalid, remarks, reads })
+    let records = request.only.as_ref().map_or(Vec::new(), |only| latest.of(only).to_vec());
+    Ok(Said::Done { tests: all, broken, idle, invalid, remarks, reads, records })
 }
 
 /// The whole package, as its project knows it: what no test links must be valid, too, as for `karat test`.

@@ -7,6 +7,7 @@ use std::process::{Child, ChildStdin, Command, Stdio};
 use std::time::{Duration, Instant};
 
 use anyhow::Context;
+use karat::unstable::record::Record;
 use karat_suite::Wrong;
 use serde::{Deserialize, Serialize};
 
@@ -34,6 +35,9 @@ pub(in crate::cli) struct Request {
     /// Run nothing, and write the record of each test's last run into this file.
     #[serde(default)]
     pub(in crate::cli) report: Option<PathBuf>,
+    /// The only test that runs, by its name; its records come with the answer. Editors and other test runners ask so.
+    #[serde(default)]
+    pub(in crate::cli) only: Option<String>,
 }
 
 /// What a worker says: a line of JSON.
@@ -59,6 +63,9 @@ pub(in crate::cli) enum Said {
         /// Files that matter besides modules and declared tests.
         #[serde(default)]
         reads: Reads,
+        /// What the only test recorded.
+        #[serde(default, skip_serializing_if = "Vec::is_empty")]
+        records: Vec<Record>,
     },
     /// The records were written, or weren't.
     Reported { error: Option<String> },
@@ -71,7 +78,8 @@ impl Said {
     pub(in crate::cli) fn failed(why: String) -> Self {
         let (tests, broken) = (BTreeSet::new(), vec![Wrong::of(why)]);
         let (idle, invalid, remarks, reads) = (0, None, None, Reads::Any);
-        Self::Done { tests, broken, idle, invalid, remarks, reads }
+        let records = Vec::new();
+        Self::Done { tests, broken, idle, invalid, remarks, reads, records }
     }
 }
 

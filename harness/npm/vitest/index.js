@@ -1,0 +1,121 @@
+// @ts-check
+// A plugin of vitest: tests beside shaders become modules that declare them, each on its own line.
+
+import { readFileSync } from "node:fs";
+import path from "node:path";
+import { configDefaults } from "vitest/config";
+
+import { Karat } from "./karat.js";
+
+/** @typedef {import("./karat.js").Listed} Listed */
+
+const TESTS = ["**/*_test.wgsl", "**/*_test.wesl", "**/*.test.toml"];
+
+/** @param {string} id */
+const isTest = (id) => /(_test\.(wgsl|wesl)|\.test\.toml)$/.test(id);
+
+/** @param {string} file */
+const isInput = (file) => /\.(wgsl|wesl|toml|csv|exr|png|json|obj)$/.test(file);
+
+/**
+ * A module that declares a file's tests: each where it stands in the file, so that vitest shows that place.
+ * @param {string} file
+ * @param {Listed[]} listed
+ * @param {string[]} errors
+ * @param {string[]} packages Folders whose modules are validated here.
+ */
+function moduleOf(file, listed, errors, packages) {
+  const lines = readFileSync(file, "utf8").split("\n").map(() => "");
+  const runtime = JSON.stringify(import.meta.resolve("./runtime.js"));
+  /** @type {Map<number, string[]>} */
+  const byLine = new Map();
+  for (const one of listed) {
+    const call = one.error ? `broken(${JSON.stringify(one)})` : `declare(${JSON.stringify(one)})`;
+    // `[[test]]` of one place may have several assertions.
+    byLine.set(one.line, [...(byLine.get(one.line) ?? []), " ".repeat(one.column - 1) + call]);
+  }
+  for (const [line, calls] of byLine) {
+    while (lines.length < line) lines.push("");
+    lines[line - 1] = calls.map((call, at) => (at ? call.trimStart() : call)).join("; ") + ";";
+  }
+  // Imports are hoisted: the last line has room.
+  lines.push(`import { broken, declare, failing, valid } from ${runtime};`);
+  lines.push(...errors.map((error) => `failing(${JSON.stringify(error)});`));
+  lines.push(...packages.map((folder) => `valid(${JSON.stringify(folder)});`));
+  return lines.join("\n");
+}
+
+/**
+ * @param {import("./index.d.ts").KaratOptions} [options]
+ * @returns {import("vite").Plugin[]}
+ */
+export default function karat(options = {}) {
+  // Vite alone, which builds or serves, has no tests.
+  if (!process.env.VITEST) return [];
+  /** @type {Karat | undefined} */
+  let program;
+  /** @type {Promise<string>} */
+  let served = Promise.resolve("");
+  /** @type {Set<string>} */
+  const files = new Set();
+
+  /** @param {string} file */
+  const load = async (file) => {
+    files.add(file);
+    if (!program) return null;
+    try {
+      const all = await program.list();
+      const own = all.filter((one) => one.file === file);
+      const errors = own.length ? [] : [
+        `no test of Karat is in ${path.relative(program.root, file)}: ` +
+          "name the folder of its shaders, karat({ folders: [\"src/shaders\"] }), or leave the file out of `include`",
+      ];
+      // The first file of a folder stands for modules that no test uses.
+      const isFirst = (/** @type {Listed} */ one) => all.find((other) => other.package === one.package) === one;
+      return moduleOf(file, own, errors, own.filter(isFirst).map((one) => one.package));
+    } catch (error) {
+      return moduleOf(file, [], [error instanceof Error ? error.message : String(error)], []);
+    }
+  };
+
+  return [
+    {
+      name: "karat",
+      enforce: "pre",
+      async config(config) {
+        const root = path.resolve(config.root ?? process.cwd());
+        program ??= new Karat(root, options);
+        served = program.serve();
+        /** @type {{ include?: string[] } | undefined} */
+        const given = /** @type {any} */ (config).test;
+        const include = given?.include ? TESTS : [...configDefaults.include, ...TESTS];
+        const own = program;
+        return /** @type {any} */ ({
+          test: {
+            include,
+            env: { VITEST_KARAT: await served },
+            watchTriggerPatterns: [
+              { pattern: /\.(wgsl|wesl|toml|csv|exr|png|json|obj)$/, testsToRun: (/** @type {string} */ file) => own.concerned(file, [...files]) },
+            ],
+          },
+        });
+      },
+      configureServer(server) {
+        server.watcher.on("all", (_, file) => {
+          if (isInput(file)) program?.forget(path.resolve(file));
+        });
+      },
+      load: (id) => (isTest(id) ? load(id) : null),
+      closeBundle: () => program?.close(),
+    },
+    {
+      // Behind plugins that take each `*.wgsl` for a text.
+      name: "karat:last",
+      enforce: "post",
+      transform: async (_, id) => {
+        const code = isTest(id) ? await load(id) : null;
+        return code === null ? null : { code, map: null };
+      },
+    },
+  ];
+}

@@ -1,0 +1,313 @@
+// @ts-check
+// The processes of Karat behind vitest: one for each folder of shaders, which stays, and a socket for vitest's workers.
+
+import { spawn } from "node:child_process";
+import { mkdtempSync, rmSync } from "node:fs";
+import { createRequire } from "node:module";
+import net from "node:net";
+import os from "node:os";
+import path from "node:path";
+import readline from "node:readline";
+
+/**
+ * A test, or what should have been one.
+ * @typedef {{ package: string, name: string, file: string, line: number, column: number, error: Wrong | null }} Listed
+ */
+
+/**
+ * @typedef {{ headline: string, place: string | null, message: string }} Wrong
+ */
+
+/**
+ * A verdict as a worker of vitest takes it.
+ * @typedef {{ message?: string, place?: string, actual?: string, expected?: string, pending?: boolean }} Verdict
+ */
+
+/**
+ * What is asked for: a test, or whether the modules of a folder are valid; `accept`: with the frame that was drawn as its golden.
+ * @typedef {{ folder: string, name?: string, accept?: boolean }} Question
+ */
+
+/** The program isn't there. */
+export class Missing extends Error {}
+
+/**
+ * A hung shader is ended by Karat after this time, in seconds, unless `KARAT_TIMEOUT` says another.
+ */
+const TIMEOUT = "20";
+
+/** A process of `karat suite --serve`, whose requests wait for each other. */
+class Resident {
+  /** @type {import("node:child_process").ChildProcess | undefined} */
+  child;
+  /** @type {Promise<unknown>} */
+  turn = Promise.resolve();
+  /** The last verdict of each test: the process tells none of what an edit doesn't concern. @type {Map<string, Wrong | null>} */
+  verdicts = new Map();
+  /** Files that each test read. @type {Map<string, Set<string>>} */
+  reads = new Map();
+  /** @type {{ said: (line: any) => void, ended: (why: string) => void } | undefined} */
+  heard;
+
+  /**
+   * @param {Karat} karat
+   * @param {string} folder
+   */
+  constructor(karat, folder) {
+    this.karat = karat;
+    this.folder = folder;
+  }
+
+  start() {
+    const { karat } = this;
+    const env = { ...karat.env(), KARAT_RECORD: mkdtempSync(path.join(karat.scratch, "record-")) };
+    const child = spawn(karat.program, ["suite", this.folder, "--serve"], { cwd: karat.root, env });
+    this.child = child;
+    this.verdicts.clear();
+    let last = "";
+    child.stderr?.setEncoding("utf8").on("data", (text) => {
+      last = (last + text).slice(-4096);
+    });
+    readline.createInterface({ input: /** @type {any} */ (child.stdout) }).on("line", (line) => {
+      // Anything else is a driver's chatter.
+      if (!line.startsWith("{")) return;
+      try {
+        this.heard?.said(JSON.parse(line));
+      } catch {}
+    });
+    const ended = (/** @type {string} */ why) => {
+      if (this.child !== child) return;
+      this.child = undefined;
+      this.heard?.ended(last.trim() || why);
+    };
+    child.on("error", (error) => ended(`${karat.program} doesn't run: ${error.message}`));
+    child.on("close", (status, signal) => ended(`the process of the tests ended (${signal ?? `exit code ${status}`})`));
+    child.stdin?.on("error", () => {});
+  }
+
+  /**
+   * @param {object} request
+   * @returns {Promise<any>} What it says at the end.
+   */
+  ask(request) {
+    const asked = this.turn.then(() => new Promise((resolve, reject) => {
+      if (!this.child) this.start();
+      this.heard = {
+        said: (line) => {
+          if (line.test) this.verdicts.set(line.test.name, line.test.wrong);
+          if (line.done) resolve(line.done);
+        },
+        ended: (why) => reject(new Error(why)),
+      };
+      const whole = { filter: "", all: false, first: [], ...request };
+      this.child?.stdin?.write(`${JSON.stringify(whole)}\n`);
+    })).finally(() => {
+      this.heard = undefined;
+    });
+    this.turn = asked.catch(() => {});
+    return asked;
+  }
+}
+
+/** Karat as one run of vitest uses it. */
+export class Karat {
+  /** @type {Map<string, Resident>} */
+  residents = new Map();
+  /** @type {Promise<Listed[]> | undefined} */
+  listed;
+  /** Files that changed since each folder was asked. @type {Set<string>} */
+  changed = new Set();
+  /** @type {net.Server | undefined} */
+  server;
+  scratch = mkdtempSync(path.join(os.tmpdir(), "karat-vitest-"));
+
+  /**
+   * @param {string} root
+   * @param {import("./index.d.ts").KaratOptions} options
+   */
+  constructor(root, options) {
+    this.root = root;
+    this.options = options;
+    this.program = options.program ?? installed(root) ?? "karat";
+    process.once("exit", () => this.close());
+  }
+
+  env() {
+    const { paths } = this.options;
+    return { KARAT_TIMEOUT: TIMEOUT, ...process.env, ...(paths ? { KARAT_PATHS: paths } : {}) };
+  }
+
+  /**
+   * Runs the program once, and gives what it prints.
+   * @param {string[]} words
+   * @returns {Promise<{ status: number | null, out: string, err: string }>}
+   */
+  run(words) {
+    return new Promise((resolve, reject) => {
+      const child = spawn(this.program, words, { cwd: this.root, env: this.env() });
+      let [out, err] = ["", ""];
+      child.stdout.setEncoding("utf8").on("data", (text) => (out += text));
+      child.stderr.setEncoding("utf8").on("data", (text) => (err += text));
+      child.on("error", (error) => reject(new Missing(
+        `the program \`${this.program}\` doesn't run (${error.message}): npm install --save-dev karat`,
+      )));
+      child.on("close", (status) => resolve({ status, out, err }));
+    });
+  }
+
+  /** All tests. Those of an edit are listed again. */
+  list() {
+    this.listed ??= (async () => {
+      const folders = this.options.folders ?? [undefined];
+      const all = await Promise.all(folders.map(async (folder) => {
+        const { out, err } = await this.run(["list", "--tests", "--json", ...(folder ? [folder] : [])]);
+        if (!out.startsWith("[")) throw new Error(err.trim() || "`karat list --tests` says nothing");
+        return JSON.parse(out);
+      }));
+      return all.flat();
+    })();
+    return this.listed;
+  }
+
+  /** @param {string} file */
+  forget(file) {
+    this.listed = undefined;
+    this.changed.add(file);
+  }
+
+  /**
+   * The test files that an edit of a file concerns: itself, those with a test that read it, and those that haven't run.
+   * @param {string} file
+   * @param {string[]} tests
+   */
+  concerned(file, tests) {
+    const edited = path.resolve(file);
+    this.forget(edited);
+    return tests.filter((test) => {
+      if (test === edited) return true;
+      const resident = [...this.residents.values()].find((one) => isBelow(test, one.folder));
+      const reads = resident?.reads.get(test);
+      return reads ? reads.has(edited) : true;
+    });
+  }
+
+  /** @param {string} folder */
+  resident(folder) {
+    const known = this.residents.get(folder) ?? new Resident(this, folder);
+    this.residents.set(folder, known);
+    return known;
+  }
+
+  /**
+   * @param {Question} question
+   * @returns {Promise<Verdict>}
+   */
+  async answer({ folder, name, accept }) {
+    const resident = this.resident(folder);
+    const changed = [...this.changed];
+    if (name === undefined) {
+      const done = await resident.ask({ only: "", validate: true, changed });
+      return done.invalid ? { message: done.invalid, place: placeIn(done.invalid, this.root) } : {};
+    }
+    const done = await resident.ask({ only: name, changed });
+    const listed = (await this.list()).find((one) => one.package === folder && one.name === name);
+    const record = done.records?.at(-1);
+    if (listed) {
+      const reads = resident.reads.get(listed.file) ?? new Set();
+      for (const { file } of (done.records ?? []).flatMap((/** @type {any} */ one) => one.read ?? [])) reads.add(file);
+      resident.reads.set(listed.file, reads);
+    }
+    if (!resident.verdicts.has(name)) return { message: `no test of Karat is called \`${name}\` any more` };
+    const wrong = resident.verdicts.get(name);
+    if (!wrong) return {};
+    const frame = name.startsWith("frame ") ? name.slice("frame ".length) : undefined;
+    const goldens = record?.subject?.folder;
+    if (frame && accept && goldens) {
+      const { status, err } = await this.run(["accept", frame, "--goldens", goldens, "--because", "vitest --update"]);
+      resident.verdicts.delete(name);
+      if (status === 0) return this.answer({ folder, name });
+      wrong.message += `\n\nit can't be accepted: ${err.trim()}`;
+    }
+    return verdict(wrong, record, this.root);
+  }
+
+  /** Answers the workers of vitest: a line of JSON for each. */
+  serve() {
+    return new Promise((/** @type {(place: string) => void} */ resolve, reject) => {
+      const place = process.platform === "win32"
+        ? `\\\\.\\pipe\\${path.basename(this.scratch)}`
+        : path.join(this.scratch, "socket");
+      if (this.server) return resolve(place);
+      this.server = net.createServer((socket) => {
+        socket.on("error", () => {});
+        readline.createInterface({ input: socket }).on("line", async (line) => {
+          const { id, question } = JSON.parse(line);
+          const answer = await this.answer(question).catch((error) => ({ message: String(error.message ?? error) }));
+          socket.write(`${JSON.stringify({ id, answer })}\n`);
+        });
+      });
+      this.server.on("error", reject);
+      // It keeps no process alive.
+      this.server.listen(place, () => resolve(place)).unref();
+    });
+  }
+
+  close() {
+    for (const { child } of this.residents.values()) child?.kill();
+    this.residents.clear();
+    this.server?.close();
+    rmSync(this.scratch, { recursive: true, force: true });
+  }
+}
+
+/**
+ * The program that npm installed.
+ * @param {string} root
+ */
+function installed(root) {
+  const own = `karat-${process.platform}-${process.arch}`;
+  const file = process.platform === "win32" ? "karat.exe" : "karat";
+  // It is a dependency of the package `karat`, and package managers may keep it beside that alone.
+  for (const from of [path.join(root, "package.json"), import.meta.url]) {
+    try {
+      const main = createRequire(from).resolve("karat/package.json");
+      return createRequire(main).resolve(`${own}/bin/${file}`);
+    } catch {}
+  }
+  return undefined;
+}
+
+/**
+ * @param {string} file
+ * @param {string} folder
+ */
+function isBelow(file, folder) {
+  return file === folder || file.startsWith(folder.endsWith(path.sep) ? folder : folder + path.sep);
+}
+
+/**
+ * The place of a message: `  --> shaders/a.wgsl:3:1`.
+ * @param {string} message
+ * @param {string} root
+ */
+function placeIn(message, root) {
+  const place = message.match(/^\s*--> (.+:\d+:\d+)/m)?.[1];
+  return place && path.resolve(root, place);
+}
+
+/**
+ * @param {Wrong} wrong
+ * @param {any} record
+ * @param {string} root
+ * @returns {Verdict}
+ */
+function verdict(wrong, record, root) {
+  const paths = record?.details?.paths ?? [];
+  const cases = paths.flatMap((/** @type {any} */ one) => [one.simplest, one.worst, one.first]).filter(Boolean);
+  const expectation = cases.flatMap((/** @type {any} */ one) => one.expectations ?? [])[0];
+  const told = expectation?.place || wrong.place || record?.details?.place;
+  const place = told ? path.resolve(root, told) : placeIn(wrong.message, root);
+  const valued = cases.find((/** @type {any} */ one) => one.actual && one.expected);
+  const values = valued && { actual: valued.actual, expected: valued.expected };
+  return { message: wrong.message.trim(), place, ...values };
+}

@@ -1,0 +1,124 @@
+// @ts-check
+// In a worker of vitest: declares tests, and asks the main process for their verdicts.
+
+import net from "node:net";
+import path from "node:path";
+import readline from "node:readline";
+import { test } from "vitest";
+
+/** @typedef {import("./karat.js").Listed} Listed */
+/** @typedef {import("./karat.js").Verdict} Verdict */
+/** @typedef {import("./karat.js").Question} Question */
+
+/** Karat ends a hung test itself and says so; vitest waits a while longer, in milliseconds. */
+const TIMEOUT = 1000 * (Number(process.env.KARAT_TIMEOUT) || 20) + 40_000;
+
+/** @type {Promise<net.Socket> | undefined} */
+let opened;
+/** @type {Map<number, (answer: Verdict) => void>} */
+const waiting = new Map();
+let last = 0;
+
+function open() {
+  opened ??= new Promise((resolve, reject) => {
+    const socket = net.createConnection(process.env.VITEST_KARAT ?? "");
+    const lost = (/** @type {string} */ why) => {
+      opened = undefined;
+      for (const answer of waiting.values()) answer({ message: `vitest's main process can't be asked: ${why}` });
+      waiting.clear();
+    };
+    readline.createInterface({ input: socket }).on("line", (line) => {
+      const { id, answer } = JSON.parse(line);
+      waiting.get(id)?.(answer);
+      waiting.delete(id);
+    });
+    socket.on("connect", () => resolve(socket));
+    socket.on("close", () => lost("the connection is closed"));
+    socket.on("error", (error) => {
+      lost(error.message);
+      reject(error);
+    });
+    socket.unref();
+  });
+  return opened;
+}
+
+/**
+ * @param {Question} question
+ * @returns {Promise<Verdict>}
+ */
+async function ask(question) {
+  const socket = await open();
+  const id = ++last;
+  // A connection without a question keeps no worker alive.
+  socket.ref();
+  const answer = await new Promise((/** @type {(answer: Verdict) => void} */ resolve) => {
+    waiting.set(id, resolve);
+    socket.write(`${JSON.stringify({ id, question })}\n`);
+  });
+  if (waiting.size === 0) socket.unref();
+  return answer;
+}
+
+/** True under `vitest --update`. CI accepts nothing. */
+function accepts() {
+  const worker = /** @type {any} */ (globalThis).__vitest_worker__;
+  return !process.env.CI && worker?.config?.snapshotOptions?.updateSnapshot === "all";
+}
+
+/**
+ * An error whose stack is a place of the author's, and the test's own behind it.
+ * @param {Verdict} verdict
+ * @param {string} name
+ * @param {string} [own]
+ */
+function failure({ message = "", place, actual, expected }, name, own) {
+  const error = new Error(message.replace(/^error: /, ""));
+  const frames = [...new Set([place, own])].filter(Boolean);
+  const at = name.replaceAll(/[\s()]+/g, "_");
+  if (frames.length > 0) error.stack = `Error: ${error.message}${frames.map((frame) => `\n    at ${at} (${frame})`).join("")}`;
+  return expected === undefined ? error : Object.assign(error, { actual, expected });
+}
+
+/**
+ * Declares a test.
+ * @param {Listed} listed
+ */
+export function declare({ package: folder, name, file, line, column }) {
+  test(name, { timeout: TIMEOUT }, async () => {
+    const verdict = await ask({ folder, name, accept: accepts() });
+    if (verdict.message) throw failure(verdict, name, `${file}:${line}:${column}`);
+  });
+}
+
+/**
+ * Declares a test that fails, in the place of what should have been one.
+ * @param {Listed} listed
+ */
+export function broken({ name, file, line, column, error }) {
+  test(name, () => {
+    throw failure({ message: error?.message, place: `${file}:${line}:${column}` }, name);
+  });
+}
+
+/**
+ * Declares the test that a folder's modules are valid, whether or not a test uses them.
+ * @param {string} folder
+ */
+export function valid(folder) {
+  const name = `modules of ${path.relative(process.cwd(), folder) || "this folder"} are valid`;
+  test(name, { timeout: TIMEOUT }, async () => {
+    const verdict = await ask({ folder });
+    if (verdict.message) throw failure(verdict, name);
+  });
+}
+
+/**
+ * Declares a test that fails, since there is none.
+ * @param {string} message
+ */
+export function failing(message) {
+  test("karat", () => {
+    throw failure({ message }, "karat");
+  });
+}
