@@ -145,7 +145,7 @@ pub mod path {
         adapter, expect_sound, named, programs, required, selected, selects,
     };
     pub use crate::path::swiftshader;
-    pub use crate::path::web::has_chosen_drivers;
+    pub use crate::path::web::{BROWSER_SCRIPTS, has_chosen_drivers};
     pub use crate::reflect::Ability;
 }
 

@@ -26,6 +26,7 @@ const CARGO: Bound = Needless("cargo downloads, builds and waits for other build
 /// Each file that starts processes, with how many `Command::new` it has.
 const KNOWN: &[(&str, usize, Bound)] = &[
     ("cli/src/cargo.rs", 1, OURS),
+    ("cli/src/cli/browser.rs", 1, OURS),
     ("cli/src/cli/git.rs", 1, Deadline),
     ("cli/src/cli/init.rs", 1, OURS),
     ("cli/src/cli/loader.rs", 1, OURS),

@@ -6,6 +6,7 @@
 //! record of a full run. The code is the same whether or not anybody reads the output.
 
 mod artefact;
+mod browser;
 mod call;
 mod check;
 mod child;
@@ -140,6 +141,12 @@ enum Command {
     /// Run the tests of a folder of shaders as `karat test` does, and print lines
     #[command(hide = true)]
     Suite(suite::Args),
+    /// Run the tests in a browser that opens a page of this machine
+    #[command(after_help = "Examples:\n  karat browser\n  karat browser --open shaders\n  \
+                            karat browser -- tests/brdf --junit out.xml    what `karat test` takes\n\
+                            The page is for this machine alone, and its URL has a secret. Paths `dawn` and `chromium` need no page.\n\
+                            Exit codes: those of `karat test`; 2 also if no browser opens the page.")]
+    Browser(browser::Args),
     /// Run the case again that a check of the last run failed on
     #[command(after_help = "Examples:\n  karat replay          the only failure\n  \
                             karat replay 3f2a     as `karat test` names it\n  \
@@ -463,6 +470,7 @@ fn command(command: Command, out: &mut dyn Write) -> Outcome {
         Command::Watch(args) => watch::run(&args, out),
         Command::Lsp(args) => lsp::run(&args, out),
         Command::Suite(args) => suite::run(&args, out),
+        Command::Browser(args) => browser::run(&args, out),
         Command::Replay(args) => replay::run(&args, out),
         Command::Record(args) => record::run(&args, out),
         Command::Report(args) => report::run(&args, out),

@@ -2,6 +2,8 @@
 
 #[path = "cli/asserts.rs"]
 mod asserts;
+#[path = "cli/browser.rs"]
+mod browser;
 #[path = "cli/call.rs"]
 mod call;
 #[path = "cli/check.rs"]

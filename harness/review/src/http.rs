@@ -43,16 +43,18 @@ const UNFRAMED: &str = "'none'";
 const FRAMED: &str = "vscode-file: vscode-webview: http://127.0.0.1:* http://localhost:*";
 
 /// An answer: status, content type, body.
-pub(super) struct Answer(pub(super) u16, pub(super) &'static str, pub(super) String);
+pub struct Answer(pub u16, pub &'static str, pub String);
 
 impl Answer {
-    pub(super) fn text(status: u16, text: &str) -> Self {
+    /// Plain text, with a line end.
+    #[must_use]
+    pub fn text(status: u16, text: &str) -> Self {
         Self(status, "text/plain; charset=utf-8", format!("{text}\n"))
     }
 }
 
 /// A port on 127.0.0.1.
-pub(super) struct Http {
+pub struct Http {
     listener: TcpListener,
     address: SocketAddr,
     stopped: Arc<AtomicBool>,
@@ -62,13 +64,14 @@ pub(super) struct Http {
 
 /// Stops an [`Http`].
 #[derive(Clone)]
-pub(super) struct Stopper {
+pub struct Stopper {
     address: SocketAddr,
     stopped: Arc<AtomicBool>,
 }
 
 impl Stopper {
-    pub(super) fn stop(&self) {
+    /// Ends [`Http::run`].
+    pub fn stop(&self) {
         self.stopped.store(true, Ordering::SeqCst);
         // Whoever waits for a connection gets one. If there is none to be had, it isn't waiting.
         drop(TcpStream::connect_timeout(&self.address, PATIENCE));
@@ -77,7 +80,10 @@ impl Stopper {
 
 impl Http {
     /// Takes a port, any that is free if it is 0. An editor may show the page in a frame.
-    pub(super) fn bind(port: u16, in_editor: bool) -> io::Result<Self> {
+    ///
+    /// # Errors
+    /// If the port is taken.
+    pub fn bind(port: u16, in_editor: bool) -> io::Result<Self> {
         let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, port))?;
         let address = listener.local_addr()?;
         let (stopped, open) = Default::default();
@@ -85,16 +91,20 @@ impl Http {
         Ok(Self { listener, address, stopped, open, ancestors })
     }
 
-    pub(super) fn port(&self) -> u16 {
+    /// The port.
+    #[must_use]
+    pub fn port(&self) -> u16 {
         self.address.port()
     }
 
-    pub(super) fn stopper(&self) -> Stopper {
+    /// A way to stop it from another thread.
+    #[must_use]
+    pub fn stopper(&self) -> Stopper {
         Stopper { address: self.address, stopped: Arc::clone(&self.stopped) }
     }
 
     /// Answers until it is stopped; threads that are answering then are left to themselves.
-    pub(super) fn run(&self, answer: impl Fn(&mut Request) -> Answer + Send + Sync + 'static) {
+    pub fn run(&self, answer: impl Fn(&mut Request) -> Answer + Send + Sync + 'static) {
         let answer = Arc::new(answer);
         while !self.stopped.load(Ordering::SeqCst) {
             let Ok((stream, _)) = self.listener.accept() else {
@@ -214,10 +224,75 @@ impl Read for Timed {
     }
 }
 
+/// The secret in the URL of a page, which whoever was given the URL knows.
+pub struct Door {
+    port: u16,
+    token: String,
+}
+
+impl Door {
+    /// A new one.
+    ///
+    /// # Errors
+    /// If the system has no random numbers.
+    pub fn new(http: &Http) -> io::Result<Self> {
+        let mut random = [0; 16];
+        getrandom::fill(&mut random).map_err(io::Error::other)?;
+        let token = random.iter().map(|byte| format!("{byte:02x}")).collect();
+        Ok(Self { port: http.port(), token })
+    }
+
+    /// The secret.
+    #[must_use]
+    pub fn token(&self) -> &str {
+        &self.token
+    }
+
+    /// The page's URL.
+    #[must_use]
+    pub fn url(&self) -> String {
+        format!("http://127.0.0.1:{}/{}/", self.port, self.token)
+    }
+
+    /// The place behind the secret that a request asks for: empty is the page itself. `printed` names the command that
+    /// printed the URL.
+    ///
+    /// # Errors
+    /// If it doesn't come from somebody who was given the URL, and from our own page.
+    pub fn enter<'r>(&self, request: &'r Request<'_>, printed: &str) -> Result<&'r str, Answer> {
+        let refused = |what: &str| Err(Answer::text(403, what));
+        let ours = ["127.0.0.1", "localhost"].map(|name| format!("{name}:{}", self.port));
+        let Ok(Some(host)) = request.header("Host") else {
+            return refused("a request needs one Host");
+        };
+        if !ours.iter().any(|name| name == host) {
+            return refused("this Host isn't ours");
+        }
+        let own = match request.header("Origin") {
+            Ok(Some(origin)) => origin == format!("http://{host}"),
+            Ok(None) => request.method == "GET",
+            Err(_) => false,
+        };
+        if !own {
+            return refused("this Origin isn't ours");
+        }
+        let token = request.url.split(['/', '?']).nth(1).unwrap_or_default();
+        // Hashes are compared in constant time.
+        if blake3::hash(token.as_bytes()) != blake3::hash(self.token.as_bytes()) {
+            return refused(&format!("open the URL that `{printed}` printed"));
+        }
+        request.admit();
+        let url = request.url.split('?').next().unwrap_or_default();
+        Ok(url.get(self.token.len() + 2..).unwrap_or_default())
+    }
+}
+
 /// A request whose head has been read.
-pub(super) struct Request<'a> {
-    pub(super) method: String,
-    pub(super) url: String,
+pub struct Request<'a> {
+    /// `GET`, `POST`, ...
+    pub method: String,
+    /// Path and query.
+    pub url: String,
     headers: Vec<(String, String)>,
     /// What of the body came with the head.
     begun: Vec<u8>,
@@ -258,15 +333,18 @@ impl<'a> Request<'a> {
         }
     }
 
-    /// The value of a header that is there once; an error if it is there more often.
-    pub(super) fn header(&self, name: &str) -> Result<Option<&str>, Repeated> {
+    /// The value of a header that is there once.
+    ///
+    /// # Errors
+    /// If it is there more often.
+    pub fn header(&self, name: &str) -> Result<Option<&str>, Repeated> {
         let mut named = self.headers.iter().filter(|(other, _)| other.eq_ignore_ascii_case(name));
         let first = named.next().map(|(_, value)| value.as_str());
         if named.next().is_some() { Err(Repeated) } else { Ok(first) }
     }
 
     /// Keeps this connection from being closed in favour of one that hasn't said anything yet.
-    pub(super) fn admit(&self) {
+    pub fn admit(&self) {
         self.connection.open.change(|entries| {
             for entry in entries {
                 entry.admitted |= Arc::ptr_eq(&entry.stream, &self.connection.stream);
@@ -275,7 +353,7 @@ impl<'a> Request<'a> {
     }
 
     /// Reads the body, if the request says how long it is and that isn't more than `longest`.
-    pub(super) fn body(&mut self, longest: u64) -> Option<io::Result<String>> {
+    pub fn body(&mut self, longest: u64) -> Option<io::Result<String>> {
         let said = match (self.header("Transfer-Encoding"), self.header("Content-Length")) {
             (Ok(None), Ok(Some(said))) if said.bytes().all(|byte| byte.is_ascii_digit()) => said,
             _ => return None,
@@ -289,4 +367,4 @@ impl<'a> Request<'a> {
 
 /// A header that may be there once is there more often.
 #[derive(Debug)]
-pub(super) struct Repeated;
+pub struct Repeated;

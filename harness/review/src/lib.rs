@@ -13,7 +13,7 @@ mod data;
 mod facts;
 mod git;
 mod history;
-mod http;
+pub mod http;
 mod last_run;
 mod load;
 mod maps;

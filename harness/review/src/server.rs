@@ -10,7 +10,7 @@ use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 use serde::Deserialize;
 use serde_json::json;
 
-use super::http::{Answer, Http, Request, Stopper};
+use super::http::{Answer, Door, Http, Request, Stopper};
 use super::{Entry, Review, ReviewError, data, page, version_script};
 use karat::unstable::golden::{AcceptError, Acceptance, Pending, PendingFrames};
 
@@ -37,8 +37,7 @@ impl Stop {
 /// What answers, from many threads.
 struct Desk {
     review: Review,
-    port: u16,
-    token: String,
+    door: Door,
     /// Entries by the number of their data file, which stays what it is while the server runs.
     numbered: Mutex<Vec<Entry>>,
     /// Held while a decision is carried out; whether the review has ended, and there are no more.
@@ -75,18 +74,16 @@ impl Server {
     pub(super) fn bind(review: Review, port: u16) -> Result<Self, ReviewError> {
         let failed = |reason: String| ReviewError::Serve { port, reason };
         let http = Http::bind(port, review.in_editor).map_err(|error| failed(error.to_string()))?;
-        let mut random = [0; 16];
-        getrandom::fill(&mut random).map_err(|error| failed(error.to_string()))?;
-        let token = random.iter().map(|byte| format!("{byte:02x}")).collect();
+        let door = Door::new(&http).map_err(|error| failed(error.to_string()))?;
         let (numbered, ended) = Default::default();
-        let desk = Desk { review, port: http.port(), token, numbered, ended };
+        let desk = Desk { review, door, numbered, ended };
         Ok(Self { http, desk: Arc::new(desk) })
     }
 
     /// Where the page is. Whoever knows this can accept and reject.
     #[must_use]
     pub fn url(&self) -> String {
-        format!("http://127.0.0.1:{}/{}/", self.desk.port, self.desk.token)
+        self.desk.door.url()
     }
 
     /// What stops it.
@@ -117,12 +114,10 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 
 impl Desk {
     fn answer(&self, request: &mut Request<'_>) -> Answer {
-        if let Err(refusal) = self.check(request) {
-            return refusal;
-        }
-        request.admit();
-        let url = request.url.split('?').next().unwrap_or_default();
-        let place = url.get(self.token.len() + 2..).unwrap_or_default().to_owned();
+        let place = match self.door.enter(request, "karat review") {
+            Ok(place) => place.to_owned(),
+            Err(refusal) => return refusal,
+        };
         let file = place.strip_prefix("data/").and_then(|file| file.strip_suffix(".js"));
         let (number, commit) = match file.and_then(|file| file.split_once('-')) {
             Some((number, commit)) => (Some(number), Some(commit)),
@@ -142,32 +137,6 @@ impl Desk {
         }
     }
 
-    /// Whether a request comes from somebody who was given the URL, and from our own page.
-    fn check(&self, request: &Request<'_>) -> Result<(), Answer> {
-        let refused = |what| Err(Answer::text(403, what));
-        let ours = ["127.0.0.1", "localhost"].map(|name| format!("{name}:{}", self.port));
-        let Ok(Some(host)) = request.header("Host") else {
-            return refused("a request needs one Host");
-        };
-        if !ours.iter().any(|name| name == host) {
-            return refused("this Host isn't ours");
-        }
-        let own = match request.header("Origin") {
-            Ok(Some(origin)) => origin == format!("http://{host}"),
-            Ok(None) => request.method == "GET",
-            Err(_) => false,
-        };
-        if !own {
-            return refused("this Origin isn't ours");
-        }
-        let token = request.url.split(['/', '?']).nth(1).unwrap_or_default();
-        // Hashes are compared in constant time.
-        if blake3::hash(token.as_bytes()) != blake3::hash(self.token.as_bytes()) {
-            return refused("open the URL that `karat review` printed");
-        }
-        Ok(())
-    }
-
     fn page(&self) -> Answer {
         let pending = self.review.pending();
         let mut numbered = locked(&self.numbered);
@@ -180,7 +149,7 @@ impl Desk {
                 numbered.push(entry);
             }
         }
-        let mode = page::Mode::Served { token: self.token.clone() };
+        let mode = page::Mode::Served { token: self.door.token().to_owned() };
         let html = page::html(&self.review, &pending, &entries, &mode);
         Answer(200, "text/html; charset=utf-8", html)
     }

@@ -22,6 +22,9 @@ const JOBS: &str = include_str!("jobs.js");
 const NODE: &str = include_str!("dawn.mjs");
 const PAGE: &str = include_str!("page.js");
 
+/// The JavaScript of a page that asks for jobs, and runs them by WebGPU.
+pub const BROWSER_SCRIPTS: &str = concat!(include_str!("jobs.js"), include_str!("browser.js"));
+
 /// A program that can be started.
 #[derive(Clone, Debug)]
 pub(super) enum Runner {

@@ -1,0 +1,311 @@
+//! `karat browser`: tests in whichever browser opens a page of this machine.
+//!
+//! The test programs start this program again as one that runs jobs (`KARAT_EXECUTORS`). It hands each job to the process
+//! that serves the page, by a port whose number and secret are in a file that this user alone can read.
+
+use std::io::{BufRead, BufReader, Write};
+use std::net::{Ipv4Addr, TcpListener, TcpStream};
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, bail, ensure};
+use karat::unstable::output::tell;
+use karat::unstable::path::BROWSER_SCRIPTS;
+use karat_review::http::{Answer, Door, Http, Request};
+use serde::Deserialize;
+
+use super::{Ending, Outcome, child};
+
+/// The longest answer that is read, as of other programs that run jobs: a frame of 4096 by 4096 pixels.
+const LONGEST: u64 = 1 << 30;
+
+/// A page asks again after this time; proxies and browsers give up after half a minute.
+const POLL: Duration = Duration::from_secs(5);
+
+/// A page that has no job and hasn't asked for so long is gone. Tabs behind others ask later than once a second.
+const GONE: Duration = Duration::from_secs(30);
+
+#[derive(clap::Args)]
+pub(super) struct Args {
+    /// Port on 127.0.0.1 [default: any that is free]
+    #[arg(long, value_name = "PORT", default_value_t = 0, hide_default_value = true)]
+    port: u16,
+    /// Open the page in the usual browser
+    #[arg(long)]
+    open: bool,
+    /// How long to wait until a browser opens the page
+    #[arg(long, value_name = "SECONDS", default_value_t = 120)]
+    wait: u64,
+    /// What `karat test` takes
+    #[arg(value_name = "TEST ARGUMENTS", trailing_var_arg = true, allow_hyphen_values = true)]
+    words: Vec<String>,
+    /// Run jobs by the process that this file names
+    #[arg(long, hide = true, value_name = "FILE")]
+    relay: Option<PathBuf>,
+}
+
+pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
+    if let Some(file) = &args.relay {
+        return relay(file, out);
+    }
+    let http = Http::bind(args.port, false).context("the page can't be served")?;
+    let desk = Arc::new(Desk {
+        door: Door::new(&http)?,
+        turn: Mutex::default(),
+        state: Mutex::default(),
+        changed: Condvar::new(),
+    });
+    let stop = http.stopper();
+    writeln!(out, "open this page in the browser that should run the tests:\n{}", desk.door.url())?;
+    out.flush()?;
+    if args.open
+        && let Err(error) = open::that_detached(desk.door.url())
+    {
+        tell(&format!("no browser opens ({error}); open the URL yourself"));
+    }
+    let serving = Arc::clone(&desk);
+    std::thread::spawn(move || http.run(move |request| serving.answer(request)));
+    ensure!(
+        desk.is_greeted(Duration::from_secs(args.wait)),
+        "no browser opened the page within {} s: open it, or say how long to wait by --wait",
+        args.wait
+    );
+    let scratch = tempfile::tempdir().context("no temporary folder")?;
+    let file = scratch.path().join("page");
+    let listener =
+        TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).context("the jobs can't be handed on")?;
+    // The folder is this user's alone.
+    std::fs::write(&file, format!("{} {}", listener.local_addr()?.port(), desk.door.token()))?;
+    let relaying = Arc::clone(&desk);
+    std::thread::spawn(move || {
+        for stream in listener.incoming().flatten() {
+            let desk = Arc::clone(&relaying);
+            std::thread::spawn(move || drop(desk.relay(&stream)));
+        }
+    });
+    let program = std::env::current_exe().context("this program isn't where it was")?;
+    let relay = format!("{} browser --relay {}", program.display(), file.display());
+    ensure!(
+        relay.split_whitespace().count() == 4 && !relay.contains(';'),
+        "`{}` and `{}` must have neither blanks nor semicolons in their names",
+        program.display(),
+        file.display()
+    );
+    let mut command = Command::new(program);
+    command.arg("test").args(&args.words);
+    command
+        .env("KARAT_EXECUTORS", format!("browser={relay}"))
+        .env("KARAT_PATHS", "process@browser");
+    let status = child::pass_on(&mut command, out)?;
+    stop.stop();
+    match status.code() {
+        Some(0) => Ok(Ending::Good),
+        Some(1) => Ok(Ending::Bad),
+        Some(3) => Ok(Ending::Missing),
+        // It has said why.
+        Some(_) => Err(super::Reported.into()),
+        None => bail!("the tests ended ({status})"),
+    }
+}
+
+/// Hands jobs on, line by line, as a program of `KARAT_EXECUTORS`.
+fn relay(file: &Path, out: &mut dyn Write) -> Outcome {
+    let told = std::fs::read_to_string(file).context("`karat browser` has ended")?;
+    let (port, token) = told.split_once(' ').context("the file says neither port nor secret")?;
+    let mut stream = TcpStream::connect((Ipv4Addr::LOCALHOST, port.parse()?))
+        .context("`karat browser` has ended")?;
+    writeln!(stream, "{token}")?;
+    let mut replies = BufReader::new(stream.try_clone()?).lines();
+    let mut jobs = std::io::stdin().lock().lines();
+    loop {
+        let reply = replies.next().context("`karat browser` has ended")??;
+        if let Some(why) = reply.strip_prefix('!') {
+            bail!("{why}");
+        }
+        writeln!(out, "{reply}")?;
+        out.flush()?;
+        let Some(job) = jobs.next() else { return Ok(Ending::Good) };
+        writeln!(stream, "{}", job?)?;
+    }
+}
+
+/// What the page says: its number, and what it has.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Said {
+    page: String,
+    #[serde(default)]
+    greeting: Option<String>,
+    #[serde(default)]
+    number: u64,
+    #[serde(default)]
+    answer: Option<String>,
+    #[serde(default)]
+    closed: bool,
+}
+
+/// The page that runs jobs, and the job that it has.
+#[derive(Default)]
+struct State {
+    page: Option<(String, Instant)>,
+    greeting: String,
+    /// Jobs so far: the number of the last one.
+    jobs: u64,
+    /// The job that no page has taken.
+    waiting: Option<String>,
+    /// The answer to the last job.
+    answer: Option<String>,
+    /// True while a page has the job.
+    is_taken: bool,
+}
+
+struct Desk {
+    door: Door,
+    /// Held by the one that asks.
+    turn: Mutex<()>,
+    state: Mutex<State>,
+    changed: Condvar,
+}
+
+fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// True if the other end has said nothing more, and hasn't closed it.
+fn is_open(stream: &TcpStream) -> bool {
+    let peeked = stream.set_nonblocking(true).and_then(|()| stream.peek(&mut [0]));
+    let is_blocking = stream.set_nonblocking(false).is_ok();
+    is_blocking && peeked.is_err_and(|error| error.kind() == std::io::ErrorKind::WouldBlock)
+}
+
+impl Desk {
+    /// True once a page is there, which is waited for.
+    fn is_greeted(&self, patience: Duration) -> bool {
+        let is_alone = |state: &mut State| state.page.is_none();
+        let waited = self.changed.wait_timeout_while(locked(&self.state), patience, is_alone);
+        waited.unwrap_or_else(PoisonError::into_inner).0.page.is_some()
+    }
+
+    fn answer(&self, request: &mut Request<'_>) -> Answer {
+        let place = match self.door.enter(request, "karat browser") {
+            Ok(place) => place.to_owned(),
+            Err(refusal) => return refusal,
+        };
+        match (request.method.as_str(), place.as_str()) {
+            ("GET", "") => {
+                let head = "<!doctype html><meta charset=utf-8><title>Karat</title><p>One moment.</p><script type=module>";
+                Answer(
+                    200,
+                    "text/html; charset=utf-8",
+                    format!("{head}{BROWSER_SCRIPTS}</script>\n"),
+                )
+            }
+            ("POST", "next") => match request.body(LONGEST) {
+                Some(Ok(body)) => match serde_json::from_str(&body) {
+                    Ok(said) => self.next(said),
+                    Err(error) => Answer::text(400, &format!("this is no answer: {error}")),
+                },
+                _ => Answer::text(400, "the answer can't be read"),
+            },
+            _ => Answer::text(404, "there is nothing here"),
+        }
+    }
+
+    /// Takes a page's answer, and gives it the next job once there is one.
+    fn next(&self, said: Said) -> Answer {
+        let mut state = locked(&self.state);
+        let is_own = state.page.as_ref().is_some_and(|(page, _)| *page == said.page);
+        match (is_own, said.greeting) {
+            (true, _) if said.closed => {
+                *state = State { jobs: state.jobs, ..State::default() };
+                self.changed.notify_all();
+                return Answer::text(200, "");
+            }
+            (true, _) => {}
+            (false, Some(greeting))
+                if state.page.as_ref().is_none_or(|(_, seen)| seen.elapsed() > GONE) =>
+            {
+                let jobs = state.jobs;
+                *state = State { jobs, greeting, ..State::default() };
+            }
+            (false, Some(_)) => {
+                return Answer::text(
+                    409,
+                    "Another page runs the tests. Close that one, and load this one again.",
+                );
+            }
+            (false, None) => {
+                return Answer::text(
+                    409,
+                    "Another page runs the tests, or has run them: load this one again.",
+                );
+            }
+        }
+        state.page = Some((said.page, Instant::now()));
+        // An answer that comes late belongs to no job any more.
+        if let Some(answer) = said.answer
+            && state.is_taken
+            && said.number == state.jobs
+        {
+            (state.answer, state.is_taken) = (Some(answer), false);
+        }
+        self.changed.notify_all();
+        let waited = self.changed.wait_timeout_while(state, POLL, |state| state.waiting.is_none());
+        let mut state = waited.unwrap_or_else(PoisonError::into_inner).0;
+        let Some(job) = state.waiting.take() else {
+            return Answer(204, "text/plain", String::new());
+        };
+        state.is_taken = true;
+        let next = serde_json::json!({ "number": state.jobs, "job": job });
+        Answer(200, "application/json", next.to_string())
+    }
+
+    /// Runs the jobs of one program.
+    fn relay(&self, stream: &TcpStream) -> std::io::Result<()> {
+        let mut lines = BufReader::new(stream.try_clone()?).lines();
+        let mut stream = stream;
+        let token = lines.next().unwrap_or_else(|| Ok(String::new()))?;
+        if blake3::hash(token.as_bytes()) != blake3::hash(self.door.token().as_bytes()) {
+            return Ok(());
+        }
+        let greeting = match self.is_greeted(GONE) {
+            true => locked(&self.state).greeting.clone(),
+            false => "!the page was closed: run `karat browser` again".to_owned(),
+        };
+        writeln!(stream, "{}", greeting.replace('\n', " "))?;
+        for job in lines {
+            let reply = self.ask(job?, stream).unwrap_or_else(|why| format!("!{why}"));
+            writeln!(stream, "{}", reply.replace('\n', " "))?;
+        }
+        Ok(())
+    }
+
+    /// The page's answer to a job. A hung job has the deadline of the program that asks, which closes its stream then.
+    fn ask(&self, job: String, asking: &TcpStream) -> Result<String, &'static str> {
+        let _turn = locked(&self.turn);
+        let mut state = locked(&self.state);
+        state.jobs += 1;
+        (state.waiting, state.answer, state.is_taken) = (Some(job), None, false);
+        self.changed.notify_all();
+        loop {
+            if let Some(answer) = state.answer.take() {
+                return Ok(answer);
+            }
+            let is_gone = match &state.page {
+                None => true,
+                Some((_, seen)) => !state.is_taken && seen.elapsed() > GONE,
+            };
+            if !is_open(asking) {
+                return Err("nothing waits for the answer");
+            }
+            if is_gone {
+                state.waiting = None;
+                return Err("the page was closed, or answers no more: run `karat browser` again");
+            }
+            let waited = self.changed.wait_timeout(state, POLL);
+            state = waited.unwrap_or_else(PoisonError::into_inner).0;
+        }
+    }
+}
