@@ -322,6 +322,53 @@ impl Goldens {
         }
     }
 
+    /// Compares an image that another program drew with a golden, within the usual tolerance of frames. One that differs, or
+    /// is the first of its name, waits for a review.
+    ///
+    /// ```no_run
+    /// use karat::unstable::path::Adapter;
+    /// use karat::{Goldens, Image};
+    ///
+    /// let image = Image::read("screenshot.png".as_ref())?;
+    /// let (path, name, driver) = ("image".into(), "Chrome 156".into(), String::new());
+    /// let adapter = Adapter { path, name, driver, software: false };
+    /// let margin = Goldens::open("golden".as_ref()).check_image("menu", &image, &adapter)?;
+    /// println!("{margin}");
+    /// # Ok::<(), Box<dyn std::error::Error>>(())
+    /// ```
+    ///
+    /// # Errors
+    /// If it differs, or there is nothing to compare with.
+    ///
+    /// *Unstable*: for programs around tests.
+    pub fn check_image(
+        &self,
+        case: &str,
+        image: &Image,
+        adapter: &Adapter,
+    ) -> Result<FrameMargin, GoldenError> {
+        let (shader, modules, facts) = (String::new(), Vec::new(), BTreeMap::new());
+        let (tolerance, mask, variance) = (None, None, None);
+        let (known_issue, other_waits) = (false, false);
+        let (facts, aovs) = (&facts, &Vec::new);
+        self.check(
+            case,
+            &Rendered {
+                image,
+                adapter,
+                shader,
+                modules,
+                tolerance,
+                mask,
+                variance,
+                facts,
+                aovs,
+                known_issue,
+                other_waits,
+            },
+        )
+    }
+
     /// Compares a frame with its golden: it is loaded, compared, and what follows is settled.
     pub(crate) fn check(
         &self,

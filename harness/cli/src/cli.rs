@@ -23,6 +23,7 @@ mod list;
 mod loader;
 mod lsp;
 mod manual;
+mod matching;
 mod matrix;
 mod mutate;
 mod patience;
@@ -313,6 +314,9 @@ enum Command {
                             full run that passed\nand compared frames with this folder's, and so \
                             no verdict.")]
     Unreferenced(unreferenced::Args),
+    /// Compare an image that another program drew with its golden
+    #[command(name = "match", after_help = matching::EXAMPLES)]
+    Match(matching::Args),
     /// Compare any two images, EXR or PNG
     #[command(after_help = diff::EXAMPLES)]
     Diff(diff::Args),
@@ -470,6 +474,7 @@ fn command(command: Command, out: &mut dyn Write) -> Outcome {
         Command::Watch(args) => watch::run(&args, out),
         Command::Lsp(args) => lsp::run(&args, out),
         Command::Suite(args) => suite::run(&args, out),
+        Command::Match(args) => matching::run(&args, out),
         Command::Browser(args) => browser::run(&args, out),
         Command::Replay(args) => replay::run(&args, out),
         Command::Record(args) => record::run(&args, out),

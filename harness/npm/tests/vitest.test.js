@@ -1,23 +1,15 @@
 // @ts-check
-// `karat-vitest` as people use it: `TESTED_KARAT` is the program, and `TESTED_MODULES` a `node_modules` with vitest in it.
+// `karat-vitest` as people use it.
 
 import assert from "node:assert/strict";
 import { spawn, spawnSync } from "node:child_process";
 import fs from "node:fs";
-import os from "node:os";
 import path from "node:path";
-import { after, test } from "node:test";
+import { test } from "node:test";
 
-const program = must("TESTED_KARAT");
-const modules = must("TESTED_MODULES");
+import { environment, modules, program, project, scratch, write } from "./support.js";
+
 const vitest = path.join(modules, "vitest/vitest.mjs");
-
-/** @param {string} name */
-function must(name) {
-  const value = process.env[name];
-  if (!value) throw new Error(`${name} isn't set`);
-  return path.resolve(value);
-}
 
 const SHADER = `fn reinhard(luminance: f32) -> f32 {
     return luminance / (1.0 + luminance);
@@ -43,40 +35,18 @@ over = { luminance = "0..10" }
 in_range = [0, 1]
 `;
 
-const folders = /** @type {string[]} */ ([]);
-after(() => folders.forEach((folder) => fs.rmSync(folder, { recursive: true, force: true })));
-
 /**
  * A project with files, and the plugin's options as text.
  * @param {Record<string, string>} files
  * @param {{ options?: string, plugins?: string }} [config]
  */
-function project(files, { options = "", plugins = "" } = {}) {
-  const folder = fs.realpathSync(fs.mkdtempSync(path.join(os.tmpdir(), "karat-vitest-test-")));
-  folders.push(folder);
-  fs.symlinkSync(modules, path.join(folder, "node_modules"), "junction");
+function plugged(files, { options = "", plugins = "" } = {}) {
   const config = `import { defineConfig } from "vitest/config";
 import karat from "karat-vitest";
 export default defineConfig({ plugins: [${plugins}karat({ program: ${JSON.stringify(program)}, paths: "cpu", ${options} })] });
 `;
-  const all = { "package.json": '{ "private": true, "type": "module" }', "vitest.config.js": config, ...files };
-  for (const [name, text] of Object.entries(all)) write(folder, name, text);
-  return folder;
+  return project({ "vitest.config.js": config, ...files });
 }
-
-/**
- * @param {string} folder
- * @param {string} name
- * @param {string} text
- */
-function write(folder, name, text) {
-  const file = path.join(folder, name);
-  fs.mkdirSync(path.dirname(file), { recursive: true });
-  fs.writeFileSync(file, text);
-}
-
-/** @param {Record<string, string>} more */
-const environment = (more) => ({ ...process.env, NO_COLOR: "1", CI: "", KARAT_PATHS: "", ...more });
 
 /**
  * Runs vitest once: its exit code, what it prints, and its results.
@@ -101,7 +71,7 @@ function run(folder, words = [], env = {}) {
 }
 
 test("tests beside shaders are tests of vitest, where they stand", () => {
-  const folder = project({
+  const folder = plugged({
     "shaders/tone.wgsl": SHADER,
     "shaders/tone_test.wgsl": GOOD,
     "shaders/tone.test.toml": DECLARED,
@@ -125,7 +95,7 @@ test("tests beside shaders are tests of vitest, where they stand", () => {
 test("a failure is at the author's line, with its values", () => {
   const red = GOOD.replace("0.5, 1e-6", "0.75, 1e-6");
   const declared = '[[test]]\nfunction = "wide"\nover = { x = [1, 2, 3] }\nequals = [2, 4, 7]\ntolerance = "1 ulp"\n';
-  const folder = project({ "shaders/tone.wgsl": SHADER, "shaders/tone_test.wgsl": red, "shaders/tone.test.toml": declared });
+  const folder = plugged({ "shaders/tone.wgsl": SHADER, "shaders/tone_test.wgsl": red, "shaders/tone.test.toml": declared });
   const { code, text, tests } = run(folder, ["--reporter=junit", "--outputFile.junit=junit.xml"]);
   assert.equal(code, 1);
   assert.match(text, /shaders\/tone_test\.wgsl:6:5/);
@@ -141,7 +111,7 @@ test("a failure is at the author's line, with its values", () => {
 
 test("names, bail and shards select as for other tests", () => {
   const red = `${GOOD}\n@test\nfn wrong() {\n    expect_near(reinhard(1.0), 0.6, 0.0);\n}\n`;
-  const folder = project({ "shaders/tone.wgsl": SHADER, "shaders/tone_test.wgsl": red, "shaders/tone.test.toml": DECLARED });
+  const folder = plugged({ "shaders/tone.wgsl": SHADER, "shaders/tone_test.wgsl": red, "shaders/tone.test.toml": DECLARED });
   const named = run(folder, ["-t", "half_at_one"]);
   assert.equal(named.code, 0, named.text);
   assert.match(named.text, /1 passed \| 3 skipped/);
@@ -153,26 +123,26 @@ test("names, bail and shards select as for other tests", () => {
 });
 
 test("what is no test fails at its place", () => {
-  const slip = run(project({ "shaders/tone.wgsl": SHADER, "shaders/tone.test.toml": DECLARED.replace("in_range", "in_rnage") }));
+  const slip = run(plugged({ "shaders/tone.wgsl": SHADER, "shaders/tone.test.toml": DECLARED.replace("in_range", "in_rnage") }));
   assert.equal(slip.code, 1);
   assert.match(slip.text, /shaders\/tone\.test\.toml:4:1/, slip.text);
-  const invalid = run(project({
+  const invalid = run(plugged({
     "shaders/tone.wgsl": SHADER, "shaders/tone_test.wgsl": GOOD, "shaders/other.wgsl": "fn f() -> f32 {\n    return 1u;\n}\n",
   }));
   assert.equal(invalid.code, 1);
   assert.equal(invalid.tests.get("tone_test::half_at_one").status, "passed", invalid.text);
   assert.match(invalid.tests.get("modules of shaders are valid").failureMessages.join(), /shaders\/other\.wgsl:\d/);
-  const missing = run(project({ "shaders/tone.wgsl": SHADER, "shaders/tone_test.wgsl": GOOD }, { options: 'program: "no-karat"' }));
+  const missing = run(plugged({ "shaders/tone.wgsl": SHADER, "shaders/tone_test.wgsl": GOOD }, { options: 'program: "no-karat"' }));
   assert.equal(missing.code, 1);
   assert.match(missing.text, /no-karat.*npm install --save-dev karat/, missing.text);
-  const outside = run(project({ "shaders/tone.wgsl": SHADER, "shaders/tone_test.wgsl": GOOD, "more/tone_test.wgsl": GOOD }));
+  const outside = run(plugged({ "shaders/tone.wgsl": SHADER, "shaders/tone_test.wgsl": GOOD, "more/tone_test.wgsl": GOOD }));
   assert.equal(outside.code, 1);
   assert.match(outside.text, /no test of Karat is in more\/tone_test\.wgsl: name the folder/);
 });
 
 test("a hung shader, and a process that is killed, fail their tests alone", () => {
   const hung = `${GOOD}\n@test\nfn forever() {\n    var x = 1.0;\n    loop {\n        if (reinhard(x) > 2.0) { break; }\n        x = 1.0;\n    }\n    expect_near(x, 1.0, 0.0);\n}\n`;
-  const folder = project({ "shaders/tone.wgsl": SHADER, "shaders/tone_test.wgsl": hung, "shaders/tone.test.toml": DECLARED });
+  const folder = plugged({ "shaders/tone.wgsl": SHADER, "shaders/tone_test.wgsl": hung, "shaders/tone.test.toml": DECLARED });
   const { code, text, tests } = run(folder, [], { KARAT_TIMEOUT: "2" });
   assert.equal(code, 1);
   assert.equal(tests.get("tone_test::forever").status, "failed", text);
@@ -181,7 +151,7 @@ test("a hung shader, and a process that is killed, fail their tests alone", () =
   // A program that dies when it is asked.
   const dying = path.join(folder, "dying.sh");
   fs.writeFileSync(dying, `#!/bin/sh\nif [ "$1" = suite ]; then read line; kill -9 $$; fi\nexec ${program} "$@"\n`, { mode: 0o755 });
-  const killed = run(project({ "shaders/tone.wgsl": SHADER, "shaders/tone_test.wgsl": GOOD }, { options: `program: ${JSON.stringify(dying)}` }));
+  const killed = run(plugged({ "shaders/tone.wgsl": SHADER, "shaders/tone_test.wgsl": GOOD }, { options: `program: ${JSON.stringify(dying)}` }));
   assert.equal(killed.code, 1);
   assert.match(killed.tests.get("tone_test::half_at_one").failureMessages.join(), /ended \(SIGKILL\)/, killed.text);
 });
@@ -189,10 +159,9 @@ test("a hung shader, and a process that is killed, fail their tests alone", () =
 test("200 tests start one process", () => {
   const many = Array.from({ length: 200 }, (_, i) => `@test\nfn number_${i}() {\n    expect_near(reinhard(1.0), 0.5, 1e-6);\n}\n`);
   const parts = [many.slice(0, 100), many.slice(100)].map((part) => `import package::tone::reinhard;\nimport karat::expect_near;\n${part.join("")}`);
-  const counting = path.join(fs.mkdtempSync(path.join(os.tmpdir(), "karat-vitest-count-")), "karat.sh");
-  folders.push(path.dirname(counting));
+  const counting = path.join(scratch(), "karat.sh");
   fs.writeFileSync(counting, `#!/bin/sh\necho "$1" >> "$0.log"\nexec ${program} "$@"\n`, { mode: 0o755 });
-  const folder = project(
+  const folder = plugged(
     { "shaders/tone.wgsl": SHADER, "shaders/one_test.wgsl": parts[0], "shaders/two_test.wgsl": parts[1] },
     { options: `program: ${JSON.stringify(counting)}` },
   );
@@ -206,10 +175,10 @@ test("200 tests start one process", () => {
   console.log(`200 tests: ${Date.now() - began} ms, of which Karat took ${Math.round(own)}`);
 });
 
-test("--update accepts frames, and never in CI", { skip: process.env.TESTED_FRAMES ? false : "no driver" }, () => {
+test("--update accepts frames, and never in CI", () => {
   const shader = "@fragment fn red(@location(0) uv: vec2f) -> @location(0) vec4f { return vec4f(uv, 0.0, 1.0); }\n";
   const frame = '[[frame]]\nname = "red"\nfragment = "red"\nsize = [8, 4]\n';
-  const folder = project({ "shaders/tone.wgsl": shader, "shaders/tone.test.toml": frame }, { options: 'paths: "vulkan"' });
+  const folder = plugged({ "shaders/tone.wgsl": shader, "shaders/tone.test.toml": frame }, { options: 'paths: "vulkan"' });
   const first = run(folder);
   assert.equal(first.code, 1);
   assert.match(first.text, /frame `red` has no golden/);
@@ -224,13 +193,13 @@ test("--update accepts frames, and never in CI", { skip: process.env.TESTED_FRAM
 test("a plugin that makes texts of shaders changes no test", () => {
   const texts = '{ name: "texts", transform: (code, id) => id.endsWith(".wgsl") ? `export default ${JSON.stringify(code)}` : null }, ';
   const files = { "shaders/tone.wgsl": SHADER, "shaders/tone_test.wgsl": GOOD.replace("0.5, 1e-6", "0.75, 1e-6") };
-  const { code, tests, text } = run(project(files, { plugins: texts }));
+  const { code, tests, text } = run(plugged(files, { plugins: texts }));
   assert.equal(code, 1, text);
   assert.equal(tests.get("tone_test::half_at_one").status, "failed", text);
 });
 
 test("watching reruns what an edit concerns", async () => {
-  const folder = project({
+  const folder = plugged({
     "shaders/tone.wgsl": SHADER, "shaders/tone_test.wgsl": GOOD,
     "shaders/grey.wgsl": "fn grey(x: f32) -> f32 { return 0.5 * x; }\n",
     "shaders/grey_test.wgsl": GOOD.replaceAll("tone", "grey").replaceAll("reinhard", "grey").replace("half_at_one", "half"),

@@ -3,11 +3,12 @@
 
 import { spawn } from "node:child_process";
 import { mkdtempSync, rmSync } from "node:fs";
-import { createRequire } from "node:module";
 import net from "node:net";
 import os from "node:os";
 import path from "node:path";
 import readline from "node:readline";
+
+import { installed } from "./installed.js";
 
 /**
  * A test, or what should have been one.
@@ -258,23 +259,6 @@ export class Karat {
     this.server?.close();
     rmSync(this.scratch, { recursive: true, force: true });
   }
-}
-
-/**
- * The program that npm installed.
- * @param {string} root
- */
-function installed(root) {
-  const own = `karat-${process.platform}-${process.arch}`;
-  const file = process.platform === "win32" ? "karat.exe" : "karat";
-  // It is a dependency of the package `karat`, and package managers may keep it beside that alone.
-  for (const from of [path.join(root, "package.json"), import.meta.url]) {
-    try {
-      const main = createRequire(from).resolve("karat/package.json");
-      return createRequire(main).resolve(`${own}/bin/${file}`);
-    } catch {}
-  }
-  return undefined;
 }
 
 /**

@@ -1,0 +1,67 @@
+//! `karat match`: an image that another program drew, beside its golden.
+
+use std::io::Write;
+use std::path::PathBuf;
+
+use anyhow::{Context, ensure};
+use karat::golden::GoldenError;
+use karat::unstable::output::tell;
+use karat::unstable::path::Adapter;
+use karat::{Goldens, Image};
+
+use super::goldens::FolderArgs;
+use super::project::Project;
+use super::table::GOOD;
+use super::{Ending, Outcome};
+
+pub(super) const EXAMPLES: &str = "\
+Examples:
+  karat match menu screenshot.png
+  karat match scene frame.exr --by \"Chrome 156\" --goldens e2e/golden
+The tolerance is that of frames: each channel within 1e-3, or else HDR-FLIP. An image that differs, or is the first of its name,
+waits for `karat review`, `karat accept` and `karat reject`, as a frame of a test does.
+Exit codes: 0 it matches; 1 it differs, or there is no golden; 2 it can't be read or compared.";
+
+#[derive(clap::Args)]
+pub(super) struct Args {
+    /// The name of the golden
+    name: String,
+    /// EXR, or PNG, which is made linear
+    image: PathBuf,
+    /// The program that drew it
+    #[arg(long, value_name = "PROGRAM", default_value = "another program")]
+    by: String,
+    #[command(flatten)]
+    folder: FolderArgs,
+}
+
+pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
+    let image = Image::read(&args.image)?;
+    let shows_nothing =
+        image.pixels().windows(2).all(|two| two[0].map(f32::to_bits) == two[1].map(f32::to_bits));
+    ensure!(
+        !shows_nothing,
+        "`{}` shows nothing: all of its pixels are equal. Was it drawn? A browser without a GPU shows no canvas of WebGPU \
+         without the arguments that the guide names (`webgpu` of karat-playwright)",
+        args.image.display()
+    );
+    let folder = match args.folder.named() {
+        Some(folder) => folder.to_owned(),
+        None => Project::find()?.golden(),
+    };
+    std::fs::create_dir_all(&folder)
+        .with_context(|| format!("no folder `{}`", folder.display()))?;
+    let (path, name) = ("image".to_owned(), args.by.clone());
+    let adapter = Adapter { path, name, driver: String::new(), software: false };
+    match Goldens::open(&folder).check_image(&args.name, &image, &adapter) {
+        Ok(margin) => {
+            writeln!(out, "{GOOD}{} matches its golden{GOOD:#}: {margin}", args.name)?;
+            Ok(Ending::Good)
+        }
+        Err(error @ (GoldenError::Differs { .. } | GoldenError::Missing { .. })) => {
+            tell(&format!("error: {error}"));
+            Ok(Ending::Bad)
+        }
+        Err(error) => Err(error.into()),
+    }
+}

@@ -1,0 +1,22 @@
+// @ts-check
+// Where npm puts the program. It is packed into each package that runs it.
+
+import { createRequire } from "node:module";
+import path from "node:path";
+
+/**
+ * The program that npm installed.
+ * @param {string} root
+ */
+export function installed(root) {
+  const own = `karat-${process.platform}-${process.arch}`;
+  const file = process.platform === "win32" ? "karat.exe" : "karat";
+  // It is a dependency of the package `karat`, and package managers may keep it beside that alone.
+  for (const from of [path.join(root, "package.json"), import.meta.url]) {
+    try {
+      const main = createRequire(from).resolve("karat/package.json");
+      return createRequire(main).resolve(`${own}/bin/${file}`);
+    } catch {}
+  }
+  return undefined;
+}
