@@ -80,6 +80,25 @@ def npm(out, version, target, program, files):
     return paths
 
 
+def plugins(out, version, root, files):
+    """Packages of JavaScript that run the program, the same on all platforms."""
+    licences = [(f"package/{n}", data, False) for n, data, _ in files if n.startswith("LICENSE")]
+    paths = []
+    for name in ["vitest", "playwright"]:
+        folder = root / "harness/npm" / name
+        manifest = json.loads((folder / "package.json").read_text())
+        # It runs the program of its own version.
+        manifest["version"] = manifest["peerDependencies"]["karat"] = version
+        own = [(path.name, path.read_bytes()) for path in sorted(folder.iterdir()) if path.name != "package.json"]
+        own.append(("installed.js", (root / "harness/npm/installed.js").read_bytes()))
+        text = (json.dumps(manifest, indent=2) + "\n").encode()
+        path = out / f"{manifest['name']}-{version}.tgz"
+        packed = [(f"package/{n}", data, False) for n, data in own]
+        targz(path, [("package/package.json", text, False), *packed, *licences])
+        paths.append(path)
+    return paths
+
+
 def wheel(out, version, target, program, files):
     """`pip install` and `uvx`: the program is a script of the wheel."""
     tag = f"py3-none-{TARGETS[target][2]}"
@@ -125,6 +144,7 @@ def main():
     stem = f"karat-{given.version}-{given.target}"
     made = [archive(given.out, stem, files, "windows" in given.target)]
     made += npm(given.out, given.version, given.target, program, files)
+    made += plugins(given.out, given.version, given.root, files)
     made.append(wheel(given.out, given.version, given.target, program, files))
     for path in made:
         print(f"{path.stat().st_size:>10}  {path}")

@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use anyhow::{Context, Result, bail, ensure};
 
-use crate::command;
+use crate::{command, setup, suite};
 
 /// The glibc of Debian 10 and RHEL 8. A static program couldn't open Vulkan.
 const GLIBC: &str = "2.28";
@@ -152,8 +152,12 @@ fn without_rust() -> Result<std::ffi::OsString> {
 /// In an empty folder, with no cargo in PATH: what a person types who has npm or Python.
 fn walk(packages: &Path) -> Result<()> {
     let path = without_rust()?;
-    let tgz = files(packages, |name| name.ends_with(".tgz"))?;
-    ensure!(tgz.len() == 2, "there are {} npm packages, not two", tgz.len());
+    let all = files(packages, |name| name.ends_with(".tgz"))?;
+    ensure!(all.len() == 4, "there are {} npm packages, not four", all.len());
+    let is_plugin = |file: &PathBuf| {
+        ["vitest", "playwright"].iter().any(|name| file.to_string_lossy().contains(name))
+    };
+    let (plugins, tgz): (Vec<PathBuf>, Vec<PathBuf>) = all.into_iter().partition(is_plugin);
     let wheel = files(packages, |name| name.ends_with(".whl"))?;
     let wheel = wheel.first().context("no wheel was made")?;
     // Outside of this repository, whose manifest would make it one of its folders.
@@ -193,7 +197,65 @@ fn walk(packages: &Path) -> Result<()> {
         step("karat test shaders", Command::new(&run).args(["test", "shaders"]))?;
         eprintln!("{way}: {:.1} s in all", began.elapsed().as_secs_f32());
     }
+    web(&place.join("web"), &[tgz, plugins].concat(), &path)?;
     fs::remove_dir_all(place).context("can't remove the folders of the walk")
+}
+
+/// What `docs/guide/web.md` has its readers type, from an empty folder to a green test and a red one.
+fn web(folder: &Path, packages: &[PathBuf], path: &std::ffi::OsStr) -> Result<()> {
+    let page = fs::read_to_string(command::root().join("docs/guide/web.md"))?;
+    let files = [
+        ("vitest.config.ts", block(&page, "ts")?),
+        ("shaders/tone.wgsl", block(&page, "wgsl")?),
+        (
+            "shaders/tone_test.wgsl",
+            block(&page[page.find("and a test beside it").unwrap_or(0)..], "wgsl")?,
+        ),
+        ("package.json", "{ \"private\": true, \"type\": \"module\" }\n"),
+    ];
+    fs::create_dir_all(folder.join("shaders"))?;
+    for (name, text) in files {
+        fs::write(folder.join(name), text)?;
+    }
+    let began = Instant::now();
+    let here = |program: &str, words: &[&str]| {
+        let mut command = Command::new(program);
+        command
+            .args(words)
+            .current_dir(folder)
+            .env("PATH", path)
+            .env_remove("CARGO")
+            .env_remove("CI");
+        command
+    };
+    // Of the current vitest and the one before it the one that this machine's Node runs.
+    let node = PathBuf::from("node");
+    let is_new = setup::node_version(&node).is_some_and(|version| version >= suite::VITEST_NODE);
+    let vitest = if is_new { "vitest@5" } else { "vitest@4" };
+    let mut npm = here("npm", &["install", "--no-audit", "--no-fund", "--save-dev", vitest]);
+    command::run(npm.args(packages)).context("npm doesn't install the packages")?;
+    eprintln!("web: npm install: {:.1} s", began.elapsed().as_secs_f32());
+    let run = || here("npx", &["vitest", "run"]).output().context("npx doesn't run");
+    let green = run()?;
+    let said = String::from_utf8_lossy(&green.stdout).into_owned();
+    ensure!(green.status.success() && said.contains("2 passed"), "vitest isn't green:\n{said}");
+    let test = folder.join("shaders/tone_test.wgsl");
+    fs::write(&test, fs::read_to_string(&test)?.replace("0.5", "0.6"))?;
+    let red = run()?;
+    let said = String::from_utf8_lossy(&red.stderr).into_owned();
+    ensure!(
+        red.status.code() == Some(1) && said.contains("shaders/tone_test.wgsl:6:5"),
+        "vitest isn't red:\n{said}"
+    );
+    eprintln!("web: {:.1} s in all", began.elapsed().as_secs_f32());
+    Ok(())
+}
+
+/// The first block of code of a language on a page.
+fn block<'p>(page: &'p str, language: &str) -> Result<&'p str> {
+    let found =
+        page.split_once(&format!("```{language}\n")).and_then(|(_, rest)| rest.split_once("```"));
+    found.map(|(text, _)| text).with_context(|| format!("the page has no block of {language}"))
 }
 
 /// A shader as a web developer may have it.

@@ -126,6 +126,8 @@ enum Task {
     Package,
     /// Run tests by cargo-nextest, whole and in three parts, and compare the reports of both.
     Nextest,
+    /// Test the npm packages `karat-vitest` and `karat-playwright`, with each vitest that this machine's Node runs.
+    Npm,
     /// Build the packages for people without Rust, and use them where there is none
     ///
     /// An archive with its checksum, npm packages and a Python wheel, in target/dist/packages. Needs python3 with
@@ -176,6 +178,7 @@ fn main() -> ExitCode {
         Task::Bench { page, arguments } => step::verdict(bench::run(&arguments, page)),
         Task::Package => packages::run(),
         Task::Dist { target } => step::verdict(dist::run(target.as_deref())),
+        Task::Npm => suite::npm(),
         Task::Nextest => step::verdict(nextest::run()),
         Task::Semver { revision } => step::verdict(semver::run(revision)),
         Task::Size { revision } => step::verdict(size::run(revision.as_deref())),

