@@ -46,6 +46,8 @@ mod interrupted;
 mod mutate;
 #[path = "cli/names.rs"]
 mod names;
+#[path = "cli/others.rs"]
+mod others;
 #[path = "cli/outputs.rs"]
 mod outputs;
 #[path = "cli/pending.rs"]
