@@ -105,6 +105,11 @@ fn web() -> Result<()> {
         test.args(["--test", "library", "--", "fresnel::"]);
         test.env("KARAT_PATHS", path).env("KARAT_REQUIRE", path);
         command::run_aside(&mut test)?;
+        // Textures and buffers of each kind; WebGPU has no immediates yet.
+        let mut test = command::cargo(&["test", "--workspace", "--locked", "--no-fail-fast"]);
+        test.args(["--test", "strangers", "--", "resources::", "--skip", "immediates_are_set"]);
+        test.env("KARAT_PATHS", path).env("KARAT_REQUIRE", path);
+        command::run_aside(&mut test)?;
     }
     Ok(())
 }

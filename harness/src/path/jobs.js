@@ -58,6 +58,26 @@ async function compiled(device, wgsl, number) {
     return module;
 }
 
+// Pipelines by their texts: the cases of a function come in many jobs, and compiling takes longer than running them.
+const pipelines = new Map();
+const MOST_PIPELINES = 32;
+
+async function pipelineOf(device, { shader: { wgsl, overrides }, entry_point: entryPoint }, number) {
+    const key = JSON.stringify([entryPoint, overrides, wgsl]);
+    let pipeline = pipelines.get(key);
+    if (!pipeline) {
+        const module = await compiled(device, wgsl, number);
+        pipeline = await device.createComputePipelineAsync({
+            layout: 'auto',
+            compute: { module, entryPoint, constants: overrides },
+        }).catch((error) => { throw refusal(error.message, number); });
+        // The oldest goes.
+        if (pipelines.size >= MOST_PIPELINES) pipelines.delete(pipelines.keys().next().value);
+        pipelines.set(key, pipeline);
+    }
+    return pipeline;
+}
+
 // Binds what a pass or a draw reads, group by group.
 function bind(device, pipeline, pass, bindings, held) {
     if (bindings.some(({ at }) => !at)) throw refusal('it has no immediates', 0);
@@ -81,22 +101,14 @@ async function run(device, { jobs, resources, outputs, work }) {
         return { done };
     }
     for (const [number, pass] of work.passes.entries()) {
-        const { wgsl, overrides } = pass.shader;
-        const module = await compiled(device, wgsl, number);
-        const pipeline = await device.createComputePipelineAsync({
-            layout: 'auto',
-            compute: { module, entryPoint: pass.entry_point, constants: overrides },
-        }).catch((error) => { throw refusal(error.message, number); });
+        const pipeline = await pipelineOf(device, pass, number);
         const dispatch = encoder.beginComputePass();
         dispatch.setPipeline(pipeline);
         bind(device, pipeline, dispatch, pass.bindings, held);
         dispatch.dispatchWorkgroups(...pass.workgroups);
         dispatch.end();
     }
-    const buffers = outputs.map((number) => {
-        if (!held[number].buffer) throw new Error('it reads no textures back');
-        return held[number].buffer;
-    });
+    const buffers = outputs.map((number) => held[number].buffer ?? told(device, encoder, held[number]));
     const done = await read(device, encoder, buffers);
     held.forEach((one) => (one.buffer ?? one.texture)?.destroy());
     return { done };
@@ -223,7 +235,7 @@ async function draw(device, encoder, frame, held) {
         pass.end();
     }
     const target = result === 'depth' ? depth : resolved[result.target];
-    const words = await told(device, encoder, target, result === 'depth' ? 'depth' : formats[result.target]);
+    const words = told(device, encoder, { texture: target, aspect: result === 'depth' ? 'depth-only' : 'all' });
     const textures = [...new Set([...colours, ...resolved, depth])];
     return { words, textures };
 }
@@ -235,32 +247,148 @@ function depthOf(state, isBehind, depthAlone, writes) {
     return { depthCompare, depthWriteEnabled: state.depth_write ?? writes };
 }
 
-// Copies the values of a texture into a buffer, as floats.
-async function told(device, encoder, texture, format) {
-    const { width, height } = texture;
-    const type = format === 'depth' ? 'texture_depth_2d'
-        : `texture_2d<${format.endsWith('uint') ? 'u32' : format.endsWith('sint') ? 'i32' : 'f32'}>`;
-    const value = format === 'depth' ? 'vec4f(textureLoad(image, at.xy, 0), 0.0, 0.0, 1.0)' : 'vec4f(textureLoad(image, at.xy, 0))';
-    const code = `@group(0) @binding(0) var image: ${type};
-        @group(0) @binding(1) var<storage, read_write> words: array<vec4u>;
-        @compute @workgroup_size(8, 8) fn tell(@builtin(global_invocation_id) at: vec3u) {
-            let size = textureDimensions(image);
-            if (any(at.xy >= size)) { return; }
-            words[at.y * size.x + at.x] = bitcast<vec4u>(${value});
+// WGSL's scalar of a format's texels.
+function scalarOf(format) {
+    return /uint$/.test(format) ? 'u32' : /sint$/.test(format) ? 'i32' : 'f32';
+}
+
+// The end of a texture's type in WGSL, and the place of the texel `at` of its first level: row by row, slice by slice.
+function placeOf({ dimension = '2d', arrayed = false }) {
+    const [x, y, z] = ['at % size.x', 'at / size.x % size.y', 'at / (size.x * size.y)'];
+    if (dimension === '1d') return ['1d', 'at'];
+    if (dimension === '3d') return ['3d', `vec3u(${x}, ${y}, ${z})`];
+    return arrayed || dimension === 'cube' ? ['2d_array', `vec2u(${x}, ${y}), ${z}`] : ['2d', `vec2u(${x}, ${y})`];
+}
+
+// Runs a statement for each texel of a texture's first level, beside the words of its texels.
+function perTexel(device, encoder, texture, { declarations, statement, words, view }) {
+    const { width, height, depthOrArrayLayers } = texture;
+    const texels = width * height * depthOrArrayLayers;
+    const code = `${declarations}
+        @compute @workgroup_size(64) fn each(@builtin(global_invocation_id) id: vec3u, @builtin(num_workgroups) all: vec3u) {
+            let size = vec3u(${width}, ${height}, ${depthOrArrayLayers});
+            for (var at = id.x; at < ${texels}u; at += all.x * 64u) { ${statement} }
         }`;
     const module = device.createShaderModule({ code });
-    const pipeline = await device.createComputePipelineAsync({ layout: 'auto', compute: { module } });
-    const words = device.createBuffer({ size: 16 * width * height, usage: GPUBufferUsage.STORAGE | GPUBufferUsage.COPY_SRC });
-    const entries = [
-        { binding: 0, resource: texture.createView({ aspect: format === 'depth' ? 'depth-only' : 'all' }) },
-        { binding: 1, resource: { buffer: words } },
-    ];
+    const pipeline = device.createComputePipeline({ layout: 'auto', compute: { module } });
+    const entries = [{ binding: 0, resource: texture.createView(view) }, { binding: 1, resource: { buffer: words } }];
     const pass = encoder.beginComputePass();
     pass.setPipeline(pipeline);
     pass.setBindGroup(0, device.createBindGroup({ layout: pipeline.getBindGroupLayout(0), entries }));
-    pass.dispatchWorkgroups(Math.ceil(width / 8), Math.ceil(height / 8));
+    pass.dispatchWorkgroups(Math.min(Math.ceil(texels / 64), 65535));
     pass.end();
+}
+
+// Copies the texels of a texture into a buffer: four words each.
+function told(device, encoder, { texture, aspect = 'all', kind = {} }) {
+    const { width, height, depthOrArrayLayers, format } = texture;
+    const size = 16 * width * height * depthOrArrayLayers;
+    const words = device.createBuffer({ size, usage: GPUBufferUsage.STORAGE | GPUBufferUsage.COPY_SRC });
+    const [end, place] = placeOf(kind);
+    const isDepth = aspect === 'depth-only';
+    const type = isDepth ? 'texture_depth_2d' : `texture_${end}<${scalarOf(format)}>`;
+    const value = isDepth ? `vec4f(textureLoad(image, ${place}, 0), 0.0, 0.0, 1.0)` : `textureLoad(image, ${place}, 0)`;
+    perTexel(device, encoder, texture, {
+        declarations: `@group(0) @binding(0) var image: ${type};
+            @group(0) @binding(1) var<storage, read_write> words: array<vec4u>;`,
+        statement: `words[at] = bitcast<vec4u>(${value});`,
+        words,
+        view: { aspect, dimension: end.replace('_', '-'), mipLevelCount: 1 },
+    });
     return words;
+}
+
+// Refuses whole numbers and depths that a format doesn't hold.
+function expectHeld(format, levels) {
+    const texels = levels.flatMap(({ words }) => words);
+    if (format === 'depth32float') {
+        const depths = new Float32Array(new Uint32Array(texels.map(([depth]) => depth)).buffer);
+        const wrong = depths.find((depth) => !(depth >= 0 && depth <= 1));
+        if (wrong !== undefined) throw refusal(`it has a depth of ${wrong}, and depths are 0 to 1`, 0);
+    }
+    const [, channels, bits, kind] = format.match(/^(r|rg|rgba)(8|16|32)(u|s)int$/) ?? [];
+    if (!kind) return;
+    const [least, most] = kind === 'u' ? [0, 2 ** bits - 1] : [-(2 ** (bits - 1)), 2 ** (bits - 1) - 1];
+    const values = texels.flatMap((texel) => texel.slice(0, channels.length)).map((word) => (kind === 'u' ? word >>> 0 : word | 0));
+    const wrong = values.find((value) => value < least || value > most);
+    if (wrong !== undefined) throw refusal(`a texel is ${wrong}, which ${format} can't hold`, 0);
+}
+
+// A storage texture with texels, which a shader writes: the device knows its format.
+function stored(device, format, kind, [level]) {
+    expectHeld(format, [level]);
+    const texels = level.words.length / (level.width * level.height);
+    const texture = device.createTexture({
+        size: [level.width, level.height, texels],
+        dimension: kind.dimension,
+        format,
+        usage: GPUTextureUsage.STORAGE_BINDING | GPUTextureUsage.TEXTURE_BINDING,
+    });
+    const [end, place] = placeOf(kind);
+    const encoder = device.createCommandEncoder();
+    perTexel(device, encoder, texture, {
+        declarations: `@group(0) @binding(0) var image: texture_storage_${end}<${format}, write>;
+            @group(0) @binding(1) var<storage, read> words: array<vec4u>;`,
+        statement: `textureStore(image, ${place}, bitcast<vec4<${scalarOf(format)}>>(words[at]));`,
+        words: made(device, new Uint32Array(level.words.flat()), GPUBufferUsage.STORAGE),
+        view: { dimension: end.replace('_', '-') },
+    });
+    device.queue.submit([encoder.finish()]);
+    return texture;
+}
+
+// A texture of depths or of several samples a texel, which only draws can fill. Samples of a texel are neighbours.
+function painted(device, texels, samples, levels) {
+    const isDepth = texels === 'depth';
+    const [{ width, height, words }] = levels;
+    const layers = words.length / (width * height * samples);
+    const format = isDepth ? 'depth32float' : { float: 'rgba16float', sint: 'rgba16sint', uint: 'rgba16uint' }[texels];
+    expectHeld(format, levels);
+    const texture = device.createTexture({
+        size: [width, height, layers],
+        mipLevelCount: levels.length,
+        sampleCount: samples,
+        format,
+        usage: GPUTextureUsage.TEXTURE_BINDING | GPUTextureUsage.RENDER_ATTACHMENT,
+    });
+    const scalar = isDepth ? 'f32' : scalarOf(texture.format);
+    const [result, value] = isDepth ? ['@builtin(frag_depth) f32', '.x'] : [`@location(0) vec4<${scalar}>`, ''];
+    const [sample, index] = samples > 1 ? [', @builtin(sample_index) s: u32', 's'] : ['', '0u'];
+    const encoder = device.createCommandEncoder();
+    levels.forEach((level, baseMipLevel) => {
+        const code = `@group(0) @binding(0) var<storage, read> texels: array<vec4<${scalar}>>;
+            @vertex fn vertex(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f {
+                return vec4f(f32(i & 1u) * 4.0 - 1.0, f32(i >> 1u) * 4.0 - 1.0, 0.0, 1.0);
+            }
+            @fragment fn fragment(@builtin(position) p: vec4f${sample}) -> ${result} {
+                return texels[(u32(p.y) * ${level.width}u + u32(p.x)) * ${samples}u + ${index}]${value};
+            }`;
+        const module = device.createShaderModule({ code });
+        const pipeline = device.createRenderPipeline({
+            layout: 'auto',
+            vertex: { module },
+            fragment: { module, targets: isDepth ? [] : [{ format: texture.format }] },
+            depthStencil: isDepth ? { format: texture.format, depthWriteEnabled: true, depthCompare: 'always' } : undefined,
+            multisample: { count: samples },
+        });
+        const each = level.words.length / layers;
+        for (let baseArrayLayer = 0; baseArrayLayer < layers; baseArrayLayer++) {
+            const own = level.words.slice(baseArrayLayer * each, (baseArrayLayer + 1) * each);
+            const buffer = made(device, new Uint32Array(own.flat()), GPUBufferUsage.STORAGE);
+            const view = texture.createView({ dimension: '2d', baseMipLevel, mipLevelCount: 1, baseArrayLayer, arrayLayerCount: 1 });
+            const pass = encoder.beginRenderPass({
+                colorAttachments: isDepth ? [] : [{ view, loadOp: 'clear', storeOp: 'store' }],
+                depthStencilAttachment: isDepth ? { view, depthLoadOp: 'clear', depthClearValue: 0, depthStoreOp: 'store' } : undefined,
+            });
+            pass.setPipeline(pipeline);
+            const entries = [{ binding: 0, resource: { buffer } }];
+            pass.setBindGroup(0, device.createBindGroup({ layout: pipeline.getBindGroupLayout(0), entries }));
+            pass.draw(3);
+            pass.end();
+        }
+    });
+    device.queue.submit([encoder.finish()]);
+    return texture;
 }
 
 // The vertex buffers of a mesh, one an attribute.
@@ -330,9 +458,10 @@ function hold(device, { buffer, texture, sampler }) {
         return { buffer: made };
     }
     const { dimension, arrayed, texels, samples, levels } = texture.texture;
-    if (texture.format || texels === 'depth' || samples > 1) {
-        throw refusal('it has no storage textures, depths or samples', 0);
-    }
+    const kind = { dimension, arrayed };
+    const view = { dimension: arrayed ? `${dimension}-array` : dimension };
+    if (texture.format) return { texture: stored(device, texture.format, kind, levels), view, kind };
+    if (texels === 'depth' || samples > 1) return { texture: painted(device, texels, samples, levels), view, kind };
     const [{ width, height, depth, words }] = levels;
     const layers = words.length / (width * height);
     const made = device.createTexture({
@@ -348,5 +477,5 @@ function hold(device, { buffer, texture, sampler }) {
         { bytesPerRow: 16 * level.width, rowsPerImage: level.height },
         [level.width, level.height, level.depth * (layers / depth)],
     ));
-    return { texture: made, view: { dimension: arrayed ? `${dimension}-array` : dimension } };
+    return { texture: made, view, kind };
 }
