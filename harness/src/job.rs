@@ -16,6 +16,7 @@
 
 mod lower;
 mod raise;
+mod words;
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -124,6 +125,7 @@ pub enum Resource {
     /// A buffer, in the layout of its variable.
     Buffer {
         /// Its 32-bit words. Wanted back, it is as many.
+        #[serde(with = "words")]
         words: Vec<u32>,
     },
     /// A texture. Wanted back, it is four words a texel of its first level.
@@ -226,7 +228,7 @@ pub struct Answer {
 #[serde(rename_all = "lowercase")]
 pub enum Reply {
     /// The words of each output, in the job's order.
-    Done(Vec<Vec<u32>>),
+    Done(#[serde(deserialize_with = "words::all")] Vec<Vec<u32>>),
     /// It takes no such shader: nothing has run.
     Refused(Problem),
     /// It has no result.

@@ -19,7 +19,7 @@ impl Executor for Process {
     }
 
     fn run(&self, job: &Job) -> Result<Reply, PathError> {
-        let line = serde_json::to_string(job).expect("a job is plain data");
+        let line = job.line(self.can(Ability::Packed));
         self.ask(&line, |answer| {
             let read: Answer = serde_json::from_str(answer).map_err(|error| {
                 format!("it wrote a line that isn't an answer: {} ({error})", one_line(answer))

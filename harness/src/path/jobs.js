@@ -19,7 +19,7 @@ async function opened(gpu, name) {
         jobs: 1,
         name: `${name} on ${info.description || `${info.vendor} ${info.architecture}`}`,
         software: info.isFallbackAdapter || /swiftshader|llvmpipe/i.test(`${info.description} ${info.architecture}`),
-        can: [...can, 'textures', 'frames'],
+        can: [...can, 'textures', 'frames', 'packed'],
     };
     return { device, greeting };
 }
@@ -126,7 +126,7 @@ async function read(device, encoder, buffers) {
     const done = [];
     for (const staging of staged) {
         await staging.mapAsync(GPUMapMode.READ);
-        done.push(Array.from(new Uint32Array(staging.getMappedRange())));
+        done.push(packed(new Uint8Array(staging.getMappedRange())));
         staging.destroy();
     }
     return done;
@@ -245,6 +245,23 @@ function depthOf(state, isBehind, depthAlone, writes) {
     if (isBehind && !depthAlone) return { depthCompare: 'equal', depthWriteEnabled: false };
     const depthCompare = state.depth_compare ?? (depthAlone ? 'less' : 'less-equal');
     return { depthCompare, depthWriteEnabled: state.depth_write ?? writes };
+}
+
+// Bytes as base64. Node has `Buffer`; pages had no function for it for long.
+function packed(bytes) {
+    if (globalThis.Buffer) return Buffer.from(bytes.buffer, bytes.byteOffset, bytes.byteLength).toString('base64');
+    if (bytes.toBase64) return bytes.toBase64();
+    let text = '';
+    // A call takes some ten thousand arguments.
+    for (let at = 0; at < bytes.length; at += 0x8000) text += String.fromCharCode(...bytes.subarray(at, at + 0x8000));
+    return btoa(text);
+}
+
+// The words of base64.
+function unpacked(text) {
+    if (globalThis.Buffer) return new Uint32Array(new Uint8Array(Buffer.from(text, 'base64')).buffer);
+    if (Uint8Array.fromBase64) return new Uint32Array(Uint8Array.fromBase64(text).buffer);
+    return new Uint32Array(Uint8Array.from(atob(text), (byte) => byte.charCodeAt(0)).buffer);
 }
 
 // WGSL's scalar of a format's texels.
@@ -450,7 +467,7 @@ function hold(device, { buffer, texture, sampler }) {
         }) };
     }
     if (buffer) {
-        const words = new Uint32Array(buffer.words);
+        const words = typeof buffer.words === 'string' ? unpacked(buffer.words) : new Uint32Array(buffer.words);
         const { STORAGE, UNIFORM, COPY_SRC, COPY_DST } = GPUBufferUsage;
         const usage = STORAGE | UNIFORM | COPY_SRC | COPY_DST;
         const made = device.createBuffer({ size: Math.max(words.byteLength, 4), usage });

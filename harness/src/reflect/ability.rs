@@ -23,6 +23,8 @@ pub enum Ability {
     Subgroups,
     /// Vertex and fragment functions: frames are drawn.
     Frames,
+    /// Words of buffers as base64. No shader needs it; it is faster.
+    Packed,
 }
 
 impl fmt::Display for Ability {
@@ -33,6 +35,7 @@ impl fmt::Display for Ability {
             Self::Immediates => "immediates",
             Self::Subgroups => "subgroups",
             Self::Frames => "vertex and fragment functions",
+            Self::Packed => "packed words",
         })
     }
 }
