@@ -65,7 +65,11 @@ impl Tappable for Frame<'_> {
         tapped: &Tapped,
         at: (u32, u32),
     ) -> Result<String, Box<dyn Error>> {
-        let steps = self.trace(path, at)?.steps;
+        if tapped.name.as_ref().is_some_and(|name| name.contains(['.', '['])) {
+            return Ok("the engine shows whole values: name it without its part".to_owned());
+        }
+        let traced = self.trace(path, at)?;
+        let steps = traced.steps;
         let is_it = |step: &&Step| {
             let (own, wanted) = (&step.span, &tapped.span);
             (&own.file.name, own.range.start, &step.text)
@@ -78,22 +82,31 @@ impl Tappable for Frame<'_> {
             (Some(step), _) => (*step).clone(),
             (None, 0) => {
                 return Ok(
-                    "the engine's steps don't have it: is it a parameter? Tap what is passed"
+                    "the engine shows operations, and this is none: a parameter, a call, a constructor, or what the result doesn't need"
                         .to_owned(),
                 );
             }
             (None, shown) => {
                 return Ok(format!(
-                    "of its {times} times the engine shows {shown}: choose one by --round"
+                    "of its {times} times the engine shows the first {shown}: choose one of them by --round"
                 ));
             }
         };
+        // Steps have the components that a result needs.
+        if step.single.len() != tapped.shape.lanes().len() {
+            return Ok(format!(
+                "the engine computes {} of its components: see `karat trace`",
+                step.single.len()
+            ));
+        }
         let row = rows(&[step]).swap_remove(0);
         let allowed = match row.allowed.as_str() {
             "not known" => String::new(),
             allowed => format!(", WGSL allows {allowed}"),
         };
-        Ok(format!("{} in the engine; {} in f64{allowed}", row.single, row.double))
+        let quad = traced.notes.iter().find(|note| note.starts_with("derivatives"));
+        let quad = quad.map_or_else(String::new, |note| format!(" ({note})"));
+        Ok(format!("{} in the engine; {} in f64{allowed}{quad}", row.single, row.double))
     }
 }
 

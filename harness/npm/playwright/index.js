@@ -33,10 +33,12 @@ export const webgpu = [
 async function pixels(canvas, read) {
   // What is shown: a canvas of WebGPU gives its own pixels no more once they were presented.
   if (!read) return ["png", await canvas.screenshot({ animations: "disabled", scale: "css" })];
-  const found = await canvas.page().evaluate(async (name) => {
-    const own = /** @type {any} */ (window)[name];
+  // In the canvas's own window: there has to be one.
+  const found = await canvas.evaluate(async (element, name) => {
+    const own = /** @type {any} */ (element.ownerDocument.defaultView)[name];
     if (typeof own !== "function") throw new Error(`the page has no function \`${name}\``);
     const { width, height, data } = await own();
+    if (![width, height].every((side) => Number.isInteger(side) && side > 0)) throw new Error(`\`${name}\` returned ${width} x ${height} pixels`);
     const bytes = new Uint8Array(Float32Array.from(data).buffer);
     let text = "";
     // In pieces: a call takes some ten thousand arguments.
@@ -77,6 +79,9 @@ export const expect = base.extend({
    * @param {import("./index.d.ts").MatchOptions} [options]
    */
   async toMatchKarat(received, name, options = {}) {
+    if (typeof name !== "string" || !name || name.length > 100) throw new Error("the name of a golden has 1 to 100 characters");
+    const unknown = Object.keys(options).find((key) => !["goldens", "program", "read"].includes(key));
+    if (unknown) throw new Error(`toMatchKarat has no option \`${unknown}\`: goldens, program, read`);
     // What isn't there matches nothing, and differs from nothing.
     if (this.isNot) throw new Error("`not.toMatchKarat` would pass for a golden that is missing: accept another golden");
     const info = test.info();
@@ -90,8 +95,8 @@ export const expect = base.extend({
       const browser = canvas.page().context().browser();
       const by = browser ? `${browser.browserType().name()} ${browser.version()}` : "a browser";
       const program = options.program ?? installed(root) ?? "karat";
-      const goldens = options.goldens ? ["--goldens", path.resolve(root, options.goldens)] : [];
-      const { status, said } = await run(program, ["match", name, file, "--by", by, ...goldens], root);
+      const goldens = options.goldens ? [`--goldens=${path.resolve(root, options.goldens)}`] : [];
+      const { status, said } = await run(program, ["match", "--by", by, ...goldens, "--", name, file], root);
       if (status !== 0) await info.attach(name, { body: Buffer.from(bytes), contentType: ending === "png" ? "image/png" : "image/x-exr" });
       return { pass: status === 0, name: "toMatchKarat", message: () => said.replace(/^error: /, "") || `karat ended with ${status}` };
     } finally {

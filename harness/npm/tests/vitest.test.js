@@ -114,7 +114,7 @@ test("names, bail and shards select as for other tests", () => {
   const folder = plugged({ "shaders/tone.wgsl": SHADER, "shaders/tone_test.wgsl": red, "shaders/tone.test.toml": DECLARED });
   const named = run(folder, ["-t", "half_at_one"]);
   assert.equal(named.code, 0, named.text);
-  assert.match(named.text, /1 passed \| 3 skipped/);
+  assert.match(named.text, /1 passed \| 4 skipped/);
   const bailed = run(folder, ["--bail=1", "-t", "tone_test", "--no-file-parallelism"]);
   assert.equal(bailed.code, 1);
   const shards = [1, 2].map((at) => [...run(folder, [`--shard=${at}/2`]).tests.keys()]);
@@ -132,12 +132,15 @@ test("what is no test fails at its place", () => {
   assert.equal(invalid.code, 1);
   assert.equal(invalid.tests.get("tone_test::half_at_one").status, "passed", invalid.text);
   assert.match(invalid.tests.get("modules of shaders are valid").failureMessages.join(), /shaders\/other\.wgsl:\d/);
+  // A file with another ending, which vitest doesn't load.
+  const misnamed = run(plugged({ "shaders/tone.wgsl": SHADER, "shaders/tone_test.wgsl": GOOD, "shaders/tone.tests.toml": DECLARED }));
+  assert.equal(misnamed.code, 1, misnamed.text);
   const missing = run(plugged({ "shaders/tone.wgsl": SHADER, "shaders/tone_test.wgsl": GOOD }, { options: 'program: "no-karat"' }));
   assert.equal(missing.code, 1);
   assert.match(missing.text, /no-karat.*npm install --save-dev karat/, missing.text);
   const outside = run(plugged({ "shaders/tone.wgsl": SHADER, "shaders/tone_test.wgsl": GOOD, "more/tone_test.wgsl": GOOD }));
   assert.equal(outside.code, 1);
-  assert.match(outside.text, /no test of Karat is in more\/tone_test\.wgsl: name the folder/);
+  assert.match(outside.text, /no test of Karat is in more\/tone_test\.wgsl: it has no/);
 });
 
 test("a hung shader, and a process that is killed, fail their tests alone", () => {

@@ -52,6 +52,8 @@ function moduleOf(file, listed, errors, packages) {
 export default function karat(options = {}) {
   // Vite alone, which builds or serves, has no tests.
   if (!process.env.VITEST) return [];
+  const unknown = Object.keys(options).find((key) => !["folders", "paths", "program"].includes(key));
+  if (unknown) throw new Error(`karat-vitest has no option \`${unknown}\`: folders, paths, program`);
   /** @type {Karat | undefined} */
   let program;
   /** @type {Promise<string>} */
@@ -67,12 +69,10 @@ export default function karat(options = {}) {
       const all = await program.list();
       const own = all.filter((one) => one.file === file);
       const errors = own.length ? [] : [
-        `no test of Karat is in ${path.relative(program.root, file)}: ` +
-          "name the folder of its shaders, karat({ folders: [\"src/shaders\"] }), or leave the file out of `include`",
+        `no test of Karat is in ${path.relative(program.root, file)}: it has no \`@test\`, or only ones under a condition that ` +
+          "doesn't hold; or its folder isn't known: karat({ folders: [\"src/shaders\"] })",
       ];
-      // The first file of a folder stands for modules that no test uses.
-      const isFirst = (/** @type {Listed} */ one) => all.find((other) => other.package === one.package) === one;
-      return moduleOf(file, own, errors, own.filter(isFirst).map((one) => one.package));
+      return moduleOf(file, own, errors, [...new Set(own.map((one) => one.package))]);
     } catch (error) {
       return moduleOf(file, [], [error instanceof Error ? error.message : String(error)], []);
     }
@@ -101,8 +101,12 @@ export default function karat(options = {}) {
         });
       },
       configureServer(server) {
-        server.watcher.on("all", (_, file) => {
-          if (isInput(file)) program?.forget(path.resolve(file));
+        server.watcher.on("all", (event, file) => {
+          if (!isInput(file) || !program) return;
+          program.forget(path.resolve(file));
+          // vitest reruns nothing for a file that is gone.
+          if (event !== "unlink") return;
+          for (const test of program.concerned(file, [...files])) server.watcher.emit("change", test);
         });
       },
       load: (id) => (isTest(id) ? load(id) : null),

@@ -120,7 +120,8 @@ export class Karat {
   changed = new Set();
   /** @type {net.Server | undefined} */
   server;
-  scratch = mkdtempSync(path.join(os.tmpdir(), "karat-vitest-"));
+  // A socket's path has about a hundred bytes.
+  scratch = mkdtempSync(path.join(os.tmpdir().length < 64 || process.platform === "win32" ? os.tmpdir() : "/tmp", "karat-vitest-"));
 
   /**
    * @param {string} root
@@ -165,7 +166,9 @@ export class Karat {
         if (!out.startsWith("[")) throw new Error(err.trim() || "`karat list --tests` says nothing");
         return JSON.parse(out);
       }));
-      return all.flat();
+      // A folder may be named twice.
+      const key = (/** @type {Listed} */ one) => `${one.package}\n${one.file}\n${one.name}`;
+      return [...new Map(all.flat().map((one) => [key(one), one])).values()];
     })();
     return this.listed;
   }
@@ -177,19 +180,23 @@ export class Karat {
   }
 
   /**
-   * The test files that an edit of a file concerns: itself, those with a test that read it, and those that haven't run.
+   * The test files that an edit of a file concerns: itself, those with a test that read it, and those that haven't run. Of a
+   * module that no test reads it is one, which says whether all modules are valid.
    * @param {string} file
    * @param {string[]} tests
    */
   concerned(file, tests) {
     const edited = path.resolve(file);
     this.forget(edited);
-    return tests.filter((test) => {
+    const of = (/** @type {string} */ file) => [...this.residents.values()].find((one) => isBelow(file, one.folder));
+    const found = tests.filter((test) => {
       if (test === edited) return true;
-      const resident = [...this.residents.values()].find((one) => isBelow(test, one.folder));
-      const reads = resident?.reads.get(test);
+      const reads = of(test)?.reads.get(test);
       return reads ? reads.has(edited) : true;
     });
+    const folder = of(edited)?.folder;
+    if (found.length > 0 || !folder || !/\.(wgsl|wesl|toml)$/.test(edited)) return found;
+    return tests.filter((test) => isBelow(test, folder)).slice(0, 1);
   }
 
   /** @param {string} folder */
@@ -208,7 +215,13 @@ export class Karat {
     const changed = [...this.changed];
     if (name === undefined) {
       const done = await resident.ask({ only: "", validate: true, changed });
-      return done.invalid ? { message: done.invalid, place: placeIn(done.invalid, this.root) } : {};
+      if (done.invalid) return { message: done.invalid, place: placeIn(done.invalid, this.root) };
+      // Tests of files that vitest doesn't load would be forgotten.
+      const other = (await this.list()).find((one) => one.package === folder && !/(_test\.(wgsl|wesl)|\.test\.toml)$/.test(one.file));
+      if (!other) return {};
+      const place = `${other.file}:${other.line}:${other.column}`;
+      if (other.error) return { message: other.error.message, place };
+      return { message: `\`${other.name}\` is in a file that vitest doesn't load: move it to a file that ends with _test.wgsl`, place };
     }
     const done = await resident.ask({ only: name, changed });
     const listed = (await this.list()).find((one) => one.package === folder && one.name === name);
@@ -218,7 +231,14 @@ export class Karat {
       for (const { file } of (done.records ?? []).flatMap((/** @type {any} */ one) => one.read ?? [])) reads.add(file);
       resident.reads.set(listed.file, reads);
     }
-    if (!resident.verdicts.has(name)) return { message: `no test of Karat is called \`${name}\` any more` };
+    if (!done.tests.includes(name)) {
+      // A file that can't be read has no tests.
+      resident.verdicts.delete(name);
+      const own = (/** @type {Wrong} */ one) => listed && one.place && path.resolve(this.root, one.place).startsWith(listed.file);
+      const wrong = done.broken.find(own) ?? done.broken[0];
+      return wrong ? verdict(wrong, undefined, this.root) : { message: `no test of Karat is called \`${name}\` any more` };
+    }
+    if (!resident.verdicts.has(name)) return { message: `\`${name}\` has no verdict` };
     const wrong = resident.verdicts.get(name);
     if (!wrong) return {};
     const frame = name.startsWith("frame ") ? name.slice("frame ".length) : undefined;

@@ -142,7 +142,18 @@ impl Frame<'_> {
         }
         let image = drawn(device, &drawing)?;
         let driver = image.pixels()[pixel];
-        notes.extend(compared(&drawing, &probed, &results[0], driver));
+        let differs = compared(&drawing, &probed, &results[0], driver);
+        let is_derivative = |step: &Step| {
+            ["dpd", "fwidth", "textureSample("].iter().any(|one| step.text.contains(one))
+        };
+        if differs.is_some() && (x | y) & 1 == 1 && steps.iter().any(is_derivative) {
+            notes.push(format!(
+                "derivatives are the driver's in the quad that begins at ({}, {}), and the engine takes this pixel for its first: trace that one",
+                x & !1,
+                y & !1
+            ));
+        }
+        notes.extend(differs);
         let shown = arguments.iter().map(|one| {
             let at = one
                 .at(pixel)

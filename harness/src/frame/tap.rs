@@ -152,8 +152,10 @@ pub enum TapError {
     )]
     Beside,
     /// No pixel computes it so often.
-    #[error("no pixel computes it for the time {round}: at most {most} times")]
+    #[error("nothing computes `{value}` for the time {round}: at most {most} times")]
     Round {
+        /// The value as it was asked for.
+        value: String,
         /// The time that was asked for.
         round: u32,
         /// The most that a pixel computes it.
@@ -594,7 +596,7 @@ pub(crate) fn tapped(
     let told: Vec<bool> = times.iter().map(|times| times.is_some_and(|n| n >= least)).collect();
     let most = times.iter().flatten().max().copied().unwrap_or(0);
     if let Some(round) = tap.round.filter(|round| *round > most) {
-        return Err(TapError::Round { round, most });
+        return Err(TapError::Round { value: tap.wanted.clone(), round, most });
     }
     let width = shape.lanes().len();
     for (lanes, told) in lanes.chunks_exact_mut(width).zip(&told) {

@@ -5,7 +5,7 @@ const show = (text) => { document.querySelector('p').textContent = text; };
 const body = (said) => JSON.stringify({ page, ...said });
 
 async function work() {
-    if (!navigator.gpu) return show('This browser has no WebGPU.');
+    if (!navigator.gpu) throw new Error('this browser has no WebGPU');
     const { device, greeting } = await opened(navigator.gpu, 'Browser');
     const version = navigator.userAgent.match(/(Firefox|Edg|Chrome|Version)\/[\d.]+/)?.[0] ?? navigator.userAgent;
     // A page without a device begins anew.
@@ -23,4 +23,8 @@ async function work() {
     }
 }
 
-work().catch((error) => show(error instanceof TypeError ? 'The tests have ended.' : String(error?.message ?? error)));
+work().catch((error) => {
+    const failed = String(error?.message ?? error);
+    show(error instanceof TypeError ? 'The tests have ended.' : failed);
+    navigator.sendBeacon('next', body({ failed }));
+});

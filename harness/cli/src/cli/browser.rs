@@ -67,8 +67,12 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     let serving = Arc::clone(&desk);
     std::thread::spawn(move || http.run(move |request| serving.answer(request)));
+    let is_greeted = desk.is_greeted(Duration::from_secs(args.wait));
+    if let Some(failed) = &locked(&desk.state).failed {
+        bail!("the page that was opened can't run tests: {failed}; open it in another browser");
+    }
     ensure!(
-        desk.is_greeted(Duration::from_secs(args.wait)),
+        is_greeted,
         "no browser opened the page within {} s: open it, or say how long to wait by --wait",
         args.wait
     );
@@ -144,6 +148,9 @@ struct Said {
     answer: Option<String>,
     #[serde(default)]
     closed: bool,
+    /// Why it can't run jobs.
+    #[serde(default)]
+    failed: Option<String>,
 }
 
 /// The page that runs jobs, and the job that it has.
@@ -159,6 +166,8 @@ struct State {
     answer: Option<String>,
     /// True while a page has the job.
     is_taken: bool,
+    /// Why a page can't run jobs.
+    failed: Option<String>,
 }
 
 struct Desk {
@@ -183,7 +192,7 @@ fn is_open(stream: &TcpStream) -> bool {
 impl Desk {
     /// True once a page is there, which is waited for.
     fn is_greeted(&self, patience: Duration) -> bool {
-        let is_alone = |state: &mut State| state.page.is_none();
+        let is_alone = |state: &mut State| state.page.is_none() && state.failed.is_none();
         let waited = self.changed.wait_timeout_while(locked(&self.state), patience, is_alone);
         waited.unwrap_or_else(PoisonError::into_inner).0.page.is_some()
     }
@@ -216,6 +225,11 @@ impl Desk {
     /// Takes a page's answer, and gives it the next job once there is one.
     fn next(&self, said: Said) -> Answer {
         let mut state = locked(&self.state);
+        if let (None, Some(failed)) = (&state.page, said.failed) {
+            state.failed = Some(failed);
+            self.changed.notify_all();
+            return Answer::text(200, "");
+        }
         let is_own = state.page.as_ref().is_some_and(|(page, _)| *page == said.page);
         match (is_own, said.greeting) {
             (true, _) if said.closed => {

@@ -101,7 +101,10 @@ fn values_are_pictures_and_numbers() {
         assert!(at.contains(part), "no `{part}` in:\n{at}");
     }
     let parameter = on_vulkan(folder.path(), &["tap", "disc", "uv", "--at=0,0"]);
-    assert!(parameter.out.contains("steps don't have it: is it a parameter?"), "{parameter:?}");
+    assert!(
+        parameter.out.contains("the engine shows operations, and this is none: a parameter,"),
+        "{parameter:?}"
+    );
     let beside = on_vulkan(folder.path(), &["tap", "disc", "near", "--beside"]).good();
     assert!(beside.contains("the frame's own colours are the same beside it"), "{beside}");
 }

@@ -85,7 +85,7 @@ impl Request {
                 break;
             }
             match (&seen_old.endless, &seen_new.endless) {
-                (None, Some(_)) => return Err("after the edit a loop of it doesn't end".to_owned()),
+                (None, Some(_)) => return Err("after the edit a loop of it goes round too often to compare it, or doesn't end".to_owned()),
                 (Some(_), _) => {
                     compared.cut += usize::try_from(new.invocations()).unwrap_or(usize::MAX);
                     continue;
@@ -521,7 +521,11 @@ mod tests {
             }";
         let endless = text.replace("k += 1u", "k += 0u");
         for (before, after, expected) in [
-            (text, &*endless, "after the edit a loop of it doesn't end"),
+            (
+                text,
+                &*endless,
+                "after the edit a loop of it goes round too often to compare it, or doesn't end",
+            ),
             (&endless, text, "its loops are too long to be run"),
         ] {
             let one = compared(before, after);
