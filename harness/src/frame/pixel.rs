@@ -140,19 +140,9 @@ impl Frame<'_> {
                     .to_owned(),
             );
         }
-        let image = drawn(device, &drawing)?;
-        let driver = image.pixels()[pixel];
+        let driver = drawn(device, &drawing)?.pixels()[pixel];
         let differs = compared(&drawing, &probed, &results[0], driver);
-        let is_derivative = |step: &Step| {
-            ["dpd", "fwidth", "textureSample("].iter().any(|one| step.text.contains(one))
-        };
-        if differs.is_some() && (x | y) & 1 == 1 && steps.iter().any(is_derivative) {
-            notes.push(format!(
-                "derivatives are the driver's in the quad that begins at ({}, {}), and the engine takes this pixel for its first: trace that one",
-                x & !1,
-                y & !1
-            ));
-        }
+        notes.extend(differs.is_some().then(|| inside_quad((x, y), &steps)).flatten());
         notes.extend(differs);
         let shown = arguments.iter().map(|one| {
             let at = one
@@ -169,6 +159,19 @@ impl Frame<'_> {
             notes,
         })
     }
+}
+
+/// A note on derivatives at a pixel that isn't the first of its quad, for which the engine takes it.
+fn inside_quad((x, y): (u32, u32), steps: &[Step]) -> Option<String> {
+    let is_derivative =
+        |step: &Step| ["dpd", "fwidth", "textureSample("].iter().any(|one| step.text.contains(one));
+    ((x | y) & 1 == 1 && steps.iter().any(is_derivative)).then(|| {
+        let (x, y) = (x & !1, y & !1);
+        format!(
+            "derivatives are the driver's in the quad that begins at ({x}, {y}), and the engine takes this pixel for its first: \
+             trace that one"
+        )
+    })
 }
 
 /// A note where the driver's colour isn't the engine's.
