@@ -258,7 +258,7 @@ fn several_values_share_draws() {
             beside.iter().zip(&all).all(|(a, b)| a.lanes == b.lanes && a.changed == Some(0)),
             "{path}"
         );
-        // None of several is told where one can't be.
+        // One unknown value among several refuses all.
         let wrong = frame.taps(path, &[Tap::new("column"), Tap::new("colunm")]);
         assert!(wrong.is_err_and(|error| error.to_string().contains("did you mean `column`?")));
     }

@@ -117,7 +117,7 @@ fn program(folders: &[PathBuf], name: &str) -> Option<PathBuf> {
     folders.iter().map(|folder| folder.join(&file)).find(|program| program.is_file())
 }
 
-/// True of a Node that Dawn runs in.
+/// Tells if Dawn runs in a Node.
 fn is_new(node: &Path) -> bool {
     version(node).is_some_and(|(major, _)| major >= OLDEST_NODE)
 }

@@ -41,7 +41,7 @@ pub struct RenderArguments {
     /// Draw the frame's colours beside them
     #[arg(long, hide = true, requires = "tap")]
     pub(super) beside: bool,
-    /// A pixel at which the engine's value is told beside the driver's
+    /// A pixel at which the engine's value stands beside the driver's
     #[arg(long, hide = true, value_name = "X,Y", value_parser = pixel, requires = "tap")]
     pub(super) at: Vec<(u32, u32)>,
     /// A pixel whose steps are printed as JSON: see `karat trace`

@@ -31,7 +31,7 @@ export const webgpu = [
  * @returns {Promise<[string, Uint8Array]>}
  */
 async function pixels(canvas, read) {
-  // What is shown: a canvas of WebGPU gives its own pixels no more once they were presented.
+  // A screenshot: a canvas of WebGPU reads as black once it was presented.
   if (!read) return ["png", await canvas.screenshot({ animations: "disabled", scale: "css" })];
   // In the canvas's own window: there has to be one.
   const found = await canvas.evaluate(async (element, name) => {
@@ -82,7 +82,7 @@ export const expect = base.extend({
     if (typeof name !== "string" || !name || name.length > 100) throw new Error("the name of a golden has 1 to 100 characters");
     const unknown = Object.keys(options).find((key) => !["goldens", "program", "read"].includes(key));
     if (unknown) throw new Error(`toMatchKarat has no option \`${unknown}\`: goldens, program, read`);
-    // What isn't there matches nothing, and differs from nothing.
+    // A missing golden differs from everything, so a negation would pass for it.
     if (this.isNot) throw new Error("`not.toMatchKarat` would pass for a golden that is missing: accept another golden");
     const info = test.info();
     const root = info.config.configFile ? path.dirname(info.config.configFile) : info.config.rootDir;

@@ -85,7 +85,7 @@ test("canvases are compared with goldens, and wait for a review", () => {
   assert.equal(wrong.code, 1);
   assert.match(wrong.text, /frame `canvas` differs from its golden/);
   assert.match(karat("pending", "--goldens", "golden").stdout, /canvas +differs/);
-  // What can't be compared passes for nothing.
+  // Each of these fails: there is nothing to compare.
   assert.match(wrong.text, /all of its pixels are equal/);
   assert.match(wrong.text, /`short` returned 1 floats for 2 x 2 pixels of four/);
   assert.match(wrong.text, /the page has no function `none`/);

@@ -5,14 +5,11 @@ import { readFileSync } from "node:fs";
 import path from "node:path";
 import { configDefaults } from "vitest/config";
 
-import { Karat } from "./karat.js";
+import { Karat, isTest } from "./karat.js";
 
 /** @typedef {import("./karat.js").Listed} Listed */
 
 const TESTS = ["**/*_test.wgsl", "**/*_test.wesl", "**/*.test.toml"];
-
-/** @param {string} id */
-const isTest = (id) => /(_test\.(wgsl|wesl)|\.test\.toml)$/.test(id);
 
 /** @param {string} file */
 const isInput = (file) => /\.(wgsl|wesl|toml|csv|exr|png|json|obj)$/.test(file);

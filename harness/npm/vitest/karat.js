@@ -29,6 +29,12 @@ import { installed } from "./installed.js";
  * @typedef {{ folder: string, name?: string, accept?: boolean }} Question
  */
 
+/**
+ * Tells if vitest loads a file as tests of Karat.
+ * @param {string} file
+ */
+export const isTest = (file) => /(_test\.(wgsl|wesl)|\.test\.toml)$/.test(file);
+
 /** The program isn't there. */
 export class Missing extends Error {}
 
@@ -217,7 +223,7 @@ export class Karat {
       const done = await resident.ask({ only: "", validate: true, changed });
       if (done.invalid) return { message: done.invalid, place: placeIn(done.invalid, this.root) };
       // Tests of files that vitest doesn't load would be forgotten.
-      const other = (await this.list()).find((one) => one.package === folder && !/(_test\.(wgsl|wesl)|\.test\.toml)$/.test(one.file));
+      const other = (await this.list()).find((one) => one.package === folder && !isTest(one.file));
       if (!other) return {};
       const place = `${other.file}:${other.line}:${other.column}`;
       if (other.error) return { message: other.error.message, place };

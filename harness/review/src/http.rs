@@ -224,7 +224,7 @@ impl Read for Timed {
     }
 }
 
-/// The secret in the URL of a page, which whoever was given the URL knows.
+/// The secret in the URL of a page: the URL is the key.
 pub struct Door {
     port: u16,
     token: String,
@@ -258,7 +258,7 @@ impl Door {
     /// printed the URL.
     ///
     /// # Errors
-    /// If it doesn't come from somebody who was given the URL, and from our own page.
+    /// If it lacks the secret, or comes from a page of another origin.
     pub fn enter<'r>(&self, request: &'r Request<'_>, printed: &str) -> Result<&'r str, Answer> {
         let refused = |what: &str| Err(Answer::text(403, what));
         let ours = ["127.0.0.1", "localhost"].map(|name| format!("{name}:{}", self.port));

@@ -34,7 +34,7 @@ impl Tap {
         Self { wanted: wanted.to_owned(), round: None, beside: false }
     }
 
-    /// True of `karat:print`, which stands for each line that prints.
+    /// Tells if it is `karat:print`, which stands for each line that prints.
     #[must_use]
     pub fn is_of_prints(&self) -> bool {
         self.wanted == "karat:print"

@@ -59,7 +59,7 @@ impl Observer<Intervals> for Guarded<'_> {
     }
 }
 
-/// True if a guard of a function never acts: over all arguments as intervals, what it bounds lies within its bounds already. An
+/// Tells if a guard of a function never acts: over all arguments as intervals, what it bounds lies within its bounds already. An
 /// argument that is a float may be NaN or infinite, for which guards act, so that the floats have to come of whole numbers.
 /// Then no implementation of WGSL returns something else without it, but for the sign of a zero, which WGSL lets be ignored.
 pub fn never_acts(probed: &Probed, guard: &Guard<'_>) -> bool {
@@ -106,7 +106,7 @@ pub fn never_acts(probed: &Probed, guard: &Guard<'_>) -> bool {
     ran && came && !acts
 }
 
-/// True of a function whose arguments are all that it depends on, and whose result is all that it leaves.
+/// Tells if a function depends on its arguments alone, and leaves its result alone.
 fn is_closed(probed: &Probed) -> bool {
     let Probed { program, function, .. } = probed;
     let form = &function.form;

@@ -200,8 +200,7 @@ impl Program {
         self.function_in_state(path, &State::new())
     }
 
-    /// True of a function that uses a variable of its module, such as a private one: then its arguments aren't all that it
-    /// depends on.
+    /// Tells if a function uses a variable of its module, such as a private one: then it depends on more than its arguments.
     pub(crate) fn uses_variables(&self, path: &str) -> bool {
         let Some((handle, _)) = self.declared(self.called_name(self.name_of(path))) else {
             return true;

@@ -38,7 +38,7 @@ pub(super) struct Args {
     /// How long to wait until a browser opens the page
     #[arg(long, value_name = "SECONDS", default_value_t = 120)]
     wait: u64,
-    /// What `karat test` takes
+    /// Arguments of `karat test`
     #[arg(value_name = "TEST ARGUMENTS", trailing_var_arg = true, allow_hyphen_values = true)]
     words: Vec<String>,
     /// Run jobs by the process that this file names
@@ -135,7 +135,7 @@ fn relay(file: &Path, out: &mut dyn Write) -> Outcome {
     }
 }
 
-/// What the page says: its number, and what it has.
+/// A message of the page: its number, and an answer or a greeting.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Said {
@@ -182,7 +182,7 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// True if the other end has said nothing more, and hasn't closed it.
+/// Tells if the other end keeps the stream open.
 fn is_open(stream: &TcpStream) -> bool {
     let peeked = stream.set_nonblocking(true).and_then(|()| stream.peek(&mut [0]));
     let is_blocking = stream.set_nonblocking(false).is_ok();

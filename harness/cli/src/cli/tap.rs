@@ -36,7 +36,7 @@ pub(super) struct Args {
     /// The value that a pixel computes for this time, from 1 [default: the last]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     round: Option<u32>,
-    /// A pixel, or an invocation, at which the engine's value is told beside the driver's; may be repeated
+    /// A pixel, or an invocation, at which the engine's value stands beside the driver's; may be repeated
     #[arg(long, value_name = "X,Y", value_parser = karat_gallery::pixel, requires = "values")]
     at: Vec<(u32, u32)>,
     /// Draw the frame's colours beside the value, and compare them with the frame: a driver may compute otherwise what it

@@ -16,7 +16,7 @@ struct Served {
     /// `127.0.0.1:PORT`, and the secret.
     host: String,
     token: String,
-    /// What it prints behind the URL.
+    /// The output behind the URL.
     rest: Option<JoinHandle<String>>,
 }
 

@@ -1,4 +1,4 @@
-//! What programs around `karat` ask: the tests that there are, one of them, and an image beside its golden.
+//! Questions of programs around `karat`: the tests that there are, one of them, and an image beside its golden.
 
 use std::io::{BufRead as _, BufReader, Write as _};
 use std::process::Stdio;
@@ -54,7 +54,7 @@ fn tests_are_listed_with_their_places() {
     assert_eq!(ran.code, Some(1), "{ran:?}");
     let listed = json(&ran.out);
     let wrong = listed.as_array().expect("a list").iter().find(|one| !one["error"].is_null());
-    let wrong = wrong.expect("it is told");
+    let wrong = wrong.expect("the list has it");
     assert_eq!(
         (&wrong["line"], wrong["error"]["headline"].is_string()),
         (&3.into(), true),

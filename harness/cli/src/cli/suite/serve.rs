@@ -118,7 +118,7 @@ fn answer(
     // Whoever can't run has no verdict, and is asked again at each edit.
     let runs = |name: &&str| concerned.iter().any(|test| test.name == **name);
     asked.into_iter().filter(|name| !runs(name)).for_each(|name| drop(known.remove(name)));
-    // Whoever asks for one test hears why it can't run.
+    // The answer about one test says why it can't run.
     if let (Some(only), Some(broken)) = (&request.only, unsound.first())
         && concerned.is_empty()
     {

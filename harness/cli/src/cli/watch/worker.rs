@@ -63,7 +63,7 @@ pub(in crate::cli) enum Said {
         /// Files that matter besides modules and declared tests.
         #[serde(default)]
         reads: Reads,
-        /// What the only test recorded.
+        /// The records of the only test.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         records: Vec<Record>,
     },
