@@ -37,7 +37,7 @@ use crate::diagnostic::{Diagnostic, Span};
 use crate::dispatch::Pass;
 use crate::dispatch::{DispatchError, Passes};
 use crate::fixture::{Fixtures, resolve};
-use crate::package::asserts::expression_of;
+use crate::package::asserts::{ASSERTED, expression_of};
 use crate::path::{self, Path, PathError, Via};
 use crate::probe::{ProbeError, Probed};
 use crate::reflect::{ADAPTER, Function, Program};
@@ -80,7 +80,10 @@ pub struct Interpreted {
 
 /// How an arithmetic of the path `cpu` lowers programs.
 fn lowering(via: Via) -> Settings {
-    Settings { contract: via == Via::Fma, statements: counted::counts(), ..Settings::default() }
+    let (contract, statements) = (via == Via::Fma, counted::counts());
+    // What an assertion reads is looked at.
+    let named: &[&str] = if statements { &[ASSERTED] } else { &[] };
+    Settings { contract, statements, named, ..Settings::default() }
 }
 
 /// Rounds after which a loop with a bound is ended, too: a case would take minutes.

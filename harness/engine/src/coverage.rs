@@ -284,8 +284,8 @@ impl StatementKind {
     }
 }
 
-/// The operations that something which a test sees depends on: a result, what is written into a buffer that outlives the
-/// program, whether it ends, and in a pass what the sanitizer looks at. Of control flow those that decide about one of them.
+/// The operations that something which a test sees depends on: a result, a value that observers are shown, what is written
+/// into a buffer that outlives the program, whether it ends, and in a pass what the sanitizer looks at. Of control flow those that decide about one of them.
 pub(crate) fn needed(code: &Code) -> Vec<bool> {
     let mut frames: Vec<(Option<usize>, bool)> = Vec::new();
     let mut frame_of: Vec<Option<usize>> = Vec::with_capacity(code.instructions.len());
@@ -350,7 +350,12 @@ impl Needed<'_> {
                 target.is_some_and(|frame| self.frames[frame].1)
             }
             // A test sees that a loop ends. In a pass the sanitizer looks at each access and at each index.
-            Op::ImageStore(_) | Op::Discard | Op::Barrier(_) | Op::Round | Op::BreakIf => true,
+            Op::ImageStore(_)
+            | Op::Discard
+            | Op::Barrier(_)
+            | Op::Round
+            | Op::BreakIf
+            | Op::Mark(_) => true,
             Op::Load(_, walk) if self.code.may_race(walk) => true,
             Op::Write(..) | Op::Atomic(_) | Op::Gather(..) | Op::Scatter(..)
                 if self.code.workgroup != [0; 3] =>
@@ -365,7 +370,7 @@ impl Needed<'_> {
                 self.range(file, instruction.at).any(|own| self.registers[file as usize][own])
             }
             // It saves time, and belongs to the loop that it stands behind.
-            Op::Skip | Op::Wrap(_) | Op::Mark(_) | Op::Halt => false,
+            Op::Skip | Op::Wrap(_) | Op::Halt => false,
             op if parts(op) => frame.is_some_and(|frame| self.frames[frame].1),
             _ => registers().any(|one| one.written && is(one.file, one.at)),
         }

@@ -48,8 +48,8 @@ pub struct Settings {
     pub overrides: Overrides,
     /// Whether `a * b + c` is rounded once, as many GPUs do.
     pub contract: bool,
-    /// Whether observers are shown let-bindings.
-    pub named: bool,
+    /// Observers are shown the let-bindings whose names begin with one of these. Tests look at them, as they do at results.
+    pub named: &'static [&'static str],
     /// Whether four cases after one another are a quad of pixels: the upper left one, the one to its
     /// right, and the two below. Only then are there derivatives.
     pub quads: bool,

@@ -527,7 +527,7 @@ impl Request {
                 }
             };
             match fault {
-                Fault::Values | Fault::Violations(_) | Fault::Vacuous => {
+                Fault::Values | Fault::Violations(_) | Fault::Vacuous | Fault::Declaration => {
                     return Fate::Killed { test: judge.name.clone() };
                 }
                 Fault::Unbegun => {

@@ -118,7 +118,7 @@ fn guards_that_never_act_are_equal() {
                   fn h(n: u32) -> f32 { let x = f32(n); return min(saturate(x), 1.0) + clamp(fract(x), -2.0, 2.0) + clamp(sin(x), -2.0, 2.0); }\n\
                   fn i(n: i32) -> f32 { let x = f32(n); if (x > 0.5) { return max(x, 0.5); } return max(x, 0.25); }\n\
                   fn j(x: f32) -> f32 { return max(abs(x), 0.0); }\n\
-                  fn k(x: f32) -> f32 {\n    let u = x * 3.0;\n    //karat: assert u <= 9.0\n    return x;\n}\n";
+                  fn k(x: f32) -> f32 {\n    let u = x * 3.0;\n    //karat: assert u <= 9.0\n    let v = x * 5.0;\n    return x;\n}\n";
     let test = |name: &str, over: &str| {
         format!("[[test]]\nfunction = \"{name}\"\nover = {over}\nin_range = [-1e9, 1e10]\n\n")
     };
@@ -151,6 +151,19 @@ fn guards_that_never_act_are_equal() {
     ] {
         assert!(!matches!(acts, Fate::Equal { .. }), "{acts:?}");
     }
+    // Neither a result nor the assertion depends on it.
+    assert_eq!(fate("k", "5.0", "10.0"), Fate::Equal { by: Equality::Operations });
+}
+
+/// A test that sets an override can't begin where nothing reads it, and fails.
+#[test]
+fn a_declaration_that_no_longer_fits_kills() {
+    let shader = "override GAIN: f32 = 1.0;\n\
+                  fn capped(x: f32) -> f32 { return max(GAIN, x); }\n";
+    let test = "[[test]]\nfunction = \"capped\"\noverride = { GAIN = 0 }\nover = { x = \"1..2\" }\nfinite = true\n";
+    let hunted = hunted(folder(shader, test).path());
+    let killed = Fate::Killed { test: "calc::capped finite".to_owned() };
+    assert_eq!(of(&hunted, "capped", "max(GAIN, x)", "(x)").fate, killed);
 }
 
 /// The samplers of declared tests are changed, too: a test that samples beyond the edge sees another address.

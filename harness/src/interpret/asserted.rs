@@ -72,9 +72,9 @@ struct Seen<'p> {
     lanes: usize,
 }
 
-/// The setting by which the engine shows what has a name.
+/// The setting by which the engine shows what lines assert and print.
 fn settings() -> Settings {
-    Settings { named: true, ..Settings::default() }
+    Settings { named: &[ASSERTED, PRINTED], ..Settings::default() }
 }
 
 /// True of a program with lines that assert or print.

@@ -35,6 +35,8 @@ pub enum Fault {
     Violations(String),
     /// The shader leaves nothing that could fail: its result is the same for all inputs, say.
     Vacuous,
+    /// A key of the test doesn't fit the shader: an override that nothing reads, say. Nothing was compared.
+    Declaration,
     /// The test can't begin, or was stopped: nothing was compared.
     Unbegun,
 }
@@ -60,7 +62,7 @@ impl Wrong {
             Fault::Values => None,
             Fault::Violations(all) => Some(all.clone()),
             // The place and the excerpt are the test's own.
-            Fault::Vacuous | Fault::Unbegun => {
+            Fault::Vacuous | Fault::Declaration | Fault::Unbegun => {
                 let is_said = |line: &&str| {
                     let line = line.trim_start();
                     !(line.starts_with("-->") || line.contains('|'))
@@ -95,6 +97,9 @@ pub(crate) fn blamed(
     let fault = match (failure.is_verdict(), failure.is_vacuous()) {
         (true, _) => Fault::Values,
         (false, true) => Fault::Vacuous,
+        (false, false) if matches!(blame.at, At::EntryPoint(_) | At::Setting([_, ..])) => {
+            Fault::Declaration
+        }
         (false, false) => Fault::Unbegun,
     };
     let span = match blame.at {
@@ -197,6 +202,7 @@ impl Misdeclared {
             return Wrong::new(&message, Some(place), text);
         }
         let span = place_of(self.key.as_deref()).unwrap_or_else(|| whole.clone());
-        Wrong::from(Diagnostic::new(message).at(span, ""))
+        let fault = if first.is_some() { Fault::Declaration } else { Fault::Unbegun };
+        Wrong { fault, ..Wrong::from(Diagnostic::new(message).at(span, "")) }
     }
 }

@@ -70,6 +70,23 @@ fn lines_ways_and_what_is_not_looked_at_are_told() {
     assert!(record.is_dir() && !record.join("last").exists(), "it isn't the last run");
 }
 
+/// A line that only an assertion reads is looked at, and one that only a print reads isn't.
+#[test]
+fn what_an_assertion_reads_is_looked_at() {
+    let folder = folder();
+    let test = "[[test]]\nfunction = \"watched\"\nover = { x = 2 }\nfinite = true\n";
+    for (line, seen) in [("assert own < 9.0", true), ("print own", false)] {
+        let shader = format!(
+            "fn watched(x: f32) -> f32 {{\n    let own = x * 3.0;\n    //karat: {line}\n    return x;\n}}\n"
+        );
+        write(&folder.path().join("shaders"), "watched.wgsl", &shader);
+        write(&folder.path().join("shaders"), "watched.test.toml", test);
+        let out = karat(folder.path(), &["coverage", "--missing"]).good();
+        let unseen = out.contains("2 no test looks at what it computes, of `watched::watched`");
+        assert_eq!(unseen, !seen, "{line}:\n{out}");
+    }
+}
+
 /// LCOV's own program reads the file, and its sums are those of the last line.
 #[test]
 fn lcov_is_what_lcov_reads() {

@@ -394,8 +394,11 @@ impl<'m> Lower<'m> {
         handle: Handle<Expression>,
         value: &Value,
     ) -> Lowered<()> {
-        let named = scope.function.is_some_and(|f| f.named_expressions.contains_key(&handle));
-        let (true, true, Value::Flat(registers)) = (self.settings.named, named, value) else {
+        let name = scope.function.and_then(|f| f.named_expressions.get(&handle));
+        let named = name.is_some_and(|name| {
+            self.settings.named.iter().any(|beginning| name.starts_with(beginning))
+        });
+        let (true, Value::Flat(registers)) = (named, value) else {
             return Ok(());
         };
         self.enter_expression(scope, handle);

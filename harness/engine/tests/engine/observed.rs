@@ -70,7 +70,7 @@ fn a_hidden_nan_has_its_line_and_case() {
 #[test]
 fn named_values_are_shown_where_asked_for() {
     let seen = Seen::default();
-    observed::<F32>(&Settings { named: true, ..Settings::default() }, &seen);
+    observed::<F32>(&Settings { named: &[""], ..Settings::default() }, &seen);
     let named = seen.named.lock().unwrap();
     let of = |name: &str| -> Vec<(usize, &str)> {
         let found = named.iter().filter(|(found, _, _)| found == name);
