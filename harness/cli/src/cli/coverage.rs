@@ -16,7 +16,7 @@ use karat_suite::Suite;
 use tempfile::TempDir;
 
 use super::git::lines_since;
-use super::project::Project;
+use super::project::{Project, tests_beside};
 use super::table::{BAD, DIM, GOOD, HEAD, KNOWN, Table};
 use super::{Ending, Outcome, PlaceArgs, child, suite, write_json};
 
@@ -116,7 +116,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let good = passed && enough;
     let tests: BTreeSet<&str> = ran.iter().map(|ran| &*ran.test).collect();
     let short = (!enough).then_some(least);
-    let parts = parts(&sum, tests.len(), &invalid, passed, short);
+    let mut parts = parts(&sum, tests.len(), &invalid, passed, short);
+    parts.extend(tests_beside(&packages));
     if args.json {
         write_json(&union.as_json(), out)?;
         tell(&parts.join("; "));

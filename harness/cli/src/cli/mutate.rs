@@ -18,7 +18,7 @@ use karat_mutate::{
 };
 
 use super::git::lines_since;
-use super::project::{self, Project};
+use super::project::{self, Project, tests_beside};
 use super::table::{BAD, DIM, GOOD, HEAD, KNOWN, Table};
 use super::test::some;
 use super::{Ending, Outcome, PlaceArgs, child, report, write_json};
@@ -183,7 +183,9 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         writeln!(text, "{BAD}error{BAD:#}: {complaint}")?;
     }
     out.write_all(&text)?;
-    let parts = parts(&all, &score, (rust.as_ref(), project.is_cargo()), args).join("; ");
+    let mut parts = parts(&all, &score, (rust.as_ref(), project.is_cargo()), args);
+    parts.extend(tests_beside(&packages));
+    let parts = parts.join("; ");
     let style = if good { GOOD } else { BAD };
     let seconds = began.elapsed().as_secs_f64();
     writeln!(out, "{style}{parts}{style:#}; {seconds:.0} s")?;

@@ -146,6 +146,17 @@ pub(super) fn title<'p>(package: &Package, all: impl IntoIterator<Item = &'p Pac
     }
 }
 
+/// Says that tests beside a package of one file didn't run: they belong to the folder.
+pub(super) fn tests_beside(packages: &[Package]) -> Option<String> {
+    let beside = |file: PathBuf| {
+        let stem = file.file_stem()?.to_str()?;
+        let tests = file.with_file_name(format!("{stem}_test.wgsl"));
+        (file.is_file() && tests.is_file()).then_some(tests)
+    };
+    let tests = packages.iter().map(Package::root).find_map(beside)?;
+    Some(format!("`{}` didn't run: name its folder instead of the file", shown(&tests)))
+}
+
 impl Project {
     /// The Cargo workspace of the working directory, or else the nearest package, or else the
     /// working directory itself or its folder `shaders`.

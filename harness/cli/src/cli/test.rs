@@ -19,7 +19,7 @@ use karat_suite::{Suite, Test};
 
 use self::progress::Progress;
 use self::subjects::Subjects;
-use super::project::Project;
+use super::project::{Project, tests_beside};
 use super::report::{OutputArgs, Sum, colour, is_failure, short, tables, untested};
 use super::search::{self, Found};
 use super::table::{BAD, DIM, KNOWN};
@@ -162,7 +162,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         invalid: modules,
         errors: short::errors(&invalid),
         invalid_packages: without_modules,
-        remarks: remarks(left_out, &opinion),
+        remarks: remarks(left_out, &opinion).into_iter().chain(tests_beside(&packages)).collect(),
         ..Run::default()
     };
     run.write(running.folder()).context("can't say how the run was made")?;

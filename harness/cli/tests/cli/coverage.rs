@@ -175,6 +175,19 @@ fn an_edit_is_measured_by_its_lines() {
     assert!(edited.out.contains("lines 0% (0 of 1)"), "{edited:?}");
 }
 
+/// Tests beside a single file belong to its folder, and the last line names them.
+#[test]
+fn tests_beside_a_file_are_named() {
+    let folder = folder();
+    let beside = "`shaders/calc_test.wgsl` didn't run: name its folder instead of the file";
+    for verb in ["test", "coverage", "mutate"] {
+        let ran = karat(folder.path(), &[verb, "shaders/calc.wgsl"]);
+        assert!(format!("{}{}", ran.out, ran.err).contains(beside), "{verb}: {ran:?}");
+        let whole = karat(folder.path(), &[verb, "shaders"]);
+        assert!(!format!("{}{}", whole.out, whole.err).contains("didn't run:"), "{verb}: {whole:?}");
+    }
+}
+
 /// A test that fails, a path that counts nothing and a filter that finds nothing are no figures.
 #[test]
 fn nothing_is_measured_without_evidence() {
