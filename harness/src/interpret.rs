@@ -150,6 +150,17 @@ impl Interpreted {
         Self { fuel, ..self }
     }
 
+    /// The same for rows that have the arguments at all pixels of a quad, of which this one is wanted.
+    fn at_pixel(mut self, own: usize) -> Self {
+        self.quads.iter_mut().for_each(|quads| quads.own = Some(own));
+        self
+    }
+
+    /// The pixel of a quad whose results are wanted.
+    fn own(&self) -> usize {
+        self.quads.as_ref().and_then(|quads| quads.own).unwrap_or(0)
+    }
+
     /// Where the function is declared.
     pub(crate) fn place(&self) -> &Span {
         &self.function.span
@@ -176,8 +187,9 @@ impl Interpreted {
     fn words_of(&self, results: Results<F32>) -> Result<Vec<u32>, ProbeError> {
         let mut words = results.words();
         if self.quads.is_some() {
-            let width = self.results.len();
-            words = words.chunks(width).step_by(quads::PIXELS).flatten().copied().collect();
+            let width = self.results.len().max(1);
+            let own = words.chunks(width).skip(self.own()).step_by(quads::PIXELS);
+            words = own.flatten().copied().collect();
         }
         let whole = |word: &u32| {
             let bits = u16::try_from(*word).expect("a half has 16 bits");

@@ -79,6 +79,13 @@ fn slopes(@location(0) uv: vec2f) -> @location(0) vec4f {
 }
 
 @fragment
+fn bent(@location(0) uv: vec2f, @builtin(position) at: vec4f) -> @location(0) vec4f {
+    let across = dpdx(uv.x * uv.x);
+    let down = dpdy(at.y * at.y * uv.x);
+    return vec4f(across, down, fwidth(at.x * at.x), 1.0);
+}
+
+@fragment
 fn steep(@builtin(position) at: vec4f) -> @location(0) vec4f {
     return vec4f(dpdx(at.x));
 }
@@ -368,6 +375,27 @@ fn derivatives_and_draws_are_the_pixel_s_own() {
             assert_eq!(found.map(|(_, values)| values), Some(vec![0.25]), "{path}");
             assert_eq!(traced.driver[0], 0.25);
             assert!(traced.notes.is_empty(), "{:?}", traced.notes);
+        }
+        // They are of no straight line: each pixel has its own place in the quad.
+        let bent = package.frame("", 4, 2).fragment("bent");
+        for pixel in (0..8).map(|pixel| (pixel % 4, pixel / 4)) {
+            let traced = bent.trace(path, pixel).unwrap_or_else(|error| panic!("{path}: {error}"));
+            let found = named_steps(&traced).into_iter().find(|(name, _)| name == "down");
+            let (_, down) = found.expect("it is there");
+            let engine: Vec<f32> = traced
+                .engine
+                .trim_matches(['(', ')'])
+                .split(", ")
+                .map(|one| one.parse().expect("a number"))
+                .collect();
+            assert_eq!(down[0], engine[1]);
+            for (a, b) in traced.driver.iter().zip(&engine) {
+                assert!(
+                    (a - b).abs() <= 1e-3,
+                    "{path} at {pixel:?}: {:?}, {engine:?}",
+                    traced.driver
+                );
+            }
         }
         let of = |pixel| both(&package).trace(path, pixel).expect("it is drawn");
         assert_eq!((&*of((1, 0)).function, &*of((2, 0)).function), ("red", "nothing"));

@@ -104,9 +104,7 @@ impl Tappable for Frame<'_> {
             "not known" => String::new(),
             allowed => format!(", WGSL allows {allowed}"),
         };
-        let quad = traced.notes.iter().find(|note| note.starts_with("derivatives"));
-        let quad = quad.map_or_else(String::new, |note| format!(" ({note})"));
-        Ok(format!("{} in the engine; {} in f64{allowed}{quad}", row.single, row.double))
+        Ok(format!("{} in the engine; {} in f64{allowed}", row.single, row.double))
     }
 }
 

@@ -5,7 +5,7 @@ use super::{Frame, drawn};
 use crate::draw::{DrawError, Drawing, Format, Source};
 use crate::executor;
 use crate::fixture::{self, Fixtures};
-use crate::interpret::trace::{BRIEFLY, Step, trace_briefly};
+use crate::interpret::trace::{BRIEFLY, Pixel, Step, trace_pixel};
 use crate::metric::DEFAULT_RELATIVE;
 use crate::path::{self, Device, Path};
 use crate::probe::Probed;
@@ -126,14 +126,13 @@ impl Frame<'_> {
         let fixtures: Fixtures =
             own.map(|(binding, fixture)| (binding.path.clone(), fixture.clone())).collect();
         probed.fit(&fixtures)?;
-        let (lanes, mut notes) = lanes(&probed, &arguments, size, (x, y), path);
-        let (steps, more) = trace_briefly(&probed, &fixtures, &lanes)?;
+        let (quad, mut notes) = quad(&probed, &arguments, size, (x, y), path);
+        let Pixel { steps, more, results } = trace_pixel(&probed, &fixtures, &quad, place((x, y)))?;
         if more {
             notes.push(format!(
                 "of an operation that runs more than {BRIEFLY} times the first {BRIEFLY} are shown"
             ));
         }
-        let results = executor::call(&probed, Path::CPU, &[lanes], &fixtures)?;
         if drawing.scene().samples > 1 {
             notes.push(
                 "the inputs are those at the pixel's centre, and the frame has several samples"
@@ -141,9 +140,7 @@ impl Frame<'_> {
             );
         }
         let driver = drawn(device, &drawing)?.pixels()[pixel];
-        let differs = compared(&drawing, &probed, &results[0], driver);
-        notes.extend(differs.is_some().then(|| inside_quad((x, y), &steps)).flatten());
-        notes.extend(differs);
+        notes.extend(compared(&drawing, &probed, &results, driver));
         let shown = arguments.iter().map(|one| {
             let at = one
                 .at(pixel)
@@ -154,24 +151,11 @@ impl Frame<'_> {
             function: of_module(),
             arguments: shown.collect(),
             steps,
-            engine: probed.function().result.format(&results[0]),
+            engine: probed.function().result.format(&results),
             driver,
             notes,
         })
     }
-}
-
-/// A note on derivatives at a pixel that isn't the first of its quad, for which the engine takes it.
-fn inside_quad((x, y): (u32, u32), steps: &[Step]) -> Option<String> {
-    let is_derivative =
-        |step: &Step| ["dpd", "fwidth", "textureSample("].iter().any(|one| step.text.contains(one));
-    ((x | y) & 1 == 1 && steps.iter().any(is_derivative)).then(|| {
-        let (x, y) = (x & !1, y & !1);
-        format!(
-            "derivatives are the driver's in the quad that begins at ({x}, {y}), and the engine takes this pixel for its first: \
-             trace that one"
-        )
-    })
 }
 
 /// A note where the driver's colour isn't the engine's.
@@ -225,42 +209,52 @@ fn arguments(
     Ok(own.into_iter().zip(read).map(told).collect())
 }
 
-/// The lanes of a call, with the slopes of those arguments that vary; and what isn't known of these.
-fn lanes(
+/// The lanes of a call at each pixel of a quad, and notes on those that aren't known.
+fn quad(
     probed: &Probed,
     arguments: &[Argument],
     (width, height): (u32, u32),
     (x, y): (u32, u32),
     path: Path,
-) -> (Vec<u32>, Vec<String>) {
-    let at = |x: u32, y: u32| (y * width + x) as usize;
-    let (mut lanes, mut notes) = (Vec::new(), Vec::new());
-    let mut unknown = false;
+) -> ([Vec<u32>; 4], Vec<String>) {
+    let mut quad: [Vec<u32>; 4] = Default::default();
+    let (own, mut unknown) = (place((x, y)), false);
     for (argument, (_, shape)) in arguments.iter().zip(&probed.function().parameters) {
-        let own = argument.at(at(x, y)).unwrap_or_default();
-        lanes.extend(own);
-        if shape.quad().is_none() {
-            continue;
-        }
-        // The other pixel of the quad, to the right or downwards of this one or before it.
-        let others = [(x ^ 1, y, x & 1 == 0), (x, y ^ 1, y & 1 == 0)];
-        for (x, y, is_behind) in others {
-            let other = (x < width && y < height).then(|| argument.at(at(x, y))).flatten();
-            unknown |= other.is_none();
-            for (index, scalar) in argument.shape.lanes().iter().enumerate() {
-                let slope = other.filter(|_| scalar.is_float()).map_or(0.0, |other| {
-                    let [own, other] = [own[index], other[index]].map(f32::from_bits);
-                    if is_behind { other - own } else { own - other }
-                });
-                lanes.push(slope.to_bits());
+        let at: [Option<&[u32]>; 4] = [(0, 0), (1, 0), (0, 1), (1, 1)].map(|(right, down)| {
+            let (x, y) = ((x & !1) + right, (y & !1) + down);
+            (x < width && y < height).then(|| argument.at((y * width + x) as usize)).flatten()
+        });
+        let here = at[own].unwrap_or_default();
+        let [beside, below] = [at[own ^ 1], at[own ^ 2]];
+        unknown |= shape.quad().is_some() && (beside.is_none() || below.is_none());
+        // Towards an unknown neighbour nothing varies.
+        let [beside, below] = [beside, below].map(|one| one.unwrap_or(here));
+        let across = |(index, scalar): (usize, &Scalar)| match scalar.is_float() {
+            true => {
+                let value = |lanes: &[u32]| f32::from_bits(lanes[index]);
+                (value(here) + (value(beside) - value(here)) + (value(below) - value(here)))
+                    .to_bits()
             }
-        }
+            false => here[index],
+        };
+        let lanes = argument.shape.lanes();
+        let across = at[own ^ 3]
+            .map_or_else(|| lanes.iter().enumerate().map(across).collect(), <[u32]>::to_vec);
+        quad[own].extend(here);
+        quad[own ^ 1].extend(beside);
+        quad[own ^ 2].extend(below);
+        quad[own ^ 3].extend(across);
     }
-    if unknown {
-        notes.push(format!(
+    let notes = unknown.then(|| {
+        format!(
             "a neighbour in the pixel's quad isn't drawn by the same function, so that its inputs aren't known on {path}: \
              derivatives towards it are 0 here"
-        ));
-    }
-    (lanes, notes)
+        )
+    });
+    (quad, notes.into_iter().collect())
+}
+
+/// The place of a pixel in its quad: 1 is on the right, 2 below.
+fn place((x, y): (u32, u32)) -> usize {
+    ((x & 1) | (y & 1) << 1) as usize
 }

@@ -11,6 +11,9 @@ pub(super) const PIXELS: usize = 4;
 pub(super) struct Quads {
     /// The scalars of each argument at one pixel, and whether it varies.
     arguments: Vec<(Vec<Scalar>, bool)>,
+    /// The pixel whose results are wanted, if a row has the arguments at all four; or else the first one, to which slopes
+    /// are given.
+    pub(super) own: Option<usize>,
 }
 
 impl Quads {
@@ -19,7 +22,7 @@ impl Quads {
             Some(value) => (value.lanes(), true),
             None => (shape.lanes(), false),
         };
-        Self { arguments: function.parameters.iter().map(of).collect() }
+        Self { arguments: function.parameters.iter().map(of).collect(), own: None }
     }
 
     /// Adds the lanes of the results that depend on how steep the slopes are.
@@ -60,6 +63,9 @@ impl Quads {
 
     /// The rows of all pixels, in the arithmetic of the kernel.
     pub(super) fn pixels(&self, rows: &[u32]) -> Vec<u32> {
+        if self.own.is_some() {
+            return rows.to_vec();
+        }
         let width: usize = self
             .arguments
             .iter()

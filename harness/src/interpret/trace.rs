@@ -206,36 +206,73 @@ pub fn trace(
     fixtures: &Fixtures,
     arguments: &[u32],
 ) -> Result<Vec<Step>, ProbeError> {
-    Ok(traced(probed, fixtures, arguments, None)?.0)
+    let steps = match probed.function().form.alone {
+        true => steps(&Alone::new(probed, fixtures)?, arguments, 0, None),
+        false => steps(&Interpreted::new(probed, fixtures)?, arguments, 0, None),
+    };
+    Ok(steps?.0)
 }
 
-/// The same, of an operation that runs often its first runs alone; and whether there are more.
+/// A call at a pixel of a quad.
+pub(crate) struct Pixel {
+    /// Its operations, of one that runs often the first runs.
+    pub(crate) steps: Vec<Step>,
+    /// True if there are more runs.
+    pub(crate) more: bool,
+    /// The lanes of its results.
+    pub(crate) results: Vec<u32>,
+}
+
+/// The call of a fragment function at a pixel, the `own` one of a quad: 1 is on the right, 2 below. `quad` has the arguments at
+/// each of the four.
 ///
 /// # Errors
 /// Those of [`trace`].
-pub(crate) fn trace_briefly(
+pub(crate) fn trace_pixel(
     probed: &Probed,
     fixtures: &Fixtures,
-    arguments: &[u32],
-) -> Result<(Vec<Step>, bool), ProbeError> {
-    traced(probed, fixtures, arguments, Some(BRIEFLY))
+    quad: &[Vec<u32>; 4],
+    own: usize,
+) -> Result<Pixel, ProbeError> {
+    let runs = Some(BRIEFLY);
+    if probed.function().form.alone {
+        let (alone, row) = (Alone::new(probed, fixtures)?, with_slopes(probed, quad, own));
+        let (steps, more) = steps(&alone, &row, 0, runs)?;
+        return Ok(Pixel { steps, more, results: alone.words(1, &row)? });
+    }
+    let called = Interpreted::new(probed, fixtures)?.at_pixel(own);
+    let row = match called.quads {
+        Some(_) => quad.concat(),
+        None => quad[own].clone(),
+    };
+    let (steps, more) = steps(&called, &row, called.own(), runs)?;
+    Ok(Pixel { steps, more, results: called.words(1, &row)? })
+}
+
+/// The arguments at a pixel, each that varies with its slopes to the right and downwards: what a kernel that calls one pixel
+/// takes.
+fn with_slopes(probed: &Probed, quad: &[Vec<u32>; 4], own: usize) -> Vec<u32> {
+    let (mut row, mut at) = (Vec::new(), 0);
+    for (_, shape) in &probed.function().parameters {
+        let scalars = shape.quad().unwrap_or(shape).lanes();
+        row.extend(&quad[own][at..at + scalars.len()]);
+        // Of the two pixels in this row, and of the two in this column.
+        let sides = shape.quad().map(|_| [[own & 2, own | 1], [own & 1, own | 2]]);
+        for [before, behind] in sides.into_iter().flatten() {
+            row.extend(scalars.iter().enumerate().map(|(index, scalar)| {
+                let value = |pixel: usize| f32::from_bits(quad[pixel][at + index]);
+                let slope = if scalar.is_float() { value(behind) - value(before) } else { 0.0 };
+                slope.to_bits()
+            }));
+        }
+        at += scalars.len();
+    }
+    row
 }
 
 /// Runs of an operation that a reader looks at: those of a loop's first round, of the next one, and of a third that shows
 /// how they go on.
 pub(crate) const BRIEFLY: usize = 3;
-
-fn traced(
-    probed: &Probed,
-    fixtures: &Fixtures,
-    arguments: &[u32],
-    runs: Option<usize>,
-) -> Result<(Vec<Step>, bool), ProbeError> {
-    match probed.function().form.alone {
-        true => steps(&Alone::new(probed, fixtures)?, arguments, 0, runs),
-        false => steps(&Interpreted::new(probed, fixtures)?, arguments, 0, runs),
-    }
-}
 
 /// The operations of one invocation of the last of some passes, by its `global_invocation_id`. Others see what it writes, so
 /// there are no bounds.

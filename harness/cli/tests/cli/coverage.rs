@@ -184,7 +184,10 @@ fn tests_beside_a_file_are_named() {
         let ran = karat(folder.path(), &[verb, "shaders/calc.wgsl"]);
         assert!(format!("{}{}", ran.out, ran.err).contains(beside), "{verb}: {ran:?}");
         let whole = karat(folder.path(), &[verb, "shaders"]);
-        assert!(!format!("{}{}", whole.out, whole.err).contains("didn't run:"), "{verb}: {whole:?}");
+        assert!(
+            !format!("{}{}", whole.out, whole.err).contains("didn't run:"),
+            "{verb}: {whole:?}"
+        );
     }
 }
 
