@@ -154,6 +154,7 @@ fn frames_assert_and_print() {
         sum += at.x;
         //karat: assert i != 1 || at.x < LIMIT
     }
+    //karat: assert sum < 9.0 || at.x < LIMIT
     //karat: print sum
     return vec4f(sum);
 }
@@ -175,7 +176,12 @@ fn frames_assert_and_print() {
         let failure = mean("3.0").expect_err("the last column is at 3.5");
         assert!(failure.is_verdict(), "{failure}");
         let told = failure.to_string();
-        for part in ["is false for 2 of 8 pixels", "<m>:5:25", "first for the pixel (3, 0)"] {
+        for part in [
+            "is false for 2 of 8 pixels",
+            "<m>:5:25",
+            "first for the pixel (3, 0)",
+            "<m>:7:21: the assertion `sum < 9.0 ||",
+        ] {
             assert!(told.contains(part), "{path}: {told}");
         }
         assert!(matches!(failure, FrameError::Asserted(_) | FrameError::Paths(_)));

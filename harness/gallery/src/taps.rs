@@ -90,7 +90,10 @@ pub(crate) fn write_tapped(
     write_colours(&png, tapped.size, &colours(tapped, &scalars, &mapping))?;
     let strange = numbers(tapped, &scalars).flatten().any(|x| !x.is_finite());
     let strange = if strange { "; NaN is magenta, an infinity yellow" } else { "" };
-    writeln!(out, "    {}  {}: {}{strange}", shown(&exr), shown(&png), mapping.told())?;
+    let rounds =
+        numbers(tapped, &scalars).flatten().any(|x| x.is_finite() && x != f64::from(to_f32(x)));
+    let rounds = if rounds { "; the EXR rounds whole numbers beyond 2^24" } else { "" };
+    writeln!(out, "    {}  {}: {}{strange}{rounds}", shown(&exr), shown(&png), mapping.told())?;
     Ok(())
 }
 
@@ -251,7 +254,7 @@ fn image(tapped: &Tapped, scalars: &[Scalar]) -> Image {
     let pixel = |(lanes, told): (&[u32], &bool)| {
         let mut pixel = [0.0, 0.0, 0.0, if *told { 1.0 } else { 0.0 }];
         for ((channel, lane), scalar) in pixel.iter_mut().zip(lanes).zip(scalars) {
-            *channel = to_f32(scalar.decode(*lane)); // integers beyond 2^24 are rounded
+            *channel = to_f32(scalar.decode(*lane));
         }
         if let ([_], true) = (lanes, told) {
             pixel = [pixel[0], pixel[0], pixel[0], 1.0];

@@ -565,6 +565,7 @@ pub(super) fn expect_asserted(drawing: &Drawing<'_>, path: Path) -> Result<(), F
         }
     }
     tell_prints(&notes);
+    let mut found: Option<Diagnostic> = None;
     for ((_, span, text), Read { times, .. }) in all.iter().zip(wrong) {
         let is_wrong = |times: &Option<u32>| times.is_some_and(|times| times > 0);
         let Some(first) = times.iter().position(is_wrong) else { continue };
@@ -575,10 +576,12 @@ pub(super) fn expect_asserted(drawing: &Drawing<'_>, path: Path) -> Result<(), F
         let message =
             format!("the assertion `{text}` is false for {wrong} of {of} pixels on path `{path}`");
         let label = format!("first for the pixel ({x}, {y})");
-        let found = Diagnostic::new(message).at(span.clone(), label);
-        return Err(FrameError::Asserted(Box::new(found)));
+        found = Some(match found {
+            Some(first) => first.note(format!("{span}: {message}, {label}")),
+            None => Diagnostic::new(message).at(span.clone(), label),
+        });
     }
-    Ok(())
+    found.map_or(Ok(()), |found| Err(FrameError::Asserted(Box::new(found))))
 }
 
 /// A value as it was read, with its place and its name.

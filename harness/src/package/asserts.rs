@@ -39,6 +39,7 @@ pub(super) fn read(source: SourceFile) -> Result<SourceFile, PackageError> {
         return Ok(source);
     }
     let (mut text, mut values) = (String::with_capacity(2 * source.text.len()), Vec::new());
+    let mut before_it = "";
     for (number, line) in (1..).zip(source.text.split_inclusive('\n')) {
         let wrong = |reason: String| PackageError::Asserts {
             place: format!("{}:{number}", source.name),
@@ -46,8 +47,16 @@ pub(super) fn read(source: SourceFile) -> Result<SourceFile, PackageError> {
         };
         let Some(Line { verb, head, expression }) = Line::of(line).map_err(wrong)? else {
             text.push_str(line);
+            if !line.trim().is_empty() {
+                before_it = line.trim();
+            }
             continue;
         };
+        let is_name = |c: char| c.is_alphanumeric() || c == '_';
+        let returned = before_it.strip_prefix("return").filter(|rest| !rest.starts_with(is_name));
+        if returned.is_some_and(|rest| rest.ends_with(';')) {
+            return Err(wrong("it stands behind a `return`, and never runs".to_owned()));
+        }
         let indent = line.len() - line.trim_start().len();
         let (before, behind) = line[indent + head.len()..]
             .split_at(line[indent + head.len()..].find(expression).unwrap_or_default());
@@ -267,9 +276,11 @@ mod tests {
             ("//karat print x", "on a line of its own"),
             ("// Karat : assert x > 1", "on a line of its own"),
             ("/// karat: print x", "with two slashes"),
+            ("    return x;\n\n    //karat: assert x > 0.0", "behind a `return`"),
         ] {
             let error = error(line);
-            assert!(error.contains("m.wgsl:2") && error.contains(part), "{line}: {error}");
+            let at = format!("m.wgsl:{}", 1 + line.lines().count());
+            assert!(error.contains(&at) && error.contains(part), "{line}: {error}");
         }
     }
 
