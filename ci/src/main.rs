@@ -27,6 +27,7 @@ mod packages;
 #[expect(unreachable_pub, reason = "it is public in the harness, which is compiled later")]
 mod record;
 mod semver;
+mod sentences;
 mod setup;
 mod size;
 mod step;
@@ -142,6 +143,17 @@ enum Task {
         /// The revision [default: the one in ci/baseline.txt]
         revision: Option<String>,
     },
+    /// Print a random sample of the sentences that people read, for a reader who has never seen them.
+    Sentences {
+        /// Where they come from
+        from: sentences::From,
+        /// How many
+        #[arg(long, default_value_t = 30)]
+        count: usize,
+        /// Another seed gives another sample
+        #[arg(long, default_value_t = 0)]
+        seed: u64,
+    },
     /// Measure the harness: lines, public items, and over how many files an idea is spread.
     Size {
         /// A revision whose numbers stand beside those of the working tree.
@@ -181,6 +193,7 @@ fn main() -> ExitCode {
         Task::Npm => suite::npm(),
         Task::Nextest => step::verdict(nextest::run()),
         Task::Semver { revision } => step::verdict(semver::run(revision)),
+        Task::Sentences { from, count, seed } => step::verdict(sentences::run(from, count, seed)),
         Task::Size { revision } => step::verdict(size::run(revision.as_deref())),
         Task::Mutants { names } => step::verdict(mutants::run(&names)),
     }
