@@ -30,6 +30,8 @@ mod patience;
 mod preview;
 mod project;
 mod record;
+#[cfg(test)]
+mod reference;
 mod render;
 mod replay;
 mod report;

@@ -22,11 +22,11 @@ pub struct Hazards {
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AcceptedHazard {
-    /// `module::name`, `module::*`
+    /// The functions: `brdf::schlick`, or all of a module, `brdf::*`.
     pub functions: Vec<String>,
-    /// The operation; none: all of them.
+    /// The operation as it is written; without it all operations.
     pub text: Option<String>,
-    /// Why it is accepted.
+    /// The reason why it is meant.
     pub reason: String,
 }
 
@@ -36,7 +36,7 @@ pub struct AcceptedHazard {
 pub struct AcceptedMutants {
     /// Their names, as `karat mutate` prints them: `b778d00e`.
     pub ids: Vec<String>,
-    /// Why they are accepted.
+    /// The reason why no test can kill them.
     pub reason: String,
 }
 
@@ -44,12 +44,12 @@ pub struct AcceptedMutants {
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct KnownRows {
-    /// `module::name`
+    /// The functions: `brdf::schlick`.
     pub rows: Vec<String>,
-    /// Columns, or selectors of paths.
+    /// The columns of the matrix, or selectors of paths.
     pub columns: Vec<String>,
-    /// The status that they don't get to.
+    /// The status that they don't get to: `"valid"`.
     pub status: String,
-    /// Why.
+    /// The reason.
     pub reason: String,
 }

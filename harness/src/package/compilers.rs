@@ -22,8 +22,10 @@ pub(crate) struct Compilers {
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Written {
+    /// Compilers without whose verdict a run fails: `["tint"]`.
     #[serde(default)]
     require: Vec<String>,
+    /// Capabilities of wgpu alone, by naga's names: Tint isn't asked about modules that use one.
     #[serde(default)]
     native: Vec<String>,
 }

@@ -57,11 +57,12 @@ pub(super) struct Manifest {
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Dependency {
-    /// Its folder, from the one of the file.
+    /// Its folder, relative to this file.
     path: Option<PathBuf>,
+    /// The crate whose shaders they are, and its version.
     #[serde(rename = "crate")]
     krate: Option<String>,
-    /// The folder of the crate's modules, where it isn't found.
+    /// The folder of modules in the crate, where Karat doesn't find it.
     root: Option<String>,
 }
 
@@ -84,27 +85,39 @@ impl KnownRows {
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Written {
+    /// Other packages that modules import, by name: `{ path = "../noise" }` or `{ crate = "lygia@1.4.0" }`.
     #[serde(default)]
     dependencies: BTreeMap<String, Dependency>,
+    /// Features that are set: `{ SHADOWS = true }`.
     #[serde(default)]
     features: BTreeMap<String, toml::Value>,
+    /// Values of names that a host puts into the text.
     #[serde(default)]
     values: BTreeMap<String, toml::Value>,
+    /// A program that prints a module from its file, with its arguments.
     preprocess: Option<Vec<String>>,
+    /// Modules that a host joins to one text, in their order.
     #[serde(default)]
     join: BTreeMap<String, Vec<String>>,
+    /// Rows of `karat matrix` that don't get to a status, as `[[matrix]]`.
     #[serde(default)]
     matrix: Vec<KnownRows>,
+    /// Ranges of arguments and variables, by name: `{ roughness = "0..1" }`.
     #[serde(default)]
     inputs: BTreeMap<toml::Spanned<String>, toml::Value>,
+    /// Values of `override`s in every test.
     #[serde(default)]
     overrides: BTreeMap<String, toml::Value>,
+    /// Hazards that are meant, as `[[hazard]]`.
     #[serde(default, rename = "hazard")]
     hazards: Vec<AcceptedHazard>,
+    /// Mutants that no test can kill, as `[[mutant]]`.
     #[serde(default, rename = "mutant")]
     mutants: Vec<AcceptedMutants>,
+    /// Compilers beside naga, as `[compilers]`.
     #[serde(default)]
     compilers: compilers::Written,
+    /// Limits of the device that the shaders are for, by WebGPU's names.
     limits: Option<BTreeMap<String, toml::Value>>,
 }
 

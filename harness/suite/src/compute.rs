@@ -28,28 +28,37 @@ use crate::wrong::Misdeclared;
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Declared {
-    /// A name of its own, in place of the last entry point's.
+    /// The test's own name, in place of the last entry point's.
     pub(crate) name: Option<String>,
+    /// The compute entry point.
     entry: Option<String>,
+    /// Workgroups in each direction: `4`, `[4, 2]` or `[4, 2, 1]`.
     workgroups: Option<Workgroups>,
+    /// Passes one after the other, each `{ entry = .., workgroups = .. }`, in place of these two.
     #[serde(default)]
     passes: Vec<Pass>,
+    /// Textures, samplers and buffers, by the names of the variables.
     #[serde(default)]
     pub(crate) with: BTreeMap<String, Value>,
     /// Values of `override`s, by their names or numbers.
     #[serde(default, rename = "override")]
     overrides: BTreeMap<String, OverrideValue>,
+    /// Paths on which the test fails, each with the reason. It must fail there: `{ gl = "clamps faces" }`.
     #[serde(default)]
     pub(crate) fails_on: BTreeMap<String, String>,
+    /// Paths that can't run it, each with the reason. They must refuse it.
     #[serde(default)]
     pub(crate) refused_on: BTreeMap<String, String>,
     /// Variables whose races are meant, each with the reason.
     #[serde(default)]
     accept_race: BTreeMap<String, String>,
+    /// Variables into which several invocations may write the same value, each with the reason.
     #[serde(default)]
     accept_equal_writes: BTreeMap<String, String>,
+    /// What each resource holds after the passes: `{ sums = { equals = [1, 3] } }`; the keys stand below.
     #[serde(default)]
     after: BTreeMap<String, Expected>,
+    /// Nothing that the passes compute has a hazard: `true`, or a list of kinds.
     no_hazards: Option<NoHazards>,
 }
 
@@ -57,7 +66,9 @@ pub(crate) struct Declared {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Pass {
+    /// The compute entry point.
     entry: String,
+    /// Workgroups in each direction.
     workgroups: Workgroups,
 }
 
@@ -93,21 +104,35 @@ impl TryFrom<Value> for Workgroups {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Expected {
+    /// It holds this value; one number stands for each component.
     equals: Option<Value>,
+    /// Each element is a row of this CSV file.
     table: Option<PathBuf>,
+    /// It holds what was accepted as `golden/NAME.csv`.
     golden: Option<String>,
+    /// Another entry point leaves the same, over as many workgroups and in Karat's engine.
     agrees_with: Option<String>,
+    /// Its elements rise: `true`; or they fall: `"descending"`.
     sorted: Option<Value>,
+    /// Its numbers add up to those that this buffer holds before the passes.
     sum_of: Option<String>,
+    /// Its elements are those that this buffer holds before the passes, in any order.
     permutation_of: Option<String>,
+    /// It holds what it held before: `true`.
     unchanged: Option<bool>,
+    /// Some invocation writes each element or texel: `true`.
     written: Option<bool>,
+    /// Each component lies in this range.
     in_range: Option<Range>,
+    /// No component is NaN or infinite: `true`.
     finite: Option<bool>,
+    /// Elements are compared whatever their order is: `true`.
     up_to_order: Option<bool>,
-    /// Rows and columns.
+    /// Rows and columns of the elements, where a map is drawn of those that differ.
     shape: Option<[usize; 2]>,
+    /// The largest error that passes, as for functions.
     tolerance: Option<String>,
+    /// Tolerances of single paths.
     #[serde(default)]
     tolerance_on: BTreeMap<String, String>,
 }

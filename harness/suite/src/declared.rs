@@ -116,42 +116,66 @@ struct File {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Declared {
-    /// A name of its own, in place of the function's.
+    /// The test's own name, in place of the function's.
     name: Option<String>,
+    /// The function that the test calls: `schlick`, of the module that the file is named after, or `brdf::schlick`.
     pub(crate) function: String,
+    /// The domain of each argument: `{ x = "0..1", n = "unit_vector" }`.
     #[serde(default)]
     pub(crate) over: BTreeMap<String, Value>,
-    /// Keeps the arguments for which this expression of WGSL holds.
+    /// Keeps the arguments for which this expression of WGSL holds: `"a < b"`.
     #[serde(rename = "where")]
     pub(crate) filter: Option<String>,
+    /// The number of cases; 65536 without it, and of an integral fewer.
     pub(crate) cases: Option<u64>,
+    /// The seed of the cases; without it the test's name gives one.
     pub(crate) seed: Option<u64>,
+    /// The largest error that passes: `"4 ulp"`, `"rel 1e-4"`, `"abs 1e-6"`, `"exact"`, `"spec"`, or several by `or`.
     pub(crate) tolerance: Option<String>,
+    /// Tolerances of single paths: `{ gl = "abs 1e-3" }`.
     #[serde(default)]
     pub(crate) tolerance_on: BTreeMap<String, String>,
+    /// Paths on which the test fails, each with the reason. It must fail there: `{ gl = "clamps faces" }`.
     #[serde(default)]
     pub(crate) fails_on: BTreeMap<String, String>,
+    /// Paths that can't run it, each with the reason. They must refuse it.
     #[serde(default)]
     pub(crate) refused_on: BTreeMap<String, String>,
+    /// Textures, samplers and buffers, by the names of the variables.
     #[serde(default)]
     pub(crate) with: BTreeMap<String, Value>,
     /// Values of `override`s, by their names or numbers.
     #[serde(default, rename = "override")]
     pub(crate) overrides: BTreeMap<String, OverrideValue>,
+    /// Another function, in `f64`, returns the same.
     agrees_with: Option<String>,
+    /// Each row's result is what the row of this CSV file says.
     table: Option<PathBuf>,
+    /// Results are those that were accepted as `golden/NAME.csv`.
     golden: Option<String>,
+    /// Each result is this value.
     equals: Option<Value>,
+    /// No component is NaN or infinite: `true`.
     finite: Option<bool>,
+    /// Each result is a vector of length 1: `true`.
     unit: Option<bool>,
+    /// Each result is a vector at right angles to this argument.
     perpendicular_to: Option<String>,
+    /// Each result is three unit vectors at right angles, the third the cross product of the first two: `true`.
     right_handed_frame: Option<bool>,
+    /// Each component lies in this range: `"0..1"`, `[0, 1]`, or `"0..<1"` without its end.
     in_range: Option<Range>,
+    /// Swapping these two arguments changes nothing.
     symmetric_in: Option<Pair<String>>,
+    /// The result only rises, or only falls, with an argument: `{ x = "increasing" }`.
     monotone: Option<BTreeMap<String, Direction>>,
+    /// The result approaches a value: `{ alpha = 0, through = [0.1, 0.01], equals = 1 }`.
     limit: Option<BTreeMap<String, Value>>,
+    /// The integral over the last argument, a direction; its keys stand below.
     integral: Option<Integral>,
+    /// Nothing inside becomes NaN or infinite, loses half of its digits or is undefined: `true`, or a list of kinds.
     no_hazards: Option<NoHazards>,
+    /// Hazards of `no_hazards` that are meant, each operation with the reason.
     #[serde(default)]
     pub(crate) accept_hazard: BTreeMap<String, String>,
 }
@@ -256,11 +280,16 @@ pub(crate) enum Direction {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Integral {
+    /// The region: `"sphere"`, `"hemisphere"` or `"projected_hemisphere"`, which weights by the cosine.
     pub(crate) over: Region,
+    /// The integral, of each component or of all.
     #[serde(alias = "is")]
     pub(crate) equals: Option<Value>,
+    /// A bound of the integral.
     pub(crate) at_most: Option<Value>,
+    /// The absolute difference by which rounding may exceed the bound.
     pub(crate) slack: Option<f64>,
+    /// The rings of directions that the quadrature takes.
     pub(crate) rings: Option<u16>,
 }
 
@@ -276,36 +305,44 @@ pub(crate) enum Region {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Frame {
+    /// The frame's name, and its golden's.
     pub(crate) name: String,
-    /// Filled in from the file's name where it isn't written.
+    /// The module of its functions; without it the file's own.
     pub(crate) module: Option<String>,
-    /// None: the fragment function alone covers the frame.
+    /// The vertex function; without one the fragment function covers the frame.
     vertex: Option<String>,
+    /// The fragment function.
     fragment: Option<String>,
-    /// In place of these two, one after the other.
+    /// Draws one after the other, in place of `vertex` and `fragment`; their keys stand below.
     #[serde(default)]
     draws: Vec<draws::Declared>,
-    /// Samples a pixel.
+    /// Samples of a pixel: 1 or 4.
     pub(crate) samples: Option<u32>,
+    /// Its width and height in pixels: `[256, 256]`.
     pub(crate) size: Pair<u32>,
-    /// Of each location: `rgba8unorm-srgb`; none: one of the most exact floats.
+    /// The format of each location: `"rgba8unorm-srgb"`; without them floats.
     #[serde(default)]
     pub(crate) formats: Vec<String>,
-    /// The location that is compared.
+    /// The location that is compared, from 0.
     pub(crate) target: Option<usize>,
-    /// Whether depth is compared.
+    /// Depth is compared in place of colours: `true`.
     #[serde(default)]
     pub(crate) depth: bool,
+    /// Textures, samplers and buffers, by the names of the variables.
     #[serde(default)]
     pub(crate) with: BTreeMap<String, Value>,
+    /// Values of `override`s, by their names or numbers.
     #[serde(default, rename = "override")]
     pub(crate) overrides: BTreeMap<String, OverrideValue>,
+    /// The largest relative difference of a pixel that passes: `1e-3`.
     pub(crate) tolerance: Option<Relative>,
+    /// Paths on which the test fails, each with the reason. It must fail there: `{ gl = "clamps faces" }`.
     #[serde(default)]
     pub(crate) fails_on: BTreeMap<String, String>,
+    /// Paths that can't run it, each with the reason. They must refuse it.
     #[serde(default)]
     pub(crate) refused_on: BTreeMap<String, String>,
-    /// Relative to the file.
+    /// The folder of its golden, relative to this file.
     pub(crate) golden: Option<PathBuf>,
     #[serde(skip)]
     pub(crate) folder: PathBuf,

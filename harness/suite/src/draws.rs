@@ -19,19 +19,25 @@ use crate::wrong::Misdeclared;
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Declared {
+    /// The vertex function; without one the fragment function covers the frame.
     pub(crate) vertex: Option<String>,
-    /// None: depth alone is drawn.
+    /// The fragment function; without one only depth is drawn.
     pub(crate) fragment: Option<String>,
-    /// A table of corners, relative to the file.
+    /// A CSV file with a row for each corner, relative to this file.
     mesh: Option<PathBuf>,
-    /// Corners of triangles; none: three in a row are one.
+    /// Corners of triangles; without them three rows are one.
     indices: Option<Vec<u32>>,
-    /// Vertices without a mesh.
+    /// The number of vertices, where there is no mesh.
     vertices: Option<u32>,
+    /// The number of instances; 1 without it.
     instances: Option<u32>,
+    /// The faces that aren't drawn: `"none"`, `"front"`, `"back"`.
     cull: Option<String>,
+    /// The comparison by which a pixel is drawn, as WebGPU names it: `"less"`.
     depth_compare: Option<String>,
+    /// Depth is written: `true`.
     depth_write: Option<bool>,
+    /// How colours meet: `"replace"`, `"add"`, `"alpha"`, `"premultiplied"`, `"multiply"`.
     blend: Option<String>,
 }
 

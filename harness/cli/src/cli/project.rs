@@ -24,14 +24,14 @@ mod members;
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Settings {
-    /// Shader folders, relative to the manifest.
+    /// Folders of shaders, relative to the manifest.
     packages: Option<Vec<PathBuf>>,
     /// Features with which modules are validated, by the modules' names.
     #[serde(default)]
     features: BTreeMap<String, Vec<String>>,
-    /// Folder of goldens, relative to the manifest.
+    /// The folder of goldens, relative to the manifest.
     golden: Option<PathBuf>,
-    /// Name of the cargo binary that is the project's gallery.
+    /// The Cargo program that is the project's gallery of frames.
     gallery: Option<String>,
 }
 
