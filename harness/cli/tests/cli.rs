@@ -77,6 +77,8 @@ mod suite;
 mod terminal;
 #[path = "cli/translations.rs"]
 mod translations;
+#[path = "cli/tutorial.rs"]
+mod tutorial;
 #[path = "cli/unreferenced.rs"]
 mod unreferenced;
 #[path = "cli/untold.rs"]
