@@ -32,10 +32,45 @@ pub(crate) fn run() -> ExitCode {
         && steps.run("behind a pipe", || command::run(&mut suite::piped(&[])))
         && steps.run("glams", glams::run)
         && steps.run("long suites", || command::run(&mut suite::long()))
+        && steps.run("dawn", || on_the_web("dawn"))
+        && steps.run("chromium", || on_the_web("chromium"))
         && steps.run("divergences", matrix::divergences)
         && steps.run("packages without Rust", || dist::run(None))
         && steps.run("swiftshader", on_swiftshader);
     steps.finish()
+}
+
+/// The library's tests that fail on a path of the web, with their reasons.
+const KNOWN: &str = "tests/web.txt";
+
+/// The whole shader library on a path of the web: those tests fail that are known to, and no others.
+fn on_the_web(path: &str) -> Result<()> {
+    let list = std::fs::read_to_string(command::root().join(KNOWN)).context(KNOWN)?;
+    let mut test = command::cargo(&["test", "--workspace", "--locked", "--no-fail-fast"]);
+    test.args(["--test", "library"]).env("KARAT_PATHS", path).env("KARAT_REQUIRE", path);
+    let output = test.stderr(Stdio::inherit()).output().context("cargo doesn't run")?;
+    let mut sum = Sum::default();
+    String::from_utf8_lossy(&output.stdout).lines().for_each(|line| sum.read(line));
+    ensure!(sum.passed > 0, "no test passed on {path}");
+    let wrong = others(&list, path, &sum.failed);
+    ensure!(wrong.is_empty(), "on {path}: {}; see {KNOWN}", wrong.join(", "));
+    Ok(())
+}
+
+/// Tests that fail and aren't in a list, and tests of the list that don't fail. A name with a path is of that path alone.
+fn others(list: &str, path: &str, failed: &[String]) -> Vec<String> {
+    let known: Vec<&str> = list
+        .lines()
+        .filter(|line| !line.starts_with('#') && !line.is_empty())
+        .filter_map(|line| match line.split_once(' ') {
+            Some((name, only)) => (only == path).then_some(name),
+            None => Some(line),
+        })
+        .collect();
+    let new = failed.iter().filter(|name| !known.contains(&name.as_str()));
+    let gone = known.iter().filter(|name| !failed.iter().any(|one| one == *name));
+    let new = new.map(|name| format!("`{name}` fails"));
+    new.chain(gone.map(|name| format!("`{name}` passes"))).collect()
 }
 
 /// The whole suite without Mesa: SwiftShader for Vulkan, and nothing for GL.
@@ -128,6 +163,16 @@ impl Sum {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_list_of_known_failures_holds_both_ways() {
+        let list = "# Why.\na::b\na::c chromium\n";
+        let failed =
+            |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>();
+        assert!(others(list, "dawn", &failed(&["a::b"])).is_empty());
+        assert!(others(list, "chromium", &failed(&["a::c", "a::b"])).is_empty());
+        assert_eq!(others(list, "dawn", &failed(&["a::c"])), ["`a::c` fails", "`a::b` passes"]);
+    }
 
     #[test]
     fn lines_of_all_programs_are_summed() {
