@@ -32,7 +32,7 @@ const VARIABLES: [(&str, &str); 17] = [
     (FUEL, "rounds of loops that a case may make on `cpu`, unless they have a bound (1048576)"),
     (
         SCHEDULES,
-        "orders of invocations in which compute passes run on `cpu` before a test is judged, where there are too many to try all (16)",
+        "orders of invocations in which compute passes run on `cpu` before a test is judged, where there are too many to try all; 0: the usual order alone (16)",
     ),
     (SEED, "seed of the selected check, or of all (from the test's name)"),
     (CASE, "the one case that is run: `function/check/index`, as a failure prints it (all)"),
