@@ -35,6 +35,7 @@ pub(crate) fn run() -> ExitCode {
         steps.run("dawn and chromium", web);
     }
     steps.run("npm packages", || npm_packages(false));
+    steps.run("examples", examples);
     steps.run("behind a pipe", behind_a_pipe);
     steps.run("mutants", mutants);
     let passed = steps.run("tests", test);
@@ -51,6 +52,13 @@ pub(crate) const BUILD: &[&str] =
 
 pub(crate) fn build() -> Result<()> {
     command::run(&mut command::cargo(BUILD))
+}
+
+/// The examples that no other step runs: the folder without Rust, and the one that fetches Bevy's shaders.
+fn examples() -> Result<()> {
+    command::run_aside(&mut command::karat(&["test", "harness/examples/folder/shaders"])?)?;
+    let mut test = command::cargo(&["test", "--workspace", "--locked", "--test", "toon"]);
+    command::run_aside(test.args(["--features", "example-bevy/fetch"]))
 }
 
 /// Opens the paths for real, where `setup` only saw that their libraries are there.

@@ -92,6 +92,18 @@ test("tests beside shaders are tests of vitest, where they stand", () => {
   assert.equal(alone.stdout.trim(), "0", alone.stderr);
 });
 
+test("the example passes", () => {
+  const example = path.resolve(import.meta.dirname, "../../examples/web");
+  const files = ["vitest.config.js", "shaders/fade.wgsl", "shaders/fade_test.wgsl"];
+  const texts = files.map((file) => [file, fs.readFileSync(path.join(example, file), "utf8")]);
+  const folder = project(Object.fromEntries(texts));
+  // Its own copy of Karat is that of npm, which isn't here.
+  write(folder, "vitest.config.js", texts[0][1].replace("karat()", `karat({ program: ${JSON.stringify(program)}, paths: "cpu" })`));
+  const { code, text, tests } = run(folder);
+  assert.equal(code, 0, text);
+  assert.equal(tests.size, 4, text);
+});
+
 test("a failure is at the author's line, with its values", () => {
   const red = GOOD.replace("0.5, 1e-6", "0.75, 1e-6");
   const declared = '[[test]]\nfunction = "wide"\nover = { x = [1, 2, 3] }\nequals = [2, 4, 7]\ntolerance = "1 ulp"\n';

@@ -1,0 +1,1 @@
+//! A game with Bevy would stand here. Its shaders are in `assets/shaders`.
