@@ -441,8 +441,8 @@ fn is_found(failure: &Failure) -> bool {
 fn all(folder: &Path) -> Result<(), String> {
     std::fs::create_dir_all(folder).map_err(|error| format!("`{}`: {error}", folder.display()))?;
     let mut index = String::from(
-        "# Found\n\nOrdinary checks of Karat find these faults in released shaders. Each check fails on the crate as it \
-         was released, and passes with one change. `cargo ci found` runs all checks over crates that cargo fetches, \
+        "# Found\n\nOrdinary checks of Karat find these faults in released shaders. Each check fails on the crate as \
+         it was released, and passes with one change. `cargo ci found` runs all checks over crates that cargo fetches, \
          and writes these pages. They keep only the quoted lines of the crates.\n\n\
          | fault | crate | function |\n|---|---|---|\n",
     );
@@ -454,8 +454,8 @@ fn all(folder: &Path) -> Result<(), String> {
         index += &format!("| [{name}]({name}.md) | {krate} | `{function}` |\n");
         eprintln!("{name}: fails as released, passes when it is mended");
     }
-    index += "\nThe same command compares two compute passes of vello_shaders 0.11, its prefix sum over path tags, with \
-              a reference in Rust, and checks that Karat finds two planted faults: `ci/corpus/src/bin/passes.rs`.\n\n\
+    index += "\nThe same command compares two compute passes of vello_shaders 0.11, its prefix sum over path tags, \
+              with a reference in Rust, and checks that Karat finds two planted faults: `ci/corpus/src/bin/passes.rs`.\n\n\
               ## Passes that `karat hazards` checked\n\n\
               It checked these passes without a test, over generated resources: vello_shaders 0.11, bevy_pbr 0.20 \
               (clusters, mesh preprocessing, allocation of uniforms, light probes, SSAO, atmosphere), \
