@@ -44,8 +44,9 @@ pub(crate) fn run(arguments: &[String], page: bool) -> Result<()> {
     ensure!(child.wait()?.success(), "the benchmark failed: `{PAGE}` is as it was");
     let page = format!(
         "# Speed\n\n\
-         What `cargo ci bench --page` measured, in the profile of `cargo test`. Columns are the median, and the \
-         least to the most.\nCompare figures of one run: those of another machine, or of a busy one, are others.\n\n\
+         `cargo ci bench --page` measured these figures in the profile of `cargo test`. Each is the median, with the \
+         least and the largest\nin parentheses. Compare figures of one run only: another machine, or a busy one, gives \
+         others.\n\n\
          {}\n\n```text\n{}\n```\n",
         machine(),
         measured.trim()
@@ -95,7 +96,7 @@ fn machine() -> String {
         ("System", Some(format!("{} {}", std::env::consts::OS, std::env::consts::ARCH))),
         ("Rust", rust),
         ("Vulkan", Some(vulkan.join("; "))),
-        ("Driver cache", Some("a folder of the benchmark's own, empty when it begins".to_owned())),
+        ("Driver cache", Some("an empty folder of the benchmark's own".to_owned())),
     ];
     let known = facts.into_iter().filter_map(|(name, fact)| {
         let fact = fact.filter(|fact| !fact.trim().is_empty())?;

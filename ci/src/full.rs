@@ -142,13 +142,13 @@ impl Sum {
         let mut page = format!(
             "# The whole suite on SwiftShader alone\n\n\
              `cargo ci full` runs every test of the project with SwiftShader as the only driver, and writes this \
-             page. A workflow does so once a week; `cargo ci test` runs the tests of five of the shader library's \
-             modules there.\n\n\
+             page.\nA workflow runs it once a week. `cargo ci test` runs the tests of five of the shader library's \
+             modules on SwiftShader.\n\n\
              | driver | passed | failed | ignored |\n|---|---|---|---|\n| {driver} | {passed} | {} | {ignored} |\n",
             failed.len()
         );
         if !good && failed.is_empty() {
-            page += "\n`cargo test` failed, and no test is to blame: a test program ended before its last test.\n";
+            page += "\n`cargo test` failed, and it names no test: a test program ended before its last test.\n";
         }
         for name in failed {
             let _ = write!(page, "\n- {name}");

@@ -80,8 +80,8 @@ const FOUND: [Found; 9] = [
         name: "hue-of-grey",
         krate: "bevy_render@0.20.1",
         function: "color_operations::rgb_to_hsv",
-        says: "The hue of every grey is NaN: red, green and blue are equal, so their difference is divided by 0. \
-               A line below guards the saturation alone. Bevy's tone mapping turns hues with this function.",
+        says: "Every grey has the hue NaN: red, green and blue are equal, so the function divides 0 by 0. A line \
+               below guards only the saturation. Bevy's tone mapping turns hues with this function.",
         check: |package| hue_of_grey(package).into(),
         change: [
             "(swizzle.x - swizzle.y) / c + swizzle.z",
@@ -93,8 +93,8 @@ const FOUND: [Found; 9] = [
         name: "full-turn-of-hue",
         krate: "bevy_render@0.20.1",
         function: "color_operations::hsl_to_linear_rgb",
-        says: "A hue of 1, a whole turn, is the red of 0. No branch takes it, so the most saturated colour of that hue \
-               comes out black. `hsv_to_linear_rgb` does the same.",
+        says: "A hue of 1, a whole turn, is red, as a hue of 0 is. No branch handles 1, so the most saturated \
+               colour of that hue comes out black. `hsv_to_linear_rgb` has the same fault.",
         check: |package| full_turn_of_hue(package).into(),
         change: ["let hp = h * 6.0;", "let hp = fract(h) * 6.0;"],
         mended: None,
@@ -103,8 +103,8 @@ const FOUND: [Found; 9] = [
         name: "white-and-black",
         krate: "bevy_render@0.20.1",
         function: "color_operations::hwb_to_linear_rgb",
-        says: "Where whiteness and blackness are more than 1 together, CSS Color 4 (section 8) scales both, and the \
-               colour is a grey. Here the saturation is negative, and red comes out cyan.",
+        says: "If whiteness and blackness add up to more than 1, CSS Color 4 (section 8) scales both down, and the \
+               colour is a grey. Here the saturation becomes negative, and red comes out cyan.",
         check: |package| white_and_black(package).into(),
         change: [
             "    let whiteness = hwb.y;\n    let blackness = hwb.z;\n",
@@ -117,8 +117,8 @@ const FOUND: [Found; 9] = [
         name: "angle-of-nothing",
         krate: "bevy_render@0.20.1",
         function: "maths::fast_atan2",
-        says: "The angle of (0, 0) is NaN, where atan2 has 0. Bevy's atmosphere asks for the azimuth of each ray \
-               of view with this function, and that of a ray straight up is (0, 0).",
+        says: "The angle of (0, 0) is NaN, where `atan2` returns 0. Bevy's atmosphere computes the azimuth of each \
+               view ray with this function, and a ray straight up has (0, 0).",
         check: |package| angle_of_nothing(package).into(),
         change: ["var t3 = t1 / t0;", "var t3 = select(0.0, t1 / t0, t0 > 0.0);"],
         mended: None,
@@ -127,8 +127,8 @@ const FOUND: [Found; 9] = [
         name: "tone-of-black",
         krate: "bevy_core_pipeline@0.20.1",
         function: "tonemapping::tonemapping_reinhard_luminance",
-        says: "A black pixel becomes NaN: its luminance is divided by its luminance. This is the tone mapping of \
-               `Tonemapping::ReinhardLuminance`.",
+        says: "A black pixel becomes NaN: the function divides its mapped luminance by its luminance, and both are \
+               0. It is the tone mapping of `Tonemapping::ReinhardLuminance`.",
         check: |package| tone_of_black(package).into(),
         change: [
             "return c_in * (l_out / l_in);",
@@ -140,10 +140,10 @@ const FOUND: [Found; 9] = [
         name: "round-ellipse",
         krate: "bevy_smud@0.15.0",
         function: "smud::sd_ellipse",
-        says: "The distance to an ellipse whose axes are equal, a circle, is NaN: the formula divides by the difference \
-               of their squares. Close to a circle it is NaN or wrong, too, as the comment above warns: a guard \
-               `if a == b` isn't enough. Where the axes differ by less than a tenth, the change takes another way: \
-               four times it goes to the nearest point of the circle of curvature.",
+        says: "The distance to an ellipse with equal axes, a circle, is NaN: the formula divides by the difference \
+               of the squared axes. Close to a circle it is NaN or wrong, too, as the comment above warns, so a \
+               guard `if a == b` isn't enough. If the axes differ by less than a tenth, the change approaches the \
+               nearest point in four steps. Each step takes the nearest point of the circle of curvature.",
         check: |package| round_ellipse(package).into(),
         change: [
             "    let l = ab.y * ab.y - ab.x * ab.x;\n",
@@ -167,10 +167,10 @@ const FOUND: [Found; 9] = [
         name: "along-the-normal",
         krate: "bevy_pbr@0.20.1",
         function: "render::pbr_lighting::ltc_integrate_quad",
-        says: "A rectangle gives no light where the view is along the normal: all of a floor that an orthographic camera \
-               sees from above stays black. The first tangent is the part of the view across the normal. That is 0 \
-               here, and normalising it gives NaN, which no comparison below takes for above the horizon. Each tangent \
-               is right there.",
+        says: "A rectangle gives no light where the view is along the normal: a floor that an orthographic camera \
+               sees from above stays black. The first tangent is the part of the view across the normal. Here that \
+               part is 0, and normalising it gives NaN, so no comparison below finds a corner above the horizon. \
+               Any tangent would be right here.",
         check: |package| along_the_normal(package).into(),
         change: [
             "    let T1 = normalize(V - N * dot(V, N));\n",
@@ -184,10 +184,10 @@ const FOUND: [Found; 9] = [
         name: "last-bin",
         krate: "bevy_post_process@0.20.1",
         function: "auto_exposure::auto_exposure::compute_histogram",
-        says: "A workgroup has 256 invocations, and a histogram has 64 bins. Each invocation adds a bin, so 192 of them \
-               are beyond the arrays, where WGSL allows any element (6.4.4). Mesa leaves such writes out, which hides it. \
-               Where a driver clamps the index, as it may, the bin of the brightest pixels counts 193 times, and auto \
-               exposure takes the frame for too bright.",
+        says: "A workgroup has 256 invocations, and a histogram has 64 bins. Each invocation adds a bin, so 192 of \
+               them go beyond the arrays, where WGSL allows any element (6.4.4). Mesa drops such writes, which \
+               hides the fault. If a driver clamps the index, as WGSL allows, the bin of the brightest pixels \
+               counts 193 times, and auto exposure takes the frame for too bright.",
         check: |package| last_bin(package).into(),
         change: [
             "    var histogram_value = atomicLoad(&histogram_shared[local_invocation_index]);\n    \
@@ -203,10 +203,10 @@ const FOUND: [Found; 9] = [
         name: "storage-barrier",
         krate: "vello_shaders@0.11.0",
         function: "tile_alloc::main",
-        says: "The counts of tiles lie in workgroup memory, and only a `storageBarrier` stands between the last write \
-               and the read of the neighbour's: it orders storage alone (WGSL, 17.11.1). The comment above says that it \
-               stands for a workgroup barrier that a driver compiled wrongly. Drivers whose barriers order both address \
-               spaces hide it.",
+        says: "The counts of tiles lie in workgroup memory. Between the last write and the read of a neighbour's \
+               count stands only a `storageBarrier`, which orders storage alone (WGSL, 17.11.1). The comment above \
+               says that it replaces a workgroup barrier that a driver compiled wrongly. Drivers whose barriers \
+               order both address spaces hide the fault.",
         check: |package| storage_barrier(package).into(),
         change: [
             "    if local_id.x == WG_SIZE - 1u {\n        let count",
@@ -441,9 +441,9 @@ fn is_found(failure: &Failure) -> bool {
 fn all(folder: &Path) -> Result<(), String> {
     std::fs::create_dir_all(folder).map_err(|error| format!("`{}`: {error}", folder.display()))?;
     let mut index = String::from(
-        "# Found\n\nFaults of released shaders that ordinary checks of Karat find: each check fails as the crate was \
-         released, and passes with one change. `cargo ci found` runs them all, over crates that cargo fetches, and \
-         writes these pages; nothing of the crates is kept here but the lines that are quoted.\n\n\
+        "# Found\n\nOrdinary checks of Karat find these faults in released shaders. Each check fails on the crate as \
+         it was released, and passes with one change. `cargo ci found` runs all checks over crates that cargo fetches, \
+         and writes these pages. They keep only the quoted lines of the crates.\n\n\
          | fault | crate | function |\n|---|---|---|\n",
     );
     for found in &FOUND {
@@ -454,34 +454,35 @@ fn all(folder: &Path) -> Result<(), String> {
         index += &format!("| [{name}]({name}.md) | {krate} | `{function}` |\n");
         eprintln!("{name}: fails as released, passes when it is mended");
     }
-    index += "\nThe same command runs two compute passes of vello_shaders 0.11, its prefix sum over path tags, as they \
-              are against a reference in Rust, and sees that two planted faults are found: \
-              `ci/corpus/src/bin/passes.rs`.\n\n\
-              ## Passes that `karat hazards` looked through\n\n\
-              With no test, over made-up resources: vello_shaders 0.11, bevy_pbr 0.20 (clusters, mesh preprocessing, \
-              allocation of uniforms, light probes, SSAO, atmosphere), bevy_post_process 0.20 (auto exposure), \
-              bevy_solari 0.20 as far as it opens, wgpu_sort 0.1 with the constants of its Rust, and the compute \
-              shaders of eight files of WebGPU's samples. It shows one race, the storage barrier above. Its indices out of range are the last \
-              bin, and passes that trust their host with the size: boids and particles without a bound, whose last \
-              workgroup goes beyond the array, and the histograms of wgpu_sort, which its host rounds up. In \
-              bevy_pbr `allocate_global_scan` reads workgroup memory before it is written, which is zero only if the \
-              engine leaves its initialisation on.\n";
+    index += "\nThe same command compares two compute passes of vello_shaders 0.11, its prefix sum over path tags, \
+              with a reference in Rust, and checks that Karat finds two planted faults: `ci/corpus/src/bin/passes.rs`.\n\n\
+              ## Passes that `karat hazards` checked\n\n\
+              It checked these passes without a test, over generated resources: vello_shaders 0.11, bevy_pbr 0.20 \
+              (clusters, mesh preprocessing, allocation of uniforms, light probes, SSAO, atmosphere), \
+              bevy_post_process 0.20 (auto exposure), the part of bevy_solari 0.20 that opens, wgpu_sort 0.1 with the \
+              constants of its Rust, and the compute shaders of eight files of WebGPU's samples. It found:\n\n\
+              - one race, the storage barrier above;\n\
+              - indices out of range: the last bin above; boids and particles, which don't compare with the length, \
+              so that their last workgroup goes beyond the array; and the histograms of wgpu_sort, whose size its host \
+              rounds up;\n\
+              - a read of workgroup memory before anything writes it, in `allocate_global_scan` of bevy_pbr. It is \
+              zero only if the engine leaves initialisation on.\n";
     index += DISPATCHED;
     let file = folder.join("README.md");
     std::fs::write(&file, index).map_err(|error| format!("`{}`: {error}", file.display()))
 }
 
-/// Passes of repositories that were looked through once, by hand.
+/// Passes of repositories that were checked once, by hand.
 const DISPATCHED: &str = "
 ## Passes that were dispatched as their host does
 
-The 13 passes of blade (dd93e63) that naga takes, four of them with a stand-in for ray queries, and wonnx's 21 templates (c62f5d3), rendered for 137 nodes with the sizes and workgroups of its compiler: `karat call --dispatch` looked through each with buffers of the true size. blade's are clean. Of wonnx's nodes these aren't, and each has its fault in the code:
+`karat call --dispatch` checked each pass with buffers of the true size: the 13 passes of blade (dd93e63) that naga takes, four of them with a stand-in for ray queries, and wonnx's 21 templates (c62f5d3), rendered for 137 nodes with the sizes and workgroups of its compiler. blade's passes are clean. These nodes of wonnx have a fault, each in wonnx's code:
 
-- Softmax of operator sets 11 and 12 is a race. Its host dispatches a column for each element right of the axis, and its shader takes the whole chunk from each: the columns write the same elements.
-- MatMul whose sizes have 5, 7 or 9 as their common divisor takes tiles of 4, which don't meet: two matrices of a stack write the same elements, and each reads and writes beyond its buffer. With 3, its vectors take 16 bytes where the host has 12.
-- Conv of 3 x 3 without a bias reads beyond its weights, which are padded only if there is one.
-- Above 65,535 elements a workgroup has two invocations, and of an odd number the last one of Relu, Add and others is outside: no template asks for the length.
-- Resize by sizes has its scale to two digits: from 300 to 400 texels it reads beyond the row.
+- Softmax of operator sets 11 and 12 has a race. Its host dispatches a column for each element right of the axis, and each column writes the whole chunk, so columns write the same elements.
+- MatMul whose sizes have 5, 7 or 9 as their common divisor uses tiles of 4, which don't fit: two matrices of a stack write the same elements, and each reads and writes beyond its buffer. With the divisor 3, a vector takes 16 bytes where the host has 12.
+- Conv of 3 x 3 without a bias reads beyond its weights, because wonnx pads them only if there is a bias.
+- Above 65,535 elements a workgroup has two invocations. If the number of elements is odd, the last invocation of Relu, Add and others is outside of the array, because no template compares with the length.
+- Resize by sizes rounds its scale to two digits: from 300 to 400 texels it reads beyond the row.
 ";
 
 /// Runs a finding, as it was released and mended, and writes its page.
