@@ -1,7 +1,7 @@
-//! Records which programs a test uses, for `karat watch`.
+//! Records which programs a test uses, for commands that follow an edit to tests.
 //!
 //! A recorded process writes each program that it links, with the test that asked for it, into a file beside its
-//! records. So `karat watch` can find the tests that an edit of a shader affects.
+//! records. So a command can find the tests that an edit of a shader affects.
 
 use std::collections::HashSet;
 use std::fs::{File, OpenOptions};
