@@ -191,7 +191,7 @@ impl PathError {
     pub(crate) fn is_refusal(&self) -> bool {
         match self {
             Self::Route { .. } | Self::Refused { .. } | Self::NoJobs { .. } => true,
-            // Of a route's translation it is `Route`.
+            // naga panicked while it wrote a language. In a route, the error is `Route`.
             Self::Panicked { panicked, .. } => panicked.language().is_some(),
             _ => false,
         }

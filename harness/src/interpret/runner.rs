@@ -137,7 +137,7 @@ impl<'p> Runner<'p> {
             let spent =
                 explorer.is_too_long() || explorer.work() >= MOST_WORK || spent >= MOST_INVOCATIONS;
             if !self.explores || self.runs >= MOST_ORDERS || spent {
-                // All orders were tried, except those with late stores.
+                // If `all` is set, only orders with late stores are left.
                 self.next = match self.explores && !self.tried.all {
                     true => Next::Drawn(SIMPLE),
                     false => Next::End,
