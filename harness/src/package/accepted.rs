@@ -26,7 +26,7 @@ pub struct AcceptedHazard {
     pub functions: Vec<String>,
     /// The operation; `None` accepts all of them.
     pub text: Option<String>,
-    /// Why it is accepted.
+    /// The reason.
     pub reason: String,
 }
 
@@ -36,7 +36,7 @@ pub struct AcceptedHazard {
 pub struct AcceptedMutants {
     /// Their names, as `karat mutate` prints them: `b778d00e`.
     pub ids: Vec<String>,
-    /// Why they are accepted.
+    /// The reason.
     pub reason: String,
 }
 

@@ -21,9 +21,9 @@ const MOST_BRACKETS: usize = 64;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Inactive {
     pub(super) name: String,
-    /// As the author wrote it: `@if(fast)`.
+    /// The condition, as the author wrote it: `@if(fast)`.
     pub(super) condition: String,
-    /// Where the condition stands.
+    /// The place of the condition.
     pub(super) range: Range<usize>,
     /// Set for a function with `@test`.
     pub(super) test: bool,

@@ -1,4 +1,4 @@
-//! Why a package can't be read or linked.
+//! The reasons why a package can't be read or linked.
 
 use crate::diagnostic::Diagnostic;
 use crate::output::one_line;
@@ -23,7 +23,7 @@ pub enum PackageError {
     Unreadable {
         /// The file.
         file: String,
-        /// Why.
+        /// The reason.
         cause: std::io::Error,
     },
     /// A module isn't UTF-8.
@@ -39,7 +39,7 @@ pub enum PackageError {
     Manifest {
         /// The file.
         file: String,
-        /// Why not.
+        /// The reason.
         reason: String,
     },
     /// The program that expands modules fails.
@@ -49,7 +49,7 @@ pub enum PackageError {
         file: String,
         /// The program.
         program: String,
-        /// What it says.
+        /// Its message.
         reason: String,
     },
     /// A line that asserts or prints can't be read.
@@ -57,7 +57,7 @@ pub enum PackageError {
     Asserts {
         /// The line.
         place: String,
-        /// Why not.
+        /// The reason.
         reason: String,
     },
     /// There are no shaders of a crate.
@@ -65,7 +65,7 @@ pub enum PackageError {
     Crate {
         /// The name of the crate.
         name: String,
-        /// Why there are none.
+        /// The reason.
         reason: String,
     },
     /// A module begins with a byte order mark.
@@ -189,7 +189,7 @@ pub enum PackageError {
     NoModule {
         /// The file.
         file: String,
-        /// Why.
+        /// The reason.
         reason: &'static str,
     },
     /// The folder that `KARAT_OVERLAY` names can't stand in for modules of the package.
@@ -197,7 +197,7 @@ pub enum PackageError {
     Overlay {
         /// The folder.
         folder: String,
-        /// Why.
+        /// The reason.
         reason: String,
     },
     /// A syntax error, a failed import or an import cycle, shown in the author's file.

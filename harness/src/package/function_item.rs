@@ -17,7 +17,7 @@ use crate::diagnostic::Span;
 pub struct FunctionItem {
     /// `module::name`, or `name` in a package of one module.
     pub name: String,
-    /// Where its name stands.
+    /// The place of its name.
     pub span: Span,
     /// The whole function, with its attributes.
     pub whole: Span,

@@ -114,6 +114,6 @@ pub struct LeftOut {
     pub name: String,
     /// The condition, as the author wrote it: `@if(fast)`.
     pub condition: String,
-    /// Where the condition stands.
+    /// The place of the condition.
     pub span: Span,
 }

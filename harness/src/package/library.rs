@@ -383,8 +383,8 @@ impl Library {
 }
 
 impl Package {
-    /// The folders and files of this package and of all that its modules can import from. Crates have none, because
-    /// their files don't change. Text in memory has none, either.
+    /// The folders and files of this package and of all packages that its modules can import from. Crates have none,
+    /// because their files don't change. Text in memory has none, either.
     ///
     /// ```
     /// use karat::Package;

@@ -143,7 +143,7 @@ impl Package {
         Ok(Compilers { file, require_tint, ..manifest.compilers })
     }
 
-    /// True if a program prints the modules (`preprocess` in `karat.toml`): it may read any file.
+    /// Returns `true` if a program prints the modules (`preprocess` in `karat.toml`). Such a program may read any file.
     ///
     /// ```
     /// assert!(!karat::Package::from_source("m", "fn f() {}").is_printed());
