@@ -206,7 +206,7 @@ pub enum ComputeError {
         /// The bound.
         bound: f64,
     },
-    /// A declaration of a path doesn't hold, or names no bug.
+    /// A declaration about a path doesn't hold, or names no bug.
     #[error(transparent)]
     Declaration(#[from] WrongDeclaration),
     /// Several paths fail in different ways, or some have no verdict.

@@ -375,7 +375,7 @@ fn lowered(probed: &Probed, settings: &Settings) -> Result<Lowered, ProbeError> 
     Ok(lowered.map_err(|refusal| refused(program, &refusal))?)
 }
 
-/// An expression in the author's file, and its text there.
+/// The place and the text of an expression in the author's file.
 pub(crate) fn author(program: &Program, range: ops::Range<usize>) -> Option<(Span, String)> {
     let span = program.resolve(range)?;
     if let Some(own) = expression_of(&span) {

@@ -230,7 +230,7 @@ impl Package {
     /// ```
     ///
     /// # Errors
-    /// If there is no such crate, or it ships no shader.
+    /// If there is no such crate, or if it has no shaders.
     ///
     /// *Unstable*: for programs around tests.
     pub fn open_crate(base: &Path, name: &str, root: Option<&str>) -> Result<Self, PackageError> {
@@ -489,7 +489,7 @@ impl Package {
     /// ```
     ///
     /// # Errors
-    /// If the folder is missing, unreadable or has no module.
+    /// If the folder is missing or unreadable, or if it has no modules.
     ///
     /// *Unstable*: for programs around tests.
     pub fn modules(&self) -> Result<Vec<String>, PackageError> {

@@ -116,7 +116,7 @@ pub enum ReflectError {
     /// The function is valid, but a compute kernel can't call it.
     #[error("{0}")]
     Unprobeable(Box<Diagnostic>),
-    /// An override has no value, or a value that it can't have.
+    /// An override has no value, or an invalid one.
     #[error("{0}")]
     Override(Box<Diagnostic>),
 }

@@ -42,7 +42,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// Its name, as in `karat.toml` and JSON but for blanks.
+    /// Its name. `karat.toml` and JSON use the same, but without blanks.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {

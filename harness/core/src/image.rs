@@ -22,7 +22,7 @@ use std::sync::Arc;
 
 use crate::diagnostic::FileRead;
 
-/// Linear RGBA in 32-bit floats, rows from the top.
+/// An image of linear RGBA in 32-bit floats, with rows from the top.
 ///
 /// ```
 /// use karat::Image;
@@ -265,7 +265,7 @@ impl approx::AbsDiffEq for Image {
         f32::EPSILON
     }
 
-    /// Same size, and each channel within `epsilon`. NaN equals nothing.
+    /// Compares sizes, and each channel to within `epsilon`. NaN equals nothing.
     fn abs_diff_eq(&self, other: &Self, epsilon: f32) -> bool {
         self.all_channels(other, |a, b| a.abs_diff_eq(&b, epsilon))
     }
@@ -276,7 +276,7 @@ impl approx::RelativeEq for Image {
         f32::EPSILON
     }
 
-    /// Same size, and each channel within `epsilon` or relatively within `max_relative`.
+    /// Compares sizes, and each channel to within `epsilon`, or relatively to within `max_relative`.
     fn relative_eq(&self, other: &Self, epsilon: f32, max_relative: f32) -> bool {
         self.all_channels(other, |a, b| a.relative_eq(&b, epsilon, max_relative))
     }

@@ -114,7 +114,7 @@ pub struct Settings {
     /// The number of orders of invocations in which compute passes run.
     #[doc(hidden)]
     pub schedules: Option<u64>,
-    /// Replaces the seed of the selected check, or of all.
+    /// The seed that replaces the one of the selected check, or of all checks.
     #[doc(hidden)]
     pub seed: Option<u64>,
     /// The one case that a replay runs.

@@ -439,7 +439,7 @@ impl Tolerance {
     /// ```
     ///
     /// # Panics
-    /// If there are fewer words or expected numbers than scalars.
+    /// If there are fewer words, or fewer expected numbers, than scalars.
     ///
     /// *Unstable*: for programs around tests.
     #[must_use]

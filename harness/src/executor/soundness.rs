@@ -132,7 +132,7 @@ const VECTORS: [(&str, usize, usize); 11] = [
     ("f32(bitcast<u32>(a) >> 9u)", 1, 90),
 ];
 
-/// Sums and products of several operations, which drivers evaluate in an order of their own.
+/// Sums and products of several operations, whose order of evaluation drivers choose.
 const PROGRAMS: [(&str, usize, usize); 12] = [
     ("(b + b) - 3.0", 2, 90),
     ("(a - b) + 1.0", 2, 60),

@@ -586,7 +586,7 @@ pub(super) fn expect_asserted(drawing: &Drawing<'_>, path: Path) -> Result<(), F
     Ok(())
 }
 
-/// A value as it was read, with its place and its name.
+/// A value that was read, with its place and its name.
 pub(crate) fn tapped(
     program: &Program,
     (found, has_twin, part): (Candidate, bool, Option<Wanted>),

@@ -37,9 +37,9 @@ impl OrderOf {
         Self { of_pass: turns.into_iter().map(of).collect() }
     }
 
-    /// The order with this number. The first ones are by number one by one, backwards, in turn, and shuffled. In the
-    /// later ones, one or two invocations of each pass stall at one of their atomics; in every second of these, stores
-    /// may be late.
+    /// The order with this number. The first ones run invocations by number one by one, backwards, in turn, and
+    /// shuffled. In the later ones, one or two invocations of each pass stall at one of their atomics; in every second
+    /// of these, stores may be late.
     pub(super) fn drawn(passes: &Passes, atomics: &[Atomics], number: u64) -> Self {
         let together = if passes.invocations() > ONE_BY_ONE { TOGETHER } else { 1 };
         let of_pass = passes.passes.iter().zip(atomics).enumerate().map(|(at, (_, atomics))| {

@@ -275,7 +275,7 @@ mod tests {
         }
     }
 
-    /// Places in a text with values and a print are those of the author.
+    /// In a text with values and a print, places are the author's.
     #[test]
     fn values_beside_it_keep_their_places() {
         let written = "N;\n//karat: print N + x\nN N\n";

@@ -55,7 +55,7 @@ pub(super) struct Crate {
     root: PathBuf,
     /// The crates with shaders that it depends on, by the names that it uses for them.
     dependencies: BTreeMap<String, usize>,
-    /// Packages that its shaders import, as it declares them for wgsl-analyzer.
+    /// The packages that its shaders import, as its metadata for wgsl-analyzer declares them.
     imports: BTreeSet<String>,
 }
 

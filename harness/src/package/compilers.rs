@@ -11,7 +11,7 @@ use crate::diagnostic::nearest;
 pub(crate) struct Compilers {
     /// Set if a shader that Tint rejects is invalid. Without Tint there is then no verdict.
     pub(crate) require_tint: bool,
-    /// Native features of wgpu that shaders use on purpose, by naga's names of capabilities.
+    /// Native features of wgpu that shaders use on purpose, by naga's capability names.
     pub(crate) native: Vec<String>,
     pub(crate) limits: Limits,
     /// The file, for messages.

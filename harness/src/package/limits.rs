@@ -104,7 +104,8 @@ impl Limits {
 
     /// The value of a limit.
     pub(crate) fn value(&self, limit: Limit) -> u64 {
-        // WebGPU, 3.6.2: outside compatibility mode, the limit of each stage is the one of all stages.
+        // WebGPU, 3.6.2: outside compatibility mode, the vertex and fragment stages have the same limits as every
+        // stage.
         let limit = match limit {
             limit if self.compatibility || self.named.contains_key(limit.name) => limit,
             Limit::STORAGE_BUFFERS_IN_VERTEX | Limit::STORAGE_BUFFERS_IN_FRAGMENT => {

@@ -31,7 +31,7 @@ pub(super) struct Manifest {
     pub(super) read: Option<FileRead>,
     /// Other packages, by the names that modules import them with.
     dependencies: BTreeMap<String, Dependency>,
-    /// Features that are set, unless a test or the command line sets them otherwise.
+    /// Features with their values, which a test or the command line may override.
     pub(super) features: Features,
     /// Features that the engine sets, even if no module asks about them.
     pub(super) set_by_engine: BTreeSet<String>,

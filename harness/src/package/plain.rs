@@ -1,6 +1,6 @@
 //! Removes comments and extra blanks from a text.
 
-/// A text without comments, with one blank in place of many and none at its ends.
+/// A text without comments, with single blanks between words and none at its ends.
 pub(crate) fn plain(text: &str) -> String {
     let mut plain = String::with_capacity(text.len());
     let mut rest = text;

@@ -16,7 +16,7 @@ pub(crate) struct Spliced {
     pieces: Vec<Piece>,
 }
 
-/// The assignment in place of `discard` in a function that is called.
+/// The assignment that replaces `discard` in a function that is called.
 pub(crate) const DISCARDED: &str = "karat_discarded = true";
 
 /// A stretch of a file, copied with its edits.

@@ -142,7 +142,7 @@ pub(crate) fn expect_own(paths: impl Iterator<Item = Path>) -> Result<(), PathEr
     Ok(())
 }
 
-/// The paths that a list names, in the format of `KARAT_PATHS`: `all` means all that open.
+/// The paths that a list names, in the format of `KARAT_PATHS`: `all` means all drivers that open.
 ///
 /// ```no_run
 /// use karat::Path;

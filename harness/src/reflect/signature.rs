@@ -20,7 +20,7 @@ pub struct Function {
     pub name: String,
     /// Its name in the linked text.
     pub(crate) linked: String,
-    /// From `fn` to the closing brace, in the author's file.
+    /// Its place in the author's file, from `fn` to the closing brace.
     pub span: Span,
     /// The comment lines (`///`) above it.
     pub doc: String,

@@ -82,7 +82,7 @@ impl Perpendicular {
         })
     }
 
-    /// How complicated the vector is: the sum over its components.
+    /// The complexity of the vector: the sum over its components.
     pub(super) fn weight(&self, row: &[u32]) -> u64 {
         let lanes = row[self.lanes.clone()].iter();
         lanes.map(|word| shrink::float_complexity(f32::from_bits(*word))).sum()

@@ -1,4 +1,4 @@
-//! The test of a mean, by its own standard error.
+//! Tests a mean against the expected one, with the standard error of the samples.
 
 use super::tail::normal_tail;
 use super::{NoVerdict, probability};

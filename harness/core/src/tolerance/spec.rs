@@ -5,8 +5,8 @@ use std::fmt;
 use super::{Abs, Rel, Tolerance, Ulp};
 use crate::value::Scalar;
 
-/// How wide what WGSL allows may be unless a check says otherwise: three decimal digits, which is what
-/// the eye and 8 bits a channel need, and a quarter of what `f32` has.
+/// The largest width of the range that WGSL allows, unless a check sets another: three decimal digits, as many as the
+/// eye and 8 bits a channel need, and a quarter of the digits of `f32`.
 const NEED: f64 = 1.0 / 1024.0;
 
 /// The same for `f16`, whose last digit is 2^-10: half of its digits, so that a quotient passes.
