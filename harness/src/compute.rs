@@ -1,5 +1,5 @@
-//! Compute passes as subjects: entry points are dispatched over given buffers and textures, and what
-//! these hold afterwards is compared with a reference, or has to satisfy a statement.
+//! Tests compute passes: it dispatches entry points over given buffers and textures, then compares their contents with
+//! a reference or checks a statement.
 //!
 //! ```no_run
 //! use karat::prelude::*;
@@ -17,7 +17,8 @@
 //!     .agrees_with(sums, Abs(0.0));
 //! ```
 //!
-//! Before any path runs them, a sanitizer looks through the passes in Karat's engine: see [`Violation`](crate::unstable::compute::Violation).
+//! Before any path runs the passes, a sanitizer checks them in Karat's engine: see
+//! [`Violation`](crate::unstable::compute::Violation).
 
 mod golden;
 pub(crate) mod judge;
@@ -69,13 +70,13 @@ pub struct Compute<'a> {
     package: &'a Package,
     wanted: Vec<Wanted>,
     fixtures: Fixtures,
-    /// Variables, and whose resource they have.
+    /// Variables, each with the variable whose resource it shares.
     same: Vec<(String, String)>,
     overrides: Overrides,
     executors: Vec<&'a dyn Executor>,
     tolerance_on: Selected<Tolerance>,
     known_issues: KnownIssues,
-    /// Races that are meant.
+    /// Intended races.
     accepted: Vec<sanitizer::Accepted>,
 }
 
@@ -94,15 +95,15 @@ pub struct Compute<'a> {
 pub struct After<'a> {
     compute: Compute<'a>,
     variable: String,
-    /// True if the verdict goes into the record of the run.
+    /// Set if the verdict goes into the record of the run.
     recorded: bool,
-    /// True if elements are compared whatever their order is.
+    /// Set if the order of the elements doesn't matter.
     up_to_order: bool,
-    /// Rows and columns of its elements.
+    /// The rows and columns of its elements.
     grid: Option<[usize; 2]>,
 }
 
-/// What agreed, and how close it came.
+/// The result of a check that agreed, with its errors.
 ///
 /// ```
 /// # use karat::prelude::*;
@@ -117,36 +118,36 @@ pub struct After<'a> {
 pub struct ComputeAgreement {
     /// The variable.
     pub variable: String,
-    /// Elements that were compared on each path.
+    /// The number of elements that were compared on each path.
     pub elements: usize,
     /// Each path with its worst error.
     pub paths: Vec<(Adapter, LaneError)>,
-    /// Paths that fail as was declared.
+    /// Paths that fail as declared.
     pub known_issues: Vec<KnownIssue>,
 }
 
-/// Why passes fail, or can't be judged.
+/// The reason why passes fail, or can't be judged.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ComputeError {
     /// Nothing could be dispatched.
     #[error(transparent)]
     Dispatch(#[from] DispatchError),
-    /// A setting of the environment can't be used, or names a case of another check.
+    /// A setting of the environment can't be used, or it names a case of another check.
     #[error(transparent)]
     NotBegun(#[from] NotBegun),
-    /// The reference has other elements than the resource.
+    /// The reference's elements have another type than the resource's.
     #[error("`{variable}` holds {declared} after `{entry_point}`, {who} {supplied}")]
     Type {
         /// The variable.
         variable: String,
         /// The last entry point.
         entry_point: String,
-        /// What it holds.
+        /// The type of its elements.
         declared: String,
-        /// Who supplies something else: `the reference gives`.
+        /// The one who supplies another type: `the reference gives`.
         who: &'static str,
-        /// What was supplied.
+        /// The type that was supplied.
         supplied: String,
     },
     /// The reference has another number of elements.
@@ -158,25 +159,25 @@ pub enum ComputeError {
         variable: String,
         /// The last entry point.
         entry_point: String,
-        /// Elements that it holds.
+        /// The number of its elements.
         found: usize,
-        /// Elements of the reference.
+        /// The number of the reference's elements.
         expected: usize,
     },
-    /// Elements don't fill the rows and columns that a test gives them.
+    /// The elements don't fill the rows and columns that the test gives.
     #[error("`{variable}` has {elements} elements, and [{}, {}] rows and columns have {}", grid[0], grid[1], grid[0].saturating_mul(grid[1]))]
     Grid {
         /// The variable.
         variable: String,
-        /// Its elements.
+        /// The number of its elements.
         elements: usize,
         /// Rows and columns.
         grid: [usize; 2],
     },
-    /// There is nothing to compare.
+    /// There are no elements to compare.
     #[error("nothing is compared: {0}")]
     Nothing(String),
-    /// Passes leave everything as it was before.
+    /// The passes didn't change the resource.
     #[error(
         "`{variable}` holds after the passes what it held before, word for word, so nothing shows that they \
          did anything: give it other contents"
@@ -190,12 +191,12 @@ pub enum ComputeError {
     Reference {
         /// The variable.
         variable: String,
-        /// Its element.
+        /// The index of the element.
         index: usize,
-        /// What the reference gives.
+        /// The reference's value.
         value: f64,
     },
-    /// A bound that bounds nothing.
+    /// The bound of a tolerance is below 0, or no error can exceed it.
     #[error(
         "the tolerance {tolerance} has the bound {bound:e}: use a number of at least 0 that an error can exceed"
     )]
@@ -205,37 +206,37 @@ pub enum ComputeError {
         /// The bound.
         bound: f64,
     },
-    /// A declaration of a path doesn't hold, or names no bug.
+    /// A declaration about a path doesn't hold, or names no bug.
     #[error(transparent)]
     Declaration(#[from] WrongDeclaration),
-    /// Several paths fail in several ways, or some have no verdict.
+    /// Several paths fail in different ways, or some have no verdict.
     #[error("{0}")]
     Paths(Box<PathFailures<Self>>),
-    /// Passes do what WGSL doesn't order or define: invocations race, say.
+    /// Passes do something that WGSL doesn't order or define, such as a race between invocations.
     #[error("{0}")]
     Violations(Box<Violations>),
-    /// A race that is declared isn't there, or has no reason.
+    /// An accepted race doesn't happen, or has no reason.
     #[error("`{verb}` of `{variable}` {what}")]
     Accepted {
         /// The method that declares it.
         verb: &'static str,
         /// The variable.
         variable: String,
-        /// The fault of the declaration.
+        /// The mistake in the declaration.
         what: String,
     },
-    /// The words that passes leave depend on the order of their invocations.
+    /// The results of passes depend on the order of their invocations.
     #[error("{0}")]
     Order(Box<OrderDependence>),
     /// Elements differ.
     #[error("{0}")]
     Differs(Box<Difference>),
-    /// Elements differ from their golden, or there is none that they could be compared with.
+    /// Elements differ from their golden, or there is no golden to compare with.
     #[error("{}{cause}", difference.as_ref().map_or_else(String::new, ToString::to_string))]
     Golden {
-        /// Which elements differ.
+        /// The elements that differ.
         difference: Option<Box<Difference>>,
-        /// What is wrong, and what to do.
+        /// The cause, and what to do.
         cause: Box<ValuesError>,
     },
 }
@@ -246,7 +247,7 @@ impl From<ValuesError> for ComputeError {
     }
 }
 
-/// The kind of a violation: one list has all kinds.
+/// The kind of a violation, which is now one of the kinds of hazards.
 ///
 /// ```
 /// #[expect(deprecated, reason = "its name is another one")]
@@ -336,7 +337,7 @@ impl fmt::Display for ComputeAgreement {
 }
 
 impl Package {
-    /// Starts a list of compute passes.
+    /// Begins a list of compute passes.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -362,8 +363,7 @@ impl Package {
 }
 
 impl<'a> Compute<'a> {
-    /// Supplies a texture, sampler or buffer for the resource variable `name` of all passes, which share
-    /// it.
+    /// Supplies a texture, sampler or buffer for the resource variable `name`. All passes share it.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -379,8 +379,8 @@ impl<'a> Compute<'a> {
         self
     }
 
-    /// Gives the variable `name` the same resource as the variable `other`, whose fixture was added
-    /// before: what one pass writes as `target` another reads as `source`.
+    /// Gives the variable `name` the same resource as the variable `other`, whose fixture must be added first. For
+    /// example, one pass writes it as `target`, and another reads it as `source`.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -429,8 +429,8 @@ impl<'a> Compute<'a> {
         self
     }
 
-    /// Dispatches a compute entry point (`module::name`) over so many workgroups, behind those that were
-    /// added before.
+    /// Dispatches a compute entry point (`module::name`) over this many workgroups, after the passes that were added
+    /// before.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -449,7 +449,7 @@ impl<'a> Compute<'a> {
         self
     }
 
-    /// Dispatches on this executor instead of the environment's paths. Further calls add more.
+    /// Dispatches on this executor instead of the environment's paths. Each call adds an executor.
     ///
     /// ```no_run
     /// use karat::unstable::executor::Executor;
@@ -491,7 +491,7 @@ impl<'a> Compute<'a> {
         self
     }
 
-    /// Declares that it fails on a path, and why. If it passes there, the test fails.
+    /// Declares that the check fails on a path, and why. If it passes there, the test fails.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -520,7 +520,7 @@ impl<'a> Compute<'a> {
         self
     }
 
-    /// What a resource holds after all passes, by the name of its variable. Some pass has to write it.
+    /// The contents of a resource after all passes, by the name of its variable. At least one pass must write it.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -551,7 +551,7 @@ impl<'a> Compute<'a> {
 }
 
 impl After<'_> {
-    /// Leaves the verdict out of the record of the run: it is yours. For a test that wants a failure.
+    /// Leaves the verdict out of the record of the run. For a test that expects a failure.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -566,8 +566,8 @@ impl After<'_> {
         self
     }
 
-    /// Compares each element with a reference, which gives as many: the elements of an array, the one
-    /// value of another type, or the texels of a texture, of four channels as `DVec4`, `IVec4` or `UVec4`.
+    /// Compares each element with the reference's, which must have the same number: the elements of an array, the one
+    /// value of another type, or the texels of a texture. A texel of four channels is a `DVec4`, `IVec4` or `UVec4`.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -606,7 +606,7 @@ impl After<'_> {
         self.judge(judge::Assertion::Agrees(expected, tolerance.into()), place)
     }
 
-    /// Wants a statement of all elements to hold: that they are in order, that their sum is kept.
+    /// Checks a statement about all elements, such as "they are in order" or "their sum is kept".
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -621,7 +621,7 @@ impl After<'_> {
     /// ```
     ///
     /// # Panics
-    /// If it doesn't, or nothing could be compared.
+    /// If the statement doesn't hold, or nothing could be compared.
     #[track_caller]
     pub fn satisfies<T: Shareable>(
         self,
@@ -634,7 +634,7 @@ impl After<'_> {
     /// [`satisfies`](Self::satisfies) without the panic.
     ///
     /// # Errors
-    /// If it doesn't hold, or nothing could be compared.
+    /// If the statement doesn't hold, or nothing could be compared.
     #[track_caller]
     pub fn try_satisfies<T: Shareable>(
         self,
@@ -653,8 +653,8 @@ impl After<'_> {
         self.judge(judge::Assertion::Holds(statement), Location::caller())
     }
 
-    /// Wants each element, or texel, to be written by some invocation: the last ones are missed by a dispatch that rounds
-    /// down, or by a guard that is one too strict. Karat's engine notes the writes.
+    /// Checks that some invocation writes each element or texel. A dispatch that rounds down misses the last ones, as
+    /// does a guard that is too strict by one. Karat's engine records the writes.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -721,7 +721,7 @@ impl After<'_> {
     /// ```
     ///
     /// # Errors
-    /// If the passes can't be dispatched there, or the elements are of another type.
+    /// If the passes can't be dispatched there, or if the elements have another type.
     ///
     /// *Unstable*: for programs around tests.
     pub fn read<T: Shareable>(&self, path: Path) -> Result<Vec<T>, ComputeError> {
@@ -733,7 +733,7 @@ impl After<'_> {
         Ok(elements.map(|words| T::load(&mut words.iter())).collect())
     }
 
-    /// The type of an element, if a host's type can stand for it.
+    /// The type of an element, if a Rust type can hold it.
     fn element(
         &self,
         passes: &Passes,
@@ -763,7 +763,7 @@ impl After<'_> {
     }
 }
 
-/// The lanes of a part of a resource after passes.
+/// The scalars of a part of a resource after passes, one word each.
 fn words(executor: &dyn Executor, passes: &Passes, part: &Part) -> Result<Vec<u32>, DispatchError> {
     let afterwards = executor::dispatch(executor, passes)?;
     let found = afterwards.into_iter().find(|(of, _)| *of == part.number);

@@ -1,7 +1,6 @@
-//! What compute passes dispatch: entry points over resources that they share.
+//! Dispatches compute passes: entry points over shared resources.
 //!
-//! [`Passes`] are linked and validated data, which an [`Executor`](crate::executor::Executor) runs one
-//! after the other.
+//! [`Passes`] are linked and validated data. An [`Executor`](crate::executor::Executor) runs them one after another.
 
 mod part;
 mod runner;
@@ -21,11 +20,11 @@ use crate::probe::{self, ProbeError};
 use crate::reflect::{Binding, BindingKind, Dimension, Overrides, Program, ReflectError, lanes_of};
 use crate::value::{Scalar, Shape};
 
-/// Why nothing was dispatched.
+/// The reason why passes can't be dispatched.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum DispatchError {
-    /// The shader is at fault.
+    /// The shader can't be used.
     #[error(transparent)]
     Reflect(#[from] ReflectError),
     /// Fixtures and variables don't match.
@@ -40,19 +39,19 @@ pub enum DispatchError {
     /// A loop takes more rounds than the driver allows.
     #[error("{0}")]
     Rounds(Box<Diagnostic>),
-    /// No such entry point.
+    /// There is no such entry point.
     #[error("`{name}` is no compute entry point{}",
         nearest.as_ref().map_or_else(String::new, |name| format!("; did you mean `{name}`?")))]
     EntryPoint {
-        /// What was asked for.
+        /// The name that was asked for.
         name: String,
-        /// The closest one of its module.
+        /// The closest entry point of its module.
         nearest: Option<String>,
     },
-    /// Nothing is dispatched.
+    /// There are no passes.
     #[error("nothing is dispatched; add `.dispatch(\"module::entry_point\", [x, y, z])`")]
     Empty,
-    /// A dispatch of no workgroups, or of more than a device can do.
+    /// A dispatch has no workgroups, or more than a device supports.
     #[error("`{name}` is dispatched over {} x {} x {} workgroups; each number is 1 to 65535", workgroups[0], workgroups[1], workgroups[2])]
     Workgroups {
         /// The entry point.
@@ -60,7 +59,7 @@ pub enum DispatchError {
         /// Workgroups in each direction.
         workgroups: [u32; 3],
     },
-    /// A workgroup of more invocations than the path can run.
+    /// A workgroup has more invocations than the path supports.
     #[error("the workgroup of `{name}` is {} x {} x {}; path `{path}` runs up to {} x {} x {}, and {limit} \
              invocations in all", size[0], size[1], size[2], sides[0], sides[1], sides[2])]
     WorkgroupSize {
@@ -70,12 +69,12 @@ pub enum DispatchError {
         size: [u32; 3],
         /// The path.
         path: Path,
-        /// Most invocations in each direction.
+        /// The most invocations in each direction.
         sides: [u32; 3],
-        /// Most invocations in all.
+        /// The most invocations in all.
         limit: u32,
     },
-    /// No such invocation.
+    /// There is no such invocation.
     #[error("`{name}` has no invocation {invocation:?}: it is dispatched over {} x {} x {}, counted from 0",
         counts[0], counts[1], counts[2])]
     Invocation {
@@ -91,9 +90,9 @@ pub enum DispatchError {
         nearest.as_ref().map_or_else(|| ": assert what passes write".to_owned(),
             |name| format!("; did you mean `{name}`?")))]
     NotWritten {
-        /// What was asked for.
+        /// The name that was asked for.
         name: String,
-        /// The closest one that is written; `None` if passes only read a resource of that name.
+        /// The closest written resource; `None` if passes only read the resource.
         nearest: Option<String>,
     },
     /// A resource has no such member.
@@ -102,7 +101,7 @@ pub enum DispatchError {
     NoMember {
         /// The resource.
         name: String,
-        /// What was asked for.
+        /// The member that was asked for.
         member: String,
         /// The type of the resource.
         shape: String,
@@ -115,16 +114,16 @@ pub enum DispatchError {
     NoBuffer {
         /// The name that was asked for.
         name: String,
-        /// The closest one that is used.
+        /// The closest name that a pass uses.
         nearest: Option<String>,
     },
     /// No pass has an override of that name.
     #[error("no pass has the override `{name}`")]
     Override {
-        /// What was asked for.
+        /// The name that was asked for.
         name: String,
     },
-    /// The executor dispatches nothing.
+    /// The executor can't dispatch passes.
     #[error("path `{path}` dispatches no entry points")]
     Unable {
         /// The path.
@@ -133,8 +132,8 @@ pub enum DispatchError {
 }
 
 impl DispatchError {
-    /// True if a path refuses what it is given before any of it runs. A workgroup that is too large is the
-    /// author's mistake, and no refusal.
+    /// Returns `true` if a path refuses its input before any of it runs. A workgroup that is too large is the author's
+    /// mistake, and doesn't count.
     pub(crate) fn is_refusal(&self) -> bool {
         match self {
             Self::Path(error) => error.is_refusal(),
@@ -146,10 +145,10 @@ impl DispatchError {
     }
 }
 
-/// The most workgroups in a direction, on every device.
+/// The most workgroups in one direction that every device supports.
 pub(crate) const MOST_WORKGROUPS: u32 = 65_535;
 
-/// One dispatch, as its author says it.
+/// A dispatch, as its author describes it.
 #[derive(Clone, Debug)]
 pub struct Wanted {
     /// `module::entry_point`
@@ -158,16 +157,16 @@ pub struct Wanted {
     pub workgroups: [u32; 3],
 }
 
-/// Dispatches whose shaders are valid and whose fixtures fit them.
+/// Dispatches with valid shaders, whose fixtures fit their variables.
 #[derive(Debug)]
 pub struct Passes {
-    /// In their order.
+    /// The passes, in their order.
     pub passes: Vec<Pass>,
-    /// What they share.
+    /// The resources that they share.
     pub resources: Vec<Held>,
 }
 
-/// One dispatch.
+/// A dispatch.
 #[derive(Debug)]
 pub struct Pass {
     /// `module::entry_point`
@@ -178,24 +177,24 @@ pub struct Pass {
     pub entry_point: String,
     /// Workgroups in each direction.
     pub workgroups: [u32; 3],
-    /// What it uses, with the number of the resource.
+    /// The variables that it uses, each with the number of its resource.
     pub bindings: Vec<(Binding, usize)>,
-    /// Of a draw, whose `workgroups` are pixels of a fragment function, the scalars of what that returns.
+    /// For a draw, the scalars of the fragment function's result. Its `workgroups` are pixels.
     pub drawn: Option<Vec<Scalar>>,
 }
 
 impl Pass {
-    /// Invocations of all workgroups. A size that is computed of overrides counts as 1.
+    /// The number of invocations in all workgroups. A size that is computed from overrides counts as 1.
     pub(crate) fn invocations(&self) -> u64 {
         self.invocations_of(self.workgroup_size())
     }
 
-    /// Invocations of all workgroups, of this size each.
+    /// The number of invocations in all workgroups of this size.
     pub(crate) fn invocations_of(&self, size: [u32; 3]) -> u64 {
         size.iter().chain(&self.workgroups).map(|count| u64::from(*count)).product()
     }
 
-    /// Invocations of a workgroup in each direction.
+    /// The size of a workgroup: its invocations in each direction.
     pub(crate) fn workgroup_size(&self) -> [u32; 3] {
         if self.drawn.is_some() {
             return [1; 3];
@@ -204,7 +203,7 @@ impl Pass {
         entry_point.expect("a pass has an entry point").1
     }
 
-    /// An invocation by its number, workgroup after workgroup of this size.
+    /// The name of an invocation, by its number; workgroups of this size come one after another.
     pub(crate) fn invocation(&self, size: [u32; 3], number: usize) -> String {
         let width = size.iter().map(|count| *count as usize).product::<usize>();
         let (group, local) = (split(number / width, self.workgroups), split(number % width, size));
@@ -212,7 +211,7 @@ impl Pass {
     }
 }
 
-/// A number among so many in each direction: `(x, y, z)`.
+/// The position `(x, y, z)` of a number in a grid with these sides.
 fn split(number: usize, counts: [u32; 3]) -> String {
     let [x, y, _] = counts.map(|count| count as usize);
     format!("({}, {}, {})", number % x, number / x % y, number / (x * y))
@@ -223,18 +222,18 @@ fn split(number: usize, counts: [u32; 3]) -> String {
 pub struct Held {
     /// The variable's path.
     pub name: String,
-    /// What it holds.
+    /// The fixture with its contents.
     pub fixture: Fixture,
 }
 
 impl Pass {
-    /// Where its entry point is declared.
+    /// The place of its entry point's declaration.
     pub(crate) fn span(&self) -> Option<Span> {
         self.program.entry_point_span(&self.entry_point)
     }
 }
 
-/// The error of a member that a resource doesn't have.
+/// The error for a member that a resource doesn't have.
 fn no_member(name: &str, member: &str, shape: &Shape) -> DispatchError {
     let known = part::members(shape);
     let first = member.split('.').next().unwrap_or_default();
@@ -249,17 +248,17 @@ fn no_member(name: &str, member: &str, shape: &Shape) -> DispatchError {
 }
 
 impl Passes {
-    /// Passes over fixtures, and over those of which a test says no more than their size.
+    /// Passes over fixtures, and over buffers that have only a size.
     ///
     /// # Errors
-    /// If an entry point or a resource is missing, or one too many.
+    /// If an entry point or a resource is missing, or if a fixture isn't used.
     pub fn new(
         package: &Package,
         wanted: &[Wanted],
         (given, same): (&Fixtures, &[(String, String)]),
         overrides: &Overrides,
     ) -> Result<Self, DispatchError> {
-        // A variable that has another one's resource is found under its own name, too.
+        // A variable that shares another's resource is also found under its own name.
         let of = |(name, other): &(String, String)| {
             let place = given.iter().rposition(|(known, _)| known == other)?;
             Some(((name.clone(), given[place].1.clone()), place))
@@ -285,7 +284,7 @@ impl Passes {
             let (module, own) = name.rsplit_once("::").unwrap_or(("", name));
             let program = Program::of_items(package, module, &[own])
                 .map_err(|error| unknown(package, name, error))?;
-            // Of several passes each takes the overrides that it has.
+            // Each of several passes takes the overrides that it declares.
             let own_overrides: Overrides = overrides
                 .iter()
                 .filter(|(name, _)| wanted.len() == 1 || program.has_override(name))
@@ -302,7 +301,7 @@ impl Passes {
             };
             let mut bound = Vec::new();
             for (binding, fixture) in fixture::resolve(&bindings, &fixtures)? {
-                // One fixture is one resource, whichever passes use it.
+                // One fixture is one resource in all passes.
                 let place = fixtures.iter().position(|(_, one)| std::ptr::eq(one, fixture));
                 let place = given_as(place.expect("it is one of the fixtures"));
                 let known = resources.iter().position(|(fixture, _)| *fixture == place);
@@ -326,7 +325,7 @@ impl Passes {
         Ok(Self { passes, resources })
     }
 
-    /// One pass over resources. The entry point is named as in the text.
+    /// One pass over resources. The entry point has its name in the text.
     pub fn over(
         program: Arc<Program>,
         entry_point: &str,
@@ -344,7 +343,7 @@ impl Passes {
         Self { passes: vec![pass], resources }
     }
 
-    /// True if results may depend on the size of subgroups.
+    /// Returns `true` if results may depend on the subgroup size.
     pub(crate) fn has_subgroups(&self) -> bool {
         self.passes.iter().any(|pass| pass.program.has_subgroups())
     }
@@ -354,7 +353,7 @@ impl Passes {
         self.passes.iter().map(|pass| pass.name.as_str())
     }
 
-    /// Refuses workgroups that are too large for a path: in a direction, or in all.
+    /// Fails if workgroups are too large for a path, in one direction or in all.
     pub(crate) fn expect_sizes(
         &self,
         path: Path,
@@ -373,7 +372,7 @@ impl Passes {
         Ok(())
     }
 
-    /// Where each resource is used.
+    /// The uses of a resource.
     pub(crate) fn uses(&self, resource: usize) -> impl Iterator<Item = (&Pass, &Binding)> {
         self.passes.iter().flat_map(move |pass| {
             let own = pass.bindings.iter().filter(move |(_, number)| *number == resource);
@@ -386,8 +385,8 @@ impl Passes {
         self.uses(resource).find(|(_, binding)| binding.kind.is_written())
     }
 
-    /// A resource that is written, by the name of its variable or of its fixture, or a member of it (`particles.position`);
-    /// and the type of what it holds.
+    /// A written resource and its type, by the name of its variable or of its fixture; or a member of it
+    /// (`particles.position`).
     pub fn written(&self, name: &str) -> Result<(Part, Shape), DispatchError> {
         let (name, member) = part::split(name);
         let is_it = |number: &usize| {
@@ -414,7 +413,8 @@ impl Passes {
         Part::of(number, &shape, member).ok_or_else(|| no_member(name, member, &shape))
     }
 
-    /// The name of a texel by its number, `[3, 1]`, and of a volume or layers `[3, 1, 0]`; `None` of what has one index.
+    /// The name of a texel by its number: `[3, 1]`, or `[3, 1, 0]` in a volume or with layers; `None` for a resource
+    /// with one index.
     pub fn texel(&self, resource: usize, number: usize) -> Option<String> {
         let view = self.resources[resource].fixture.view()?;
         let level = view.levels.first()?;
@@ -428,20 +428,20 @@ impl Passes {
         }
     }
 
-    /// The lanes of what a resource that is written holds, by its words.
+    /// The lanes of a written resource, from its words.
     pub fn lanes(&self, resource: usize, words: &[u32]) -> Option<Vec<u32>> {
         let (pass, binding) = self.writer(resource)?;
         Some(pass.program.lanes_of_words(binding, words))
     }
 
-    /// The lanes of what a buffer that is written holds before all passes.
+    /// The lanes of a written buffer before all passes.
     pub(crate) fn before(&self, resource: usize) -> Option<Vec<u32>> {
         let (pass, binding) = self.writer(resource)?;
         let bytes = self.resources[resource].fixture.bytes(&pass.program, binding)?.ok()?;
         lanes_of(pass.program.module(), binding.ty, &bytes)
     }
 
-    /// The content of a buffer before all passes: its name, its type and its lanes.
+    /// The contents of a buffer before all passes: its name, its type and its lanes.
     pub fn content(&self, name: &str) -> Result<(String, Shape, Vec<u32>), DispatchError> {
         let (name, member) = part::split(name);
         let is_it = |number: &usize| {
@@ -464,7 +464,7 @@ impl Passes {
         found.map(part).unwrap_or_else(|| {
             Err({
                 let held = self.resources.iter().map(|held| held.name.as_str());
-                // A texture of that name is no misspelt buffer.
+                // If a texture has this name, the name isn't a misspelt buffer.
                 let nearest = crate::diagnostic::nearest(name, held).filter(|near| *near != name);
                 let nearest = nearest.map(str::to_owned);
                 DispatchError::NoBuffer { name: name.to_owned(), nearest }
@@ -472,44 +472,44 @@ impl Passes {
         })
     }
 
-    /// Invocations of all passes.
+    /// The number of invocations in all passes.
     pub fn invocations(&self) -> u64 {
         self.passes.iter().map(Pass::invocations).sum()
     }
 
-    /// The variables of all passes, as their authors name them: resources, and those of workgroups.
+    /// The author's names of the variables in all passes: resources, and workgroup variables.
     pub(crate) fn variables(&self) -> Vec<String> {
         self.passes.iter().flat_map(|pass| pass.program.variables()).collect()
     }
 
-    /// The files that it depends on.
+    /// The files that they depend on.
     pub(crate) fn read(&self) -> Vec<FileRead> {
         let modules = self.passes.iter().flat_map(|pass| pass.program.files());
         let fixtures = self.resources.iter().flat_map(|held| held.fixture.read());
         modules.chain(fixtures).cloned().collect()
     }
 
-    /// The modules that its shaders were linked from.
+    /// The modules that their shaders were linked from.
     pub(crate) fn modules(&self) -> Vec<LinkedModule> {
         self.passes.iter().flat_map(|pass| pass.program.modules()).cloned().collect()
     }
 
-    /// Where the last entry point is declared.
+    /// The place of the last entry point's declaration.
     pub fn span(&self) -> Option<Span> {
         self.passes.last()?.span()
     }
 
-    /// Whether a resource is bound, and not set with the commands.
+    /// Returns `true` if a resource is bound, and not set along with the commands.
     fn is_bound(binding: &Binding) -> bool {
         binding.kind != BindingKind::Immediate
     }
 }
 
-/// The contents of resources that are written, after all passes: the number of each, and the words of a
-/// buffer, or four words a texel of a texture.
+/// The contents of written resources after all passes: the number of each, with the words of a buffer, or four words a
+/// texel of a texture.
 pub type Afterwards = Vec<(usize, Vec<u32>)>;
 
-/// An entry point that isn't there has the nearest name of its module.
+/// Adds the nearest name of the module to the error of a missing entry point.
 fn unknown(package: &Package, name: &str, error: ReflectError) -> DispatchError {
     let items = package.functions().unwrap_or_default();
     let known =

@@ -1,9 +1,8 @@
-//! What a frame draws: meshes and full-screen triangles, with entry points of one module and the
-//! resources that they read.
+//! Draws a frame's meshes and full-screen triangles with entry points of one module, and with the resources that these
+//! read.
 //!
-//! A [`Drawing`] is linked and validated data, which an [`Executor`](crate::executor::Executor)
-//! draws. With a depth pre-pass, depth alone is drawn first, and the colour pass draws only where
-//! the depth is equal, so each pixel is shaded once.
+//! A [`Drawing`] is linked and validated data for an [`Executor`](crate::executor::Executor). A depth pre-pass draws
+//! depth alone. The colour pass then draws only where the depth is equal, so it shades each pixel once.
 
 mod blend;
 mod depths;
@@ -20,7 +19,7 @@ mod state;
 mod targets;
 mod told;
 
-/// The old name of what attributes are.
+/// The old name of the trait for attributes.
 pub use crate::value::Shareable as Attribute;
 pub use blend::{Blend, BlendComponent, BlendFactor, BlendOperation};
 pub(crate) use drawing::{Drawing, Scene, Source};
@@ -35,11 +34,11 @@ use crate::fixture::FixtureError;
 use crate::path::{Path, PathError};
 use crate::reflect::{ReflectError, Stage};
 
-/// Why nothing could be drawn.
+/// The reason why a frame can't be drawn.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum DrawError {
-    /// The shader is at fault.
+    /// The shader can't be used.
     #[error(transparent)]
     Reflect(#[from] ReflectError),
     /// Fixtures and variables don't match.
@@ -51,17 +50,17 @@ pub enum DrawError {
     /// A loop takes more rounds than the driver allows.
     #[error("{0}")]
     Rounds(Box<Diagnostic>),
-    /// No such entry point.
+    /// The module has no such entry point.
     #[error("module `{module}` has no {stage} entry point `{name}`")]
     EntryPoint {
         /// The module.
         module: String,
         /// The stage that it should belong to.
         stage: Stage,
-        /// What was asked for.
+        /// The name that was asked for.
         name: String,
     },
-    /// A side of 0 pixels, or more than the device can draw.
+    /// A side has 0 pixels, or more than the device can draw.
     #[error("the frame is {width} x {height}; path `{path}` draws 1 to {limit} pixels a side")]
     Size {
         /// Pixels across.
@@ -70,21 +69,21 @@ pub enum DrawError {
         height: u32,
         /// The path.
         path: Path,
-        /// Longest side.
+        /// The longest side that the device can draw.
         limit: u32,
     },
-    /// Nothing is drawn.
+    /// The frame has no draws.
     #[error("the frame draws nothing; add `.mesh(...)` or `.fullscreen(...)`")]
     Empty,
-    /// No device can draw it as it is said.
+    /// No device can draw the frame with these settings.
     #[error("the frame can't be drawn: {reason}")]
     Unsound {
-        /// The setting that is wrong, as its author writes it: `samples`, `formats`, `target`, `depth`, `mesh`.
+        /// The wrong setting, as the author writes it: `samples`, `formats`, `target`, `depth`, `mesh`.
         setting: &'static str,
-        /// Why not.
+        /// The reason.
         reason: String,
     },
-    /// The executor can only call functions, not draw.
+    /// The executor can call functions, but can't draw.
     #[error(
         "path `{path}` draws no frames. They need a driver: `karat doctor` tells how to get one, and \
          `karat test --no-frames` leaves frames out"
@@ -93,20 +92,20 @@ pub enum DrawError {
         /// The path.
         path: Path,
     },
-    /// The executor returned an image of another size than was asked for.
+    /// The executor returned an image of the wrong size.
     #[error("path `{path}` drew {} x {} pixels instead of {} x {}", found.0, found.1, expected.0, expected.1)]
     OtherSize {
         /// The path.
         path: Path,
-        /// Width and height that were asked for.
+        /// The expected width and height.
         expected: (u32, u32),
-        /// Width and height of the image that was returned.
+        /// The width and height of the returned image.
         found: (u32, u32),
     },
 }
 
 impl DrawError {
-    /// True if a path refuses what it is given before any of it runs.
+    /// Returns `true` if a path refuses its input before any of it runs.
     pub(crate) fn is_refusal(&self) -> bool {
         match self {
             Self::Path(error) => error.is_refusal(),

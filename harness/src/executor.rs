@@ -1,4 +1,4 @@
-//! The interface between checks and what runs shaders.
+//! The interface between checks and executors, which run shaders.
 
 mod accuracy;
 mod caller;
@@ -27,11 +27,10 @@ use crate::path::{self, Ability, Adapter, Device, Opened, Path, PathError};
 use crate::probe::{BATCH, Call, Partial, Prepared, ProbeError, Probed, Runner};
 use crate::reflect::{Binding, Program};
 
-/// Something that runs WGSL: a driver, or whatever stands in for one.
+/// An executor: a driver, or anything else that runs WGSL.
 ///
-/// Checks and frames know executors by this trait alone. The environment selects among wgpu's
-/// drivers. [`Probe::on`](crate::check::Probe::on) and [`Frame::on`](crate::Frame::on) take any
-/// other executor.
+/// Checks and frames use executors only through this trait. The environment selects among wgpu's drivers.
+/// [`Probe::on`](crate::check::Probe::on) and [`Frame::on`](crate::Frame::on) take any other executor.
 ///
 /// ```
 /// use karat::unstable::executor::Executor;
@@ -83,21 +82,21 @@ pub trait Executor: Debug + Sync {
     /// Its description in records.
     fn adapter(&self) -> Adapter;
 
-    /// True if it has an ability. One that it lacks is refused before it is asked.
+    /// Returns `true` if it has an ability. Karat refuses work that needs a missing one without asking the executor.
     fn can(&self, ability: Ability) -> bool {
         let _ = ability;
         true
     }
 
-    /// The least and the largest number of invocations of a subgroup; `None` if it has none, or doesn't say.
+    /// The smallest and the largest subgroup size; `None` if it has no subgroups, or doesn't report them.
     fn subgroups(&self) -> Option<[u32; 2]> {
         None
     }
 
-    /// Runs a job. What follows is made of jobs, unless an executor has a shorter way.
+    /// Runs a job. The methods below make jobs, unless an executor overrides them.
     ///
     /// # Errors
-    /// If it can't be asked. The default implementation runs nothing, and returns an error.
+    /// If the executor can't be asked. The default implementation runs nothing, and returns an error.
     fn run(&self, job: &Job) -> Result<Reply, PathError> {
         let _ = job;
         Err(PathError::NoJobs { path: self.path() })
@@ -111,7 +110,7 @@ pub trait Executor: Debug + Sync {
         jobs::prepare(self.path(), Box::new(|job| self.run(job)), call)
     }
 
-    /// Draws a frame: linear colour, as large as the drawing, with its top row first.
+    /// Draws a frame. The image has linear colour and the drawing's size, with the top row first.
     ///
     /// # Errors
     /// If it can't be drawn here.
@@ -119,7 +118,7 @@ pub trait Executor: Debug + Sync {
         jobs::draw(self.path(), &|job| self.run(job), drawing)
     }
 
-    /// Dispatches compute passes: for each resource that they write, its number and its words.
+    /// Dispatches compute passes. Returns the number and the words of each resource that they write.
     ///
     /// # Errors
     /// If they can't be dispatched here.
@@ -128,7 +127,7 @@ pub trait Executor: Debug + Sync {
     }
 }
 
-/// Refuses what an executor lacks of what a function or an entry point needs, before it is asked.
+/// Fails if the executor lacks an ability that a function or an entry point needs, before it is asked.
 fn expect_able(
     executor: &dyn Executor,
     function: &str,
@@ -145,7 +144,7 @@ fn expect_able(
     })
 }
 
-/// Dispatches passes on an executor that has what they need.
+/// Dispatches passes on an executor, if it has the abilities that they need.
 pub fn dispatch(executor: &dyn Executor, passes: &Passes) -> Result<Afterwards, DispatchError> {
     for pass in &passes.passes {
         let bindings: Vec<Binding> = pass.bindings.iter().map(|(own, _)| own.clone()).collect();
@@ -155,7 +154,7 @@ pub fn dispatch(executor: &dyn Executor, passes: &Passes) -> Result<Afterwards, 
     path::caught(executor.path(), &names, passes.span().as_ref(), || executor.dispatch(passes))
 }
 
-/// Draws on an executor that has what the frame needs.
+/// Draws on an executor, if it has the abilities that the frame needs.
 pub(crate) fn draw(executor: &dyn Executor, drawing: &Drawing<'_>) -> Result<Image, DrawError> {
     if !executor.can(Ability::Frames) {
         return Err(DrawError::Unable { path: executor.path() });
@@ -174,14 +173,14 @@ pub(crate) fn draw(executor: &dyn Executor, drawing: &Drawing<'_>) -> Result<Ima
     }
 }
 
-/// Runs a job on an executor that has shorter ways than jobs.
+/// Runs a job on an executor that doesn't need jobs itself.
 fn raised(executor: &dyn Executor, job: &Job) -> Reply {
     let passes = &|passes: &Passes| dispatch(executor, passes);
     let frame = &|drawing: &Drawing<'_>| draw(executor, drawing);
     job::run(job, passes, frame)
 }
 
-/// A driver keeps the contract that each word is written once, by its case, by poison and canaries.
+/// Karat checks with poison and canaries that a driver writes each word once, for the right case.
 impl Executor for Device {
     fn path(&self) -> Path {
         Self::path(self)
@@ -221,7 +220,7 @@ impl Executor for Device {
     }
 }
 
-/// The executor of a path. Each opens once in a process.
+/// The executor of a path. A process opens each path once.
 ///
 /// ```
 /// use karat::Path;
@@ -232,7 +231,7 @@ impl Executor for Device {
 /// ```
 ///
 /// # Errors
-/// If it doesn't open.
+/// If the path doesn't open.
 pub fn of(path: Path) -> Result<&'static dyn Executor, PathError> {
     path::open(path).map(opened)
 }
@@ -245,8 +244,8 @@ fn opened(opened: Opened) -> &'static dyn Executor {
     }
 }
 
-/// Calls a function on one path with arguments given as lanes, and returns the result's lanes.
-/// `cases` holds the lanes of each case, one after the other.
+/// Calls a function on one path with arguments as lanes, and returns the result's lanes. `cases` holds the lanes of
+/// each case, one after the other.
 ///
 /// ```
 /// use karat::unstable::probe::Probed;
@@ -260,10 +259,10 @@ fn opened(opened: Opened) -> &'static dyn Executor {
 /// ```
 ///
 /// # Errors
-/// If the path doesn't open, a fixture is missing, or the function gives no results there.
+/// If the path doesn't open, if a fixture is missing, or if the function gives no results there.
 ///
 /// # Panics
-/// If a case hasn't as many words as the arguments together.
+/// If a case doesn't have the number of words of all arguments.
 pub fn call(
     probed: &Probed,
     path: Path,
@@ -280,9 +279,9 @@ pub fn call(
     Ok(results.chunks_exact(width).map(<[u32]>::to_vec).collect())
 }
 
-/// Results of which some words were never written, if WGSL allows each of those to be anything: then a
-/// driver needn't write it, and it is what was there before, a NaN. Otherwise the driver dropped a write,
-/// and the error stays.
+/// The results, if some words were never written and WGSL allows any value for each of those words. Then a driver
+/// needn't write them, and they keep their previous value, a NaN. Otherwise the driver dropped a write, and the error
+/// stays.
 pub(crate) fn left_open(
     (probed, fixtures): (&Probed, &Fixtures),
     (cases, rows): (usize, &[u32]),
@@ -310,12 +309,12 @@ pub(crate) fn left_open(
     }
 }
 
-/// What an executor is, by the name that verdict and replay have for it.
+/// The adapter of an executor, with the name that verdicts and replays use.
 pub(crate) fn adapter(executor: &dyn Executor) -> Adapter {
     Adapter { path: executor.path().to_string(), ..executor.adapter() }
 }
 
-/// These executors, or where there is none those that the environment selects. Never empty.
+/// These executors, or else those that the environment selects. Never empty.
 pub(crate) fn or_selected<'e>(
     own: &[&'e dyn Executor],
 ) -> Result<Vec<&'e dyn Executor>, PathError> {

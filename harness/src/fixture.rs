@@ -1,4 +1,4 @@
-//! What a test supplies for the resource variables that its function reads.
+//! Fixtures: the textures, samplers and buffers that a test binds to resource variables.
 //!
 //! | variable | fixture |
 //! |---|---|
@@ -17,7 +17,7 @@ mod member;
 mod sampler;
 mod texture;
 
-/// The old name of what texels are.
+/// The old name of the trait for texels.
 pub use crate::value::Shareable as Texel;
 pub use buffer::{Buffer, Storage, Uniform};
 pub use cube_map::{CubeMap, CubeMapError};
@@ -31,7 +31,7 @@ pub use texture::Texture;
 use crate::diagnostic::FileRead;
 use crate::reflect::{Binding, BindingKind, Dimension, Program, Texels, TextureKind};
 
-/// What a test binds to a resource variable.
+/// A texture, sampler or buffer that a test binds to a resource variable.
 ///
 /// ```
 /// use karat::fixture::Fixture;
@@ -64,13 +64,13 @@ pub(crate) struct View<'f> {
     pub(crate) arrayed: bool,
     pub(crate) texels: Texels,
     pub(crate) samples: u32,
-    /// Layers, faces included.
+    /// The number of layers, including faces.
     pub(crate) layers: u32,
     pub(crate) levels: &'f [Level],
 }
 
 impl Fixture {
-    /// What it is, for messages: `a texture_2d<u32>`.
+    /// Its kind, for messages: `a texture_2d<u32>`.
     fn kind(&self) -> String {
         let words = match self {
             Self::CubeMap(_) => "a CubeMap",
@@ -119,14 +119,14 @@ impl Fixture {
         }
     }
 
-    /// The same as a texture of any kind, if it has texels.
+    /// The fixture as a general texture, if it has texels.
     pub(crate) fn to_texture(&self) -> Option<Texture> {
         let View { dimension, arrayed, texels, samples, levels, .. } = self.view()?;
         let (levels, read) = (levels.to_vec(), Vec::new());
         Some(Texture { dimension, arrayed, texels, samples, levels, read })
     }
 
-    /// Refuses to be bound to a variable that it doesn't fit.
+    /// Fails if the fixture doesn't fit a variable.
     pub(crate) fn expect(&self, binding: &Binding) -> Result<(), FixtureError> {
         let (variable, kind) = (binding.path.clone(), binding.kind);
         match self.mistake(binding) {
@@ -183,7 +183,7 @@ impl Fixture {
                         let variable = binding.path.clone();
                         Err(FixtureError::Short { variable, found, needed })
                     }
-                    // Devices take whole words, and 16 bytes of uniform buffers.
+                    // Devices bind whole words, and multiples of 16 bytes for uniform buffers.
                     length => {
                         let mut bytes = bytes.to_vec();
                         let storage = matches!(binding.kind, BindingKind::Storage { .. });
@@ -194,7 +194,7 @@ impl Fixture {
             }
             _ => return None,
         };
-        // Immediates have as many bytes as their variable: a device takes no padding behind them.
+        // Immediates have exactly their variable's size: devices take no padding after them.
         let exact = |mut bytes: Vec<u8>| {
             if binding.kind == BindingKind::Immediate {
                 bytes.truncate(program.least_bytes(binding).next_multiple_of(4));
@@ -204,7 +204,7 @@ impl Fixture {
         Some(bytes.map(exact).map_err(|error| error.at(binding)))
     }
 
-    /// What no device takes.
+    /// The mistake in a fixture that no device accepts.
     fn mistake(&self, binding: &Binding) -> Option<FixtureError> {
         let variable = || binding.path.clone();
         if let Self::Sampler(sampler) = self {

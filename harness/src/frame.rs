@@ -1,4 +1,4 @@
-//! Frames: a scene drawn off-screen into linear float colour, and what is expected of it.
+//! Frames: scenes drawn off-screen into linear float colour, and the checks of the images.
 //!
 //! A frame is a list of draws over one module's resources: meshes with a vertex and a fragment
 //! function, and full-screen triangles.
@@ -30,7 +30,7 @@ use crate::run::{
 use crate::tolerance::LaneError;
 use crate::value::Shareable;
 
-/// A frame to be drawn.
+/// A frame to draw and check.
 ///
 /// ```no_run
 /// use karat::prelude::*;
@@ -45,11 +45,11 @@ use crate::value::Shareable;
 #[must_use = "a frame draws nothing until `.render(...)` or `.matches(...)`"]
 pub struct Frame<'a> {
     scene: Scene<'a>,
-    /// Frames that it reads, by the name of the texture.
+    /// The frames that it reads, by the name of the texture variable.
     inputs: Vec<(String, Self)>,
-    /// What draws it; none: what the environment selects.
+    /// The executors that draw it; without any, the environment selects the paths.
     executors: Vec<&'a dyn Executor>,
-    /// `None`: the default for the golden and the adapter.
+    /// `None` for the default of the golden and the adapter.
     tolerance: Option<FrameTolerance>,
     tolerance_on: Selected<FrameTolerance>,
     mask: Option<Mask>,
@@ -57,9 +57,9 @@ pub struct Frame<'a> {
     facts: BTreeMap<String, String>,
     aovs: Vec<(String, Self)>,
     known_issues: KnownIssues,
-    /// Where it is written, if that isn't where it is compared.
+    /// The place of its declaration, if it differs from the place of the comparison.
     declared_at: Option<String>,
-    /// True if verdicts go into the record of the run.
+    /// Set if verdicts go into the record of the run.
     recorded: bool,
 }
 
@@ -86,50 +86,50 @@ pub struct FrameAgreement {
     pub case: String,
     /// Each path with its margin.
     pub paths: Vec<(Adapter, FrameMargin)>,
-    /// Paths that differ as was declared.
+    /// Paths that differ as declared.
     pub known_issues: Vec<KnownIssue>,
 }
 
-/// Why a frame fails, or can't be judged.
+/// The reason why a frame fails, or can't be judged.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum FrameError {
     /// Nothing could be drawn.
     #[error(transparent)]
     Draw(#[from] DrawError),
-    /// A setting of the environment can't be used, or names a case of another check.
+    /// A setting of the environment can't be used, or it names a case of another check.
     #[error(transparent)]
     NotBegun(#[from] NotBegun),
-    /// A bound that bounds nothing.
+    /// A tolerance's bound that isn't a usable number.
     #[error("the tolerance of the frame is {0}")]
     Tolerance(String),
-    /// A name that no arbitrary output variable can have.
+    /// A name that an arbitrary output variable (AOV) can't have.
     #[error("`{0}` can't name an AOV: {1}")]
     Aov(String, &'static str),
-    /// The mean of a rectangle is off.
+    /// The mean of a rectangle differs from the expected one.
     #[error(
         "the mean of {rect} is {mean:?}, expected {expected:?}: {worst}, {}\non {adapter}",
         crate::tolerance::times_allowed(worst.ratio)
     )]
     Mean {
-        /// What rendered the frame.
+        /// The adapter that rendered the frame.
         adapter: Box<Adapter>,
         /// The rectangle.
         rect: Rect,
-        /// What was expected of red, green and blue.
+        /// The expected red, green and blue.
         expected: [f64; 3],
-        /// What they are.
+        /// The actual red, green and blue.
         mean: [f64; 3],
-        /// The worst of them.
+        /// The worst error of the three.
         worst: LaneError,
     },
-    /// A rectangle that isn't in the frame.
+    /// A rectangle that lies outside the frame.
     #[error(transparent)]
     Rectangle(MaskError),
-    /// A declaration of a path doesn't hold, or names no bug.
+    /// A declaration about a path doesn't hold, or names no bug.
     #[error(transparent)]
     Declaration(#[from] WrongDeclaration),
-    /// No draw touches a pixel.
+    /// No draw changed any pixel.
     #[error(
         "no draw touches a pixel: each still is what the frame was cleared to, {clear:?}; look at what the \
          vertex function returns, at culling and at depth"
@@ -147,9 +147,9 @@ pub enum FrameError {
     /// The golden differs, is missing or can't be used.
     #[error("{}", first_then(cause, adapter))]
     Golden {
-        /// What rendered the frame.
+        /// The adapter that rendered the frame.
         adapter: Box<Adapter>,
-        /// What is wrong.
+        /// The cause.
         cause: Box<GoldenError>,
     },
 }
@@ -196,7 +196,7 @@ impl Stop for FrameError {
         matches!(self, Self::Draw(error) if error.is_refusal())
     }
 
-    /// A golden that is missing is missing on each path.
+    /// The cause, by which paths are grouped: a missing golden is missing on each path.
     fn cause(&self) -> String {
         match self {
             Self::Golden { cause, .. } if matches!(**cause, GoldenError::Missing { .. }) => {
@@ -223,7 +223,7 @@ impl Passed for FrameAgreement {
     }
 }
 
-/// The difference in a line; then the adapter, which many failures share; then the rest.
+/// The difference in one line, then the adapter, then the rest: many failures share the adapter.
 fn first_then(source: &GoldenError, adapter: &Adapter) -> String {
     let text = source.to_string();
     match text.split_once('\n') {
@@ -239,7 +239,7 @@ impl Passed for FrameMean {
 }
 
 impl Package {
-    /// Starts a frame of `width` x `height` pixels, drawn with entry points of `module`.
+    /// Begins a frame of `width` x `height` pixels, drawn with entry points of `module`.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -284,9 +284,8 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Supplies what another frame draws for the texture variable `name`: a pass that this one reads.
-    /// The other is drawn first, on the same path. Its image is a 2D texture of floats, or of depths if
-    /// it is [`depth`](Self::depth).
+    /// Supplies the image of another frame for the texture variable `name`. The other frame is drawn first, on the same
+    /// path. Its image is a 2D texture of floats, or of depths if it is [`depth`](Self::depth).
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -305,8 +304,8 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Sets one member of a buffer, such as the time or the number of the frame: `globals.time`. The
-    /// others are what the buffer's fixture says, or zeros. The value is kept with the golden.
+    /// Sets one member of a buffer, such as the time or the number of the frame: `globals.time`. The other members come
+    /// from the buffer's fixture, or else are zero. The golden's file keeps the value.
     ///
     /// ```no_run
     /// # let shaders = karat::Package::from_source("m", "");
@@ -321,8 +320,8 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Sets an `override` of the shader, by its name or its `@id`. A `bool` is 0 or 1. The value is kept
-    /// with the golden.
+    /// Sets an `override` of the shader, by its name or its `@id`. A `bool` is 0 or 1. The golden's file keeps the
+    /// value.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -337,7 +336,7 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Adds a draw, with its state. They are drawn in this order.
+    /// Adds a draw with its state. The draws run in the order in which they are added.
     ///
     /// ```no_run
     /// use glam::Vec3;
@@ -372,8 +371,8 @@ impl<'a> Frame<'a> {
         self.draw(Draw::mesh(vertex, fragment, mesh).instances(instances))
     }
 
-    /// Draws one triangle whose three corners the vertex function makes from
-    /// `@builtin(vertex_index)`. At depth 1 it is seen where no mesh is.
+    /// Draws one triangle whose three corners the vertex function makes from `@builtin(vertex_index)`. At depth 1 it
+    /// shows only where no mesh was drawn.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -396,8 +395,8 @@ impl<'a> Frame<'a> {
         self.draw(Draw::fragment(fragment))
     }
 
-    /// Draws into targets of these formats, the first at `@location(0)` (default: one of
-    /// [`Format::Float`]). The frame's image is the first, or what [`target`](Self::target) says.
+    /// Draws into targets of these formats, the first at `@location(0)` (default: one target of [`Format::Float`]). The
+    /// frame's image is the first target, unless [`target`](Self::target) selects another.
     ///
     /// ```no_run
     /// use karat::draw::Format;
@@ -435,7 +434,7 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Makes depth the frame's image: its red, from 0 to 1.
+    /// Makes the depth buffer the frame's image: depth is its red channel, from 0 to 1.
     ///
     /// ```no_run
     /// use karat::draw::{Draw, Mesh};
@@ -450,8 +449,7 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Draws with so many samples a pixel (default 1), of which the image has the mean. Every device has
-    /// 1 and 4.
+    /// Draws with this number of samples a pixel (default 1). The image has their mean. Every device supports 1 and 4.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -464,7 +462,7 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Sets what each target holds before the first draw (default: zeros).
+    /// Sets the values of each target before the first draw (default: zeros).
     ///
     /// ```no_run
     /// use karat::draw::Blend;
@@ -479,7 +477,7 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Sets the depth before the first draw (default 1): 0 where nearer is larger.
+    /// Sets the depth before the first draw (default 1). Use 0 for reversed depth, where nearer is larger.
     ///
     /// ```no_run
     /// use karat::draw::{Draw, Mesh};
@@ -497,7 +495,7 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Draws depth alone first, then colour where the depth is equal.
+    /// Draws depth alone first, and then colour where the depth is equal.
     ///
     /// ```no_run
     /// use karat::draw::Mesh;
@@ -513,8 +511,8 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Sets the fragment function that the depth pre-pass runs for the mesh added last. It has to
-    /// discard or write depth as the colour's function does, and returns nothing but a depth.
+    /// Sets the fragment function that the depth pre-pass runs for the mesh added last. It must discard or write depth
+    /// exactly like the colour pass's function, and may return only a depth.
     ///
     /// ```no_run
     /// use karat::draw::Mesh;
@@ -540,7 +538,7 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Sets what happens to a pixel that is drawn again (default: the new value replaces the old).
+    /// Sets how a new value combines with the pixel's old value (default: the new value replaces the old one).
     ///
     /// ```no_run
     /// use karat::draw::Blend;
@@ -558,12 +556,11 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Sets how much the frame may differ: a [`FrameTolerance`] or a number. A number is a gate:
-    /// the largest relative difference of each channel, without outliers.
+    /// Sets how much the frame may differ: a [`FrameTolerance`] or a number. A number is a gate: the largest relative
+    /// difference of each channel, with no outliers allowed.
     ///
-    /// The default is [`FrameTolerance::standard`], where a frame that fails the gate of 1e-3 still
-    /// passes if HDR-FLIP sees almost no difference. Integers have to be equal and depths within 1e-5,
-    /// neither by HDR-FLIP.
+    /// The default is [`FrameTolerance::standard`], where a frame that fails the gate of 1e-3 still passes if HDR-FLIP
+    /// sees almost no difference. Integers must be equal, and depths must be within 1e-5; HDR-FLIP doesn't judge them.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -576,8 +573,8 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Sets how much the frame may differ on paths whose driver or formats are not the golden's:
-    /// `Path::GL`, `"vulkan@nvidia"`, `"@llvmpipe"` (see [`Selector`]).
+    /// Sets how much the frame may differ on paths with another driver or other formats than the golden's: `Path::GL`,
+    /// `"vulkan@nvidia"`, `"@llvmpipe"` (see [`Selector`]).
     ///
     /// ```no_run
     /// # use karat::Path;
@@ -613,12 +610,11 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Declares that the frame is noisy. `variance` is the variance of each pixel's mean in linear
-    /// RGB: with `n` samples a pixel, the variance of the samples divided by `n`. It is kept with
-    /// the golden. A frame that fails its tolerance still passes if the noise of frame and golden
-    /// explains the difference. [`Noise`](crate::metric::Noise) decides that for each channel, by
-    /// the means and the scatter of tiles. One frame in a hundred is rejected by chance. HDR-FLIP
-    /// isn't used unless the tolerance names it.
+    /// Declares that the frame is noisy. `variance` is the variance of each pixel's mean in linear RGB: with `n`
+    /// samples a pixel, the variance of the samples divided by `n`. The golden's file keeps it. A frame that fails its
+    /// tolerance still passes if the noise of frame and golden explains the difference. [`Noise`](crate::metric::Noise)
+    /// decides that for each channel, by the means and the scatter of tiles. One frame in a hundred is rejected by
+    /// chance. HDR-FLIP isn't used unless the tolerance names it.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -633,8 +629,8 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Adds a fact about the frame, such as its seed or its samples a pixel. It is kept with the
-    /// golden and shown when the frame differs.
+    /// Adds a fact about the frame, such as its seed or its samples a pixel. The golden's file keeps it, and Karat
+    /// shows it when the frame differs.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -648,9 +644,9 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Keeps another frame of the same scene with the golden, such as its normals. It helps to
-    /// explain a difference, and isn't compared. It is drawn only when this frame differs or is
-    /// new. `name` names its part of the EXR file: use letters, digits, `-`, `_` and `.`.
+    /// Keeps another frame of the same scene with the golden, such as its normals. It helps to explain a difference,
+    /// but isn't compared itself. Karat draws it only when this frame differs or is new. `name` names its part of the
+    /// EXR file: use letters, digits, `-`, `_` and `.`.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -664,8 +660,8 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Leaves verdicts out of the record of the run: they are yours. For a test that wants a failure, which
-    /// `KARAT_FRAMES=off` doesn't leave out.
+    /// Leaves the verdicts out of the record of the run. For a test that expects a failure; it also runs with
+    /// `KARAT_FRAMES=off`.
     ///
     /// ```
     /// # use karat::metric::Rect;
@@ -680,8 +676,8 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Declares that the frame differs from its golden on a path, and why: a driver's bug by its
-    /// number. If the frame matches there, the test fails until the declaration is removed.
+    /// Declares that the frame differs from its golden on a path, and why, such as the number of a driver's bug. If the
+    /// frame matches there, the test fails until you remove the declaration.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -710,8 +706,8 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Says where the frame is declared, as `file:line:column`, if that isn't in Rust. Reports and
-    /// annotations name that place instead of the call that compares it.
+    /// Sets the place of the declaration, as `file:line:column`, if it isn't in Rust. Reports and annotations then name
+    /// that place instead of the comparing call.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -731,8 +727,8 @@ impl<'a> Frame<'a> {
         self.declared_at.clone().unwrap_or_else(|| caller.to_string())
     }
 
-    /// Draws the frame on this executor instead of the environment's paths. Further calls add more
-    /// executors: see [`Probe::on`](crate::check::Probe::on).
+    /// Draws the frame on this executor instead of the environment's paths. Each call adds an executor: see
+    /// [`Probe::on`](crate::check::Probe::on).
     ///
     /// ```no_run
     /// use karat::unstable::executor::Executor;
@@ -773,7 +769,7 @@ impl<'a> Frame<'a> {
         Ok(drawn(executor, &self.drawing_on(executor)?)?)
     }
 
-    /// What is drawn on an executor, with the frames that it reads.
+    /// The drawing for an executor, with the frames that it reads.
     fn drawing_on(&self, executor: &dyn Executor) -> Result<Drawing<'_>, DrawError> {
         if self.inputs.is_empty() {
             return self.scene.drawing();
@@ -790,13 +786,13 @@ impl<'a> Frame<'a> {
         Ok(drawing)
     }
 
-    /// What draws the frame. Never empty.
+    /// The executors that draw the frame: at least one.
     fn executors(&self) -> Result<Vec<&'a dyn Executor>, PathError> {
         executor::or_selected(&self.executors)
     }
 }
 
-/// The reason why no sanitizer looks through a frame: its pixels may write a resource that others see.
+/// The reason why no sanitizer checks a frame: its pixels may write a resource that other pixels see.
 fn unwatched(drawing: &Drawing<'_>) -> Option<Watched> {
     let all = drawing.all_bindings();
     let written = all.iter().find(|binding| binding.kind.is_written())?;
@@ -807,7 +803,7 @@ fn unwatched(drawing: &Drawing<'_>) -> Option<Watched> {
     Some(Watched { reason, ..Watched::default() })
 }
 
-/// What an executor draws, as large as it should be.
+/// The image that an executor draws, with its size checked.
 fn drawn(executor: &dyn Executor, drawing: &Drawing<'_>) -> Result<Image, DrawError> {
     let image = executor::draw(executor, drawing)?;
     let (expected, found) = (drawing.size(), (image.width(), image.height()));

@@ -1,7 +1,7 @@
-//! Functions of a package in Karat's engine, which needs no driver.
+//! Runs functions of a package in Karat's engine, which needs no driver.
 //!
-//! This is what stands between the two: the engine knows naga's IR and words, and a check knows
-//! functions, fixtures and the author's files.
+//! The engine knows naga's IR and words; a check knows functions, fixtures and the author's files. This module connects
+//! the two.
 
 mod alone;
 pub mod asserted;
@@ -59,26 +59,26 @@ pub use sanitizer::{examine, examine_made_up};
 pub use work::{evaluations, long_cases};
 pub use written::written;
 
-/// A function that is lowered, with what it reads.
+/// A lowered function, with the resources that it reads.
 #[derive(Debug)]
 pub struct Interpreted {
     lowered: Lowered,
     resources: Resources,
     /// The scalars of a case's arguments and of its result.
     arguments: Vec<Scalar>,
-    /// How a case becomes the four pixels of a quad, if it is one.
+    /// The layout of a quad's four pixels, if each case is a quad.
     quads: Option<Quads>,
     results: Vec<Scalar>,
     function: Box<Function>,
-    /// Knows the author's places.
+    /// Maps places to the author's files.
     program: Arc<Program>,
-    /// Rounds of loops that a case may make.
+    /// The most rounds of loops that a case may make.
     fuel: u64,
-    /// True if subnormals are zero.
+    /// Set if subnormals are zero.
     flush: bool,
 }
 
-/// How an arithmetic of the path `cpu` lowers programs.
+/// The settings with which an arithmetic of the path `cpu` lowers programs.
 fn lowering(via: Via) -> Settings {
     let (contract, statements) = (via == Via::Fma, counted::counts());
     // What an assertion reads is looked at.
@@ -86,20 +86,20 @@ fn lowering(via: Via) -> Settings {
     Settings { contract, statements, named, ..Settings::default() }
 }
 
-/// Rounds after which a loop with a bound is ended, too: a case would take minutes.
+/// The most rounds even for loops with a bound: a case would take minutes.
 const MOST_FUEL: u64 = 1 << 32;
 
-/// Rounds of loops of what is to be proved for many arguments at once, where an exit is undecided and where not.
+/// The most rounds of loops for a proof about many arguments at once: while an exit is undecided, and otherwise.
 const FEW_ROUNDS: u64 = 16;
 const MANY_ROUNDS: u64 = 4096;
 
 impl Interpreted {
-    /// Lowers a function. What the engine doesn't execute is an error with its place.
+    /// Lowers a function. An operation that the engine can't execute is an error with its place.
     pub fn new(probed: &Probed, fixtures: &Fixtures) -> Result<Self, ProbeError> {
         Self::with(probed, fixtures, &Settings::default())
     }
 
-    /// The same in an arithmetic of the path `cpu`.
+    /// The same with an arithmetic of the path `cpu`.
     pub(crate) fn rounding(
         probed: &Probed,
         fixtures: &Fixtures,
@@ -136,8 +136,8 @@ impl Interpreted {
             function: Box::new(function.clone()),
             flush: false,
             program: Arc::clone(program),
-            // What has a bound ends. The round in which a loop is left counts here, and there are at most
-            // as many of them as rounds around them.
+            // Loops with a bound end by themselves. The round in which a loop is left counts here, too; there is at
+            // most one such round for each round of the loop around it.
             fuel: match program.most_rounds() {
                 Some(rounds) => rounds.saturating_mul(2).min(MOST_FUEL).max(settings::fuel()),
                 None => settings::fuel(),
@@ -145,7 +145,7 @@ impl Interpreted {
         })
     }
 
-    /// The same that stops after so many rounds of loops.
+    /// The same, stopped after this number of rounds of loops.
     pub(crate) fn with_fuel(self, fuel: u64) -> Self {
         Self { fuel, ..self }
     }
@@ -171,7 +171,7 @@ impl Interpreted {
         &self.results
     }
 
-    /// Results of some cases, in the words that a driver would write.
+    /// The results of some cases, as the words that a driver would write.
     pub(crate) fn words(&self, cases: usize, arguments: &[u32]) -> Result<Vec<u32>, ProbeError> {
         let counts = self.lowered.counts();
         let options = Options { counts: counts.clone(), ..self.options() };
@@ -199,8 +199,8 @@ impl Interpreted {
         Ok(words)
     }
 
-    /// The lanes of the results that WGSL leaves open: they depend on a read or a write outside of an array or a texture; or
-    /// on a derivative, or a texture that is sampled by one, whose errors have no bound (15.7.4).
+    /// The lanes of the results that WGSL leaves open. They depend on a read or a write outside an array or a texture;
+    /// or on a derivative, or a texture sampled with one, whose errors have no bound (15.7.4).
     pub fn strays(&self, cases: usize, arguments: &[u32]) -> Result<Vec<bool>, ProbeError> {
         let mut open = self.of_outside(cases, arguments)?;
         if let Some(quads) = &self.quads {
@@ -209,7 +209,7 @@ impl Interpreted {
         Ok(open)
     }
 
-    /// The lanes of the results that depend on a read or a write outside of an array or a texture.
+    /// The lanes of the results that depend on a read or a write outside an array or a texture.
     fn of_outside(&self, cases: usize, arguments: &[u32]) -> Result<Vec<bool>, ProbeError> {
         differing(|outside| {
             let options = Options { outside, ..self.options() };
@@ -217,13 +217,13 @@ impl Interpreted {
         })
     }
 
-    /// What WGSL allows each lane of the results of some cases to be. Constants stand for the decimals
-    /// that are rounded to them, as a reference has those.
+    /// The values that WGSL allows for each lane of some results. Constants count as the decimals that were rounded to
+    /// them, because a reference uses those.
     pub fn bounds(&self, cases: usize, arguments: &[u32]) -> Result<Vec<Bound>, ProbeError> {
         self.bounded(cases, arguments, &Options { decimals: true, ..self.options() })
     }
 
-    /// What WGSL allows a driver to return, whose constants are those of the shader: within
+    /// The values that WGSL allows a driver to return, with the shader's rounded constants: within
     /// [`bounds`](Self::bounds).
     pub(crate) fn driver_bounds(
         &self,
@@ -233,7 +233,7 @@ impl Interpreted {
         self.bounded(cases, arguments, &self.options())
     }
 
-    /// [`bounds`](Self::bounds) of an adapter that was measured: never wider.
+    /// [`bounds`](Self::bounds) for an adapter that was measured: never wider.
     pub(crate) fn measured_bounds(
         &self,
         cases: usize,
@@ -256,8 +256,8 @@ impl Interpreted {
         Ok((0..cases).flat_map(|case| results.row(case)).map(Bound::of).collect())
     }
 
-    /// [`driver_bounds`](Self::driver_bounds) of all arguments from those of a row to those of another one. `None` if a row
-    /// isn't one of arguments alone.
+    /// [`driver_bounds`](Self::driver_bounds) for all arguments between two rows. `None` if a row has more than the
+    /// arguments.
     pub(crate) fn bounds_between(
         &self,
         cases: usize,
@@ -266,14 +266,14 @@ impl Interpreted {
         if self.quads.is_some() || self.arguments.contains(&Scalar::F16) {
             return Ok(None);
         }
-        // No proof waits for a long loop.
+        // A proof doesn't wait for a long loop.
         let options = Options { undecided: FEW_ROUNDS, fuel: MANY_ROUNDS, ..self.options() };
         let results = self.lowered.call_between(cases, rows, &self.resources, &options, &());
         let results = results.map_err(|stop| stopped(&self.program, &self.function.name, &stop))?;
         Ok(Some((0..cases).flat_map(|case| results.row(case)).map(Bound::of).collect()))
     }
 
-    /// Runs once for all arguments from those of a row to those of another one; false if that can't be done.
+    /// Runs once for all arguments between two rows; returns `false` if that isn't possible.
     fn watched_between(&self, rows: [&[u32]; 2], observer: &dyn Observer<Intervals>) -> bool {
         let options = Options { undecided: FEW_ROUNDS, fuel: MANY_ROUNDS, ..self.options() };
         let ran = || self.lowered.call_between(1, rows, &self.resources, &options, observer);
@@ -294,12 +294,12 @@ impl Interpreted {
         Ok(lanes.map(value).collect())
     }
 
-    /// Lanes of a case: of a quad its pixels.
+    /// The lanes of a case: a quad has one for each pixel.
     fn lanes(&self) -> usize {
         if self.quads.is_some() { quads::PIXELS } else { 1 }
     }
 
-    /// Refuses to bound what WGSL doesn't.
+    /// Fails for functions whose results WGSL doesn't bound.
     fn expect_bounds(&self) -> Result<(), ProbeError> {
         if self.quads.is_none() {
             return Ok(());
@@ -312,7 +312,7 @@ impl Interpreted {
         Err(PathError::Route { path: Path::CPU, message }.into())
     }
 
-    /// What made a bound infinite: the operation in the author's file, and its text.
+    /// The operation that made a bound infinite: its place in the author's file, and its text.
     pub fn cause(&self, bound: &Bound) -> Option<(Span, String)> {
         let Bound::Float(interval) = bound else { return None };
         author(&self.program, self.lowered.cause(*interval)?.span.to_range()?)
@@ -369,14 +369,14 @@ impl Interpreted {
             Some(quads) => (cases * quads::PIXELS, Cow::Owned(quads.pixels(arguments))),
             None => (cases, Cow::Borrowed(arguments)),
         };
-        // Cases carry 16-bit floats as 32-bit ones; the engine takes their own bits.
+        // Cases store 16-bit floats as 32-bit ones; the engine takes the 16-bit pattern.
         let half = |word: &u32| u32::from(half::f16::from_f32(f32::from_bits(*word)).to_bits());
         each_half(&self.arguments, || rows.to_mut(), half);
         self.lowered.call::<A>(cases, &rows, &self.resources, options, observer)
     }
 }
 
-/// A function that writes nothing that is seen outside of it, as the engine executes it.
+/// A lowered function that writes nothing visible outside itself.
 fn lowered(probed: &Probed, settings: &Settings) -> Result<Lowered, ProbeError> {
     let Probed { program, function, .. } = probed;
     let settings = Settings { quads: function.form.fragment, ..settings.clone() };
@@ -390,7 +390,7 @@ fn lowered(probed: &Probed, settings: &Settings) -> Result<Lowered, ProbeError> 
     Ok(lowered.map_err(|refusal| refused(program, &refusal))?)
 }
 
-/// An expression in the author's file, and its text there.
+/// The place and the text of an expression in the author's file.
 pub(crate) fn author(program: &Program, range: ops::Range<usize>) -> Option<(Span, String)> {
     let span = program.resolve(range)?;
     if let Some(own) = expression_of(&span) {
@@ -401,7 +401,7 @@ pub(crate) fn author(program: &Program, range: ops::Range<usize>) -> Option<(Spa
     Some((span, text))
 }
 
-/// An operation in the author's file, and its text there. naga's place of `-x` is that of `x`.
+/// An operation in the author's file, with its text. naga gives `-x` the place of `x`.
 fn author_of(program: &Program, site: &Site) -> Option<(Span, String)> {
     let range = site.span.to_range()?;
     let (mut span, text) = author(program, range)?;
@@ -422,24 +422,24 @@ fn author_of(program: &Program, site: &Site) -> Option<(Span, String)> {
 /// The first line of a statement, a condition or an access.
 fn statement_of(program: &Program, site: &Site) -> Option<Span> {
     let mut span = program.resolve(site.span.to_range()?)?;
-    // Of the condition of a `for` naga keeps the space before it.
+    // naga's place of a `for` condition includes the space before it.
     let text = span.file.text.get(span.range.clone())?;
     span.range.start += text.len() - text.trim_start().len();
-    // Of a call naga keeps the name alone.
+    // naga's place of a call is only its name.
     if let Some(whole) = crate::reflect::whole_call(&span.file.text, span.range.clone()) {
         span.range.end = span.range.start + whole.len();
     }
     Some(span.first_line())
 }
 
-/// What WGSL allows a lane to be.
+/// The values that WGSL allows for a lane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Bound {
-    /// Of a float.
+    /// The bound of a float.
     Float(Interval),
-    /// Of a whole number.
+    /// The bound of an integer.
     Int(Range),
-    /// Of a truth value.
+    /// The bound of a boolean.
     Bool(Truth),
 }
 
@@ -452,17 +452,17 @@ impl Bound {
         }
     }
 
-    /// True if WGSL allows a result.
+    /// Returns `true` if WGSL allows this value.
     pub fn allows(&self, value: f64) -> bool {
         self.ends().is_none_or(|(least, most)| least <= value && value <= most)
     }
 
-    /// True if it is unbounded only because its operations may be evaluated in another order.
+    /// Returns `true` if it is unbounded only because implementations may reorder the operations.
     pub(crate) fn is_reordered(&self) -> bool {
         matches!(self, Self::Float(x) if x.is_reordered())
     }
 
-    /// The least and the largest; `None`: anything at all.
+    /// The smallest and the largest allowed value; `None` if any value is allowed.
     pub fn ends(&self) -> Option<(f64, f64)> {
         match self {
             Self::Float(x) => x.is_bounded().then(|| (f64::from(x.lo()), f64::from(x.hi()))),
@@ -475,8 +475,7 @@ impl Bound {
     }
 }
 
-/// Which words of what passes write depend on what they read or write outside of an array: WGSL leaves open what
-/// that is.
+/// For each word that passes write, `true` if it depends on a read or a write outside an array, which WGSL leaves open.
 pub fn strays(passes: &Passes) -> Result<Vec<bool>, DispatchError> {
     differing(|outside| {
         let options = |_: usize| Options { outside, ..dispatch::options() };
@@ -485,7 +484,7 @@ pub fn strays(passes: &Passes) -> Result<Vec<bool>, DispatchError> {
     })
 }
 
-/// Which words of runs differ with what is read outside of arrays, and whether what is written there is.
+/// For each word, `true` if it changes with the values read outside arrays, or with the fate of writes there.
 fn differing<E>(run: impl Fn(Choice) -> Result<Vec<u32>, E>) -> Result<Vec<bool>, E> {
     let usual = run(Choice::default())?;
     let mut differs = vec![false; usual.len()];
@@ -497,7 +496,7 @@ fn differing<E>(run: impl Fn(Choice) -> Result<Vec<u32>, E>) -> Result<Vec<bool>
     Ok(differs)
 }
 
-/// An invocation by its number: of a draw its pixel.
+/// The name of an invocation, by its number; for a draw, its pixel.
 fn invocation(pass: &Pass, size: [u32; 3], number: usize) -> String {
     if pass.drawn.is_none() {
         return pass.invocation(size, number);
@@ -506,7 +505,7 @@ fn invocation(pass: &Pass, size: [u32; 3], number: usize) -> String {
     format!("pixel ({x}, {y})")
 }
 
-/// What the engine doesn't execute, with its place in the author's file.
+/// The error for an operation that the engine can't execute, with its place in the author's file.
 fn refused(program: &Program, refusal: &Refusal) -> PathError {
     let place = place(program, refusal.span.to_range());
     let place = place.map_or_else(String::new, |place| format!(" ({place})"));
@@ -557,8 +556,8 @@ fn stopped(program: &Program, name: &str, stop: &Stop) -> ProbeError {
     ProbeError::Rounds { case: *case, diagnostic: Box::new(diagnostic) }
 }
 
-/// True if loops in each other spent the rounds together, each of which had so many at most: then each of them may end.
-/// A loop without an end is told all the same if a round of it has up to 15 rounds of others.
+/// Returns `true` if nested loops used up the rounds together, and none did so alone: then each of them may end. A loop
+/// without an end is still reported if one round of it has up to 15 rounds of others.
 fn is_of_several(rounds: u64, own: u64) -> bool {
     own < rounds / 16
 }

@@ -1,18 +1,19 @@
-//! Work for an executor, as data: linked WGSL, resources as words, and the numbers of those that are wanted back.
+//! Jobs: work for an executor as data. A job has linked WGSL, resources as words, and the numbers of the resources that
+//! it returns.
 //!
-//! A [`Job`] has nothing of wgpu, of naga or of the harness in it, so that anything can run it: another
-//! implementation of WebGPU, an engine, a device on another machine. KARAT_EXECUTORS names programs that do:
+//! A [`Job`] depends on nothing of wgpu, naga or the harness, so anything can run it: another implementation of WebGPU,
+//! an engine, or a device on another machine. KARAT_EXECUTORS names programs that run jobs:
 //!
 //! ```sh
 //! KARAT_EXECUTORS='mine=target/debug/mine' KARAT_PATHS=process@mine cargo test
 //! ```
 //!
-//! Such a program writes a [`Greeting`](crate::path::Greeting) as its first line. Then it reads a job a line, as JSON,
-//! and writes an [`Answer`] for each, as a line. It ends when its input ends. If it ends earlier, Karat shows its stderr.
-//! Calls of functions are jobs, too: the kernel around the function is in the text, and Karat judges whether
-//! each word was written, by the case that it belongs to.
+//! Such a program writes a [`Greeting`](crate::path::Greeting) as its first line. Then it reads one job in each line,
+//! as JSON, and writes an [`Answer`] for each, as a line. It ends when its input ends. If it ends earlier, Karat shows
+//! its stderr. A call of a function is a job, too. Its text has the kernel around the function, and Karat checks that
+//! each word was written by the case that it belongs to.
 //!
-//! [`serve`](crate::executor::serve) makes such a program of one of Karat's own paths.
+//! [`serve`](crate::executor::serve) turns one of Karat's own paths into such a program.
 
 mod lower;
 mod raise;
@@ -29,7 +30,7 @@ pub(crate) use raise::run;
 use crate::draw::{Blend, Draw, Format, Source as FrameSource};
 use crate::fixture::{Sampler, Texture};
 
-/// Something to run, and the resources whose contents are its result.
+/// Work to run, and the resources whose contents are its result.
 ///
 /// ```
 /// use karat::unstable::job::Job;
@@ -49,13 +50,13 @@ pub struct Job {
     pub jobs: u32,
     /// Its number, which its [`Answer`] repeats.
     pub id: u64,
-    /// The resources that shaders read and write, by their numbers.
+    /// The resources that shaders read and write. Their indices are their numbers.
     pub resources: Vec<Resource>,
     /// The numbers of the resources whose contents are the result. A frame's result is its image.
     pub outputs: Vec<usize>,
-    /// How long it may take.
+    /// The time limit.
     pub seconds: f64,
-    /// Passes, or a frame.
+    /// The passes, or a frame.
     pub work: Work,
 }
 
@@ -63,10 +64,9 @@ pub struct Job {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Work {
-    /// Compute passes, one after the other, over the same resources.
+    /// Compute passes, one after another, over the same resources.
     Passes(Vec<Pass>),
-    /// A frame. Its image is the first output: four words a pixel, which are linear floats, with the top row
-    /// first.
+    /// A frame. Its image is the first output: four linear floats a pixel, as words, with the top row first.
     Frame(Box<Frame>),
 }
 
@@ -76,9 +76,9 @@ pub enum Work {
 pub struct Shader {
     /// Its whole text.
     pub wgsl: String,
-    /// The author's files that it is made of.
+    /// The author's files that it was made from.
     pub sources: Vec<Source>,
-    /// Values of its overrides, as WebGPU names them: by their `@id`, or by their names in the text.
+    /// The values of its overrides by WebGPU's keys: the `@id`s, or the names in the text.
     pub overrides: BTreeMap<String, f64>,
 }
 
@@ -86,11 +86,11 @@ pub struct Shader {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Source {
-    /// Its bytes in the text.
+    /// Its byte range in the text.
     pub bytes: Range<usize>,
     /// The author's file.
     pub file: String,
-    /// The line, from 1, on which the stretch begins there.
+    /// The line of that file on which the stretch begins, from 1.
     pub line: usize,
 }
 
@@ -112,7 +112,7 @@ pub struct Pass {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Bound {
-    /// `@group` and `@binding`; `None` of `var<immediate>`.
+    /// `@group` and `@binding`; `None` for `var<immediate>`.
     pub at: Option<[u32; 2]>,
     /// The number of the resource.
     pub resource: usize,
@@ -124,13 +124,13 @@ pub struct Bound {
 pub enum Resource {
     /// A buffer, in the layout of its variable.
     Buffer {
-        /// Its 32-bit words. Wanted back, it is as many.
+        /// Its 32-bit words. As an output it has the same number.
         #[serde(with = "words")]
         words: Vec<u32>,
     },
-    /// A texture. Wanted back, it is four words a texel of its first level.
+    /// A texture. As an output it has four words for each texel of its first level.
     Texture {
-        /// The format of a storage texture, by WGSL's name. Others have any that keeps their texels.
+        /// The format of a storage texture, by WGSL's name. Other textures may have any format that keeps their texels.
         format: Option<String>,
         /// Its texels.
         texture: Texture,
@@ -140,7 +140,7 @@ pub enum Resource {
 }
 
 impl Job {
-    /// The words of each output.
+    /// The number of words in each output.
     pub(crate) fn lengths(&self) -> Vec<usize> {
         match &self.work {
             Work::Passes(_) => {
@@ -152,7 +152,7 @@ impl Job {
 }
 
 impl Resource {
-    /// The words that it has when it is wanted back.
+    /// The number of its words as an output.
     pub(crate) fn words(&self) -> usize {
         match self {
             Self::Buffer { words } => words.len(),
@@ -164,42 +164,42 @@ impl Resource {
     }
 }
 
-/// A frame, and all state that it is drawn with.
+/// A frame, with all of its state.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Frame {
-    /// The shader that has all of its functions.
+    /// The shader with all of its functions.
     pub shader: Shader,
     /// Pixels across.
     pub width: u32,
     /// Pixels down.
     pub height: u32,
-    /// The draws, in this order.
+    /// The draws, in order.
     pub draws: Vec<Drawn>,
-    /// True if depth alone is drawn first, and colour then where depth is equal.
+    /// Set if a depth pre-pass comes first; colour is then drawn where the depth is equal.
     pub prepass: bool,
-    /// The blending of pixels that are drawn again, unless a draw says otherwise.
+    /// How a new value combines with a pixel's old value, unless a draw sets it.
     pub blend: Blend,
-    /// The formats of the colour targets; `float` is RGBA of 32 bits, or of 16 where a device can't blend or
-    /// resolve these.
+    /// The formats of the colour targets. `float` is RGBA of 32 bits, or of 16 if a device can't blend or resolve 32
+    /// bits.
     pub formats: Vec<Format>,
     /// The source of the image.
     pub result: FrameSource,
     /// Samples a pixel.
     pub samples: u32,
-    /// The colour that targets are cleared to.
+    /// The clear colour of the targets.
     pub clear: [f32; 4],
-    /// The depth that pixels are cleared to.
+    /// The clear depth.
     pub clear_depth: f32,
 }
 
-/// A draw and what it uses.
+/// A draw, with its resources.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Drawn {
-    /// The draw. Without a vertex function it has that of `covering`.
+    /// The draw. If it has no vertex function, it uses that of `covering`.
     pub draw: Draw,
-    /// A module whose vertex function covers the frame with a triangle.
+    /// A module with a vertex function whose triangle covers the frame.
     pub covering: Option<String>,
     /// The resources that its functions use.
     pub bindings: Vec<Bound>,
@@ -229,22 +229,22 @@ pub struct Answer {
 pub enum Reply {
     /// The words of each output, in the job's order.
     Done(#[serde(deserialize_with = "words::all")] Vec<Vec<u32>>),
-    /// It takes no such shader: nothing has run.
+    /// The shader was refused: nothing has run.
     Refused(Problem),
-    /// It has no result.
+    /// The job has no result.
     Failed(Problem),
 }
 
-/// Why a job has no result.
+/// The reason why a job has no result.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Problem {
-    /// The reason, in a sentence.
+    /// The reason, as a sentence.
     pub message: String,
-    /// The number of the pass that it is about, or 0.
+    /// The number of the pass with the problem, or 0.
     #[serde(default)]
     pub pass: usize,
-    /// The bytes of that pass's text that it is about.
+    /// The bytes of that pass's text with the problem.
     #[serde(default)]
     pub bytes: Option<Range<usize>>,
 }

@@ -1,9 +1,9 @@
 //! A set of WGSL or WESL modules, read at run time: editing a shader never rebuilds Rust.
 //!
-//! A package is a folder (one module a file), one file, or text in memory. Modules import each
-//! other (`import package::math::PI;`) and the packages that theirs depends on. Linking copies what a
-//! test needs from the author's files into one WGSL text, byte for byte but for names, so each place
-//! in it is a line and column of the author's. [`Package::is_valid`] validates what no test needs.
+//! A package is a folder with one module in each file, one file, or text in memory. Modules import each other (`import
+//! package::math::PI;`) and packages that their own package depends on. Linking copies the declarations that a test
+//! needs into one WGSL text, byte for byte except for names. So each place in that text has a line and a column in the
+//! author's file. [`Package::is_valid`] also validates modules that no test needs.
 
 pub(crate) mod accepted;
 pub(crate) mod asserts;
@@ -74,7 +74,7 @@ use crate::diagnostic::{FileRead, nearest, shown};
 /// File extensions of modules, in the order in which they are looked for.
 const EXTENSIONS: [&str; 2] = ["wgsl", "wesl"];
 
-/// The package that Bevy makes of the values of its shader definitions.
+/// The package through which Bevy's shaders import the values of shader definitions.
 const CONSTANTS: &str = "constants";
 
 /// A set of WGSL modules.
@@ -94,7 +94,7 @@ pub struct Package {
     features: Vec<(String, Feature)>,
     /// Features of modules that are validated with them.
     module_features: Vec<(String, Vec<String>)>,
-    /// True if the package requires Tint's verdict, even without `karat.toml`.
+    /// Set if the package requires Tint's verdict, even without `karat.toml`.
     requires_tint: bool,
     /// Texts that stand in for files.
     unsaved: Vec<(PathBuf, Arc<str>)>,
@@ -114,7 +114,7 @@ enum Origin {
         name: String,
         modules: Vec<(String, String)>,
     },
-    /// A crate that hasn't been looked for.
+    /// A crate that Karat hasn't looked for yet.
     Crate {
         base: Cow<'static, str>,
         name: Cow<'static, str>,
@@ -167,16 +167,16 @@ impl Package {
         Self::of_origin(Origin::Folder { base: Cow::Borrowed(base), path: Cow::Borrowed(folder) })
     }
 
-    /// The shaders of a crate that the project in the folder `base` builds (`bevy_pbr`), or of any
-    /// crate at an exact version (`bevy_pbr@0.20.1`), which cargo fetches and doesn't compile.
-    /// [`package!`](crate::package!) fills in the manifest's folder.
+    /// The shaders of a crate that the project in the folder `base` builds (`bevy_pbr`), or of any crate at an exact
+    /// version (`bevy_pbr@0.20.1`), which cargo fetches without compiling it. [`package!`](crate::package!) fills in
+    /// the manifest's folder.
     ///
-    /// Modules are the files below the folder that the crate's metadata declares (`root` of
-    /// `package.metadata.karat`, of `package.metadata.wgsl-analyzer` or of `wesl.toml`), or else below
-    /// `src`, or else below the innermost folder that has all of the crate's shaders. They import from
-    /// the other crates of the same graph of dependencies by their names.
+    /// Modules are the files below the folder that the crate's metadata declares (`root` of `package.metadata.karat`,
+    /// of `package.metadata.wgsl-analyzer` or of `wesl.toml`), or else below `src`, or else below the innermost folder
+    /// that has all of the crate's shaders. They import from other crates of the same dependency graph by the crates'
+    /// names.
     ///
-    /// The crate is looked for when the package is first used.
+    /// Karat looks for the crate when the package is first used.
     ///
     /// ```no_run
     /// use karat::Package;
@@ -191,7 +191,7 @@ impl Package {
         Self::of_origin(Origin::Crate { base, name, root: None })
     }
 
-    /// [`from_crate`](Self::from_crate) with another folder of its modules, relative to the crate's own.
+    /// [`from_crate`](Self::from_crate) with another folder for its modules, relative to the crate's own.
     ///
     /// ```no_run
     /// use karat::Package;
@@ -219,7 +219,7 @@ impl Package {
         }
     }
 
-    /// [`from_crate`](Self::from_crate), looked for at once.
+    /// Like [`from_crate`](Self::from_crate), but looks for the crate at once.
     ///
     /// ```no_run
     /// use karat::Package;
@@ -230,15 +230,15 @@ impl Package {
     /// ```
     ///
     /// # Errors
-    /// If there is no such crate, or it ships no shader.
+    /// If there is no such crate, or if it has no shaders.
     ///
     /// *Unstable*: for programs around tests.
     pub fn open_crate(base: &Path, name: &str, root: Option<&str>) -> Result<Self, PackageError> {
         Ok(Self::of_origin(Origin::Found(cargo::find(base, name, root)?)))
     }
 
-    /// The shaders of a crate, where a crate that they import from has its modules in another folder than Karat
-    /// finds, relative to that crate's own.
+    /// The same crate, but with another module folder for a crate that it imports from. The folder is relative to that
+    /// other crate's own. Use it where Karat doesn't find the modules.
     ///
     /// ```no_run
     /// use karat::Package;
@@ -249,7 +249,7 @@ impl Package {
     /// ```
     ///
     /// # Errors
-    /// If the package isn't a crate's, or no crate of that name ships shaders to it from that folder.
+    /// If the package isn't a crate's, or if it can't import from a crate of that name with shaders in that folder.
     ///
     /// *Unstable*: for programs around tests.
     pub fn with_root_of(&self, krate: &str, root: &str) -> Result<Self, PackageError> {
@@ -288,7 +288,7 @@ impl Package {
         Ok(package)
     }
 
-    /// One module in memory. Its functions are named without a module.
+    /// One module in memory. Its functions' names have no module before them.
     ///
     /// ```
     /// use karat::prelude::*;
@@ -335,9 +335,9 @@ impl Package {
         own
     }
 
-    /// Sets what conditions ask about, `@if(name)` or `#ifdef name`: on, off, or a number, which is on
-    /// and has a value. Features that aren't set are off. They hold in the packages that this one
-    /// imports from, too. A name that nothing in them asks about is an error of the check.
+    /// Sets a feature that conditions such as `@if(name)` or `#ifdef name` ask about: on, off, or a number, which is on
+    /// and has a value. Features that aren't set are off. Packages that this one imports from get the feature, too. If
+    /// no condition in any of them asks about the name, the check fails with an error.
     ///
     /// ```
     /// use karat::prelude::*;
@@ -354,8 +354,8 @@ impl Package {
         own
     }
 
-    /// Validates `module` with these features on: one that means nothing without them. It concerns
-    /// [`is_valid`](Self::is_valid) alone; what a test links has the features of the package.
+    /// Validates `module` with these features on, for a module that isn't valid without them. Only
+    /// [`is_valid`](Self::is_valid) uses them; a test links its functions with the package's features.
     ///
     /// ```
     /// use karat::Package;
@@ -376,7 +376,7 @@ impl Package {
         own
     }
 
-    /// Whether each module that is validated with features exists.
+    /// Checks that each module that is validated with features exists.
     pub(crate) fn knows_its_validated(&self, modules: &[String]) -> Result<(), PackageError> {
         let unknown = self.module_features.iter().find(|(module, _)| !modules.contains(module));
         let Some((module, _)) = unknown else { return Ok(()) };
@@ -388,7 +388,7 @@ impl Package {
         })
     }
 
-    /// The package with the features with which a module is validated.
+    /// The package with the features that one module is validated with.
     pub(crate) fn for_validating(&self, module: &str) -> Self {
         let mut package = self.clone();
         for (_, features) in self.module_features.iter().filter(|(name, _)| name == module) {
@@ -448,7 +448,7 @@ impl Package {
         }
     }
 
-    /// The package with its crate, if it is one, where cargo has it.
+    /// The package itself; if it stands for a crate, with the place where cargo has that crate.
     fn found(&self) -> Result<Cow<'_, Self>, PackageError> {
         let Origin::Crate { base, name, root } = &self.origin else {
             return Ok(Cow::Borrowed(self));
@@ -457,7 +457,7 @@ impl Package {
         Ok(Cow::Owned(Self { origin, ..self.clone() }))
     }
 
-    /// Whether it is a crate's.
+    /// Returns `true` if the package is a crate's.
     pub(crate) fn is_crate(&self) -> bool {
         matches!(self.origin, Origin::Crate { .. } | Origin::Found(_))
     }
@@ -472,7 +472,7 @@ impl Package {
         let root = shown(&self.root());
         match &self.origin {
             _ if there => Ok(()),
-            // Who opens a folder by its path has no manifest in mind.
+            // A folder that is opened by its path has nothing to do with a manifest.
             Origin::Folder { base, .. } if base.is_empty() => Err(PackageError::NoFolder(root)),
             _ => Err(PackageError::Missing(root)),
         }
@@ -489,7 +489,7 @@ impl Package {
     /// ```
     ///
     /// # Errors
-    /// If the folder is missing, unreadable or has no module.
+    /// If the folder is missing or unreadable, or if it has no modules.
     ///
     /// *Unstable*: for programs around tests.
     pub fn modules(&self) -> Result<Vec<String>, PackageError> {
@@ -515,9 +515,9 @@ impl Package {
         Ok(modules)
     }
 
-    /// The files beside the modules, sorted: declared tests, tables, images. Hidden ones and what Cargo
-    /// builds are left out, and each folder is entered once. Of a package of one file they are those in its
-    /// folder; text in memory has none.
+    /// The files beside the modules, sorted: declared tests, tables, images. Hidden files and Cargo's build output are
+    /// left out, and each folder is entered once. For a package of one file, they are the files in its folder. Text in
+    /// memory has none.
     ///
     /// ```
     /// use karat::Package;
@@ -531,7 +531,7 @@ impl Package {
     /// ```
     ///
     /// # Errors
-    /// If a folder can't be read, or holds what can't be a module.
+    /// If a folder can't be read, or if it has a file that looks like a module and can't be one.
     ///
     /// *Unstable*: for programs around tests.
     pub fn files_beside(&self) -> Result<Vec<PathBuf>, PackageError> {
@@ -559,8 +559,8 @@ impl Package {
         PackageError::Twice { package: self.name(), what: format!("{what} named `{name}`") }
     }
 
-    /// Whether each module in memory and each dependency has a name of its own. What is in a folder
-    /// is looked at with [`modules`](Self::modules).
+    /// Checks that no two modules in memory, and no two dependencies, have the same name. [`modules`](Self::modules)
+    /// checks the modules of a folder.
     fn expect_distinct(&self) -> Result<(), PackageError> {
         let mut names = BTreeSet::new();
         if let Origin::Memory { modules, .. } = &self.origin
@@ -575,7 +575,7 @@ impl Package {
         }
     }
 
-    /// The file of a module, if it is one that can be read.
+    /// The file of a module, if Karat can read it.
     pub(crate) fn file_of(&self, module: &str) -> Option<FileRead> {
         let (overlay, manifest) = (Overlay::of(self).ok()?, manifest::Manifest::of(self).ok()?);
         self.load(&ModulePath::root(module).components, &overlay, &manifest).ok()?.read()

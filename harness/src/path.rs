@@ -1,19 +1,19 @@
 //! Execution paths: the ways in which a shader reaches results.
 //!
-//! A path is a translation route with the API and adapter that runs it: WGSL through SPIR-V on
-//! Vulkan, through GLSL on OpenGL, and so on. Each path is opened once per process. The environment
-//! says which paths a check runs on:
+//! A path is a translation route with the API and the adapter that run the result: WGSL through SPIR-V on Vulkan,
+//! through GLSL on OpenGL, and so on. A process opens each path once. The environment decides on which paths a check
+//! runs:
 //!
-//! - `KARAT_PATHS`: `vulkan`, `vulkan,gl`, ..., or `all` drivers that open. Unset: the first driver
-//!   that opens; where none does, Karat's own engine, `cpu`. A path listed by name must open, and may be listed once only. `vulkan@llvmpipe` also
-//!   names the driver, so several drivers of one API can run in one process.
-//! - `KARAT_REQUIRE`: paths that must run, too; one that doesn't open is an error.
+//! - `KARAT_PATHS`: `vulkan`, `vulkan,gl`, ..., or `all` drivers that open. If it isn't set: the first driver that
+//!   opens, or else Karat's own engine, `cpu`. A path that is listed by name must open, and can be listed only once.
+//!   `vulkan@llvmpipe` also names the driver, so several drivers of one API can run in one process.
+//! - `KARAT_REQUIRE`: paths that must also run; a path that doesn't open is an error.
 //! - `KARAT_EXECUTORS`: programs that run jobs, `mine=target/debug/mine`; each is a path, `process@mine`. See
 //!   [`job`](crate::unstable::job).
 //! - `KARAT_ADAPTER`: part of an adapter's name, to choose among several.
 //! - `KARAT_TIMEOUT`: seconds that a shader may take before the process gives up (default 60).
-//! - `KARAT_FUEL`: rounds of loops that a case may make on `cpu`, unless they have a bound (default
-//!   1048576). On drivers that would stay in an endless loop the engine goes round it first.
+//! - `KARAT_FUEL`: rounds of loops that a case may make on `cpu`, unless the loops have a bound (default 1048576). For
+//!   drivers that would hang in an endless loop, the engine runs the loop first.
 
 pub(crate) mod cpu;
 pub(crate) mod deadline;
@@ -49,20 +49,20 @@ use crate::diagnostic::Span;
 use crate::panics::{self, Panicked};
 use crate::settings::SettingsError;
 
-/// Why a path can't be used.
+/// The reason why a path can't be used.
 #[derive(Clone, Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PathError {
-    /// No path of this name.
+    /// No path has this name.
     #[error("there is no execution path `{name}`; a path is vulkan, metal, dx12, gl, cpu, dawn, chromium or process@NAME{}",
         guess(nearest.as_deref()))]
     Unknown {
-        /// What was asked for.
+        /// The name that was asked for.
         name: String,
         /// The closest path.
         nearest: Option<String>,
     },
-    /// No route of this name.
+    /// No route has this name.
     #[error(
         "execution path `{name}` has no route `{via}`; {}{}",
         if name.starts_with("cpu") {
@@ -73,9 +73,9 @@ pub enum PathError {
         guess(nearest.as_deref())
     )]
     UnknownVia {
-        /// What was asked for.
+        /// The name that was asked for.
         name: String,
-        /// What should be a route.
+        /// The part that should be a route.
         via: String,
         /// The closest route.
         nearest: Option<String>,
@@ -86,9 +86,9 @@ pub enum PathError {
         guess(nearest.as_deref())
     )]
     UnknownDriver {
-        /// What was asked for.
+        /// The name that was asked for.
         name: String,
-        /// What should be a family.
+        /// The part that should be a family.
         driver: String,
         /// The closest family.
         nearest: Option<String>,
@@ -98,7 +98,7 @@ pub enum PathError {
     Repeated {
         /// The variable.
         variable: &'static str,
-        /// What it is set to.
+        /// Its value.
         names: String,
         /// The path, or `all`.
         path: String,
@@ -122,7 +122,7 @@ pub enum PathError {
     Required {
         /// The path.
         path: Path,
-        /// Why it doesn't open.
+        /// The reason.
         reason: String,
     },
     /// The path doesn't open.
@@ -130,7 +130,7 @@ pub enum PathError {
     Unavailable {
         /// The path.
         path: Path,
-        /// Why it doesn't open.
+        /// The reason.
         reason: String,
     },
     /// No path opens.
@@ -149,15 +149,15 @@ pub enum PathError {
         /// The path.
         path: Path,
     },
-    /// The path's route doesn't take the shader.
+    /// The path's route can't translate the shader.
     #[error("path `{path}` doesn't take this shader: {message}")]
     Route {
         /// The path.
         path: Path,
-        /// What naga, or the compiler behind it, says.
+        /// The message of naga, or of the compiler after it.
         message: String,
     },
-    /// The driver doesn't compile the shader, or makes no pipeline of it.
+    /// The driver doesn't compile the shader, or can't make a pipeline of it.
     #[error("the driver of path `{path}` reports: {message}")]
     Refused {
         /// The path.
@@ -165,17 +165,17 @@ pub enum PathError {
         /// Its message.
         message: String,
     },
-    /// Its translation, its driver or Karat's engine panics.
+    /// The path's translation, its driver or Karat's engine panicked.
     #[error("path `{path}` panics at {subject}: {panicked}")]
     Panicked {
         /// The path.
         path: Path,
-        /// What it was given: a function or entry points, with their place.
+        /// Its input: a function or entry points, with their place.
         subject: String,
         /// The panic.
         panicked: Panicked,
     },
-    /// The driver reports an error of anything else, such as memory or a lost device.
+    /// The driver reports another error, such as a lack of memory or a lost device.
     #[error("the driver of path `{path}` reports: {message}")]
     Driver {
         /// The path.
@@ -186,19 +186,19 @@ pub enum PathError {
 }
 
 impl PathError {
-    /// True if the path refuses a shader before any of it runs: `.refused_on(...)` declares that. Errors of a
-    /// driver that has taken the shader don't count.
+    /// Returns `true` if the path refuses a shader before any of it runs: `.refused_on(...)` declares that. Errors
+    /// after the driver accepted the shader don't count.
     pub(crate) fn is_refusal(&self) -> bool {
         match self {
             Self::Route { .. } | Self::Refused { .. } | Self::NoJobs { .. } => true,
-            // Of a route's translation it is `Route`.
+            // naga panicked while it wrote a language. In a route, the error is `Route`.
             Self::Panicked { panicked, .. } => panicked.language().is_some(),
             _ => false,
         }
     }
 }
 
-/// Has a path do its part, which may panic: then that is the path's error, and other paths have their verdicts.
+/// Runs a path's work, which may panic. A panic becomes the path's error, so other paths still have their verdicts.
 pub(crate) fn caught<T, E: From<PathError>>(
     path: Path,
     names: &[&str],

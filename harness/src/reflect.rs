@@ -1,7 +1,7 @@
-//! What a WGSL function takes, returns and needs, read from naga's validated IR.
+//! Reads from naga's validated IR what a WGSL function takes, returns and needs.
 //!
-//! A [`Program`] holds the linked text, the IR and the source map. Whatever transforms or
-//! interprets shaders starts from it.
+//! A [`Program`] holds the linked text, the IR and the source map. All code that transforms or interprets shaders
+//! starts from it.
 
 mod ability;
 mod adapter;
@@ -70,16 +70,16 @@ pub use crate::package::stage::Stage;
 use crate::package::workspace::{self, Kind};
 use crate::package::{Linked, LinkedModule, Package, PackageError, as_naga_takes};
 
-/// A linked and validated shader: text, IR, and the way back to the author's files.
+/// A linked and validated shader: its text, its IR, and the places in the author's files.
 #[derive(Debug)]
 pub struct Program {
     linked: Linked,
     checked: Arc<Checked>,
-    /// Values of overrides, by their names in the text. The IR has them already.
+    /// The values of overrides, by their names in the text. The IR already contains them.
     overrides: Overrides,
 }
 
-/// What naga made of a text, and found valid.
+/// naga's IR of a text, found valid.
 #[derive(Debug)]
 struct Checked {
     module: naga::Module,
@@ -88,40 +88,41 @@ struct Checked {
     subgroups: bool,
 }
 
-/// By the text.
+/// Checked modules by their text.
 impl Kind for Checked {
     type Key = blake3::Hash;
     type Value = Arc<Self>;
-    // As many as a large package has functions and tests.
+    // As many as a large package's functions and tests.
     const MOST: usize = 2048;
 }
 
-/// Why a name of naga's IR is there: its WGSL front end names functions, arguments, members, variables and overrides.
+/// The reason why a name exists in naga's IR: its WGSL front end names functions, arguments, members, variables and
+/// overrides.
 const NAMED: &str = "WGSL names it";
 
-/// Why a shader can't be reflected or a function can't be probed.
+/// The reason why a shader can't be reflected or a function can't be probed.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReflectError {
-    /// The package is at fault.
+    /// The package has an error.
     #[error(transparent)]
     Package(#[from] PackageError),
     /// naga rejects the shader.
     #[error("{0}")]
     Invalid(Box<Diagnostic>),
-    /// Tint rejects the shader, or it exceeds a limit, and `karat.toml` requires that it doesn't.
+    /// Tint rejects the shader, or the shader exceeds a limit, and `karat.toml` makes that an error.
     #[error("{0}")]
     Refused(Box<Diagnostic>),
-    /// The function is valid, but can't be called by a compute kernel.
+    /// The function is valid, but a compute kernel can't call it.
     #[error("{0}")]
     Unprobeable(Box<Diagnostic>),
-    /// An override has no value, or a value that it can't have.
+    /// An override has no value, or an invalid one.
     #[error("{0}")]
     Override(Box<Diagnostic>),
 }
 
 impl ReflectError {
-    /// The message with its places, if it has some.
+    /// The message with its places, if it has any.
     #[must_use]
     pub fn diagnostic(&self) -> Option<&Diagnostic> {
         match self {
@@ -136,12 +137,12 @@ impl ReflectError {
 }
 
 impl Program {
-    /// The files that it was linked from.
+    /// The files that the program was linked from.
     pub(crate) fn files(&self) -> &[FileRead] {
         self.linked.sources.files()
     }
 
-    /// The features and the values of overrides that it was made with, as people write them.
+    /// The features and the values of overrides that the program was made with, in the form that people write.
     #[must_use]
     pub fn variant(&self) -> String {
         let overrides = self.overrides.iter().map(|(name, value)| format!("{name}={value}"));
@@ -155,12 +156,12 @@ impl Program {
         self.linked.names.get(linked).map_or(linked, String::as_str).to_owned()
     }
 
-    /// The modules that it was linked from.
+    /// The modules that the program was linked from.
     pub(crate) fn modules(&self) -> &[LinkedModule] {
         self.linked.sources.modules()
     }
 
-    /// Links and validates one function with all that it uses.
+    /// Links and validates one function with everything that it uses.
     ///
     /// ```
     /// use karat::Package;
@@ -178,8 +179,8 @@ impl Program {
         dependence::program(package, &Wanted::Function(path.to_owned()))
     }
 
-    /// Links and validates a whole module with all that it declares. If the module imports nothing
-    /// and has no conditions, naga gets it unchanged.
+    /// Links and validates a whole module with everything that it declares. naga gets a module without imports and
+    /// conditions unchanged.
     ///
     /// # Errors
     /// If it can't be linked, or isn't valid WGSL.
@@ -187,7 +188,7 @@ impl Program {
         dependence::program(package, &Wanted::Module(module.to_owned()))
     }
 
-    /// Links and validates the closure of some declarations of one module.
+    /// Links and validates some declarations of one module with everything that they need.
     ///
     /// # Errors
     /// If it can't be linked, or isn't valid WGSL.
@@ -218,7 +219,7 @@ impl Program {
         on_deep_stack(|| Self::compiled(linked))
     }
 
-    /// One text is parsed and validated once in a process: an edit leaves most functions as they are.
+    /// Compiles a linked text. A process parses and validates each text once: an edit leaves most functions unchanged.
     fn compiled(linked: Linked) -> Result<Self, ReflectError> {
         let hash = blake3::hash(linked.text().as_bytes());
         if let Some(checked) = workspace::get::<Checked>(&hash) {
@@ -245,7 +246,8 @@ impl Program {
             .validate(&module)
             .map_err(|error| {
                 let labels = error.spans().map(|(span, text)| (span.to_range(), text.clone()));
-                // The innermost place says most; naga's labels name its own data structures.
+                // The innermost place says most. naga's labels use the names of its own data structures, so they are
+                // dropped.
                 let mut labels: Vec<_> = labels.map(|(range, _)| (range, String::new())).collect();
                 labels.sort_by_key(|(range, _)| {
                     range.as_ref().map_or(usize::MAX, ExactSizeIterator::len)
@@ -263,14 +265,14 @@ impl Program {
         Ok(Self { linked, checked, overrides: Overrides::new() })
     }
 
-    /// The same with more declarations behind it, which no author wrote.
+    /// The same program with generated declarations after it.
     pub fn followed_by(&self, text: &str) -> Result<Self, ReflectError> {
         let mut linked = self.linked.clone();
         linked.spliced.append(text);
         Self::compiled(linked)
     }
 
-    /// A kernel of this program, by its text: naga's IR, and what its validator knows.
+    /// The text of a kernel for this program as naga's IR, with the validator's facts.
     pub(crate) fn kernel(&self, text: &str) -> Result<(naga::Module, ModuleInfo), String> {
         let module = parsed_with(text, &self.overrides)?;
         let mut validator = Validator::new(ValidationFlags::all(), Capabilities::all());
@@ -301,7 +303,7 @@ impl Program {
         self.linked.spliced.resolve(range)
     }
 
-    /// The abilities that it needs of what runs it, with these resources.
+    /// The abilities that an executor needs to run the program with these resources.
     pub(crate) fn abilities(&self, bindings: &[Binding]) -> Vec<Ability> {
         use BindingKind as K;
         let has = |is: fn(K) -> bool| bindings.iter().any(|binding| is(binding.kind));
@@ -319,7 +321,7 @@ impl Program {
         all.into_iter().filter_map(|(ability, needed)| needed.then_some(ability)).collect()
     }
 
-    /// The call of an expectation that was told this number.
+    /// The call of the expectation with this number.
     pub(crate) fn expectation(&self, call: u32) -> Option<&Span> {
         self.linked.calls.get(&call)
     }
@@ -329,11 +331,11 @@ impl Program {
         self.linked.spliced.stretches()
     }
 
-    /// The lanes of what a resource holds, by the words of its memory: of a texture four a texel.
+    /// The lanes of a resource's contents, from the words of its memory: four lanes a texel for a texture.
     pub(crate) fn lanes_of_words(&self, binding: &Binding, words: &[u32]) -> Vec<u32> {
         match binding.kind {
             BindingKind::StorageTexture { format, .. } => {
-                // Engines and drivers have four words a texel, whatever it keeps.
+                // Engines and drivers return four words a texel in every format.
                 let texels = words.chunks_exact(4);
                 texels.flat_map(|texel| &texel[..format.channels()]).copied().collect()
             }
@@ -345,7 +347,7 @@ impl Program {
         }
     }
 
-    /// What naga's validator knows of the module.
+    /// The facts that naga's validator found about the module.
     pub(crate) fn info(&self) -> &ModuleInfo {
         &self.checked.info
     }
@@ -368,15 +370,15 @@ impl Program {
     }
 }
 
-/// Runs what recurses as deep as a shader nests, on a stack that fits the deepest one that
-/// [`Linked::too_deep`] lets through.
+/// Runs code that recurses as deep as a shader nests, on a stack for the deepest shader that [`Linked::too_deep`]
+/// accepts.
 pub(crate) fn on_deep_stack<T>(work: impl FnOnce() -> T) -> T {
-    /// naga's lowering takes up to some 20 KB a term in builds without optimisation.
+    /// In builds without optimisation, naga's lowering takes up to about 20 KB a term.
     const STACK: usize = 256 << 20;
     stacker::grow(STACK, work)
 }
 
-/// The text of an expression. Of a call naga keeps the place of its name alone.
+/// The text of an expression. For a call, naga keeps only the place of its name.
 pub(crate) fn whole_call(text: &str, range: Range<usize>) -> Option<&str> {
     let rest = text.get(range.end..)?;
     let mut depth = 0;

@@ -1,11 +1,11 @@
-//! Tint, the compiler of WGSL in Chrome, Edge, Node and Electron: its verdict on a text.
+//! Asks Tint, the WGSL compiler of Chrome, Edge, Node and Electron, for its verdict on a text.
 //!
-//! naga is one implementation of WGSL, and Tint is another. Each rejects programs that the other accepts, so
-//! a shader for the web needs the verdict of both. This module finds Tint on the machine ([`Tint::beside`])
-//! and asks it. It knows texts only: what a verdict means for a package is `reflect`'s.
+//! naga is one implementation of WGSL, and Tint is another. Each rejects programs that the other accepts, so a shader
+//! for the web needs both verdicts. This module finds Tint on the machine ([`Tint::beside`]) and asks it. It handles
+//! only texts; `reflect` decides what a verdict means for a package.
 //!
-//! Three programs have Tint inside: the npm package `webgpu` (Dawn for Node), the compiler's own binary
-//! `tint`, and a Chromium. The first and the last are one process that stays and answers line by line.
+//! Three programs contain Tint: the npm package `webgpu` (Dawn for Node), the compiler's own binary `tint`, and
+//! Chromium. For the first and the last, one process keeps running and answers line by line.
 
 mod answer;
 mod browser;
@@ -28,56 +28,56 @@ use resident::Resident;
 
 use crate::lines::Broken;
 
-/// The script of every process that stays.
+/// The script of every process that keeps running.
 const JUDGE: &str = include_str!("tint/judge.js");
 
-/// The longest answer that is read: more than any is.
+/// The longest answer that is read, in bytes: far more than any is.
 const LONGEST: u64 = 16 << 20;
 
-/// How to get it, in a line.
+/// The remedy, in one line.
 const REMEDY: &str = "`npm install --save-dev webgpu` in the project (with Node 20 or newer), or KARAT_TINT=PATH \
                       of an installed one, of a `tint` or of a Chromium";
 
-/// Tint as this machine has it.
+/// Tint, as this machine has it.
 pub struct Tint {
     kind: Kind,
-    /// The process that stays; `None` before the first question and after it ended.
+    /// The process that keeps running; `None` before the first question, and after the process ended.
     resident: Mutex<Option<Resident>>,
 }
 
-/// Tint isn't here.
+/// The error that Tint isn't available.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{reason}")]
 pub struct Missing {
-    /// Why it isn't used: `not here`.
+    /// The reason: `not here`.
     pub reason: String,
-    /// How to get it.
+    /// The remedy.
     pub remedy: String,
 }
 
-/// A question: a text, and its entry points.
+/// A question: a text with its entry points.
 #[derive(Clone, Debug, Default, serde::Serialize)]
 pub struct Question {
     /// The text.
     pub text: String,
-    /// Asks an implementation in WebGPU's compatibility mode, in place of one with all features.
+    /// Set to ask for WebGPU's compatibility mode, instead of a device with all features.
     pub compatibility: bool,
-    /// Pipelines that are made of it.
+    /// The pipelines to make of the text.
     pub pipelines: Vec<Pipeline>,
 }
 
-/// An entry point, as what a pipeline with an automatic layout is made of.
+/// An entry point, with the data for a pipeline with an automatic layout.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Pipeline {
     /// Its name in the text.
     pub entry_point: String,
     /// `compute`, `vertex` or `fragment`.
     pub(crate) stage: &'static str,
-    /// Attributes of a vertex stage, with WebGPU's names of formats.
+    /// The attributes of a vertex stage, with WebGPU's names of formats.
     pub(crate) attributes: Vec<Attribute>,
-    /// A module whose vertex stage `karat_feeds` feeds a fragment stage.
+    /// A module whose vertex stage `karat_feeds` supplies a fragment stage's inputs.
     pub(crate) feeder: String,
-    /// Formats of what a fragment stage writes, by location.
+    /// The formats of a fragment stage's outputs, by location.
     pub(crate) targets: Vec<Option<&'static str>>,
 }
 
@@ -89,35 +89,35 @@ pub(crate) struct Attribute {
     pub(crate) format: &'static str,
 }
 
-/// Why there is no verdict on a text: a fault of the program that was asked.
+/// The reason why there is no verdict on a text: a fault of the program that was asked.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NoVerdict {
-    /// The process is lost.
+    /// The process ended.
     #[error(transparent)]
     Process(#[from] Broken),
-    /// It answers in no words that Karat knows.
+    /// The answer isn't in a form that Karat knows.
     #[error("its answer can't be read: {0}")]
     Garbage(String),
-    /// It gives no answer to this one.
+    /// There is no answer to this question.
     #[error("it answered about another text")]
     Other,
-    /// It has failed at this one twice.
+    /// The process has failed at this question twice.
     #[error("it answered twice")]
     Twice,
-    /// It can't make a device for this one.
+    /// The process can't make a device for this question.
     #[error("this browser's device lacks a feature: {0}")]
     Lacks(String),
 }
 
 impl Tint {
-    /// The Tint that checks of a folder ask: that of the nearest `node_modules`, or another one of the machine.
-    /// A process looks once for each folder.
+    /// The Tint for checks of a folder: the one in the nearest `node_modules`, or another one of the machine. A process
+    /// looks once for each folder.
     ///
-    /// KARAT_TINT names another one, or is `off`. A Chromium takes a second to start, so one that KARAT_TINT
-    /// doesn't name is taken only if `needed`.
+    /// KARAT_TINT names another Tint, or is `off`. Chromium takes a second to start, so unless KARAT_TINT names it, it
+    /// is used only if `needed`.
     ///
     /// # Errors
-    /// If there is none, with the reason and how to get it.
+    /// If there is none, with the reason and the remedy.
     pub fn beside(folder: &Path, needed: bool) -> Result<Arc<Self>, Missing> {
         type Known = Vec<((PathBuf, bool), Result<Arc<Tint>, Missing>)>;
         static KNOWN: Mutex<Known> = Mutex::new(Vec::new());
@@ -127,7 +127,7 @@ impl Tint {
             return tint.clone();
         }
         let tint = find::find(&key.0, needed).map(|kind| {
-            // Folders that share one share its process.
+            // Folders with the same Tint share its process.
             let same = known.iter().find_map(|(_, tint)| {
                 tint.as_ref().ok().filter(|tint| tint.kind == kind).map(Arc::clone)
             });
@@ -137,14 +137,14 @@ impl Tint {
         tint
     }
 
-    /// Its verdict on each text, in the order of the questions.
+    /// The verdict on each text, in the order of the questions.
     pub fn ask(&self, questions: &[Question]) -> Vec<Result<Answer, NoVerdict>> {
         match &self.kind {
             Kind::Program(program) => program::ask(program, questions),
             kind => {
                 let mut resident = self.resident.lock().unwrap_or_else(PoisonError::into_inner);
                 let mut answers = resident::ask(kind, &mut resident, questions);
-                // A browser draws on a device, here a software one, which has less than others.
+                // The browser draws on a software device here, which supports less than others.
                 if matches!(kind, Kind::Browser(_)) {
                     answers.iter_mut().for_each(lacking);
                 }
@@ -153,7 +153,7 @@ impl Tint {
         }
     }
 
-    /// Its version: `webgpu 0.6.2, Node 20.20.2`. Asking starts it.
+    /// The version: `webgpu 0.6.2, Node 20.20.2`. This starts Tint.
     ///
     /// # Errors
     /// If it doesn't run, with the reason.
@@ -168,7 +168,7 @@ impl Tint {
     }
 }
 
-/// Makes no verdict of a rejection that is about the device, and not about the text.
+/// Turns a rejection because of the device, and not of the text, into "no verdict".
 fn lacking(answer: &mut Result<Answer, NoVerdict>) {
     let is_device = |reason: &&str| {
         reason.contains("not allowed in the current environment")
@@ -181,7 +181,7 @@ fn lacking(answer: &mut Result<Answer, NoVerdict>) {
 }
 
 impl fmt::Display for Tint {
-    /// Which one it is: `webgpu in node_modules`.
+    /// The kind of program: `webgpu in node_modules`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.kind.fmt(f)
     }

@@ -24,26 +24,26 @@ pub use blame::{At, Blame, Blamed};
 /// A file of the author, as read.
 #[derive(PartialEq, Eq)]
 pub struct SourceFile {
-    /// Path as shown: relative to the working directory where that is shorter.
+    /// The path as messages show it: relative to the working directory, if that is shorter.
     pub name: String,
     /// Whole text.
     pub text: String,
-    /// The places of values that stand in it for the author's placeholders, in order. No value contains a line break.
+    /// The places of values that replace the author's placeholders, in order. No value contains a line break.
     pub values: Vec<Value>,
 }
 
-/// A value in a text, and what its author wrote there.
+/// A value in a text, and the author's text that it replaces.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Value {
     /// Its bytes in the text.
     pub at: Range<usize>,
     /// The author's text: `{{ N }}`.
     pub placeholder: String,
-    /// True if messages show the author's text, and not what stands for it.
+    /// Set if messages show the author's text instead of the value.
     pub hidden: bool,
 }
 
-/// The name alone: `expect` on an error would print the whole text.
+/// Prints only the name: `expect` on an error would otherwise print the whole text.
 impl fmt::Debug for SourceFile {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("SourceFile").field("name", &self.name).finish_non_exhaustive()
@@ -51,7 +51,7 @@ impl fmt::Debug for SourceFile {
 }
 
 impl SourceFile {
-    /// A text as its author wrote it.
+    /// An unchanged author's text.
     #[must_use]
     pub fn new(name: impl Into<String>, text: impl Into<String>) -> Self {
         Self { name: name.into(), text: text.into(), values: Vec::new() }
@@ -73,7 +73,8 @@ impl SourceFile {
         Cow::Owned(written)
     }
 
-    /// The byte of the author's text that a byte of this text comes from; inside a value: the start of its placeholder.
+    /// The byte of the author's text that a byte of this text comes from. Inside a value it is the start of the
+    /// placeholder.
     #[must_use]
     pub fn written_at(&self, offset: usize) -> usize {
         let (mut text, mut written) = (0, 0);
@@ -91,7 +92,7 @@ impl SourceFile {
         written + (offset - text)
     }
 
-    /// The file, unless the text is in memory, whose name is in brackets.
+    /// The file; `None` for a text in memory, whose name is in brackets.
     #[doc(hidden)]
     pub fn read(&self) -> Option<FileRead> {
         let file = Path::new(&self.name);
@@ -110,7 +111,7 @@ impl SourceFile {
     }
 }
 
-/// A stretch of one author's file.
+/// A stretch of an author's file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Span {
     /// The file.
@@ -120,14 +121,14 @@ pub struct Span {
 }
 
 impl Span {
-    /// The author's text of its file, and the range in it.
+    /// The author's text of its file, and the range in that text.
     #[must_use]
     pub fn written(&self) -> (Cow<'_, str>, Range<usize>) {
         let range = self.file.written_at(self.range.start)..self.file.written_at(self.range.end);
         (self.file.written(), range)
     }
 
-    /// The part on its first line: the head of what would fill a screen.
+    /// The part on its first line, for a range that would fill a screen.
     #[doc(hidden)]
     pub fn first_line(&self) -> Self {
         let text = self.file.text.get(self.range.clone()).unwrap_or_default();
@@ -148,13 +149,13 @@ impl fmt::Display for Span {
 /// A message with labelled places in the author's files.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Diagnostic {
-    /// What is wrong, in one sentence.
+    /// The problem, in one sentence.
     pub message: String,
-    /// Places, the first one being where to look; each with a remark that may be empty.
+    /// Places, the most important one first; each with a remark, which may be empty.
     pub labels: Vec<(Span, String)>,
-    /// What to do next.
+    /// The next steps.
     pub notes: Vec<String>,
-    /// The line of `karat.toml` that may mend it.
+    /// The line of `karat.toml` that may fix it.
     pub mend: Option<Mend>,
 }
 
@@ -178,19 +179,19 @@ impl Diagnostic {
         self
     }
 
-    /// Says which line of `karat.toml` may mend it.
+    /// Sets the line of `karat.toml` that may fix it.
     #[must_use]
     pub fn mended_by(self, mend: Option<Mend>) -> Self {
         Self { mend, ..self }
     }
 
-    /// Where to look first.
+    /// The first place to look at.
     #[must_use]
     pub fn location(&self) -> Option<&Span> {
         self.labels.first().map(|(span, _)| span)
     }
 
-    /// The message as a warning: something to know that fails nothing.
+    /// The message as a warning, which fails nothing.
     #[must_use]
     pub fn to_warning(&self) -> String {
         self.shown(codespan::Severity::Warning)
@@ -198,7 +199,7 @@ impl Diagnostic {
 
     fn shown(&self, severity: codespan::Severity) -> String {
         let text = self.render(severity).unwrap_or_else(|_| self.message.clone());
-        // Messages quote names of others.
+        // Messages contain names that others chose.
         without_made_up(&visible(&text)).trim_end().to_owned()
     }
 
@@ -209,7 +210,7 @@ impl Diagnostic {
         let mut files = Excerpts::default();
         let mut known: Vec<(&Arc<SourceFile>, usize)> = Vec::new();
         let mut labels = Vec::new();
-        // A range past the end would not be shown, nor one that begins within a character.
+        // Drops ranges beyond the end, or that begin inside a character: they couldn't be shown.
         let within = |span: &Span| {
             let text = &span.file.text;
             text.floor_char_boundary(span.range.start)..text.floor_char_boundary(span.range.end)
@@ -227,7 +228,7 @@ impl Diagnostic {
             };
             let (range, excerpt) = (within(span), files.get(id)?);
             let start = excerpt.shown(range.start);
-            // An empty range is shown as one caret.
+            // Shows an empty range as one caret.
             let range = match range.is_empty() {
                 true => start..start,
                 false => start..excerpt.shown_end(range.end),
@@ -255,7 +256,7 @@ impl fmt::Display for Diagnostic {
 
 impl std::error::Error for Diagnostic {}
 
-/// A message in which names that stand for a line of the author's, `karat_value_12`, are words.
+/// A message in which generated names for an author's line, such as `karat_value_12`, are replaced by words.
 fn without_made_up(text: &str) -> String {
     const MADE_UP: [&str; 3] = ["karat_value_", "karat_assert_", "karat_print_"];
     let mut text = text.to_owned();
@@ -268,8 +269,8 @@ fn without_made_up(text: &str) -> String {
     text
 }
 
-/// The name in `known` that `unknown` was most likely meant to be, if one is close: its last `::`
-/// part is equal, or at most a third of the letters differ.
+/// The name in `known` that `unknown` most likely means, if one is close: its last `::` part is equal, or at most a
+/// third of the letters differ.
 pub fn nearest<'a>(unknown: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let last = |name: &str| name.rsplit("::").next().unwrap_or_default().to_owned();
     known
@@ -286,8 +287,8 @@ pub fn nearest<'a>(unknown: &str, known: impl IntoIterator<Item = &'a str>) -> O
         .map(|(_, _, name)| name)
 }
 
-/// BLAKE3 of a text of shaders, in hexadecimal. A line ends with `\n` or `\r\n`, as the checkout has it: the
-/// text is the same, and so is the hash.
+/// BLAKE3 of a shader's text, in hexadecimal. Line ends of `\n` and `\r\n` give the same hash, because checkouts differ
+/// in them.
 #[must_use]
 pub fn text_hash(text: &[u8]) -> String {
     let mut hasher = blake3::Hasher::new();
@@ -300,12 +301,12 @@ pub fn text_hash(text: &[u8]) -> String {
     hasher.finalize().to_hex().to_string()
 }
 
-/// A file that was read, with a hash of what was in it then.
+/// A file that was read, with the hash of its contents at that time.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
 pub struct FileRead {
     /// The file, with its folders from the root.
     pub file: PathBuf,
-    /// BLAKE3 of its bytes, in hexadecimal; empty if it wasn't there.
+    /// BLAKE3 of its bytes, in hexadecimal; empty for a missing file.
     pub hash: String,
 }
 
@@ -316,24 +317,24 @@ impl FileRead {
         Self { hash: blake3::hash(bytes).to_hex().to_string(), ..Self::missing(file) }
     }
 
-    /// A file that isn't there or can't be read. When it appears, what depends on it changes.
+    /// A file that is missing or can't be read. Results that depend on it change when it appears.
     #[must_use]
     pub fn missing(file: &Path) -> Self {
         let file = std::path::absolute(file).unwrap_or_else(|_| file.to_owned());
         Self { file, hash: String::new() }
     }
 
-    /// A file as it is now.
+    /// A file with its current hash.
     #[must_use]
     pub fn now(file: &Path) -> Self {
         read_file(file).map_or_else(|_| Self::missing(file), |bytes| Self::of(file, &bytes))
     }
 }
 
-/// The bytes of a file that an author wrote. A pipe, a socket or a device is none: reading it may never end.
+/// The bytes of an author's file. Fails for a pipe, a socket or a device, which may never end.
 ///
 /// # Errors
-/// If it isn't there, isn't a file, or can't be read.
+/// If the path doesn't exist, isn't a file, or can't be read.
 pub fn read_file(file: &Path) -> std::io::Result<Vec<u8>> {
     let kind = std::fs::metadata(file)?;
     if kind.is_file() || kind.is_dir() {
@@ -342,8 +343,7 @@ pub fn read_file(file: &Path) -> std::io::Result<Vec<u8>> {
     Err(std::io::Error::other("it is a pipe, a socket or a device, and no file"))
 }
 
-/// A path as people read it best: absolute without `..`, or relative to the working directory. The
-/// working directory itself is `.`.
+/// A path in its most readable form: absolute without `..`, or relative to the working directory, which itself is `.`.
 pub fn shown(path: &Path) -> String {
     let here = std::env::current_dir().unwrap_or_default();
     let mut clean = PathBuf::new();
@@ -362,7 +362,7 @@ pub fn shown(path: &Path) -> String {
     }
 }
 
-/// An expression in one line, and not more of it than a line has.
+/// An expression in one line, cut to the length of a line.
 #[doc(hidden)]
 pub fn one_line(text: &str) -> String {
     const MOST: usize = 60;
@@ -377,7 +377,7 @@ pub fn one_line(text: &str) -> String {
 mod tests {
     use super::*;
 
-    /// A place behind values is the author's, and so is the text that a file is known by.
+    /// A place after a value is the author's, and a file's hash is that of the author's text.
     #[test]
     fn places_behind_values_are_the_authors() {
         let value = |at, placeholder: &str| Value {

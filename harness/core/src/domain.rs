@@ -1,12 +1,12 @@
-//! Where the arguments of a probe come from.
+//! Domains: the sets that the arguments of a probe are sampled from.
 //!
-//! A domain is closed (its ends are drawn), biased toward its edges (ends, their neighbours,
-//! points at log distance from them, poles, axes), and seeded: the value of case *i* depends on
-//! the seed and on *i* alone, so any case can be drawn again without those before it. A finite
-//! domain ([`Just`], [`Grid`], [`OneOf`] and products of them) is enumerated whole.
+//! A domain is closed (it includes its ends), biased toward its edges (ends, their neighbours, points at log distance
+//! from them, poles, axes), and seeded: the value of case *i* depends only on the seed and on *i*, so any case can be
+//! sampled again without the cases before it. A finite domain ([`Just`], [`Grid`], [`OneOf`] and products of them) is
+//! enumerated completely.
 //!
-//! One draw of a tuple in eight ties two components of the same type: one is made equal to the
-//! other, opposite, or close to either. Functions of two directions often fail there.
+//! One sampled tuple in eight ties two components of the same type: one becomes equal to the other, opposite, or close
+//! to either. Functions of two directions often fail there.
 //!
 //! A case that fails is simplified within its domain: see [`Domain::shrink`].
 
@@ -49,14 +49,14 @@ pub use stream::{Held, Numbering, Stream, Typed};
 
 use crate::value::{Arguments, Shareable};
 
-/// Draws in a row that a [`filter`](Domain::filter) may reject before the check gives up. A filter
-/// that keeps 1 % is stopped by chance once in 5e8 cases.
+/// The number of samples in a row that a [`filter`](Domain::filter) may reject before the check gives up. A filter that
+/// keeps 1 % is stopped by chance once in 5e8 cases.
 const REJECTIONS: u32 = 2000;
 
-/// Points of a grid that are tried in place of one: enough to see whether a simple one fails.
+/// The number of grid points that are tried in place of one: enough to see whether a simple one fails.
 const SIMPLER: usize = 256;
 
-/// A set of values to draw from.
+/// A set of values to sample from.
 ///
 /// ```
 /// use karat::{Domain, Integers};
@@ -95,29 +95,29 @@ const SIMPLER: usize = 256;
             or a tuple of up to twelve of them"
 )]
 pub trait Domain: Send + Sync {
-    /// What is drawn.
+    /// The type of the values.
     type Value: Clone + Debug + Send + Sync + 'static;
 
-    /// Draws a value; `None` if a filter rejected a long run of draws.
+    /// Samples a value; `None` if a filter rejected too many in a row.
     fn draw(&self, source: &mut Source) -> Option<Self::Value>;
 
-    /// Values that are always tried first, the simplest and most extreme ones at the front.
+    /// Values that are always tried first, beginning with the simplest and most extreme ones.
     fn edges(&self) -> Vec<Self::Value> {
         Vec::new()
     }
 
-    /// Whether the domain has no value: for example, a range that ends before it starts. A filter
-    /// that rejects everything isn't noticed here.
+    /// Returns `true` if the domain has no value: for example, a range that ends before it starts. It doesn't detect a
+    /// filter that rejects everything.
     fn is_empty(&self) -> bool {
         self.emptiness().is_some()
     }
 
-    /// Why the domain has no value, for the check's message; `None` if it has one.
+    /// The reason why the domain has no value, for the check's message; `None` if it has one.
     fn emptiness(&self) -> Option<Emptiness> {
         (self.size() == Some(0)).then(|| Emptiness::of("domain", "has no value"))
     }
 
-    /// Number of values of a finite domain.
+    /// The number of values in a finite domain.
     fn size(&self) -> Option<u64> {
         None
     }
@@ -128,14 +128,15 @@ pub trait Domain: Send + Sync {
         None
     }
 
-    /// Whether `value` belongs to the domain; `None` if it can't tell, as a mapped one can't.
+    /// Returns whether `value` belongs to the domain; `None` if the domain can't decide, as after `map`.
     fn admits(&self, value: &Self::Value) -> Option<bool> {
         let _ = value;
         None
     }
 
-    /// Two values between which each component of all values lies; `None` if there are none. `stays_within` proves its
-    /// statement for all that lies between them: others there do no harm, and a value outside would make a proof false.
+    /// Two values such that each component of every value lies between theirs; `None` if there are none. `stays_within`
+    /// proves its statement for everything between them. It is safe if the interval has further values, but a value of
+    /// the domain outside it would make the proof false.
     ///
     /// ```
     /// use karat::{Domain, UnitRgb};
@@ -148,17 +149,16 @@ pub trait Domain: Send + Sync {
         None
     }
 
-    /// Values of the domain that are simpler than `value`, the simplest first. A failing case is
-    /// replaced by the first of them that fails, again and again until none does. The default is
-    /// an empty list.
+    /// Values of the domain that are simpler than `value`, the simplest first. A failing case is replaced by the first
+    /// of them that fails, again and again, until none fails. The default is an empty list.
     fn shrink(&self, value: &Self::Value) -> Vec<Self::Value> {
         let _ = value;
         Vec::new()
     }
 
-    /// A case as [`nth`](Self::nth), [`edges`](Self::edges) or [`draw`](Self::draw) gives it, with
-    /// what is needed to simplify it. Domains that are made of others override this; for the rest
-    /// [`shrink`](Self::shrink) is enough.
+    /// A case from [`nth`](Self::nth), [`edges`](Self::edges) or [`draw`](Self::draw), with everything that is needed
+    /// to simplify it. Domains that are made of other domains override this; for all others [`shrink`](Self::shrink) is
+    /// enough.
     fn shrinkable(&self, origin: Origin<'_>) -> Option<Shrinkable<'_, Self::Value>> {
         let value = match origin {
             Origin::Nth(index) => self.nth(index),
@@ -178,7 +178,7 @@ pub trait Domain: Send + Sync {
         Map { domain: self, map }
     }
 
-    /// The same values as another type of the same shape: a vector of another glam, or of mint.
+    /// The same values as another type of the same shape, such as a vector of another glam, or of mint.
     ///
     /// ```
     /// use glam::Vec3;
@@ -190,7 +190,7 @@ pub trait Domain: Send + Sync {
     /// ```
     ///
     /// # Panics
-    /// If the other type has another shape.
+    /// If the types have different shapes.
     #[track_caller]
     fn cast<T: Shareable>(self) -> Map<Self, fn(Self::Value) -> T>
     where
@@ -206,8 +206,8 @@ pub trait Domain: Send + Sync {
         })
     }
 
-    /// Values of a structure or a vector, made of its members' domains in their order. Unlike
-    /// [`map`](Domain::map), it knows which values it has, so that they are simplified and tied like others.
+    /// Values of a structure or a vector, from the domains of its members in their order. Unlike [`map`](Domain::map),
+    /// it knows the values' members, so it can simplify and tie them.
     ///
     /// ```
     /// use glam::{Vec2, Vec3};
@@ -226,7 +226,7 @@ pub trait Domain: Send + Sync {
     /// package.function("pick").over((materials, u)).stays_within(0.0..=1.0);
     /// ```
     ///
-    /// Members of other types, or in another order, are an error of the check.
+    /// If the members have other types or another order, the check fails with an error.
     fn compose<T>(self) -> Composed<Self, T>
     where
         Self: Sized,
@@ -236,8 +236,8 @@ pub trait Domain: Send + Sync {
         Composed::new(self)
     }
 
-    /// Keeps the values for which `keep` holds. A filter that rejects nearly everything is an
-    /// error of the check: draw from narrower ranges, or make values that pass with [`map`](Domain::map).
+    /// Keeps the values for which `keep` returns `true`. If a filter rejects almost everything, the check fails with an
+    /// error: sample from narrower ranges, or make suitable values with [`map`](Domain::map).
     fn filter<F>(self, keep: F) -> Filter<Self, F>
     where
         Self: Sized,
@@ -278,7 +278,7 @@ impl<D: Domain + ?Sized> Domain for &D {
     }
 }
 
-/// One value.
+/// A single value.
 ///
 /// ```
 /// use karat::{Domain, Just};
@@ -307,7 +307,7 @@ impl<T: Clone + Debug + Send + Sync + 'static> Domain for Just<T> {
     }
 }
 
-/// The listed values, each of them.
+/// The listed values. Each of them is tried.
 ///
 /// ```
 /// use karat::{Domain, OneOf};
@@ -335,7 +335,7 @@ impl<T: Clone + Debug + Send + Sync + 'static> Domain for OneOf<T> {
     fn nth(&self, index: u64) -> Option<T> {
         usize::try_from(index).ok().and_then(|index| self.0.get(index)).cloned()
     }
-    /// Numbers and booleans by how they read, other values by their place in the list.
+    /// Simplifies numbers and booleans by how readable they are, and other values by their place in the list.
     fn shrinkable(&self, origin: Origin<'_>) -> Option<Shrinkable<'_, T>> {
         let index = match origin {
             Origin::Nth(index) => usize::try_from(index).ok()?,
@@ -360,7 +360,7 @@ impl<T: Clone + Debug + Send + Sync + 'static> OneOf<T> {
     }
 }
 
-/// How complicated a number or boolean is.
+/// A measure of how complicated a number or boolean is to read.
 #[doc(hidden)]
 pub fn complexity(value: &dyn Any) -> Option<u64> {
     None.or_else(|| value.downcast_ref::<bool>().map(|value| u64::from(*value)))

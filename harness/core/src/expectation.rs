@@ -1,26 +1,26 @@
-//! The packages of expectations that tests in WGSL call, such as `expect_near`: their texts, and what each
-//! expectation keeps of what it saw.
+//! The packages of expectations, such as `expect_near`, for tests in WGSL: their texts, and the values that each
+//! expectation keeps.
 //!
-//! `karat` has Karat's own, and `wgsl_test` the names that the WESL community's test runner has for them. Each
-//! takes a number first, the call's place, which the linker writes behind its `(`. What may have failed is kept in
-//! private variables. The host judges it, by [`Wanted`].
+//! `karat` contains Karat's own expectations, and `wgsl_test` those of the WGSL community's test runner. The first
+//! argument of each is a number that identifies the call; the linker inserts it after the `(`. Private variables keep
+//! the values of expectations that may have failed, and the host judges them, by [`Wanted`].
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::sync::LazyLock;
 
-/// The words that an expectation that may fail keeps: its place, its kind and how many components it has, the
-/// values, what was expected of them, and two bounds.
+/// The number of words that an expectation keeps if it may have failed: its place, its kind and its number of
+/// components, the values, the expected values, and two bounds.
 pub const KEPT_WORDS: usize = 12;
 
-/// How many of them a case keeps. A message about more failures names these, and counts the others.
+/// The number of failures that a case keeps. A message about more failures names these, and counts the others.
 pub const MOST_KEPT: usize = 3;
 
-/// Words of what a test returns: how many expectations were evaluated, how many of them may have
-/// failed, and the first of these.
+/// The number of words in a test's result: how many expectations were evaluated, how many may have failed, and the
+/// first of these.
 pub const REPORT_WORDS: usize = 2 + MOST_KEPT * KEPT_WORDS;
 
-/// The kind of an expectation. The numbers are those in the generated WGSL.
+/// The kind of an expectation. The numbers occur in the generated WGSL.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wanted {
     True,
@@ -29,9 +29,9 @@ pub enum Wanted {
     EqualF32,
     /// At most this far apart.
     Near,
-    /// At most this far apart, as a share of what is expected.
+    /// At most this far apart, relative to the expected value.
     Relative,
-    /// At most so many `f32` steps apart.
+    /// At most this many `f32` steps apart.
     Ulp,
     /// Within the larger of an absolute and a relative distance.
     Within,
@@ -63,7 +63,7 @@ impl Wanted {
 pub struct Expectations {
     /// Its one module.
     pub text: String,
-    /// Their names: `expect_near`.
+    /// Their names, such as `expect_near`.
     pub names: BTreeSet<String>,
 }
 
@@ -78,7 +78,7 @@ impl Expectations {
 static KARAT: LazyLock<Expectations> = LazyLock::new(|| Expectations::new(karat()));
 static WGSL_TEST: LazyLock<Expectations> = LazyLock::new(|| Expectations::new(wgsl_test()));
 
-/// A package of expectations that Karat brings under a name.
+/// The package of expectations with this name, if Karat has one.
 pub fn package(name: &str) -> Option<&'static Expectations> {
     match name {
         "karat" => Some(&KARAT),
@@ -95,7 +95,7 @@ const WHOLES: [(&str, &str); 4] =
 const SIGNED: [(&str, &str); 4] =
     [("_i32", "i32"), ("_vec2i", "vec2i"), ("_vec3i", "vec3i"), ("_vec4i", "vec4i")];
 
-/// `x`, or its components and zeros, as four words.
+/// `x`, or its components followed by zeros, as four words.
 fn words(x: &str, width: usize) -> String {
     match width {
         1 => format!("vec4u(bitcast<u32>({x}), 0u, 0u, 0u)"),
@@ -105,7 +105,7 @@ fn words(x: &str, width: usize) -> String {
     }
 }
 
-/// The same of `f32`, for comparisons.
+/// The same as four `f32`, for comparisons.
 fn four(x: &str, width: usize) -> String {
     match width {
         1 => format!("vec4f({x}, 0.0, 0.0, 0.0)"),
@@ -115,8 +115,8 @@ fn four(x: &str, width: usize) -> String {
     }
 }
 
-/// Where a case keeps what may have failed. Compilers of drivers take tens of times as long over an array
-/// that is indexed by a variable, so each place has variables of its own.
+/// The declarations of the variables for expectations that may have failed. Drivers compile an array with a variable
+/// index tens of times more slowly, so each place has variables of its own.
 fn report() -> String {
     let mut text = "\nvar<private> evaluated: u32;\nvar<private> suspected: u32;\n".to_owned();
     let (mut stored, mut listed) = (String::new(), String::new());
@@ -171,9 +171,9 @@ fn judge(site: u32, kind: u32, actual: vec4u, expected: vec4u, bound: vec2u, pas
 }
 
 fn karat() -> String {
-    // A driver may assume that no value is NaN, so its bits tell a NaN. The shader lets values pass by a
-    // narrower bound than the author's, and the host judges the others. However a difference is rounded,
-    // it isn't below a bound that it exceeds.
+    // A driver may assume that no value is NaN, so the shader checks for NaN by bits. It accepts values within a
+    // narrower bound than the author's, and the host judges the others. A difference that exceeds the author's bound
+    // stays above the narrower one, however it is rounded.
     let mut text = format!(
         "{}
 
@@ -290,7 +290,7 @@ fn expect_false(site: u32, condition: bool) {{
             &pair,
             &judge(Wanted::AtMost, "0.0", &format!("{finite} && all(a <= e)")),
         );
-        // The components that aren't there are equal.
+        // Missing components count as equal.
         let less = (0..width).map(|lane| format!(" && a[{lane}] < e[{lane}]")).collect::<String>();
         text += &of("less", &pair, &judge(Wanted::Less, "0.0", &format!("{finite}{less}")));
         let inside = (0..width).map(|lane| format!(" && least <= a[{lane}] && a[{lane}] <= most"));
@@ -317,7 +317,7 @@ fn expect_false(site: u32, condition: bool) {{
     text
 }
 
-/// The names of the WESL community's runner. Its tolerances: 1e-3 relative, 1e-6 absolute.
+/// The package with the names of the WGSL community's runner. Its tolerances are 1e-3 relative and 1e-6 absolute.
 fn wgsl_test() -> String {
     let mut text = "import karat::{judge_within, judge_ulp, judge};
 fn expect(site: u32, condition: bool) {

@@ -1,47 +1,48 @@
-//! What goes wrong in shaders, by kind: one list for operations, passes and reports.
+//! The kinds of hazards in shaders: one list for operations, passes and reports.
 
-/// What kind of thing goes wrong, the worst first.
+/// The kind of a hazard, the worst first.
 #[derive(
     Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize,
 )]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum Kind {
-    /// It isn't a number.
+    /// A value is NaN.
     Nan,
-    /// An index leaves its array.
+    /// An index is outside its array.
     OutOfRange,
-    /// An index is one of its array because a sum or a product wraps around.
+    /// An index is inside its array only because a sum or a product wrapped around.
     Wrapped,
-    /// A difference without a sign goes below 0, and becomes a float.
+    /// An unsigned difference goes below 0, and is converted to a float.
     BelowZero,
-    /// Nothing orders two accesses of an element.
+    /// Two accesses of an element are unordered.
     Race,
-    /// Some invocations of a workgroup don't reach a barrier, some of a subgroup its operation, or some of a quad a
-    /// derivative.
+    /// Some invocations of a workgroup miss a barrier, some of a subgroup miss a subgroup operation, or some of a quad
+    /// miss a derivative.
     Barrier,
     /// An integer is divided by zero.
     ByZero,
-    /// It is infinite.
+    /// A value is infinite.
     Infinite,
-    /// A float is beyond the integer type that it is converted to.
+    /// A float is outside the range of the integer type that it is converted to.
     Saturated,
     /// The low edge of `clamp` or `smoothstep` isn't below the high one.
     EdgesReversed,
-    /// More than half of its digits are rounding errors.
+    /// More than half of a value's digits are rounding errors.
     LostDigits,
-    /// Nothing orders two writes of the same value.
+    /// Two writes of the same value are unordered.
     EqualWrites,
     /// WGSL allows any result.
     Unbounded,
     /// A loop was stopped.
     Endless,
-    /// Workgroup memory is read before an invocation writes it: zero by WGSL (7.3), but hosts may turn that off.
+    /// Workgroup memory is read before an invocation writes it. WGSL (7.3) says that it is zero, but hosts may turn
+    /// that off.
     Unwritten,
 }
 
 impl Kind {
-    /// Its name, as in `karat.toml` and JSON but for blanks.
+    /// Its name. `karat.toml` and JSON use the same, but without blanks.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -63,7 +64,7 @@ impl Kind {
         }
     }
 
-    /// What that means, in a sentence.
+    /// The meaning, in a sentence.
     #[must_use]
     pub fn about(self) -> &'static str {
         match self {
@@ -105,14 +106,14 @@ impl Kind {
         }
     }
 
-    /// True if WGSL leaves open the result, so that a test of passes fails. Workgroup memory that is read before it is
-    /// written is zero: a hazard, and no failure.
+    /// Returns `true` if WGSL leaves the result open, so that a test of passes fails. Unwritten workgroup memory is
+    /// zero: a hazard, but not a failure.
     #[must_use]
     pub fn fails(self) -> bool {
         self != Self::Unwritten
     }
 
-    /// True of an index that isn't the element's that is meant.
+    /// Returns `true` if an index selects another element than the intended one.
     #[must_use]
     pub fn is_of_index(self) -> bool {
         matches!(self, Self::OutOfRange | Self::Wrapped)

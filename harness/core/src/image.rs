@@ -1,4 +1,4 @@
-//! Float images: what a frame is read back as, and what a golden holds.
+//! Float images, of frames and goldens.
 
 mod bytes;
 mod error;
@@ -22,7 +22,7 @@ use std::sync::Arc;
 
 use crate::diagnostic::FileRead;
 
-/// Linear RGBA in 32-bit floats, rows from the top.
+/// An image of linear RGBA in 32-bit floats, with rows from the top.
 ///
 /// ```
 /// use karat::Image;
@@ -36,18 +36,18 @@ pub struct Image {
     width: u32,
     height: u32,
     pixels: Vec<[f32; 4]>,
-    /// The file that it was read from, so that a verdict can name it.
+    /// The file that it was read from, for verdicts.
     origin: Option<Arc<FileRead>>,
 }
 
-/// By sides and pixels, wherever they come from.
+/// Compares sizes and pixels, but not files.
 impl PartialEq for Image {
     fn eq(&self, other: &Self) -> bool {
         (self.width, self.height) == (other.width, other.height) && self.pixels == other.pixels
     }
 }
 
-/// How many pixels of an image aren't finite.
+/// The number of pixels in an image that aren't finite.
 ///
 /// ```
 /// use karat::Image;
@@ -57,11 +57,11 @@ impl PartialEq for Image {
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct NonFinite {
-    /// Pixels with a NaN.
+    /// The number of pixels with a NaN.
     pub nan: usize,
-    /// Pixels with an infinity and no NaN.
+    /// The number of pixels with an infinity and no NaN.
     pub infinite: usize,
-    /// Column and row of the first one.
+    /// Column and row of the first such pixel.
     pub first: Option<(u32, u32)>,
 }
 
@@ -76,7 +76,7 @@ impl Image {
     /// ```
     ///
     /// # Panics
-    /// If there aren't `width * height` pixels.
+    /// If the number of pixels isn't `width * height`.
     #[must_use]
     pub fn new(width: u32, height: u32, pixels: Vec<[f32; 4]>) -> Self {
         let expected = width as usize * height as usize;
@@ -90,7 +90,7 @@ impl Image {
         Self { origin: Some(Arc::new(FileRead::of(file, bytes))), ..self }
     }
 
-    /// The file that it was read from, whatever was done to its pixels since.
+    /// The file that it was read from, even after changes to its pixels.
     #[doc(hidden)]
     pub fn origin(&self) -> Option<&FileRead> {
         self.origin.as_deref()
@@ -134,7 +134,7 @@ impl Image {
         &self.pixels
     }
 
-    /// All pixels, to be changed.
+    /// All pixels, for changes.
     ///
     /// ```
     /// use karat::Image;
@@ -149,7 +149,7 @@ impl Image {
         &mut self.pixels
     }
 
-    /// The image that a file of this precision gives back.
+    /// The image after it is written to a file of this precision and read again.
     ///
     /// ```
     /// use karat::Image;
@@ -164,8 +164,8 @@ impl Image {
     pub fn rounded_to(&self, precision: Precision) -> Self {
         let mut rounded = self.clone();
         if precision == Precision::Half {
-            // As many as fit in the smallest cache: a slice is converted several times faster than
-            // its values one by one.
+            // As many as fit in the smallest cache. Converting a slice is several times faster than converting its
+            // values one by one.
             let mut halves = [f16::ZERO; 4096];
             for values in rounded.pixels.as_flattened_mut().chunks_mut(halves.len()) {
                 let halves = &mut halves[..values.len()];
@@ -222,8 +222,8 @@ impl Image {
         census
     }
 
-    /// The logarithmic mean of luminance: the brightness that an exposure would map to grey.
-    /// Black and non-finite pixels are left out; if there are no others, the key is 1.
+    /// The logarithmic mean of luminance: the brightness that an exposure would map to grey. Black and non-finite
+    /// pixels are left out; without any others, the key is 1.
     ///
     /// ```
     /// use karat::Image;
@@ -252,7 +252,7 @@ pub fn luminance([r, g, b, _]: &[f32; 4]) -> f32 {
     0.2126 * r + 0.7152 * g + 0.0722 * b
 }
 
-/// Linear light, 0 to 1, as sRGB has it (IEC 61966-2-1), 0 to 1.
+/// Converts linear light, 0 to 1, to sRGB (IEC 61966-2-1), 0 to 1.
 #[doc(hidden)]
 pub fn encode_srgb(linear: f64) -> f64 {
     if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
@@ -265,7 +265,7 @@ impl approx::AbsDiffEq for Image {
         f32::EPSILON
     }
 
-    /// Same size, and each channel within `epsilon`. NaN equals nothing.
+    /// Compares sizes, and each channel to within `epsilon`. NaN equals nothing.
     fn abs_diff_eq(&self, other: &Self, epsilon: f32) -> bool {
         self.all_channels(other, |a, b| a.abs_diff_eq(&b, epsilon))
     }
@@ -276,7 +276,7 @@ impl approx::RelativeEq for Image {
         f32::EPSILON
     }
 
-    /// Same size, and each channel within `epsilon` or relatively within `max_relative`.
+    /// Compares sizes, and each channel to within `epsilon`, or relatively to within `max_relative`.
     fn relative_eq(&self, other: &Self, epsilon: f32, max_relative: f32) -> bool {
         self.all_channels(other, |a, b| a.relative_eq(&b, epsilon, max_relative))
     }

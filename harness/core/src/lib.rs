@@ -1,9 +1,11 @@
-//! The part of [Karat](https://docs.rs/karat) that needs no shader: values, domains, tolerances, statistics, images, messages.
+//! The parts of [Karat](https://docs.rs/karat) that need no shader: values, domains, tolerances, statistics, images,
+//! messages.
 //!
-//! Authors of tests know all of it by the names that `karat` has for it. It is a crate of its own so that it is compiled
-//! beside the shader compilers, and not after them. What its documentation hides is Karat's own.
+//! Test authors use these parts through `karat`, under its names. They form a crate of their own, so that cargo
+//! compiles them in parallel with the shader compilers. Items that are hidden in the documentation are internal to
+//! Karat.
 
-/// The glam of this crate, for its macros.
+/// This crate's glam, for its macros.
 pub use glam;
 
 pub mod diagnostic;

@@ -1,4 +1,4 @@
-//! A process that answers message by message, and ends with its owner; and one that is asked once.
+//! Talks to processes: one that answers message by message and ends with its owner, and one that is asked once.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::process::{Child, ChildStdin, Command, Output, Stdio};
@@ -6,18 +6,19 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel, sync_channel}
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// Bytes that are kept of a process's log: its last words.
+/// The number of bytes that are kept from the end of a process's log: its last words.
 const LAST_WORDS: usize = 2 << 10;
-/// Messages that wait to be read. A process that goes on to talk waits, too.
+/// The most messages that wait to be read. A process with more messages waits, too.
 const MOST_UNREAD: usize = 256;
-/// How often a process is asked whether it has ended.
+/// The interval at which a process is checked for its end.
 const POLL: Duration = Duration::from_millis(50);
-/// How long a program that looks something up may take: git, or a compiler that is asked for its name. They take some 30 ms.
+/// The time limit for a program that looks something up: git, or a compiler that is asked for its name. They take about
+/// 30 ms.
 pub const LOOK_UP: Duration = Duration::from_secs(60);
-/// How long a process may take to end when nothing more is asked.
+/// The time that a process has to end after its last question.
 const LINGER: Duration = Duration::from_secs(1);
 
-/// Why a process doesn't answer.
+/// The reason why a process doesn't answer.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[doc(hidden)]
 pub enum Broken {
@@ -29,27 +30,27 @@ pub enum Broken {
     Hung(u64),
 }
 
-/// The stream that a process answers on. What it says on the other one are its last words.
+/// The stream with the process's answers. The other stream has its last words.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[doc(hidden)]
 pub enum Answers {
     Stdout,
-    /// Dawn logs on stdout, so its answers come on stderr.
+    /// Dawn logs on stdout, so its answers are on stderr.
     Stderr,
 }
 
-/// What a program without input prints, and how it ended: for what ends soon. It has so long, and of each stream one byte more
-/// than so many is read.
+/// The output and exit status of a program without input that ends soon. `patience` is its time limit; of each stream,
+/// at most `most` bytes and one more are read.
 ///
 /// # Errors
-/// If it doesn't start, or doesn't end in time.
+/// If the program doesn't start, or doesn't end in time.
 pub fn output(command: &mut Command, patience: Duration, most: u64) -> Result<Output, Broken> {
     command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = command.spawn().map_err(|error| Broken::Start(error.to_string()))?;
     let out = all_of(child.stdout.take().expect("it is piped"), most);
     let err = all_of(child.stderr.take().expect("it is piped"), most);
     let began = Instant::now();
-    // Whoever still writes, the program or one that it has started, has until then.
+    // The program, or one that it started, may go on writing until then.
     let left = || patience.saturating_sub(began.elapsed());
     let said = (|| {
         let (stdout, stderr) = (out.recv_timeout(left()).ok()?, err.recv_timeout(left()).ok()?);
@@ -68,37 +69,37 @@ pub fn output(command: &mut Command, patience: Duration, most: u64) -> Result<Ou
     })
 }
 
-/// Reads a stream beside others. One byte more than is allowed tells that there is too much; then
-/// nobody reads on, and who writes is ended.
+/// Reads a stream in parallel with others. One byte above the limit shows that there is too much; reading then stops,
+/// and the writer is ended.
 fn all_of(stream: impl Read + Send + 'static, most: u64) -> Receiver<Vec<u8>> {
     let (sender, receiver) = channel();
     std::thread::spawn(move || {
         let mut bytes = Vec::new();
-        // What was read before an error is what was said.
+        // Data from before an error still counts.
         drop(stream.take(most.saturating_add(1)).read_to_end(&mut bytes));
         drop(sender.send(bytes));
     });
     receiver
 }
 
-/// Messages to a process by its stdin, and from it.
+/// Sends messages to a process through its stdin, and receives its answers.
 #[doc(hidden)]
 pub struct Lines {
     child: Child,
-    /// To the thread that writes: a process that doesn't read stops nothing else. `None`: its input is closed, so
-    /// that it ends.
+    /// The channel to the writing thread, so that a process that doesn't read blocks nothing else. `None` after its
+    /// input was closed, which makes it end.
     to: Option<Sender<Vec<u8>>>,
     from: Receiver<String>,
-    /// Each message ends with it.
+    /// The byte that ends each message.
     end: u8,
     said: Arc<Mutex<Vec<u8>>>,
-    /// Disconnected when all that it said is there.
+    /// Disconnected after its log has been read completely.
     silent: Receiver<()>,
 }
 
 impl Lines {
-    /// Starts a program whose messages end with a byte. The longest message that is read is a bound for a
-    /// process that never ends one.
+    /// Starts a program whose messages end with a byte. The longest message is limited, because a faulty process may
+    /// never end one.
     #[doc(hidden)]
     pub fn start(
         command: &mut Command,
@@ -107,8 +108,8 @@ impl Lines {
         longest: u64,
     ) -> Result<Self, Broken> {
         command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
-        // An interrupt of this process at a terminal doesn't reach the other one: that ends with its input,
-        // and cleans up.
+        // An interrupt at this process's terminal doesn't reach the other process: it ends with its input, and cleans
+        // up.
         #[cfg(unix)]
         std::os::unix::process::CommandExt::process_group(command, 0);
         let mut child = command.spawn().map_err(|error| Broken::Start(error.to_string()))?;
@@ -144,7 +145,7 @@ impl Lines {
         Ok(Self { child, to: Some(to), from, end, said, silent })
     }
 
-    /// Sends a message. A process that doesn't take it is found out by [`receive`](Self::receive).
+    /// Sends a message. If the process doesn't accept it, [`receive`](Self::receive) returns the error.
     #[doc(hidden)]
     pub fn send(&mut self, message: &str) -> Result<(), Broken> {
         let bytes = [message.as_bytes(), &[self.end]].concat();
@@ -152,7 +153,7 @@ impl Lines {
         if sent { Ok(()) } else { Err(self.ended()) }
     }
 
-    /// Its next message, for which it has so long.
+    /// The next message, within a time limit.
     #[doc(hidden)]
     pub fn receive(&mut self, patience: Duration) -> Result<String, Broken> {
         match self.from.recv_timeout(patience) {
@@ -162,11 +163,11 @@ impl Lines {
         }
     }
 
-    /// How it ended, with its last words.
+    /// The way it ended, with its last words.
     fn ended(&mut self) -> Broken {
         self.to = None;
         let status = self.wait().unwrap_or_else(|| "it closed its output".to_owned());
-        // Programs that it has started may go on to talk.
+        // Programs that it started may go on writing.
         let _ = self.silent.recv_timeout(LINGER);
         let said = self.said.lock().unwrap_or_else(PoisonError::into_inner);
         let said = String::from_utf8_lossy(&said);
@@ -177,7 +178,7 @@ impl Lines {
         Broken::Ended { status, said }
     }
 
-    /// Waits for a while until it has ended.
+    /// Waits a short time for its end.
     fn wait(&mut self) -> Option<String> {
         let until = Instant::now() + LINGER;
         loop {
@@ -198,10 +199,10 @@ impl std::fmt::Debug for Lines {
 
 impl Drop for Lines {
     fn drop(&mut self) {
-        // It ends when nothing more can be asked: by itself, so that it cleans up.
+        // It ends by itself when its input is closed, so it can clean up.
         self.to = None;
         if self.wait().is_none() {
-            // With what it has started: a browser behind a shell.
+            // Also ends the programs that it started, such as a browser behind a shell.
             #[cfg(unix)]
             {
                 let group = format!("-{}", self.child.id());
@@ -214,7 +215,7 @@ impl Drop for Lines {
     }
 }
 
-/// Writes messages until there are no more, or the process has closed its input.
+/// Writes messages until there are no more, or until the process closes its input.
 fn write(mut stdin: ChildStdin, messages: &Receiver<Vec<u8>>) {
     for message in messages {
         if stdin.write_all(&message).and_then(|()| stdin.flush()).is_err() {
@@ -223,7 +224,7 @@ fn write(mut stdin: ChildStdin, messages: &Receiver<Vec<u8>>) {
     }
 }
 
-/// Reads to the end, as a full pipe would stop the process, and keeps what comes last.
+/// Reads to the end, since a full pipe would stop the process, and keeps the last bytes.
 fn keep(mut stream: impl Read, kept: &Mutex<Vec<u8>>) {
     let mut part = [0; 1024];
     while let Ok(count @ 1..) = stream.read(&mut part) {
@@ -249,7 +250,7 @@ mod tests {
         assert_eq!((good.stdout, good.stderr), (b"a\n".to_vec(), b"b\n".to_vec()));
         assert_eq!(good.status.code(), Some(3));
         assert_eq!(said("exec sleep 600", short, 100).expect_err("it hangs"), Broken::Hung(0));
-        // One that it has started holds its output.
+        // A program that it started holds its output open.
         assert_eq!(said("sleep 5 & echo a", short, 100).expect_err("one hangs"), Broken::Hung(0));
         assert!(said("exec cat", long, 100).expect("it has no input").stdout.is_empty());
         let much = said("echo 0123456789", long, 4).expect("it ends");

@@ -1,11 +1,11 @@
-//! How far a frame is from its golden, as numbers.
+//! Metrics: the difference between a frame and its golden, as numbers.
 //!
-//! A [`Pair`] is a golden and a frame of the same size, both finite. Pixels that a [`Mask`] leaves
-//! out are equal in both. A [`Metric`] measures one number for the pair. The frame's tolerance
-//! decides whether that number is small enough; NaN fails.
+//! A [`Pair`] is a golden and a frame of the same size, both finite. Pixels outside a [`Mask`] are equal in both. A
+//! [`Metric`] measures one number for the pair, and the frame's tolerance decides whether it is small enough. NaN
+//! fails.
 //!
-//! [`Gate`] is the difference of each channel, with no allowance for outliers. [`Flip`] is what an
-//! eye would see of the difference. [`Noise`] is what the noise of both images doesn't explain.
+//! [`Gate`] is the difference of each channel, without outliers. [`Flip`] is the difference that a person would see.
+//! [`Noise`] is the difference that the noise of both images doesn't explain.
 
 mod exposure;
 mod exposure_map;
@@ -55,21 +55,20 @@ pub use tiles::{ErrorMap, TILE};
 /// assert_eq!(Green.measure(&Pair::new(&golden, &actual).unwrap()).value, 0.5);
 /// ```
 pub trait Metric: fmt::Debug + Send + Sync {
-    /// What messages call it: `largest FLIP tile`.
+    /// Its name in messages: `largest FLIP tile`.
     fn name(&self) -> String;
 
-    /// Measures. Pixels that are left out are equal in both images, and aren't
-    /// [`counted`](Pair::is_compared).
+    /// Measures the pair. Pixels outside the mask are equal in both images, and aren't [`counted`](Pair::is_compared).
     fn measure(&self, pair: &Pair<'_>) -> Measured;
 
-    /// The largest difference that it can find: a bound from there on lets every frame pass. Infinite unless
-    /// the metric says otherwise.
+    /// The largest possible difference: every frame passes a bound of at least this. Infinite, unless the metric
+    /// overrides it.
     fn most(&self) -> f64 {
         f64::INFINITY
     }
 }
 
-/// What a metric found.
+/// The result of a metric.
 ///
 /// ```
 /// use karat::unstable::metric::Measured;
@@ -80,11 +79,11 @@ pub trait Metric: fmt::Debug + Send + Sync {
 pub struct Measured {
     /// The difference: 0 if the images are equal. NaN and infinity fail under every bound.
     pub value: f64,
-    /// Where it is largest.
+    /// The place of the largest difference.
     pub place: Option<Rect>,
     /// The difference of each pixel, if the metric has one.
     pub map: Option<ErrorMap>,
-    /// What else a message should say.
+    /// A remark for messages.
     pub note: Option<String>,
 }
 

@@ -1,9 +1,8 @@
-//! Writes text for people. Nothing in the text can command a terminal, and a command does the same
-//! whether or not anybody reads it.
+//! Writes text for people. Text can't command a terminal, and a command behaves the same if its output isn't read.
 //!
-//! Names of files and drivers, and texts of shaders, can't be trusted. So every character that
-//! isn't printable, the end of a line or a tab is escaped: `\u{1b}`. Karat's own colours pass,
-//! because a [`Style`] is marked with a number that only this process knows.
+//! Names of files and drivers, and texts of shaders, can't be trusted. So every character is escaped (`\u{1b}`) unless
+//! it is printable, a line end or a tab. Karat's own colours pass, because a [`Style`] is marked with a number that
+//! only this process knows.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -11,28 +10,27 @@ use std::hash::{BuildHasher, Hasher, RandomState};
 use std::io::{self, ErrorKind, Write};
 use std::sync::LazyLock;
 
-/// How a stretch of text looks: `{BAD}` begins it and `{BAD:#}` ends it. The string holds the
-/// commands (ECMA-48, SGR) that begin it.
+/// The look of a stretch of text: `{BAD}` begins it and `{BAD:#}` ends it. The string contains the commands (ECMA-48,
+/// SGR) that begin it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Style(&'static str);
 
 impl Style {
-    /// Something is as it should be.
+    /// For success.
     pub const GOOD: Self = Self("\u{1b}[32m");
-    /// Something is wrong, and known to be.
+    /// For known issues.
     pub const KNOWN: Self = Self("\u{1b}[33m");
-    /// Something is wrong.
+    /// For failures.
     pub const BAD: Self = Self("\u{1b}[1m\u{1b}[31m");
-    /// The reader looks for this first.
+    /// For the text that the reader looks for first.
     pub const HEAD: Self = Self("\u{1b}[1m");
-    /// The reader looks for this last.
+    /// For the text that the reader looks for last.
     pub const DIM: Self = Self("\u{1b}[2m");
     /// Text without a style.
     pub const PLAIN: Self = Self("");
 }
 
-/// Stands for the escape that begins a style of ours until the text is written. It is longer than
-/// what foreign text could guess.
+/// Replaces the escape of Karat's own styles until the text is written. It is too long for foreign text to guess.
 static MARK: LazyLock<String> = LazyLock::new(|| {
     let number = || RandomState::new().build_hasher().finish();
     format!("\u{1b}{:016x}{:016x}", number(), number())
@@ -45,14 +43,14 @@ impl fmt::Display for Style {
     }
 }
 
-/// Marks a text whose terminal commands are our own, so that an [`Output`] lets them pass.
+/// Marks a text whose terminal commands are Karat's own, so that an [`Output`] lets them pass.
 #[must_use]
 pub fn trusted(text: &str) -> String {
     text.replace('\u{1b}', &MARK)
 }
 
-/// Marks a text of another program, so that an [`Output`] lets its colours pass. All other terminal
-/// commands in it are escaped.
+/// Marks a text of another program, so that an [`Output`] lets its colours pass. All other terminal commands in it are
+/// escaped.
 #[must_use]
 pub fn with_colours(text: &str) -> String {
     let mut parts = text.split('\u{1b}');
@@ -67,18 +65,18 @@ pub fn with_colours(text: &str) -> String {
     marked
 }
 
-/// `1 check`, `12 checks`: a count with what it counts, whose plural has an `s`.
+/// `1 check`, `12 checks`: a count with its noun, whose plural ends in `s`.
 #[must_use]
 pub fn counted(count: impl TryInto<u64>, one: &str) -> String {
-    // What doesn't fit is many.
+    // A count that doesn't fit is many.
     match count.try_into().unwrap_or(u64::MAX) {
         1 => format!("1 {one}"),
         many => format!("{many} {one}s"),
     }
 }
 
-/// Whether a terminal would take a character for a command, or show what follows it in another
-/// order. The end of a line and the tab are text.
+/// Returns `true` for a character that a terminal would take as a command, or that changes the order of the text after
+/// it. Line ends and tabs are text.
 fn commands(character: char) -> bool {
     match character {
         '\n' | '\t' => false,
@@ -90,13 +88,13 @@ fn commands(character: char) -> bool {
     }
 }
 
-/// A text in which terminal commands are escaped: `\u{1b}`. A line may end as on Windows.
+/// A text with escaped terminal commands: `\u{1b}`. Line ends may be those of Windows.
 #[must_use]
 pub fn visible(text: &str) -> Cow<'_, str> {
     escaped(text, |character| format!("\\u{{{:x}}}", u32::from(character)))
 }
 
-/// The first line of a message that says something, without the word that all errors begin with.
+/// The first line of a message that isn't empty, without the word that all errors begin with.
 ///
 /// ```
 /// assert_eq!(karat_core::output::headline("\nerror: no module `a`\n  --> b.wgsl:1:1"), "no module `a`");
@@ -107,7 +105,7 @@ pub fn headline(message: &str) -> &str {
     line.strip_prefix("error: ").unwrap_or(line)
 }
 
-/// A text in one line: [`visible`], and with ends of lines and tabs escaped, too.
+/// A text in one line: [`visible`], with escaped line ends and tabs.
 #[must_use]
 pub fn one_line(text: &str) -> Cow<'_, str> {
     let ends = |character: char| matches!(character, '\n' | '\r' | '\t') || commands(character);
@@ -121,17 +119,17 @@ pub fn one_line(text: &str) -> Cow<'_, str> {
     Cow::Owned(text.chars().map(shown).collect())
 }
 
-/// Bytes of the longest name. A replay command has several, and Linux takes 128 KiB for an argument.
+/// The longest name, in bytes. A replay command has several names, and Linux limits an argument to 128 KiB.
 const LONGEST_NAME: usize = 1000;
 
-/// A name that every format can hold, by one rule, wherever it comes from: [`one_line`], and of more than
-/// 1000 bytes the first and the beginning of a hash, so that no two names become one.
+/// A name in a form that every format accepts: [`one_line`]. A name of more than 1000 bytes is cut, with the beginning
+/// of a hash at its end, so that two names stay different.
 #[must_use]
 pub fn name(text: &str) -> Cow<'_, str> {
     name_within(text, LONGEST_NAME)
 }
 
-/// [`name`], of other names of at most so many bytes: that of a file has 255.
+/// [`name`] with another limit in bytes: a file's name has 255.
 #[doc(hidden)]
 pub fn name_within(text: &str, most: usize) -> Cow<'_, str> {
     let shown = one_line(text);
@@ -143,8 +141,8 @@ pub fn name_within(text: &str, most: usize) -> Cow<'_, str> {
     Cow::Owned(format!("{}..{hash}", &shown[..kept]))
 }
 
-/// A text within Markdown that neither Markdown nor HTML takes for its own: no cell of a table ends in it, and
-/// it has no tag, link, image or code.
+/// A text in Markdown that neither Markdown nor HTML interprets: it ends no cell of a table, and has no tag, link,
+/// image or code.
 #[must_use]
 pub fn markdown(text: &str) -> String {
     let text = text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;");
@@ -152,7 +150,7 @@ pub fn markdown(text: &str) -> String {
     visible(&text.replace(['\n', '\r'], " ")).into_owned()
 }
 
-/// [`visible`] for JSON, where such characters occur within strings and become `\u001b`.
+/// [`visible`] for JSON, where such characters occur only in strings and become `\u001b`.
 #[must_use]
 pub fn visible_json(json: &str) -> Cow<'_, str> {
     escaped(json, |character| format!("\\u{:04x}", u32::from(character)))
@@ -174,21 +172,20 @@ fn escaped(text: &str, escape: impl Fn(char) -> String) -> Cow<'_, str> {
     Cow::Owned(shown)
 }
 
-/// A text with our styles as the terminal has them, and all else [`visible`].
+/// A text with Karat's styles as terminal commands, and everything else [`visible`].
 fn styled(text: &str) -> String {
     let parts: Vec<_> = text.split(MARK.as_str()).map(visible).collect();
     parts.join("\u{1b}")
 }
 
-/// Where text for people goes, line by line.
+/// A writer of text for people, line by line.
 ///
-/// Writing to it never fails. If the reader has gone, the rest is dropped, so that a command does
-/// the same, with the same exit code, whether or not anybody reads. Any other error is returned by
-/// [`finish`](Self::finish).
+/// Writing never fails. If the reader closes the stream, the rest is dropped, so that a command does the same, with the
+/// same exit code, whether its output is read or not. [`finish`](Self::finish) returns any other error.
 #[derive(Debug)]
 pub struct Output<W: Write> {
     inner: W,
-    /// What has no end of line yet.
+    /// The text without a line end so far.
     line: Vec<u8>,
     state: State,
 }
@@ -196,13 +193,13 @@ pub struct Output<W: Write> {
 #[derive(Debug)]
 enum State {
     Open,
-    /// The reader has gone.
+    /// The reader closed the stream.
     Unread,
     Failed(io::Error),
 }
 
 impl Output<anstream::AutoStream<io::StdoutLock<'static>>> {
-    /// Standard output, with colours if it is a terminal that has them.
+    /// Standard output, with colours if it is a terminal that supports them.
     #[must_use]
     pub fn stdout() -> Self {
         Self::new(anstream::stdout().lock())
@@ -223,10 +220,10 @@ impl<W: Write> Output<W> {
         Self { inner, line: Vec::new(), state: State::Open }
     }
 
-    /// Writes what is left.
+    /// Writes the rest.
     ///
     /// # Errors
-    /// If something couldn't be written for another reason than that the reader has gone.
+    /// If a write failed for another reason than a closed reader.
     pub fn finish(mut self) -> io::Result<()> {
         self.pass_on(self.line.len());
         self.attempt(Write::flush);
@@ -236,7 +233,7 @@ impl<W: Write> Output<W> {
         }
     }
 
-    /// Hands over so many bytes of what waits.
+    /// Writes this number of the waiting bytes.
     fn pass_on(&mut self, bytes: usize) {
         let rest = self.line.split_off(bytes);
         let text = std::mem::replace(&mut self.line, rest);
@@ -281,11 +278,11 @@ impl<W: Write> Drop for Output<W> {
     }
 }
 
-/// Tells people something that isn't a result, on standard error. If that is closed, the text is
-/// lost: there is nowhere left to report it.
+/// Writes a text that isn't a result to standard error. If that is closed, the text is lost: there is no other place to
+/// report it.
 pub fn tell(text: &str) {
     let mut err = Output::stderr();
-    // An output of our own doesn't fail.
+    // Writing to an `Output` never fails.
     drop(writeln!(err, "{text}"));
 }
 
@@ -293,7 +290,7 @@ pub fn tell(text: &str) {
 mod tests {
     use super::*;
 
-    /// The text as a terminal would get it.
+    /// The text that a terminal would get.
     fn written(parts: &[&[u8]]) -> String {
         let mut bytes = Vec::new();
         let mut output = Output::new(&mut bytes);

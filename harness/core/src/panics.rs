@@ -1,4 +1,4 @@
-//! Panics that are an answer: a shader makes a compiler panic, say. The caller gets the message, and stderr doesn't.
+//! Catches panics of compilers, which shaders can cause. The caller gets the message, and stderr doesn't.
 
 use std::any::Any;
 use std::cell::{Cell, RefCell};
@@ -11,7 +11,7 @@ use std::sync::Once;
 pub struct Panicked {
     /// Its message.
     pub message: String,
-    /// Where it was raised: `naga-30.0.1/src/back/glsl/writer.rs:2120`, or nothing where no place is known.
+    /// Its place: `naga-30.0.1/src/back/glsl/writer.rs:2120`; empty if it is unknown.
     pub place: String,
 }
 
@@ -47,19 +47,19 @@ impl fmt::Display for Panicked {
 }
 
 thread_local! {
-    /// True while a panic of this thread is an answer.
+    /// Set while panics of this thread are caught.
     static CAUGHT: Cell<bool> = const { Cell::new(false) };
-    /// Where the last of them was raised.
+    /// The place of the last caught panic.
     static PLACE: RefCell<String> = const { RefCell::new(String::new()) };
 }
 
-/// A panic of a caller's own code, which isn't an answer though it passes through work whose panics are.
+/// A panic of a caller's own code. It isn't caught, although it passes through work whose panics are.
 struct Passing(Box<dyn Any + Send>);
 
-/// Does work whose panic is an answer.
+/// Does work, and catches its panic.
 ///
 /// # Errors
-/// If it panics.
+/// If the work panics.
 pub fn caught<T>(work: impl FnOnce() -> T) -> Result<T, Panicked> {
     static HOOK: Once = Once::new();
     HOOK.call_once(|| {
@@ -77,7 +77,7 @@ pub fn caught<T>(work: impl FnOnce() -> T) -> Result<T, Panicked> {
         Ok(value) => return Ok(value),
         Err(payload) => payload,
     };
-    // Of a thread that helped.
+    // The panic of a helping thread.
     let payload = match payload.downcast::<Panicked>() {
         Ok(panicked) => return Err(*panicked),
         Err(payload) => payload,
@@ -93,7 +93,7 @@ pub fn caught<T>(work: impl FnOnce() -> T) -> Result<T, Panicked> {
     }
 }
 
-/// Does a caller's own work within [`caught`]: its panic goes on to the caller, with its message.
+/// Runs a caller's own code within [`caught`]: its panic goes on to the caller, with its message.
 pub fn passing<T>(work: impl FnOnce() -> T) -> T {
     if !CAUGHT.replace(false) {
         return work();
@@ -103,13 +103,13 @@ pub fn passing<T>(work: impl FnOnce() -> T) -> T {
     done.unwrap_or_else(|payload| resume_unwind(Box::new(Passing(payload))))
 }
 
-/// True where a panic is an answer: the helpers of a thread have to know.
+/// Returns `true` while panics are caught. The helpers of a thread need to know.
 #[must_use]
 pub fn are_caught() -> bool {
     CAUGHT.get()
 }
 
-/// Does a part of another thread's work, for which [`are_caught`] is this.
+/// Does a part of another thread's work. `caught` is the result of [`are_caught`] in that thread.
 pub fn helping<T>(caught: bool, work: impl FnOnce() -> T) -> T {
     match caught {
         true => self::caught(work).unwrap_or_else(|panicked| resume_unwind(Box::new(panicked))),
@@ -117,7 +117,7 @@ pub fn helping<T>(caught: bool, work: impl FnOnce() -> T) -> T {
     }
 }
 
-/// The place of a panic, without the folder that cargo keeps crates in.
+/// The place of a panic, without the folder in which cargo keeps crates.
 fn short(file: &str, line: u32) -> String {
     let file = file.replace('\\', "/");
     let behind = file.split_once("/registry/src/").and_then(|(_, own)| own.split_once('/'));

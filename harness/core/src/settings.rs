@@ -1,9 +1,7 @@
-//! The environment's settings: every variable whose name begins with `KARAT_`, read once and
-//! checked whole.
+//! The environment's settings: every variable whose name begins with `KARAT_`, read and checked once.
 //!
-//! If a misspelt variable were ignored, a run that should require a path or replay a case would be
-//! green without doing so. So an unknown name or value is an error, which suggests what was meant.
-//! A variable that is set to nothing counts as not set.
+//! If a misspelt variable were ignored, a run that should require a path or replay a case would pass without doing so.
+//! So an unknown name or value is an error, with a suggestion. A variable with an empty value counts as not set.
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
@@ -13,10 +11,10 @@ use std::time::Duration;
 
 use crate::diagnostic::nearest;
 
-/// What every name of ours begins with.
+/// The prefix of Karat's variables.
 const PREFIX: &str = "KARAT_";
 
-/// Every variable that Karat reads, and what for.
+/// Every variable that Karat reads, with its purpose.
 const VARIABLES: [(&str, &str); 17] = [
     (
         PATHS,
@@ -52,7 +50,7 @@ const VARIABLES: [(&str, &str); 17] = [
     (BROWSER, "Chromium for Karat's own tests of the review page (the one that is found)"),
 ];
 
-/// Their names.
+/// The names of the variables.
 const NAMES: [&str; VARIABLES.len()] = {
     let mut names = [""; VARIABLES.len()];
     let mut index = 0;
@@ -81,24 +79,24 @@ const COVERAGE: &str = "KARAT_COVERAGE";
 const TINT: &str = "KARAT_TINT";
 const BROWSER: &str = "KARAT_BROWSER";
 
-/// Each order runs all passes: as many take hours.
+/// The most orders: each runs all passes, so this many take hours.
 const MOST_SCHEDULES: u64 = 1 << 16;
 
-/// Far above what a pixel can afford, and some seconds at most until a loop without end is found.
+/// The default fuel: far more than a pixel can afford. An endless loop is found after some seconds at most.
 const FUEL_ROUNDS: u64 = 1 << 20;
 
-/// Long enough for any shader that a test should run on a software rasteriser.
+/// The default deadline: long enough for any test's shader on a software rasteriser.
 #[doc(hidden)]
 pub const DEADLINE_SECONDS: f64 = 60.0;
 
-/// What the environment asks for.
+/// The settings from the environment.
 #[derive(Clone, Debug, PartialEq)]
 #[doc(hidden)]
 pub struct Settings {
-    /// Names of paths to run on, or `all`; `None`: the first that opens.
+    /// The names of the paths to run on, or `all`; `None` selects the first path that opens.
     #[doc(hidden)]
     pub paths: Option<String>,
-    /// Names of paths that must open.
+    /// The names of paths that must open.
     #[doc(hidden)]
     pub require: Option<String>,
     /// Programs that run jobs: the name of each, then the program and its arguments.
@@ -107,30 +105,30 @@ pub struct Settings {
     /// Part of the adapter's name.
     #[doc(hidden)]
     pub adapter: Option<String>,
-    /// How long a shader may take.
+    /// The time limit of a shader.
     #[doc(hidden)]
     pub deadline: Duration,
-    /// Rounds of all loops that a case may make in the engine, where the IR shows no bound.
+    /// The most rounds of all loops that a case may make in the engine, if the IR shows no bound.
     #[doc(hidden)]
     pub fuel: u64,
-    /// Orders of invocations in which compute passes run.
+    /// The number of orders of invocations in which compute passes run.
     #[doc(hidden)]
     pub schedules: Option<u64>,
-    /// Replaces the seed of the selected check, or of all.
+    /// The seed that replaces the one of the selected check, or of all checks.
     #[doc(hidden)]
     pub seed: Option<u64>,
     /// The one case that a replay runs.
     #[doc(hidden)]
     pub case: Option<SelectedCase>,
-    /// Whether failing inputs are remembered and tried again.
+    /// Set if failing inputs are stored and tried again.
     #[doc(hidden)]
     pub failures: bool,
-    /// Whether frames are drawn and compared.
+    /// Set if frames are drawn and compared.
     #[doc(hidden)]
     pub frames: bool,
 }
 
-/// One case: of the check that a replay command names, or of every check.
+/// One case, of the check that a replay command names, or of every check.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[doc(hidden)]
 pub struct SelectedCase {
@@ -139,19 +137,19 @@ pub struct SelectedCase {
     pub check: Option<String>,
     #[doc(hidden)]
     pub case: u64,
-    /// Which of the simpler values to take, again and again, from the case's own.
+    /// The choices of simpler values, one after another, beginning with the case's own value.
     #[doc(hidden)]
     pub steps: Vec<usize>,
-    /// The lanes of the arguments that the case has in place of its own.
+    /// The lanes of the arguments that replace the case's own.
     #[doc(hidden)]
     pub input: Option<Vec<u32>>,
 }
 
-/// A setting that can't be used.
+/// The reason why a setting can't be used.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum SettingsError {
-    /// No setting of this name.
+    /// There is no setting with this name.
     #[error("the environment sets `{name}`, which Karat doesn't know{}",
         nearest.map_or_else(
             || format!("; it reads {}", NAMES.join(", ")),
@@ -169,9 +167,9 @@ pub enum SettingsError {
     Value {
         /// The variable.
         name: &'static str,
-        /// What it is set to.
+        /// Its value.
         value: String,
-        /// What it can be.
+        /// The possible values.
         expected: &'static str,
         /// The closest value.
         nearest: Option<&'static str>,
@@ -184,7 +182,7 @@ pub enum SettingsError {
 /// The settings of this process.
 ///
 /// # Errors
-/// If a variable is unknown, or has a value that it can't have.
+/// If a variable is unknown, or has an invalid value.
 #[doc(hidden)]
 pub fn current() -> Result<&'static Settings, SettingsError> {
     static SETTINGS: OnceLock<Result<Settings, SettingsError>> = OnceLock::new();
@@ -197,9 +195,9 @@ pub fn current() -> Result<&'static Settings, SettingsError> {
 pub struct Variable {
     /// `KARAT_PATHS`
     pub name: &'static str,
-    /// What it is for, and in brackets its default.
+    /// Its purpose, with the default in brackets.
     pub about: &'static str,
-    /// What it is set to; `None` if it isn't set, or is empty.
+    /// Its value; `None` if it isn't set, or is empty.
     pub value: Option<String>,
 }
 
@@ -210,24 +208,24 @@ pub fn variables() -> Vec<Variable> {
     VARIABLES.map(|(name, about)| Variable { name, about, value: value(name) }).to_vec()
 }
 
-/// What a variable is set to, unless to nothing.
+/// The value of a variable, unless it is empty.
 fn set(name: &str) -> Option<OsString> {
     std::env::var_os(name).filter(|value| !value.is_empty())
 }
 
-/// The folder whose files stand in for modules.
+/// The folder whose files replace modules.
 #[doc(hidden)]
 pub fn overlay() -> Option<PathBuf> {
     set(OVERLAY).map(PathBuf::from)
 }
 
-/// Where Tint is, or `off`.
+/// The place of Tint, or `off`.
 #[doc(hidden)]
 pub fn tint() -> Option<PathBuf> {
     set(TINT).map(PathBuf::from)
 }
 
-/// The folder for verdicts. One that is about a wrong setting is written there, too.
+/// The folder for verdicts. A verdict about an invalid setting is written there, too.
 #[doc(hidden)]
 pub fn record() -> Option<PathBuf> {
     set(RECORD).map(PathBuf::from)
@@ -239,46 +237,46 @@ pub fn coverage() -> Option<PathBuf> {
     set(COVERAGE).map(PathBuf::from)
 }
 
-/// Rounds that a case may make in the engine. A wrong setting is told by what reads others.
+/// The most rounds that a case may make in the engine. Other readers of the settings report an invalid one.
 #[doc(hidden)]
 pub fn fuel() -> u64 {
     current().map_or(FUEL_ROUNDS, |settings| settings.fuel)
 }
 
-/// Orders of invocations that are drawn for compute passes; `None`: the usual number.
+/// The number of orders of invocations for compute passes; `None` for the usual number.
 #[doc(hidden)]
 pub fn schedules() -> Option<u64> {
     current().ok()?.schedules
 }
 
-/// How long a shader may take.
+/// The time limit of a shader.
 #[doc(hidden)]
 pub fn deadline() -> Duration {
     let usual = Duration::from_secs_f64(DEADLINE_SECONDS);
     current().map_or(usual, |settings| settings.deadline)
 }
 
-/// Whether frames are left out. A wrong setting leaves nothing out, and is told by what reads others.
+/// Returns `true` if frames are left out. With an invalid setting they aren't; other readers of the settings report it.
 #[doc(hidden)]
 pub fn leaves_frames_out() -> bool {
     current().is_ok_and(|settings| !settings.frames)
 }
 
-/// The case of a replay, as it was typed.
+/// The case of a replay, as the user typed it.
 #[doc(hidden)]
 pub fn case_as_typed() -> String {
     set(CASE).unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// Whether the environment can be used.
+/// Checks the settings in the environment.
 ///
 /// # Errors
-/// If a variable is unknown, or has a value that it can't have.
+/// If a variable is unknown, or has an invalid value.
 pub fn check() -> Result<(), SettingsError> {
     current().map(|_| ())
 }
 
-/// Old names of settings, and what they are called now.
+/// Old names of settings, with the new names.
 const RENAMED: [(&str, &str); 1] = [("KARAT_DEADLINE", DEADLINE)];
 
 impl Settings {
@@ -345,7 +343,7 @@ impl Settings {
     }
 }
 
-/// `on`, which is what isn't set, or `off`.
+/// Reads `on`, the default, or `off`.
 fn switch(name: &'static str, value: Option<String>) -> Result<bool, SettingsError> {
     match value.as_deref() {
         None | Some("on") => Ok(true),
@@ -358,7 +356,7 @@ fn switch(name: &'static str, value: Option<String>) -> Result<bool, SettingsErr
     }
 }
 
-/// A value that is to be read.
+/// A value that is being parsed.
 struct Parsed {
     name: &'static str,
     expected: &'static str,
@@ -378,7 +376,7 @@ fn refused(name: &'static str, value: &str, expected: &'static str) -> SettingsE
 }
 
 impl SelectedCase {
-    /// `function/check/index` or `index`, and after a colon the steps of a reduction.
+    /// Reads `function/check/index` or `index`, optionally followed by a colon and the steps of a simplification.
     fn parse(text: &str) -> Option<Self> {
         let (check, case) = match text.rsplit_once('/') {
             Some((check, case)) => (Some(check.to_owned()), case),
@@ -389,19 +387,19 @@ impl SelectedCase {
     }
 }
 
-/// Lanes as the environment and files have them: `3f800000,00000000`.
+/// Reads lanes in the form of the environment and of files: `3f800000,00000000`.
 #[doc(hidden)]
 pub fn read_words(text: &str) -> Option<Vec<u32>> {
     text.split(',').map(|word| u32::from_str_radix(word.trim(), 16).ok()).collect()
 }
 
-/// Steps as the environment and files have them: `3.0`.
+/// Reads steps in the form of the environment and of files: `3.0`.
 #[doc(hidden)]
 pub fn read_steps(text: &str) -> Option<Vec<usize>> {
     text.split('.').filter(|step| !step.is_empty()).map(|step| step.parse().ok()).collect()
 }
 
-/// Programs by their names: `dawn=node dawn.mjs; mine=target/debug/mine`.
+/// Reads programs with their names: `dawn=node dawn.mjs; mine=target/debug/mine`.
 fn read_programs(text: &str) -> Option<Vec<(String, Vec<String>)>> {
     let mut programs: Vec<(String, Vec<String>)> = Vec::new();
     for one in text.split(';').filter(|one| !one.trim().is_empty()) {
@@ -431,7 +429,7 @@ fn duration(text: &str) -> Option<Duration> {
     (!duration.is_zero()).then_some(duration)
 }
 
-/// Where a file is kept that outlives a project's `target` and can be made again: in cargo's home.
+/// The place, in cargo's home, of a file that outlives a project's `target` and can be made again.
 #[doc(hidden)]
 pub fn kept(file: &str) -> Option<PathBuf> {
     let home = std::env::var_os("CARGO_HOME").map(PathBuf::from);

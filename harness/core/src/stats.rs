@@ -1,12 +1,11 @@
 //! Statistical tests of random samples, computed on the host without a device.
 //!
-//! Each test is given what was observed and what was expected. It returns a p-value, the
-//! probability of so large a difference by chance; or [`NoVerdict`], if there are too few samples,
-//! a single cell, or a value that isn't a number. It never returns a NaN. [`accepts`] decides
-//! whether a p-value is large enough; NaN fails there, too.
+//! Each test compares observed values with expected ones. It returns a p-value, the probability of such a large
+//! difference by chance; or [`NoVerdict`], if there are too few samples, a single cell, or a value that isn't a number.
+//! It never returns a NaN. [`accepts`] decides whether a p-value is large enough; NaN fails there, too.
 //!
-//! A pilot run lays the cells of a histogram ([`Cells`]), so that each gets about as many samples.
-//! How many a cell should have is an adaptive integral of the density ([`integrate`]).
+//! A pilot run lays the cells of a histogram ([`Cells`]), so that each gets about as many samples. The expected number
+//! of a cell's samples is an adaptive integral of the density ([`integrate`]).
 
 mod cells;
 mod chi_square;
@@ -31,30 +30,30 @@ pub use tail::{
     normal_critical, normal_tail,
 };
 
-/// Why a test has no verdict.
+/// The reason why a test has no verdict.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum NoVerdict {
-    /// Too few samples for the approximation that the test makes.
+    /// There are too few samples for the test's approximation.
     #[error("{found} samples are too few: at least {needed} are needed")]
     TooFew {
-        /// Samples there are.
+        /// The number of samples.
         found: u64,
-        /// Samples that the test needs.
+        /// The number that the test needs.
         needed: u64,
     },
-    /// After cells were pooled, too few are left to compare.
+    /// After cells were pooled, too few cells are left to compare.
     #[error("{cells} cells are left after pooling: no degree of freedom")]
     NoFreedom {
-        /// Cells with an expectation, the pool counted as one.
+        /// The number of cells with an expectation; the pool counts as one.
         cells: usize,
     },
     /// The numbers of observed and expected cells differ.
     #[error("{observed} cells are observed, {expected} are expected")]
     Length {
-        /// Cells observed.
+        /// The number of observed cells.
         observed: usize,
-        /// Cells expected.
+        /// The number of expected cells.
         expected: usize,
     },
     /// The mean depends on too few of the samples.
@@ -64,11 +63,11 @@ pub enum NoVerdict {
          them where the function is large"
     )]
     TooSkewed {
-        /// How many samples there are.
+        /// The number of samples.
         found: u64,
         /// Their mean.
         mean: f64,
-        /// What was expected.
+        /// The expected mean.
         expected: f64,
         /// Their skewness.
         skewness: f64,
@@ -76,28 +75,28 @@ pub enum NoVerdict {
     /// A value that a test can't use.
     #[error("{what} is {value}")]
     NotANumber {
-        /// What it is.
+        /// The name of the value.
         what: &'static str,
         /// Its value.
         value: f64,
     },
 }
 
-/// Whether a p-value is large enough to accept the hypothesis at this threshold. NaN isn't.
+/// Returns `true` if a p-value is large enough to accept the hypothesis at this threshold. NaN isn't.
 #[must_use]
 pub fn accepts(p: f64, threshold: f64) -> bool {
     p >= threshold
 }
 
-/// The threshold for each of `tests` independent tests, chosen so that the probability that any of
-/// them rejects a true hypothesis is `significance`. Sidak 1967.
+/// The threshold for each of `tests` independent tests, for which the probability that any of them rejects a true
+/// hypothesis is `significance`. Sidak 1967.
 #[must_use]
 pub fn sidak(significance: f64, tests: u64) -> f64 {
-    // 1 - (1 - s)^(1/m), without its cancellation.
+    // 1 - (1 - s)^(1/m), computed without cancellation.
     -((-significance).ln_1p() / tests.max(1) as f64).exp_m1()
 }
 
-/// A p-value, if it is one.
+/// The value as a p-value, or an error.
 fn probability(value: f64) -> Result<f64, NoVerdict> {
     if (0.0..=1.0 + 1e-9).contains(&value) {
         return Ok(value.min(1.0)); // a sum of tails may round above 1

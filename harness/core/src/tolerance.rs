@@ -1,9 +1,8 @@
-//! How far a shader's result may be from its reference.
+//! Tolerances: the allowed difference between a shader's result and its reference.
 //!
-//! A tolerance is a tree of bounds. Each bound turns a lane's error into the ratio error / bound,
-//! which passes up to 1: `any` takes the smallest ratio of its parts, `all` the largest. NaN and
-//! infinite results have an infinite ratio under every tolerance, and only `ratio <= 1` passes, so
-//! no comparison with NaN can be mistaken for agreement.
+//! A tolerance is a tree of bounds. Each bound turns a lane's error into the ratio error / bound, which passes up to 1:
+//! `any` takes the smallest ratio of its parts, `all` the largest. NaN and infinite results have an infinite ratio
+//! under every tolerance. Only `ratio <= 1` passes, so a comparison with NaN never counts as agreement.
 
 mod line;
 mod spec;
@@ -16,15 +15,15 @@ use std::fmt;
 
 use crate::value::Scalar;
 
-/// More than what a few operations in `f64` round off, so that a bound on a ratio is one.
+/// More than the rounding error of a few `f64` operations, so that an estimate of a ratio is a true bound.
 const ROUNDING: f64 = 1.0 + 1e-12;
 
 /// Units in the last place: the number of `f32` steps between the result and the reference.
 ///
-/// Distances are taken on the ordered line of all `f32`, so `-0` equals `+0`, denormals count as
-/// steps and a binade's end is no jump. Below `f32::MIN_POSITIVE` WGSL allows results to be
-/// flushed to zero, so two values closer than that count as equal. If a function subtracts nearly
-/// equal values, [`near_zero`](Tolerance::near_zero) widens that band.
+/// Distances are measured on the ordered line of all `f32`, so `-0` equals `+0`, denormals count as steps, and there is
+/// no jump at a binade's end. Below `f32::MIN_POSITIVE` WGSL allows results to be flushed to zero, so two values closer
+/// than that count as equal. If a function subtracts nearly equal values, [`near_zero`](Tolerance::near_zero) widens
+/// that band.
 ///
 /// ```
 /// use karat::{Tolerance, Ulp};
@@ -60,7 +59,7 @@ pub struct Abs(pub f64);
 
 /// A bound on the error of each lane, made of [`Ulp`], [`Rel`] and [`Abs`].
 ///
-/// Integer and boolean lanes must be equal whatever the tolerance.
+/// Integer and boolean lanes must be equal under every tolerance.
 ///
 /// ```
 /// use karat::{Abs, Rel, Tolerance, Ulp};
@@ -76,11 +75,11 @@ pub struct Abs(pub f64);
 #[derive(Clone, Debug, PartialEq)]
 #[must_use]
 pub enum Tolerance {
-    /// Distance in `f32` steps, with steps never smaller than those at `band`.
+    /// The distance in `f32` steps; a step is never smaller than at `band`.
     Ulp {
-        /// Largest distance that passes.
+        /// The largest distance that passes.
         bound: f64,
-        /// Magnitude below which the error is absolute: `bound` steps of the size found at `band`.
+        /// The magnitude below which the error is absolute: `bound` steps of the size at `band`.
         band: f64,
     },
     /// See [`Rel`].
@@ -91,7 +90,7 @@ pub enum Tolerance {
     Any(Vec<Tolerance>),
     /// Passes if all parts pass.
     All(Vec<Tolerance>),
-    /// One tolerance a lane, in the order of the value's components.
+    /// One tolerance for each lane, in the order of the value's components.
     PerLane(Vec<Tolerance>),
 }
 
@@ -116,13 +115,13 @@ pub enum Unit {
     Exact,
     /// A statement: 0 if it holds, 1 if it doesn't.
     Statement,
-    /// How far the reference is outside of what the function is allowed to return.
+    /// The distance of the reference from the range that the function may return.
     Shader,
-    /// How far the result is outside of what WGSL allows.
+    /// The distance of the result from the range that WGSL allows.
     Driver,
-    /// How far the result is outside of what the adapter was measured to keep to.
+    /// The distance of the result from the range that was measured for the adapter.
     Measured,
-    /// How far apart the results are that are allowed.
+    /// The width of the allowed range of results.
     Conditioning,
     /// Any result is allowed.
     Unbounded,
@@ -167,11 +166,11 @@ impl Unit {
 pub struct LaneError {
     /// Error / bound; infinite for NaN and infinities.
     pub ratio: f64,
-    /// Error in `unit`.
+    /// The error in `unit`.
     pub error: f64,
-    /// Largest error that passes, in `unit`.
+    /// The largest error that passes, in `unit`.
     pub bound: f64,
-    /// Unit of `error` and `bound`.
+    /// The unit of `error` and `bound`.
     pub unit: Unit,
 }
 
@@ -181,7 +180,7 @@ impl LaneError {
 
     #[doc(hidden)]
     pub fn new(error: f64, bound: f64, unit: Unit) -> Self {
-        // 0/0 is exact agreement under an exact bound. Anything that isn't a number fails.
+        // 0/0 is exact agreement under an exact bound. NaN fails.
         let ratio = if error == 0.0 { 0.0 } else { error / bound };
         let ratio = if ratio >= 0.0 { ratio } else { f64::INFINITY };
         Self { ratio, error, bound, unit }
@@ -192,7 +191,7 @@ impl LaneError {
         Self::new(if equal { 0.0 } else { 1.0 }, 0.0, Unit::Exact)
     }
 
-    /// How far `value` is above `bound`, of which `slack` is allowed.
+    /// The excess of `value` over `bound`; `slack` of it is allowed.
     #[doc(hidden)]
     pub fn excess(value: f64, bound: f64, slack: f64) -> Self {
         Self::new(if value <= bound { 0.0 } else { value - bound }, slack, Unit::Abs)
@@ -203,7 +202,7 @@ impl LaneError {
         Self { unit: Unit::Statement, ..Self::equality(holds) }
     }
 
-    /// Whether the error is within the bound. False for NaN.
+    /// Returns `true` if the error is within the bound. NaN never is.
     ///
     /// ```
     /// use karat::Abs;
@@ -220,7 +219,8 @@ impl LaneError {
 }
 
 impl LaneError {
-    /// True if it is farther off: by its bound, and where none is allowed by the error itself. NaN is farthest.
+    /// Returns `true` if this error is larger: relative to its bound, or, for a bound of 0, by itself. NaN is the
+    /// largest.
     #[doc(hidden)]
     #[must_use]
     pub fn is_worse_than(&self, other: &Self) -> bool {
@@ -244,24 +244,24 @@ impl fmt::Display for LaneError {
     }
 }
 
-/// How far an error is beyond its bound: `20 times what is allowed`.
+/// The size of an error relative to its bound: `20 times what is allowed`.
 #[doc(hidden)]
 pub fn times_allowed(ratio: f64) -> String {
     match ratio.is_infinite() {
-        // Of a bound of 0 no error is a multiple.
+        // No error is a multiple of the bound 0.
         true => "and nothing is allowed".to_owned(),
         false => format!("{} times what is allowed", significant(ratio)),
     }
 }
 
-/// [`times_allowed`], with the error itself where it is no multiple of the bound.
+/// [`times_allowed`], with the error itself if it isn't a multiple of the bound.
 #[doc(hidden)]
 pub fn beyond(error: f64, ratio: f64) -> String {
     let times = times_allowed(ratio);
     if ratio.is_infinite() { format!("abs {}, {times}", significant(error.abs())) } else { times }
 }
 
-/// Three significant digits; an exponent where plain digits would be long.
+/// Three significant digits, with an exponent if plain digits would be long.
 #[doc(hidden)]
 pub fn significant(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
@@ -281,14 +281,14 @@ pub fn significant(value: f64) -> String {
     }
 }
 
-/// A number with its exponent, if that isn't 0: `1e-3`, and `2.5`.
+/// A number, with its exponent unless that is 0: `1e-3`, and `2.5`.
 #[doc(hidden)]
 pub fn power(value: impl fmt::LowerExp) -> String {
     let text = format!("{value:e}");
     text.strip_suffix("e0").unwrap_or(&text).to_owned()
 }
 
-/// A bound as its author would write it; three digits of one that was computed.
+/// A bound as its author would write it; a computed one has three digits.
 fn exponent(bound: f64) -> String {
     let exact = power(bound);
     if exact.len() <= 7 { exact } else { format!("{bound:.2e}") }
@@ -309,7 +309,7 @@ impl Tolerance {
         Self::PerLane(lanes.into_iter().collect())
     }
 
-    /// Passes where this or `other` passes.
+    /// Passes if this or `other` passes.
     ///
     /// ```
     /// use karat::{Abs, Rel, Ulp};
@@ -327,7 +327,7 @@ impl Tolerance {
         }
     }
 
-    /// Passes where this and `other` pass.
+    /// Passes if this and `other` pass.
     ///
     /// ```
     /// use karat::{Abs, Rel, Ulp};
@@ -345,8 +345,8 @@ impl Tolerance {
         }
     }
 
-    /// Measures ulps near zero in steps of the size found at `magnitude`. A function that subtracts
-    /// values of that size can't promise more. Other bounds are unchanged.
+    /// Measures ulps near zero in steps of the size at `magnitude`. A function that subtracts values of that size can't
+    /// promise more. Other bounds stay unchanged.
     ///
     /// ```
     /// use karat::{Abs, Ulp};
@@ -366,7 +366,7 @@ impl Tolerance {
         }
     }
 
-    /// How many lanes this tolerance was declared for; `None` if it fits any number.
+    /// The number of lanes that this tolerance was declared for; `None` if it fits any number.
     ///
     /// ```
     /// use karat::tolerance::Tolerance;
@@ -386,11 +386,11 @@ impl Tolerance {
         }
     }
 
-    /// The first bound that bounds nothing: NaN, negative, or so large that no two numbers of `f32` are
-    /// farther apart.
+    /// The first unusable bound: NaN, negative, or so large that no two numbers of `f32` are further apart.
     #[doc(hidden)]
     pub fn unusable(&self) -> Option<f64> {
-        // From the least to the largest number, the largest quotient of two, and the steps between them.
+        // The distance from the smallest to the largest number, the largest quotient of two, and the steps between
+        // them.
         let apart = 2.0 * f64::from(f32::MAX);
         let quotient = apart / f64::from(f32::from_bits(1));
         let steps = 2.0 * f64::from(f32::MAX.to_bits());
@@ -402,7 +402,7 @@ impl Tolerance {
             }
             Self::Rel(bound) => Some(*bound).filter(nothing(quotient)),
             Self::Abs(bound) => Some(*bound).filter(nothing(apart)),
-            // No alternative at all: nothing could pass, or everything.
+            // Without alternatives, nothing could pass, or everything.
             Self::Any(parts) | Self::All(parts) if parts.is_empty() => Some(f64::NAN),
             Self::Any(parts) | Self::All(parts) | Self::PerLane(parts) => {
                 parts.iter().find_map(Self::unusable)
@@ -410,7 +410,7 @@ impl Tolerance {
         }
     }
 
-    /// The error of one `f32` lane. A lane without a tolerance of its own fails.
+    /// The error of one `f32` lane. In a tolerance for each lane, a lane without one fails.
     ///
     /// ```
     /// use karat::Rel;
@@ -426,7 +426,7 @@ impl Tolerance {
         self.measure_sum(lane, f64::from(actual), expected)
     }
 
-    /// Which component of a value in words is farthest off, and how far. Integers are equal or wrong.
+    /// The component of a value in words with the largest error, and that error. Integers are equal or wrong.
     ///
     /// ```
     /// use karat::prelude::*;
@@ -439,7 +439,7 @@ impl Tolerance {
     /// ```
     ///
     /// # Panics
-    /// If there are fewer words or expected numbers than scalars.
+    /// If there are fewer words, or fewer expected numbers, than scalars.
     ///
     /// *Unstable*: for programs around tests.
     #[must_use]
@@ -464,7 +464,7 @@ impl Tolerance {
         worst
     }
 
-    /// [`measure`](Self::measure) of a sum that was taken in `f64`; it isn't rounded first.
+    /// Like [`measure`](Self::measure), for a sum computed in `f64`; it isn't rounded first.
     #[doc(hidden)]
     pub fn measure_sum(&self, lane: usize, value: f64, expected: f64) -> LaneError {
         let error = (value - expected).abs();
@@ -478,8 +478,8 @@ impl Tolerance {
         }
         match self {
             Self::Ulp { bound, band } => {
-                // Inside the band a step is the spacing at `band`; nothing is told apart that a
-                // flush to zero could make equal.
+                // Inside the band, a step is the spacing at `band`. Values that a flush to zero could make equal count
+                // as equal.
                 let distance = if value.abs().max(expected.abs()) <= *band {
                     error / spacing(*band)
                 } else {
@@ -489,13 +489,13 @@ impl Tolerance {
                 LaneError::new(if flushed { 0.0 } else { distance }, *bound, Unit::Ulp)
             }
             Self::Rel(bound) => {
-                // As for ulps: what may be flushed to zero is zero.
+                // As for ulps, a value that may be flushed to zero counts as zero.
                 let flushed = error < f64::from(f32::MIN_POSITIVE);
                 let relative = if flushed { 0.0 } else { error / expected.abs() };
                 LaneError::new(relative, *bound, Unit::Rel)
             }
             Self::Abs(bound) => {
-                // Here a small result is an error of its own size, but 0 for a subnormal is none.
+                // Here a small result has an error of its own size, but 0 for a subnormal has none.
                 let flushed = value == 0.0 && expected.abs() < f64::from(f32::MIN_POSITIVE);
                 LaneError::new(if flushed { 0.0 } else { error }, *bound, Unit::Abs)
             }
@@ -515,9 +515,9 @@ impl Tolerance {
         }
     }
 
-    /// Whether the ratio of a lane's error is at most `ratio`, by a bound on it that takes a
-    /// fraction of the time. `false` says nothing. Most results are neither wrong nor the worst so
-    /// far, and need no more than this.
+    /// Returns `true` if the ratio of a lane's error is at most `ratio`, by an estimate that takes a fraction of the
+    /// time. `false` means that nothing is known. Most results are neither wrong nor the worst so far, and need only
+    /// this estimate.
     #[inline]
     #[doc(hidden)]
     pub fn is_within(&self, lane: usize, value: f64, expected: f64, ratio: f64) -> bool {
@@ -528,8 +528,8 @@ impl Tolerance {
         let at_most = |bound: f64| error * ROUNDING <= ratio * bound;
         let flushed = || error < f64::from(f32::MIN_POSITIVE) && 0.0 <= ratio;
         match self {
-            // No step between two numbers of one sign is smaller than the one at the smaller of
-            // them, nor than the one at `band`.
+            // No step between two numbers of the same sign is smaller than the one at the smaller number, or than the
+            // one at `band`.
             Self::Ulp { bound, band } => {
                 let smaller = value.abs().min(expected.abs());
                 let smaller = if value * expected > 0.0 { smaller.max(*band) } else { *band };
@@ -543,7 +543,7 @@ impl Tolerance {
         }
     }
 
-    /// [`is_within`](Self::is_within) of a tolerance that is made of others.
+    /// [`is_within`](Self::is_within) for a tolerance with parts.
     fn is_within_parts(&self, lane: usize, value: f64, expected: f64, ratio: f64) -> bool {
         let within = |part: &Self| part.is_within(lane, value, expected, ratio);
         match self {
@@ -605,12 +605,12 @@ macro_rules! leaf {
         }
 
         impl $leaf {
-            /// Passes where this or `other` passes.
+            /// Passes if this or `other` passes.
             pub fn or(self, other: impl Into<Tolerance>) -> Tolerance {
                 Tolerance::from(self).or(other)
             }
 
-            /// Passes where this and `other` pass.
+            /// Passes if this and `other` pass.
             pub fn and(self, other: impl Into<Tolerance>) -> Tolerance {
                 Tolerance::from(self).and(other)
             }

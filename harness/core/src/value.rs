@@ -1,10 +1,9 @@
-//! What crosses the CPU/GPU boundary.
+//! The values that cross the CPU/GPU boundary.
 //!
-//! A value travels as *lanes*: its scalars in declaration order, each in one 32-bit word. The
-//! probe kernel puts the value together again from its lanes, so no WGSL memory layout (padding,
-//! alignment, strides) is involved and none can be got wrong. [`Shape`] names the WGSL type, and
-//! is the same for host types ([`Shareable`]), for their `f64` twins ([`Mirror`]) and for the
-//! signature that naga reflects: the three are compared before anything is dispatched.
+//! A value travels as *lanes*: its scalars in declaration order, each in one 32-bit word. The probe kernel assembles
+//! the value from its lanes, so WGSL's memory layout (padding, alignment, strides) can't cause errors. [`Shape`] names
+//! the WGSL type, and is the same for host types ([`Shareable`]), for their `f64` twins ([`Mirror`]) and for the
+//! signature that naga reflects: Karat compares the three before it dispatches anything.
 
 mod differing;
 mod glams;
@@ -65,8 +64,8 @@ impl Scalar {
         }
     }
 
-    /// Whether a lane of this type is compared with a tolerance. Integers and booleans are not:
-    /// they are equal or wrong.
+    /// Returns `true` if a lane of this type is compared with a tolerance. Integers and booleans aren't: they are equal
+    /// or wrong.
     ///
     /// ```
     /// use karat::unstable::value::Scalar;
@@ -94,7 +93,7 @@ impl Scalar {
             .find(|scalar| scalar.wgsl() == wgsl)
     }
 
-    /// The lane of a decimal, `true` or `false`; `None` if it is no finite value of the type.
+    /// The lane of a decimal, `true` or `false`; `None` if the text isn't a finite value of the type.
     ///
     /// ```
     /// use karat::unstable::value::Scalar;
@@ -114,7 +113,7 @@ impl Scalar {
         }
     }
 
-    /// The value in a lane. Exact for each scalar type.
+    /// The value in a lane, which is exact for each scalar type.
     ///
     /// ```
     /// use karat::unstable::value::Scalar;
@@ -168,15 +167,16 @@ pub enum Shape {
     },
     /// A WGSL structure.
     Struct {
-        /// Name as the author wrote it.
+        /// The name, as the author wrote it.
         name: String,
-        /// Members in order, with their names.
+        /// The members in order, with their names.
         members: Vec<(String, Shape)>,
     },
 }
 
 impl Shape {
-    /// The scalars of one to four numbers, as an attribute or a texel is: a scalar, a vector, or an array of scalars.
+    /// The scalar type and the number of components, from one to four, of an attribute or a texel: a scalar, a vector,
+    /// or an array of scalars.
     ///
     /// ```
     /// use karat_core::value::{Scalar, Shareable};
@@ -264,11 +264,10 @@ impl Shape {
         }
     }
 
-    /// Whether a host value of this shape can stand for the WGSL type `wgsl`.
+    /// Returns `true` if a host value of this shape can stand for the WGSL type `wgsl`.
     ///
-    /// Structures agree if their members do; their own names may differ. If `result` is set, an
-    /// `f32` of the host stands for `f16`, too, because a reference computes in `f64` and can't
-    /// tell them apart.
+    /// Structures agree if their members do; their own names may differ. If `result` is set, an `f32` of the host also
+    /// stands for `f16`, because a reference computes in `f64`, where both are the same.
     ///
     /// ```
     /// use karat::unstable::value::{Scalar, Shape};
@@ -304,13 +303,13 @@ impl Shape {
         }
     }
 
-    /// The shape of a [`Quad`] of this one.
+    /// The shape of a [`Quad`] of this shape.
     #[doc(hidden)]
     pub fn as_quad(&self) -> Self {
         Quad::<f32>::members(self)
     }
 
-    /// What varies from pixel to pixel, if this is the shape of a [`Quad`].
+    /// The shape of the value that varies from pixel to pixel, if this is the shape of a [`Quad`].
     ///
     /// ```
     /// use karat::unstable::value::{Scalar, Shape};
@@ -326,8 +325,7 @@ impl Shape {
         }
     }
 
-    /// The value in `lanes` as one would write it in WGSL, with the shortest decimals that read
-    /// back to the same bits.
+    /// The value in `lanes` in WGSL's notation, with the shortest decimals that give the same bits.
     ///
     /// ```
     /// use karat::unstable::value::{Scalar, Shape};
@@ -405,7 +403,7 @@ impl fmt::Display for Shape {
     }
 }
 
-/// One lane in decimal: the shortest digits that read back to the same bits.
+/// One lane in decimal: the shortest digits that give the same bits.
 ///
 /// ```
 /// use karat::unstable::value::Scalar;
@@ -423,8 +421,8 @@ pub fn format_lane(scalar: Scalar, lane: u32) -> String {
     }
 }
 
-/// An `f32` in decimal: the shortest digits that read back to the same bits, with an exponent
-/// where plain digits would be long. `-0`, `NaN` and `inf` keep their names.
+/// An `f32` in decimal: the shortest digits that give the same bits, with an exponent if plain digits would be long.
+/// `-0`, `NaN` and `inf` keep their names.
 ///
 /// ```
 /// use karat::unstable::value::format_f32;
@@ -458,7 +456,7 @@ pub fn hexfloat(value: f32) -> String {
     }
     let bits = value.to_bits();
     let sign = if value.is_sign_negative() { "-" } else { "" };
-    // The fraction's 23 bits are shown as 24: six hexadecimal digits, trailing zeros dropped.
+    // The 23 bits of the fraction are shown as 24: six hexadecimal digits, without trailing zeros.
     let fraction = format!("{:06x}", (bits & 0x007f_ffff) << 1);
     let fraction = fraction.trim_end_matches('0');
     let point = if fraction.is_empty() { "" } else { "." };

@@ -1,4 +1,4 @@
-//! What passes leave, compared with a golden: the elements that were accepted.
+//! Compares the results of passes with a golden: elements that were accepted.
 
 use std::panic::Location;
 
@@ -13,8 +13,8 @@ use crate::tolerance::Tolerance;
 use crate::value::Shape;
 
 impl After<'_> {
-    /// Checks that the elements are what they were when their golden was accepted, to within a tolerance:
-    /// `golden/<case>.csv`, a row for each element. It is for passes that have no reference.
+    /// Compares the elements with their accepted golden, to within a tolerance. The golden is `golden/<case>.csv`, with
+    /// a row for each element. Use it for passes without a reference.
     ///
     /// ```no_run
     /// # use karat::{Goldens, prelude::*};
@@ -65,7 +65,7 @@ impl After<'_> {
                 whole => whole,
             };
             let executors = self.executors()?;
-            // What is compared with a golden on one path becomes the next one on that path, too.
+            // The elements that are compared on a path also become the next golden of that path.
             let made = |executor: &dyn Executor| {
                 let adapter = executor::adapter(executor);
                 let words = words(executor, &passes, &part)?;
@@ -97,7 +97,7 @@ impl After<'_> {
                 self.expect_each_order(None, &passes, report, &again)?;
                 return Err(left(first()?, None).into());
             };
-            // The verdict below reports what stops this path.
+            // The verdict below reports an error of this path.
             if let Ok((now, adapter)) = first() {
                 let count = (golden.len() != now.len()).then(|| {
                     format!("it has {} elements, now there are {}", golden.len(), now.len())
@@ -110,7 +110,7 @@ impl After<'_> {
             let cells = golden.rows().flatten();
             let lanes = scalars.zip(cells).map(|(scalar, word)| scalar.decode(*word)).collect();
             let expected = Expected { shape: element.clone(), lanes };
-            // What the first path has that differs is left to be looked at.
+            // Writes the first path's differing elements, so you can look at them.
             let with_golden = |failure: ComputeError| {
                 let ComputeError::Differs(difference) = failure else { return Ok(failure) };
                 let Some(path) = difference.paths.first() else {
@@ -147,7 +147,7 @@ impl After<'_> {
     }
 }
 
-/// Hash of the linked WGSL of all passes.
+/// The hash of the linked WGSL of all passes.
 fn shader(passes: &Passes) -> String {
     let texts = passes.passes.iter().map(|pass| pass.program.text());
     text_hash(texts.collect::<String>().as_bytes())

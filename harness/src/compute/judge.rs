@@ -1,4 +1,4 @@
-//! Judges what resources hold after passes.
+//! Judges the contents of resources after passes.
 
 use std::fmt;
 use std::panic::Location;
@@ -15,18 +15,18 @@ use crate::run::{Identity, Judged, Replayed, Report, replay, reported};
 use crate::tolerance::{LaneError, Tolerance};
 use crate::value::{Scalar, Shape, hexfloat};
 
-/// What is asserted of the elements.
+/// An assertion about the elements.
 pub(super) enum Assertion<'a> {
     Agrees(Expected, Tolerance),
     Each(Each<'a>),
     Holds(Statement<'a>),
 }
 
-/// A statement of each number.
+/// A statement about each number.
 pub(super) struct Each<'a> {
     pub(super) text: &'a str,
     pub(super) shape: Shape,
-    /// The number that is expected, in words: `a finite number`.
+    /// The expected number, in words: `a finite number`.
     pub(super) expected: &'a str,
     pub(super) holds: &'a (dyn Fn(Scalar, f64) -> bool + Sync),
 }
@@ -37,18 +37,18 @@ pub(super) struct Expected {
     pub(super) lanes: Vec<f64>,
 }
 
-/// A statement of all elements.
+/// A statement about all elements.
 pub(super) struct Statement<'a> {
     pub(super) text: String,
     pub(super) shape: Shape,
-    /// True if it may hold of a resource that no pass changed.
+    /// Set if the resource may stay unchanged.
     pub(super) may_stay: bool,
-    /// True if it doesn't ask the resource: its verdict is known.
+    /// Set if the verdict is known without the resource.
     pub(super) settled: bool,
     pub(super) breaks: &'a dyn Fn(&[u32]) -> Option<Broken>,
 }
 
-/// How a resource breaks a statement.
+/// A broken statement's failures.
 ///
 /// ```
 /// let whole = karat::unstable::compute::Broken { failures: 1, first: None };
@@ -56,13 +56,13 @@ pub(super) struct Statement<'a> {
 /// ```
 #[derive(Clone, Debug)]
 pub struct Broken {
-    /// The elements that do; of a statement of all of them 1.
+    /// The number of elements that break the statement; 1 for a statement about all of them.
     pub failures: usize,
-    /// The first of them, if it is one element's fault.
+    /// The first of them, unless all elements together break the statement.
     pub first: Option<Element>,
 }
 
-/// Elements that differ, on each path that fails.
+/// The elements that differ, on each path that fails.
 ///
 /// ```
 /// use karat::compute::ComputeError;
@@ -83,15 +83,15 @@ pub struct Difference {
     pub entry_points: String,
     /// The variable.
     pub variable: String,
-    /// What was asserted.
+    /// The assertion.
     pub assertion: String,
-    /// Where the last entry point is declared, and its line.
+    /// The place of the last entry point's declaration, with its line.
     pub location: String,
     /// Each path that fails.
     pub paths: Vec<PathDifference>,
     /// Paths that agree.
     pub agreeing: Vec<Adapter>,
-    /// Where a value that isn't finite comes from, if an element is one: ``first NaN: `a / b` of 0, 0 (sum.wgsl:4:9)``.
+    /// The origin of a value that isn't finite, if an element is one: ``first NaN: `a / b` of 0, 0 (sum.wgsl:4:9)``.
     pub not_finite: Option<String>,
 }
 
@@ -115,13 +115,13 @@ pub struct Difference {
 pub struct PathDifference {
     /// Path, adapter and driver.
     pub adapter: Adapter,
-    /// Elements that were compared.
+    /// The number of elements that were compared.
     pub elements: usize,
-    /// How many of them fail, and how.
+    /// The number and the kinds of the failures.
     pub census: Census,
-    /// The first that fails, and the worst.
+    /// The first failing element, and the worst.
     pub shown: Vec<Element>,
-    /// The command that dispatches it again on this path.
+    /// The command that repeats the passes on this path.
     pub replay: Replay,
 }
 
@@ -143,17 +143,17 @@ pub struct PathDifference {
 /// ```
 #[derive(Clone, Debug)]
 pub struct Element {
-    /// Which one, and its component.
+    /// The element and its component.
     pub place: Place,
-    /// What it is.
+    /// The actual value.
     pub actual: String,
-    /// What it should be.
+    /// The expected value.
     pub expected: String,
-    /// How far off it is.
+    /// The error.
     pub error: String,
 }
 
-/// What of a resource differs.
+/// The place of a difference in a resource.
 ///
 /// ```
 /// use karat::unstable::compute::Place;
@@ -166,14 +166,14 @@ pub struct Element {
 pub enum Place {
     /// An element.
     Element {
-        /// Its index; of a texel its number, by rows from the top.
+        /// The index of the element, or the number of a texel, by rows from the top.
         index: usize,
-        /// The component: `.x`; empty: all of it.
+        /// The component, `.x`; empty for the whole element.
         component: String,
-        /// The column and the row of a texel, `[3, 1]`; or an element's place in a grid, `[9: row 1, column 3]`.
+        /// The column and the row of a texel, `[3, 1]`, or an element's place in a grid, `[9: row 1, column 3]`.
         texel: Option<String>,
     },
-    /// The whole, in words.
+    /// The whole resource, in words.
     Whole(String),
 }
 
@@ -195,7 +195,7 @@ impl fmt::Display for Place {
 }
 
 impl Sum {
-    /// The first element that fails and the worst, if that is another one.
+    /// The first failing element, and the worst one if it is another element.
     fn of(tally: Tally, element: &dyn Fn(Shown) -> Element) -> Self {
         let worst = tally.worst.map_or(LaneError::ZERO, |worst| worst.judged.measure);
         let first = tally.first;
@@ -207,7 +207,7 @@ impl Sum {
         Self { census: tally.census, worst, shown }
     }
 
-    /// The same, with names of texels if the resource is a texture.
+    /// The same with texels' names, if the resource is a texture.
     pub(super) fn named(
         mut self,
         passes: &Passes,
@@ -226,14 +226,14 @@ impl Sum {
         self
     }
 
-    /// So many failures of a statement, with the element that is shown.
+    /// Failures of a statement, with the element to show.
     pub(super) fn of_failures(failures: usize, shown: Option<Element>) -> Self {
         let census = Census { failures: failures as u64, ..Census::default() };
         let worst = LaneError::statement(failures == 0);
         Self { census, worst, shown: shown.into_iter().collect() }
     }
 
-    /// Passes that a loop didn't leave.
+    /// Passes with a loop that didn't end.
     pub(super) fn endless() -> Self {
         let element = Element {
             place: Place::Whole("nothing".to_owned()),
@@ -249,11 +249,11 @@ impl Sum {
 struct Outcome {
     elements: usize,
     sum: Sum,
-    /// The command that dispatches it again.
+    /// The command that repeats the passes on it.
     replay: Replay,
 }
 
-/// What the elements of one path add up to.
+/// The summary of one path's elements.
 pub(super) struct Sum {
     pub(super) census: Census,
     worst: LaneError,
@@ -261,7 +261,7 @@ pub(super) struct Sum {
 }
 
 impl After<'_> {
-    /// Dispatches on each path, judges and records.
+    /// Dispatches on each path, judges, and records.
     pub(super) fn judge(
         &self,
         assertion: Assertion<'_>,
@@ -271,7 +271,7 @@ impl After<'_> {
         self.report((verb, assertion.text()), place, |report| self.judged(&assertion, verb, report))
     }
 
-    /// Records what a verb finds.
+    /// Records the result of a verb.
     pub(super) fn report(
         &self,
         (verb, text): (&str, String),
@@ -346,7 +346,7 @@ impl After<'_> {
             }
             let sum = self.sum(assertion, own, &element, &found, function)?;
             let sum = sum.named(&passes, part.number, self.grid);
-            // What fails has shown something.
+            // A failure shows that the passes did something.
             let may_stay = matches!(assertion, Assertion::Holds(one) if one.may_stay);
             if sum.census.failures == 0
                 && !may_stay
@@ -407,7 +407,7 @@ impl After<'_> {
         Ok(ComputeAgreement { variable: self.variable.clone(), elements, paths, known_issues })
     }
 
-    /// The type of an element, once what is asserted fits it.
+    /// The type of an element, after checking that the assertion fits it.
     fn fitting(
         &self,
         assertion: &Assertion<'_>,
@@ -488,7 +488,7 @@ impl After<'_> {
                 expected: expected.lanes.len() / width,
             });
         }
-        // The lane of each of the words that are compared, one after the other.
+        // The lane of each compared word, in order.
         let (places, wanted) = match self.up_to_order {
             true => {
                 let (before, scalars) = listed(shape);
@@ -521,8 +521,9 @@ fn each(scalars: &[Scalar], actual: &[u32], holds: &dyn Fn(Scalar, f64) -> bool)
     judge::Judged { measure, lane: broken.unwrap_or(0), class: Class::Other }
 }
 
-/// The part of a value that is compared up to its order: the lanes before it, and the lanes of an element. Of a structure it
-/// is the array that is its last member: `{ count: atomic<u32>, items: array<Item> }`.
+/// Splits a value for a comparison without order: the number of lanes before the list, and the lanes of a list's
+/// element. In a structure, the list is the array that is its last member: `{ count: atomic<u32>, items: array<Item>
+/// }`.
 fn listed(element: &Shape) -> (usize, Vec<Scalar>) {
     if let Shape::Struct { members, .. } = element
         && let Some((_, list @ Shape::Array { element: item, .. })) = members.last()
@@ -532,8 +533,9 @@ fn listed(element: &Shape) -> (usize, Vec<Scalar>) {
     (0, element.lanes())
 }
 
-/// Elements and expected ones side by side, whatever their order is: the lanes of the elements, and the expected values. In the
-/// order of their values each finds the next that is near enough; those that find none come last.
+/// Pairs elements and expected ones without regard to their order; returns the lanes of the elements, and the expected
+/// values. Both are sorted by value, and each element takes the next expected one within the tolerance. Elements
+/// without a partner come last.
 fn matched(
     (found, scalars): (&[u32], &[Scalar]),
     wanted: &[f64],
@@ -571,7 +573,7 @@ fn matched(
 }
 
 fn by_value(a: &[f64], b: &[f64]) -> std::cmp::Ordering {
-    // Both zeros are one value.
+    // Both zeros count as the same value.
     let each = a.iter().zip(b).map(|(a, b)| (a + 0.0).total_cmp(&(b + 0.0)));
     each.fold(std::cmp::Ordering::Equal, std::cmp::Ordering::then)
 }
@@ -584,12 +586,12 @@ impl Assertion<'_> {
         }
     }
 
-    /// True if no order changes its verdict.
+    /// Returns `true` if no order changes its verdict.
     pub(super) fn is_settled(&self) -> bool {
         matches!(self, Self::Holds(statement) if statement.settled)
     }
 
-    /// As a part of a sentence: it holds that ..
+    /// The assertion as part of a sentence, after "it holds that".
     pub(super) fn holds(&self) -> String {
         match self {
             Self::Agrees(_, tolerance) => format!("elements agree within {tolerance}"),
@@ -629,7 +631,7 @@ impl PathDifference {
             error: element.error.clone(),
             ..CaseDetails::default()
         };
-        // The first that fails comes first; the worst may be the same.
+        // The first failing case comes first; the worst may be the same.
         let first = self.shown.first().map(case);
         let worst = self.shown.get(1).map(case);
         let (worst, first) = if worst.is_some() { (worst, first) } else { (first, None) };

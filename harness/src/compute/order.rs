@@ -1,7 +1,7 @@
-//! Assertions of passes hold in each order of their workgroups and invocations, as WGSL promises none.
+//! Checks assertions about passes in several orders of their workgroups and invocations, since WGSL promises no order.
 //!
-//! Passes without a race may still depend on an order: that of atomics. The engine runs them in seeded orders and
-//! judges what each leaves.
+//! Passes without a race may still depend on the order of their atomics. The engine runs them in seeded orders, and
+//! judges each result.
 
 use std::fmt;
 
@@ -15,7 +15,7 @@ use crate::record::{Details, Replay, tell_prints};
 use crate::run::Report;
 use crate::value::Shape;
 
-/// A dependence of passes' results on the order in which their invocations run.
+/// Results of passes that depend on the order of their invocations.
 ///
 /// ```
 /// use karat::compute::ComputeError;
@@ -44,22 +44,23 @@ pub struct OrderDependence {
     pub variable: String,
     /// The assertion.
     pub assertion: String,
-    /// True if it holds in the usual order in Karat's engine.
+    /// Set if the assertion holds in the usual order in Karat's engine.
     pub holds: bool,
-    /// The first operation that gives an invocation something else, or if there is none the entry point of the pass whose
-    /// order matters, or the last one: `file:line:column`.
+    /// The first operation that gives an invocation another result. If there is none, the entry point of the pass whose
+    /// order matters, or of the last one: `file:line:column`.
     pub location: String,
     /// The difference between the orders: `local (3, 0, 0) of workgroup (0, 0, 0) stalls before its second atomic`.
     pub swap: String,
-    /// The operation, the invocation and both results; `None` if writes alone come in another order.
+    /// The operation, the invocation and both results; `None` if only the order of writes differs.
     pub operation: Option<String>,
-    /// The atomics in that order, if they are few, and the two that others see in another order than they stand in.
+    /// The atomics in that order, if they are few; and the two that other invocations see in another order than the
+    /// program's.
     pub turns: Vec<String>,
-    /// Invocations of a subgroup in that order; `None` if the passes don't depend on it.
+    /// The subgroup size in that order; `None` if the passes don't depend on it.
     pub subgroup: Option<u32>,
-    /// The first element that is wrong then.
+    /// The first element that is wrong in that order.
     pub element: Option<Element>,
-    /// The command that tries the orders again.
+    /// The command that runs the orders again.
     pub replay: Replay,
 }
 
@@ -118,10 +119,10 @@ impl fmt::Display for OrderDependence {
 }
 
 impl After<'_> {
-    /// Compares elements whatever their order is: elements that passes append by an atomic counter come in another one
-    /// on each driver. Both sides are sorted by their values, so elements of several numbers should differ by more than
-    /// the tolerance in the first one. Of a structure that ends in an array, as of a counter and its items, the array's
-    /// elements are meant.
+    /// Compares elements without regard to their order. Use it if passes append elements by an atomic counter, because
+    /// each driver appends them in another order. Both sides are sorted by value, so elements with several numbers
+    /// should differ in the first one by more than the tolerance. For a structure that ends in an array, such as a
+    /// counter with its items, it sorts the array's elements.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -137,7 +138,8 @@ impl After<'_> {
         self
     }
 
-    /// Gives elements that lie by rows so many rows and columns: a failure says in which an element lies.
+    /// Arranges the elements in rows and columns, row by row. A failure then names the row and the column of an
+    /// element.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -154,8 +156,8 @@ impl After<'_> {
         self
     }
 
-    /// Runs the passes in the engine, in one order of their invocations after the other: none may have a violation that
-    /// isn't accepted, and the assertion has to hold of what each leaves. Others report a failure in the usual order.
+    /// Runs the passes in the engine, in one order after another. In each order, every violation must be accepted, and
+    /// the assertion must hold. Failures in the usual order are reported elsewhere.
     pub(super) fn expect_each_order(
         &self,
         assertion: Option<(&Assertion<'_>, &Part, &Shape)>,
@@ -219,7 +221,7 @@ impl After<'_> {
         Ok(())
     }
 
-    /// The failure in an order, by the simplest one that has it.
+    /// The failure in an order, simplified to the simplest order that still fails.
     fn dependence(
         &self,
         passes: &Passes,
@@ -229,7 +231,7 @@ impl After<'_> {
     ) -> Result<ComputeError, ComputeError> {
         let run = |order: &OrderOf| {
             let left = match in_order_of(passes, Some(order)) {
-                // A loop that waits for an invocation behind it: WGSL promises that none of them makes progress.
+                // A loop waits for an invocation that runs later: WGSL promises progress to no invocation.
                 Err(DispatchError::Probe(ProbeError::Rounds { .. }) | DispatchError::Rounds(_)) => {
                     None
                 }
@@ -270,23 +272,23 @@ impl After<'_> {
     }
 }
 
-/// The lanes of a resource that passes left.
+/// The lanes of a resource after the passes.
 fn lanes_of(passes: &Passes, part: &Part, left: Afterwards) -> Vec<u32> {
     let own = left.into_iter().find(|(of, _)| *of == part.number);
     let lanes = own.and_then(|(_, words)| passes.lanes(part.number, &words));
     part.pick(lanes.expect("a pass writes the resource"))
 }
 
-/// An assertion of what passes leave in each order.
+/// An assertion about the result of each order.
 struct InOrders<'a> {
     after: &'a After<'a>,
     assertion: &'a Assertion<'a>,
     part: &'a Part,
     element: &'a Shape,
-    /// The lanes that the usual order leaves, and whether the assertion holds of them.
+    /// The lanes after the usual order, and whether the assertion holds for them.
     usual: Vec<u32>,
     holds: bool,
-    /// What is asserted where it doesn't.
+    /// The assertion to use if the original one doesn't hold.
     own: Option<Assertion<'a>>,
 }
 
@@ -299,8 +301,8 @@ impl<'a> InOrders<'a> {
     ) -> Result<Self, ComputeError> {
         let function = after.last_entry_point();
         let holds = after.sum(assertion, None, element, &usual, function)?.census.failures == 0;
-        // Drivers round otherwise than the engine, so what it leaves may be beyond the tolerance. Each order has to leave the
-        // same nevertheless; and a statement that holds in one of them depends on the order.
+        // Drivers round differently from the engine, so the engine's result may be beyond the tolerance. Still, each
+        // order must give the same result; and a statement that holds in only some orders depends on the order.
         let own = match assertion {
             Assertion::Agrees(_, tolerance) if !holds => {
                 let shape = element.clone();
@@ -314,12 +316,12 @@ impl<'a> InOrders<'a> {
         Ok(Self { after, assertion, part, element, usual, holds, own })
     }
 
-    /// True if neither what the usual order leaves nor a statement says what an order has to leave.
+    /// Returns `true` if neither the usual order's result nor a statement decides what an order must give.
     fn is_undecided(&self) -> bool {
         !self.holds && self.own.is_none()
     }
 
-    /// What another order left, judged; where it left nothing, whether by a loop without an end.
+    /// The judged result of another order. If there is none, says whether a loop didn't end.
     fn sum(
         &self,
         passes: &Passes,

@@ -1,4 +1,4 @@
-//! The violations of passes fail them, but for races that are accepted.
+//! Fails passes that have violations, except for accepted races.
 
 use std::fmt;
 
@@ -11,21 +11,21 @@ use crate::package::Package;
 use crate::record::{Details, Replay};
 use crate::run::Report;
 
-/// Messages that are shown whole. Several lines often have one cause.
+/// The most messages that are shown in full. Several lines often have one cause.
 const SHOWN: usize = 4;
 
-/// Races that are meant.
+/// An accepted race.
 #[derive(Clone, Debug)]
 pub(super) struct Accepted {
     variable: String,
-    /// True if only writes of one value are.
+    /// Set if it accepts only writes of one value.
     equal: bool,
     reason: String,
 }
 
 impl Accepted {
     fn covers(&self, race: &Violation) -> bool {
-        // Barriers and indices have no variable.
+        // A violation of a barrier or an index has no variable.
         let is_race = !race.variable.is_empty();
         let own = race.variable.rsplit("::").next() == Some(&self.variable);
         let named = own || race.variable == self.variable;
@@ -53,9 +53,9 @@ impl Accepted {
 /// ```
 #[derive(Clone, Debug)]
 pub struct Violations {
-    /// Each pair of accesses once, with the first element that has it.
+    /// Each pair of accesses once, at the first element where it occurs.
     pub all: Vec<Violation>,
-    /// The command that looks through the passes again.
+    /// The command that checks the passes again.
     pub replay: Replay,
     messages: Vec<Diagnostic>,
 }
@@ -83,8 +83,8 @@ impl fmt::Display for Violations {
 }
 
 impl Compute<'_> {
-    /// Declares that invocations race on a variable, and why that is meant: that the algorithm takes whichever value
-    /// comes last, say. If there is no such race, the test fails.
+    /// Declares that invocations race on a variable, and why that is intended: for example, because any of the written
+    /// values will do. If there is no such race, the test fails.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -99,9 +99,9 @@ impl Compute<'_> {
         self.accept(variable, reason, false)
     }
 
-    /// Declares that several invocations write the same value to an element of a variable, and why that is meant: a
-    /// flag that each of them may set. WGSL doesn't order these writes, either. Any other race still fails, and so
-    /// does the test if there is no such write.
+    /// Declares that several invocations write the same value to an element of a variable, and why that is intended:
+    /// for example, a flag that each of them may set. WGSL doesn't order these writes, either. Any other race still
+    /// fails the test, and so does the absence of such a write.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -124,12 +124,12 @@ impl Compute<'_> {
 }
 
 impl After<'_> {
-    /// True of a violation that isn't accepted.
+    /// Returns `true` if the violation isn't accepted.
     pub(super) fn fails(&self, one: &Violation) -> bool {
         one.kind.fails() && !self.compute.accepted.iter().any(|accepted| accepted.covers(one))
     }
 
-    /// Refuses accepted races without a reason, or of a variable that no pass has.
+    /// Refuses accepted races that have no reason, or whose variable is in no pass.
     pub(super) fn expect_known_variables(&self, passes: &Passes) -> Result<(), ComputeError> {
         let accepted = &self.compute.accepted;
         if let Some(one) = accepted.iter().find(|one| one.reason.trim().is_empty()) {
@@ -148,12 +148,12 @@ impl After<'_> {
         Ok(())
     }
 
-    /// The findings in passes; at a barrier that some invocations miss with Tint's word, if it is here.
+    /// The findings in passes. At a barrier that some invocations miss, Tint's verdict is added, if Tint is installed.
     pub(super) fn with_tint(&self, passes: &Passes, examined: Examined) -> Examined {
         with_tint(passes, self.compute.package, examined)
     }
 
-    /// Records how much the sanitizer looked through, and fails by what it found.
+    /// Records how much of the passes the sanitizer checked, and fails if it found a violation.
     pub(super) fn expect_no_violations(
         &self,
         examined: Examined,
@@ -174,7 +174,7 @@ impl After<'_> {
             let replay = replay.clone();
             return Err(ComputeError::Violations(Box::new(Violations { all, replay, messages })));
         }
-        // Passes that weren't looked through whole may have the race elsewhere.
+        // In passes that weren't checked completely, the race may be elsewhere.
         let Some(one) = unmet.filter(|_| whole) else { return Ok(()) };
         let what =
             if one.equal { "no two invocations write one value there" } else { "there is none" };

@@ -10,11 +10,11 @@ use crate::frame::tap::{Read, Tap, TapError, Tapped, candidates, find_or_part, p
 use crate::path::Path;
 use crate::reflect::TOLD;
 
-/// Bytes of a storage buffer that every device of WebGPU binds (`maxStorageBufferBindingSize`).
+/// The largest storage buffer that every WebGPU device binds, in bytes (`maxStorageBufferBindingSize`).
 const MOST_BYTES: usize = 128 << 20;
 
 impl Compute<'_> {
-    /// The values of the last pass that have names, a line each.
+    /// The named values of the last pass, one line each.
     ///
     /// # Errors
     /// If the passes aren't valid.
@@ -27,7 +27,7 @@ impl Compute<'_> {
         Ok(all.iter().filter_map(|one| one.listed(&pass.program)).collect())
     }
 
-    /// The places of the lines that print, in what the last pass runs: each is one for [`Tap::new`].
+    /// The places of the lines that print in the last pass. Each works as an argument of [`Tap::new`].
     ///
     /// # Errors
     /// If the passes aren't valid.
@@ -39,7 +39,7 @@ impl Compute<'_> {
         Ok(prints(&pass.program, &[&pass.entry_point]))
     }
 
-    /// A value that the invocations of the last pass compute, on a path.
+    /// A value that the invocations of the last pass compute, on one path.
     ///
     /// ```
     /// use karat::Path;
@@ -59,7 +59,7 @@ impl Compute<'_> {
     /// ```
     ///
     /// # Errors
-    /// If there is no such value, or the passes can't be dispatched there.
+    /// If there is no such value, or if the passes can't be dispatched on the path.
     ///
     /// *Unstable*: for programs around tests.
     pub fn tap(&self, path: Path, tap: &Tap) -> Result<Tapped, TapError> {

@@ -1,5 +1,5 @@
-//! Passes and what they leave for programs whose types aren't known when they are compiled: tests without Rust, and
-//! `karat call`. A resource is a shape and its lanes.
+//! Passes and their results for programs that don't know the types at compile time: tests without Rust, and `karat
+//! call`. A resource is a shape with its lanes.
 
 use std::panic::Location;
 
@@ -14,7 +14,7 @@ use crate::value::{Scalar, Shape};
 
 pub use super::judge::{Broken, Element, Place};
 
-/// A resource with what it holds.
+/// A resource with its contents.
 ///
 /// ```
 /// use karat::unstable::compute::Content;
@@ -27,14 +27,14 @@ pub use super::judge::{Broken, Element, Place};
 pub struct Content {
     /// The variable, or the fixture that several passes share.
     pub name: String,
-    /// The type, whose arrays have their lengths.
+    /// The type; its arrays have lengths.
     pub shape: Shape,
     /// A word for each scalar.
     pub lanes: Vec<u32>,
 }
 
 impl Content {
-    /// The type of an element of an array; of something else its own.
+    /// The type of an array's element, or else the type itself.
     ///
     /// ```
     /// use karat::unstable::compute::Content;
@@ -52,7 +52,8 @@ impl Content {
         }
     }
 
-    /// A member of it, of each element (`position`, `items.position`); empty: all of it.
+    /// A member of the resource, or of each of its elements (`position`, `items.position`); an empty path returns the
+    /// whole resource.
     ///
     /// ```
     /// use karat::unstable::compute::Content;
@@ -69,7 +70,7 @@ impl Content {
     }
 }
 
-/// The content of a resource before all passes.
+/// The contents of a resource before all passes.
 ///
 /// ```
 /// # use karat::prelude::*;
@@ -89,7 +90,7 @@ pub fn before(compute: &Compute<'_>, variable: &str) -> Result<Content, ComputeE
     Ok(Content { name, shape, lanes })
 }
 
-/// The content of each resource that passes write, after them, on a path.
+/// The contents of each resource that passes write, after them, on one path.
 ///
 /// ```
 /// # use karat::Path;
@@ -103,7 +104,7 @@ pub fn before(compute: &Compute<'_>, variable: &str) -> Result<Content, ComputeE
 /// ```
 ///
 /// # Errors
-/// If the passes can't be dispatched there.
+/// If the passes can't be dispatched on the path.
 pub fn left(compute: &Compute<'_>, path: Path) -> Result<Vec<Content>, ComputeError> {
     let passes = compute.passes()?;
     let afterwards = executor::dispatch(executor::of(path)?, &passes)?;
@@ -116,7 +117,7 @@ pub fn left(compute: &Compute<'_>, path: Path) -> Result<Vec<Content>, ComputeEr
     afterwards.into_iter().map(content).collect()
 }
 
-/// The findings of the sanitizer, each with its message, and how much it looked through.
+/// The sanitizer's findings, each with its message, and the extent of what it checked.
 ///
 /// ```
 /// # use karat::prelude::*;
@@ -142,15 +143,15 @@ pub fn violations(
     Ok((examined.violations.into_iter().map(shown).collect(), examined.watched))
 }
 
-/// The tables of the lines that print in the passes' shaders.
+/// The tables of the printing lines in the passes' shaders.
 ///
 /// # Errors
-/// If the passes aren't valid, the engine doesn't execute them, or an assertion of theirs is false.
+/// If the passes aren't valid, if the engine can't execute them, or if one of their assertions is false.
 pub fn printed(compute: &Compute<'_>) -> Result<Vec<String>, ComputeError> {
     Ok(printed_by(&compute.passes()?, KEPT)?)
 }
 
-/// Each intermediate of an invocation of the last pass, by its `global_invocation_id`.
+/// Every intermediate value of one invocation of the last pass, by its `global_invocation_id`.
 ///
 /// ```
 /// # use karat::prelude::*;
@@ -166,7 +167,7 @@ pub fn printed(compute: &Compute<'_>) -> Result<Vec<String>, ComputeError> {
 /// ```
 ///
 /// # Errors
-/// If the passes aren't valid, the engine doesn't execute them, or there is no such invocation.
+/// If the passes aren't valid, if the engine can't execute them, or if there is no such invocation.
 pub fn trace(
     compute: &Compute<'_>,
     invocation: [u32; 3],
@@ -174,7 +175,7 @@ pub fn trace(
     Ok(crate::interpret::trace::trace_pass(&compute.passes()?, invocation)?)
 }
 
-/// Faults inside of the passes: the kind of each, its place in the author's file, and what it is.
+/// Faults in the passes: each with its kind, its place in the author's file, and its description.
 ///
 /// ```
 /// # use karat::prelude::*;
@@ -195,7 +196,7 @@ pub fn hazards(
     let all = crate::interpret::passes::hazards(&compute.passes()?)?;
     let one = |hazard: crate::interpret::passes::FoundInPass| {
         let found = hazard.found;
-        // The sanitizer judges indices, with the words that they change.
+        // The sanitizer judges indices, and knows which words they change.
         if matches!(found.kind, Kind::OutOfRange | Kind::Wrapped) {
             return None;
         }
@@ -205,7 +206,7 @@ pub fn hazards(
     Ok(all.into_iter().filter_map(one).collect())
 }
 
-/// The type of an element of what is asserted of.
+/// The type of an element of the asserted resource.
 fn element_of(after: &After<'_>) -> Result<Shape, ComputeError> {
     let (_, shape) = after.compute.passes()?.written(&after.variable)?;
     Ok(match shape {
@@ -214,7 +215,7 @@ fn element_of(after: &After<'_>) -> Result<Shape, ComputeError> {
     })
 }
 
-/// Checks that a resource holds these numbers, to within a tolerance.
+/// Checks that a resource contains these numbers, to within a tolerance.
 ///
 /// ```
 /// # use karat::prelude::*;
@@ -227,7 +228,7 @@ fn element_of(after: &After<'_>) -> Result<Shape, ComputeError> {
 /// ```
 ///
 /// # Errors
-/// If it doesn't, or nothing could be compared.
+/// If it doesn't contain them, or nothing could be compared.
 #[track_caller]
 pub fn agrees_with(
     after: &After<'_>,
@@ -239,7 +240,8 @@ pub fn agrees_with(
     after.judge(Assertion::Agrees(expected, tolerance), Location::caller())
 }
 
-/// Records a statement about passes themselves, whose verdict is known: it asks no resource, and no order changes it.
+/// Records a statement about the passes themselves, whose verdict is already known. It reads no resource, and no order
+/// changes it.
 ///
 /// ```
 /// # use karat::prelude::*;
@@ -252,7 +254,7 @@ pub fn agrees_with(
 /// ```
 ///
 /// # Errors
-/// If it is broken, or nothing could be dispatched.
+/// If the statement is broken, or nothing could be dispatched.
 #[track_caller]
 pub fn settled(
     after: &After<'_>,
@@ -266,7 +268,7 @@ pub fn settled(
     after.judge(Assertion::Holds(statement), Location::caller())
 }
 
-/// Checks a statement of the lanes of a resource. One that `may_stay` as it was before says so.
+/// Checks a statement about the lanes of a resource. Set `may_stay` if the passes may leave the resource unchanged.
 ///
 /// ```
 /// # use karat::prelude::*;
@@ -283,7 +285,7 @@ pub fn settled(
 /// ```
 ///
 /// # Errors
-/// If it doesn't hold, or nothing could be compared.
+/// If the statement doesn't hold, or nothing could be compared.
 #[track_caller]
 pub fn satisfies(
     after: &After<'_>,
@@ -297,7 +299,7 @@ pub fn satisfies(
     after.judge(Assertion::Holds(statement), Location::caller())
 }
 
-/// Checks a statement of each number of a resource, and says what a number should be that breaks it.
+/// Checks a statement about each number of a resource. The second text says what a number that breaks it should be.
 ///
 /// ```
 /// # use karat::prelude::*;
@@ -311,7 +313,7 @@ pub fn satisfies(
 /// ```
 ///
 /// # Errors
-/// If it doesn't hold of each number, or nothing could be compared.
+/// If a number breaks the statement, or nothing could be compared.
 #[track_caller]
 pub fn each(
     after: &After<'_>,

@@ -1,18 +1,19 @@
-//! Parts of resources: `particles.position` is that member of each element.
+//! Selects parts of resources: `particles.position` is that member of each element.
 
 use crate::value::Shape;
 
-/// The lanes of a resource: all, or those of a member.
+/// The lanes of a resource: all of them, or those of a member.
 #[derive(Clone, Debug)]
 pub struct Part {
     /// The number of the resource.
     pub number: usize,
-    /// `None`: all.
+    /// `None` for all lanes.
     lanes: Option<Vec<usize>>,
 }
 
 impl Part {
-    /// The member of a resource that its shape has, by a path such as `position` or `items.position.x`; empty: all of it.
+    /// The member of a resource at a path in its shape, such as `position` or `items.position.x`; an empty path means
+    /// the whole resource.
     pub(crate) fn of(number: usize, shape: &Shape, path: &str) -> Option<(Self, Shape)> {
         if path.is_empty() {
             return Some((Self { number, lanes: None }, shape.clone()));
@@ -21,7 +22,7 @@ impl Part {
         Some((Self { number, lanes: Some(lanes) }, shape))
     }
 
-    /// Its own values, of one for each lane of the resource.
+    /// The values of this part, from one value for each lane of the resource.
     pub(crate) fn pick<T: Copy>(&self, all: Vec<T>) -> Vec<T> {
         match &self.lanes {
             Some(lanes) => lanes.iter().map(|lane| all[*lane]).collect(),
@@ -30,7 +31,8 @@ impl Part {
     }
 }
 
-/// A member, of each element of the arrays around it, or an element by its index (`[1].at`); with its lanes.
+/// The shape and the lanes of a member, in each element of the arrays around it, or of one element by its index
+/// (`[1].at`).
 fn picked(shape: &Shape, path: &str) -> Option<(Shape, Vec<usize>)> {
     if path.is_empty() {
         return Some((shape.clone(), (0..shape.lanes().len()).collect()));
@@ -73,7 +75,7 @@ fn picked(shape: &Shape, path: &str) -> Option<(Shape, Vec<usize>)> {
     }
 }
 
-/// The resource and the member of a name. A point behind which nothing stands names no member.
+/// Splits a name into a resource and a member. A point at the end of the name starts no member.
 pub(crate) fn split(name: &str) -> (&str, &str) {
     match name.split_once('.') {
         Some((resource, "")) => (resource, "."),

@@ -15,12 +15,12 @@ struct Counted {
 }
 
 impl Device {
-    /// Dispatches the passes, and reads what they write.
+    /// Dispatches the passes, and reads the resources that they write.
     pub(crate) fn dispatch(&self, passes: &Passes) -> Result<Afterwards, DispatchError> {
         self.dispatch_with(passes, self.leaves_loops())
     }
 
-    /// The same where loops needn't be watched: each ends before the driver would leave it.
+    /// The same without watching loops, if each loop ends before the driver would leave it.
     pub fn dispatch_with(
         &self,
         passes: &Passes,
@@ -43,7 +43,7 @@ impl Device {
         self.run_passes(passes, &plain).map(|(afterwards, _)| afterwards)
     }
 
-    /// Refuses loops that the driver would leave without a word.
+    /// Fails if the driver would leave a loop silently.
     fn expect_whole_loops(&self, passes: &Passes) -> Result<(), DispatchError> {
         let limit = u32::try_from(MOST_ROUNDS).expect("it fits");
         let counted = |pass: &Pass| {
@@ -55,7 +55,7 @@ impl Device {
             let watched = program.watching_rounds(binding, limit, false);
             let bindings = watched.program.compute_entry_point(&pass.entry_point);
             let bindings = bindings.map(|(bindings, _)| bindings).unwrap_or_default();
-            // Another entry point of the module may have the loops.
+            // The loops may belong to another entry point of the module.
             let counts = bindings.iter().any(|b| (b.group, b.binding) == (0, binding));
             counts.then_some(Counted { watched, binding })
         };
@@ -76,7 +76,7 @@ impl Device {
         Ok(())
     }
 
-    /// What is written, and for each pass the counts of its loops.
+    /// The contents of the written resources, and the counts of each pass's loops.
     fn run_passes(
         &self,
         passes: &Passes,
@@ -153,7 +153,7 @@ impl Device {
         Ok((afterwards, counts))
     }
 
-    /// Compiles a pass, and binds what it uses.
+    /// Compiles a pass, and binds its resources.
     fn step(
         &self,
         pass: &Pass,
@@ -219,6 +219,6 @@ struct Step {
     pipeline: Arc<crate::path::Pipeline>,
     groups: Vec<wgpu::BindGroup>,
     immediates: Option<Vec<u8>>,
-    /// How often its loops went round too often.
+    /// The number of times that each loop took too many rounds.
     counts: Option<wgpu::Buffer>,
 }

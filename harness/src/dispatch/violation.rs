@@ -1,12 +1,12 @@
-//! Actions of compute passes that WGSL doesn't order or define, as data: races, barriers that some invocations miss,
-//! indices that leave their arrays. The engine finds them.
+//! Violations in compute passes, as data: actions that WGSL doesn't order or define, such as races, barriers that some
+//! invocations miss, and indices outside their arrays. The engine finds them.
 
 use serde::{Deserialize, Serialize};
 
 use crate::diagnostic::Diagnostic;
 use crate::hazard::Kind;
 
-/// The action of an invocation on an element, or at a barrier.
+/// An invocation's access to an element, or its action at a barrier.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ViolationAccess {
     /// `file:line:column`
@@ -17,8 +17,9 @@ pub struct ViolationAccess {
     pub does: String,
 }
 
-/// Two accesses of an element by different invocations, of which at least one writes and which nothing orders; a
-/// barrier that not every invocation of a workgroup reaches; or an index that leaves its array.
+/// A violation of WGSL's memory model or bounds: two unordered accesses to an element by different invocations, at
+/// least one of which writes; a barrier that not every invocation of a workgroup reaches; or an index outside its
+/// array.
 ///
 /// ```
 /// use karat::check::HazardKind;
@@ -39,30 +40,31 @@ pub struct ViolationAccess {
 /// ```
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Violation {
-    /// It in one line.
+    /// The violation in one line.
     pub headline: String,
     /// `module::entry_point`
     pub entry_point: String,
     /// The kind of a violation.
     pub kind: Kind,
-    /// The variable, as its author names it; empty of a barrier and an index.
+    /// The author's name of the variable; empty for a barrier or an index.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub variable: String,
-    /// The element: `tile[17].sum`; empty of a barrier and an index.
+    /// The element, `tile[17].sum`; empty for a barrier or an index.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub element: String,
-    /// How many elements have it; of a barrier, how many invocations don't reach it; of an index, how often it is so.
+    /// The number of elements with the violation; for a barrier, the number of invocations that miss it; for an index,
+    /// the number of times that it is outside.
     pub count: u64,
-    /// Of a race what orders it: the barrier, an atomic, or two passes.
+    /// For a race, the construct that would order it: the barrier, an atomic, or two passes.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub advice: String,
-    /// Both accesses, in the order in which Karat's engine made them, which is one of those that WGSL allows; of an
-    /// index the first that leaves.
+    /// Both accesses, in the order in which Karat's engine made them (WGSL allows this order and others). For an index,
+    /// the first access outside.
     pub accesses: Vec<ViolationAccess>,
 }
 
 impl Violation {
-    /// One of no element.
+    /// A violation without an element.
     pub fn new(
         entry_point: &str,
         kind: Kind,
@@ -78,40 +80,40 @@ impl Violation {
 /// The findings of the sanitizer in passes.
 #[derive(Debug, Default)]
 pub struct Examined {
-    /// Each with its message.
+    /// Each violation with its message.
     pub violations: Vec<(Violation, Diagnostic)>,
-    /// How much of them was looked at.
+    /// The extent of the check.
     pub watched: Watched,
     /// A loop that was stopped.
     pub endless: Option<Diagnostic>,
-    /// True if all loops together went round more often than is tried over made-up resources.
+    /// Set if all loops together took more rounds than are tried over generated resources.
     pub too_long: bool,
 }
 
-/// How much of passes was looked through by the sanitizer.
+/// The extent of the sanitizer's check of passes.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Watched {
-    /// Invocations that ran in Karat's engine.
+    /// The number of invocations that ran in Karat's engine.
     pub invocations: u64,
-    /// Invocations of all passes.
+    /// The number of invocations in all passes.
     pub of: u64,
-    /// Why it isn't all; empty if it is.
+    /// The reason why not all ran; empty if all did.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub reason: String,
-    /// Rounds of all loops together.
+    /// The number of rounds of all loops together.
     #[serde(skip)]
     pub rounds: u64,
-    /// Orders of invocations, beside the usual one, in which the assertion held.
+    /// The number of orders of invocations, besides the usual one, in which the assertion held.
     #[serde(default)]
     pub orders: u64,
-    /// True if there are no others, but for those that lead to the same.
+    /// Set if there are no other orders, except those with the same effect.
     #[serde(default)]
     pub all_orders: bool,
-    /// Elements of buffers that are given by their size alone, read before a pass writes them, where what passes leave
-    /// depends on it: `partials[3]` and where.
+    /// Elements of buffers with a size and no contents that are read before a pass writes them, if the result depends
+    /// on that: `partials[3]` and the place.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub unwritten: Vec<String>,
-    /// Variables whose races are accepted, each with its reason.
+    /// Variables with accepted races, each with its reason.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub accepted: Vec<(String, String)>,
 }

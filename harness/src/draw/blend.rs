@@ -1,7 +1,7 @@
-//! What happens to a pixel that is drawn again.
+//! Blending: how a new value combines with a pixel's old value.
 
-/// What happens to a pixel that is drawn again. `new` is what the fragment function returns, `old` what
-/// the target holds.
+/// How a new value combines with a pixel's old value. `new` is the fragment function's result, `old` the target's
+/// value.
 ///
 /// ```
 /// use karat::draw::{Blend, Draw};
@@ -15,15 +15,15 @@ pub enum Blend {
     /// The new value replaces the old one.
     #[default]
     Replace,
-    /// Values add up. A fragment function that returns 1 counts how often a pixel is shaded.
+    /// The values are added. A fragment function that returns 1 then counts how often each pixel is shaded.
     Add,
-    /// new * new.a + old * (1 - new.a), and of alpha new.a + old.a * (1 - new.a): transparency.
+    /// `new * new.a + old * (1 - new.a)`, and for alpha `new.a + old.a * (1 - new.a)`: transparency.
     Alpha,
-    /// new + old * (1 - new.a): transparency of colours that are multiplied by their alpha already.
+    /// `new + old * (1 - new.a)`: transparency of colours that are already multiplied by their alpha.
     Premultiplied,
-    /// new * old.
+    /// `new * old`.
     Multiply,
-    /// Any other, of colour and of alpha.
+    /// Any other blending, separate for colour and alpha.
     Custom {
         /// Red, green and blue.
         color: BlendComponent,
@@ -32,7 +32,7 @@ pub enum Blend {
     },
 }
 
-/// How the channels of a pixel are blended: `new * source` and `old * target`, joined by an operation.
+/// The blending of some channels: an operation combines `new * source` and `old * target`.
 ///
 /// ```
 /// use karat::draw::{Blend, BlendComponent, BlendFactor, BlendOperation};
@@ -45,11 +45,11 @@ pub enum Blend {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct BlendComponent {
-    /// What the new value is multiplied by.
+    /// The factor of the new value.
     pub src_factor: BlendFactor,
-    /// What the old value is multiplied by.
+    /// The factor of the old value.
     pub dst_factor: BlendFactor,
-    /// How both are joined.
+    /// The operation that combines both.
     pub operation: BlendOperation,
 }
 
@@ -86,15 +86,15 @@ pub enum BlendFactor {
     DstAlpha,
     /// 1 - old.a
     OneMinusDstAlpha,
-    /// min(new.a, 1 - old.a), and 1 of alpha.
+    /// min(new.a, 1 - old.a); for alpha, 1.
     SrcAlphaSaturated,
-    /// The constant of the draw.
+    /// The draw's blend constant.
     Constant,
-    /// 1 - that constant.
+    /// 1 - the draw's blend constant.
     OneMinusConstant,
 }
 
-/// How the new and the old value are joined: WebGPU's `GPUBlendOperation`.
+/// The operation that combines the new and the old value: WebGPU's `GPUBlendOperation`.
 ///
 /// ```
 /// use karat::draw::{BlendComponent, BlendFactor, BlendOperation};
@@ -154,7 +154,7 @@ impl BlendComponent {
 }
 
 impl Blend {
-    /// Of colour and of alpha; `None`: the new value replaces the old one.
+    /// The components for colour and alpha; `None` if the new value replaces the old one.
     fn components(self) -> Option<(BlendComponent, BlendComponent)> {
         let both = |component| Some((component, component));
         match self {

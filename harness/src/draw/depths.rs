@@ -1,4 +1,4 @@
-//! Depth as numbers: what drivers copy of depth textures differs, what shaders load doesn't.
+//! Reads depths as numbers. A shader loads them, because drivers copy depth textures in different ways.
 
 use crate::path::Device;
 
@@ -14,10 +14,10 @@ const LOAD: &str = "
 }
 ";
 
-/// Invocations along a side of a workgroup.
+/// The number of invocations along a side of a workgroup.
 const SIDE: u32 = 8;
 
-/// Puts the depth of all pixels into a new buffer of so many bytes, which rows share evenly.
+/// Writes the depth of all pixels into a new buffer of this size in bytes, whose rows have equal lengths.
 pub(super) fn load(
     device: &Device,
     encoder: &mut wgpu::CommandEncoder,

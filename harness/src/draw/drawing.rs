@@ -1,4 +1,4 @@
-//! Draws as data, and the program that they run.
+//! Turns a scene into a validated drawing: draws as data, with their program.
 
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -13,7 +13,7 @@ use crate::package::{LinkedModule, Package};
 use crate::reflect::{Binding, Overrides, Program, Stage};
 use crate::value::Shape;
 
-/// What a frame is made of, as its author says it.
+/// A frame, as its author describes it.
 #[derive(Clone, Debug)]
 pub(crate) struct Scene<'a> {
     pub(crate) package: &'a Package,
@@ -21,32 +21,32 @@ pub(crate) struct Scene<'a> {
     pub(crate) width: u32,
     pub(crate) height: u32,
     pub(crate) fixtures: Fixtures,
-    /// Members of buffers that have values of their own: `globals.time`.
+    /// Members of buffers with values of their own: `globals.time`.
     pub(crate) members: Vec<(String, Shape, Vec<u32>)>,
     pub(crate) overrides: Overrides,
     pub(crate) draws: Vec<Draw>,
     pub(crate) prepass: bool,
     pub(crate) blend: Blend,
-    /// The formats of the targets: one, at least.
+    /// The formats of the targets: at least one.
     pub(crate) formats: Vec<Format>,
-    /// What the image is made of.
+    /// The source of the image.
     pub(crate) result: Source,
     pub(crate) samples: u32,
     pub(crate) clear: [f32; 4],
     pub(crate) clear_depth: f32,
-    /// The first of the targets that tell values, which begin with zeros.
+    /// The first of the targets for tapped values, which begin with zeros.
     pub(crate) told: Option<usize>,
 }
 
 impl Scene<'_> {
-    /// Returns what the frame was cleared to, if each pixel still is that. A fragment function that covers the
-    /// frame by itself may draw just that.
+    /// Returns the clear values if no draw changed any pixel. For a fragment function that covers the whole frame it
+    /// returns `None`, as the function may return just those values.
     pub(crate) fn untouched(&self, image: &Image) -> Option<[f32; 4]> {
         if self.draws.iter().any(Draw::covers) {
             return None;
         }
         let (clear, format) = match self.result {
-            // A copy of depth is one 32-bit float.
+            // A depth is copied as one 32-bit float.
             Source::Depth => ([self.clear_depth, 0.0, 0.0, 1.0], Format::R32Float),
             Source::Target(target) => (self.clear, self.formats[target]),
         };
@@ -58,7 +58,7 @@ impl Scene<'_> {
     }
 }
 
-/// What a frame's image is made of.
+/// The source of a frame's image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Source {
@@ -68,20 +68,20 @@ pub enum Source {
     Depth,
 }
 
-/// A scene whose shader is valid and whose fixtures fit it.
+/// A scene with a valid shader, whose fixtures fit its variables.
 #[derive(Debug)]
 pub struct Drawing<'s> {
     pub(super) scene: Cow<'s, Scene<'s>>,
     pub(super) program: Arc<Program>,
-    /// What each draw reads.
+    /// The resources that each draw reads.
     pub(super) bindings: Vec<Bindings>,
-    /// The scene's, with the members that have values of their own.
+    /// The scene's fixtures, with the members that have values of their own.
     fixtures: Fixtures,
-    /// What is known of the frames that it reads.
+    /// The facts about the frames that it reads.
     read: Read,
 }
 
-/// What is known of the frames that a drawing reads.
+/// The facts about the frames that a drawing reads.
 #[derive(Debug, Default)]
 struct Read {
     shaders: Vec<String>,
@@ -89,7 +89,7 @@ struct Read {
     modules: Vec<LinkedModule>,
 }
 
-/// What a draw's two pipelines read.
+/// The resources that a draw's two pipelines read.
 #[derive(Debug)]
 pub(crate) struct Bindings {
     pub(super) depth: Vec<Binding>,
@@ -97,7 +97,7 @@ pub(crate) struct Bindings {
 }
 
 impl Bindings {
-    /// Those of both.
+    /// The resources of both pipelines.
     pub(crate) fn all(&self) -> impl Iterator<Item = &Binding> {
         self.depth.iter().chain(&self.color)
     }
@@ -127,17 +127,17 @@ impl<'a> Scene<'a> {
 }
 
 impl Scene<'_> {
-    /// Links and validates what the draws run, and sees that each variable has its fixture.
+    /// Links and validates the draws' functions, and checks that each variable has its fixture.
     pub(crate) fn drawing(&self) -> Result<Drawing<'_>, DrawError> {
         Drawing::of(Cow::Borrowed(self))
     }
 
-    /// Whether depth alone is drawn.
+    /// Returns `true` if only depth is drawn.
     pub(super) fn is_depth_only(&self) -> bool {
         self.draws.iter().all(|draw| draw.fragment.is_none())
     }
 
-    /// What no device draws.
+    /// Fails for settings that no device can draw.
     fn expect_sound(&self) -> Result<(), DrawError> {
         let unsound = |setting, reason: String| Err(DrawError::Unsound { setting, reason });
         let targets = self.formats.len();
@@ -193,7 +193,7 @@ impl Scene<'_> {
         Ok(())
     }
 
-    /// What each draw of a program reads.
+    /// The resources that each draw of a program reads.
     pub(crate) fn bindings(&self, program: &Program) -> Result<Vec<Bindings>, DrawError> {
         let of = |stage: Stage, name: &Option<String>| {
             let Some(name) = name else { return Ok(Vec::new()) };
@@ -216,7 +216,7 @@ impl Scene<'_> {
 }
 
 impl<'s> Drawing<'s> {
-    /// Links and validates what the draws run, and sees that each variable has its fixture.
+    /// Links and validates the draws' functions, and checks that each variable has its fixture.
     pub(crate) fn of(scene: Cow<'s, Scene<'s>>) -> Result<Self, DrawError> {
         scene.expect_sound()?;
         let names = |draw: &'_ Draw| {
@@ -226,7 +226,7 @@ impl<'s> Drawing<'s> {
         let items: Vec<String> = scene.draws.iter().flat_map(names).collect();
         let items: Vec<&str> = items.iter().map(String::as_str).collect();
         let linked = Program::of_items(scene.package, &scene.module, &items)?;
-        // What the draws don't reach must be valid, too, as of functions that are probed.
+        // The rest of the module must be valid, too, as for a function under test.
         if !scene.package.is_crate() {
             crate::reflect::validate(scene.package, &scene.module, &linked)?;
         }
@@ -242,7 +242,7 @@ impl<'s> Drawing<'s> {
         Ok(drawing)
     }
 
-    /// Of parts that fit each other.
+    /// A drawing from parts that match.
     pub(super) fn with(
         scene: Cow<'s, Scene<'s>>,
         program: Arc<Program>,
@@ -252,7 +252,7 @@ impl<'s> Drawing<'s> {
         Self { scene, program, bindings, fixtures, read: Read::default() }
     }
 
-    /// Takes note of a frame that it reads.
+    /// Adds the facts about a frame that it reads.
     pub(crate) fn reads(&mut self, other: &Drawing<'_>) {
         self.read.shaders.push(other.shader());
         self.read.files.extend(other.read());
@@ -261,7 +261,7 @@ impl<'s> Drawing<'s> {
 }
 
 impl Drawing<'_> {
-    /// Width and height of the frame.
+    /// The width and height of the frame.
     #[must_use]
     pub fn size(&self) -> (u32, u32) {
         (self.scene.width, self.scene.height)
@@ -295,22 +295,22 @@ impl Drawing<'_> {
         &self.fixtures
     }
 
-    /// What all draws read.
+    /// The resources that all draws read.
     pub(crate) fn all_bindings(&self) -> Vec<Binding> {
         self.bindings.iter().flat_map(Bindings::all).cloned().collect()
     }
 
-    /// The scene, as its author says it.
+    /// The scene, as its author describes it.
     pub(crate) fn scene(&self) -> &Scene<'_> {
         &self.scene
     }
 
-    /// The variables that each draw reads.
+    /// The resources that each draw reads.
     pub(crate) fn bindings(&self) -> &[Bindings] {
         &self.bindings
     }
 
-    /// The hash of the WGSL that is run.
+    /// The hash of the linked WGSL.
     pub(crate) fn shader(&self) -> String {
         let text = self.program.text();
         match &*self.read.shaders {
@@ -325,14 +325,14 @@ impl Drawing<'_> {
         self.program.files().iter().chain(fixtures).chain(&self.read.files).cloned().collect()
     }
 
-    /// The modules that its shaders, and those of the frames that it reads, were linked from.
+    /// The linked modules of its shaders, and of the frames that it reads.
     pub(crate) fn modules(&self) -> Vec<LinkedModule> {
         self.program.modules().iter().chain(&self.read.modules).cloned().collect()
     }
 }
 
-/// The bindings of both stages. Two variables can't share a binding in one draw: of their fixtures
-/// one would be ignored.
+/// The bindings of both stages. In one draw, two variables can't share a binding: one of their fixtures would be
+/// ignored.
 fn union(some: &[Binding], others: Vec<Binding>) -> Result<Vec<Binding>, FixtureError> {
     let mut all = some.to_vec();
     for other in others {

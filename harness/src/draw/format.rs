@@ -1,14 +1,14 @@
-//! Formats of what a frame is drawn into.
+//! Formats of a frame's targets.
 
 use crate::image::encode_srgb;
 use crate::path::Device;
 
-/// Direct3D's drivers may be off by 0.6 steps where they round to integers
-/// (`D3D11_FLOAT32_TO_INTEGER_TOLERANCE_IN_ULP`); others round to the nearest one.
+/// Direct3D allows drivers an error of 0.6 steps when they round to integers
+/// (`D3D11_FLOAT32_TO_INTEGER_TOLERANCE_IN_ULP`). Others round to the nearest integer.
 const ROUNDING: f64 = 0.6;
 
-/// The format of a colour target. A frame's image has what was kept, as linear floats: of 8 bits in
-/// sRGB's transfer function the values that a shader would read again.
+/// The format of a colour target. A frame's image has the stored values as linear floats. For 8-bit sRGB formats, these
+/// are the values that a shader would read.
 ///
 /// ```
 /// use karat::draw::Format;
@@ -19,8 +19,8 @@ const ROUNDING: f64 = 0.6;
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
 pub enum Format {
-    /// The most exact floats that the path draws into: of 32 bits, or of 16 where it has to blend, where
-    /// pixels have several samples, or where it can't do better.
+    /// The most precise floats that the path can draw into. They have 32 bits, or 16 bits if the path has to blend, if
+    /// pixels have several samples, or if the path supports no better format.
     #[default]
     Float,
     /// One channel of 8 bits from 0 to 1.
@@ -32,14 +32,14 @@ pub enum Format {
     /// 8 bits a channel, in sRGB's transfer function.
     #[serde(rename = "rgba8unorm-srgb")]
     Rgba8UnormSrgb,
-    /// 8 bits a channel, from 0 to 1, blue first: what surfaces are on many systems.
+    /// 8 bits a channel, from 0 to 1, blue first: the format of many systems' surfaces.
     Bgra8Unorm,
     /// The same in sRGB's transfer function.
     #[serde(rename = "bgra8unorm-srgb")]
     Bgra8UnormSrgb,
     /// Three channels of 10 bits and one of 2, from 0 to 1.
     Rgb10a2Unorm,
-    /// Floats of 11, 11 and 10 bits, without a sign: HDR in 32 bits.
+    /// Unsigned floats of 11, 11 and 10 bits: HDR in 32 bits.
     Rg11b10Ufloat,
     /// One 16-bit float.
     R16Float,
@@ -53,7 +53,7 @@ pub enum Format {
     Rg32Float,
     /// Four 32-bit floats.
     Rgba32Float,
-    /// One `u32`. Images have integers as floats, which are exact up to 2^24.
+    /// One `u32`. Images store integers as floats, which are exact up to 2^24.
     R32Uint,
     /// One `i32`.
     R32Sint,
@@ -66,7 +66,7 @@ pub enum Format {
 }
 
 impl Format {
-    /// Names in files, which are WebGPU's where it has the format.
+    /// The names in files. They are WebGPU's, for formats that WebGPU has.
     pub const NAMES: [(&str, Self); 20] = [
         ("float", Self::Float),
         ("r8unorm", Self::R8Unorm),
@@ -90,7 +90,7 @@ impl Format {
         ("rgba32uint", Self::Rgba32Uint),
     ];
 
-    /// The format of a name.
+    /// The format with this name.
     ///
     /// ```
     /// use karat::draw::Format;
@@ -105,12 +105,13 @@ impl Format {
         Self::NAMES.into_iter().find(|(known, _)| *known == name).map(|(_, format)| format)
     }
 
-    /// True if a channel reads as `x` where it was cleared to `clear`: the format rounds it. Channels that the
-    /// format doesn't have read as anything.
+    /// Returns `true` if a channel reads as `x` after it was cleared to `clear`, which the format rounds. Channels that
+    /// the format doesn't have may read as anything.
     pub(super) fn keeps(self, channel: usize, clear: f32, x: f32) -> bool {
         let (clear, x) = (f64::from(clear), f64::from(x));
         let within = |steps: f64| (x - clear.clamp(0.0, 1.0)).abs() <= ROUNDING / steps;
-        // Drivers may round floats towards zero: by a step, which is the least subnormal number at least.
+        // Drivers may round floats towards zero, and so differ by a step. The smallest step is the least subnormal
+        // number.
         let rounded = |clear: f64, digits: i32, least: i32| {
             let step = clear.abs() * 2.0_f64.powi(-digits);
             (x - clear).abs() <= step.max(2.0_f64.powi(least))
@@ -156,7 +157,7 @@ impl Format {
         let blendable = device.device.features().contains(wgpu::Features::FLOAT32_BLENDABLE);
         let exact = samples == 1 && (!blended || blendable);
         match self {
-            // A target has no more components than are written into it.
+            // A target has no more components than the shaders write.
             Self::Float => match (exact && device.color_format() == F::Rgba32Float, components) {
                 (true, 1) => F::R32Float,
                 (true, 2) => F::Rg32Float,

@@ -1,4 +1,4 @@
-//! The inputs of vertex functions at locations are attributes of a mesh.
+//! Checks that meshes have the attributes that vertex functions read.
 
 use super::DrawError;
 use super::drawing::Scene;
@@ -6,7 +6,7 @@ use super::request::Geometry;
 use crate::reflect::Program;
 
 impl Scene<'_> {
-    /// Sees that each draw has what its vertex function takes.
+    /// Checks that each draw has the inputs of its vertex function.
     pub(super) fn expect_inputs(&self, program: &Program) -> Result<(), DrawError> {
         for draw in &self.draws {
             let Some(vertex) = &draw.vertex else { continue };

@@ -1,8 +1,8 @@
-//! Meshes: triangles, with attributes of their vertices.
+//! Meshes: triangles with vertex attributes.
 
 use crate::value::{Scalar, Shareable};
 
-/// Floats of a position.
+/// The number of floats in a position.
 const POSITION: usize = 3;
 
 /// Triangles, with their corners' positions at `@location(0)` as `vec3<f32>`.
@@ -19,7 +19,7 @@ const POSITION: usize = 3;
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub struct Mesh {
     pub(super) indices: Vec<u32>,
-    /// The first one is the positions, at location 0.
+    /// The first attribute is the positions, at location 0.
     pub(super) attributes: Vec<Column>,
 }
 
@@ -28,15 +28,15 @@ pub struct Mesh {
 pub(super) struct Column {
     pub(super) location: u32,
     pub(super) scalar: Scalar,
-    /// Scalars of a value: 1 to 4.
+    /// The number of scalars in a value: 1 to 4.
     pub(super) width: usize,
     pub(super) words: Vec<u32>,
-    /// Whether each copy has a value, not each vertex.
+    /// Set if the values belong to copies, not to vertices.
     pub(super) by_instance: bool,
 }
 
 impl Mesh {
-    /// A mesh of triangles that are counter-clockwise seen from outside. Back faces are culled.
+    /// A mesh of triangles. Seen from outside, their corners are in counter-clockwise order. Back faces are culled.
     ///
     /// ```
     /// use glam::Vec3;
@@ -46,11 +46,12 @@ impl Mesh {
     /// # let _ = triangle;
     /// ```
     ///
-    /// Positions are vectors of three floats of any kind that a function takes: an engine's glam, mint, `[f32; 3]`, or a type
-    /// of your own ([`vector!`](crate::vector)).
+    /// A position may be any vector of three floats that a function takes: an engine's glam, mint, `[f32; 3]`, or a
+    /// type of your own ([`vector!`](crate::vector)).
     ///
     /// # Panics
-    /// If an index has no position, the indices aren't whole triangles, or a position isn't three floats.
+    /// If an index has no position, if the number of indices isn't a multiple of three, or if a position isn't three
+    /// floats.
     #[must_use]
     pub fn new<P: Shareable>(positions: Vec<P>, indices: Vec<u32>) -> Self {
         assert_eq!(indices.len() % 3, 0, "a triangle has three indices");
@@ -62,8 +63,8 @@ impl Mesh {
         Self { indices, attributes: vec![column] }
     }
 
-    /// Adds a value for each vertex, which the vertex function reads at `@location(location)`:
-    /// normals, texture coordinates, colours.
+    /// Adds a value for each vertex, such as a normal, texture coordinates or a colour. The vertex function reads it at
+    /// `@location(location)`.
     ///
     /// ```
     /// use glam::Vec3;
@@ -75,8 +76,8 @@ impl Mesh {
     /// ```
     ///
     /// # Panics
-    /// If there are more or fewer values than positions, the location is taken, or a value isn't one to four floats or whole
-    /// numbers.
+    /// If the number of values differs from the number of positions, if the location is taken, or if a value isn't one
+    /// to four floats or integers.
     #[must_use]
     pub fn attribute<T: Shareable>(self, location: u32, values: &[T]) -> Self {
         let vertices = self.vertices();
@@ -84,7 +85,7 @@ impl Mesh {
         self.column(Column::new(location, values, false))
     }
 
-    /// Adds a value for each copy that is drawn: its transformation's columns, its colour.
+    /// Adds a value for each copy, such as a column of its transformation, or its colour.
     ///
     /// ```
     /// use glam::{Vec3, Vec4};
@@ -98,7 +99,7 @@ impl Mesh {
     /// ```
     ///
     /// # Panics
-    /// If there is no value, the location is taken, or a value isn't one to four floats or whole numbers.
+    /// If there is no value, if the location is taken, or if a value isn't one to four floats or integers.
     #[must_use]
     pub fn instance_attribute<T: Shareable>(self, location: u32, values: &[T]) -> Self {
         assert!(!values.is_empty(), "location {location} has no value");
@@ -117,7 +118,7 @@ impl Mesh {
         self.attributes[0].words.len() / POSITION
     }
 
-    /// The copies for which each attribute has a value; `None`: any number of them.
+    /// The largest number of copies that every attribute has values for; `None` for no limit.
     pub(super) fn most_instances(&self) -> Option<usize> {
         let columns = self.attributes.iter().filter(|column| column.by_instance);
         columns.map(|column| column.words.len() / column.width).min()

@@ -1,4 +1,4 @@
-//! The passes of a frame: depth, colour, and the copy into a buffer.
+//! Records a frame's passes: depth, colour, and the copy into a buffer.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -11,10 +11,10 @@ use crate::path::Device;
 use crate::probe::Resource;
 use crate::reflect::{Binding, Program};
 
-/// Which passes of a frame a pipeline is for.
+/// The pass of a frame that a pipeline is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Pass {
-    /// Depth alone, in advance.
+    /// The depth pre-pass.
     Depth,
     Color,
 }
@@ -22,33 +22,33 @@ pub(super) enum Pass {
 /// A draw with its pipelines.
 struct Prepared<'d> {
     draw: &'d Draw,
-    /// Indices, then a buffer for each attribute.
+    /// The indices, then a buffer for each attribute.
     buffers: Option<(wgpu::Buffer, Vec<wgpu::Buffer>)>,
-    /// Vertices, or indices.
+    /// The number of vertices or indices.
     count: u32,
-    /// The numbers of the draw, if the device reads them.
+    /// The draw's numbers, if the device reads them from a buffer.
     indirect: Option<wgpu::Buffer>,
     depth: Option<Ready>,
     color: Ready,
 }
 
-/// A pipeline with all that it reads.
+/// A pipeline with the resources that it reads.
 struct Ready {
     pipeline: wgpu::RenderPipeline,
     groups: Vec<wgpu::BindGroup>,
     immediates: Option<Vec<u8>>,
 }
 
-/// What draws a scene on a device.
+/// Draws a scene on a device.
 pub(super) struct Painter<'a> {
     pub(super) device: &'a Device,
     pub(super) scene: &'a Scene<'a>,
     pub(super) program: &'a Program,
-    /// Of the targets; none if depth alone is drawn.
+    /// The formats of the targets; empty if only depth is drawn.
     pub(super) formats: Vec<wgpu::TextureFormat>,
     pub(super) depth_format: wgpu::TextureFormat,
     pub(super) resources: &'a BTreeMap<&'a str, Resource>,
-    /// The targets that are read back.
+    /// The targets to read back.
     pub(super) sources: Vec<Source>,
 }
 
@@ -79,7 +79,7 @@ impl<'a> Painter<'a> {
         Self { device, scene, program, formats, depth_format, resources, sources }
     }
 
-    /// The format of what is read back.
+    /// The format of a source that is read back.
     pub(super) fn format_of(&self, source: Source) -> wgpu::TextureFormat {
         match source {
             Source::Target(target) => self.formats[target],
@@ -87,9 +87,9 @@ impl<'a> Painter<'a> {
         }
     }
 
-    /// Draws everything; each of the sources as a buffer.
+    /// Draws everything; returns each source as a buffer.
     pub(super) fn draw(&self, bindings: &[Bindings]) -> Result<Vec<wgpu::Buffer>, DrawError> {
-        // Fragment functions that come alone have a vertex function for what they read.
+        // A fragment function without a vertex function gets one that supplies its inputs.
         let alone = |draw: &Draw| match (&draw.vertex, &draw.fragment) {
             (None, Some(fragment)) => Ok(Some(self.program.covering(fragment)?)),
             _ => Ok(None),
@@ -146,7 +146,7 @@ impl<'a> Painter<'a> {
                         #[expect(clippy::cast_possible_truncation, reason = "they are short")]
                         let mut short: Vec<u16> =
                             mesh.indices.iter().map(|index| *index as u16).collect();
-                        // Copies are of whole words.
+                        // Copies need whole words.
                         short.resize(short.len().next_multiple_of(2), 0);
                         bytemuck::cast_slice(&short).to_vec()
                     }
@@ -176,7 +176,7 @@ impl<'a> Painter<'a> {
                 });
             Ready { pipeline, groups, immediates }
         };
-        // Only meshes are drawn in advance: what covers the frame is behind them.
+        // Only meshes are in the pre-pass: a triangle that covers the frame is behind them.
         let depth = (self.scene.prepass && draw.is_mesh())
             .then(|| bound(self.pipeline(shaders, draw, Pass::Depth), &bindings.depth));
         let color = bound(self.pipeline(shaders, draw, Pass::Color), &bindings.color);
@@ -239,7 +239,7 @@ impl<'a> Painter<'a> {
             true => usage,
             false => wgpu::TextureUsages::empty(),
         };
-        // What is read back, and what is drawn into where pixels have several samples.
+        // The textures to read back, and the multisampled textures to draw into.
         let colors: Vec<(wgpu::Texture, Option<wgpu::Texture>)> = (0..)
             .zip(&self.formats)
             .map(|(index, format)| {

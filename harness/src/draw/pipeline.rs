@@ -1,4 +1,4 @@
-//! The pipelines of a draw.
+//! Makes the pipelines of a draw.
 
 use super::painter::{Painter, Pass};
 use super::request::{Draw, Geometry};

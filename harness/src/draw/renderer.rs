@@ -48,7 +48,7 @@ impl Device {
         Ok(all)
     }
 
-    /// Draws a frame, and gives the rows of each source that is read back.
+    /// Draws a frame; returns the rows of each source that is read back.
     fn paint(
         &self,
         drawing: &Drawing<'_>,
@@ -63,7 +63,7 @@ impl Device {
             return Err(DrawError::Size { width, height, path: self.path(), limit });
         }
         let _turn = self.turn();
-        // By variable: draws may use one binding number for several.
+        // By variable, because draws may use one binding number for several variables.
         let mut resources: BTreeMap<&str, Resource> = BTreeMap::new();
         let all = drawing.all_bindings();
         for (binding, fixture) in fixture::resolve(&all, drawing.fixtures())? {
@@ -92,7 +92,7 @@ impl Device {
     }
 }
 
-/// Draws the frame with loops that count, where the driver would leave them without a word.
+/// Draws the frame with loops that count their rounds, on drivers that would leave long loops silently.
 fn watch_rounds(
     device: &Device,
     scene: &Scene<'_>,

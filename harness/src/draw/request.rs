@@ -1,11 +1,11 @@
-//! A draw as its author says it.
+//! A draw, as its author describes it.
 
 use super::state::State;
 use super::{Blend, Cull, DepthBias, Mesh, Stencil, Winding};
 use crate::fixture::Compare;
 use crate::reflect::Program;
 
-/// A draw of a frame: its entry points, what is drawn, and how.
+/// A draw of a frame: its entry points, its geometry and its state.
 ///
 /// ```
 /// use glam::Vec3;
@@ -22,28 +22,28 @@ use crate::reflect::Program;
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 #[must_use = "a draw draws nothing until it is given to `Frame::draw`"]
 pub struct Draw {
-    /// `None`: Karat's own, which covers the frame.
+    /// `None` for Karat's own function, which covers the frame.
     pub(super) vertex: Option<String>,
-    /// `None`: depth alone is drawn.
+    /// `None` if only depth is drawn.
     pub(super) fragment: Option<String>,
-    /// What the depth pre-pass runs; `None`: depth comes from the triangles alone.
+    /// The function for the depth pre-pass; `None` if the triangles alone decide the depth.
     pub(super) depth_fragment: Option<String>,
     pub(super) geometry: Geometry,
     pub(super) instances: u32,
     pub(super) first_instance: u32,
     pub(super) base_vertex: i32,
-    /// Whether the numbers above come from a buffer.
+    /// Set if the numbers above come from a buffer.
     pub(super) indirect: bool,
     pub(super) u16_indices: bool,
     pub(super) state: State,
 }
 
-/// What is drawn.
+/// The geometry of a draw.
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Geometry {
     Mesh(Mesh),
-    /// Vertices without attributes: `@builtin(vertex_index)` makes them.
+    /// Vertices without attributes; the vertex function makes them from `@builtin(vertex_index)`.
     Vertices(u32),
 }
 
@@ -63,7 +63,7 @@ impl Draw {
         }
     }
 
-    /// Draws a mesh. Its back faces are culled unless [`cull`](Self::cull) says otherwise.
+    /// Draws a mesh. Its back faces are culled unless you call [`cull`](Self::cull).
     ///
     /// ```no_run
     /// use glam::Vec3;
@@ -79,7 +79,7 @@ impl Draw {
         Self::new(Some(vertex), Some(fragment), Geometry::Mesh(mesh))
     }
 
-    /// Draws the depth of a mesh alone, as shadow maps do. All draws of its frame do.
+    /// Draws only the depth of a mesh, as shadow maps do. All draws of its frame must then draw depth only.
     ///
     /// ```no_run
     /// use karat::draw::{Draw, Mesh};
@@ -93,8 +93,7 @@ impl Draw {
         Self::new(Some(vertex), None, Geometry::Mesh(mesh))
     }
 
-    /// Draws triangles of so many vertices, which the vertex function makes from
-    /// `@builtin(vertex_index)`.
+    /// Draws triangles with this number of vertices, which the vertex function makes from `@builtin(vertex_index)`.
     ///
     /// ```no_run
     /// use karat::draw::Draw;
@@ -107,14 +106,14 @@ impl Draw {
     /// ```
     ///
     /// # Panics
-    /// If they aren't whole triangles.
+    /// If the number of vertices isn't a multiple of three.
     pub fn vertices(vertex: &str, fragment: &str, count: u32) -> Self {
         assert!(count > 0 && count.is_multiple_of(3), "{count} vertices aren't whole triangles");
         Self::new(Some(vertex), Some(fragment), Geometry::Vertices(count))
     }
 
-    /// Draws one triangle whose three corners the vertex function makes from
-    /// `@builtin(vertex_index)`. At depth 1 it is seen where no mesh is.
+    /// Draws one triangle whose three corners the vertex function makes from `@builtin(vertex_index)`. At depth 1 it
+    /// shows only where no mesh was drawn.
     ///
     /// ```no_run
     /// use karat::draw::Draw;
@@ -127,9 +126,9 @@ impl Draw {
         Self::new(Some(vertex), Some(fragment), Geometry::Vertices(3))
     }
 
-    /// Draws over the whole frame with a fragment function alone. What it takes at a location is a
-    /// `vec2f`: texture coordinates, from (0, 0) at the upper left to (1, 1). Depth isn't looked at, and
-    /// is written if the function returns it (`@builtin(frag_depth)`).
+    /// Draws over the whole frame with a fragment function alone. An input at a location must be a `vec2f`: it gets
+    /// texture coordinates, from (0, 0) at the upper left to (1, 1). The draw ignores the depth buffer, and writes
+    /// depth only if the function returns it (`@builtin(frag_depth)`).
     ///
     /// ```no_run
     /// use karat::draw::{Blend, Draw};
@@ -148,7 +147,7 @@ impl Draw {
         draw
     }
 
-    /// Draws so many copies, of `@builtin(instance_index)` from 0.
+    /// Draws this number of copies. The first has `@builtin(instance_index)` 0.
     ///
     /// ```
     /// use karat::draw::Draw;
@@ -163,7 +162,7 @@ impl Draw {
         self
     }
 
-    /// The index of the first copy.
+    /// Sets the index of the first copy.
     ///
     /// ```
     /// use karat::draw::Draw;
@@ -178,7 +177,7 @@ impl Draw {
         self
     }
 
-    /// What is added to each index of a mesh; the first vertex of a draw without one.
+    /// Sets the number that is added to each index of a mesh, or the first vertex of a draw without a mesh.
     ///
     /// ```
     /// use karat::draw::Draw;
@@ -206,7 +205,7 @@ impl Draw {
         self
     }
 
-    /// Gives indices to the device in 16 bits, not in 32.
+    /// Uses 16-bit indices instead of 32-bit ones.
     ///
     /// ```
     /// use karat::draw::Draw;
@@ -218,7 +217,7 @@ impl Draw {
     /// ```
     ///
     /// # Panics
-    /// If the mesh has more vertices than they reach, or there is no mesh.
+    /// If the mesh has more vertices than 16 bits can count, or if there is no mesh.
     pub fn u16_indices(mut self) -> Self {
         let Geometry::Mesh(mesh) = &self.geometry else { panic!("there is no mesh with indices") };
         let most = mesh.indices.iter().max().copied().unwrap_or(0);
@@ -227,8 +226,8 @@ impl Draw {
         self
     }
 
-    /// Sets the fragment function that the depth pre-pass runs. It has to discard or write depth as
-    /// the colour's function does, and returns nothing but a depth.
+    /// Sets the fragment function that the depth pre-pass runs. It must discard or write depth exactly like the colour
+    /// pass's function, and may return only a depth.
     ///
     /// ```
     /// use karat::draw::Draw;
@@ -243,7 +242,7 @@ impl Draw {
         self
     }
 
-    /// Which faces aren't drawn (default: of meshes the back, of others none).
+    /// Sets the faces that aren't drawn (default: the back faces of meshes, and none of other geometry).
     ///
     /// ```
     /// use karat::draw::{Cull, Draw};
@@ -258,7 +257,7 @@ impl Draw {
         self
     }
 
-    /// In which order a front face's corners are (default: counter-clockwise).
+    /// Sets the order of a front face's corners (default: counter-clockwise).
     ///
     /// ```
     /// use karat::draw::{Draw, Winding};
@@ -273,7 +272,7 @@ impl Draw {
         self
     }
 
-    /// How a pixel's depth compares with what is drawn already: `new <= old` by default.
+    /// Sets how a pixel's depth compares with the depth buffer: `new <= old` by default.
     ///
     /// ```
     /// use karat::draw::Draw;
@@ -289,7 +288,7 @@ impl Draw {
         self
     }
 
-    /// Whether depth is written. Default: yes; by a fragment function alone only if it returns depth.
+    /// Sets whether the draw writes depth (default: yes; a lone fragment function writes it only if it returns depth).
     ///
     /// ```
     /// use karat::draw::Draw;
@@ -304,7 +303,7 @@ impl Draw {
         self
     }
 
-    /// What is added to depth.
+    /// Sets the bias that is added to depth.
     ///
     /// ```
     /// use karat::draw::{DepthBias, Draw};
@@ -319,7 +318,7 @@ impl Draw {
         self
     }
 
-    /// What is compared with the stencil, and done to it. A frame's stencil begins with zeros.
+    /// Sets the stencil test, and the changes to the stencil. A frame's stencil begins with zeros.
     ///
     /// ```no_run
     /// use karat::draw::{Draw, Stencil, StencilOperation};
@@ -340,7 +339,7 @@ impl Draw {
         self
     }
 
-    /// What happens to a pixel that is drawn again, in each target (default: the frame's).
+    /// Sets the blending in all targets (default: the frame's).
     ///
     /// ```
     /// use karat::draw::{Blend, Draw};
@@ -353,7 +352,7 @@ impl Draw {
         self
     }
 
-    /// The same in one target.
+    /// Sets the blending in one target.
     ///
     /// ```
     /// use karat::draw::{Blend, Draw};
@@ -366,7 +365,7 @@ impl Draw {
         self
     }
 
-    /// The constant of [`BlendFactor::Constant`](super::BlendFactor::Constant).
+    /// Sets the constant of [`BlendFactor::Constant`](super::BlendFactor::Constant).
     ///
     /// ```
     /// use karat::draw::{Blend, BlendComponent, Draw, BlendFactor, BlendOperation};
@@ -386,7 +385,7 @@ impl Draw {
         self
     }
 
-    /// Writes these channels of a target alone: `"rgb"`, `"a"`, `""`.
+    /// Writes only these channels of a target: `"rgb"`, `"a"`, `""`.
     ///
     /// ```
     /// use karat::draw::Draw;
@@ -396,7 +395,7 @@ impl Draw {
     /// ```
     ///
     /// # Panics
-    /// If there is another letter.
+    /// If `channels` has another letter.
     pub fn write_mask(mut self, target: usize, channels: &str) -> Self {
         let other = channels.chars().find(|channel| !"rgba".contains(*channel));
         assert!(other.is_none(), "`{channels}` isn't made of r, g, b and a");
@@ -404,12 +403,12 @@ impl Draw {
         self
     }
 
-    /// The name of its fragment function, if it has Karat's vertex function, which covers the frame.
+    /// The name of its fragment function, if Karat's vertex function covers the frame.
     pub(crate) fn covering(&self) -> Option<&str> {
         self.fragment.as_deref().filter(|_| self.covers())
     }
 
-    /// The same with the names that its functions have in a program's text.
+    /// The same draw, with its functions' names in a program's text.
     pub(crate) fn named_as_in(mut self, program: &Program) -> Self {
         for name in [&mut self.vertex, &mut self.fragment, &mut self.depth_fragment] {
             *name = name.as_ref().map(|name| program.entry_point_name(name).to_owned());
@@ -417,7 +416,7 @@ impl Draw {
         self
     }
 
-    /// True if it is a triangle of Karat's own, which covers the frame.
+    /// Returns `true` for Karat's own triangle, which covers the frame.
     pub(super) fn covers(&self) -> bool {
         self.vertex.is_none()
     }
@@ -426,19 +425,19 @@ impl Draw {
         matches!(self.geometry, Geometry::Mesh(_))
     }
 
-    /// What happens in a target to a pixel that is drawn again.
+    /// The blending in a target.
     pub(super) fn blend_of(&self, target: usize, frame: Blend) -> Blend {
         let own = self.state.blends.iter().rev().find(|(index, _)| *index == target);
         own.map(|(_, blend)| *blend).or(self.state.blend).unwrap_or(frame)
     }
 
-    /// Whether it writes some channel of a target.
+    /// Returns `true` if it writes any channel of a target.
     pub(super) fn writes(&self, target: usize) -> bool {
         let own = self.state.masks.iter().rev().find(|(index, _)| *index == target);
         own.is_none_or(|(_, channels)| !channels.is_empty())
     }
 
-    /// The targets that it names.
+    /// The targets that its settings name.
     pub(super) fn named_targets(&self) -> impl Iterator<Item = usize> {
         let masks = self.state.masks.iter().map(|(target, _)| *target);
         self.state.blends.iter().map(|(target, _)| *target).chain(masks)

@@ -1,4 +1,4 @@
-//! Rows of pixels, as a device has them.
+//! Decodes rows of pixels from a device.
 
 use crate::probe::Codec;
 
@@ -6,12 +6,12 @@ use crate::probe::Codec;
 pub(super) struct Row {
     width: usize,
     codec: Codec,
-    /// Bytes from one row to the next.
+    /// The bytes from one row to the next.
     pub(super) stride: u64,
 }
 
 impl Row {
-    /// Of a format that a copy may have: depth is one float.
+    /// A row in a format for copies, where depth is one float.
     pub(super) fn new(format: wgpu::TextureFormat, width: u32) -> Self {
         let copied = match format.is_depth_stencil_format() {
             true => wgpu::TextureFormat::R32Float,
@@ -23,7 +23,7 @@ impl Row {
         Self { width: width as usize, codec, stride }
     }
 
-    /// An integer of a row that no float is, if there is one: beyond 2^24 not every one is.
+    /// An integer of a row that isn't exact as a float, if there is one: some integers above 2^24 aren't.
     pub(super) fn inexact(&self, bytes: &[u8]) -> Option<i64> {
         if !self.codec.is_integer() {
             return None;

@@ -1,10 +1,10 @@
-//! How a draw's triangles become pixels: culling, depth, stencil, blending.
+//! The fixed-function state of a draw: culling, depth, stencil and blending.
 
 use super::Blend;
 use crate::fixture::Compare;
 use crate::probe::compare;
 
-/// Which faces aren't drawn.
+/// The faces that aren't drawn.
 ///
 /// ```
 /// use karat::draw::{Cull, Draw};
@@ -23,7 +23,7 @@ pub enum Cull {
     Back,
 }
 
-/// In which order a front face's corners are, as they are seen.
+/// The order of a front face's corners, as the viewer sees them.
 ///
 /// ```
 /// use karat::draw::{Draw, Winding};
@@ -42,7 +42,7 @@ pub enum Winding {
     Clockwise,
 }
 
-/// What is added to the depth of a triangle's pixels, such as of a shadow map.
+/// A bias that is added to the depth of a triangle's pixels, for example in a shadow map.
 ///
 /// ```
 /// use karat::draw::DepthBias;
@@ -52,15 +52,15 @@ pub enum Winding {
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct DepthBias {
-    /// In the least steps of the depth format, of which the driver decides what they are.
+    /// A number of the depth format's smallest steps, whose size depends on the driver.
     pub constant: i32,
-    /// Times the triangle's largest change of depth from pixel to pixel.
+    /// A factor of the triangle's largest change of depth from pixel to pixel.
     pub slope: f32,
-    /// The most that is added; 0: no limit.
+    /// The largest bias; 0 for no limit.
     pub clamp: f32,
 }
 
-/// What a draw compares with the stencil, and does to it.
+/// The stencil test of a draw, and its changes to the stencil.
 ///
 /// ```
 /// use karat::draw::{Stencil, StencilOperation};
@@ -71,15 +71,15 @@ pub struct DepthBias {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Stencil {
-    /// How the reference compares with what the stencil holds: `reference < stencil`.
+    /// How the reference compares with the stencil's value: `Less` is `reference < stencil`.
     pub compare: Compare,
-    /// What is compared, and written by [`StencilOperation::Replace`].
+    /// The value to compare, and the value that [`StencilOperation::Replace`] writes.
     pub reference: u8,
-    /// What happens to the stencil where the comparison fails.
+    /// The change to the stencil where the stencil test fails.
     pub fail: StencilOperation,
-    /// What happens where it holds, and the depth's fails.
+    /// The change where the stencil test passes and the depth test fails.
     pub depth_fail: StencilOperation,
-    /// What happens where both hold.
+    /// The change where both pass.
     pub pass: StencilOperation,
     /// The bits that are compared.
     pub read_mask: u8,
@@ -87,7 +87,7 @@ pub struct Stencil {
     pub write_mask: u8,
 }
 
-/// What happens to a pixel's stencil: WebGPU's `GPUStencilOperation`.
+/// A change to a pixel's stencil: WebGPU's `GPUStencilOperation`.
 ///
 /// ```
 /// use karat::draw::{Stencil, StencilOperation};
@@ -99,29 +99,29 @@ pub struct Stencil {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum StencilOperation {
-    /// It stays.
+    /// Keeps the value.
     #[default]
     Keep,
-    /// It becomes 0.
+    /// Sets it to 0.
     Zero,
-    /// It becomes the reference.
+    /// Sets it to the reference.
     Replace,
-    /// Its bits are inverted.
+    /// Inverts its bits.
     Invert,
-    /// One more, at most 255.
+    /// Adds 1, up to 255.
     #[serde(rename = "increment-clamp")]
     Increment,
-    /// One less, at least 0.
+    /// Subtracts 1, down to 0.
     #[serde(rename = "decrement-clamp")]
     Decrement,
-    /// One more; behind 255 comes 0.
+    /// Adds 1; 255 becomes 0.
     IncrementWrap,
-    /// One less; behind 0 comes 255.
+    /// Subtracts 1; 0 becomes 255.
     DecrementWrap,
 }
 
 impl Default for Stencil {
-    /// It passes everywhere, and changes nothing.
+    /// Passes everywhere, and changes nothing.
     fn default() -> Self {
         Self {
             compare: Compare::Always,
@@ -162,7 +162,7 @@ impl Stencil {
     }
 }
 
-/// What a draw is drawn with; `None`: what is usual for its geometry.
+/// The state of a draw; `None` for the default of its geometry.
 #[derive(Clone, Debug, Default, serde::Serialize, serde::Deserialize)]
 pub(super) struct State {
     pub(super) cull: Option<Cull>,
@@ -172,9 +172,9 @@ pub(super) struct State {
     pub(super) bias: DepthBias,
     pub(super) stencil: Option<Stencil>,
     pub(super) blend: Option<Blend>,
-    /// By target.
+    /// The blending, by target.
     pub(super) blends: Vec<(usize, Blend)>,
     pub(super) blend_constant: [f32; 4],
-    /// The channels that are written, by target: `"rgb"`.
+    /// The channels to write, by target: `"rgb"`.
     pub(super) masks: Vec<(usize, String)>,
 }

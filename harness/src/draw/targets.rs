@@ -1,5 +1,5 @@
-//! What draws write into targets: what nobody writes would be whatever the memory held, and what no
-//! target takes would be lost without a word.
+//! Checks the outputs of draws against the targets. An unwritten target would contain old memory, and an output without
+//! a target would be lost silently.
 
 use super::drawing::{Scene, Source};
 use super::request::Draw;
@@ -7,7 +7,7 @@ use super::{DrawError, Format};
 use crate::reflect::{Output, Program, Texels};
 
 impl Scene<'_> {
-    /// Sees that each draw writes each target, and nothing else.
+    /// Checks that each draw writes each target, and nothing else.
     pub(super) fn expect_targets(&self, program: &Program) -> Result<(), DrawError> {
         let unsound = |setting, reason: String| Err(DrawError::Unsound { setting, reason });
         if !matches!(self.samples, 1 | 2 | 4 | 8 | 16) {
@@ -30,7 +30,7 @@ impl Scene<'_> {
                 |target: usize| outputs.iter().find(|output| output.location as usize == target);
             for (target, format) in self.formats.iter().enumerate() {
                 let Some(output) = at(target) else {
-                    // Of a frame whose image is depth nobody looks at targets.
+                    // If the image is depth, the targets don't matter.
                     if draw.writes(target) && self.result != Source::Depth {
                         return unsound(
                             "formats",
@@ -82,7 +82,7 @@ impl Scene<'_> {
         Ok(())
     }
 
-    /// How many components all draws write into a target, at least.
+    /// The number of a target's components that every draw writes.
     pub(super) fn components(&self, program: &Program, target: usize) -> u8 {
         let of = |draw: &Draw| {
             let (_, outputs) = outputs(draw, program)?;
@@ -93,14 +93,14 @@ impl Scene<'_> {
     }
 }
 
-/// Whether a draw writes depth. A fragment function alone, which covers the whole frame, writes what it
-/// says itself.
+/// Returns `true` if a draw writes depth. A lone fragment function covers the whole frame, and writes depth only if it
+/// returns it.
 pub(super) fn writes_depth(draw: &Draw, program: &Program) -> bool {
     let says = || draw.fragment.as_deref().is_some_and(|fragment| program.writes_depth(fragment));
     draw.state.depth_write.unwrap_or_else(|| draw.vertex.is_some() || says())
 }
 
-/// Whether a draw's fragment function writes a target.
+/// Returns `true` if a draw's fragment function writes a target.
 pub(super) fn writes_target(draw: &Draw, program: &Program, target: usize) -> bool {
     let outputs = outputs(draw, program);
     outputs.is_none_or(|(_, outputs)| outputs.iter().any(|o| o.location as usize == target))
@@ -112,7 +112,7 @@ fn outputs<'d>(draw: &'d Draw, program: &Program) -> Option<(&'d str, Vec<Output
 }
 
 impl Format {
-    /// What a shader writes into it.
+    /// The type of the values that a shader writes into it.
     fn kind(self) -> Texels {
         match self {
             Self::R32Sint => Texels::Sint,

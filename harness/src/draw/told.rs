@@ -1,4 +1,4 @@
-//! Drawings whose fragment functions tell a value beside their colours.
+//! Drawings whose fragment functions return a tapped value beside their colours.
 
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -8,21 +8,21 @@ use super::request::Draw;
 use super::{Blend, DrawError, Format};
 use crate::reflect::{Telling, Valued, WORDS, When};
 
-/// Targets of words that every device of WebGPU draws to at once: a pixel may have 32 bytes in all
-/// (`maxColorAttachmentBytesPerSample`), and the words of a target are 16.
+/// The number of targets for a tapped value's words that every WebGPU device supports: a pixel may have 32 bytes
+/// (`maxColorAttachmentBytesPerSample`), and a target of words has 16.
 const TARGETS: usize = 2;
 
-/// A drawing that tells values, and the targets that have their words.
+/// A drawing that returns values, and the targets with their words.
 pub(crate) struct Told<'s> {
     pub(crate) drawing: Drawing<'s>,
     pub(crate) targets: Vec<usize>,
 }
 
 impl<'s> Drawing<'s> {
-    /// It without one of its draws, which is the one of this number among those with a fragment function.
+    /// The same drawing without one of its draws; `number` counts the draws that have a fragment function.
     ///
     /// # Errors
-    /// If the others can't be bound.
+    /// If the other draws can't be bound.
     pub(crate) fn without_draw(&self, number: usize) -> Result<Self, DrawError> {
         let mut scene = Scene::clone(&self.scene);
         let has_fragment = |(_, draw): &(usize, &Draw)| draw.fragment.is_some();
@@ -46,13 +46,13 @@ impl<'s> Drawing<'s> {
         names.map(|name| self.program.entry_point_name(name)).collect()
     }
 
-    /// True if its own colours can be drawn beside a value. Words have no mean over several samples, and devices may have no
-    /// room for a target beside several others.
+    /// Returns `true` if the frame's own colours can be drawn beside a value. Words have no mean over several samples,
+    /// and a device may have no room for one more target.
     pub(crate) fn may_keep_colours(&self) -> bool {
         self.scene.samples == 1 && self.scene.formats.len() == 1
     }
 
-    /// True if a pixel may be made of several draws.
+    /// Returns `true` if several draws may contribute to a pixel.
     pub(crate) fn blends(&self) -> bool {
         let targets = 0..self.scene.formats.len();
         let blends = |target: usize| {
@@ -62,12 +62,12 @@ impl<'s> Drawing<'s> {
         targets.into_iter().any(blends)
     }
 
-    /// The same draws, whose fragment functions tell values, from the `first` of their words on; of no value they tell which
-    /// of them they are, from 1 in the order of [`fragments`](Self::fragments). Alone, a driver computes nothing else, and
-    /// there is room for twice as many words.
+    /// The same draws, with fragment functions that return values, beginning at word `first`. Without values, they
+    /// return the number of their function, from 1 in the order of [`fragments`](Self::fragments). With `alone`, the
+    /// driver computes nothing else, and there is room for twice as many words.
     ///
     /// # Errors
-    /// If naga doesn't take it.
+    /// If naga rejects the changed program.
     pub(crate) fn telling(
         &self,
         values: &[(&Valued, When)],

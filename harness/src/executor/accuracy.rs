@@ -1,4 +1,4 @@
-//! How exact an adapter's built-in functions are: measured once, and kept in cargo's home.
+//! Measures the accuracy of an adapter's builtin functions, once, and keeps it in cargo's home.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -11,14 +11,14 @@ use crate::package::Package;
 use crate::probe::{ProbeError, Probed};
 use crate::{image, settings};
 
-/// Which arguments are measured, and how what is found is kept. Another number asks anew.
+/// The edition of the measured arguments and of the file. A new number causes a new measurement.
 const EDITION: u32 = 3;
 
-/// How exact the built-in functions of an executor are. `kept`: what is found outlives this process.
+/// The accuracy of an executor's builtin functions. With `kept`, the result outlives this process.
 pub(crate) fn measured(executor: &dyn Executor, kept: bool) -> Result<Arc<Accuracy>, ProbeError> {
     static KNOWN: Mutex<BTreeMap<String, Arc<Accuracy>>> = Mutex::new(BTreeMap::new());
     let key = super::adapter(executor).to_string();
-    // Tests that run side by side wait for one of them to measure.
+    // Tests that run in parallel wait while one of them measures.
     let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
     if let Some(accuracy) = known.get(&key).filter(|_| kept) {
         return Ok(Arc::clone(accuracy));
@@ -28,7 +28,7 @@ pub(crate) fn measured(executor: &dyn Executor, kept: bool) -> Result<Arc<Accura
         Some(accuracy) => accuracy,
         None => {
             let accuracy = measure(executor)?;
-            // What can't be kept is measured again.
+            // If the file can't be written, the next process measures again.
             if let Some(file) = file {
                 let bytes = bytemuck::cast_slice(&accuracy.words()).to_vec();
                 drop(image::write_whole(&file, &bytes));
@@ -61,7 +61,7 @@ fn read(file: &FilePath) -> Option<Accuracy> {
     Accuracy::from_words(&whole.then(|| bytemuck::pod_collect_to_vec(&bytes))?)
 }
 
-/// Sweeps each function.
+/// Measures each function over its arguments.
 fn measure(executor: &dyn Executor) -> Result<Accuracy, ProbeError> {
     let functions: Vec<&str> = Accuracy::functions().collect();
     let text: String = (0..)

@@ -1,4 +1,4 @@
-//! A function that is ready on an executor: rows of words in, rows of words out.
+//! Calls a function that is ready on an executor: rows of words in, rows of words out.
 
 use std::borrow::Cow;
 
@@ -17,14 +17,14 @@ pub struct Caller<'e> {
     pub(crate) fixtures: &'e Fixtures,
     /// The path of its executor.
     pub path: Path,
-    /// Words of all arguments.
+    /// The number of words in all arguments.
     pub(crate) words: usize,
-    /// Words of a result.
+    /// The number of words in a result.
     width: usize,
     prepared: Box<dyn Prepared + 'e>,
 }
 
-/// Calls that run.
+/// Calls that are running.
 #[must_use]
 pub struct Running<'p> {
     caller: &'p Caller<'p>,
@@ -33,13 +33,13 @@ pub struct Running<'p> {
     rows: Vec<u32>,
 }
 
-/// The results of one dispatch, as long as they are lent.
+/// The results of one dispatch, borrowed.
 #[derive(Clone, Copy)]
 pub struct View<'r> {
     pub(crate) words: &'r [u32],
-    /// Words from one case to the next.
+    /// The number of words from one case to the next.
     pub(crate) stride: usize,
-    /// Words of a result.
+    /// The number of words in a result.
     pub(crate) width: usize,
 }
 
@@ -51,7 +51,7 @@ pub struct Results {
 }
 
 impl<'e> Caller<'e> {
-    /// Gets a function ready, with room for so many calls in a dispatch.
+    /// Prepares a function, with room for this number of calls in one dispatch.
     pub fn new(
         executor: &'e dyn Executor,
         probed: Cow<'e, Probed>,
@@ -79,17 +79,17 @@ impl<'e> Caller<'e> {
         Ok(Self { probed, fixtures, path, words, width, prepared })
     }
 
-    /// Calls of one dispatch.
+    /// The number of calls in one dispatch.
     pub(crate) fn capacity(&self) -> usize {
         self.prepared.capacity()
     }
 
-    /// True if the path stores texels as half floats.
+    /// Returns `true` if the path stores texels as half floats.
     pub(crate) fn reads_half_floats(&self) -> bool {
         self.prepared.reads_half_floats()
     }
 
-    /// Starts the calls of a dispatch, whose arguments follow one another in `rows`.
+    /// Starts the calls of a dispatch. Their arguments follow one another in `rows`.
     pub(crate) fn start(&self, rows: &[u32], calls: usize) -> Result<Running<'_>, ProbeError> {
         let started = self.caught(|| self.prepared.start(calls, rows))?;
         Ok(Running { caller: self, started, calls, rows: rows.to_vec() })
@@ -100,10 +100,10 @@ impl<'e> Caller<'e> {
         path::caught(self.path, &[name], Some(span), work)
     }
 
-    /// The results of any number of calls, one after the other.
+    /// The results of any number of calls, one after another.
     ///
     /// # Panics
-    /// If `rows` hasn't the words of all arguments for so many calls.
+    /// If `rows` doesn't have the words of all arguments for this number of calls.
     pub fn results(&self, rows: &[u32], calls: usize) -> Result<Vec<u32>, ProbeError> {
         assert_eq!(rows.len(), calls * self.words, "each call has all its arguments");
         let mut results = Vec::with_capacity(calls * self.width);
@@ -119,7 +119,7 @@ impl<'e> Caller<'e> {
 }
 
 impl Running<'_> {
-    /// Waits for the results, and lends them to `read`.
+    /// Waits for the results, and passes them to `read`.
     pub(crate) fn view<T>(self, mut read: impl FnMut(View<'_>) -> T) -> Result<T, ProbeError> {
         let Self { caller, started, calls, rows } = self;
         let Caller { width, path, .. } = *caller;
@@ -127,7 +127,7 @@ impl Running<'_> {
         let mut view = |words: &[u32], stride: usize| {
             let (expected, found) = (calls * stride.max(width), words.len());
             value = Some(match found == expected && stride >= width {
-                // Its reader is a caller's, who may panic as well.
+                // The reader belongs to a caller, and may panic as well.
                 true => Ok(panics::passing(|| read(View { words, stride, width }))),
                 false => Err(ProbeError::Length { path, expected, found }),
             });
@@ -142,14 +142,14 @@ impl Running<'_> {
         value.unwrap_or(Err(ProbeError::Length { path, expected: calls * width, found: 0 }))
     }
 
-    /// Waits for the results, and keeps them.
+    /// Waits for the results, and returns them.
     pub(crate) fn read(self) -> Result<Results, ProbeError> {
         self.view(|View { words, stride, width }| Results { words: words.to_vec(), stride, width })
     }
 }
 
 impl<'r> View<'r> {
-    /// How many cases there are.
+    /// The number of cases.
     #[inline]
     pub(crate) fn len(self) -> usize {
         self.words.len() / self.stride.max(1)
@@ -180,7 +180,7 @@ mod tests {
     use crate::path::Adapter;
     use crate::probe::Partial;
 
-    /// A driver that writes 7 everywhere but in these words, of three to a case.
+    /// A driver that writes 7 into every word except these; a case has three words.
     #[derive(Clone, Debug)]
     struct Dropping(Vec<usize>);
 
@@ -225,7 +225,7 @@ mod tests {
         }
     }
 
-    /// A value that WGSL leaves open may stay unwritten; one that it bounds may not.
+    /// A value that WGSL leaves open may stay unwritten; a bounded value may not.
     #[test]
     fn a_driver_may_drop_what_may_be_anything() {
         let text = "fn open(a: f32, x: f32) -> vec2f { return vec2f(x, smoothstep(a, a, x)); }";
@@ -237,7 +237,7 @@ mod tests {
             let caller = Caller::new(&driver, Cow::Borrowed(&probed), &fixtures, 2)?;
             caller.results(rows, rows.len() / 2)
         };
-        // Three cases are two dispatches.
+        // Three cases need two dispatches.
         let three = [&rows[..], &rows[..2]].concat();
         assert_eq!(results(vec![], &three).expect("all is written"), [7; 6]);
         assert_eq!(results(vec![1, 4], &rows).expect("each may be anything"), [7; 4]);

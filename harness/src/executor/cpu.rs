@@ -7,11 +7,10 @@ use crate::job::{Job, Reply};
 use crate::path::{Ability, Adapter, Path, PathError, Via, cpu};
 use crate::probe::{Call, Prepared, ProbeError, Reader, Started};
 
-/// The engine: WGSL on the CPU in `f32`, as a conforming GPU computes it. It calls functions, and
-/// draws no frames.
+/// The engine: WGSL on the CPU in `f32`, as a conforming GPU computes it. It calls functions, but draws no frames.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Cpu {
-    /// The way in which it rounds.
+    /// Its arithmetic.
     via: Via,
 }
 
@@ -83,12 +82,12 @@ impl Prepared for Ready {
     }
 }
 
-/// A function that writes what is seen outside of it.
+/// A function with effects outside itself.
 #[derive(Debug)]
 struct ReadyAlone {
     function: Alone,
     cases: usize,
-    /// Words of all that a case gives.
+    /// The number of words in a case's results.
     width: usize,
 }
 

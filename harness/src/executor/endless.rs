@@ -1,11 +1,11 @@
-//! A loop without an end is a verdict on drivers, too: the engine goes round it first, so that no driver
-//! hangs in it until the deadline ends the process.
+//! Finds endless loops before a driver runs them: the engine runs each loop first, so no driver hangs until the
+//! deadline ends the process.
 
 use crate::interpret::{Alone, Interpreted};
 use crate::path::{Device, MOST_ROUNDS, PathError};
 use crate::probe::{Call, Prepared, ProbeError, Started, VECTOR};
 
-/// Rounds that a case may make without its vector's lanes together making more than the driver allows.
+/// The most rounds of a case with which the lanes of a vector together stay within the driver's limit.
 const ROUNDS: u64 = MOST_ROUNDS / VECTOR as u64;
 
 /// A function in the engine.
@@ -22,7 +22,7 @@ impl Watcher {
         })
     }
 
-    /// The same that stops after fewer rounds.
+    /// The same, stopped after fewer rounds.
     fn with_fuel(self, fuel: u64) -> Self {
         match self {
             Self::Together(function) => Self::Together(function.with_fuel(fuel)),
@@ -30,7 +30,7 @@ impl Watcher {
         }
     }
 
-    /// Runs a batch, of which nobody wants the results.
+    /// Runs a batch, and drops the results.
     fn run(&self, cases: usize, arguments: &[u32]) -> Result<(), ProbeError> {
         match self {
             Self::Together(function) => function.words(cases, arguments).map(drop),
@@ -39,11 +39,11 @@ impl Watcher {
     }
 }
 
-/// A function on a driver, each batch of whose cases the engine has run before.
+/// A function on a driver. The engine runs each batch of its cases first.
 struct Guarded<'e> {
     prepared: Box<dyn Prepared + 'e>,
     function: Watcher,
-    /// The driver that leaves loops without a word, so that the engine has to have run all of a batch.
+    /// A driver that leaves loops silently. For it, the engine must finish each batch.
     leaves: Option<(&'e Device, String)>,
 }
 
@@ -61,7 +61,7 @@ impl Prepared for Guarded<'_> {
             }
             (Err(endless @ ProbeError::Rounds { .. }), None) => Err(endless),
             (Err(error), Some((device, of))) => Err(unwatched(device, of, &error)),
-            // Whatever else the engine can't do isn't the driver's matter.
+            // Other limits of the engine don't concern the driver.
             _ => self.prepared.start(cases, arguments),
         }
     }
@@ -71,9 +71,9 @@ impl Prepared for Guarded<'_> {
     }
 }
 
-/// Guards a function whose loops have no bound that the IR shows, on a driver that would stay in them. A
-/// driver that leaves loops by itself has the rounds of kernels counted there, but of those whose cases
-/// run alone or are quads: these the engine runs before, and nothing is believed that it can't run.
+/// Guards a function on a driver that would hang in its loops, if the IR shows no bound for them. On a driver that
+/// leaves loops by itself, kernels count their own rounds. Only functions whose cases run alone or are quads run in the
+/// engine first; if the engine can't run them, their results aren't trusted.
 pub(super) fn guarded<'e>(
     device: &'e Device,
     call: &Call<'_>,
@@ -96,12 +96,12 @@ pub(super) fn guarded<'e>(
     }
     Ok(match Watcher::new(call) {
         Ok(function) => Box::new(Guarded { prepared, function, leaves: None }),
-        // The engine doesn't run this function, and no driver is known to leave its loops.
+        // The engine can't run this function, and no driver is known to leave its loops.
         Err(_) => prepared,
     })
 }
 
-/// Nobody knows whether a driver that leaves loops would run this one to its end.
+/// The error that the driver may leave the function's loops early, which the engine couldn't check.
 fn unwatched(device: &Device, of: &str, error: &ProbeError) -> ProbeError {
     let driver = &device.adapter().name;
     let message = format!(
@@ -117,7 +117,7 @@ mod tests {
     use crate::package::Package;
     use crate::probe::Probed;
 
-    /// A driver that would never come back.
+    /// A driver that never returns.
     struct Hanging;
 
     impl Prepared for Hanging {

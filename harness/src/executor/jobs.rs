@@ -1,4 +1,4 @@
-//! Calls, passes and frames for what runs jobs.
+//! Turns calls, passes and frames into jobs.
 
 use crate::dispatch::{Afterwards, DispatchError, Passes};
 use crate::draw::{DrawError, Drawing};
@@ -8,17 +8,17 @@ use crate::path::{Path, PathError};
 use crate::probe::evidence::{self, Evidence, canary};
 use crate::probe::{Call, Prepared, ProbeError, Reader, Started};
 
-/// Cases of a job, at most, and words of their arguments or of their results: some megabytes of JSON.
+/// The most cases of a job, and the most words of their arguments or results: some megabytes of JSON.
 const BATCH: usize = 4096;
 const WORDS: usize = 1 << 19;
 
-/// Cases of a batch where each is a job of its own.
+/// The number of cases in a batch if each case is a job of its own.
 const ALONE: usize = 64;
 
 /// Runs a job.
 type Run<'e> = Box<dyn Fn(&Job) -> Result<Reply, PathError> + Sync + 'e>;
 
-/// A function whose calls are jobs.
+/// A function that is called through jobs.
 struct ByJobs<'e> {
     run: Run<'e>,
     kernel: KernelJobs,
@@ -27,7 +27,7 @@ struct ByJobs<'e> {
     alone: bool,
 }
 
-/// Makes a function ready to be called by jobs.
+/// Prepares a function for calls through jobs.
 pub(super) fn prepare<'e>(
     path: Path,
     run: Run<'e>,
@@ -50,7 +50,7 @@ pub(super) fn prepare<'e>(
 }
 
 impl ByJobs<'_> {
-    /// The results of some cases over a poison, with their canaries, and the other outputs.
+    /// The results of some cases, over a poison and with their canaries, and the other outputs.
     fn outputs(
         &self,
         cases: usize,
@@ -67,7 +67,7 @@ impl ByJobs<'_> {
         Ok((words, outputs))
     }
 
-    /// The words of all cases and the lanes of what each writes, case by case if each runs alone.
+    /// The words of all cases and the lanes of what each writes; case by case if each runs alone.
     fn over(
         &self,
         cases: usize,
@@ -88,7 +88,7 @@ impl ByJobs<'_> {
         Ok((words, written))
     }
 
-    /// The rows of all cases once each word of a result has been written, and the words of a row.
+    /// The rows of all cases, after checking that each word of a result was written, and the number of words in a row.
     fn rows(&self, cases: usize, arguments: &[u32]) -> Result<(Vec<u32>, usize), ProbeError> {
         let (words, written) = self.over(cases, arguments, evidence::WORD)?;
         let places = self.evidence.poisoned(&words);
@@ -160,7 +160,8 @@ pub(super) fn draw(
     Ok(Image::new(width, height, pixels.collect()))
 }
 
-/// The outputs of a reply, each as long as the job wants it. `place` is where a problem is, in the author's file.
+/// The outputs of a reply, each with the length that the job asks for. `place` finds the place of a problem in the
+/// author's file.
 fn done(
     reply: Reply,
     path: Path,
@@ -189,7 +190,7 @@ fn done(
     }
 }
 
-/// Where a problem is: ` (shaders/a.wgsl:3:5)`, or nothing.
+/// The place of a problem, ` (shaders/a.wgsl:3:5)`, or an empty text.
 fn located(
     problem: &Problem,
     resolve: impl Fn(usize, std::ops::Range<usize>) -> Option<crate::diagnostic::Span>,
@@ -205,12 +206,12 @@ mod tests {
     use crate::package::Package;
     use crate::probe::Probed;
 
-    /// The results of a function, row by row, by jobs that the engine runs.
+    /// The results of a function, row by row, through jobs that the engine runs.
     fn called(text: &str, fixtures: Fixtures, rows: &[u32]) -> Vec<Vec<u32>> {
         called_with(&|_, _| {}, text, fixtures, rows).expect("it runs")
     }
 
-    /// The same of an engine with a fault, which changes the words that a job leaves.
+    /// The same with an engine that has a fault: it changes the words that a job leaves.
     fn called_with(
         fault: &(dyn Fn(&Job, &mut Vec<Vec<u32>>) + Sync),
         text: &str,
@@ -256,7 +257,7 @@ mod tests {
         assert_eq!(called(plain, Vec::new(), &[1, 4, 9]), [[1, 2], [4, 8], [9, 18]]);
     }
 
-    /// Words that nothing wrote, those of another dispatch and those of too few cases are no results.
+    /// Unwritten words, words of another dispatch, and words of too few cases don't count as results.
     #[test]
     fn what_a_job_does_not_do_is_seen() {
         let text = "fn f(x: u32) -> vec2u { return vec2u(x, 2u * x); }";
@@ -278,7 +279,7 @@ mod tests {
         assert!(none.contains("it returned outputs of [] words, and [9] are wanted"), "{none}");
     }
 
-    /// A result may be the word that stands for none, and is computed again over another one.
+    /// A result may equal the poison. It is then computed again over another poison.
     #[test]
     fn a_result_may_be_poison() {
         let text = format!("fn f(x: u32) -> u32 {{ return {}u + x; }}", evidence::WORD);
@@ -290,7 +291,7 @@ mod tests {
         assert_eq!(called(immediate, four, &[1, 2]), [[41], [42]]);
     }
 
-    /// A job is some megabytes of text, at most.
+    /// A job has at most some megabytes of text.
     #[test]
     fn jobs_are_of_a_size() {
         let capacity = |text: &str, fixtures: Fixtures, cases: usize| {
@@ -334,7 +335,7 @@ mod tests {
         assert_eq!(sampler.lod, (0.5, 32.0));
     }
 
-    /// A storage texture says its format, in whichever pass it is one.
+    /// A storage texture has its format in a job, whichever pass stores it.
     #[test]
     fn a_texture_that_a_later_pass_stores_has_its_format() {
         let text = "@group(0) @binding(0) var read: texture_2d<f32>;
@@ -358,7 +359,7 @@ mod tests {
         assert_eq!(formats.collect::<Vec<_>>(), [Some("r32float".to_owned())]);
     }
 
-    /// Another program than Karat's makes textures by what a job says of them.
+    /// A program other than Karat makes textures only from the job's data.
     #[test]
     fn a_texture_for_depths_is_one_of_depths() {
         let ramp = || Texture::from_fn(2, 1, |x, _| 0.25 + x as f32 / 2.0);

@@ -1,4 +1,4 @@
-//! A program that KARAT_EXECUTORS names: it runs jobs.
+//! Runs jobs in a program that KARAT_EXECUTORS names.
 
 use super::Executor;
 use crate::diagnostic::one_line;

@@ -1,4 +1,4 @@
-//! A program that runs jobs on an executor of this process.
+//! Makes a program that runs jobs on an executor of this process.
 
 use std::io::{BufRead, Write};
 
@@ -6,7 +6,8 @@ use super::Executor;
 use crate::job::{Answer, Job, Problem, Reply};
 use crate::path::{Ability, Adapter, Greeting, JOBS};
 
-/// Reads jobs line by line, runs each, and writes the replies, after a greeting. It ends with its input.
+/// Writes a greeting, then reads jobs line by line, runs each, and writes the replies. It returns at the end of the
+/// input.
 ///
 /// ```no_run
 /// use karat::Path;

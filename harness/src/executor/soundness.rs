@@ -1,5 +1,5 @@
-//! What drivers return for each built-in function, and for programs that they reassociate, is what the
-//! engine says that WGSL allows: 2^18 inputs each, and the engine's own `f32` and `f64`.
+//! Tests that drivers' results are within the engine's bounds: for each builtin function, and for programs that drivers
+//! reassociate, with 2^18 inputs each. The engine's own `f32` and `f64` must be, too.
 
 use super::Executor;
 use crate::domain::Source;
@@ -12,7 +12,7 @@ use crate::reflect::Ability;
 
 const CASES: usize = 1 << 18;
 
-/// Edges of floats, of the unit interval and of what single built-in functions are defined on.
+/// Edges of floats, of the unit interval, and of the ranges of single builtin functions.
 const EDGES: [f32; 24] = [
     0.0,
     -0.0,
@@ -40,7 +40,7 @@ const EDGES: [f32; 24] = [
     65_504.0,
 ];
 
-/// Edges meet each other edge, then numbers of the unit interval, of moderate size and of any size.
+/// Each edge with each other edge, then numbers from the unit interval, of moderate size and of any size.
 fn rows(width: usize) -> Vec<u32> {
     let mut rows = Vec::with_capacity(CASES * width);
     for case in 0..CASES {
@@ -68,7 +68,8 @@ fn rows(width: usize) -> Vec<u32> {
     rows
 }
 
-/// Each with its arguments and how many of its cases WGSL bounds at least, in per cent.
+/// Each function with the number of its arguments, and the smallest share of its cases that WGSL must bound, in per
+/// cent.
 const SCALARS: [(&str, usize, usize); 44] = [
     ("a + b", 2, 60),
     ("a - b", 2, 60),
@@ -116,7 +117,7 @@ const SCALARS: [(&str, usize, usize); 44] = [
     ("select(a, b, a < b)", 2, 99),
 ];
 
-/// Of several components; each is one number of the result.
+/// Functions over several components; each returns one number of the result.
 const VECTORS: [(&str, usize, usize); 11] = [
     ("length(vec3f(a, b, c))", 3, 20),
     ("distance(vec2f(a, b), vec2f(c, 1.0))", 3, 20),
@@ -131,7 +132,7 @@ const VECTORS: [(&str, usize, usize); 11] = [
     ("f32(bitcast<u32>(a) >> 9u)", 1, 90),
 ];
 
-/// Sums and products of several operations, which drivers evaluate in an order of their own.
+/// Sums and products of several operations, whose order of evaluation drivers choose.
 const PROGRAMS: [(&str, usize, usize); 12] = [
     ("(b + b) - 3.0", 2, 90),
     ("(a - b) + 1.0", 2, 60),
@@ -147,7 +148,7 @@ const PROGRAMS: [(&str, usize, usize); 12] = [
     ("a * b % 289.0 + c", 3, 20),
 ];
 
-/// Of half precision, whose arguments are rounded to it.
+/// Functions in half precision, whose arguments are rounded to it.
 const HALVES: [(&str, usize, usize); 30] = [
     ("a + b", 2, 40),
     ("a - b", 2, 40),
@@ -181,7 +182,7 @@ const HALVES: [(&str, usize, usize); 30] = [
     ("exp(-a * a)", 1, 40),
 ];
 
-/// What Mesa's drivers return outside of the bounds, and why. It must be so.
+/// Results of Mesa's drivers that are outside the bounds, with the reason. They must occur.
 const KNOWN: [(&str, &str, &str); 5] = [
     (
         "gl",
@@ -194,14 +195,14 @@ const KNOWN: [(&str, &str, &str); 5] = [
     ("gl", "f32(i32(a))", "naga's GLSL converts floats out of range as they are"),
 ];
 
-/// What is outside of the bounds, of so many bounded cases.
+/// The number of bounded cases, and the cases outside their bounds.
 fn outside(bounds: &[Bound], values: &[f64], slack: f64) -> (usize, Vec<usize>) {
     let mut bounded = 0;
     let mut wrong = Vec::new();
     for (case, (bound, value)) in bounds.iter().zip(values).enumerate() {
         let Some((least, most)) = bound.ends() else { continue };
         bounded += 1;
-        // Double precision isn't rounded to the ends of intervals, which are `f32`.
+        // Interval ends are rounded to `f32`; double precision isn't.
         let slack = slack * value.abs();
         if !(bound.allows(*value) || (least - slack <= *value && *value <= most + slack)) {
             wrong.push(case);
@@ -210,14 +211,14 @@ fn outside(bounds: &[Bound], values: &[f64], slack: f64) -> (usize, Vec<usize>) 
     (bounded, wrong)
 }
 
-/// What isn't sound of a built-in function: who returns what outside of its bounds.
+/// The errors of a builtin function: which executor returns what outside its bounds.
 fn unsound(executors: &[&dyn Executor], (text, width, share): (&str, usize, usize)) -> Vec<String> {
     let parameters = ["a: f32", "b: f32", "c: f32"][..width].join(", ");
     let text = format!("fn f({parameters}) -> f32 {{ return {text}; }}");
     unsound_of(executors, (&text, width, share))
 }
 
-/// The same of a function `f`.
+/// The same for a function `f`.
 fn unsound_of(
     executors: &[&dyn Executor],
     (text, width, share): (&str, usize, usize),
@@ -269,7 +270,7 @@ fn unsound_of(
             found.truncate(before);
         }
     }
-    // What jumps may do so elsewhere in double precision, and what overflows there isn't bounded.
+    // A function that jumps may jump elsewhere in double precision, and an overflow isn't bounded there.
     let jumps =
         ["%", "floor", "ceil", "round", "trunc", "fract", "step(", "i32", "bitcast", "select", "<"];
     if !jumps.iter().any(|jump| text.contains(jump)) {
@@ -279,7 +280,7 @@ fn unsound_of(
     found
 }
 
-/// The drivers that are here, and the engine itself.
+/// The drivers of this machine, and the engine itself.
 fn executors() -> Vec<&'static dyn Executor> {
     let second: Path = "vulkan@swiftshader".parse().expect("a path");
     let all = Path::ALL.into_iter().chain([second]);

@@ -1,4 +1,4 @@
-//! Compares a frame with its golden on each path, by what the frame declares, and records it.
+//! Compares a frame with its golden on each path, as the frame declares, and records the verdict.
 
 use std::sync::LazyLock;
 
@@ -20,8 +20,8 @@ use crate::run::{Judged, Passed, Report, leave_frame_out, or_panic, replay, repo
 use crate::settings;
 
 impl Frame<'_> {
-    /// Draws the frame on each selected path and compares it with a golden. With `KARAT_FRAMES=off`
-    /// it does neither, and the agreement has no path.
+    /// Draws the frame on each selected path and compares it with a golden. With `KARAT_FRAMES=off` it does neither,
+    /// and the returned agreement has no paths.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -31,17 +31,17 @@ impl Frame<'_> {
     /// ```
     ///
     /// # Panics
-    /// With the [`FrameError`], if it differs or there is nothing to compare with.
+    /// Panics with the [`FrameError`] if the frame differs, or if there is no golden to compare with.
     #[track_caller]
     pub fn matches(&self, goldens: &Goldens, case: &str) -> FrameAgreement {
         or_panic(self.try_matches(goldens, case))
     }
 
-    /// [`matches`](Self::matches) without the panic. With `KARAT_FRAMES=off` it draws nothing, either, unless
-    /// the frame is [unrecorded](Self::unrecorded).
+    /// [`matches`](Self::matches) without the panic. With `KARAT_FRAMES=off` it draws the frame only if it is
+    /// [unrecorded](Self::unrecorded).
     ///
     /// # Errors
-    /// If it differs or there is nothing to compare with.
+    /// If the frame differs, or if there is no golden to compare with.
     #[track_caller]
     pub fn try_matches(&self, goldens: &Goldens, case: &str) -> Result<FrameAgreement, FrameError> {
         if self.is_left_out() {
@@ -52,7 +52,7 @@ impl Frame<'_> {
         self.reported((case.to_owned(), folder), |report| self.compare(goldens, case, report))
     }
 
-    /// Notes that the frame isn't drawn, if that is so.
+    /// Returns `true` if the frame isn't drawn, and notes that.
     pub(super) fn is_left_out(&self) -> bool {
         let left_out = self.recorded && settings::leaves_frames_out();
         if left_out {
@@ -64,7 +64,7 @@ impl Frame<'_> {
         left_out
     }
 
-    /// Records what a verb finds, under the name of a golden and its folder.
+    /// Records the result of a verb, under the name of a golden and its folder.
     #[track_caller]
     pub(super) fn reported<T: Passed>(
         &self,
@@ -115,7 +115,7 @@ impl Frame<'_> {
             };
             let known_issue = frame.known_issue;
             let compared = goldens.check(case, &frame);
-            // A golden that shows something, or can't be used, says more.
+            // Any other error of the golden says more than "no draw changed any pixel".
             let passes = matches!(compared, Ok(_) | Err(GoldenError::Missing { .. }));
             if let Some(clear) = self.scene.untouched(&image).filter(|_| passes) {
                 return Err(FrameError::Untouched { clear });
@@ -158,8 +158,8 @@ impl Frame<'_> {
                     let record = PathRecord { failures, worst, ratio, ..record };
                     Ok(Judged { record, values: Err(cause) })
                 }
-                // A frame of another size, a golden that is missing or can't be used: there are no values that
-                // could be compared.
+                // The frame has another size, or the golden is missing or can't be used: there are no values to
+                // compare.
                 _ => Err(FrameError::Golden { adapter: Box::new(adapter.clone()), cause }),
             }
         };
@@ -178,11 +178,11 @@ impl Frame<'_> {
     }
 }
 
-/// A frame beside its golden.
+/// The result of comparing a frame with its golden.
 type Compared = Result<FrameMargin, Box<GoldenError>>;
 
 impl Frame<'_> {
-    /// Each bounds something, on paths that can be.
+    /// Checks that each tolerance has a usable bound, and that its path can exist.
     fn check_tolerances(&self) -> Result<(), FrameError> {
         sound_paths("tolerance_on", &self.tolerance_on)?;
         let on_paths = self.tolerance_on.iter().map(|(_, tolerance)| tolerance);
@@ -190,11 +190,11 @@ impl Frame<'_> {
         all.find_map(FrameTolerance::unusable).map_or(Ok(()), |why| Err(FrameError::Tolerance(why)))
     }
 
-    /// The most particular: of the path, or else of the frame, or else of what its image holds if that
-    /// isn't a colour, which HDR-FLIP judges as an eye would. Integers are equal or not. Depths differ by
-    /// rounding: what is far has depths close to 1, where 1e-3 would be a multiple of the distance.
+    /// The tolerance for a path: the path's own, or else the frame's, or else the default for an image that isn't a
+    /// colour, which HDR-FLIP can't judge. Integers must be equal. Depths differ by rounding: far surfaces have depths
+    /// close to 1, where 1e-3 would be a multiple of the distance.
     fn tolerance_of(&self, path: Path, adapter: &Adapter) -> Option<&FrameTolerance> {
-        // Images hold integers up to 2^24, of which two differ by 6e-8 at least.
+        // Images hold integers up to 2^24; two different ones differ by at least 6e-8.
         static EXACT: LazyLock<FrameTolerance> = LazyLock::new(|| FrameTolerance::from(1e-8));
         static DEPTH: LazyLock<FrameTolerance> = LazyLock::new(|| FrameTolerance::from(1e-5));
         let of_content = || match self.scene.result {
@@ -207,7 +207,7 @@ impl Frame<'_> {
         self.tolerance_on.on(path, adapter).or(self.tolerance.as_ref()).or_else(of_content)
     }
 
-    /// The first name of an AOV that its file can't have, and why.
+    /// The first AOV name that the file format doesn't allow, and why.
     fn unusable_aov(&self) -> Option<(&str, &'static str)> {
         let sound = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
         self.aovs.iter().enumerate().find_map(|(index, (name, _))| {
@@ -224,7 +224,7 @@ impl Frame<'_> {
         })
     }
 
-    /// What else is kept of the pixels. What can't be drawn is missed by no verdict.
+    /// The AOVs, drawn on an executor. One that can't be drawn is left out, and affects no verdict.
     fn aovs_on(&self, executor: &dyn Executor) -> Vec<Part> {
         let draw = |frame: &Self| super::drawn(executor, &frame.drawing_on(executor)?);
         let drawn = self.aovs.iter().filter_map(|(name, frame)| match draw(frame) {
@@ -238,7 +238,7 @@ impl Frame<'_> {
     }
 }
 
-/// Pixels that are off.
+/// The number of pixels outside the tolerance.
 fn outliers(difference: &FrameDifference) -> u64 {
     match difference {
         FrameDifference::Values(deviation) => deviation.outliers as u64,

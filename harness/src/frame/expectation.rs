@@ -1,4 +1,4 @@
-//! Compares the mean colour of a part of a frame with an expected one, without a golden.
+//! Compares the mean colour of a part of a frame with an expected colour, without a golden.
 
 use super::{Frame, FrameError};
 use crate::executor::Executor;
@@ -26,13 +26,13 @@ use crate::tolerance::{LaneError, Tolerance};
 pub struct FrameMean {
     /// Each path with the mean of red, green and blue.
     pub paths: Vec<(Adapter, [f64; 3])>,
-    /// Paths that fail as was declared. They are not among `paths`.
+    /// Paths that fail as declared. They are not in `paths`.
     pub known_issues: Vec<KnownIssue>,
 }
 
 impl Frame<'_> {
-    /// Draws the frame on each selected path and compares the mean colour of a rectangle with what
-    /// is expected. A value that isn't finite fails. With `KARAT_FRAMES=off` it does neither.
+    /// Draws the frame on each selected path and compares the mean colour of a rectangle with the expected one. A value
+    /// that isn't finite fails. With `KARAT_FRAMES=off` it does neither.
     ///
     /// ```
     /// use karat::metric::Rect;
@@ -45,7 +45,7 @@ impl Frame<'_> {
     /// ```
     ///
     /// # Panics
-    /// With the [`FrameError`], if a mean is off or can't be taken.
+    /// Panics with the [`FrameError`] if a mean differs or can't be computed.
     #[track_caller]
     pub fn has_mean(
         &self,
@@ -56,11 +56,11 @@ impl Frame<'_> {
         or_panic(self.try_has_mean(rect, expected, tolerance))
     }
 
-    /// [`has_mean`](Self::has_mean) without the panic. With `KARAT_FRAMES=off` it draws nothing, either,
-    /// unless the frame is [unrecorded](Self::unrecorded).
+    /// [`has_mean`](Self::has_mean) without the panic. With `KARAT_FRAMES=off` it draws the frame only if it is
+    /// [unrecorded](Self::unrecorded).
     ///
     /// # Errors
-    /// If a mean is off or can't be taken.
+    /// If a mean differs or can't be computed.
     #[track_caller]
     pub fn try_has_mean(
         &self,
@@ -137,10 +137,10 @@ impl Frame<'_> {
     }
 }
 
-/// A mean, and how far off it is.
+/// A mean with its error.
 type Mean = ([f64; 3], LaneError);
 
-/// Mean of red, green and blue; NaN if a value isn't finite.
+/// The mean of red, green and blue; NaN if a value isn't finite.
 fn mean(image: &Image, rect: Rect) -> [f64; 3] {
     let rows = image.pixels().chunks(image.width() as usize).skip(rect.top as usize);
     let columns = rect.left as usize..(rect.left + rect.width) as usize;

@@ -1,4 +1,4 @@
-//! How a pixel of a frame comes about: what its fragment function was given, and each step of it in the engine.
+//! Traces one pixel of a frame: the inputs of its fragment function, and each step of that function in the engine.
 
 use super::tap::{Candidate, Read, TapError, candidates, read};
 use super::{Frame, drawn};
@@ -12,11 +12,11 @@ use crate::probe::Probed;
 use crate::reflect::When;
 use crate::value::{Scalar, Shape};
 
-/// A pixel with what its fragment function was given and did.
+/// A pixel, with the inputs and the steps of its fragment function.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct TracedPixel {
-    /// The fragment function of the draw that the pixel shows: `scene::fragment`.
+    /// The fragment function of the draw that is visible at the pixel: `scene::fragment`.
     pub function: String,
     /// Its arguments by name, as the driver interpolated them.
     pub arguments: Vec<(String, String)>,
@@ -30,7 +30,7 @@ pub struct TracedPixel {
     pub notes: Vec<String>,
 }
 
-/// An argument on all pixels.
+/// An argument, on all pixels.
 struct Argument {
     name: String,
     shape: Shape,
@@ -38,7 +38,7 @@ struct Argument {
 }
 
 impl Argument {
-    /// Its lanes at a pixel, if its function ran there.
+    /// Its lanes at a pixel, if the function ran there.
     fn at(&self, pixel: usize) -> Option<&[u32]> {
         let width = self.shape.lanes().len();
         let ran = self.read.times.get(pixel)?.is_some_and(|times| times > 0);
@@ -47,8 +47,8 @@ impl Argument {
 }
 
 impl Frame<'_> {
-    /// The pixel in column `x` and row `y`, from 0 at the upper left: its inputs as a driver interpolated them, and the
-    /// fragment function run on them in the engine with the frame's resources.
+    /// Traces the pixel in column `x` and row `y`, from 0 at the upper left. A driver interpolates the inputs, and the
+    /// engine runs the fragment function on them with the frame's resources.
     ///
     /// ```no_run
     /// use karat::Path;
@@ -65,18 +65,18 @@ impl Frame<'_> {
     /// ```
     ///
     /// # Errors
-    /// If no draw covers the pixel, the frame can't be drawn, or the engine doesn't execute the function.
+    /// If no draw covers the pixel, if the frame can't be drawn, or if the engine can't execute the function.
     ///
     /// *Unstable*: for programs around tests.
     pub fn trace(&self, path: Path, pixel: (u32, u32)) -> Result<TracedPixel, TapError> {
         self.trace_layer(path, pixel, 1)
     }
 
-    /// The same of another draw that covers the pixel: 1 is the one that it shows, 2 the one that it would show without that
-    /// one.
+    /// Like [`trace`](Self::trace), but for any draw that covers the pixel: 1 is the visible one, 2 the one that would
+    /// be visible without it, and so on.
     ///
     /// # Errors
-    /// As [`trace`](Self::trace).
+    /// The same as for [`trace`](Self::trace).
     ///
     /// *Unstable*: for programs around tests.
     pub fn trace_layer(
@@ -120,7 +120,7 @@ impl Frame<'_> {
         };
         let probed = Probed::with_overrides(scene.package, &of_module(), &scene.overrides)?;
         let mut probed = probed.with_varying();
-        // Those of other draws are none of its own.
+        // Other draws' fixtures don't belong to this one.
         let own = fixture::resolve(&probed.function().bindings, drawing.fixtures());
         let own = own.map_err(DrawError::from)?.into_iter();
         let fixtures: Fixtures =

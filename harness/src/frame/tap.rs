@@ -1,4 +1,4 @@
-//! Values of a frame's fragment functions, pixel by pixel.
+//! Reads intermediate values of a frame's fragment functions, pixel by pixel.
 
 use std::collections::BTreeSet;
 
@@ -17,7 +17,8 @@ use crate::record::tell_prints;
 use crate::reflect::{Program, Valued, WORDS, When};
 use crate::value::Shape;
 
-/// Which value of a frame's fragment functions, or of what they call, [`Frame::tap`] returns.
+/// Selects the value that [`Frame::tap`] returns. It is a value of the frame's fragment functions, or of functions that
+/// they call.
 #[derive(Clone, Debug)]
 pub struct Tap {
     pub(crate) wanted: String,
@@ -26,34 +27,35 @@ pub struct Tap {
 }
 
 impl Tap {
-    /// A value by what stands in the shader: the name of a `let` or of a parameter, with the function's path before it where
-    /// several have it (`brdf::shade::n_dot_v`), another expression that stands there once, or a place, `scene.wgsl:42:13`, which is the largest expression that begins there. On the name of a `let` that
-    /// is its value, and `scene.wgsl:42` is the value of the line's only `let`.
+    /// Selects a value by its text or its place in the shader. The text is the name of a `let` or of a parameter, or an
+    /// expression that occurs once. If several functions have the name, put the function's path before it
+    /// (`brdf::shade::n_dot_v`). A place, `scene.wgsl:42:13`, selects the largest expression that begins there; on the
+    /// name of a `let` it selects the `let`'s value. `scene.wgsl:42` selects the value of the line's only `let`.
     #[must_use]
     pub fn new(wanted: &str) -> Self {
         Self { wanted: wanted.to_owned(), round: None, beside: false }
     }
 
-    /// Tells if it is `karat:print`, which stands for each line that prints.
+    /// Returns `true` for `karat:print`, which selects each line that prints.
     #[must_use]
     pub fn is_of_prints(&self) -> bool {
         self.wanted == "karat:print"
     }
 
-    /// The same of another value.
+    /// The same tap for another value.
     #[must_use]
     pub fn of(&self, wanted: &str) -> Self {
         Self { wanted: wanted.to_owned(), ..self.clone() }
     }
 
-    /// The value that a pixel computes for the `round`th time, from 1, in place of the last one.
+    /// Selects the value that a pixel computes for the `round`th time, counted from 1, instead of the last one.
     #[must_use]
     pub fn round(self, round: Option<u32>) -> Self {
         Self { round, ..self }
     }
 
-    /// Draws the frame's colours beside the value, and compares them with those of the frame: a driver may compute
-    /// otherwise what it computes alone, and it takes as long as the frame twice.
+    /// Also draws the frame's colours with the value, and compares them with the original frame's. A driver may compute
+    /// a value differently when it computes nothing else. This takes twice as long as the frame.
     #[must_use]
     pub fn beside(self, beside: bool) -> Self {
         Self { beside, ..self }
@@ -68,32 +70,32 @@ pub struct Tapped {
     pub span: Span,
     /// Its text there.
     pub text: String,
-    /// The name that a `let` gives it, or that of the parameter.
+    /// The name of its `let` or parameter.
     pub name: Option<String>,
     /// The function that computes it.
     pub function: String,
     /// Its type.
     pub shape: Shape,
-    /// Width and height of the frame; of a pass its invocations, those of all layers below each other.
+    /// The width and height of the frame. For a pass, its invocations, with all layers below each other.
     pub size: (u32, u32),
-    /// The word for an owner of the value: a pixel, or an invocation.
+    /// The word for an owner of the value: a pixel or an invocation.
     pub of: &'static str,
-    /// How often each pixel computed it, row by row; `None`: no draw covers the pixel.
+    /// How often each pixel computed it, row by row; `None` if no draw covers the pixel.
     pub times: Vec<Option<u32>>,
-    /// The lanes of the value, pixel after pixel; zeros where it isn't told.
+    /// The lanes of the value, pixel after pixel; zeros for pixels without it.
     pub lanes: Vec<u32>,
-    /// True if another value of the frame has the same name in the same function, and a file needs the line, too.
+    /// Set if another value has the same name in the same function, so that a file name needs the line, too.
     pub has_twin: bool,
-    /// The time that was asked for.
+    /// The round that was asked for.
     pub round: Option<u32>,
-    /// True of pixels that have the value.
+    /// For each pixel, `true` if it has the value.
     pub told: Vec<bool>,
-    /// Pixels whose colour is another one with the value beside it, since a driver compiles another program then.
-    /// `None`: the value was drawn alone.
+    /// The number of pixels whose colour changed when the value was drawn with it: the driver then compiles another
+    /// program. `None` if the value was drawn alone.
     pub changed: Option<usize>,
 }
 
-/// Why a value can't be told.
+/// The reason why a value can't be read.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum TapError {
@@ -103,20 +105,20 @@ pub enum TapError {
     /// No fragment function of the frame has it.
     #[error("the frame has no value `{wanted}`{more}")]
     Unknown {
-        /// The value as it was asked for.
+        /// The value, as the caller asked for it.
         wanted: String,
-        /// The nearest there is.
+        /// Suggestions.
         more: String,
     },
-    /// It stands in several places.
+    /// It occurs in several places.
     #[error("`{wanted}` is {} values: say which\n  {}", places.len(), places.join("\n  "))]
     Several {
-        /// The value as it was asked for.
+        /// The value, as the caller asked for it.
         wanted: String,
         /// Each place, with its function and its text.
         places: Vec<String>,
     },
-    /// It has no value that could be told.
+    /// Its value can't be read.
     #[error("{place}: `{text}` can't be tapped: it is {why}")]
     Untold {
         /// Its place.
@@ -129,7 +131,7 @@ pub enum TapError {
     /// The passes can't be dispatched.
     #[error(transparent)]
     Dispatch(#[from] DispatchError),
-    /// The engine doesn't execute the fragment function.
+    /// The engine can't execute the fragment function.
     #[error(transparent)]
     Probe(#[from] ProbeError),
     /// The frame has no such pixel.
@@ -140,28 +142,28 @@ pub enum TapError {
         /// Width and height.
         size: (u32, u32),
     },
-    /// Nothing is drawn there.
+    /// No draw covers the pixel.
     #[error("no draw shows at the pixel ({}, {}): none covers it, or all that do discard it", pixel.0, pixel.1)]
     Undrawn {
         /// Column and row.
         pixel: (u32, u32),
     },
-    /// The colours of the frame can't be drawn beside a value.
+    /// The frame's colours can't be drawn with a value.
     #[error(
         "the frame has several targets or samples, so that its colours can't be drawn beside the value: tap it alone"
     )]
     Beside,
-    /// No pixel computes it so often.
+    /// No pixel computes it that often.
     #[error("nothing computes `{value}` for the time {round}: at most {most} times")]
     Round {
-        /// The value as it was asked for.
+        /// The value, as the caller asked for it.
         value: String,
-        /// The time that was asked for.
+        /// The round that was asked for.
         round: u32,
-        /// The most that a pixel computes it.
+        /// The largest number of times that a pixel computes it.
         most: u32,
     },
-    /// The frame draws depth alone.
+    /// The frame draws only depth.
     #[error("the frame has no fragment function: it draws depth alone")]
     Depth,
 }
@@ -177,7 +179,7 @@ pub(crate) struct Candidate {
     pub(crate) value: Valued,
     span: Span,
     pub(crate) text: String,
-    /// Where a `let` names it.
+    /// The place of the name, if a `let` names it.
     named: Option<Span>,
 }
 
@@ -191,7 +193,7 @@ impl Candidate {
         format!("{}:{line}:{column}", self.span.file.name)
     }
 
-    /// Its type, if it can be told.
+    /// Its type, if it can be read.
     pub(crate) fn shape(&self) -> Result<Shape, TapError> {
         self.value.shape.clone().map_err(|why| TapError::Untold {
             place: self.place(),
@@ -207,7 +209,7 @@ impl Candidate {
         is_own.then(|| format!("{}::{name}", program.path_of(&self.value.function)))
     }
 
-    /// It in a line: what it is called, its type, its place, its text.
+    /// The value in one line: its name, its type, its place and its text.
     fn told(&self, program: &Program) -> String {
         let text = self.text.split_whitespace().collect::<Vec<_>>().join(" ");
         let shape = match &self.value.shape {
@@ -223,12 +225,12 @@ impl Candidate {
         }
     }
 
-    /// It in a line, if it has a name and a value.
+    /// The value in one line, if it has a name and a value.
     pub(crate) fn listed(&self, program: &Program) -> Option<String> {
         (self.value.shape.is_ok() && self.path(program).is_some()).then(|| self.told(program))
     }
 
-    /// True of a `let` or a parameter of this name, or of the end of this path.
+    /// Returns `true` for a `let` or a parameter with this name, or with a path that ends in it.
     fn is_named(&self, name: &str, program: &Program) -> bool {
         let path = self.path(program);
         path.is_some_and(|path| {
@@ -240,7 +242,7 @@ impl Candidate {
     }
 }
 
-/// All values of entry points, in the order of functions.
+/// All values of some entry points, in the order of functions.
 pub(crate) fn candidates(program: &Program, entry_points: &[&str]) -> Vec<Candidate> {
     let values = program.values_of(entry_points);
     let mut all: Vec<Candidate> = Vec::new();
@@ -252,7 +254,7 @@ pub(crate) fn candidates(program: &Program, entry_points: &[&str]) -> Vec<Candid
             None => of_function(),
         };
         let Some((span, text)) = found else { continue };
-        // Of several with one place the last is what the text says: others are parts that naga makes of it.
+        // Of several values at one place, the last is the one in the text: naga makes the others from its parts.
         let same = |other: &Candidate| {
             value.range.is_some()
                 && other.value.range == value.range
@@ -280,7 +282,7 @@ pub(crate) fn candidates(program: &Program, entry_points: &[&str]) -> Vec<Candid
                 (found.named, found.value.name) = (named, Some(name));
                 continue;
             }
-            // Another name of a value.
+            // A second name of a value.
             let initialiser = program.text()[start..end].trim_matches([' ', '=', ';', '\n', '\t']);
             let is_it = |one: &&Candidate| {
                 one.value.function == function && one.value.name.as_deref() == Some(initialiser)
@@ -295,7 +297,7 @@ pub(crate) fn candidates(program: &Program, entry_points: &[&str]) -> Vec<Candid
     all
 }
 
-/// The places of the lines that print, in what some entry points run.
+/// The places of the lines that print, in code that some entry points run.
 pub(crate) fn prints(program: &Program, entry_points: &[&str]) -> Vec<String> {
     let all = candidates(program, entry_points);
     let is_print =
@@ -304,7 +306,7 @@ pub(crate) fn prints(program: &Program, entry_points: &[&str]) -> Vec<String> {
     all.iter().filter(is_print).map(place).collect()
 }
 
-/// A path, a line from 1 and a column, or the line alone.
+/// Splits a place into a path, a line from 1, and a column if it has one.
 fn place_of(wanted: &str) -> Option<(&str, usize, Option<usize>)> {
     let (rest, last) = wanted.rsplit_once(':')?;
     let last: usize = last.parse().ok()?;
@@ -314,7 +316,7 @@ fn place_of(wanted: &str) -> Option<(&str, usize, Option<usize>)> {
     }
 }
 
-/// The value that is wanted, by its index.
+/// The index of the wanted value.
 fn find(program: &Program, all: &[Candidate], wanted: &str) -> Result<usize, TapError> {
     let (mut found, mut more) = match place_of(wanted) {
         Some(place) => at_place(all, place, program),
@@ -327,7 +329,7 @@ fn find(program: &Program, all: &[Candidate], wanted: &str) -> Result<usize, Tap
             (if named.is_empty() { of(all, &is_text) } else { named }, String::new())
         }
     };
-    // A function that two modules' copies share has one place.
+    // Copies of a function in two modules have the same place.
     let mut places = BTreeSet::new();
     found.retain(|index| {
         let Candidate { value, .. } = &all[*index];
@@ -355,14 +357,15 @@ fn find(program: &Program, all: &[Candidate], wanted: &str) -> Result<usize, Tap
     }
 }
 
-/// A part of a value, as it is written: `.b`, `[1].x`.
+/// A part of a value, as written: `.b`, `[1].x`.
 pub(crate) struct Wanted {
     suffix: String,
     part: Part,
     shape: Shape,
 }
 
-/// A value, whether another one has its name in its function, and the part of it that is wanted, if it is a part.
+/// A value; whether another value has the same name in its function; and the wanted part, if the caller asked for a
+/// part.
 pub(crate) fn find_or_part(
     program: &Program,
     entry_points: &[&str],
@@ -391,12 +394,12 @@ pub(crate) fn find_or_part(
     Ok((all.swap_remove(found), has_twin, part))
 }
 
-/// Those of which something holds, by their indices.
+/// The indices of the candidates for which `is` returns `true`.
 fn of(all: &[Candidate], is: &dyn Fn(&Candidate) -> bool) -> Vec<usize> {
     (0..all.len()).filter(|index| is(&all[*index])).collect()
 }
 
-/// The value at a place, by its index, or what else there is on its line.
+/// The index of the value at a place; or the other values on that line.
 fn at_place(
     all: &[Candidate],
     (file, line, column): (&str, usize, Option<usize>),
@@ -439,8 +442,8 @@ fn at_place(
 }
 
 impl Frame<'_> {
-    /// The values that have names, each with its place and function: the `let` statements and parameters of the frame's
-    /// fragment functions, and of what they call.
+    /// The named values, each with its place and function: `let` statements and parameters of the frame's fragment
+    /// functions, and of functions that they call.
     ///
     /// # Errors
     /// If the frame can't be drawn.
@@ -454,7 +457,8 @@ impl Frame<'_> {
         Ok(all.iter().filter_map(|one| one.listed(program)).collect())
     }
 
-    /// The places of the lines that print, in what the frame's fragment functions run: each is one for [`Tap::new`].
+    /// The places of the lines that print, in code that the frame's fragment functions run. Each works as an argument
+    /// of [`Tap::new`].
     ///
     /// # Errors
     /// If the frame can't be drawn.
@@ -466,8 +470,8 @@ impl Frame<'_> {
         Ok(prints(drawing.program(), &drawing.fragments()))
     }
 
-    /// A value that the frame's fragment functions compute, on all of its pixels, as a driver computes it. The last draw that a
-    /// pixel shows tells it.
+    /// A value that the frame's fragment functions compute, on all pixels, as a driver computes it. Each pixel has the
+    /// value of its visible draw.
     ///
     /// ```no_run
     /// use karat::Path;
@@ -492,11 +496,11 @@ impl Frame<'_> {
         Ok(self.taps(path, std::slice::from_ref(tap))?.swap_remove(0))
     }
 
-    /// Several values, of which a draw tells as many as 32 bytes of a pixel have room for. Of those that are asked for with the
-    /// frame's colours [beside](Tap::beside) them each has its own draws.
+    /// Several values. One draw reads as many as fit into the 32 bytes of a pixel. A value with the frame's colours
+    /// [beside](Tap::beside) it has draws of its own.
     ///
     /// # Errors
-    /// As [`tap`](Self::tap), of any of them.
+    /// The same as for [`tap`](Self::tap), for any of them.
     ///
     /// *Unstable*: for programs around tests.
     pub fn taps(&self, path: Path, taps: &[Tap]) -> Result<Vec<Tapped>, TapError> {
@@ -533,7 +537,8 @@ impl Frame<'_> {
     }
 }
 
-/// Fails by an assertion of fragment functions that is false for a pixel that shows, and names those that weren't looked at.
+/// Fails if an assertion of a fragment function is false for a visible pixel, and names the assertions that weren't
+/// checked.
 pub(super) fn expect_asserted(drawing: &Drawing<'_>, path: Path) -> Result<(), FrameError> {
     let of = |names: &[&str]| assertions(drawing.program(), names).map_err(DrawError::from);
     let all = of(&drawing.fragments())?;
@@ -551,7 +556,7 @@ pub(super) fn expect_asserted(drawing: &Drawing<'_>, path: Path) -> Result<(), F
     let opened = path::open(path)?;
     let device = opened.device().ok_or(DrawError::Unable { path })?;
     let (names, place) = drawing.entry_points();
-    // How often each is false, and how often it is come to.
+    // How often each assertion is false, and how often it is reached.
     let values: Vec<_> = [When::False, When::Last]
         .into_iter()
         .flat_map(|when| all.iter().map(move |(value, ..)| (value, when)))
@@ -584,7 +589,7 @@ pub(super) fn expect_asserted(drawing: &Drawing<'_>, path: Path) -> Result<(), F
     found.map_or(Ok(()), |found| Err(FrameError::Asserted(Box::new(found))))
 }
 
-/// A value as it was read, with its place and its name.
+/// A value that was read, with its place and its name.
 pub(crate) fn tapped(
     program: &Program,
     (found, has_twin, part): (Candidate, bool, Option<Wanted>),
@@ -631,7 +636,7 @@ pub(crate) fn tapped(
     })
 }
 
-/// The words that came from a device, by pixels or invocations.
+/// The words that a device returned, by pixels or invocations.
 pub(crate) struct Read {
     pub(crate) times: Vec<Option<u32>>,
     pub(crate) lanes: Vec<u32>,

@@ -1,4 +1,4 @@
-//! Functions that write what is seen outside of them: each case is a dispatch of the kernel.
+//! Runs functions with effects outside themselves: each case is a dispatch of the kernel.
 
 use std::sync::Arc;
 
@@ -13,7 +13,7 @@ use crate::probe::{Inputs, ProbeError, Probed, UNIFORM_WORDS};
 use crate::reflect::{Binding, Program};
 use crate::settings;
 
-/// A kernel in the engine, with what it reads.
+/// A lowered kernel, with the resources that it reads.
 #[derive(Debug)]
 pub struct Alone {
     lowered: Lowered,
@@ -25,26 +25,26 @@ pub struct Alone {
     first: u32,
     words_in: usize,
     words_out: usize,
-    /// Bytes of the buffer of arguments, at least.
+    /// The smallest size of the argument buffer, in bytes.
     least: usize,
-    /// The arguments that its derivatives are of.
+    /// The layout of the quad for its derivatives.
     quads: Option<Quads>,
-    /// Rounds of loops that a case may make.
+    /// The most rounds of loops that a case may make.
     fuel: u64,
-    /// True if subnormals are zero.
+    /// Set if subnormals are zero.
     flush: bool,
 }
 
 impl Alone {
-    /// A function in drivers' own rounding.
+    /// A function with the usual rounding.
     ///
     /// # Errors
-    /// If the engine can't run it.
+    /// If the engine can't execute it.
     pub fn new(probed: &Probed, fixtures: &Fixtures) -> Result<Self, ProbeError> {
         Self::rounding(probed, fixtures, Via::Direct)
     }
 
-    /// The same in an arithmetic of the path `cpu`.
+    /// The same with an arithmetic of the path `cpu`.
     pub(crate) fn rounding(
         probed: &Probed,
         fixtures: &Fixtures,
@@ -83,13 +83,13 @@ impl Alone {
         })
     }
 
-    /// The same that stops after so many rounds of loops.
+    /// The same, stopped after this number of rounds of loops.
     pub(crate) fn with_fuel(self, fuel: u64) -> Self {
         Self { fuel, ..self }
     }
 
-    /// Which of the words depend on what is read or written outside of an array, or on a derivative: WGSL leaves open what
-    /// that is.
+    /// For each word, `true` if it depends on a read or a write outside an array, or on a derivative: WGSL leaves these
+    /// open.
     pub fn strays(&self, cases: usize, arguments: &[u32]) -> Result<Vec<bool>, ProbeError> {
         let mut open = self.of_outside(cases, arguments)?;
         if let Some(quads) = &self.quads {
@@ -98,7 +98,7 @@ impl Alone {
         Ok(open)
     }
 
-    /// The words that depend on a read or a write outside of an array or a texture.
+    /// The words that depend on a read or a write outside an array or a texture.
     pub(super) fn of_outside(
         &self,
         cases: usize,
@@ -109,8 +109,7 @@ impl Alone {
         })
     }
 
-    /// For each case the words of what the function returns, of what its pointers point to and of the
-    /// resources that it writes.
+    /// The words of each case: the function's result, the values behind its pointers, and the resources that it writes.
     pub(crate) fn words(&self, cases: usize, arguments: &[u32]) -> Result<Vec<u32>, ProbeError> {
         let counts = self.lowered.counts();
         let options = Options { counts: counts.clone(), ..Options::default() };
@@ -149,7 +148,7 @@ impl Alone {
         Ok(words)
     }
 
-    /// The resources as a case leaves them.
+    /// The resources after a case.
     fn observed<A: Runs>(
         &self,
         arguments: &[u32],

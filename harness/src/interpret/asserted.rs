@@ -1,4 +1,4 @@
-//! Assertions and prints of a shader, as Karat's engine comes to them.
+//! Evaluates a shader's assertions and prints in Karat's engine.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -18,13 +18,13 @@ use crate::probe::{ProbeError, Probed};
 use crate::reflect::{Program, ReflectError, Valued};
 use crate::value::{Scalar, Shape, format_lane};
 
-/// Values of a print that are kept: those of the first cases.
+/// The most values of a print that are kept, from the first cases.
 pub(crate) const KEPT: usize = 1024;
 
-/// Values of a print that the output of a test shows.
+/// The most values of a print that a test's output shows.
 pub(crate) const SHOWN: usize = 16;
 
-/// A line that prints, with its values. Cases are numbers while they run, and have names behind that.
+/// A line that prints, with its values. Cases are numbers during a run, and get names afterwards.
 struct Print<C> {
     /// The expression in the author's file.
     span: Span,
@@ -32,26 +32,27 @@ struct Print<C> {
     text: String,
     /// Its type.
     shape: Shape,
-    /// How often it was printed.
+    /// The number of its values.
     count: u64,
-    /// The first values in the order of cases, each with its case: a call, or an invocation.
+    /// The first values in the order of cases, each with its case: a call or an invocation.
     first: Vec<(C, Vec<u32>)>,
-    /// The least and the largest number of each component, each with its word and its case; none of booleans and NaN.
+    /// The smallest and the largest number of each component, each with its word and its case. Booleans and NaN don't
+    /// count.
     ends: Vec<Option<[(f64, u32, C); 2]>>,
-    /// How many components were NaN.
+    /// The number of NaN components.
     nans: u64,
-    /// The first case in which it reads outside of an array.
+    /// The first case in which it reads outside an array.
     outside: Option<C>,
 }
 
-/// An assertion, and how often it was false.
+/// An assertion, and the number of times that it was false.
 struct Assertion {
     span: Span,
     text: String,
     count: u64,
     wrong: u64,
     first: Option<usize>,
-    /// The first case in which it reads outside of an array.
+    /// The first case in which it reads outside an array.
     outside: Option<usize>,
 }
 
@@ -60,15 +61,15 @@ enum Line {
     Assertion(Assertion),
 }
 
-/// The lines of a program that assert or print, and what was seen of them.
+/// The lines of a program that assert or print, with their values so far.
 struct Seen<'p> {
     program: &'p Program,
-    /// The lines by the addresses of their sites.
+    /// The lines, by the addresses of their sites.
     sites: BTreeMap<usize, usize>,
     /// The expression of each line.
     spans: Vec<Span>,
     lines: Vec<Mutex<Line>>,
-    /// Lanes of a case.
+    /// The number of lanes in a case.
     lanes: usize,
 }
 
@@ -77,15 +78,15 @@ fn settings() -> Settings {
     Settings { named: &[ASSERTED, PRINTED], ..Settings::default() }
 }
 
-/// True of a program with lines that assert or print.
+/// Returns `true` for a program with lines that assert or print.
 pub(crate) fn has_lines(program: &Program) -> bool {
     [ASSERTED, PRINTED].iter().any(|name| program.text().contains(name))
 }
 
-/// The lines of a program that assert, each with its place: those that a function of it reaches.
+/// The asserting lines of a program, each with its place, if a function of the program reaches them.
 ///
 /// # Errors
-/// If one changes something itself.
+/// If an assertion has a side effect.
 pub(crate) fn assertions(
     program: &Program,
     of: &[&str],
@@ -147,7 +148,7 @@ impl Observer<F32> for Seen<'_> {
         let Some(line) = self.sites.get(&std::ptr::from_ref(lanes.site).addr()) else { return };
         let mut line = self.lines[*line].lock().unwrap_or_else(PoisonError::into_inner);
         for lane in (0..lanes.active.len()).filter(|lane| lanes.active[*lane]) {
-            // Of a quad the pixel that the arguments are given for.
+            // In a quad, the pixel that the arguments are for.
             let case = lanes.case_of(lane);
             if !case.is_multiple_of(self.lanes) {
                 continue;
@@ -186,7 +187,7 @@ impl Observer<F32> for Seen<'_> {
 impl Print<usize> {
     fn add(&mut self, case: usize, lanes: &Lanes<'_, F32>, lane: usize) {
         self.count += 1;
-        // Scalars come by their kinds.
+        // The scalars arrive separately by kind.
         let (mut floats, mut ints, mut bools) =
             (lanes.floats.iter(), lanes.ints.iter(), lanes.bools.iter());
         let words = self.shape.lanes().into_iter().map(|scalar| match scalar {
@@ -202,7 +203,7 @@ impl Print<usize> {
                 continue;
             }
             let own = (value, *word, case);
-            // Of equal ones the first case: cases run in any order.
+            // Of equal values, the first case counts: cases run in any order.
             let [least, most] = ends.get_or_insert([own; 2]);
             if value < least.0 || value == least.0 && case < least.2 {
                 *least = own;
@@ -212,7 +213,7 @@ impl Print<usize> {
             }
         }
         self.first.push((case, words));
-        // Chunks of cases run beside each other; those of one come in their order.
+        // Chunks of cases run in parallel; the cases of one chunk arrive in order.
         if self.first.len() >= 8 * KEPT {
             self.keep_first();
         }
@@ -223,7 +224,7 @@ impl Print<usize> {
         self.first.truncate(KEPT);
     }
 
-    /// The same, whose cases have names.
+    /// The same, with names for the cases.
     fn named(mut self, name: &dyn Fn(usize) -> String) -> Print<String> {
         self.keep_first();
         let Self { span, text, shape, count, first, ends, nans, outside } = self;
@@ -265,7 +266,7 @@ impl Print<String> {
         }
     }
 
-    /// Its values in lines: count, least and largest; then the first `most` of them.
+    /// Its values as text: the count, the smallest and the largest value, and then the first `most` values.
     fn table(&self, most: usize) -> String {
         let Self { span, text, shape, count, nans, .. } = self;
         let times = counted(usize::try_from(*count).unwrap_or(usize::MAX), "value");
@@ -302,12 +303,12 @@ impl Print<String> {
 }
 
 impl Assertion {
-    /// The first case in which it is false, or reads what isn't there.
+    /// The first case in which it is false, or reads outside an array.
     fn fails(&self) -> Option<usize> {
         self.first.or(self.outside)
     }
 
-    /// A line about an assertion that shows nothing, since no case comes to it.
+    /// A line about an assertion that shows nothing because no case reaches it.
     fn unreached(&self) -> Option<String> {
         let Self { span, text, count, .. } = self;
         (*count == 0).then(|| format!("note: {span}: no case comes to the assertion `{text}`\n"))
@@ -326,13 +327,13 @@ impl Assertion {
     }
 }
 
-/// A function whose assertions and prints are looked at in each of its calls.
+/// A function whose assertions and prints are evaluated in each call.
 pub(crate) struct Watched {
     function: Interpreted,
     lines: Mutex<Lines>,
 }
 
-/// The lines of a function over the calls so far.
+/// The lines of a function, summed over the calls so far.
 #[derive(Default)]
 struct Lines {
     prints: Vec<Print<String>>,
@@ -341,26 +342,26 @@ struct Lines {
 }
 
 impl Watched {
-    /// `None` of a function without such lines.
+    /// `None` for a function without such lines.
     ///
     /// # Errors
-    /// If the engine doesn't execute it: an assertion that isn't looked at shows nothing.
+    /// If the engine can't execute the function: an assertion that isn't evaluated shows nothing.
     pub(crate) fn of(probed: &Probed, fixtures: &Fixtures) -> Result<Option<Self>, ProbeError> {
         if !has_lines(&probed.program) {
             return Ok(None);
         }
         probed.program.expect_no_effects()?;
         let function = Interpreted::with(probed, fixtures, &settings())?;
-        // Others of its module may have the lines.
+        // The lines may be in other functions of the module.
         let seen = Seen::of(&function.program, &function.lowered, 1);
         let has_own = !seen.sites.is_empty();
         Ok(has_own.then(|| Self { function, lines: Mutex::default() }))
     }
 
-    /// Looks at some calls. The cases of prints are named by their arguments.
+    /// Evaluates the lines in some calls. The cases of prints are named by their arguments.
     ///
     /// # Errors
-    /// If an assertion is false, or reads outside of an array.
+    /// If an assertion is false, or reads outside an array.
     pub(crate) fn look(&self, calls: usize, rows: &[u32]) -> Result<(), ProbeError> {
         let function = &self.function;
         let seen = Seen::of(&function.program, &function.lowered, function.lanes());
@@ -395,12 +396,12 @@ impl Watched {
         wrong.map_or(Ok(()), |wrong| Err(ProbeError::Asserted(wrong)))
     }
 
-    /// The tables of the calls so far, and assertions to which none of them comes.
+    /// The tables of the calls so far, and the assertions that no call reaches.
     pub(crate) fn told(&self) -> String {
         let mut lines = self.lines.lock().unwrap_or_else(PoisonError::into_inner);
         let Lines { prints, assertions, calls } = std::mem::take(&mut *lines);
         let mut text: String = prints.iter().map(|print| print.table(SHOWN)).collect();
-        // One call alone may well go another way.
+        // A single call may simply take another branch.
         if calls > 1 {
             text.extend(assertions.iter().filter_map(Assertion::unreached));
         }
@@ -408,7 +409,7 @@ impl Watched {
     }
 }
 
-/// The tables of a function's prints for some rows of arguments, and an assertion that is false for one of them.
+/// The tables of a function's prints for some rows of arguments, or an assertion that is false for one of them.
 pub fn printed(
     probed: &Probed,
     fixtures: &Fixtures,
@@ -420,7 +421,7 @@ pub fn printed(
     };
     let looked = watched.look(rows.len(), &rows.concat());
     let mut lines = watched.lines.lock().unwrap_or_else(PoisonError::into_inner);
-    // A single call has its arguments beside it.
+    // A single call shows its arguments elsewhere.
     if let [_] = rows {
         let first = lines.prints.iter_mut().flat_map(|print| &mut print.first);
         first.for_each(|(case, _)| case.clear());
@@ -430,10 +431,10 @@ pub fn printed(
     (lines.prints.iter().map(|print| print.table(KEPT)).collect(), looked)
 }
 
-/// The tables of the lines that print in passes, of so many values at most.
+/// The tables of the printing lines in passes, each with at most `most` values.
 ///
 /// # Errors
-/// If an assertion of theirs is false, or the engine doesn't execute them.
+/// If one of their assertions is false, or if the engine can't execute them.
 pub(crate) fn printed_by(passes: &Passes, most: usize) -> Result<Vec<String>, DispatchError> {
     if !passes.passes.iter().any(|pass| has_lines(&pass.program)) {
         return Ok(Vec::new());

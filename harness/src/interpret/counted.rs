@@ -1,4 +1,4 @@
-//! Coverage of tests: how often each of an author's statements runs, and which ways its branches take.
+//! Measures the coverage of tests: how often each of an author's statements runs, and which branches it takes.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -13,17 +13,17 @@ use crate::package::asserts::is_in_a_line;
 use crate::reflect::Program;
 use crate::settings;
 
-/// How files end that have what tests ran.
+/// The extension of files with a test's coverage.
 const ENDING: &str = "coverage";
 
-/// The statements of a program, and how often a test ran them.
+/// The statements of a program, with how often a test ran each of them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Ran {
     /// The test.
     pub test: String,
-    /// The features and the values of overrides that its program was made with; empty: none.
+    /// The features and the values of overrides that its program was made with; empty if there are none.
     pub variant: String,
-    /// All that the program has.
+    /// All statements of the program.
     pub statements: Vec<Counted>,
 }
 
@@ -32,21 +32,22 @@ pub struct Ran {
 pub struct Counted {
     /// The file.
     pub file: PathBuf,
-    /// Its first and its last line, from 1. What has statements in it has one line.
+    /// Its first and its last line, from 1. A statement that contains others has one line.
     pub lines: [usize; 2],
-    /// Its column in the first one, from 1.
+    /// Its column in the first line, from 1.
     pub column: usize,
     /// The function: `fresnel::schlick`.
     pub function: String,
     /// Its kind.
     pub kind: CountedKind,
-    /// How many cases, pixels or invocations came; `None` where it isn't known, since no engine ran it.
+    /// The number of cases, pixels or invocations that reached it; `None` if it is unknown because the engine didn't
+    /// run it.
     pub count: Option<u64>,
-    /// How many took each of the [ways](Self::ways) of a branch.
+    /// The number that took each of the branch's [ways](Self::ways).
     pub taken: Vec<u64>,
-    /// True if something that the test looks at is computed from it.
+    /// Set if a result that the test checks is computed from it.
     pub needed: bool,
-    /// The first input that came, if it was a call's: `x = 0.5`.
+    /// The first input that reached it, if it was a call's: `x = 0.5`.
     pub input: Option<String>,
 }
 
@@ -54,7 +55,7 @@ pub struct Counted {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum CountedKind {
-    /// One without branches.
+    /// A statement without branches.
     Plain,
     /// `if`
     If,
@@ -68,14 +69,14 @@ pub enum CountedKind {
     Clause(usize),
     /// `for` or `while`
     For,
-    /// One that goes round equally often in each call.
+    /// A loop with the same number of rounds in each call.
     Fixed,
     /// `loop`
     Loop,
 }
 
 impl Counted {
-    /// The ways of a branch, each with how many took it; none of what has no branches.
+    /// The ways of a branch, each with the number that took it; empty without branches.
     pub fn ways(&self) -> impl Iterator<Item = (&'static str, u64)> {
         let names: &[&str] = match self.kind {
             CountedKind::Plain | CountedKind::Switch | CountedKind::Fixed => &[],
@@ -88,7 +89,7 @@ impl Counted {
         names.iter().copied().zip(self.taken.iter().copied())
     }
 
-    /// Adds what another run did with the same statement.
+    /// Adds the counts of another run of the same statement.
     pub fn add(&mut self, other: &Self) {
         self.count = match (self.count, other.count) {
             (Some(a), Some(b)) => Some(a + b),
@@ -101,7 +102,7 @@ impl Counted {
         }
     }
 
-    /// The place and the kind, which all runs have in common.
+    /// The place and the kind, which are the same in all runs.
     #[must_use]
     pub fn key(&self) -> (PathBuf, [usize; 2], usize, CountedKind) {
         (self.file.clone(), self.lines, self.column, self.kind)
@@ -109,10 +110,10 @@ impl Counted {
 }
 
 impl Ran {
-    /// All that the tests of a run wrote down.
+    /// The coverage that the tests of a run wrote down.
     ///
     /// # Errors
-    /// If a file can't be read, or holds something else.
+    /// If a file can't be read, or has other contents.
     pub fn all(folder: &Path) -> std::io::Result<Vec<Self>> {
         let mut all = Vec::new();
         for entry in std::fs::read_dir(folder)? {
@@ -127,7 +128,7 @@ impl Ran {
     }
 }
 
-/// All statements of a program in files, none of which ran.
+/// All statements of a program in files, with no runs.
 #[must_use]
 pub fn statements_of(program: &Program) -> Vec<Counted> {
     let all = statements(program.module());
@@ -136,12 +137,12 @@ pub fn statements_of(program: &Program) -> Vec<Counted> {
     merged(all.iter().filter_map(|one| Some((one.call, of(one)?))))
 }
 
-/// True if what tests run is counted.
+/// Returns `true` if coverage is being measured.
 pub(crate) fn counts() -> bool {
     settings::coverage().is_some()
 }
 
-/// Writes down what a test ran of a program. `input` names a case.
+/// Writes down a test's coverage of a program. `input` names a case.
 pub(super) fn note(
     program: &Program,
     lowered: &Lowered,
@@ -156,7 +157,7 @@ pub(super) fn note(
     write(program, merged(all));
 }
 
-/// Writes down that a test runs a program where nothing is counted.
+/// Writes down that a test runs a program whose statements aren't counted.
 pub(crate) fn unmeasured(program: &Program) {
     if counts() {
         let mut all = statements_of(program);
@@ -172,7 +173,7 @@ fn write(program: &Program, statements: Vec<Counted>) {
     append_line(&folder, ENDING, &serde_json::to_string(&ran).expect("it is plain data"));
 }
 
-/// A statement at its place; `None` if it is in no file.
+/// A statement with its place; `None` if it is in no file.
 fn counted(
     (program, fixed): (&Program, &[Range<usize>]),
     Statement { function, span, kind, needed, .. }: &Statement,
@@ -181,7 +182,7 @@ fn counted(
 ) -> Option<Counted> {
     let bytes = span.to_range()?;
     let span = program.resolve(bytes.clone())?;
-    // A line that asserts or prints is no code of the shader.
+    // Lines that assert or print don't belong to the shader's code.
     if is_in_a_line(&span) {
         return None;
     }
@@ -219,7 +220,8 @@ fn counted(
     Some(one)
 }
 
-/// Each statement once, with the sum over the calls of its function. For naga one may be several, such as a value and its store.
+/// Each statement once, with its counts summed over the calls of its function. In naga's IR it may be several, such as
+/// a value and its store.
 fn merged(all: impl Iterator<Item = (usize, Counted)>) -> Vec<Counted> {
     let mut of_calls: BTreeMap<_, Counted> = BTreeMap::new();
     for (call, one) in all {

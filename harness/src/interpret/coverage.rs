@@ -1,4 +1,4 @@
-//! Coverage: the operations that inputs come to, and the ways that they take from there.
+//! Measures which operations some inputs reach, and which branches they take there.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -18,21 +18,21 @@ use crate::package::DISCARDED;
 use crate::probe::{ProbeError, Probed};
 use crate::reflect::Program;
 
-/// The places of operations, and what inputs do there.
+/// The places of operations, with the inputs' branches there.
 #[derive(Debug, Default)]
 pub struct Coverage {
     by_place: BTreeMap<(String, usize, usize), Seen>,
 }
 
-/// The ways of inputs at a place.
+/// The inputs' branches at one place.
 #[derive(Debug)]
 struct Seen {
     span: Span,
     reached: bool,
-    /// Of a condition.
+    /// Set for a condition that was true.
     is_true: bool,
     is_false: bool,
-    /// True if an index left its array.
+    /// Set if an index was outside its array.
     outside: bool,
 }
 
@@ -42,7 +42,7 @@ impl Seen {
     }
 }
 
-/// A part of an edit that inputs don't show.
+/// A part of an edit that no input covers.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Uncovered {
     /// `file:line:column`
@@ -57,17 +57,17 @@ pub struct Uncovered {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Missed {
-    /// All of it.
+    /// The whole line.
     Line,
-    /// A condition that is true.
+    /// The condition when it is true.
     True,
-    /// A condition that is false.
+    /// The condition when it is false.
     False,
-    /// It isn't known: the engine, which counts, doesn't run it.
+    /// Unknown: the engine, which counts, doesn't run the line.
     Unmeasured,
 }
 
-/// The ways of lanes at a site.
+/// The branches that lanes take at a site.
 #[derive(Default)]
 struct Taken {
     reached: AtomicBool,
@@ -76,10 +76,10 @@ struct Taken {
     outside: AtomicBool,
 }
 
-/// The same of all sites, in their order.
+/// The branches at all sites, in their order.
 struct AllTaken {
     all: Vec<Taken>,
-    /// The sites of `discard`, and the cases that came to one: no output shows their later operations.
+    /// The sites of `discard`, with the cases that reached one: no output shows their later operations.
     discards: BTreeSet<usize>,
     discarded: Mutex<BTreeSet<usize>>,
 }
@@ -135,7 +135,7 @@ impl AllTaken {
 }
 
 impl Coverage {
-    /// Adds what calls of a function come to.
+    /// Adds calls of a function.
     pub fn add_calls(
         &mut self,
         probed: &Probed,
@@ -164,7 +164,7 @@ impl Coverage {
         Ok(())
     }
 
-    /// Adds what the invocations of passes over made-up resources come to.
+    /// Adds the invocations of passes over generated resources.
     pub fn add_passes(&mut self, passes: &Passes) -> Result<(), DispatchError> {
         in_order(passes, &mut |pass, lowered, resources| {
             let taken = AllTaken::none(lowered, &pass.program);
@@ -189,8 +189,8 @@ impl Coverage {
         }
     }
 
-    /// The lines that no input came to, and conditions that each input decided alike, of operations that the other side of
-    /// an edit has fewer of.
+    /// The lines that no input reached, and the conditions that had one result for all inputs. Only operations count
+    /// that the other side of an edit has fewer of.
     pub fn uncovered_beside(&self, other: &Self) -> Vec<Uncovered> {
         let mut lines: Vec<Uncovered> = Vec::new();
         let mut known = None;
@@ -212,12 +212,12 @@ impl Coverage {
         lines
     }
 
-    /// The places whose indices leave their arrays here, and not on the other side.
+    /// The places whose indices are outside their arrays here, but not on the other side.
     pub fn outside_beside(&self, other: &Self) -> Vec<Span> {
         self.more_than(other, |seen| seen.outside).map(|seen| seen.span.clone()).collect()
     }
 
-    /// The places of a kind whose text the other side has less often.
+    /// The places of a kind whose text occurs less often on the other side.
     fn more_than<'r>(
         &'r self,
         other: &Self,
@@ -235,7 +235,7 @@ impl Coverage {
     }
 }
 
-/// The lanes of the results of calls that depend on what is read or written outside of arrays.
+/// The lanes of calls' results that depend on a read or a write outside an array.
 pub fn of_outside(
     probed: &Probed,
     fixtures: &Fixtures,
@@ -247,7 +247,7 @@ pub fn of_outside(
     }
 }
 
-/// The text of an operation without its blanks.
+/// The text of an operation without blanks.
 fn plain(span: &Span) -> String {
     span.file.text.get(span.range.clone()).unwrap_or_default().split_whitespace().collect()
 }

@@ -1,4 +1,4 @@
-//! Compute passes in the engine, one after the other.
+//! Runs compute passes in the engine, one after another.
 
 use std::sync::Arc;
 
@@ -10,26 +10,26 @@ use crate::dispatch::{Afterwards, DispatchError, Pass, Passes};
 use crate::path::{self, Path, Via};
 use crate::settings;
 
-/// Invocations of a workgroup: the engine refuses more.
+/// The most invocations of a workgroup that the engine accepts.
 const MOST_INVOCATIONS: u32 = 1024;
 
-/// Dispatches passes whose loops go round less than some ten thousand times together, which takes a moment, and
-/// returns what they write.
+/// Dispatches passes and returns what they write, if their loops take less than some ten thousand rounds together,
+/// which is quick.
 pub fn dispatch_briefly(passes: &Passes) -> Result<Afterwards, DispatchError> {
     const WORK: u64 = 1 << 16;
     dispatched(passes, &|_| Options { work: WORK, ..options() })
 }
 
-/// Dispatches passes in an arithmetic of the path `cpu`, and returns what they write.
+/// Dispatches passes with an arithmetic of the path `cpu`, and returns what they write.
 pub fn dispatch_rounding(passes: &Passes, via: Via) -> Result<Afterwards, DispatchError> {
     let flush = via == Via::Ftz;
     dispatched_by(passes, &lowering(via), &|_| Options { flush, ..options() })
 }
 
-/// How each pass runs.
+/// The options of each pass.
 pub(super) type OfPass<'o> = &'o dyn Fn(usize) -> Options;
 
-/// The same where each pass runs in its own way.
+/// The same, with options for each pass.
 pub(super) fn dispatched(
     passes: &Passes,
     options_of: OfPass<'_>,
@@ -45,13 +45,13 @@ fn dispatched_by(
     Prepared::new(passes, settings)?.dispatched(options_of)
 }
 
-/// How passes run.
+/// The usual options of passes.
 pub(super) fn options() -> Options {
     let deadline = std::time::Instant::now().checked_add(settings::deadline());
     Options { fuel: settings::fuel(), deadline, ..Options::default() }
 }
 
-/// A pass as the engine executes it.
+/// A lowered pass.
 pub(super) fn lowered(pass: &Pass, settings: &Settings) -> Result<Lowered, DispatchError> {
     let program = &pass.program;
     let lowered =
@@ -59,19 +59,19 @@ pub(super) fn lowered(pass: &Pass, settings: &Settings) -> Result<Lowered, Dispa
     Ok(lowered.map_err(|refusal| refused(program, &refusal))?)
 }
 
-/// Runs a pass over its resources; `false`: none may follow.
+/// Runs a pass over its resources; returns `false` if no other pass may follow.
 type Run<'r> = &'r mut dyn FnMut(&Pass, &Lowered, &mut Resources) -> Result<bool, Stop>;
 
-/// Runs passes one after the other, and returns all resources, each bound under its number in group 0.
+/// Runs passes one after another, and returns all resources, each bound under its number in group 0.
 pub(super) fn in_order(passes: &Passes, run: Run<'_>) -> Result<Resources, DispatchError> {
     Prepared::new(passes, &Settings::default())?.run(run)
 }
 
-/// Passes that run as often as is wanted.
+/// Passes that can run repeatedly.
 pub(super) struct Prepared<'p> {
     pub(super) passes: &'p Passes,
     lowered: Arc<[Lowered]>,
-    /// The resources as they begin, each bound under its number in group 0.
+    /// The initial resources, each bound under its number in group 0.
     resources: Resources,
 }
 
@@ -81,7 +81,7 @@ impl<'p> Prepared<'p> {
         let mut resources = Resources::new();
         for (number, one) in (0..).zip(&passes.resources) {
             let (pass, binding) = passes.uses(number as usize).next().expect("a resource is used");
-            // A storage texture says its format.
+            // A storage texture's format comes from a pass that writes it.
             let (pass, binding) = passes.writer(number as usize).unwrap_or((pass, binding));
             let mut binding = binding.clone();
             (binding.group, binding.binding) = (0, number);
@@ -91,7 +91,7 @@ impl<'p> Prepared<'p> {
         Ok(Self { passes, lowered: lowered.collect::<Result<_, _>>()?, resources })
     }
 
-    /// [`in_order`].
+    /// The same as [`in_order`].
     pub(super) fn run(&self, run: Run<'_>) -> Result<Resources, DispatchError> {
         let mut held = self.resources.clone();
         for (pass, lowered) in self.passes.passes.iter().zip(&*self.lowered) {
@@ -116,7 +116,7 @@ impl<'p> Prepared<'p> {
         Ok(held)
     }
 
-    /// The same passes, with blank buffers that hold a word everywhere.
+    /// The same passes, with blank buffers filled with a word.
     pub(super) fn filled(&self, word: u32) -> Self {
         let mut resources = self.resources.clone();
         for bytes in resources.blank_mut() {
@@ -125,7 +125,7 @@ impl<'p> Prepared<'p> {
         Self { resources, lowered: Arc::clone(&self.lowered), passes: self.passes }
     }
 
-    /// The words that passes leave.
+    /// The words of the written resources after the passes.
     pub(super) fn dispatched(&self, options_of: OfPass<'_>) -> Result<Afterwards, DispatchError> {
         let mut number = 0..;
         let held = self.run(&mut |pass, lowered, resources| {
@@ -139,7 +139,7 @@ impl<'p> Prepared<'p> {
         Ok(self.left(&held))
     }
 
-    /// The words of what passes write, of resources after a run.
+    /// The words of the written resources after a run.
     pub(super) fn left(&self, held: &Resources) -> Afterwards {
         let of = |number: usize| {
             let mut binding = self.passes.writer(number)?.1.clone();
@@ -149,7 +149,7 @@ impl<'p> Prepared<'p> {
         (0..self.passes.resources.len()).filter_map(of).collect()
     }
 
-    /// True if the size of subgroups may decide it.
+    /// Returns `true` if the result may depend on the subgroup size.
     pub(super) fn has_subgroups(&self) -> bool {
         self.lowered.iter().any(Lowered::has_subgroups)
     }

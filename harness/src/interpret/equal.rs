@@ -1,4 +1,4 @@
-//! Functions that are known to do the same: what no test can tell apart.
+//! Proves that two functions are the same, so that no test can distinguish them.
 
 use std::collections::BTreeSet;
 use std::sync::{Mutex, PoisonError};
@@ -11,8 +11,9 @@ use crate::package::asserts::ASSERTED;
 use crate::probe::Probed;
 use crate::value::Scalar;
 
-/// True if two functions are known to be one: the engine executes the same operations, once constants are folded, what is one
-/// number by an identity is one operation, and what no result needs is gone. False says nothing.
+/// Returns `true` if two functions are known to be the same. They are if the engine executes the same operations for
+/// both, after it folds constants, merges operations that are equal by an identity, and removes unused ones. `false`
+/// means that nothing is known.
 pub fn is_same(functions: [&Probed; 2]) -> bool {
     if functions.iter().any(|probed| probed.function().form.alone) {
         return false;
@@ -25,7 +26,7 @@ pub fn is_same(functions: [&Probed; 2]) -> bool {
     }
 }
 
-/// A guard at a place of the author's file: `max(x, 0.0)`, and the argument that is left without it.
+/// A guard at a place in the author's file, such as `max(x, 0.0)`, with the argument that remains without it.
 pub struct Guard<'g> {
     /// Its first byte in the author's text.
     pub at: usize,
@@ -35,7 +36,7 @@ pub struct Guard<'g> {
     pub argument: &'g str,
 }
 
-/// The values of a guard's operands, and whether each shows that it returns the first one.
+/// The values of a guard's operands, and whether each shows that the guard returns its first operand.
 struct Guarded<'g> {
     sites: BTreeSet<usize>,
     acts: &'g (dyn Fn(&[Interval]) -> bool + Sync),
@@ -58,9 +59,10 @@ impl Observer<Intervals> for Guarded<'_> {
     }
 }
 
-/// Tells if a guard of a function never acts: over all arguments as intervals, what it bounds lies within its bounds already. An
-/// argument that is a float may be NaN or infinite, for which guards act, so that the floats have to come of whole numbers.
-/// Then no implementation of WGSL returns something else without it, but for the sign of a zero, which WGSL lets be ignored.
+/// Returns `true` if a guard of a function never acts: for all arguments, as intervals, the guarded value is already
+/// within the guard's bounds. A float argument may be NaN or infinite, where guards do act, so the function's floats
+/// must come from integers. Then no implementation of WGSL returns anything else without the guard, except for the sign
+/// of a zero, which WGSL allows to be ignored.
 pub fn never_acts(probed: &Probed, guard: &Guard<'_>) -> bool {
     let function = probed.function();
     let name = guard.text.split('(').next().unwrap_or_default().trim();
@@ -105,7 +107,7 @@ pub fn never_acts(probed: &Probed, guard: &Guard<'_>) -> bool {
     ran && came && !acts
 }
 
-/// Tells if a function depends on its arguments alone, and leaves its result alone.
+/// Returns `true` if a function depends only on its arguments, and has no effect except its result.
 fn is_closed(probed: &Probed) -> bool {
     let Probed { program, function, .. } = probed;
     let form = &function.form;
@@ -114,11 +116,12 @@ fn is_closed(probed: &Probed) -> bool {
     reads == 0 && !is_alone && program.module().overrides.is_empty()
 }
 
-/// Inputs that are all tried: some seconds of the engine's time.
+/// The most inputs that are all tried: some seconds of the engine's time.
 const ALL_INPUTS: usize = 1 << 24;
 
-/// How many inputs two functions have, if there are at most 2^24 and both return the same for each: bit by bit, but for NaN.
-/// Only booleans and 16-bit floats are as few, and what reads a resource or an override has other inputs.
+/// The number of inputs of two functions, if there are at most 2^24 and both functions return the same bits for each,
+/// except NaN. Only booleans and 16-bit floats have so few values. A function that reads a resource or an override has
+/// further inputs.
 pub fn agree_everywhere(functions: [&Probed; 2]) -> Option<usize> {
     let lanes = functions.map(|probed| {
         let of = probed.function().parameters.iter().flat_map(|(_, shape)| shape.lanes());
@@ -154,10 +157,10 @@ pub fn agree_everywhere(functions: [&Probed; 2]) -> Option<usize> {
     firsts.map(agree).all(|agrees| agrees == Some(true)).then_some(count)
 }
 
-/// Rows that are held at a time.
+/// The number of rows in memory at a time.
 const BATCH_OF_ALL: usize = 1 << 16;
 
-/// The values that there are of a scalar, if they are few.
+/// The number of values of a scalar, if it is small.
 fn inputs_of(scalar: Scalar) -> Option<usize> {
     match scalar {
         Scalar::Bool => Some(2),
@@ -166,7 +169,7 @@ fn inputs_of(scalar: Scalar) -> Option<usize> {
     }
 }
 
-/// The row with a number among all of them.
+/// The row with this number among all rows.
 fn row_of(lanes: &[Scalar], at: usize) -> impl Iterator<Item = u32> {
     let mut rest = at;
     lanes.iter().map(move |lane| {
@@ -193,7 +196,7 @@ mod tests {
         agree_everywhere([&a, &b])
     }
 
-    /// One input that parts them is enough, and NaN is one.
+    /// One input that distinguishes them is enough. NaN is one input.
     #[test]
     fn sixteen_bits_are_few() {
         let of = |body: &str| format!("fn f(x: f16) -> f16 {{ return {body}; }}");
@@ -201,12 +204,12 @@ mod tests {
         assert_eq!(all("x + x", "2.0h * x"), Some(1 << 16));
         assert_eq!(all("max(x * x, -1.0h)", "x * x"), None, "the square of a NaN is no number");
         assert_eq!(all("select(x, 0.0h, x == 0.5h)", "x"), None);
-        // A variable of the module may hold anything, and keeps what is left there.
+        // A private variable may have any value at the beginning, and keeps its value at the end.
         let left = |by: &str| {
             format!("var<private> n = 0; fn f(x: bool) -> bool {{ n += {by}; return x; }}")
         };
         assert_eq!(agree([&left("1"), &left("2")]), None);
-        // 32 bits are many, and what an override changes has other inputs.
+        // 32 bits have too many values, and an override is a further input.
         let text = "fn f(x: f32) -> f32 { return x; }";
         assert_eq!(agree([text, text]), None);
         let text = "override N = 1.0; fn f(x: bool) -> f32 { return select(N, 0.0, x); }";

@@ -1,9 +1,8 @@
-//! What goes wrong inside of a function while it computes: values that aren't finite, digits that are
-//! lost, indices that leave their array, and what WGSL doesn't bound.
+//! Finds hazards inside a function while it computes: values that aren't finite, lost digits, indices outside their
+//! arrays, and operations that WGSL doesn't bound.
 //!
-//! A function runs in `f32` and in the shadow, `f64`, each operation of which is seen with its
-//! operands. What is wrong already in an operand isn't this operation's fault, so each hazard is told
-//! where it is born.
+//! A function runs in `f32` and, in parallel, in `f64` (the shadow). Each operation is recorded with its operands. An
+//! operation isn't at fault for an operand that is already wrong, so each hazard is reported where it begins.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::{Mutex, PoisonError};
@@ -19,7 +18,7 @@ use crate::diagnostic::Span;
 pub use crate::hazard::Kind;
 use crate::probe::ProbeError;
 
-/// The first operation whose operands are finite and whose value isn't, with its place, under its name in a message.
+/// The first operation whose operands are finite and whose value isn't, with its place, formatted under a name.
 pub(crate) fn first_not_finite<'f>(
     found: impl Iterator<Item = &'f Found>,
 ) -> Option<(&'static str, String)> {
@@ -32,41 +31,41 @@ pub(crate) fn first_not_finite<'f>(
     Some((name, format!("`{text}`{of} ({})", first.span)))
 }
 
-/// A hazard in a case: where it is born, and whether the result shows it.
+/// A hazard in a case: where it begins, and whether the result shows it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Found {
-    /// What goes wrong.
+    /// The kind of the hazard.
     pub kind: Kind,
     /// The number of its site in the program.
     pub site: usize,
-    /// Where, in its author's file.
+    /// Its place in the author's file.
     pub span: Span,
     /// The operation, as the author wrote it.
     pub text: String,
-    /// Whether the result is finite all the same, so that something behind it hides it.
+    /// Set if the result is finite nevertheless, because a later operation hides the hazard.
     pub hidden: bool,
     /// For lost digits: the value in `f32` and in `f64`.
     pub values: Option<(f32, f64)>,
-    /// What the operation was computed from, in `f32`.
+    /// The operands of the operation, in `f32`.
     pub operands: Vec<f32>,
-    /// Of a derivative the pixel that isn't there.
+    /// For a derivative, the missing pixel.
     pub missing: Option<Missing>,
 }
 
-/// Pixels of a quad of which one takes a derivative.
+/// Two pixels of a quad, only one of which takes a derivative.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Missing {
-    /// That one, as a person calls it.
+    /// The name of the pixel that takes it.
     pub reached: String,
-    /// One that doesn't.
+    /// The name of a pixel that doesn't.
     pub missing: String,
-    /// The condition or the jump where that one went another way.
+    /// The condition or the jump at which that pixel took another branch.
     pub parted: Option<Span>,
 }
 
-/// True if an operation makes a number of a NaN. `max` and `clamp` of one, and a comparison with one, may give
-/// anything, since implementations may take it that there are none (WGSL, section 15.7.2): the next driver may
-/// show what this one hides.
+/// Returns `true` if an operation turns a NaN into a number. `max` and `clamp` of a NaN, and a comparison with it, may
+/// return any value, because implementations may assume that NaN doesn't occur (WGSL, section 15.7.2). So another
+/// driver may show a NaN that this one hides.
 fn absorbs_nan(events: &[Event<f32>], lane: usize) -> bool {
     events.iter().any(|event| {
         let has_nan = event.operands.iter().any(|operand| operand[lane].is_nan());
@@ -76,34 +75,34 @@ fn absorbs_nan(events: &[Event<f32>], lane: usize) -> bool {
 
 /// The findings in each case.
 pub struct Hazards {
-    /// Of each kind the first, case by case.
+    /// The first hazard of each kind, case by case.
     pub cases: Vec<Vec<Found>>,
-    /// True if there were more operations than are kept.
+    /// Set if there were more operations than are recorded.
     pub cut: bool,
-    /// By the number of a site the cases that came to it with good operands.
+    /// The number of cases that reached each site with good operands, by the site's number.
     pub reached: BTreeMap<usize, usize>,
 }
 
-/// Lanes that run together: a chunk of the engine's, so that its operations come in one order.
+/// The number of lanes that run together: one chunk of the engine, so its operations arrive in one order.
 const TOGETHER: usize = 256;
 
-/// Operations that are kept of a run. A loop repeats them, and what goes wrong in its thousandth
-/// round did so before, as a rule.
+/// The most operations of a run that are recorded. A loop repeats its operations, and a hazard in its thousandth round
+/// usually occurs in earlier rounds, too.
 const MOST_EVENTS: usize = 4096;
 
-/// Rounds of loops, of each case, that intervals are followed for where there are more operations: at sixteen in a round
-/// they see as many.
+/// The most rounds of loops, for each case, that intervals follow if there are more operations. With sixteen operations
+/// in a round, they then see as many operations.
 const ROUNDS_SEEN: u64 = 256;
 
 /// The digits of a format of floats.
 struct Precision {
-    /// Half of its digits: a relative error above this has lost them.
+    /// A relative error above this value means that half of the digits are lost.
     lost: f64,
-    /// An operand that is itself this precise isn't the one that loses them.
+    /// An operand with an error below this value doesn't count as the cause of lost digits.
     precise: f64,
-    /// Below this share of its operands, a difference is nothing but their rounding.
+    /// A difference below this share of its operands is only their rounding.
     noise: f64,
-    /// The least number that isn't flushed.
+    /// The smallest number that isn't flushed to zero.
     least: f64,
 }
 
@@ -128,33 +127,35 @@ impl Precision {
     }
 }
 
-/// Rounds of loops that made-up arguments may cause.
+/// The most rounds of loops that generated arguments may cause.
 pub(super) const PATIENCE: u64 = 4096;
 
-/// Rounds after which a loop that made-up arguments lead into is said not to end: a case takes tenths of a second.
+/// The number of rounds after which a loop with generated arguments is reported as endless: a case takes tenths of a
+/// second.
 pub const LONG: u64 = 1 << 18;
 
-/// Rounds of loops that have a bound.
+/// The most rounds of loops with a bound.
 const MOST_ROUNDS: u64 = 65_536;
 
-/// Rounds after which an exit that is undecided is given up: each follows both ways.
+/// The number of rounds after which an undecided exit is given up: each round follows both branches.
 const UNDECIDED: u64 = 16;
 
-/// Below this share of its operands a difference has fewer than half of the digits of `f32` in double precision, too, whose
-/// last digit is 2^-53.
+/// If a difference is below this share of its operands, even double precision, whose last digit is 2^-53, keeps fewer
+/// than half of the digits of `f32`.
 const BLIND: f64 = 1.0 / 2_199_023_255_552.0;
 
-/// An operand that is known this closely is one number: what makes of it anything is the operation.
+/// An operand whose interval is this narrow counts as one number. If the result is unbounded, the operation is the
+/// cause.
 const NARROW: f64 = 1.0 / 1024.0;
 
-/// An operation over the lanes of a chunk.
+/// An operation, over the lanes of a chunk.
 struct Event<F> {
-    /// The number of its site among the program's.
+    /// The number of its site in the program.
     site: usize,
-    /// True if it is of half precision.
+    /// Set for half precision.
     half: bool,
     values: Vec<F>,
-    /// By operand, then by lane.
+    /// The operands' values, by operand and lane.
     operands: Vec<Vec<F>>,
     active: Vec<bool>,
 }
@@ -162,22 +163,22 @@ struct Event<F> {
 /// A pixel of a quad takes a derivative, and another one doesn't.
 #[derive(Clone, Copy)]
 struct Parted {
-    /// The one that does, by its number among all pixels, and the other one.
+    /// The pixel that takes it and the one that doesn't, by their numbers among all pixels.
     pixels: [usize; 2],
-    /// The site of the condition or the jump where that went another way.
+    /// The site of the condition or the jump at which the second took another branch.
     by: Option<usize>,
 }
 
-/// What goes wrong in a case, with its site, and the pixels that part at a derivative.
+/// The hazards of a case, with their sites, and the pixels that parted at a derivative.
 type OfCase = BTreeMap<(Kind, usize), Option<Parted>>;
 
-/// Keeps what operations give.
+/// Records operations.
 struct Recorder<F> {
     events: Mutex<Vec<Event<F>>>,
     reach: Reach,
-    /// Of each case the operations whose operands are wrong.
+    /// The operations with wrong operands, by case.
     wrong: Mutex<BTreeMap<usize, OfCase>>,
-    /// Lanes in which a NaN decides a comparison, or becomes an integer.
+    /// Lanes in which a NaN decides a comparison, or is converted to an integer.
     decided: Mutex<BTreeSet<usize>>,
 }
 
@@ -208,7 +209,7 @@ macro_rules! recorder {
             }
 
             fn others(&self, lanes: &Lanes<'_, $arithmetic>) {
-                // A condition selects floats of floats: that is no use of them.
+                // A condition that selects between floats doesn't use them.
                 if !lanes.floats.is_empty() {
                     return;
                 }
@@ -229,7 +230,7 @@ macro_rules! recorder {
             }
 
             fn reached(&self, here: &Here<'_, $arithmetic>) {
-                // Both come to the same operations, but where rounding decides.
+                // The runs in both precisions reach the same operations, unless rounding decides a branch.
                 if $reaches {
                     self.reach.add(here.site.number, here);
                 }
@@ -240,25 +241,25 @@ macro_rules! recorder {
 recorder!(F32, f32, true);
 recorder!(F64, f64, false);
 
-/// What intervals know of operations, lane by lane.
+/// Facts about operations from intervals, lane by lane.
 struct Known {
-    /// Those that may give anything, in order, and of each whether its operands are to blame for that: they are known
-    /// closely, and are where it has no bound.
+    /// For each lane, the operations that may return any value, in order. The flag says that the operands are the
+    /// cause: they are known closely, and WGSL has no bound for the operation there.
     anything: Mutex<BTreeMap<usize, Vec<(usize, bool)>>>,
-    /// Lanes and sites where double precision can't tell which digits are lost.
+    /// Lanes and sites where double precision can't show which digits are lost.
     blind: BTreeSet<(usize, usize)>,
-    /// Of each lane the first of these whose result is wide.
+    /// The first operation of each lane with a wide result.
     wide: Mutex<BTreeMap<usize, usize>>,
 }
 
-/// True of an interval whose numbers share fewer than half of their digits.
+/// Returns `true` for an interval whose numbers share fewer than half of their digits.
 fn is_wide(x: Interval, half: bool) -> bool {
     let (lo, hi) = (f64::from(x.lo()), f64::from(x.hi()));
     !x.is_bounded() || hi - lo > Precision::of(half).lost * lo.abs().max(hi.abs())
 }
 
-/// True if double precision has lost a number that isn't 0: a sum is one of its terms, or what is computed of a small
-/// number is 1.
+/// Returns `true` if double precision has lost an operand that isn't 0: a sum equals one of its terms, or a function of
+/// a small number returns 1.
 fn absorbs(event: &Event<f64>, lane: usize) -> bool {
     let value = event.values[lane].abs();
     match &*event.operands {
@@ -271,13 +272,13 @@ fn absorbs(event: &Event<f64>, lane: usize) -> bool {
     }
 }
 
-/// True of a sum or a difference, by its value.
+/// Returns `true` if the operation is a sum or a difference, judging by its value.
 fn is_sum(event: &Event<f64>, lane: usize) -> bool {
     let value = event.values[lane];
     matches!(&*event.operands, [x, y] if value == x[lane] + y[lane] || value == x[lane] - y[lane])
 }
 
-/// True of a sum with fewer than half of the digits of `f32` in double precision, and of a logarithm of 1.
+/// Returns `true` for a sum that keeps fewer than half of `f32`'s digits in double precision, and for a logarithm of 1.
 fn is_blind(event: &Event<f64>, lane: usize) -> bool {
     let value = event.values[lane].abs();
     let largest = event.operands.iter().map(|x| x[lane].abs()).fold(0.0, f64::max);
@@ -287,10 +288,10 @@ fn is_blind(event: &Event<f64>, lane: usize) -> bool {
     }
 }
 
-/// Lanes and sites where double precision can't tell which digits are lost: they are blind, and an operand comes of what has
-/// lost a number.
+/// The lanes and sites where double precision can't show which digits are lost: the operation cancels, and an operand
+/// depends on a lost number.
 fn blind(events: &[Event<f64>]) -> BTreeSet<(usize, usize)> {
-    // Of each lane the values that come of such.
+    // For each lane, the values that depend on a lost number.
     let mut tainted: BTreeMap<usize, BTreeSet<u64>> = BTreeMap::new();
     let mut blind = BTreeSet::new();
     for event in events {
@@ -310,13 +311,13 @@ fn blind(events: &[Event<f64>]) -> BTreeSet<(usize, usize)> {
     blind
 }
 
-/// Such operations that are kept of a lane: those behind the first count where the first is left out.
+/// The most such operations that are recorded for a lane: if the first is left out, later ones count.
 const KEPT: usize = 16;
 
-/// True of an operation that loses digits, beside the same in double precision.
+/// Returns `true` for an operation that loses digits, compared with the same one in double precision.
 type Loses<'l> = &'l dyn Fn(&Event<f32>, &Event<f64>) -> bool;
 
-/// True of a hazard that is left out: one behind it is then told in its place.
+/// Returns `true` for a hazard that is left out. A later one is then reported in its place.
 pub(crate) type LeftOut<'l> = &'l (dyn Fn(&Found) -> bool + Sync);
 
 impl Observer<Intervals> for Known {
@@ -325,7 +326,7 @@ impl Observer<Intervals> for Known {
             let (lo, hi) = (f64::from(x.lo()), f64::from(x.hi()));
             lo == hi || hi - lo <= NARROW * lo.abs().min(hi.abs())
         };
-        // What is computed twice in one way has no difference, and of exact numbers a difference has each digit.
+        // A value minus itself is exactly 0, and a difference of exact numbers keeps all digits.
         let cancels = |operands: &[Interval]| {
             let is_exact = |x: &Interval| x.lo() == x.hi();
             let alike =
@@ -359,7 +360,7 @@ impl Observer<Intervals> for Known {
 }
 
 impl<F> Recorder<F> {
-    /// True if there may have been more operations.
+    /// Returns `true` if there may have been more operations.
     fn is_full(&self) -> bool {
         self.events.lock().unwrap_or_else(PoisonError::into_inner).len() >= MOST_EVENTS
     }
@@ -369,7 +370,7 @@ impl<F> Recorder<F> {
     }
 }
 
-/// For each event of a lane that of another run: the same operation, as often as the lane has been there.
+/// Finds, for each event of a lane, the same operation in another run, at the same repetition.
 struct Twins<'e> {
     by_site: BTreeMap<usize, VecDeque<&'e Event<f64>>>,
 }
@@ -383,14 +384,14 @@ impl<'e> Twins<'e> {
         Self { by_site }
     }
 
-    /// That of the next event of an operation.
+    /// The event of the other run that matches the next event of an operation.
     fn next(&mut self, site: usize) -> Option<&'e Event<f64>> {
         self.by_site.get_mut(&site)?.pop_front()
     }
 }
 
 impl Interpreted {
-    /// The findings in each of some cases: of each kind those that are left out, up to the first that isn't.
+    /// The findings in some cases. For each kind: those that are left out, up to the first that isn't.
     pub fn hazards_but(
         &self,
         cases: usize,
@@ -406,15 +407,17 @@ impl Interpreted {
             let part = &rows[first * width..][..count * width];
             self.hazards_of_chunk(count, part, left_out)
         };
-        // A loop that doesn't end, or not here, is seen in the first part as a rule, and the others would only wait for it.
+        // An endless loop, or one that is too long here, usually shows in the first part; the other parts would only
+        // wait for it.
         let alone = usize::from(self.program.most_rounds().is_none() && cases > 0);
         let mut parts = (0..alone).map(|_| of_part(0)).collect::<Vec<_>>();
         if parts.iter().all(Result::is_ok) {
-            // One function with long loops would keep one core busy while the others idle.
+            // Parts are interleaved, so that a function with long loops doesn't keep one core busy while the others
+            // idle.
             let firsts: Vec<usize> = (0..cases).step_by(together).skip(alone).collect();
             parts.extend(firsts.into_par_iter().map(of_part).collect::<Vec<_>>());
         }
-        // Parts end in any order, and the error is that of the first one.
+        // Parts end in any order; the reported error is the first part's.
         for part in parts {
             let part = part?;
             for (site, count) in part.reached {
@@ -426,7 +429,7 @@ impl Interpreted {
         Ok(found)
     }
 
-    /// True if a case is still in a loop after so many rounds, so that it may never end.
+    /// Returns `true` if a case is still in a loop after this number of rounds, so it may never end.
     pub fn may_not_end(&self, row: &[u32], rounds: u64) -> bool {
         let options = Options { fuel: rounds, ..self.options() };
         match self.run::<F32>(1, row, &options, &()) {
@@ -443,7 +446,7 @@ impl Interpreted {
         left_out: LeftOut<'_>,
     ) -> Result<Hazards, ProbeError> {
         let (single, double) = (Recorder::<f32>::default(), Recorder::<f64>::default());
-        // What has a bound ends: it may be as long as is still quick to run.
+        // Loops with a bound end, and may be as long as is still quick to run.
         let fuel = match self.program.most_rounds() {
             Some(rounds) => rounds.saturating_mul(2).clamp(PATIENCE, MOST_ROUNDS),
             None => PATIENCE,
@@ -462,24 +465,25 @@ impl Interpreted {
         let work = if cut { ROUNDS_SEEN * lanes } else { u64::MAX };
         let bounds = match self.run::<Intervals>(cases, rows, &Options { work, ..options }, &known)
         {
-            // It saw what the others keep.
+            // It recorded the same operations as the others.
             Err(Stop::Work { .. }) => None,
             seen => Some(seen.map_err(|stop| self.error(&stop))?),
         };
         let anything = known.anything.into_inner().unwrap_or_else(PoisonError::into_inner);
         let wide = known.wide.into_inner().unwrap_or_else(PoisonError::into_inner);
         let halves = shadows.halves();
-        // Of a quad the pixel that the arguments are given for.
+        // In a quad, the pixel that the arguments are for.
         let each = (0..cases).map(|case| case * self.lanes()).map(|lane| {
             let (result, shadow) = (results.row(lane), shadows.row(lane));
             let finite =
                 result.iter().all(|lane| !matches!(lane, Lane::Float(x) if !x.is_finite()));
             let is_used = cut || decided.contains(&lane) || absorbs_nan(&single, lane);
-            // An infinity may have become a NaN: `clamp(inf - inf, 0.0, 1.0)`. In `x / sqrt(x * x)` one makes 0 of 1.
+            // A later operation may turn an infinity into an ordinary number, as in `clamp(inf - inf, 0.0, 1.0)`. In `x
+            // / sqrt(x * x)`, an infinity gives 0 instead of 1.
             let lost = differ(&result, &shadow, &halves);
             let dropped = finite && !is_used && lost.is_none();
             let mut found = self.born(&single, &double, lane, dropped, (lost, left_out));
-            // Both agree where double precision cancels as well, and only the interval knows.
+            // If double precision cancels as well, both runs agree, and only the interval shows the loss.
             if let (None, Some(site)) = (lost, wide.get(&lane))
                 && bounds.as_ref().is_none_or(|bounds| shows_wide(&bounds.row(lane), &halves))
             {
@@ -487,7 +491,7 @@ impl Interpreted {
             }
             let of_quad = (lane..lane + self.lanes()).flat_map(|pixel| {
                 let all = wrong.get(&pixel).into_iter().flatten();
-                // Another pixel of the quad is one that some other case is given for, but they part in this one.
+                // Other pixels of the quad belong to other cases, but a parting pixel counts for this case.
                 all.filter(move |((kind, _), _)| pixel == lane || *kind == Kind::Barrier)
             });
             let mut told = BTreeSet::new();
@@ -496,13 +500,13 @@ impl Interpreted {
                 let missing = parted.map(|parted| self.missing(lane, parted));
                 found.extend(one.map(|one| Found { missing, ..one }));
             }
-            // What isn't finite is told already, and WGSL bounds nothing that comes of it.
+            // A value that isn't finite was reported already, and WGSL bounds nothing that depends on it.
             let kept = anything.get(&lane).into_iter().flatten();
             for (site, _) in kept.take_while(|(_, sure)| *sure) {
                 if !found.iter().all(left_out) {
                     break;
                 }
-                // Whatever it is, the result is the same.
+                // The result is the same for every value.
                 let is_sure = bounds.as_ref().is_some_and(|bounds| {
                     let row = bounds.row(lane);
                     let are_floats = row.iter().all(|lane| matches!(lane, Lane::Float(_)));
@@ -517,9 +521,9 @@ impl Interpreted {
         Ok(Hazards { cases: each, cut, reached: self.good(reach, &single) })
     }
 
-    /// Of each site how many cases came to it with good operands.
+    /// For each site, the number of cases that reached it with good operands.
     fn good(&self, reach: Reach, events: &[Event<f32>]) -> BTreeMap<usize, usize> {
-        // Lanes in which no operation at a site had good operands.
+        // For each lane and site, whether every operation there had bad operands.
         let mut bad: BTreeMap<(usize, usize), bool> = BTreeMap::new();
         for event in events {
             // Few events have an operand that isn't finite.
@@ -542,7 +546,7 @@ impl Interpreted {
         reach.cases().into_iter().map(of_site).collect()
     }
 
-    /// Of each kind the first operation of a lane that is at fault.
+    /// The first operation of a lane that is at fault, for each kind.
     fn born(
         &self,
         single: &[Event<f32>],
@@ -552,7 +556,7 @@ impl Interpreted {
         (lost, left_out): (Option<f64>, LeftOut<'_>),
     ) -> Vec<Found> {
         let Some(size) = lost else {
-            // No operation is compared with its twin.
+            // There is no second run to compare with.
             return self.born_of(single, &[], lane, dropped, (&|_, _| false, left_out));
         };
         let loses_own = |event: &Event<f32>, twin: &Event<f64>| loses(event, twin, lane);
@@ -560,14 +564,14 @@ impl Interpreted {
         if found.iter().any(|one| one.kind == Kind::LostDigits && !left_out(one)) {
             return found;
         }
-        // A difference that is nothing but rounding is at fault where the result is more than that.
+        // A difference that is only rounding is at fault if it dominates the result.
         let loses_some = |event: &Event<f32>, twin: &Event<f64>| loses_all(event, twin, lane, size);
         let more = self.born_of(single, double, lane, dropped, (&loses_some, left_out));
         let lost = more.into_iter().filter(|one| one.kind == Kind::LostDigits);
         found.into_iter().chain(lost).collect()
     }
 
-    /// [`born`](Self::born), with what tells lost digits.
+    /// The same as [`born`](Self::born), with a test for lost digits.
     fn born_of(
         &self,
         single: &[Event<f32>],
@@ -584,7 +588,7 @@ impl Interpreted {
             let operands = || event.operands.iter().map(|operand| operand[lane]);
             let kind = if !value.is_finite() {
                 let nan = value.is_nan();
-                // Who gets an infinity and makes NaN of it passes on what was wrong.
+                // An operation that turns an infinite operand into NaN only passes the error on.
                 if operands().any(|operand| !operand.is_finite()) {
                     continue;
                 }
@@ -631,7 +635,7 @@ impl Interpreted {
         places.into_iter().collect()
     }
 
-    /// The pixels of the quad that begins at a lane as a person calls them, and where they parted.
+    /// The names of the quad's pixels, and the place where they took different branches.
     fn missing(&self, first: usize, Parted { pixels, by }: Parted) -> Missing {
         const NAMES: [&str; quads::PIXELS] = [
             "the pixel",
@@ -647,12 +651,12 @@ impl Interpreted {
     }
 }
 
-/// Whether an operation loses more than half of the digits that its operands have.
+/// Returns `true` if an operation loses more than half of its operands' digits.
 fn loses(event: &Event<f32>, twin: &Event<f64>, lane: usize) -> bool {
     loses_all(event, twin, lane, twin.values[lane].abs())
 }
 
-/// The same, of one whose value becomes a part of a result of this `size`.
+/// The same, for an operation whose value is part of a result of this `size`.
 fn loses_all(event: &Event<f32>, twin: &Event<f64>, lane: usize, size: f64) -> bool {
     let error = |x: f32, y: f64| (f64::from(x) - y).abs() / y.abs();
     let (value, shadow) = (event.values[lane], twin.values[lane]);
@@ -662,20 +666,20 @@ fn loses_all(event: &Event<f32>, twin: &Event<f64>, lane: usize, size: f64) -> b
     let is_precise = |(x, y): (&Vec<f32>, &Vec<f64>)| {
         x[lane] == 0.0 && y[lane] == 0.0 || error(x[lane], y[lane]) <= precise
     };
-    // Constants are rounded to `f32` in both, so that what an operand lacks is what was computed.
+    // Constants are rounded to `f32` in both runs, so an operand's error comes from computed values.
     means_something
         && error(value, shadow) > lost
         && !event.operands.is_empty()
         && event.operands.iter().zip(&twin.operands).all(is_precise)
 }
 
-/// True if a number of a result has lost half of its digits, as far as its interval shows.
+/// Returns `true` if a number of a result has lost half of its digits, judging by its interval.
 fn shows_wide(bounds: &[LaneOf<Intervals>], halves: &[bool]) -> bool {
     let wide = |(lane, half): (&LaneOf<Intervals>, &bool)| matches!(lane, Lane::Float(x) if is_wide(*x, *half));
     bounds.iter().zip(halves).any(wide)
 }
 
-/// The largest component of a result that has lost half of its digits itself; `None` if none has.
+/// The largest component of a result that has itself lost half of its digits; `None` if there is none.
 fn differ(result: &[LaneOf<F32>], shadow: &[LaneOf<F64>], halves: &[bool]) -> Option<f64> {
     let lost = |lane: usize| match (&result[lane], &shadow[lane]) {
         (Lane::Float(x), Lane::Float(y)) => {

@@ -1,22 +1,22 @@
-//! Compute passes in other orders of their workgroups and invocations.
+//! Runs compute passes in other orders of their workgroups and invocations.
 
 use karat_engine::{Actor, Atomics, Options, Priorities, Schedule, Stores};
 
 use super::dispatch::{Prepared, options};
 use crate::dispatch::{Afterwards, DispatchError, Pass, Passes};
 
-/// Invocations of a subgroup where no order says another number.
+/// The subgroup size, unless an order sets another.
 pub const SUBGROUP: u32 = Schedule::SUBGROUP;
 
-/// Invocations of a subgroup that devices of WebGPU have, beside the usual ones.
+/// Subgroup sizes of WebGPU devices, besides the usual one.
 pub(super) const SUBGROUPS: [u32; 5] = [4, 8, 16, 64, 128];
 
-/// Passes of at most so many invocations run them one by one; in larger ones some neighbours stay side by side, since
-/// that costs an eighth.
+/// In passes with at most this number of invocations, each invocation is ordered by itself. In larger ones some
+/// neighbours stay together, which costs an eighth.
 pub(super) const ONE_BY_ONE: u64 = 4096;
 const TOGETHER: usize = 8;
 
-/// Turns in which invocations wait, in some orders, before others go on: loops of a thousand rounds end in them.
+/// The turns for which invocations spin in some orders before others go on: loops of a thousand rounds end within them.
 const PATIENCE: u32 = 1 << 13;
 
 /// An order of the invocations of passes.
@@ -26,19 +26,20 @@ pub struct OrderOf {
 }
 
 impl OrderOf {
-    /// The usual order, in subgroups of another size.
+    /// The usual order, with another subgroup size.
     pub(super) fn of_size(passes: &Passes, subgroup: u32) -> Self {
         Self { of_pass: vec![Schedule { subgroup, ..Schedule::default() }; passes.passes.len()] }
     }
 
-    /// One that was explored, by its turns.
+    /// An order that was explored, by its turns.
     pub(super) fn of_turns(turns: Vec<Vec<Actor>>, stores: Stores) -> Self {
         let of = |turns| Schedule { turns, stores, ..Schedule::one_by_one() };
         Self { of_pass: turns.into_iter().map(of).collect() }
     }
 
-    /// The order of a number: by numbers one by one, backwards, in turn, and shuffled; and then with one or two
-    /// invocations of each pass that stall at one of their atomics, in each second of which stores may be late.
+    /// The order with this number. The first ones run invocations by number one by one, backwards, in turn, and
+    /// shuffled. In the later ones, one or two invocations of each pass stall at one of their atomics; in every second
+    /// of these, stores may be late.
     pub(super) fn drawn(passes: &Passes, atomics: &[Atomics], number: u64) -> Self {
         let together = if passes.invocations() > ONE_BY_ONE { TOGETHER } else { 1 };
         let of_pass = passes.passes.iter().zip(atomics).enumerate().map(|(at, (_, atomics))| {
@@ -63,7 +64,7 @@ impl OrderOf {
             let stalls = (0..count).filter_map(stall).collect();
             let late = number >= 3 && number % 2 == 1;
             let stores = if late { Stores::Late(seed) } else { Stores::AtOnce };
-            // Backwards, a loop that may end by itself does.
+            // In the backward order, loops with a retry limit reach it.
             let patience = if number % 3 == 1 { PATIENCE } else { 0 };
             let subgroup = [SUBGROUP, 4, 64, 8, 16, 128][number as usize % 6];
             Schedule {
@@ -79,17 +80,17 @@ impl OrderOf {
         Self { of_pass: of_pass.collect() }
     }
 
-    /// How the pass of this number runs.
+    /// The options of the pass with this number.
     pub(super) fn options(&self, number: usize, base: &Options) -> Options {
         Options { schedule: self.of_pass[number].clone(), ..base.clone() }
     }
 
-    /// Invocations of a subgroup.
+    /// The subgroup size.
     pub(crate) fn subgroup(&self) -> u32 {
         self.of_pass.iter().map(|own| own.subgroup).find(|own| *own != SUBGROUP).unwrap_or(SUBGROUP)
     }
 
-    /// Orders with one difference less to the usual one.
+    /// Orders with one difference fewer from the usual one.
     pub(crate) fn simpler(&self) -> impl Iterator<Item = Self> {
         let usual = Schedule::default();
         let of_one = self.of_pass.iter().enumerate().flat_map(move |(at, own)| {
@@ -97,7 +98,7 @@ impl OrderOf {
             if *own == usual {
                 return all;
             }
-            // One pass is to blame, as a rule.
+            // Usually only one pass is the cause.
             all.push((at, usual.clone()));
             all.push((at, Schedule { stores: Stores::AtOnce, ..own.clone() }));
             all.push((at, Schedule { subgroup: SUBGROUP, ..own.clone() }));
@@ -120,7 +121,7 @@ impl OrderOf {
         })
     }
 
-    /// The passes that have another order than the usual one, by their numbers.
+    /// The passes whose order isn't the usual one, by their numbers.
     pub(crate) fn passes<'p>(
         &'p self,
         passes: &'p Passes,
@@ -130,13 +131,13 @@ impl OrderOf {
         all.filter(move |(_, own)| **own != usual)
     }
 
-    /// True if only the size of subgroups is another one.
+    /// Returns `true` if only the subgroup size differs.
     pub fn is_of_size(&self) -> bool {
         let usual = Schedule::default();
         self.of_pass.iter().all(|own| Schedule { subgroup: SUBGROUP, ..own.clone() } == usual)
     }
 
-    /// How the headline of what only it has begins.
+    /// The beginning of the headline for findings of this order alone.
     pub(super) fn headline(&self) -> String {
         match self.is_of_size() {
             true => format!("in subgroups of {}", self.subgroup()),
@@ -144,7 +145,7 @@ impl OrderOf {
         }
     }
 
-    /// What explains it.
+    /// A note that explains the order.
     pub(super) fn note(&self, passes: &Passes) -> String {
         match self.is_of_size() {
             true => format!("a device may have subgroups of {} invocations", self.subgroup()),
@@ -152,7 +153,7 @@ impl OrderOf {
         }
     }
 
-    /// Its differences to the usual one, in words.
+    /// Its differences from the usual order, in words.
     pub(crate) fn told(&self, passes: &Passes) -> String {
         let several = passes.passes.len() > 1;
         let of_pass = |(pass, own): (&Pass, &Schedule)| {
@@ -202,7 +203,7 @@ fn ordinal(number: u32) -> String {
     }
 }
 
-/// Numbers by a seed (Knuth's constants, as in MMIX).
+/// Random numbers from a seed (Knuth's constants, as in MMIX).
 struct Chance(u64);
 
 impl Chance {
@@ -217,23 +218,23 @@ impl Chance {
     }
 }
 
-/// The words that passes leave in an order of their invocations; `None`: the usual one.
+/// The words that passes leave in an order of their invocations; `None` is the usual order.
 pub fn in_order_of(passes: &Passes, order: Option<&OrderOf>) -> Result<Afterwards, DispatchError> {
     let prepared = Prepared::new(passes, &karat_engine::Settings::default())?;
     prepared.dispatched(&|number| options_in(number, order, &options()))
 }
 
-/// How the pass of this number runs in an order.
+/// The options of the pass with this number in an order.
 pub(super) fn options_in(number: usize, order: Option<&OrderOf>, base: &Options) -> Options {
     order.map_or_else(|| base.clone(), |order| order.options(number, base))
 }
 
-/// How many orders were tried.
+/// The orders that were tried.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tried {
-    /// Beside the usual one, those that lead to the same counted once.
+    /// Their number without the usual one. Orders with the same effect count once.
     pub(crate) orders: u64,
-    /// True if there are no others.
+    /// Set if there are no other orders.
     pub(crate) all: bool,
 }
 
@@ -246,7 +247,7 @@ mod tests {
     use crate::path::Path;
     use crate::reflect::Overrides;
 
-    /// Each operation in the engine, by the size that a driver has, leaves the driver's words.
+    /// With a driver's subgroup size, each subgroup operation in the engine leaves the driver's words.
     #[test]
     fn subgroups_are_those_of_a_driver_of_their_size() {
         let vulkan = crate::executor::of(Path::VULKAN).expect("a driver of Vulkan is here");
@@ -295,7 +296,7 @@ mod tests {
             let passes = Passes::new(&package, &wanted, (&fixtures, &[]), &Overrides::new());
             let passes = passes.expect("they fit");
             let drivers = crate::executor::dispatch(vulkan, &passes).expect("the driver runs it");
-            // A driver with a range has a size of its own for each pipeline.
+            // A driver with a range of sizes chooses one for each pipeline.
             let sizes = SUBGROUPS
                 .into_iter()
                 .chain([SUBGROUP])

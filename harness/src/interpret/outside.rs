@@ -1,19 +1,19 @@
-//! Whether what indices outside of arrays read and write matters.
+//! Decides whether reads and writes outside arrays change a result.
 //!
-//! WGSL allows a read there to give any element or zero, and a write to go to any element or nowhere (6.4.4). A read
-//! matters if the words that passes leave are others for another such choice: by itself, with all else as it was, or
-//! together with all other reads outside.
+//! WGSL allows such a read to return any element or zero, and such a write to go to any element or nowhere (6.4.4). A
+//! read matters if another choice changes the words that passes leave: a choice for this read alone, or for all reads
+//! outside together.
 
 use karat_engine::{Choice, Elsewhere, Options, Outside};
 
 use super::dispatch::{OfPass, Prepared};
 use crate::dispatch::DispatchError;
 
-/// Runs by which a pass' reads are judged.
+/// The most runs that judge a pass's reads.
 const MOST_RUNS: usize = 64;
 
-/// What else may be read, the likeliest first: with few reads more elements are tried, as kinds and flags are compared
-/// with small numbers, one of which may be the only one that matters.
+/// Other values that a read may return, the likeliest first. With few reads, more elements are tried: shaders compare
+/// kinds and flags with small numbers, and only one of those may change the result.
 const OTHERS: [Elsewhere; 7] = [
     Elsewhere::Number(0),
     Elsewhere::Nth(0),
@@ -25,7 +25,7 @@ const OTHERS: [Elsewhere; 7] = [
 ];
 const LEAST: usize = 3;
 
-/// The same over contents that are made up, of which any number may be an element.
+/// The same for generated contents, where any number may be an element.
 const ANY: [Elsewhere; 6] = [
     Elsewhere::Number(0),
     Elsewhere::Number(47),
@@ -35,18 +35,18 @@ const ANY: [Elsewhere; 6] = [
     Elsewhere::Number(3),
 ];
 
-/// The reads outside of a pass that matter.
+/// The reads outside arrays in a pass that change the result.
 #[derive(Debug, Default)]
 pub(super) struct Matter {
-    /// Operations that do by themselves.
+    /// Operations that change it by themselves.
     pub(super) alone: Vec<u32>,
-    /// True if none does by itself, and all of them do together.
+    /// Set if no read changes it alone, but all of them together do.
     pub(super) together: bool,
-    /// Operations that weren't tried.
+    /// The number of operations that weren't tried.
     pub(super) untried: usize,
 }
 
-/// Judges the reads of the pass of this number, which may be over contents that are made up.
+/// Judges the reads of the pass with this number. Its contents may be generated.
 pub(super) fn matter(
     prepared: &Prepared<'_>,
     (number, made_up): (usize, bool),
@@ -63,10 +63,10 @@ pub(super) fn matter(
         })
     };
     let mut all = Matter::default();
-    // A write outside may put back what a read outside has changed.
+    // A write outside may restore a value that a read outside changed.
     let dropped = Choice { drops: true, ..Choice::default() };
     let usual = left(dropped, None)?;
-    // Those together are some, too.
+    // The runs with all reads together need a share, too.
     let left_over = MOST_RUNS - 1 - 2 * (1 + LEAST);
     let each = (left_over / reads.len().max(1)).clamp(LEAST, others.len());
     let most = left_over / each;
@@ -91,7 +91,7 @@ pub(super) fn matter(
     Ok(all)
 }
 
-/// The choices between which all that is read and written outside is compared, over contents that are made up.
+/// The choices for all reads and writes outside arrays, for generated contents.
 pub(super) fn choices() -> impl Iterator<Item = Choice> {
     ANY.into_iter().take(LEAST).map(|reads| Choice { reads, drops: true })
 }

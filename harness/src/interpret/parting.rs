@@ -1,4 +1,4 @@
-//! The operation by which another order of invocations first makes a difference.
+//! Finds the operation at which another order of invocations first makes a difference.
 
 use std::collections::HashMap;
 use std::sync::{Mutex, PoisonError};
@@ -11,13 +11,13 @@ use crate::diagnostic::Span;
 use crate::dispatch::Passes;
 use crate::value::{Scalar, format_lane};
 
-/// Results that are kept of a pass: 16 MiB of them. The first difference comes early.
+/// The most results of a pass that are recorded: 16 MiB. The first difference comes early.
 const MOST: usize = 1 << 20;
 
 /// The result of an operation for an invocation.
 #[derive(Clone, Copy)]
 struct Given {
-    /// The address of its site, and once the run has ended its number.
+    /// The address of its site; after the run, its number.
     site: usize,
     case: u32,
     word: u32,
@@ -58,20 +58,20 @@ impl Observer<F32> for Results {
     }
 }
 
-/// Atomics of an order that are told: more nobody reads.
+/// The most atomics of an order that a message lists.
 const TOLD: usize = 16;
 
 /// The atomics of passes in an order.
 #[derive(Debug, Default)]
 pub(crate) struct Turns {
-    /// Each in its order, in words; none where there are too many.
+    /// Each atomic in order, in words; empty if there are too many.
     lines: Vec<String>,
-    /// A store that took effect behind a later atomic of its invocation, as others saw: both.
+    /// A store that, to other invocations, took effect after a later atomic of its own invocation: both.
     pub(crate) late: Option<(Span, String)>,
 }
 
 impl Turns {
-    /// They as notes of a message.
+    /// The atomics as notes of a message.
     pub(crate) fn told(&self) -> Vec<String> {
         let order = (!self.lines.is_empty())
             .then(|| format!("its atomics come in this order:\n{}", self.lines.join("\n")));
@@ -86,11 +86,11 @@ impl Turns {
     }
 }
 
-/// The atomics of passes in an order, as they take effect.
+/// The atomics of passes in an order, in the order in which they take effect.
 pub(super) fn turns(prepared: &Prepared<'_>, order: &OrderOf) -> Turns {
     let mut all = Turns::default();
     let (mut number, mut count) = (0, 0);
-    // A loop that doesn't end in this order has had its atomics before.
+    // A loop that doesn't end in this order has run its atomics before.
     let ran = prepared.run(&mut |pass, lowered, resources| {
         let base = Options { shows_order: true, ..options() };
         let own = options_in(number, Some(order), &base);
@@ -123,15 +123,15 @@ pub(super) fn turns(prepared: &Prepared<'_>, order: &OrderOf) -> Turns {
     all
 }
 
-/// What an order of passes has otherwise than the usual one.
+/// The differences between an order of passes and the usual one.
 pub(crate) struct Parting {
-    /// The first operation, in the usual order, that gives an invocation something else: its place, and a clause with the
-    /// invocation and both results. `None` if writes alone come in another order.
+    /// The first operation, in the usual order, that gives an invocation another result: its place, and a clause with
+    /// the invocation and both results. `None` if only the order of writes differs.
     pub(crate) first: Option<(Span, String)>,
     pub(crate) turns: Turns,
 }
 
-/// What an order of passes has otherwise than the usual one.
+/// Compares an order of passes with the usual one.
 pub(crate) fn parting(passes: &Passes, order: &OrderOf) -> Option<Parting> {
     let prepared = Prepared::new(passes, &Settings::default()).ok()?;
     Some(Parting { first: first(&prepared, order), turns: turns(&prepared, order) })

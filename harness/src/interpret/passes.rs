@@ -1,4 +1,4 @@
-//! What goes wrong inside of compute passes: operations whose operands were good, and whose result isn't.
+//! Finds hazards inside compute passes: operations with good operands and a bad result.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Mutex, PoisonError};
@@ -13,19 +13,19 @@ use crate::dispatch::{Afterwards, DispatchError, Pass, Passes};
 use crate::probe::RESULTS;
 use crate::value::Scalar;
 
-/// An operation that goes wrong.
+/// An operation with a hazard.
 struct Operation {
     operands: Vec<f32>,
-    /// Of a derivative the pixel that isn't there, and the number of the site at which it parted.
+    /// For a derivative: the missing pixel, and the number of the site at which it took another branch.
     missing: Option<(usize, Option<usize>)>,
-    /// The invocations in which it goes wrong.
+    /// The invocations in which the hazard occurs.
     invocations: BTreeSet<usize>,
 }
 
-/// The operations of a pass, and those that go wrong by the number of their site and their kind.
+/// The operations of a pass with hazards, by the number of their site and their kind.
 struct Recorder {
     all: Mutex<BTreeMap<(usize, Kind), Operation>>,
-    /// The invocations that come to each site; `None`: nothing asks.
+    /// The invocations that reach each site; `None` if they aren't needed.
     reach: Option<Reach>,
 }
 
@@ -38,12 +38,12 @@ impl Recorder {
 
 impl Observer<F32> for Recorder {
     fn floats(&self, lanes: &Lanes<'_, F32>) {
-        // Column by column, as each operation of each round comes here.
+        // Column by column, because each operation of each round comes here.
         let is_bad = |values: &&[f32]| !values.iter().fold(true, |good, x| good & x.is_finite());
         if !lanes.floats.iter().any(|values| is_bad(&&**values)) {
             return;
         }
-        // An operation that gets an infinity passes on what was wrong before.
+        // An operation with an infinite operand only passes on an earlier error.
         let mut good = lanes.active.to_vec();
         for operand in lanes.operands {
             good.iter_mut().zip(operand.iter()).for_each(|(good, x)| *good &= x.is_finite());
@@ -82,33 +82,33 @@ impl Observer<F32> for Recorder {
     }
 }
 
-/// An operation of a pass that goes wrong, and the invocations in which it does.
+/// An operation of a pass with a hazard, and the invocations in which it occurs.
 pub struct FoundInPass {
-    /// What goes wrong, and where.
+    /// The hazard and its place.
     pub found: Found,
-    /// The first of them.
+    /// The first of the invocations.
     pub invocation: String,
-    /// All of them, by their number.
+    /// All of the invocations, by their numbers.
     pub invocations: BTreeSet<usize>,
-    /// The place of its statement, by which the sanitizer names an access.
+    /// The place of its statement; the sanitizer uses it to name an access.
     pub statement: Option<String>,
 }
 
-/// The operations of passes: those that go wrong, and the invocations that come to each place, if these are asked for.
+/// The operations of passes with hazards, and, if asked for, the invocations that reach each place.
 #[derive(Default)]
 pub struct Operations {
-    /// Operations that go wrong.
+    /// Operations with hazards.
     pub wrong: Vec<FoundInPass>,
-    /// The invocations that come to each, by its place.
+    /// The invocations that reach each operation, by its place.
     pub reached: BTreeMap<String, BTreeSet<usize>>,
 }
 
-/// The operations of a test's passes that go wrong, in `f32`.
+/// The operations with hazards in a test's passes, in `f32`.
 pub(crate) fn hazards(passes: &Passes) -> Result<Vec<FoundInPass>, DispatchError> {
     Ok(watched(passes, &options(), false)?.wrong)
 }
 
-/// The operations of passes over made-up resources.
+/// The operations of passes over generated resources.
 pub fn operations(passes: &Passes) -> Result<Operations, DispatchError> {
     watched(passes, &made_up_options(), true)
 }
@@ -160,7 +160,7 @@ fn watched(
         }
         Ok(true)
     })?;
-    // The operations behind a NaN aren't kept here, and one of them may depend on it.
+    // The operations after a NaN aren't recorded here, and one of them may depend on it.
     if are_finite(passes, prepared.left(&held))? {
         let infinite = all.wrong.iter_mut().filter(|one| one.found.kind == Kind::Infinite);
         infinite.for_each(|one| one.found.hidden = true);
@@ -168,14 +168,14 @@ fn watched(
     Ok(all)
 }
 
-/// True if each float that passes leave is finite.
+/// Returns `true` if every float that passes leave is finite.
 fn are_finite(passes: &Passes, left: Afterwards) -> Result<bool, DispatchError> {
     let mut finite = true;
     for (number, words) in left {
         let (_, shape) = passes.written(&passes.resources[number].name)?;
         let lanes = passes.lanes(number, &words).expect("passes write what they leave");
         let mut scalars = shape.lanes();
-        // The results of pixels are words, with a canary behind each pixel's.
+        // The results of a draw are words, with a canary after each pixel's.
         let drawn = passes.passes.iter().find_map(|pass| pass.drawn.as_ref());
         if let Some(own) = drawn.filter(|_| passes.resources[number].name == RESULTS) {
             let of_pixel = own.iter().copied().chain([Scalar::U32]);

@@ -1,15 +1,15 @@
-//! Cases that are quads of pixels.
+//! Turns cases into quads of pixels.
 
 use crate::reflect::Function;
 use crate::value::{Scalar, Shape};
 
-/// Pixels of a quad: the upper left one, the one to its right, and the two below.
+/// The pixels of a quad: the upper left one, the one to its right, and the two below.
 pub(super) const PIXELS: usize = 4;
 
-/// How the rows of cases become the rows of pixels.
+/// Turns the rows of cases into the rows of pixels.
 #[derive(Debug)]
 pub(super) struct Quads {
-    /// The scalars of each argument at one pixel, and whether it varies.
+    /// The scalars of each argument at one pixel, and whether the argument varies.
     arguments: Vec<(Vec<Scalar>, bool)>,
     /// The pixel whose results are wanted, if a row has the arguments at all four; or else the first one, to which slopes
     /// are given.
@@ -25,15 +25,15 @@ impl Quads {
         Self { arguments: function.parameters.iter().map(of).collect(), own: None }
     }
 
-    /// Adds the lanes of the results that depend on how steep the slopes are.
+    /// Adds the lanes of the results that depend on the steepness of the slopes.
     pub(super) fn open<E>(
         &self,
         rows: &[u32],
         open: &mut [bool],
         results: impl Fn(&[u32]) -> Result<Vec<u32>, E>,
     ) -> Result<(), E> {
-        /// Steeper and flatter by a third of a texture's level (the logarithm of 1.25 to the base 2): a level that a driver
-        /// takes instead is nearer.
+        /// Steeper and flatter by a third of a mip level (log2 of 1.25). A driver may choose another level, but not one
+        /// that is further away.
         const SLOPES: [f32; 2] = [0.8, 1.25];
         let usual = results(rows)?;
         for factor in SLOPES {
@@ -44,7 +44,7 @@ impl Quads {
         Ok(())
     }
 
-    /// The rows with slopes that are so many times as steep; values are as they were.
+    /// The rows with slopes multiplied by `factor`, and unchanged values.
     fn steeper(&self, rows: &[u32], factor: f32) -> Vec<u32> {
         let of_argument = |(scalars, varies): &(Vec<Scalar>, bool)| {
             let slopes = if *varies { 2 } else { 0 };

@@ -1,5 +1,5 @@
-//! Passes in one order of their invocations after the other: what each run leaves, and what it does that WGSL doesn't
-//! order or define.
+//! Runs passes in one order of their invocations after another. Each run gives its results, and its violations of
+//! WGSL's order and bounds.
 
 use karat_engine::{Atomics, Explorer, Options, Schedule, Stores};
 
@@ -9,55 +9,57 @@ use super::sanitizer::{Known, Ways};
 use crate::dispatch::{Afterwards, DispatchError, Examined, Passes};
 use crate::settings;
 
-/// Orders that are drawn where there are too many to try all.
+/// The number of sampled orders, if there are too many to try all.
 const DRAWN: u64 = 16;
 
-/// Orders that are tried at most where all of them are, and the invocations of all these runs.
+/// The most orders if all are tried, and the most invocations of all these runs.
 const MOST_ORDERS: u64 = 4096;
 const MOST_INVOCATIONS: u64 = 1 << 20;
 
-/// Pairs of turns in all these runs: 4,096 runs of 22 turns each.
+/// The most pairs of turns in all these runs: 4,096 runs of 22 turns each.
 const MOST_WORK: u64 = 1 << 20;
 
-/// All orders are tried where a bound of their number isn't above this power of two: it counts far more than there are.
+/// All orders are tried if a bound of their number is at most this power of two. The bound is far above the real
+/// number.
 const MOST_LIKELY: f64 = 24.0;
 
-/// Turns of invocations behind which no further order is drawn, and that one order may have: a million take a second.
+/// The number of turns after which no further order is sampled, and the most turns of one order: a million take a
+/// second.
 const MOST_TURNS: u64 = 1 << 20;
 const TURNS_OF_ONE: usize = 1 << 22;
 
-/// Orders that are drawn before all are tried: what they find is told in fewer words.
+/// The number of orders that are sampled before all are tried: their findings need fewer words.
 const SIMPLE: u64 = 3;
 
 /// A run of passes in one order.
 pub struct Run {
-    /// `None`: the usual order.
+    /// `None` for the usual order.
     pub order: Option<OrderOf>,
-    /// What is left; `None`: a loop didn't end, or not all of the passes ran.
+    /// The words that it leaves; `None` if a loop didn't end, or if some passes didn't run.
     pub left: Option<Afterwards>,
-    /// The findings that no run before had.
+    /// The findings that no earlier run had.
     pub(crate) examined: Examined,
 }
 
-/// What is run next.
+/// The next run.
 enum Next {
     Usual,
-    /// Subgroups of this size, by number.
+    /// The usual order with this subgroup size, by number.
     Size(usize),
     Drawn(u64),
-    /// All orders, with stores at once or late.
+    /// All orders, with stores that take effect at once or late.
     All(Box<Explorer>, Stores),
     End,
 }
 
-/// Runs passes in one order after the other.
+/// Runs passes in one order after another.
 pub struct Runner<'p> {
     passes: &'p Passes,
     prepared: Result<Prepared<'p>, Option<DispatchError>>,
     next: Next,
-    /// Orders that are to be drawn.
+    /// The number of orders to sample.
     wanted: u64,
-    /// True if all orders are tried where they are few.
+    /// Set if all orders are tried when they are few.
     explores: bool,
     atomics: Vec<Atomics>,
     known: Known,
@@ -66,7 +68,7 @@ pub struct Runner<'p> {
 }
 
 impl<'p> Runner<'p> {
-    /// Passes in the order in which invocations are counted.
+    /// A runner that begins with the usual order, in which invocations are counted.
     pub fn new(passes: &'p Passes) -> Self {
         Self {
             passes,
@@ -81,22 +83,22 @@ impl<'p> Runner<'p> {
         }
     }
 
-    /// The same with so many orders that are drawn, and no others.
+    /// The same with this number of sampled orders, and no others.
     pub fn few(self, orders: u64) -> Self {
         Self { wanted: orders, explores: false, ..self }
     }
 
-    /// How many orders have been tried.
+    /// The orders that have been tried.
     pub(crate) fn tried(&self) -> Tried {
         self.tried
     }
 
-    /// No order is tried but those that are drawn: something was found.
+    /// Limits the runs to sampled orders, because something was found.
     pub(crate) fn found(&mut self) {
         self.explores = false;
     }
 
-    /// The run that comes next.
+    /// Chooses the run after this one.
     fn after(&mut self, examined: &Examined) -> Next {
         let next = std::mem::replace(&mut self.next, Next::End);
         let Ok(prepared) = &self.prepared else { return Next::End };
@@ -108,7 +110,7 @@ impl<'p> Runner<'p> {
             has_sizes.then_some(Next::Size(at))
         };
         let most_orders: f64 = self.atomics.iter().map(Atomics::most_orders).sum();
-        // Neither atomics nor races: each order leaves the same.
+        // Without atomics and races, all orders leave the same words.
         let has_one = most_orders <= 0.0 && !self.known.races;
         let spent = self.known.turns >= MOST_TURNS;
         let drawn = |from: u64| match !has_one && from < self.wanted && !spent {
@@ -128,14 +130,14 @@ impl<'p> Runner<'p> {
         next
     }
 
-    /// The next run of all orders; what comes behind if there is none.
+    /// The next run of all orders; if there is none, the run after them.
     fn explored(&mut self, mut explorer: Box<Explorer>, stores: Stores) -> Option<Run> {
         loop {
             let spent = self.runs * self.passes.invocations();
             let spent =
                 explorer.is_too_long() || explorer.work() >= MOST_WORK || spent >= MOST_INVOCATIONS;
             if !self.explores || self.runs >= MOST_ORDERS || spent {
-                // All that there are, but late stores.
+                // If `all` is set, only orders with late stores are left.
                 self.next = match self.explores && !self.tried.all {
                     true => Next::Drawn(SIMPLE),
                     false => Next::End,
@@ -143,7 +145,7 @@ impl<'p> Runner<'p> {
                 return self.next();
             }
             if !explorer.begin() {
-                // A loop that waits for others may go on in further orders.
+                // A loop that waits for other invocations may go on in further orders.
                 let has_waited = explorer.has_waited();
                 self.tried.all |= !has_waited && stores == Stores::AtOnce;
                 self.runs = 0;
@@ -208,7 +210,7 @@ impl Iterator for Runner<'_> {
             self.atomics = std::mem::take(&mut self.known.atomics);
             self.known.turns = 0;
         }
-        // What didn't come to an end for no fault of its own says nothing.
+        // A run that stopped for another reason than an endless loop shows nothing.
         if left.is_none() && examined.endless.is_none() && matches!(self.next, Next::Drawn(_)) {
             self.tried.orders -= 1;
         }

@@ -1,4 +1,4 @@
-//! The sanitizer: looks through compute passes for what WGSL doesn't order or define, before any path runs them.
+//! The sanitizer: checks compute passes for actions that WGSL doesn't order or define, before any path runs them.
 
 use std::collections::BTreeSet;
 
@@ -19,31 +19,34 @@ use crate::output::{counted, headline};
 use crate::probe::ProbeError;
 use crate::reflect::{BindingKind, Dimension, Program};
 
-/// Invocations that run whole. Of more, some workgroups of one pass run.
+/// The most invocations that all run. With more, some workgroups of one pass run.
 const WHOLE: u64 = 1 << 16;
 
-/// Workgroups that run of a pass that is too large: the first, the last, and others by the name of the pass.
+/// The number of workgroups that run of a pass that is too large: the first, the last, and others chosen by the pass's
+/// name.
 const SOME: usize = 64;
 
-/// How passes over made-up resources run, whose loops may count to anything: what they should count to is some hundreds,
-/// and a million of rounds of all invocations together takes seconds.
+/// The options of passes over generated resources, whose loops may count to any number. Useful counts are some
+/// hundreds, and a million rounds of all invocations together take seconds.
 pub(super) fn made_up_options() -> Options {
     Options { fuel: 1 << 14, work: 1 << 20, ..options() }
 }
 
-/// [`examine`] of passes over made-up resources.
+/// [`examine`] for passes over generated resources.
 pub fn examine_made_up(passes: &Passes) -> Examined {
     examine_with(passes, &made_up_options(), true)
 }
 
-/// Orders of invocations that are drawn over each made-up content: three simple ones, and five in which some stall.
+/// The number of sampled orders for each generated content: three simple ones, and five in which some invocations
+/// stall.
 const ORDERS_MADE_UP: u64 = 8;
 
-/// Turns of one of these: 65,536 take some hundredths of a second, and there are eight over each of a dozen contents.
+/// The most turns of one of these orders: 65,536 take some hundredths of a second, and each of a dozen contents has
+/// eight orders.
 const TURNS_MADE_UP: usize = 1 << 16;
 
-/// Runs passes in the usual order, in subgroups of the usual size and of the smallest, and returns the findings. The
-/// result says which passes the engine couldn't execute.
+/// Runs passes in the usual order, with the usual and the smallest subgroup size, and returns the findings. The result
+/// says which passes the engine can't execute.
 pub fn examine(passes: &Passes) -> Examined {
     examine_with(passes, &options(), false)
 }
@@ -56,7 +59,7 @@ fn examine_with(passes: &Passes, base: &Options, made_up: bool) -> Examined {
     let mut known = Known { made_up, ..Known::default() };
     let (mut examined, _) = observe(&prepared, Ways::Ordered(None, base), &mut known);
     if prepared.has_subgroups() && examined.watched.reason.is_empty() {
-        // There are the most of them, and a lane has the fewest others.
+        // With the smallest size there are the most subgroups, and each lane has the fewest neighbours.
         let size = SUBGROUPS[0];
         let order = OrderOf::of_size(passes, size);
         let (small, _) = observe(&prepared, Ways::Ordered(Some(&order), base), &mut known);
@@ -67,7 +70,7 @@ fn examine_with(passes: &Passes, base: &Options, made_up: bool) -> Examined {
         examined.endless = examined.endless.take().or(small.endless);
         examined.too_long |= small.too_long;
     }
-    // Where invocations meet at no atomic, no order differs.
+    // If invocations share no atomics, all orders are the same.
     let atomics = known.atomics.clone();
     let has_orders = atomics.iter().map(Atomics::most_orders).sum::<f64>() > 0.0;
     if made_up && has_orders && examined.watched.reason.is_empty() {
@@ -81,33 +84,33 @@ fn examine_with(passes: &Passes, base: &Options, made_up: bool) -> Examined {
     examined
 }
 
-/// The findings in passes that the engine doesn't execute.
+/// The findings in passes that the engine can't execute.
 pub(super) fn refused(passes: &Passes, error: &DispatchError) -> Examined {
     let reason = headline(&error.to_string()).to_owned();
     let watched = Watched { of: passes.invocations(), reason, ..Watched::default() };
     Examined { watched, ..Examined::default() }
 }
 
-/// The findings of runs so far.
+/// The findings of the runs so far.
 #[derive(Default)]
 pub(super) struct Known {
-    /// True if the contents of resources are made up.
+    /// Set if the contents of resources are generated.
     made_up: bool,
     violations: Vec<Violation>,
-    /// Operations whose indices leave their arrays, by pass.
+    /// Operations with indices outside their arrays, by pass.
     outside: BTreeSet<(usize, u32)>,
-    /// True if there was a race, of whichever kind.
+    /// Set if there was a race of any kind.
     pub(super) races: bool,
-    /// Turns of invocations.
+    /// The number of invocations' turns.
     pub(super) turns: u64,
-    /// The atomics of each pass of the last run.
+    /// The atomics of each pass in the last run.
     pub(super) atomics: Vec<Atomics>,
 }
 
 impl Known {
-    /// True of a violation that a run before had.
+    /// Returns `true` for a violation that an earlier run had.
     fn has(&self, one: &Violation) -> bool {
-        // The access that comes second in one order comes first in another.
+        // The second access in one order may be the first in another.
         let places = |one: &Violation| -> BTreeSet<String> {
             one.accesses.iter().map(|access| access.place.clone()).collect()
         };
@@ -118,17 +121,19 @@ impl Known {
     }
 }
 
-/// In which order passes are run.
+/// The order of a run.
 pub(super) enum Ways<'w> {
-    /// In this one; `None`: the usual.
+    /// This order; `None` is the usual one.
     Ordered(Option<&'w OrderOf>, &'w Options),
-    /// In the next one of an explorer, which is then that of its turns.
+    /// The next order of an explorer, which then has its turns.
     Explored(&'w Options, &'w mut Explorer, &'w dyn Fn(&Explorer) -> OrderOf),
 }
 
-/// Runs passes in an order, and returns the findings that no run before had, and what is left; `None`: not all ran.
+/// Runs passes in an order. Returns the findings that no earlier run had, and the words that are left; `None` if some
+/// passes didn't run.
 ///
-/// In another order than the usual one a loop may not end, as WGSL promises none: what comes before that counts.
+/// In another order than the usual one, a loop may fail to end, since WGSL promises no progress. Everything before it
+/// counts.
 pub(super) fn observe(
     prepared: &Prepared<'_>,
     mut ways: Ways<'_>,
@@ -174,7 +179,7 @@ fn run(
         let left = WHOLE.saturating_sub(watched.invocations);
         let groups = pass.workgroups.iter().map(|count| *count as usize).product();
         let size = lowered.workgroup_size().expect("a pass is an entry point");
-        // naga's IR doesn't know a size that is computed of overrides.
+        // naga's IR has no value for a size that is computed from overrides.
         watched.of += pass.invocations_of(size).saturating_sub(pass.invocations());
         let is_whole = pass.invocations_of(size) <= left || groups <= SOME;
         let some = (!is_whole).then(|| sampled(&pass.name, groups));
@@ -203,7 +208,8 @@ fn run(
         }
         if let Some(stop) = &observed.stopped {
             *too_long |= matches!(stop, Stop::Work { .. });
-            // Many invocations together may only be many: in one workgroup a loop without an end spends its own fuel.
+            // Many invocations together may simply use up the fuel. In one workgroup, an endless loop uses up its own
+            // fuel.
             let alone = match stop {
                 Stop::Work { .. } => {
                     let whole = Options { work: u64::MAX, ..options.clone() };
@@ -212,7 +218,7 @@ fn run(
                 _ => None,
             };
             let stop = alone.as_ref().unwrap_or(stop);
-            // Loops in each other go round often together: each ends.
+            // Nested loops together take many rounds, but each of them ends.
             let ends = matches!(stop, Stop::Fuel { rounds, own, .. } if super::is_of_several(*rounds, *own));
             *too_long |= ends;
             let stopped = super::stopped(&pass.program, &pass.name, stop);
@@ -243,7 +249,7 @@ fn run(
         && endless.is_none()
         && watched.reason.is_empty()
         && !is_cut;
-    // A write has no excuse; of a read only a whole run shows whether it matters.
+    // A write is always an error; for a read, only a whole run shows whether it matters.
     let (writes, reads): (Vec<_>, Vec<_>) =
         outside.into_iter().partition(|(.., one)| one.writes || one.bounds == Bounds::Wrapped);
     let mut told = Vec::new();
@@ -252,7 +258,7 @@ fn run(
         violations.push(of_outside(&Examining { pass, size: *size, together: is_usual }, one, &[]));
         told.push((*number, one.site.span.to_range()));
     }
-    // `data[i] += 1` reads and writes outside, and has one message.
+    // `data[i] += 1` reads and writes outside the array, and gets one message.
     let is_part = |number: usize, one: &Outside| {
         told.iter().any(|(other, whole)| {
             let range = one.site.span.to_range();
@@ -304,7 +310,8 @@ fn run(
     Ok(left)
 }
 
-/// True if what passes write depends on what blank buffers hold: by words that are 1 as an integer, and as a float.
+/// Returns `true` if the passes' results depend on the contents of blank buffers. They are filled with the integer 1,
+/// and with the float 1.
 fn depends_on_blank(
     prepared: &Prepared<'_>,
     (held, left): (&Resources, &Afterwards),
@@ -330,23 +337,23 @@ fn depends_on_blank(
 struct Examining<'p> {
     pass: &'p Pass,
     size: [u32; 3],
-    /// True if invocations go from statement to statement together, so that what stands behind comes later.
+    /// Set if invocations go from statement to statement together, so that later statements run later.
     together: bool,
 }
 
 impl Examining<'_> {
-    /// An invocation by its number.
+    /// The name of an invocation, by its number.
     fn invocation(&self, number: usize) -> String {
         super::invocation(self.pass, self.size, number)
     }
 
-    /// The place of an access, as far as the author wrote it.
+    /// The place of an access, as far as it is in the author's text.
     fn span(&self, site: &karat_engine::Site) -> Option<Span> {
         super::statement_of(&self.pass.program, site)
     }
 }
 
-/// Workgroups, in order: the first, the last, and as many others as are wanted.
+/// The workgroups to run, in order: the first, the last, and as many others as are wanted.
 fn sampled(name: &str, groups: usize) -> Vec<usize> {
     let hash = |number: usize| {
         let text = format!("{name} {number}");
@@ -456,7 +463,8 @@ fn of_race(examining: &Examining<'_>, race: &Found) -> (Violation, Diagnostic) {
     (Violation { variable, element, advice: note, ..violation }, diagnostic)
 }
 
-/// True if the access that came first stands behind the other one: a loop lies around both. Functions stand in any order.
+/// Returns `true` if the access that ran first is later in the text: a loop surrounds both. Functions may be in any
+/// order in the text.
 fn is_behind(first: &Access, second: &Access) -> bool {
     if first.site.function != second.site.function {
         return false;
@@ -465,7 +473,7 @@ fn is_behind(first: &Access, second: &Access) -> bool {
     first.zip(second).is_some_and(|(first, second)| first.start >= second.end)
 }
 
-/// The path of an element in its variable, and its values.
+/// The path of an element in its variable, with its values.
 fn element<const N: usize>(
     program: &Program,
     variable: &str,
@@ -478,14 +486,14 @@ fn element<const N: usize>(
     }
 }
 
-/// A variable as its author names it, and the element at a path.
+/// The author's name of a variable, and of the element at a path.
 fn named(program: &Program, variable: &str, path: &str) -> (String, String) {
     let variable = program.author_path(variable).unwrap_or(variable).to_owned();
     let element = format!("{}{path}", variable.rsplit("::").next().unwrap_or(&variable));
     (variable, element)
 }
 
-/// True if an access is a part of the statement of another one: no barrier can stand between.
+/// Returns `true` if an access is part of another access's statement: no barrier can be between them.
 fn is_within(one: &Access, other: &Access) -> bool {
     let ranges = [one, other].map(|access| access.site.span.to_range());
     let [Some(one), Some(other)] = ranges else { return false };
@@ -518,7 +526,7 @@ fn of_divergence(examining: &Examining<'_>, one: &Divergence) -> (Violation, Dia
     (Violation::new(&pass.name, Kind::Barrier, told, accesses.map(access).into()), diagnostic)
 }
 
-/// An index outside, which matters together with others.
+/// The violation for an index outside an array that matters only together with others.
 fn of_outside(
     examining: &Examining<'_>,
     one: &Outside,
@@ -609,7 +617,7 @@ fn of_outside(
     (Violation::new(&pass.name, kind, (headline, one.count), accesses), diagnostic)
 }
 
-/// An element that is read before it is written, and where.
+/// The name of an element that is read before it is written, and the place of the read.
 fn element_read(examining: &Examining<'_>, one: &Unwritten) -> (String, Option<Span>) {
     let program = &examining.pass.program;
     let (path, _) = element(program, &one.variable, one.byte, [one.access.word]);
@@ -639,7 +647,7 @@ fn of_unwritten(examining: &Examining<'_>, one: &Unwritten) -> (Violation, Diagn
     (Violation { variable, element, ..violation }, diagnostic)
 }
 
-/// Where, who, and what it does.
+/// The place, the invocation, and its action.
 type Action = (Option<Span>, String, String);
 
 fn access((span, invocation, does): Action) -> ViolationAccess {
@@ -691,7 +699,7 @@ mod tests {
             if id.x == 0u || id.x + 1u == arrayLength(&data) { data[7] = id.x; }
         }";
 
-    /// One pass is ordered behind the other one, and each runs whole as long as there is room.
+    /// One pass is ordered after another, and each runs whole as long as the limit allows.
     #[test]
     fn passes_are_ordered_and_run_whole() {
         let examined = examined(TEXT, &[("fill", 2), ("ends", 1)], 128);
@@ -700,7 +708,7 @@ mod tests {
         assert_eq!(examined.watched, whole);
     }
 
-    /// The first and the last workgroup run of a pass that is too large, and nothing behind it.
+    /// Of a pass that is too large, the first and the last workgroup run, and no pass after it.
     #[test]
     fn what_is_too_large_is_looked_through_in_part() {
         let groups = 2048;
@@ -714,7 +722,7 @@ mod tests {
         assert!(reason.starts_with("of `ends` 64 of 2048 workgroups run"), "{reason}");
     }
 
-    /// Passes that the engine can't execute have a reason, and no finding.
+    /// Passes that the engine can't execute get a reason, and no findings.
     #[test]
     fn what_the_engine_refuses_has_a_reason() {
         let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;

@@ -1,4 +1,4 @@
-//! Fixtures for the engine.
+//! Binds fixtures in the engine.
 
 use karat_engine as engine;
 
@@ -7,7 +7,7 @@ use crate::path::{Path, PathError};
 use crate::probe::ProbeError;
 use crate::reflect::{Binding, BindingKind, Dimension, Program, Texels};
 
-/// Binds a fixture, which has its variable's kind.
+/// Binds a fixture of its variable's kind.
 pub(super) fn supply(
     resources: &mut engine::Resources,
     program: &Program,
@@ -111,7 +111,7 @@ fn texture(binding: &Binding, view: &View<'_>) -> Result<engine::Texture, String
     Ok(if normalized { texture.normalized() } else { texture })
 }
 
-/// The words of what a resource holds: of a texture four a texel.
+/// The words of a resource's contents: four a texel for a texture.
 pub(super) fn after(resources: &engine::Resources, binding: &Binding) -> Vec<u32> {
     let (group, number) = (binding.group, binding.binding);
     if let BindingKind::StorageTexture { .. } = binding.kind {

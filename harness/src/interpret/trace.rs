@@ -1,4 +1,4 @@
-//! Each operation of one call, in three arithmetics: a debugger's view without a debugger.
+//! Traces each operation of one call in three arithmetics.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -18,7 +18,7 @@ use crate::hazard::Kind;
 use crate::probe::{ProbeError, Probed};
 use crate::reflect::Program;
 
-/// An operation: one value a component.
+/// An operation, with one value for each component.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Step {
@@ -28,12 +28,12 @@ pub struct Step {
     pub text: String,
     /// The name that a `let` gives it.
     pub name: Option<String>,
-    /// What a conforming implementation gives that rounds to nearest.
+    /// The value with rounding to nearest, as a conforming implementation may return it.
     pub single: Vec<Value>,
-    /// The same with floats in double precision; empty where that takes another way.
+    /// The value with floats in double precision; empty if that run takes another branch.
     pub double: Vec<Value>,
-    /// The least and the largest that WGSL allows; `None`: anything. Empty where intervals take
-    /// another way, and in all steps of a call that has no bounds.
+    /// The smallest and the largest value that WGSL allows; `None` if any value is allowed. Empty if intervals take
+    /// another branch, and in all steps of a call without bounds.
     pub allowed: Vec<Option<(Value, Value)>>,
 }
 
@@ -42,7 +42,7 @@ pub struct Step {
 pub enum Value {
     /// An `f32`.
     Single(f32),
-    /// What it is in double precision.
+    /// Its value in double precision.
     Double(f64),
     /// An `i32` or a `u32`.
     Int(i64),
@@ -50,10 +50,10 @@ pub enum Value {
     Bool(bool),
 }
 
-/// Steps of a call. A loop has many, and nobody reads more.
+/// The most steps of a call: a loop has many, and a reader won't read more.
 const MOST: usize = 1000;
 
-/// A component as an arithmetic has it.
+/// A component in one of the arithmetics.
 #[derive(Clone, Copy)]
 enum Seen {
     Single(f32),
@@ -67,18 +67,18 @@ enum Seen {
     Anything,
 }
 
-/// What operations gave, one after the other.
+/// The values of operations, one after another.
 struct Values {
     all: Mutex<Vec<(usize, Seen)>>,
-    /// Whether an index has left its array: WGSL allows anything from there on.
+    /// Set after an index was outside its array: WGSL allows any value from there on.
     lost: AtomicBool,
-    /// The case that it is about.
+    /// The case that is traced.
     case: usize,
-    /// How many components of each site are kept; none: of all sites together so many as a reader may want.
+    /// The number of components of each site to keep; `None` for a limit on all sites together.
     most: Option<Most>,
 }
 
-/// How many components of a site are kept, and how many there were.
+/// The number of components of a site to keep, and the number so far.
 type Most = Arc<BTreeMap<usize, (usize, AtomicUsize)>>;
 
 macro_rules! values {
@@ -129,21 +129,21 @@ impl Values {
         Self { all: Mutex::default(), lost: AtomicBool::new(false), case, most }
     }
 
-    /// True if no more values of a site are kept.
+    /// Returns `true` if no more values of a site are kept.
     fn has_enough(&self, site: &Site, kept: usize) -> bool {
         let Some(most) = &self.most else { return kept >= 16 * MOST };
         let own = most.get(&std::ptr::from_ref(site).addr());
         own.is_none_or(|(most, seen)| seen.fetch_add(1, Ordering::Relaxed) >= *most)
     }
 
-    /// The components of each operation together: its site, how often that came before, and values.
-    /// `components` tells how many a site has.
+    /// The components of each operation together: its site, its repetition, and its values. `components` returns the
+    /// number of a site's components.
     fn groups(self, components: &dyn Fn(usize) -> usize) -> Vec<((usize, usize), Vec<Seen>)> {
         let mut counts: BTreeMap<usize, usize> = BTreeMap::new();
         let mut groups: Vec<((usize, usize), Vec<Seen>)> = Vec::new();
         for (site, value) in self.all.into_inner().unwrap_or_else(PoisonError::into_inner) {
             match groups.last_mut() {
-                // A loop of one operation is that operation again and again.
+                // In a loop with one operation, that operation repeats.
                 Some(((last, _), values)) if *last == site && values.len() < components(site) => {
                     values.push(value);
                 }
@@ -159,7 +159,7 @@ impl Values {
 }
 
 impl Seen {
-    /// As people read it; `signed` says how the bits of an integer are read.
+    /// The value in readable form. `signed` decides how the bits of an integer are read.
     fn value(self, signed: bool) -> Value {
         match self {
             Self::Single(x) => Value::Single(x),
@@ -186,7 +186,7 @@ impl Seen {
     }
 }
 
-/// The operations of a call with these lanes of arguments, in `f32`, in `f64`, and as WGSL bounds them.
+/// The operations of a call with these lanes of arguments, in `f32`, in `f64`, and with WGSL's bounds.
 ///
 /// ```
 /// use karat::Package;
@@ -200,7 +200,7 @@ impl Seen {
 /// ```
 ///
 /// # Errors
-/// If the engine doesn't execute the function, or a variable has no fixture.
+/// If the engine can't execute the function, or if a variable has no fixture.
 pub fn trace(
     probed: &Probed,
     fixtures: &Fixtures,
@@ -270,8 +270,8 @@ fn with_slopes(probed: &Probed, quad: &[Vec<u32>; 4], own: usize) -> Vec<u32> {
     row
 }
 
-/// Runs of an operation that a reader looks at: those of a loop's first round, of the next one, and of a third that shows
-/// how they go on.
+/// The number of runs that a reader looks at: a loop's first round, the next one, and a third that shows how it goes
+/// on.
 pub(crate) const BRIEFLY: usize = 3;
 
 /// The operations of one invocation of the last of some passes, by its `global_invocation_id`. Others see what it writes, so
@@ -311,7 +311,7 @@ pub(crate) fn trace_pass(
     Ok(steps(&pass, &[], group * width + local, None)?.0)
 }
 
-/// A pass over what those before it have left.
+/// A pass, over the results of the passes before it.
 struct OfPass<'p> {
     pass: &'p Pass,
     lowered: Lowered,
@@ -331,8 +331,8 @@ impl Traced for OfPass<'_> {
     }
 }
 
-/// What is called in each arithmetic: a function, or a kernel that writes what others see. What a kernel keeps in buffers is
-/// single there in each of them.
+/// The traced code, for each arithmetic: a function, or a kernel with visible writes. A kernel's buffers are in single
+/// precision in every arithmetic.
 pub(super) trait Traced {
     fn run<A: Runs>(&self, row: &[u32], observer: &dyn Observer<A>) -> Result<(), ProbeError>;
 
@@ -349,8 +349,8 @@ impl Traced for Interpreted {
     }
 }
 
-/// The operations of a call, in the order in which they run; of a quad those of the pixel that the arguments are given
-/// for. Of an operation as many `runs` as are wanted, and whether there are more.
+/// The operations of a call, in the order in which they run; in a quad, those of the pixel that the arguments are for.
+/// An operation has at most `runs` runs; also returns whether there are more.
 fn steps(
     traced: &impl Traced,
     row: &[u32],
@@ -362,7 +362,7 @@ fn steps(
         let limit = |site: &Site| {
             let at = site.expression.map(|at| at.index());
             let components = at.map_or(1, |at| program.components(&site.function, at));
-            // A derivative is several operations at one site, the last of which is its value.
+            // A derivative is several operations at one site; the last one has its value.
             let is_many = at.is_some_and(|at| program.is_derivative(&site.function, at));
             let limit = if is_many { usize::MAX } else { runs.unwrap_or(0) * components };
             (std::ptr::from_ref(site).addr(), (limit, AtomicUsize::new(0)))
@@ -374,7 +374,7 @@ fn steps(
     let [double, bounds] = [(); 2].map(|()| Values::of(case, most()));
     traced.run::<F32>(row, &single)?;
     traced.run::<F64>(row, &double)?;
-    // Some builtins of half precision have no bounds, and buffers that are written: then the column stays empty.
+    // Some builtins of half precision have no bounds, nor do kernels with written buffers: the column is then empty.
     let bounded = traced.run::<Intervals>(row, &bounds).is_ok();
     let (lowered, program) = traced.parts();
     let sites: BTreeMap<usize, &Site> =

@@ -1,4 +1,4 @@
-//! The work of calls: the operations that they come to, and the loops that count too far.
+//! Measures the work of calls: the number of their operations, and loops that take too many rounds.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -22,13 +22,14 @@ impl Observer<F32> for Evaluations {
     }
 }
 
-/// The operations of the longest of a few calls, which run together, of each pixel of a quad by itself; `None` if their loops go round too often to be counted.
+/// The number of operations of the longest of a few calls. The calls run together, and in a quad each pixel counts by
+/// itself. `None` if their loops take too many rounds to count.
 pub fn evaluations(
     probed: &Probed,
     fixtures: &Fixtures,
     (count, rows): (usize, &[u32]),
 ) -> Result<Option<u64>, ProbeError> {
-    /// Rounds of all loops of all calls.
+    /// The most rounds of all loops in all calls.
     const ROUNDS: u64 = 1 << 20;
     let seen = Evaluations::default();
     if !probed.function().form.alone {
@@ -40,7 +41,7 @@ pub fn evaluations(
             Err(stop) => Err(called.error(&stop)),
         };
     }
-    // Each runs alone.
+    // Each call runs alone.
     let count = count.max(1);
     let (width, each) = (rows.len() / count, ROUNDS / count as u64);
     let called = Alone::new(probed, fixtures)?.with_fuel(each);
@@ -51,8 +52,8 @@ pub fn evaluations(
     }
 }
 
-/// The calls in which loops go round more than 4,096 times, in single or in double precision, each with its loop. Where each
-/// loop has a bound there are none: what has a bound ends.
+/// The calls with loops of more than 4,096 rounds, in single or in double precision, each with its loop. If every loop
+/// has a bound there are none, since such loops end.
 pub fn long_cases(
     probed: &Probed,
     fixtures: &Fixtures,

@@ -1,10 +1,10 @@
-//! The elements that compute passes write.
+//! Finds the elements that compute passes write.
 
 use super::dispatch::{in_order, options};
 use crate::dispatch::{DispatchError, Passes};
 use crate::reflect::BindingKind;
 
-/// For each lane of a buffer or a texture, in order, whether a pass writes it.
+/// For each lane of a buffer or a texture, in order, `true` if a pass writes it.
 pub fn written(passes: &Passes, resource: usize) -> Result<Vec<bool>, DispatchError> {
     let mut marks: Vec<u8> = Vec::new();
     in_order(passes, &mut |pass, lowered, resources| {
@@ -21,7 +21,7 @@ pub fn written(passes: &Passes, resource: usize) -> Result<Vec<bool>, DispatchEr
             let length = resources.buffer(at.0, at.1).map(<[u8]>::len).or_else(texels);
             let length = length.expect("each binding of a pass has its resource");
             marks.resize(length, 0);
-            // A pass that writes nothing of a buffer has no set of it.
+            // A pass that doesn't write a buffer has no entry for it.
             let touched = observed.written.get(&at);
             (0..length)
                 .filter(|at| touched.is_some_and(|touched| touched.contains(*at)))
@@ -32,11 +32,11 @@ pub fn written(passes: &Passes, resource: usize) -> Result<Vec<bool>, DispatchEr
     if let Some((_, binding)) = passes.writer(resource)
         && let BindingKind::StorageTexture { format, .. } = binding.kind
     {
-        // A texel is written whole.
+        // A texel is written as a whole.
         let texel = |mark| std::iter::repeat_n(mark != 0, format.channels());
         return Ok(marks.into_iter().flat_map(texel).collect());
     }
-    // A number whose first byte is 1 isn't 0, in each of WGSL's types.
+    // A number whose first byte is 1 isn't 0 in any of WGSL's types.
     let words: Vec<u32> = marks
         .chunks(4)
         .map(|bytes| (0..).zip(bytes).fold(0, |word, (k, byte)| word | u32::from(*byte) << (8 * k)))

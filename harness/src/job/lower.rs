@@ -1,4 +1,4 @@
-//! Jobs from calls of functions, from passes and from frames.
+//! Makes jobs from calls of functions, from passes and from frames.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -15,19 +15,19 @@ use crate::reflect::{Binding, BindingKind, Program, Texels, TextureKind};
 use crate::settings;
 
 impl Job {
-    /// A job with a number that no other one has, and the time that settings give.
+    /// A job with a unique number, and the settings' time limit.
     pub fn new(work: Work, resources: Vec<Resource>, outputs: Vec<usize>) -> Self {
         let id = unheard_of();
         let seconds = settings::deadline().as_secs_f64();
         Self { jobs: JOBS, id, resources, outputs, seconds, work }
     }
 
-    /// Passes, with each resource that they write as an output.
+    /// A job for passes, with each resource that they write as an output.
     pub(crate) fn of_passes(passes: &Passes) -> Result<Self, FixtureError> {
         let numbers = 0..passes.resources.len();
         let mut resources = Vec::new();
         for (number, held) in numbers.clone().zip(&passes.resources) {
-            // A storage texture says its format.
+            // A storage texture's format comes from a pass that writes it.
             let used = passes.writer(number).or_else(|| passes.uses(number).next());
             let (pass, binding) = used.expect("a resource is used");
             resources.push(Resource::of(&pass.program, binding, &held.fixture)?);
@@ -43,7 +43,7 @@ impl Job {
         Ok(Self::new(work, resources, outputs))
     }
 
-    /// A frame.
+    /// A job for a frame.
     pub(crate) fn of_drawing(drawing: &Drawing<'_>) -> Result<Self, DrawError> {
         let program = drawing.program();
         let scene = drawing.scene();
@@ -97,7 +97,7 @@ impl Shader {
         Self::of_text(program, program.text().to_owned())
     }
 
-    /// A text that begins with the program's.
+    /// A shader whose text begins with the program's.
     fn of_text(program: &Program, wgsl: String) -> Self {
         let source = |(bytes, place): (Range<usize>, Span)| {
             let (line, _) = place.file.line_column(place.range.start);
@@ -126,7 +126,7 @@ impl Resource {
         };
         Ok(match (fixture, fixture.to_texture()) {
             (_, Some(mut texture)) => {
-                // A texture of floats may stand for depths.
+                // A float texture may be bound to a depth variable.
                 if let BindingKind::Texture(TextureKind { texels: Texels::Depth, .. }) =
                     binding.kind
                 {
@@ -144,10 +144,10 @@ impl Resource {
     }
 }
 
-/// The kernel of a function, with what it reads: one job a batch.
+/// The kernel of a function, with its resources: one job for each batch.
 pub(crate) struct KernelJobs {
     probed: Probed,
-    /// The fixtures, and where they are bound.
+    /// The fixtures, and their bindings.
     resources: Vec<Resource>,
     bindings: Vec<Bound>,
     /// The numbers of the resources that it writes, with their variables.
@@ -167,12 +167,12 @@ impl KernelJobs {
         Ok(Self { probed: probed.clone(), resources, bindings, written })
     }
 
-    /// The most cases of a job that the source of the arguments allows.
+    /// The most cases of a job that the size of the argument buffer allows.
     pub(crate) fn largest_batch(&self) -> usize {
         self.probed.kernel.largest_batch().unwrap_or(usize::MAX)
     }
 
-    /// Words of a case's arguments, and of its results without the canary.
+    /// The number of words in a case's arguments, and in its results without the canary.
     pub(crate) fn words(&self) -> (usize, usize) {
         self.probed.kernel.words()
     }
@@ -182,7 +182,7 @@ impl KernelJobs {
         self.probed.program().resolve(bytes)
     }
 
-    /// The lanes of what the function writes, from the outputs behind the results.
+    /// The lanes of the written resources, from the outputs after the results.
     pub(crate) fn written(&self, outputs: &[Vec<u32>]) -> Vec<u32> {
         let lanes = |((_, binding), words): (&(usize, Binding), &Vec<u32>)| {
             self.probed.program().lanes_of_words(binding, words)
@@ -190,8 +190,8 @@ impl KernelJobs {
         self.written.iter().zip(outputs).flat_map(lanes).collect()
     }
 
-    /// The job of some cases, whose results are poison before. Its outputs are the results, and what the function
-    /// writes. A function that writes what others see has one case a job.
+    /// The job for some cases, whose results begin as poison. Its outputs are the results, and the resources that the
+    /// function writes. A function whose writes other cases would see has one case in each job.
     pub(crate) fn job(
         &self,
         cases: usize,

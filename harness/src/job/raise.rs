@@ -1,4 +1,4 @@
-//! Runs a job on an executor of this process: what it is made of is linked again.
+//! Runs a job on an executor of this process, after linking its shaders again.
 
 use std::borrow::Cow;
 
@@ -18,11 +18,11 @@ type Dispatch<'b> = &'b dyn Fn(&Passes) -> Result<dispatch::Afterwards, Dispatch
 /// Draws frames.
 type Draw<'b> = &'b dyn Fn(&Drawing<'_>) -> Result<Image, DrawError>;
 
-/// Why a job has no reply of [`Reply::Done`].
+/// The reason why a job has no [`Reply::Done`].
 enum Unraised {
     Dispatch(DispatchError),
     Draw(DrawError),
-    /// The job is no sound one.
+    /// The job isn't sound.
     Job(String),
 }
 
@@ -73,7 +73,7 @@ impl Unraised {
         let place = diagnostic.and_then(crate::diagnostic::Diagnostic::location);
         let problem = Problem {
             message: diagnostic.map_or(message, |found| found.message.clone()),
-            // Modules are called by the numbers of their passes.
+            // Modules are named by the numbers of their passes.
             pass: place.map_or(0, |place| number(&place.file.name)),
             bytes: place.map(|place| place.range.clone()),
         };
@@ -86,14 +86,14 @@ fn module(pass: usize) -> String {
     format!("pass{pass}")
 }
 
-/// The number of the pass whose module a file is.
+/// The number of the pass that a module's file belongs to.
 fn number(file: &str) -> usize {
     let digits = file.chars().skip_while(|c| !c.is_ascii_digit()).take_while(char::is_ascii_digit);
     digits.collect::<String>().parse().unwrap_or(0)
 }
 
 impl Shader {
-    /// Links it again, as a module of a package.
+    /// Links the shader again, as a module of a package.
     fn program(
         &self,
         package: &Package,
@@ -166,7 +166,7 @@ fn dispatched(
     if passes.is_empty() {
         return Err(DispatchError::Empty.into());
     }
-    // A resource that no pass uses can't be put on a device, which knows no variable for it.
+    // A device can't have a resource that no pass uses, because no variable describes it.
     if let Some(unused) = (0..all.resources.len()).find(|n| all.uses(*n).next().is_none()) {
         return Err(Unraised::Job(format!("no pass uses resource {unused}")));
     }
@@ -175,7 +175,7 @@ fn dispatched(
         let found = afterwards.iter().find(|(number, _)| number == wanted);
         let missing = || Unraised::Job(format!("no pass writes resource {wanted}"));
         let (_, words) = found.ok_or_else(missing)?;
-        // A device may have made a buffer longer than the job has it.
+        // A device's buffer may be longer than the job's.
         Ok(words.iter().copied().take(job.resources[*wanted].words()).collect())
     };
     job.outputs.iter().map(output).collect()
@@ -220,7 +220,7 @@ mod tests {
         "sources": [], "overrides": {}}, "entry_point": "f", "bindings": [{"at": [0, 0], "resource": 0}],
         "workgroups": [1, 1, 1]}]}}"#;
 
-    /// The reply to an edited job, of a device whose buffers are longer than it is asked for.
+    /// The reply to an edited job, from a device whose buffers are longer than requested.
     fn reply(from: &str, to: &str) -> Reply {
         assert!(JOB.contains(from), "{from}");
         let job: Job = serde_json::from_str(&JOB.replacen(from, to, 1)).expect("it is a job");
@@ -255,7 +255,8 @@ mod tests {
         }
     }
 
-    /// Made a job and drawn elsewhere, a frame has the state that it had: each part of it is another one than usual.
+    /// A frame that becomes a job and is drawn elsewhere keeps its state. Each part of the state differs from its
+    /// default here.
     #[test]
     fn a_frame_keeps_its_state() {
         let text = "@fragment fn fs() -> @location(0) vec4f { return vec4f(1.0); }";
@@ -290,7 +291,7 @@ mod tests {
         assert_ne!(*seen.borrow(), usual);
     }
 
-    /// A problem is one of a pass, at a place in its text.
+    /// A problem has the number of its pass, and a place in its text.
     #[test]
     fn a_problem_has_its_pass_and_its_bytes() {
         let mut job: Job = serde_json::from_str(JOB).expect("it is a job");

@@ -1,5 +1,5 @@
-//! Words of buffers: a list of numbers or, for programs that can take it, base64 of their little-endian bytes, which is half as
-//! long and read many times faster.
+//! Words of buffers in JSON: a list of numbers, or base64 of their little-endian bytes for programs that accept it.
+//! Base64 is half as long, and many times faster to read.
 
 use std::cell::Cell;
 use std::fmt;
@@ -12,12 +12,12 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use super::Job;
 
 thread_local! {
-    /// True while a job is written for a program that takes base64. Serde tells a field nothing of the whole.
+    /// Set while a job is written for a program that accepts base64. Serde tells a field nothing about the whole job.
     static PACKED: Cell<bool> = const { Cell::new(false) };
 }
 
 impl Job {
-    /// It as a line, with words as base64 if they are packed.
+    /// The job as a line, with words as base64 if `packed` is set.
     pub(crate) fn line(&self, packed: bool) -> String {
         PACKED.set(packed);
         let line = serde_json::to_string(self);

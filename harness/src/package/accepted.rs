@@ -1,5 +1,5 @@
-//! The declarations of `karat.toml` about findings: inputs, hazards that are accepted, mutants that no test can kill, rows
-//! of the matrix that don't get far.
+//! The declarations of `karat.toml` about findings: inputs, accepted hazards, accepted mutants, and rows of the matrix
+//! that are known to fail.
 
 use std::collections::BTreeMap;
 
@@ -7,7 +7,7 @@ use serde::Deserialize;
 
 use super::inputs::Declaration;
 
-/// What is declared for the search for hazards.
+/// The declarations for the search for hazards.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Hazards {
     /// `[inputs]`, by name.
@@ -18,7 +18,7 @@ pub struct Hazards {
     pub accepted: Vec<AcceptedHazard>,
 }
 
-/// Hazards that are accepted, as it is written.
+/// An entry of accepted hazards, as `karat.toml` has it.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AcceptedHazard {
@@ -30,7 +30,7 @@ pub struct AcceptedHazard {
     pub reason: String,
 }
 
-/// Mutants that no test can kill, as it is written.
+/// An entry of accepted mutants, as `karat.toml` has it.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AcceptedMutants {
@@ -40,7 +40,7 @@ pub struct AcceptedMutants {
     pub reason: String,
 }
 
-/// Rows of the matrix of translations that are declared not to get to a status, as it is written.
+/// An entry for rows of the translation matrix that are known not to reach a status, as `karat.toml` has it.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct KnownRows {

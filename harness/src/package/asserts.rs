@@ -1,17 +1,18 @@
 //! Assertions and prints in a shader: `//karat: assert x >= 0.0` and `//karat: print x`, each on a line of its own.
 //!
-//! To a host they are comments. Karat reads a variable and a `let` in place of the comment, so that the value is computed
-//! where the line stands, by the shader's own control flow. Lines stay, and places are mapped back to the author's text. With
-//! WESL an author may write `@if(karat) assert(x >= 0.0);`, which means the same.
+//! To a host they are comments. Karat replaces the comment with a variable and a `let`, so the shader's own control
+//! flow decides whether the value is computed. The number of lines stays the same, and places are mapped back to the
+//! author's text. In WESL, an author may write `@if(karat) assert(x >= 0.0);`, which means the same.
 
 use super::PackageError;
 use crate::diagnostic::{SourceFile, Span, Value, nearest};
 
-/// The names of the `let`s, before the number of the line.
+/// The prefix of the `let`s' names, before the number of the line.
 pub(crate) const ASSERTED: &str = "karat_assert_";
 pub(crate) const PRINTED: &str = "karat_print_";
 
-/// The variable that makes an operation of its own of each value, before the number of the line.
+/// The prefix of the variables' names, before the number of the line. The variable makes each value an operation of its
+/// own.
 pub(crate) const HOLDER: &str = "karat_value_";
 
 /// The marks that begin such a line.
@@ -19,7 +20,7 @@ const COMMENT: &str = "karat:";
 const CONDITION: &str = "@if(karat)";
 const CONDITION_HEAD: &str = "@if(karat";
 
-/// A line that asserts or prints, and the parts that aren't its expression: bytes of the line.
+/// A line that asserts or prints, with the byte ranges of the parts around its expression.
 struct Line<'l> {
     verb: Verb,
     head: &'l str,
@@ -32,7 +33,7 @@ enum Verb {
     Print,
 }
 
-/// A text in which assertions and prints are code.
+/// Returns the text with its assertions and prints turned into code.
 pub(super) fn read(source: SourceFile) -> Result<SourceFile, PackageError> {
     let lower = source.text.to_ascii_lowercase();
     if !lower.contains("karat") {
@@ -82,7 +83,7 @@ pub(super) fn read(source: SourceFile) -> Result<SourceFile, PackageError> {
 }
 
 impl<'l> Line<'l> {
-    /// `None` of a line of any other kind.
+    /// Reads a line; `None` if it doesn't assert or print.
     fn of(line: &'l str) -> Result<Option<Self>, String> {
         let own = line.trim();
         let comment = own.strip_prefix("//").map(str::trim_start);
@@ -114,7 +115,7 @@ impl<'l> Line<'l> {
         }
     }
 
-    /// `@if(karat) assert(x);`, or an import.
+    /// Reads `@if(karat) assert(x);`, or an import.
     fn called(own: &'l str) -> Result<Option<Self>, String> {
         let wrong = || {
             Err(format!(
@@ -137,7 +138,7 @@ impl<'l> Line<'l> {
     }
 }
 
-/// True of a comment that names Karat and a verb, and isn't written as it has to be.
+/// Returns `true` for a comment that names Karat and a verb, but not in the required form.
 fn is_meant(line: &str) -> bool {
     let Some(at) = line.find("//") else { return false };
     let lower = line[at..].trim_start_matches('/').trim_start().to_ascii_lowercase();
@@ -147,7 +148,7 @@ fn is_meant(line: &str) -> bool {
     lower.starts_with(COMMENT) || verbs.iter().any(|verb| rest.starts_with(verb))
 }
 
-/// True of a text without the end of a statement or a comment, and whose brackets have partners.
+/// Returns `true` if the text is one expression: it ends no statement and begins no comment, and its brackets match.
 fn is_one(expression: &str) -> bool {
     let mut open = Vec::new();
     let mut paired = true;
@@ -163,7 +164,7 @@ fn is_one(expression: &str) -> bool {
     paired && open.is_empty() && !expression.contains("/*")
 }
 
-/// True of a text whose first bracket is closed by its last.
+/// Returns `true` if the text's first bracket is closed by its last.
 fn is_enclosed(call: &str) -> bool {
     let mut depth = 0;
     let closed = call.char_indices().find_map(|(at, character)| {
@@ -173,7 +174,7 @@ fn is_enclosed(call: &str) -> bool {
     call.starts_with('(') && closed == Some(call.len() - 1)
 }
 
-/// True of a place in a line that asserts or prints.
+/// Returns `true` if the place is in a line that asserts or prints.
 pub(crate) fn is_in_a_line(span: &Span) -> bool {
     let (text, at) = (&span.file.text, span.range.start);
     let is_before = |value: &Value| {
@@ -194,7 +195,8 @@ impl Verb {
     }
 }
 
-/// The values of a text in which values were replaced twice: `inner` are places of the text before the second time.
+/// Composes the values of a text in which values were replaced twice. The places of `inner` are those of the text
+/// before the second replacement.
 pub(super) fn composed(inner: Vec<Value>, outer: Vec<Value>) -> Vec<Value> {
     let (mut all, mut shift, mut outer) = (Vec::new(), 0_isize, outer.into_iter().peekable());
     let moved = |at: usize, shift: isize| at.checked_add_signed(shift).expect("it is in the text");
@@ -210,7 +212,7 @@ pub(super) fn composed(inner: Vec<Value>, outer: Vec<Value>) -> Vec<Value> {
     all
 }
 
-/// The expression of an assertion or a print, by a place in the `let` behind it.
+/// The expression of an assertion or a print, found by a place in the `let` that was inserted for it.
 pub(crate) fn expression_of(holder: &Span) -> Option<Span> {
     let values = &holder.file.values;
     let at = values.iter().position(|value| value.at.contains(&holder.range.start))?;
@@ -284,7 +286,7 @@ mod tests {
         }
     }
 
-    /// Places in a text with values and a print are those of the author.
+    /// In a text with values and a print, places are the author's.
     #[test]
     fn values_beside_it_keep_their_places() {
         let written = "N;\n//karat: print N + x\nN N\n";

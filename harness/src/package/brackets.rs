@@ -28,7 +28,7 @@ pub(super) fn partners(
                     Some(first) if tokens[first].is(wanted) => {
                         (partners[first], partners[index]) = (index, first);
                     }
-                    // Nearly always the inner one was forgotten.
+                    // Usually the author forgot the inner one.
                     Some(first) => {
                         let message =
                             format!("this isn't closed: a `{}` comes first", char::from(symbol));
@@ -57,7 +57,7 @@ pub(super) fn after_attribute(
     at: usize,
 ) -> usize {
     let name = tokens.get(at + 1).map_or("", |token| &text[token.range()]);
-    // These take no arguments: a bracket after them belongs to what follows.
+    // These attributes take no arguments, so a bracket behind one belongs to the next thing.
     let bare = matches!(
         name,
         "else"
@@ -96,8 +96,8 @@ pub(super) fn end_of(
     None
 }
 
-/// The token that ends a member or a parameter: its comma, or what closes the list. A comma between
-/// `<` and `>` separates a type's arguments.
+/// The token that ends a member or a parameter: its comma, or the bracket that closes the list. A comma between `<` and
+/// `>` separates a type's arguments.
 pub(super) fn end_of_item(tokens: &[Token], brackets: &[usize], from: usize) -> Option<usize> {
     let (mut at, mut depth) = (from, 0_usize);
     while at < tokens.len() {

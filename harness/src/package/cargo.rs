@@ -1,9 +1,9 @@
-//! Shaders of crates, found through cargo: no table of folders that an update makes wrong.
+//! Finds the shaders of crates through cargo.
 //!
-//! Cargo's metadata says where the sources of each crate lie that a project builds. A crate at an
-//! exact version needs no project: cargo fetches it, and nothing of it is compiled. What cargo said is
-//! kept in cargo's home by the hash of what it depends on, so that a test program asks once a lock
-//! file.
+//! Cargo's metadata says where the sources of a project's crates are, so Karat needs no table of folders that an update
+//! would make wrong. A crate at an exact version needs no project: cargo fetches it and compiles nothing. Karat keeps
+//! cargo's answer in cargo's home, under a hash of the files that it depends on, so a test program asks once for each
+//! lock file.
 
 mod metadata;
 
@@ -19,26 +19,26 @@ use crate::diagnostic::{nearest, shown};
 use crate::settings;
 use metadata::Metadata;
 
-/// Grows when what is kept changes its form or its meaning.
+/// Raised when the form or the meaning of the kept data changes.
 const SCHEMA: u32 = 3;
 
-/// Folders in folders of a crate that are looked at: far more than any has.
+/// The deepest nesting of folders that is searched; no crate comes near it.
 const DEEPEST: usize = 16;
 
-/// The project in which cargo is asked for a version.
+/// The name of the temporary project for which cargo resolves a version.
 const ASKING: &str = "shaders-of-a-version";
 
-/// Rounds in which crates are added that shaders import without their crate depending on them.
+/// The most rounds that add crates which shaders import but the crate doesn't depend on.
 const ROUNDS: usize = 4;
 
-/// The crates that one graph of dependencies has.
+/// The crates of one dependency graph.
 #[derive(Debug, Deserialize, Serialize)]
 pub(super) struct Graph {
-    /// Those with shaders.
+    /// The crates that have shaders.
     crates: Vec<Crate>,
-    /// Names of those without.
+    /// The names of the crates that have none.
     others: BTreeSet<String>,
-    /// Manifests of crates that lie beside the project, and may change: each with its hash.
+    /// The manifests of crates beside the project, which may change, each with its hash.
     local: BTreeMap<PathBuf, String>,
 }
 
@@ -47,15 +47,15 @@ pub(super) struct Graph {
 pub(super) struct Crate {
     name: String,
     version: String,
-    /// What code calls it: `bevy_pbr`.
+    /// The crate's name in code: `bevy_pbr`.
     library: String,
     /// The folder of Cargo.toml.
     folder: PathBuf,
     /// The folder whose files are the modules.
     root: PathBuf,
-    /// Crates with shaders that it depends on, by the names that it gives them.
+    /// The crates with shaders that it depends on, by the names that it uses for them.
     dependencies: BTreeMap<String, usize>,
-    /// Packages that its shaders import, as it declares them for wgsl-analyzer.
+    /// The packages that its shaders import, as its metadata for wgsl-analyzer declares them.
     imports: BTreeSet<String>,
 }
 
@@ -64,11 +64,11 @@ pub(super) struct Crate {
 pub(super) struct Found {
     graph: Arc<Graph>,
     index: usize,
-    /// Other folders for the modules than the crates' own, by their indices.
+    /// Module folders that replace the crates' own, by the crates' indices.
     roots: Arc<BTreeMap<usize, PathBuf>>,
 }
 
-/// The same modules, which see the same crates.
+/// Two are equal if they have the same modules and see the same crates.
 impl PartialEq for Found {
     fn eq(&self, other: &Self) -> bool {
         let is_same = (self.index, &self.roots) == (other.index, &other.roots);
@@ -83,7 +83,7 @@ impl Found {
         &self.graph.crates[self.index]
     }
 
-    /// What shaders call it.
+    /// The crate's name in shaders.
     pub(super) fn library(&self) -> &str {
         &self.krate().library
     }
@@ -93,7 +93,7 @@ impl Found {
         self.roots.get(&self.index).unwrap_or(&self.krate().root)
     }
 
-    /// The same crate, where this one or one that it may import from has its modules in another folder.
+    /// The same crate, where this crate or one that it may import from has its modules in another folder.
     pub(super) fn with_root(&self, name: &str, root: &str) -> Result<Self, PackageError> {
         let error = |reason: String| PackageError::Crate { name: name.to_owned(), reason };
         let plain = name.replace('-', "_");
@@ -118,8 +118,8 @@ impl Found {
         Ok(Self { roots: Arc::new(roots), ..self.clone() })
     }
 
-    /// The crate that it knows by this name: one that it depends on, or else the only one of that
-    /// name, since an engine gives its shaders one name space.
+    /// The crate with this name: a dependency, or else the only crate of the graph with that name, since an engine
+    /// gives its shaders one name space.
     pub(super) fn reach(&self, name: &str) -> Option<Self> {
         let of = |index| Self { index, ..self.clone() };
         if let Some(index) = self.krate().dependencies.get(name) {
@@ -139,14 +139,14 @@ impl Found {
     }
 }
 
-/// A crate as it is asked for: `bevy_pbr`, `bevy_pbr@0.20.1`.
+/// A crate, as the caller asks for it: `bevy_pbr`, `bevy_pbr@0.20.1`.
 #[derive(Clone, Copy)]
 struct Wanted<'w> {
     name: &'w str,
     version: Option<&'w str>,
 }
 
-/// Cargo's graphs of projects, and of crates at a version. The next process sees another `Cargo.toml`.
+/// Cargo's graphs of projects, and of crates at a version. Only the next process notices a change of `Cargo.toml`.
 struct Graphs;
 
 impl Kind for Graphs {
@@ -156,8 +156,8 @@ impl Kind for Graphs {
     const MOST: usize = 1000;
 }
 
-/// Finds a crate for the project that has this folder; `root` is the folder of its modules, if it
-/// isn't the one that the crate says or that its files lie in.
+/// Finds a crate for the project in this folder. `root` is the folder of the crate's modules, if it differs from the
+/// one that the crate declares or that its files are in.
 pub(super) fn find(base: &Path, wanted: &str, root: Option<&str>) -> Result<Found, PackageError> {
     let error = |reason: String| PackageError::Crate { name: wanted.to_owned(), reason };
     let (name, version) = match wanted.split_once('@') {
@@ -175,13 +175,13 @@ pub(super) fn find(base: &Path, wanted: &str, root: Option<&str>) -> Result<Foun
         return Err(error(format!("write the whole version, such as `{name}@1.2.3`")));
     }
     let wanted = Wanted { name, version };
-    // A version needs no project, but its registries may be those of one.
+    // A version needs no project, but a project may configure its registries.
     let key = (base.to_owned(), version.map_or_else(String::new, |v| format!("{name}@{v}")));
     let ask = || match version {
         Some(version) => fetched(base, name, version),
         None => of_project(base),
     };
-    // A second thread waits for what cargo says to the first.
+    // A second thread waits while the first one asks cargo.
     let graph = workspace::with_room::<Graphs, _>(|known| {
         known.entry(key).or_insert_with(|| ask().map(Arc::new)).clone()
     });
@@ -226,7 +226,7 @@ impl Graph {
     }
 }
 
-/// The crates that the project of this folder builds, and all that it might.
+/// The crates that the project in this folder builds or might build.
 fn of_project(base: &Path) -> Result<Graph, String> {
     let base = if base.as_os_str().is_empty() { Path::new(".") } else { base };
     let base = base.canonicalize().map_err(|error| format!("`{}`: {error}", shown(base)))?;
@@ -249,10 +249,10 @@ fn of_project(base: &Path) -> Result<Graph, String> {
     lock.and(kept).map_or_else(ask, |kept| remembered(&kept, ask))
 }
 
-/// A crate at its version, with what it depends on.
+/// A crate at its version, with its dependencies.
 fn fetched(base: &Path, name: &str, version: &str) -> Result<Graph, String> {
     let ask = || {
-        // A project that nobody else has, for as long as cargo is asked.
+        // A temporary project with a name of its own.
         let now = std::time::UNIX_EPOCH.elapsed().unwrap_or_default().as_nanos();
         let own = format!("karat-{}-{now}-{name}-{version}", std::process::id());
         let folder = std::env::temp_dir().join(own);
@@ -268,12 +268,12 @@ fn fetched(base: &Path, name: &str, version: &str) -> Result<Graph, String> {
 
 fn fetch(base: &Path, folder: &Path, name: &str, version: &str) -> Result<Graph, String> {
     let failed = |error: std::io::Error| format!("can't write `{}`: {error}", shown(folder));
-    // Its own: a folder that somebody else has made is none.
+    // `create_dir` fails if another process has made the folder.
     std::fs::create_dir(folder).map_err(failed)?;
     std::fs::create_dir(folder.join("src")).map_err(failed)?;
     std::fs::write(folder.join("src/lib.rs"), "").map_err(failed)?;
     let manifest = folder.join("Cargo.toml");
-    // Each as a manifest has it.
+    // The requirement, as a manifest has it.
     let exact = format!("{{ version = \"={version}\", default-features = false }}");
     let mut wanted = BTreeMap::from([(name.to_owned(), exact.clone())]);
     let ask = |wanted: &BTreeMap<String, String>| {
@@ -284,12 +284,12 @@ fn fetch(base: &Path, folder: &Path, name: &str, version: &str) -> Result<Graph,
         wanted.iter().for_each(|(name, how)| text += &format!("{name} = {how}\n"));
         std::fs::write(&manifest, text).map_err(failed)?;
         let graph = Metadata::of(base, &manifest, true)?.graph()?;
-        // The project is nobody's, and a version doesn't change.
+        // The project was temporary, and a version doesn't change.
         Ok::<_, String>(Graph { local: BTreeMap::new(), ..graph })
     };
     let mut graph = ask(&wanted)?;
     for _ in 1..ROUNDS {
-        // Crates of one engine, with one version, may import from each other whoever depends on whom.
+        // Crates of one engine in one version may import from each other without depending on each other.
         let missing: Vec<String> = graph.missing(version).into_iter().collect();
         if missing.iter().all(|name| wanted.contains_key(name)) {
             break;
@@ -297,7 +297,7 @@ fn fetch(base: &Path, folder: &Path, name: &str, version: &str) -> Result<Graph,
         wanted.extend(missing.into_iter().map(|name| (name, exact.clone())));
         graph = ask(&wanted)?;
     }
-    // Cargo leaves out what a crate's examples depend on. What can't be had is an import that isn't found.
+    // Cargo leaves out dependencies of a crate's examples. If one can't be fetched, its import isn't found.
     let of_examples = graph.of_examples(name, version);
     if of_examples.is_empty() {
         return Ok(graph);
@@ -307,7 +307,7 @@ fn fetch(base: &Path, folder: &Path, name: &str, version: &str) -> Result<Graph,
 }
 
 impl Graph {
-    /// Crates that shaders of this version import, and that nothing depends on.
+    /// Crates of this version that shaders import and no crate depends on.
     fn missing(&self, version: &str) -> BTreeSet<String> {
         let of_version = self.crates.iter().filter(|krate| krate.version == version);
         let imports = of_version.flat_map(|krate| &krate.imports);
@@ -317,7 +317,7 @@ impl Graph {
         imports.filter(|name| !known(name)).cloned().collect()
     }
 
-    /// Development dependencies of a crate that its shaders import from, as its manifest has them.
+    /// Development dependencies of a crate that its shaders import from, as its manifest declares them.
     fn of_examples(&self, name: &str, version: &str) -> BTreeMap<String, String> {
         let is_it = |krate: &&Crate| krate.name == name && krate.version == version;
         let Some(krate) = self.crates.iter().find(is_it) else { return BTreeMap::new() };
@@ -357,7 +357,7 @@ fn hash_of(manifest: &Path) -> Option<String> {
     Some(hasher.finalize().to_hex().to_string())
 }
 
-/// What was kept, if its folders are still there, or else what `ask` says now.
+/// The kept graph if its folders still exist, or else the one that `ask` returns.
 fn remembered(kept: &Path, ask: impl FnOnce() -> Result<Graph, String>) -> Result<Graph, String> {
     let known = std::fs::read(kept).ok();
     let known = known.and_then(|bytes| serde_json::from_slice::<Graph>(&bytes).ok());
@@ -369,7 +369,7 @@ fn remembered(kept: &Path, ask: impl FnOnce() -> Result<Graph, String>) -> Resul
         return Ok(graph);
     }
     let graph = ask()?;
-    // What can't be kept is asked for again.
+    // If the graph can't be kept, the next process asks again.
     let text = serde_json::to_vec(&graph).expect("a graph has names and paths of UTF-8");
     let new = kept.with_extension(format!("{}.new", std::process::id()));
     let folder = kept.parent().map_or(Ok(()), std::fs::create_dir_all);

@@ -9,16 +9,16 @@ use crate::diagnostic::nearest;
 /// The sections `[compilers]` and `[limits]` of `karat.toml`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Compilers {
-    /// A shader that Tint rejects isn't valid, and without Tint there is no verdict.
+    /// Set if a shader that Tint rejects is invalid. Without Tint there is then no verdict.
     pub(crate) require_tint: bool,
-    /// Native features of wgpu that shaders use on purpose, by naga's names of capabilities.
+    /// Native features of wgpu that shaders use on purpose, by naga's capability names.
     pub(crate) native: Vec<String>,
     pub(crate) limits: Limits,
-    /// The file, for messages about what it says.
+    /// The file, for messages.
     pub(crate) file: String,
 }
 
-/// As it is written.
+/// The section `[compilers]`, as the file has it.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Written {

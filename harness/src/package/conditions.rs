@@ -1,8 +1,8 @@
 //! WESL's conditional translation: `@if(feature)`, `@elif(..)`, `@else`.
 //!
-//! A condition stands before an import, a directive, a declaration, a group of declarations in
-//! braces, a member, a parameter, a statement, a group of statements in braces, or a case. Where it doesn't hold, all of that is
-//! removed from the text; where it holds, only the condition is.
+//! A condition stands before an import, a directive, a declaration, a group of declarations in braces, a member, a
+//! parameter, a statement, a group of statements in braces, or a case. If it holds, only the condition is removed from
+//! the text. If it doesn't, the thing behind it is removed, too.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -14,22 +14,22 @@ use super::feature::{Features, is_on};
 use super::lexer::{Kind, Token};
 use crate::diagnostic::SourceFile;
 
-/// Brackets in brackets of a condition: far more than anybody writes, and no danger to the stack.
+/// The deepest nesting of brackets in a condition: far more than anyone writes, and safe for the stack.
 const MOST_BRACKETS: usize = 64;
 
 /// A declaration under a condition that doesn't hold.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Inactive {
     pub(super) name: String,
-    /// As the author wrote it: `@if(fast)`.
+    /// The condition, as the author wrote it: `@if(fast)`.
     pub(super) condition: String,
-    /// Where the condition stands.
+    /// The place of the condition.
     pub(super) range: Range<usize>,
-    /// Whether it is a function with `@test`.
+    /// Set for a function with `@test`.
     pub(super) test: bool,
 }
 
-/// The feature of a condition that asks about it alone: `@if(fast)`, `#ifdef FAST`.
+/// The feature of a condition that asks about one feature alone: `@if(fast)`, `#ifdef FAST`.
 pub(super) fn feature_of(condition: &str) -> Option<String> {
     let rest = condition.strip_prefix("@if").or_else(|| condition.strip_prefix("#ifdef"))?.trim();
     let name =
@@ -38,12 +38,12 @@ pub(super) fn feature_of(condition: &str) -> Option<String> {
     (!name.is_empty() && name.chars().all(is_name)).then(|| name.to_owned())
 }
 
-/// What conditions leave of a module.
+/// The rest of a module after its conditions.
 pub(super) struct Conditions {
     pub(super) live: Vec<Token>,
     pub(super) removed: Vec<Range<usize>>,
     pub(super) inactive: Vec<Inactive>,
-    /// The brackets that are open, but for those of groups.
+    /// The open brackets, except those of groups.
     open: Vec<usize>,
 }
 
@@ -57,9 +57,9 @@ impl Conditions {
         let reader = Reader { file, tokens, brackets, features };
         let mut found =
             Self { live: Vec::new(), removed: Vec::new(), inactive: Vec::new(), open: Vec::new() };
-        // Where a chain of `@if`, `@elif` may go on, and whether one of its conditions held.
+        // Where an `@elif` or `@else` may follow, and whether an earlier condition of the chain held.
         let mut chains: BTreeMap<usize, bool> = BTreeMap::new();
-        // Closing braces of groups, which go with their opening ones.
+        // The closing braces of groups, which are removed with the opening ones.
         let mut closing: Vec<usize> = Vec::new();
         let mut at = 0;
         while at < tokens.len() {
@@ -112,8 +112,7 @@ impl Reader<'_> {
         syntax_error(self.file, self.bytes(tokens), message)
     }
 
-    /// Reads the attributes at `start`, keeps or removes what they stand before, and returns where
-    /// to go on.
+    /// Reads the attributes at `start`, keeps or removes what follows them, and returns the token to go on at.
     fn attributes(
         &self,
         start: usize,
@@ -169,7 +168,7 @@ impl Reader<'_> {
         let end = self.end(at).ok_or_else(|| {
             self.error(&condition, "what this condition stands before doesn't end")
         })?;
-        // A type has no attributes, whatever is in its brackets.
+        // The brackets of a type have no attributes in them.
         let mut tokens = at + 1..end;
         if let Some(next) =
             tokens.find(|token| self.is(*token, b'@')).filter(|_| self.is_list(open))
@@ -222,7 +221,7 @@ impl Reader<'_> {
             }
             return Ok(end);
         }
-        // Of a group nothing is left that another attribute could stand before.
+        // If the group is removed, nothing is left that another attribute could stand before.
         let is_group = self.is(at, b'{');
         for attribute in &run {
             if *attribute == condition || is_group {
@@ -231,7 +230,7 @@ impl Reader<'_> {
                 found.live.extend_from_slice(&self.tokens[attribute.clone()]);
             }
         }
-        // Braces group declarations, and statements: what they hold is declared around them.
+        // Braces group declarations and statements, and open no scope: names inside are declared outside, too.
         if is_group {
             found.removed.push(self.tokens[at].range());
             closing.push(self.brackets[at]);
@@ -240,7 +239,7 @@ impl Reader<'_> {
         Ok(at)
     }
 
-    /// True if a bracket holds the members of a structure or the parameters of a function.
+    /// Returns `true` if a bracket holds the members of a structure or the parameters of a function.
     fn is_list(&self, open: Option<usize>) -> bool {
         let of = |open: usize, keyword: &str| open > 1 && self.text(open - 2) == keyword;
         open.is_some_and(|open| match self.is(open, b'(') {
@@ -249,8 +248,8 @@ impl Reader<'_> {
         })
     }
 
-    /// True if an attribute of a condition may stand at a token: in a list of statements, declarations,
-    /// members or parameters. `open` is the innermost bracket around it.
+    /// Returns `true` if a condition's attribute may stand at a token: in a list of statements, declarations, members
+    /// or parameters. `open` is the innermost bracket around it.
     fn takes_condition(&self, at: usize, open: Option<usize>) -> bool {
         let after = |symbols: &[u8]| at == 0 || symbols.iter().any(|one| self.is(at - 1, *one));
         match open {
@@ -260,7 +259,7 @@ impl Reader<'_> {
         }
     }
 
-    /// The token after what begins at `at`.
+    /// The token behind the thing that begins at `at`.
     fn end(&self, at: usize) -> Option<usize> {
         let body = |from: usize| self.body(from);
         match self.text(at) {
@@ -298,7 +297,7 @@ impl Reader<'_> {
         None
     }
 
-    /// Whether the condition of an attribute holds.
+    /// Evaluates the condition of an attribute.
     fn evaluate(&self, attribute: &Range<usize>) -> Result<bool, PackageError> {
         let inner = attribute.start + 3..attribute.end.saturating_sub(1);
         if inner.start > inner.end || !self.is(attribute.start + 2, b'(') {
@@ -317,7 +316,7 @@ impl Reader<'_> {
         }
         let mut at = inner.start;
         let value = self.any(&mut at, inner.end, attribute)?;
-        // As of any attribute's arguments (WGSL, 12).
+        // A trailing comma is allowed, as in any attribute's arguments (WGSL, 12).
         if at + 1 == inner.end && at > inner.start && self.is(at, b',') {
             at += 1;
         }

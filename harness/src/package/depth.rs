@@ -1,17 +1,17 @@
-//! How deep a text nests.
+//! Measures how deep a text nests.
 
 use std::ops::Range;
 
 use super::lexer::{Kind, lex};
 
-/// Tokens of nested expressions, and branches of one `else if` chain, that a compiler is given: it
+/// The most tokens of nested expressions, and the most branches of one `else if` chain, in a text for a compiler, which
 /// recurses over terms, members, brackets and branches.
 const MOST_NESTED: usize = 6_000;
 
-/// The first place of a text that nests deeper than compilers are given to recurse. Only what
-/// commas and semicolons don't separate counts: a long list isn't deep.
+/// The first place of a text that nests deeper than [`MOST_NESTED`]. Commas and semicolons end an expression: a long
+/// list isn't deep.
 pub(super) fn deepest(text: &str) -> Option<Range<usize>> {
-    // For each open bracket, the tokens since the last separator, and branches in a row.
+    // For each open bracket: the tokens since the last separator, and the branches in a row.
     let mut levels = vec![(0_usize, 0_usize)];
     let mut sum = 0;
     let tokens = lex(text);
@@ -26,7 +26,7 @@ pub(super) fn deepest(text: &str) -> Option<Range<usize>> {
             Kind::Symbol(b')' | b']' | b'}') => {
                 sum -= *length;
                 *length = 0;
-                // One that closes nothing is for naga to refuse.
+                // naga reports a bracket that closes nothing.
                 if levels.len() > 1 {
                     levels.pop();
                 }

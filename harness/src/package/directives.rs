@@ -1,15 +1,14 @@
-//! Lines that begin with `#`: modules as `naga_oil` reads them, and files that include others.
+//! Reads lines that begin with `#`: `naga_oil`'s modules, and files that include others.
 //!
-//! A directive isn't WGSL. What it leaves out is blanked, and an `#import` becomes an import statement
-//! of the same length, so each token keeps its place in the author's file. `naga_oil` itself isn't
-//! used: it composes naga's IR under names of its own, and the way back to the author's line would be
-//! lost.
+//! A directive isn't WGSL. Text that it leaves out is blanked, and an `#import` becomes an import statement of the same
+//! length, so each token keeps its place in the author's file. Karat doesn't use `naga_oil` itself, because it composes
+//! naga's IR under its own names and loses the author's lines.
 //!
-//! - `naga_oil`, for Bevy up to 0.19: `#define_import_path`, `#import a::b::{c, d as e}`, `#ifdef`,
-//!   `#ifndef`, `#if A >= 3`, `#else`, `#else ifdef`, `#endif`, `#define`, `#{A}`. An include guard is read
-//!   as in C, where `naga_oil` leaves an empty module.
-//! - Inclusion, for vello (`#import bbox`), `re_renderer` (`#import <./plane.wgsl>`) and blade
-//!   (`#include "quaternion.inc.wgsl"`): what a file includes shares one name space with it.
+//! - `naga_oil`, for Bevy up to 0.19: `#define_import_path`, `#import a::b::{c, d as e}`, `#ifdef`, `#ifndef`, `#if A
+//!   >= 3`, `#else`, `#else ifdef`, `#endif`, `#define`, `#{A}`. An include guard works as in C; with `naga_oil`, it
+//!   would leave an empty module.
+//! - Inclusion, for vello (`#import bbox`), `re_renderer` (`#import <./plane.wgsl>`) and blade (`#include
+//!   "quaternion.inc.wgsl"`): an included file shares one name space with the file that includes it.
 
 mod ahead;
 mod foreign;
@@ -31,44 +30,44 @@ pub(super) use include::{Include, without_extension};
 
 use crate::diagnostic::{SourceFile, nearest};
 
-/// What directives leave of a text.
+/// The rest of a text after its directives.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Directed {
-    /// The text without directives; what stays has its place.
+    /// The text without directives. The rest keeps its place.
     pub(super) text: String,
-    /// What they remove, in order.
+    /// The removed ranges, in order.
     pub(super) removed: Vec<Range<usize>>,
-    /// What values stand for: `#{A}`.
+    /// The places of values such as `#{A}`, with their texts.
     pub(super) replaced: Vec<(Range<usize>, String)>,
     /// Declarations that a condition leaves out.
     pub(super) inactive: Vec<Inactive>,
-    /// Other files that share a name space with this one, and where they are named.
+    /// Other files that share a name space with this one, and the places that name them.
     pub(super) includes: Vec<(Include, Range<usize>)>,
-    /// Where statements end that have no `;`.
+    /// The ends of statements that have no `;`.
     pub(super) ends: Vec<usize>,
     /// The path that the module gives itself.
     path: Option<String>,
-    /// Whether it imports as `naga_oil` does.
+    /// Set if the module imports as in `naga_oil`.
     pub(super) composes: bool,
 }
 
-/// Directives of `naga_oil` and of those that include files.
+/// The directives of `naga_oil` and of texts that include files.
 const KNOWN: [&str; 9] =
     ["define", "define_import_path", "else", "endif", "if", "ifdef", "ifndef", "import", "include"];
 
-/// A condition around lines.
+/// An open condition.
 struct Open {
-    /// Where it begins.
+    /// The place where it begins.
     at: Range<usize>,
-    /// Whether what is around it holds.
+    /// Set if the conditions around it hold.
     outer: bool,
-    /// Whether one of its branches held.
+    /// Set if one of its branches held.
     taken: bool,
-    /// Whether its branch holds that is being read.
+    /// Set if the current branch holds.
     holds: bool,
     /// The branch as its author wrote it.
     shown: String,
-    /// Whether it is the last branch.
+    /// Set in the last branch.
     last: bool,
 }
 
@@ -78,7 +77,7 @@ impl Open {
     }
 }
 
-/// Whether a text has directives, or is a template.
+/// Returns `true` if a text has directives, or is a template.
 pub(super) fn concern(text: &str, tokens: &[Token]) -> bool {
     tokens.iter().any(|token| is_mark(text, token)) || template(text, tokens).is_some()
 }
@@ -132,14 +131,14 @@ pub(super) fn read(
 
 struct Reader<'f> {
     file: &'f Arc<SourceFile>,
-    /// Those of the text as it is.
+    /// The tokens of the unchanged text.
     tokens: &'f [Token],
     features: Features,
-    /// Names that the text defines only where nothing else has.
+    /// Names that the text defines only if nothing else has.
     guards: Features,
     bytes: Vec<u8>,
     open: Vec<Open>,
-    /// Up to here all is read.
+    /// The end of the part that has been read.
     done: usize,
     found: Directed,
 }
@@ -157,7 +156,7 @@ impl Reader<'_> {
         self.open.last().is_none_or(Open::is_live)
     }
 
-    /// Hides bytes from who looks for tokens.
+    /// Hides bytes from code that looks for tokens.
     fn mask(&mut self, range: Range<usize>) {
         for byte in &mut self.bytes[range] {
             if !matches!(byte, b'\n' | b'\r') {
@@ -174,7 +173,7 @@ impl Reader<'_> {
         }
     }
 
-    /// Blanks what lies before `end`, if its condition doesn't hold.
+    /// Blanks the text before `end`, if its condition doesn't hold.
     fn blank_dead(&mut self, end: usize) {
         let from = self.done;
         if !self.is_live() && from < end {
@@ -200,14 +199,14 @@ impl Reader<'_> {
         self.done = end;
     }
 
-    /// True of a name in capitals behind a `#`, within a line of a module that has directives of `naga_oil`.
+    /// Returns `true` for a name in capitals behind a `#`, within a line of a module that has directives of `naga_oil`.
     fn is_oil(&self, word: &str, first: bool) -> bool {
         let text = self.text();
         let is_composed = text.contains("#import ") || text.contains("#define_import_path ");
         !first && is_composed && ahead::is_named(word)
     }
 
-    /// Reads what a `#` begins.
+    /// Reads the directive or value that a `#` begins.
     fn mark(&mut self, at: usize) -> Result<(), PackageError> {
         let text = Arc::clone(self.file);
         let text = &text.text;
@@ -218,7 +217,7 @@ impl Reader<'_> {
         }
         let line_end = text[at..].find(['\n', '\r']).map_or(text.len(), |end| at + end);
         let line = without_comment(&text[at + 1..line_end]);
-        // `# ifdef` is one, too.
+        // `# ifdef` is a directive, too.
         let blank = line.len() - line.trim_start().len();
         let length = line[blank..].find(|c: char| !(c.is_ascii_alphanumeric() || c == '_'));
         let word_end = length.map_or(line.len(), |length| blank + length);
@@ -231,7 +230,7 @@ impl Reader<'_> {
             if KNOWN.contains(&word) {
                 return Err(self.error(whole, "a directive begins its line"));
             }
-            // `naga_oil` takes a value without braces, too.
+            // `naga_oil` also takes a value without braces.
             if self.features.contains_key(word) || self.is_oil(word, first) {
                 return self.value(at..at + 1 + word_end, word.to_owned());
             }
@@ -253,7 +252,7 @@ impl Reader<'_> {
             return Err(error);
         }
         self.blank_dead(at);
-        // `naga_oil` reads no further than the name: some write a brace behind it.
+        // `naga_oil` reads only the name: some authors write a brace behind it.
         let rest = rest.trim().trim_end_matches('{').trim_end();
         match word {
             "ifdef" | "ifndef" | "if" => {
@@ -296,7 +295,7 @@ impl Reader<'_> {
             }
             _ if !self.is_live() => return Ok(()),
             "define" => {
-                // Its value is known already, unless it guards: see `defined`.
+                // Its value is known already, except for a guard: see `defined`.
                 let (name, value) = rest.split_once(char::is_whitespace).unwrap_or((rest, ""));
                 let value = self.parsed(value.trim(), &whole)?;
                 if self.guards.contains_key(name) {
@@ -338,7 +337,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// `#import`, which ends with its line, or with its braces.
+    /// Reads `#import`, which ends with its line or with its braces.
     fn import(
         &mut self,
         at: usize,
@@ -375,14 +374,14 @@ impl Reader<'_> {
                 "an engine's asset server",
             ));
         }
-        // A statement of WESL's, byte for byte: a blank for `#`, and an end where the line ends, or its
-        // braces. What is between them may stand under conditions of its own.
+        // The result is WESL's statement, byte for byte: a blank replaces `#`, and the statement ends with its line or
+        // its braces. The names between the braces may have conditions of their own.
         let (mut depth, mut end, mut ended) = (0_i32, start, false);
         let first = self.tokens.partition_point(|token| token.range().start < start);
         let mut closes = false;
         for token in &self.tokens[first..] {
             let range = token.range();
-            // `naga_oil` needs no comma behind a group.
+            // `naga_oil` allows a group without a comma behind it.
             if closes && depth > 0 && token.kind == Kind::Word {
                 self.bytes[end] = b',';
             }

@@ -1,8 +1,9 @@
-//! Functions that may discard, so that they can be called: a pixel that is discarded is a result, too.
+//! Makes functions that may discard callable.
 //!
-//! After `discard` an invocation goes on as a helper, and its results are dropped (WGSL, *Discard Statement*). So the
-//! statement becomes an assignment, and a function beside the author's returns what was assigned. Helpers write nothing,
-//! either: a function that writes what others see keeps the statement, and is drawn.
+//! A discarded pixel is a result, too. After `discard` an invocation goes on as a helper, and its results are dropped
+//! (WGSL, *Discard Statement*). So an assignment replaces the statement, and a second function calls the author's and
+//! also returns the assigned flag. Helpers don't write to memory either, so a function that writes to memory keeps the
+//! statement and runs in a draw.
 
 use super::lexer::lex;
 use super::splice::{DISCARDED, Edit};
@@ -11,27 +12,28 @@ use super::syntax::Module;
 /// The statement.
 const DISCARD: &str = "discard";
 
-/// The function that is called in place of the author's.
+/// The function that Karat calls in place of the author's.
 const WRAPPER: &str = "karat_or_discarded";
 
-/// How a function that may discard goes on.
+/// The treatment of `discard` in a function.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Discards {
-    /// An assignment stands for the statement.
+    /// An assignment replaces the statement.
     Assigned,
-    /// As a helper: the statement stays.
+    /// The statement stays, and the invocation goes on as a helper.
     Kept,
 }
 
-/// The statements among tokens, as edits.
+/// The `discard` statements among tokens, as edits.
 pub(super) fn discards(module: &Module, tokens: std::ops::Range<usize>) -> Vec<Edit> {
     let own = tokens.filter(|token| module.text(*token) == DISCARD);
     let edit = |token| Edit { from: module.span(token).range, name: Some(DISCARDED.to_owned()) };
     own.map(edit).collect()
 }
 
-/// The name of the function that calls one, and the text that declares it. It returns the value, and `discarded`: false
-/// where the statement is kept, as the result of a helper is dropped. `None` if the text hasn't the function.
+/// The name and the text of the function that calls a function that may discard. It returns the value, and `discarded`,
+/// which stays false if the statement is kept, because a helper's result is dropped. `None` if the text doesn't have
+/// the function.
 pub(super) fn wrapper(
     text: &str,
     function: &str,
@@ -56,7 +58,7 @@ pub(super) fn wrapper(
     }
     let body = (close..tokens.len()).find(|at| of(*at) == "{")?;
     let parameters = bytes(name + 2, close);
-    // No type has a colon.
+    // Names stand before a colon; no type contains one.
     let names: Vec<&str> = (name + 2..close).filter(|at| of(at + 1) == ":").map(of).collect();
     let call = format!("{function}({})", names.join(", "));
     // A comment may stand before the body.

@@ -1,21 +1,21 @@
-//! Why a package can't be read or linked.
+//! The reasons why a package can't be read or linked.
 
 use crate::diagnostic::Diagnostic;
 use crate::output::one_line;
 
-/// What can be wrong with a package.
+/// The reason why a package can't be read or linked.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PackageError {
     /// The folder or file isn't there.
     #[error("there is no folder or file `{0}`")]
     NoFolder(String),
-    /// The folder of a package doesn't exist, which a test names.
+    /// A test names a package's folder that doesn't exist.
     #[error(
         "the shader folder `{0}` doesn't exist; `karat::package!` takes a path relative to Cargo.toml"
     )]
     Missing(String),
-    /// The folder has no module.
+    /// The folder has no modules.
     #[error("the shader folder `{0}` has no .wgsl or .wesl file: name the folder that has them")]
     Empty(String),
     /// A module can't be read.
@@ -23,7 +23,7 @@ pub enum PackageError {
     Unreadable {
         /// The file.
         file: String,
-        /// Why.
+        /// The reason.
         cause: std::io::Error,
     },
     /// A module isn't UTF-8.
@@ -39,7 +39,7 @@ pub enum PackageError {
     Manifest {
         /// The file.
         file: String,
-        /// Why not.
+        /// The reason.
         reason: String,
     },
     /// The program that expands modules fails.
@@ -49,7 +49,7 @@ pub enum PackageError {
         file: String,
         /// The program.
         program: String,
-        /// What it says.
+        /// Its message.
         reason: String,
     },
     /// A line that asserts or prints can't be read.
@@ -57,18 +57,18 @@ pub enum PackageError {
     Asserts {
         /// The line.
         place: String,
-        /// Why not.
+        /// The reason.
         reason: String,
     },
     /// There are no shaders of a crate.
     #[error("no shaders of crate `{name}`: {reason}")]
     Crate {
-        /// What was asked for.
+        /// The name of the crate.
         name: String,
-        /// Why there are none.
+        /// The reason.
         reason: String,
     },
-    /// A module begins with a mark that WGSL doesn't have.
+    /// A module begins with a byte order mark.
     #[error("`{file}` begins with a byte order mark (U+FEFF): save the file as UTF-8 without one")]
     ByteOrderMark {
         /// The file.
@@ -81,35 +81,35 @@ pub enum PackageError {
         did_you_mean(nearest)
     )]
     UnknownPackage {
-        /// What was asked for.
+        /// The name that the import asks for.
         name: String,
-        /// Where.
+        /// The package that imports it.
         package: String,
-        /// The closest name there is.
+        /// The closest existing name.
         nearest: Option<String>,
     },
-    /// A path names a module that the package hasn't.
+    /// A path names a module that the package doesn't have.
     #[error(
         "package `{}` has no module `{}`{}",
         one_line(package), one_line(module), one_line(&did_you_mean(nearest))
     )]
     UnknownModule {
-        /// What was asked for.
+        /// The name that was asked for.
         module: String,
-        /// Where.
+        /// The package.
         package: String,
-        /// The closest name there is.
+        /// The closest existing name.
         nearest: Option<String>,
     },
-    /// A path that no module gives itself.
+    /// No module gives itself this path.
     #[error("no module calls itself `{path}` with `#define_import_path`{}", did_you_mean(nearest))]
     NotComposed {
-        /// What was asked for.
+        /// The path that was asked for.
         path: String,
-        /// The closest path there is.
+        /// The closest existing path.
         nearest: Option<String>,
     },
-    /// Two modules of one package give themselves one path.
+    /// Two modules of one package give themselves the same path.
     #[error("modules `{first}` and `{second}` both call themselves `{path}`")]
     ComposedTwice {
         /// The path.
@@ -119,35 +119,35 @@ pub enum PackageError {
         /// The other one.
         second: String,
     },
-    /// A path names a function that the package hasn't.
+    /// A path names a function that the package doesn't have.
     #[error(
         "package `{package}` has no function `{path}` among its {count}{}",
         did_you_mean(nearest)
     )]
     UnknownFunction {
-        /// What was asked for.
+        /// The path that was asked for.
         path: String,
-        /// Where.
+        /// The package.
         package: String,
-        /// The closest name there is.
+        /// The closest existing name.
         nearest: Option<String>,
-        /// How many functions it has.
+        /// The number of functions in the package.
         count: usize,
     },
-    /// A function is under a condition of WESL's that doesn't hold.
+    /// A function is under a WESL condition that doesn't hold.
     #[error(
         "`{path}` of package `{package}` is declared under `{condition}`, which doesn't hold: set \
          the feature with `.feature(..)`"
     )]
     Inactive {
-        /// What was asked for.
+        /// The path that was asked for.
         path: String,
-        /// Where.
+        /// The package.
         package: String,
-        /// As the author wrote it.
+        /// The condition, as the author wrote it.
         condition: String,
     },
-    /// A feature that nothing asks about.
+    /// A feature that no condition asks about.
     #[error(
         "nothing in package `{package}` or in what it imports asks about the feature{} {}{}{}{}",
         if unknown.len() == 1 { "" } else { "s" }, listed(unknown),
@@ -159,15 +159,15 @@ pub enum PackageError {
         ))
     )]
     UnknownFeature {
-        /// The names that were set, each with the closest one there is.
+        /// The names that were set, each with the closest existing one.
         unknown: Vec<(String, Option<String>)>,
         /// The package.
         package: String,
-        /// An attribute that looks like a condition and asks about one of them: `@iff(fast)`.
+        /// An attribute that looks like a condition on one of them: `@iff(fast)`.
         misspelt: Option<Box<str>>,
-        /// One of them that a module has as a name of its own.
+        /// One of them that a module uses as an ordinary name.
         bare: Option<Box<str>>,
-        /// The features that it asks about.
+        /// The features that the package asks about.
         known: Box<str>,
     },
     /// A path that goes up from the root.
@@ -176,12 +176,12 @@ pub enum PackageError {
         /// The package.
         package: String,
     },
-    /// Two modules, or two dependencies, have one name.
+    /// Two modules, or two dependencies, have the same name.
     #[error("package `{package}` has two {what}: give one of them another name")]
     Twice {
         /// The package.
         package: String,
-        /// What there are two of.
+        /// The name that occurs twice.
         what: String,
     },
     /// A file that looks like a module and can't be one.
@@ -189,7 +189,7 @@ pub enum PackageError {
     NoModule {
         /// The file.
         file: String,
-        /// Why.
+        /// The reason.
         reason: &'static str,
     },
     /// The folder that `KARAT_OVERLAY` names can't stand in for modules of the package.
@@ -197,7 +197,7 @@ pub enum PackageError {
     Overlay {
         /// The folder.
         folder: String,
-        /// Why.
+        /// The reason.
         reason: String,
     },
     /// A syntax error, a failed import or an import cycle, shown in the author's file.
@@ -205,7 +205,7 @@ pub enum PackageError {
     Shader(Box<Diagnostic>),
 }
 
-/// Names with what each may have been meant as.
+/// The names, each with a suggestion.
 fn listed(unknown: &[(String, Option<String>)]) -> String {
     match unknown {
         [(name, near)] => format!("`{name}`{}", did_you_mean(near)),

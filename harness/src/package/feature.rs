@@ -1,4 +1,4 @@
-//! What conditions ask about, and what stands for names in a text.
+//! The values of features.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -16,8 +16,7 @@ use std::fmt;
 pub enum Feature {
     /// On or off: `@if(name)`, `#ifdef name`.
     Flag(bool),
-    /// On, and a number: `constants::name` where WESL is Bevy's, `#{name}` and `#if name == 3` in
-    /// `naga_oil`'s modules.
+    /// On, and a number: `constants::name` in Bevy's WESL, `#{name}` and `#if name == 3` in `naga_oil`'s modules.
     Number(i64),
 }
 
@@ -48,10 +47,10 @@ impl fmt::Display for Feature {
     }
 }
 
-/// Which features are set; those that aren't named are off.
+/// The features that are set; all others are off.
 pub(crate) type Features = BTreeMap<String, Feature>;
 
-/// Whether a feature is on.
+/// Returns `true` if a feature is on.
 pub(super) fn is_on(features: &Features, name: &str) -> bool {
     !matches!(features.get(name), None | Some(Feature::Flag(false)))
 }

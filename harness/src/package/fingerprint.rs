@@ -1,9 +1,8 @@
-//! What a declaration and all that it needs are made of, without linking them: while that is the same, so is
-//! the program, but for comments, blanks and the names that the linker gives.
+//! Fingerprints of declarations, made without linking. As long as a declaration and everything that it needs stay the
+//! same, so does the linked program, except for comments, blanks and the linker's names.
 //!
-//! A library of a hundred tests is looked through at each edit, where linking all of them would take a
-//! hundred times as long as linking the one that the edit concerns. So each declaration is described once, and
-//! again when its module has another text.
+//! All tests of a library are compared at each edit. Linking a hundred tests would take a hundred times as long as
+//! linking the one that changed. So each declaration is described once, and again after its module changes.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::Arc;
@@ -26,7 +25,7 @@ use crate::diagnostic::Diagnostic;
 type TestItems = Result<Vec<(TestItem, Option<String>)>, PackageError>;
 
 impl Package {
-    /// A fingerprint of each of some functions: `brdf::schlick`. Of one that can't be linked there is none.
+    /// Fingerprints of some functions, by name: `brdf::schlick`. A function that can't be linked has none.
     ///
     /// ```
     /// use karat::Package;
@@ -57,8 +56,7 @@ impl Package {
         all
     }
 
-    /// The tests of each module of all, in the order of lines, with their fingerprints; and the features
-    /// that are set.
+    /// The tests of each module, in the order of lines, with their fingerprints; and the features that are set.
     pub(crate) fn test_items(
         &self,
         modules: &[String],
@@ -71,50 +69,51 @@ impl Package {
     }
 }
 
-/// True if the text of an error holds the word `@test`. It can't be parsed, so the word alone decides.
+/// Returns `true` if a text that can't be parsed contains the word `@test`.
 fn may_have_tests(error: &Diagnostic) -> bool {
     let text = error.location().map_or("@test", |place| &place.file.text);
     text.split('@').skip(1).any(|mark| mark.trim_start().starts_with("test"))
 }
 
-/// What is known of some modules and their declarations.
+/// The known facts about some modules and their declarations.
 #[derive(Default)]
 struct Known {
-    /// Modules whose imports, and those of all that they lead to, are there.
+    /// Modules whose imports exist, as do the imports of all modules that they lead to.
     imports: BTreeSet<ModulePath>,
-    /// All that were read.
+    /// All modules that were read.
     modules: BTreeMap<ModulePath, Arc<Module>>,
     numbers: HashMap<Item, usize>,
     nodes: Vec<Node>,
-    /// How often it was looked through.
+    /// The number of passes so far.
     time: u64,
-    /// What wanted declarations came to.
+    /// The results for the declarations that were asked for.
     wholes: HashMap<usize, Whole>,
 }
 
 /// A declaration.
 struct Node {
     item: Item,
-    /// What it is made of, and what it needs; `None`: not described yet, or its module has another text.
+    /// The hash of its own parts, and the declarations that it needs; `None` if it isn't described yet, or if its
+    /// module changed.
     made_of: Option<(Hash, Vec<usize>)>,
-    /// The same before, and when that was found.
+    /// The previous description, and the pass that made it.
     before: Option<(Hash, Vec<usize>)>,
     since: u64,
 }
 
-/// A declaration with all that it needs.
+/// A declaration with everything that it needs.
 struct Whole {
     found: String,
     nodes: Vec<usize>,
     time: u64,
 }
 
-/// What was known when a package was looked through last.
+/// The facts that the previous pass over a package knew.
 struct Last {
     package: Package,
     /// Its modules.
     there: Vec<String>,
-    /// The packages that it reaches, by their numbers.
+    /// The packages that it reaches, in the order of their numbers.
     packages: Vec<(Package, String)>,
     known: Known,
 }
@@ -144,7 +143,7 @@ impl<'a> Described<'a> {
         Self { package, library, linker: None, known: known.unwrap_or_default() }
     }
 
-    /// Keeps what is known for the next time, unless files of other packages may change it.
+    /// Keeps the facts for the next pass, unless files of other packages may change them.
     fn keep(self, there: &[String]) {
         let Some(packages) = self.library.in_memory() else { return };
         let (package, there) = (self.package.clone(), there.to_vec());
@@ -160,7 +159,7 @@ impl<'a> Described<'a> {
             Ok((own, parsed))
         });
         let (own, parsed) = match read {
-            // Validation tells what is wrong with it.
+            // Validation reports this error.
             Err(PackageError::Shader(found)) if !may_have_tests(&found) => return Ok(Vec::new()),
             read => read?,
         };
@@ -175,7 +174,7 @@ impl<'a> Described<'a> {
         Ok(items.into_iter().zip(found).collect())
     }
 
-    /// `None` for a declaration that isn't there, or needs what isn't.
+    /// `None` for a declaration that doesn't exist, or that needs one that doesn't.
     fn fingerprints(
         &mut self,
         module: &str,
@@ -204,7 +203,7 @@ impl<'a> Described<'a> {
         self.known.fingerprints(self.package, items, linker)
     }
 
-    /// What a module reads that no other one does: it says what the others read, or shares its name space
+    /// A library for a module that the shared one can't serve: it defines names for the others, or shares a name space
     /// with them.
     fn own_library(&self, root: &ModulePath) -> Result<Option<Library>, PackageError> {
         let file = self.library.read(root)?;
@@ -220,8 +219,8 @@ impl<'a> Described<'a> {
 }
 
 impl Known {
-    /// Forgets what modules with another text are made of; `false` if one declares or imports something else,
-    /// so that names of others may mean something else, too.
+    /// Forgets the descriptions of changed modules. Returns `false` if one of them now declares or imports other names,
+    /// so that names in other modules may mean something else.
     fn is_updated(&mut self, library: &Library) -> bool {
         let mut changed = BTreeSet::new();
         for (path, known) in &self.modules {
@@ -273,7 +272,7 @@ impl Known {
             }
             let (nodes, mut hashes) = self.reached(wanted, linker)?;
             hashes.extend(own);
-            // In whichever order they were reached.
+            // The hash doesn't depend on the order in which they were reached.
             hashes.sort_unstable_by_key(|hash| *hash.as_bytes());
             hashes.dedup();
             let mut all = Hasher::new();
@@ -287,11 +286,11 @@ impl Known {
             }
             Ok(Some(found))
         };
-        // What one needs and isn't there is told when that one is linked.
+        // Linking reports a missing name.
         Ok(items.iter().map(|item| one(item).ok().flatten()).collect())
     }
 
-    /// What a declaration came to before, if nothing that it needs is another now.
+    /// The previous result of a declaration, if nothing that it needs has changed.
     fn found(
         &mut self,
         only: usize,
@@ -308,7 +307,7 @@ impl Known {
         Ok(self.wholes.get(&only).map(|whole| whole.found.clone()))
     }
 
-    /// Finds out what a declaration is made of and needs, with the directives of its module.
+    /// Describes a declaration: its own parts, its module's directives, and the declarations that it needs.
     fn describe(&mut self, number: usize, linker: &mut Linker<'_>) -> Result<(), PackageError> {
         if self.nodes[number].made_of.is_some() {
             return Ok(());
@@ -329,7 +328,7 @@ impl Known {
         Ok(())
     }
 
-    /// Some declarations and all that they need, and what these are made of.
+    /// Some declarations and everything that they need, with their hashes.
     fn reached(
         &mut self,
         mut queue: Vec<usize>,
@@ -347,7 +346,7 @@ impl Known {
     }
 }
 
-/// Whether the names of two texts of a module, its own and those that it imports, mean the same.
+/// Returns `true` if two texts of a module declare and import the same names.
 fn has_same_names(one: &Module, other: &Module) -> bool {
     let declared = |module: &Module| {
         let all = module.declarations.iter();
@@ -380,7 +379,7 @@ mod tests {
                      fn other(x: f32) -> f32 { return h(x); }\n";
     const B: &str = "fn g(x: f32) -> f32 { return x; }\nfn h(x: f32) -> f32 { return -x; }\n";
 
-    /// What the program of `f` is made of changes its fingerprint, and nothing else does.
+    /// A change of `f`'s program changes its fingerprint; no other change does.
     #[test]
     fn a_fingerprint_changes_with_the_program_alone() {
         let first = of(A, B);
@@ -406,7 +405,7 @@ mod tests {
         }
     }
 
-    /// Of a folder whose files are edited: what is known from before gives what is found anew.
+    /// After edits in a folder, the kept facts give the same fingerprints as a fresh pass.
     #[test]
     fn what_is_known_from_before_changes_nothing() {
         let folder = tempfile::tempdir().expect("a folder");
@@ -452,7 +451,7 @@ mod tests {
         }
     }
 
-    /// A checkout, or a rename across files, changes several modules at once: none of them keeps what it was.
+    /// A checkout, or a rename across files, changes several modules at once: each of them is described again.
     #[test]
     fn each_module_of_one_burst_is_described_again() {
         let folder = tempfile::tempdir().expect("a temporary folder");
@@ -462,7 +461,7 @@ mod tests {
         let package = Package::open(folder.path()).expect("a folder");
         let names = BTreeSet::from(["a::f", "a::other"].map(str::to_owned));
         let mut before = BTreeMap::new();
-        // Another test of this process may take what is known meanwhile, but not each time.
+        // Another test of this process may evict the kept facts, but not in every round.
         for round in 0..16 {
             write("a.wgsl", &A.replace("K = 2.0", &format!("K = {round}.5")));
             write("b.wgsl", &B.replace("return -x", &format!("return -{round}.5 * x")));

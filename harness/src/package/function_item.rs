@@ -4,7 +4,7 @@ use super::stage::Stage;
 use super::syntax::{DeclarationKind, Module};
 use crate::diagnostic::Span;
 
-/// A function of a package, as found in its file.
+/// A function of a package.
 ///
 /// ```
 /// use karat::Package;
@@ -17,15 +17,15 @@ use crate::diagnostic::Span;
 pub struct FunctionItem {
     /// `module::name`, or `name` in a package of one module.
     pub name: String,
-    /// Where its name stands.
+    /// The place of its name.
     pub span: Span,
-    /// All of it, with its attributes.
+    /// The whole function, with its attributes.
     pub whole: Span,
     /// The stage of an entry point.
     pub entry_point: Option<Stage>,
 }
 
-/// Those of one module, called `name`, without its tests.
+/// The functions of the module `name`, without its tests.
 pub(super) fn functions_of(name: &str, module: &Module) -> Vec<FunctionItem> {
     let functions = module.declarations.iter().filter_map(|declaration| {
         let item = declaration.name.as_ref()?;

@@ -1,4 +1,4 @@
-//! The functions of a package.
+//! Lists the functions and tests of a package.
 
 use std::sync::Arc;
 
@@ -78,13 +78,13 @@ impl Package {
         all
     }
 
-    /// How many functions with `@test` a module has; none if it can't be parsed.
+    /// The number of functions with `@test` in a module; 0 if it can't be parsed.
     pub(crate) fn tests_of(&self, module: &str) -> usize {
         let tests = |module: Arc<Module>| module.declarations.iter().filter(|one| one.test).count();
         self.parsed(module).map_or(0, tests)
     }
 
-    /// Where the first test of a module is declared, and how many there are.
+    /// The place of a module's first test, and the number of its tests.
     pub(crate) fn first_test(&self, module: &str) -> Option<(Span, usize)> {
         let parsed = self.parsed(module).ok()?;
         let mut tests = parsed.declarations.iter().filter(|one| one.test);
@@ -92,7 +92,7 @@ impl Package {
         Some((parsed.span(first.tokens.start), 1 + tests.count()))
     }
 
-    /// One module without what its conditions leave out.
+    /// One module, without the parts that its conditions leave out.
     pub(super) fn parsed(&self, module: &str) -> Result<Arc<Module>, PackageError> {
         let (library, root) = (Library::open(self)?, ModulePath::root(module));
         library.begin(&root)?;
@@ -100,7 +100,7 @@ impl Package {
     }
 }
 
-/// A test that isn't there because a condition doesn't hold.
+/// A test that a condition leaves out.
 ///
 /// ```
 /// # use karat::Package;
@@ -112,8 +112,8 @@ impl Package {
 pub struct LeftOut {
     /// `brdf_test::is_fast`
     pub name: String,
-    /// As the author wrote it: `@if(fast)`.
+    /// The condition, as the author wrote it: `@if(fast)`.
     pub condition: String,
-    /// Where the condition stands.
+    /// The place of the condition.
     pub span: Span,
 }

@@ -1,8 +1,7 @@
-//! What import statements and paths lead to.
+//! Follows import statements and paths to declarations.
 //!
-//! Every import of a module and of all that it reaches is followed to its declaration before
-//! anything is linked, so that what is wrong is shown at the import statement. `naga_oil` looks at an import where its
-//! name is used, and at no other.
+//! Karat follows every import of a module, and of all modules that it reaches, before it links anything. So an error
+//! appears at the import statement. `naga_oil` resolves an import only where its name is used.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -15,16 +14,15 @@ use super::library::{Library, ModulePath};
 use super::syntax::Module;
 use crate::diagnostic::{Diagnostic, Mend, Span, nearest};
 
-/// Braces in braces of an import statement: far more than anybody writes, and no danger to the
-/// stack.
+/// The deepest nesting of braces in an import statement: far more than anyone writes, and safe for the stack.
 const MOST_BRACES: usize = 32;
 
 /// An imported name.
 #[derive(Clone, Debug)]
 pub(super) struct Import {
-    /// As it is written: `package`, `math`, `PI`.
+    /// The words of the path: `package`, `math`, `PI`.
     words: Vec<String>,
-    /// What it is known as in the module.
+    /// Its name in the module.
     pub(super) alias: String,
     /// The token of the imported name.
     token: usize,
@@ -35,7 +33,8 @@ impl Import {
         self.words.last().expect("an import has a name")
     }
 
-    /// False of what `naga_oil` passes over: a name that nothing uses, or that the module declares itself.
+    /// Returns `false` for an import that `naga_oil` skips: its name isn't used, or the module declares the name
+    /// itself.
     fn counts_in(&self, module: &Module) -> bool {
         let mut used = module.references.iter().flatten();
         let is_declared = || module.declared(&self.alias).next().is_some();
@@ -44,7 +43,7 @@ impl Import {
     }
 }
 
-/// What a name or a path leads to.
+/// The meaning of a name or a path.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Target {
     /// A declaration of a module.
@@ -58,7 +57,7 @@ pub(super) fn check(library: &Library, root: &ModulePath) -> Result<(), PackageE
     check_more(library, root, &mut BTreeSet::new())
 }
 
-/// The same for a module besides others, which are good.
+/// The same for one more module, after others that have no errors.
 pub(super) fn check_more(
     library: &Library,
     root: &ModulePath,
@@ -70,7 +69,7 @@ pub(super) fn check_more(
         let module = library.module(&path)?;
         for import in imports(&module)?.into_iter().filter(|import| import.counts_in(&module)) {
             let led = match led(library, &path, &module, &import) {
-                // Whoever uses it is told: `naga_oil` looks no further.
+                // The use of the name reports it: `naga_oil` looks no further.
                 Err(Problem::Item { condition: Some(_), .. }) => continue,
                 led => led,
             };
@@ -104,7 +103,7 @@ pub(super) fn imports(module: &Module) -> Result<Vec<Import>, PackageError> {
         if let Some(first) = first.filter(|first| first.words != import.words) {
             return Err(twice(module, import, module.span(first.token), "imported before"));
         }
-        // `naga_oil` imports modules, too, whose names are no names of things.
+        // With `naga_oil`, an import may name a module, whose name can't clash with a declaration's.
         if let Some(declared) = module.declared(&import.alias).next().filter(|_| !module.composes) {
             let place = module.span(module.declarations[declared].name_token);
             return Err(twice(module, import, place, "declared here"));
@@ -113,7 +112,7 @@ pub(super) fn imports(module: &Module) -> Result<Vec<Import>, PackageError> {
     Ok(found)
 }
 
-/// A name that an import gives a second meaning.
+/// The error for a name that an import gives a second meaning.
 fn twice(module: &Module, import: &Import, first: Span, how: &str) -> PackageError {
     let message = format!("`{}` would mean two things in this module", import.alias);
     let diagnostic = Diagnostic::new(message)
@@ -128,7 +127,7 @@ fn malformed(module: &Module, token: usize) -> PackageError {
     syntax_error(&module.file, module.span(token).range, message)
 }
 
-/// Reads one path with what it ends in: a name, or names in braces. Returns the token after it.
+/// Reads one path and its end: a name, or names in braces. Returns the token after it.
 fn list(
     module: &Module,
     tokens: Range<usize>,
@@ -177,12 +176,12 @@ fn list(
             alias = module.text(at + 1).to_owned();
             at += 2;
         }
-        // `naga_oil` imports whole modules, too.
+        // `naga_oil` also imports whole modules.
         if words.len() < 2 && !module.composes {
             let message = "an import names a package and a module: `import package::module::name;`";
             return Err(syntax_error(&module.file, module.span(token).range, message));
         }
-        // `#import bevy_pbr::utils PI, E`, as `naga_oil` had it first.
+        // `#import bevy_pbr::utils PI, E`, the first syntax of `naga_oil`.
         if module.composes && depth == 0 && at < tokens.end && module.is_word(at) {
             while at < tokens.end {
                 at = list(module, at..tokens.end, &words, 1, found)?;
@@ -205,7 +204,7 @@ enum Problem {
     Item { module: ModulePath, nearest: Option<String>, condition: Option<String> },
 }
 
-/// What an import of a module leads to, through those that import it again.
+/// The target of a module's import, also through modules that import it again.
 pub(super) fn follow(
     library: &Library,
     path: &ModulePath,
@@ -222,7 +221,7 @@ fn led(
     module: &Module,
     import: &Import,
 ) -> Result<Target, Problem> {
-    // The modules that were asked, and the names that they were asked for.
+    // The modules on the way, and the name looked up in each.
     let mut chain: Vec<(ModulePath, String)> = vec![(path.clone(), import.alias.clone())];
     let mut target = locate(library, path, &import.words).map_err(Problem::Module)?;
     loop {
@@ -242,7 +241,7 @@ fn led(
     }
 }
 
-/// `None` if a module declares a name itself, or else what its own import of that name leads to.
+/// `None` if a module declares a name itself, or else the target of its own import of that name.
 fn declared_or_imported(
     library: &Library,
     path: &ModulePath,
@@ -264,9 +263,9 @@ fn declared_or_imported(
     })
 }
 
-/// The module or the item that the words of a path name, seen from a module.
+/// The module or the item that the words of a path name, as one module sees it.
 fn locate(library: &Library, from: &ModulePath, words: &[String]) -> Result<Target, PackageError> {
-    // What modules call themselves has no order of packages.
+    // The paths that modules give themselves aren't ordered by package.
     if library.module(from)?.composes && !matches!(&*words[0], "package" | "super") {
         return match library.composed(from, words)? {
             Some((owner, count)) if count == words.len() => Ok(Target::Module(owner)),
@@ -286,7 +285,7 @@ fn locate(library: &Library, from: &ModulePath, words: &[String]) -> Result<Targ
         }
         name => match library.dependency(from.package, name) {
             Ok(package) => (package, Vec::new(), &words[1..]),
-            // Engines give the modules of a crate their own names.
+            // Engines use their own names for the modules of a crate.
             Err(_) if library.is_own(from.package, name) => (from.package, Vec::new(), words),
             Err(_) if library.name(from.package) == name => (from.package, Vec::new(), &words[1..]),
             Err(error) => return Err(error),
@@ -302,7 +301,7 @@ fn locate(library: &Library, from: &ModulePath, words: &[String]) -> Result<Targ
     match item {
         Some(item) if library.has(&owner) => Ok(Target::Item(owner, item)),
         _ if library.has_below(&inner) => Ok(Target::Module(inner)),
-        // Reading a module that isn't there says so.
+        // Reading a missing module returns its error.
         _ => Err(match library.read(&owner) {
             Err(error) => error,
             Ok(_) => unreachable!("`has` and `read` look in the same places"),
@@ -310,7 +309,7 @@ fn locate(library: &Library, from: &ModulePath, words: &[String]) -> Result<Targ
     }
 }
 
-/// What a path with colons in an expression leads to.
+/// The target of a path with colons in an expression.
 pub(super) fn resolve_path(
     library: &Library,
     path: &ModulePath,
@@ -385,7 +384,7 @@ fn failed(problem: Problem, span: Span, library: &Library, import: &Import) -> P
     }
 }
 
-/// Adds why a name isn't there: a condition that doesn't hold, or a slip.
+/// Adds the reason for a missing name: a condition that doesn't hold, or a typo.
 fn hinted(
     diagnostic: Diagnostic,
     (module, name): (&str, &str),

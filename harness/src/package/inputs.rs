@@ -1,4 +1,4 @@
-//! `[inputs]` of `karat.toml`: the numbers that a host gives a function or a pass.
+//! `[inputs]` of `karat.toml`: the numbers that a host passes to a function or a pass.
 //!
 //! | key | of |
 //! |---|---|
@@ -19,7 +19,7 @@
 
 use toml::Value;
 
-/// Elements of an array that is made up, or workgroups, at most: 2^22 words are 16 MiB, and more take minutes.
+/// The most elements of a generated array, or workgroups: 2^22 words are 16 MiB, and more take minutes.
 pub const MOST_ELEMENTS: u32 = 1 << 22;
 
 /// The declaration of a name.
@@ -31,25 +31,25 @@ pub enum Declaration {
     Values(Vec<f64>),
     /// A vector of a kind: `unit_vector`.
     Named(String),
-    /// The elements of an array of whole numbers.
+    /// The elements of an array of integers.
     Elements {
-        /// The least of them.
+        /// The smallest element.
         least: End,
-        /// The most.
+        /// The largest element.
         most: End,
-        /// True if no two are the same.
+        /// Set if all elements differ.
         distinct: bool,
     },
-    /// A length.
+    /// A length that is a multiple of this.
     MultipleOf(u32),
 }
 
-/// An end of the numbers of an array.
+/// An end of the range of an array's elements.
 #[derive(Clone, Debug, PartialEq)]
 pub enum End {
     /// A number.
     Number(f64),
-    /// The elements of an array, less a number.
+    /// The length of an array, minus a number.
     Length(String, f64),
 }
 
@@ -57,7 +57,7 @@ pub enum End {
 const KINDS: [&str; 3] = ["unit_vector", "hemisphere", "unit_rgb"];
 
 impl Declaration {
-    /// Reads the value of a name; an error is a sentence.
+    /// Reads the value of a name. The error is a sentence.
     pub(super) fn of(name: &str, value: &Value) -> Result<Self, String> {
         let is_length = name.contains("length(");
         let wrong = || {
@@ -107,7 +107,7 @@ impl Declaration {
                             },
                             Some(_) => return Err(wrong()),
                         };
-                        // Elements are indices of their own array unless a range is given.
+                        // Unless a range is given, the elements are indices of their own array.
                         let array = name.rsplit("::").next().unwrap_or(name).to_owned();
                         let (least, most) =
                             own.unwrap_or((Some(End::Number(0.0)), Some(End::Length(array, 1.0))));
@@ -174,7 +174,7 @@ fn number(value: &Value) -> Option<f64> {
     value.as_float().or_else(|| value.as_integer().map(|one| one as f64)).filter(|x| x.is_finite())
 }
 
-/// A number, `length(out)` or `length(out) - 1`.
+/// Reads a number, `length(out)` or `length(out) - 1`.
 fn end(value: &Value) -> Option<End> {
     let Some(text) = value.as_str() else { return number(value).map(End::Number) };
     let (name, rest) = text.trim().strip_prefix("length(")?.split_once(')')?;
@@ -185,7 +185,7 @@ fn end(value: &Value) -> Option<End> {
     Some(End::Length(name.trim().to_owned(), less))
 }
 
-/// The declarations under a name: `params.groups = [1, 8]` is a table in a table.
+/// The declarations under a name: in TOML, `params.groups = [1, 8]` is a table in a table.
 pub(super) fn flat(name: &str, value: &Value) -> Result<Vec<(String, Declaration)>, String> {
     let is_own = |table: &toml::Table| {
         table.is_empty()
@@ -200,7 +200,8 @@ pub(super) fn flat(name: &str, value: &Value) -> Result<Vec<(String, Declaration
     }
 }
 
-/// The function that a key is about alone, and the rest of it: `scan::main` and `groups`, `scan` of `workgroups(scan)`.
+/// Splits a key into its function, if it has one, and the rest: `scan::main` and `groups`, `scan` of
+/// `workgroups(scan)`.
 pub fn scope(key: &str) -> (Option<&str>, &str) {
     if key.contains('(') {
         return (None, key);

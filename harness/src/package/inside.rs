@@ -1,4 +1,4 @@
-//! The parts of a package that programs need which look into functions without a test.
+//! The parts of a package that programs need in order to check functions without a test.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -10,12 +10,12 @@ use super::manifest::{self, Manifest};
 use super::overlay::Overlay;
 use super::{Package, PackageError, directives, texts};
 
-/// The result of a method of [`Package`] that moved to another crate. The compiler's note says where it is.
+/// The result of a [`Package`] method that moved to another crate. The compiler's note names the crate.
 #[derive(Debug)]
 pub struct Moved;
 
 impl Package {
-    /// It is a function of another crate.
+    /// Moved to another crate.
     ///
     /// *Unstable*: for programs around tests.
     #[deprecated(
@@ -26,7 +26,7 @@ impl Package {
         Moved
     }
 
-    /// It is a function of another crate.
+    /// Moved to another crate.
     ///
     /// *Unstable*: for programs around tests.
     #[deprecated(
@@ -38,19 +38,19 @@ impl Package {
     }
 }
 
-/// The package with the features with which a module is validated.
+/// The package with the features that one module is validated with.
 #[must_use]
 pub fn for_validating(package: &Package, module: &str) -> Package {
     package.for_validating(module)
 }
 
-/// Whether it is a crate's.
+/// Returns `true` if the package is a crate's.
 #[must_use]
 pub fn is_crate(package: &Package) -> bool {
     package.is_crate()
 }
 
-/// What `karat.toml` declares of hazards.
+/// The hazards that `karat.toml` declares.
 ///
 /// # Errors
 /// If it can't be read.
@@ -66,7 +66,7 @@ pub fn accepted_mutants(package: &Package) -> Result<Vec<AcceptedMutants>, Packa
     Ok(Manifest::of(package)?.mutants())
 }
 
-/// What `karat.toml` declares of the matrix of translations.
+/// The rows of the translation matrix that `karat.toml` declares.
 ///
 /// # Errors
 /// If it can't be read.
@@ -74,7 +74,7 @@ pub fn known_rows(package: &Package) -> Result<Vec<KnownRows>, PackageError> {
     Ok(Manifest::of(package)?.known_rows())
 }
 
-/// The author's file of a module; `None` of a text in memory.
+/// The author's file of a module; `None` for text in memory.
 #[must_use]
 pub fn file_of(package: &Package, module: &str) -> Option<PathBuf> {
     package.file_at(&ModulePath::root(module).components)
@@ -86,7 +86,7 @@ pub fn unsaved_of<'p>(package: &'p Package, file: &Path) -> Option<&'p str> {
     package.unsaved_text(file)
 }
 
-/// The words of a module's own file, and the features that its conditions ask about and that aren't set.
+/// The words in a module's own file, and the unset features that its conditions ask about.
 #[must_use]
 pub fn words_of(package: &Package, module: &str) -> Option<(Vec<String>, Vec<String>)> {
     let (overlay, manifest) = (Overlay::of(package).ok()?, Manifest::of(package).ok()?);
@@ -97,21 +97,21 @@ pub fn words_of(package: &Package, module: &str) -> Option<(Vec<String>, Vec<Str
     Some((words, open.collect()))
 }
 
-/// Values for the features that the conditions of a package compare with one, and that have none, the first of them the one
-/// that stands there.
+/// Values for the features that a package's conditions compare with a value and that have none. The first is the value
+/// in the condition.
 #[must_use]
 pub fn values_of(package: &Package) -> BTreeMap<String, Vec<Feature>> {
     library::values_of(package)
 }
 
-/// The same of an override's value.
+/// The same for an override's value.
 #[must_use]
 pub fn place_of_override(package: &Package, name: &str) -> String {
     manifest::place_of("overrides", package, name)
 }
 
-/// The place of an input's declaration in the folder's `karat.toml`, behind a message: ` (karat.toml:3:1)`. It is empty if
-/// nothing declares it.
+/// The place of an input's declaration in the folder's `karat.toml`, behind a message: ` (karat.toml:3:1)`. It is empty
+/// for an undeclared input.
 #[must_use]
 pub fn place_of_input(package: &Package, name: &str) -> String {
     manifest::place_of("inputs", package, name)

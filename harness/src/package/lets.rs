@@ -9,9 +9,9 @@ use super::lexer::{Kind, Token, lex};
 pub(crate) struct LetStatement {
     /// The name that it binds, in the text.
     pub(crate) name: Range<usize>,
-    /// Behind its semicolon; `None` in the head of a `for`, where no statement can follow.
+    /// The byte behind its semicolon; `None` in the head of a `for`, where no statement can follow.
     pub(crate) end: Option<usize>,
-    /// Whether it is in a loop, where it has a value a round.
+    /// Set in a loop, where it has one value in each round.
     pub(crate) repeats: bool,
 }
 
@@ -24,10 +24,10 @@ pub(crate) fn let_statements(text: &str, function: &str) -> Vec<LetStatement> {
     let head = |pair: &[Token]| is_word(&pair[0], "fn") && is_word(&pair[1], function);
     let Some(start) = tokens.windows(2).position(head) else { return Vec::new() };
     let mut open: Vec<u8> = Vec::new();
-    // How many brackets are open around each loop that is open, and whether one's `{` is awaited.
+    // The number of open brackets around each open loop, and whether a loop's `{` is still to come.
     let (mut loops, mut awaited): (Vec<usize>, bool) = (Vec::new(), false);
     let mut found: Vec<LetStatement> = Vec::new();
-    // The binding whose initialiser is read, and how many brackets were open before it.
+    // The binding whose initialiser is being read, and the number of brackets that were open before it.
     let mut reading: Option<(Range<usize>, usize)> = None;
     for (index, token) in tokens.iter().enumerate().skip(start) {
         match token.kind {

@@ -1,14 +1,13 @@
-//! Words, numbers and symbols of WGSL, each with its place.
+//! Splits WGSL into words, numbers and symbols, each with its place.
 //!
-//! The linker asks no more of a token than what it needs to find declarations and names, so each
-//! symbol is a token of its own (`>>` is two). Text is never made from tokens: what is linked is
-//! copied from the author's file.
+//! The linker needs tokens only to find declarations and names, so each symbol is a token of its own (`>>` is two).
+//! Text is never made from tokens: the linker copies it from the author's file.
 
 use std::ops::Range;
 
 use unicode_ident::{is_xid_continue, is_xid_start};
 
-/// What a token is.
+/// The kind of a token.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     /// An identifier or a keyword.
@@ -17,7 +16,7 @@ pub(super) enum Kind {
     Number,
     /// One ASCII symbol.
     Symbol(u8),
-    /// Something that WGSL has no token for.
+    /// A character that WGSL has no token for.
     Unknown,
 }
 
@@ -35,7 +34,7 @@ impl Token {
         self.start as usize..self.end as usize
     }
 
-    /// A `;` that isn't written.
+    /// A `;` that the author left out.
     pub(super) fn end(at: usize) -> Self {
         let at = place(at);
         Self { kind: Kind::Symbol(b';'), start: at, end: at }
@@ -53,7 +52,7 @@ fn place(offset: usize) -> u32 {
 /// The characters of WGSL's operators and brackets.
 const SYMBOLS: &str = "!%&()*+,-./:;<=>@[]^{|}~";
 
-/// All tokens of a text, in order. What lies between two of them is blank or a comment.
+/// All tokens of a text, in order. Only blanks and comments lie between them.
 pub(super) fn lex(text: &str) -> Vec<Token> {
     let mut tokens = Vec::with_capacity(text.len() / 4);
     let mut at = 0;

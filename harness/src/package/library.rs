@@ -1,4 +1,4 @@
-//! The modules of a package and of what it depends on, read when first needed.
+//! Reads the modules of a package, and of the packages that it depends on, when they are first needed.
 
 mod composed;
 mod features;
@@ -25,7 +25,7 @@ use super::{Origin, Package, PackageError};
 use crate::diagnostic::{FileRead, Mend, SourceFile, nearest, text_hash};
 use crate::expectation;
 
-/// A module: the package that has it, by its index in the library, and its path in there.
+/// A module: the index of its package in the library, and its path in that package.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub(super) struct ModulePath {
     pub(super) package: usize,
@@ -33,27 +33,27 @@ pub(super) struct ModulePath {
 }
 
 impl ModulePath {
-    /// A module of the package that is linked, from its author's path; `""` is the only module.
+    /// A module of the package that is linked, by the author's path; `""` is the only module of its package.
     pub(super) fn root(module: &str) -> Self {
         let components = module.split("::").filter(|part| !part.is_empty());
         Self { package: 0, components: components.map(str::to_owned).collect() }
     }
 }
 
-/// The packages of one link and their modules, read when first needed. The package that is linked
-/// is the first; the others are reached from it.
+/// The packages of one link and their modules, read when first needed. The first package is the one that is linked; the
+/// others are reached from it.
 pub(super) struct Library {
     packages: RefCell<Vec<(Rc<Package>, String)>>,
-    /// What is declared beside the modules of each package that was asked for one.
+    /// The `karat.toml` of each package that a module was needed from.
     manifests: RefCell<BTreeMap<usize, Rc<Manifest>>>,
     overlay: Overlay,
     files: RefCell<BTreeMap<ModulePath, Arc<SourceFile>>>,
     modules: RefCell<BTreeMap<ModulePath, Arc<Module>>>,
-    /// Which modules exist, as far as somebody asked.
+    /// The known answers to "does this module exist?".
     there: RefCell<BTreeMap<ModulePath, bool>>,
-    /// Which folders of modules do.
+    /// The known answers for folders of modules.
     folders: RefCell<BTreeMap<PathBuf, bool>>,
-    /// Names that the linked module defines, and those that it defines only where nothing else has.
+    /// The names that the linked module defines, and those that it defines only if nothing else has.
     defined: RefCell<Features>,
     guards: RefCell<Features>,
     /// Modules by the paths that they give themselves.
@@ -84,8 +84,8 @@ impl Library {
         Ok(library)
     }
 
-    /// The module of an author's path: one of the package that is linked, or `noise::value` of a package
-    /// that it depends on, as its modules import it.
+    /// The module of an author's path: one of the package that is linked, or `noise::value` of a package that it
+    /// depends on, by the name that its modules import it with.
     pub(super) fn root(&self, module: &str) -> ModulePath {
         let own = ModulePath::root(module);
         let Some((name, rest)) = own.components.split_first() else { return own };
@@ -109,7 +109,7 @@ impl Library {
         Ok(file)
     }
 
-    /// The packages that were reached, if all but the first are texts in memory.
+    /// The packages that were reached, if all except the first are texts in memory.
     pub(super) fn in_memory(&self) -> Option<Vec<(Package, String)>> {
         let packages = self.packages.borrow();
         let is_memory = |package: &Package| matches!(package.origin, Origin::Memory { .. });
@@ -117,14 +117,14 @@ impl Library {
         all.then(|| packages.iter().map(|(p, route)| (Package::clone(p), route.clone())).collect())
     }
 
-    /// Numbers packages as another library of the same package has them.
+    /// Numbers the packages as another library of the same package does.
     pub(super) fn number_as(&self, packages: &[(Package, String)]) {
         let others = packages.iter().skip(1);
         let others = others.map(|(package, route)| (Rc::new(package.clone()), route.clone()));
         self.packages.borrow_mut().extend(others);
     }
 
-    /// What is declared beside the modules of a package; one file, read once.
+    /// The `karat.toml` of a package, read once.
     fn manifest(&self, package: usize) -> Result<Rc<Manifest>, PackageError> {
         if let Some(known) = self.manifests.borrow().get(&package) {
             return Ok(Rc::clone(known));
@@ -134,7 +134,7 @@ impl Library {
         Ok(manifest)
     }
 
-    /// The text of the module that is linked. What it defines holds in all modules.
+    /// The text of the module that is linked. Its definitions hold in all modules.
     pub(super) fn begin(&self, root: &ModulePath) -> Result<Arc<SourceFile>, PackageError> {
         let file = self.read(root)?;
         *self.defined.borrow_mut() = directives::defined(&file.text);
@@ -147,13 +147,13 @@ impl Library {
         Ok(self.manifest(path.package)?.joined(&path.components.join("::")).to_vec())
     }
 
-    /// A module without what its conditions leave out.
+    /// A module, without the parts that its conditions leave out.
     pub(super) fn module(&self, path: &ModulePath) -> Result<Arc<Module>, PackageError> {
         if let Some(module) = self.modules.borrow().get(path) {
             return Ok(Arc::clone(module));
         }
         let file = self.read(path)?;
-        // A file that guards a name itself asks before it is defined.
+        // In a file with a guard, the guard's condition is evaluated before the name is defined.
         let own = directives::guards(&file.text);
         let mut features = self.guarded(path.package);
         if !own.is_empty() {
@@ -170,12 +170,12 @@ impl Library {
         Ok(module)
     }
 
-    /// All modules that somebody asked for.
+    /// All modules that were read so far.
     pub(super) fn parsed(&self) -> BTreeMap<ModulePath, Arc<Module>> {
         self.modules.borrow().clone()
     }
 
-    /// Whether a module exists, readable or not.
+    /// Returns `true` if a module exists, readable or not.
     pub(super) fn has(&self, path: &ModulePath) -> bool {
         if let Some(known) = self.there.borrow().get(path) {
             return *known;
@@ -186,7 +186,7 @@ impl Library {
         has
     }
 
-    /// Whether the folder exists that a module would be in: most paths that are asked for name items.
+    /// Returns `true` if the folder exists that a module would be in: most paths that are looked up name items.
     fn has_folder(&self, package: &Package, path: &ModulePath) -> bool {
         let Some((_, above)) = path.components.split_last() else { return true };
         if above.is_empty() || matches!(package.origin, Origin::Memory { .. }) {
@@ -202,20 +202,20 @@ impl Library {
         })
     }
 
-    /// Whether a crate has a module of this name at its root.
+    /// Returns `true` if a crate has a module of this name at its root.
     pub(super) fn is_own(&self, package: usize, name: &str) -> bool {
         let of = self.package(package);
         of.is_crate() && of.find(&[name.to_owned()]).is_some()
     }
 
-    /// Whether a path is a folder of modules.
+    /// Returns `true` if a path is a folder of modules.
     pub(super) fn has_below(&self, path: &ModulePath) -> bool {
         let prefix = format!("{}::", path.components.join("::"));
         let modules = self.package(path.package).modules().unwrap_or_default();
         modules.iter().any(|module| module.starts_with(&prefix))
     }
 
-    /// What was read, with `root`, which may be no module that can be parsed.
+    /// All files that were read, and `root`, which may not parse.
     pub(super) fn sources(&self, root: &ModulePath, file: &SourceFile) -> Sources {
         let hash = hash_of;
         let modules = self.modules.borrow();
@@ -244,7 +244,7 @@ impl Library {
         });
         let linked = linked.collect();
         files.extend(packages.iter().filter_map(|(manifest, _)| manifest.read.clone()));
-        // What a program prints is in no file, but what it was given is.
+        // A program's output is in no file, but its input is.
         let given = texts.keys().filter_map(|path| {
             let (manifest, package) = &packages[path.package];
             match package.find(&path.components)? {
@@ -266,12 +266,12 @@ impl Library {
         self.package(package).name()
     }
 
-    /// The name of a package as the one that is linked reaches it: `noise`, `textures/noise`.
+    /// The name of a package, as seen from the one that is linked: `noise`, `textures/noise`.
     pub(super) fn route(&self, package: usize) -> String {
         self.packages.borrow()[package].1.clone()
     }
 
-    /// `package::math`, or `noise::value` of another package.
+    /// A module's path for messages: `package::math`, or `noise::value` of another package.
     pub(super) fn shown(&self, path: &ModulePath) -> String {
         let route = self.route(path.package);
         let first = if route.is_empty() { "package".to_owned() } else { route };
@@ -299,7 +299,7 @@ impl Library {
         found.expect_distinct()?;
         let route = self.route(package);
         let mut packages = self.packages.borrow_mut();
-        // One package that is reached in two ways is one: its types are the same types.
+        // A package that is reached in two ways is one package: its types are the same types.
         let same =
             |known: &Package| known.origin == found.origin && known.features == found.features;
         if let Some(index) = packages.iter().position(|(known, _)| same(known)) {
@@ -310,7 +310,7 @@ impl Library {
         Ok(packages.len() - 1)
     }
 
-    /// The values of features, as Bevy's shaders import them.
+    /// The values of features, as a package that Bevy's shaders import.
     fn constants(&self) -> Package {
         let features = self.guarded(0);
         let values = features.iter().filter_map(|(name, value)| match value {
@@ -320,7 +320,7 @@ impl Library {
         Package::from_modules(CONSTANTS, [("", values.collect::<String>())])
     }
 
-    /// All packages that the one that is linked can reach.
+    /// All packages that the linked one can reach.
     fn all(&self) -> Vec<usize> {
         let (mut all, mut at) = (vec![0], 0);
         while let Some(package) = all.get(at).copied() {
@@ -330,7 +330,7 @@ impl Library {
                 Origin::Found(found) => found.known().map(str::to_owned).collect(),
                 _ => Vec::new(),
             };
-            // What can't be found is an error where it is imported.
+            // A crate that can't be found is an error where it is imported.
             let found = own.chain(crates).filter_map(|name| self.dependency(package, &name).ok());
             let new: BTreeSet<usize> = found.filter(|index| !all.contains(index)).collect();
             all.extend(new);
@@ -339,10 +339,10 @@ impl Library {
         all
     }
 
-    /// The features that hold in a package: its own, then those of the one that is linked.
+    /// The features that hold in a package: its own, then those of the linked package.
     pub(super) fn features(&self, package: usize) -> Features {
         let (own, linked) = (self.package(package), self.package(0));
-        // Read before; what is wrong with it was said then.
+        // An error in the file was reported when it was first read.
         let declared =
             [package, 0].map(|of| self.manifest(of).unwrap_or_default().features.clone());
         let set = own.features.iter().chain(&linked.features);
@@ -351,7 +351,8 @@ impl Library {
         declared.into_iter().flatten().chain(set).chain(defined).collect()
     }
 
-    /// An error of a feature without a value names the others of its package that have none, so that one round sets them all.
+    /// Adds to the error of a feature without a value all others of its package that have none, so you can set them in
+    /// one round.
     fn with_values(&self, path: &ModulePath, error: PackageError) -> PackageError {
         let PackageError::Shader(diagnostic) = error else { return error };
         if !matches!(diagnostic.mend, Some(Mend::Feature(_))) {
@@ -371,7 +372,7 @@ impl Library {
         PackageError::Shader(Box::new(diagnostic.note(note)))
     }
 
-    /// [`features`](Self::features), and what the module that is linked defines where nothing else has.
+    /// [`features`](Self::features), and the names that the linked module defines only if nothing else has.
     fn guarded(&self, package: usize) -> Features {
         let mut features = self.features(package);
         for (name, value) in &*self.guards.borrow() {
@@ -382,8 +383,8 @@ impl Library {
 }
 
 impl Package {
-    /// The folders and files of this package and of all that its modules can import from. Crates, whose
-    /// files don't change, and text in memory have none.
+    /// The folders and files of this package and of all packages that its modules can import from. Crates have none,
+    /// because their files don't change. Text in memory has none, either.
     ///
     /// ```
     /// use karat::Package;
@@ -408,27 +409,27 @@ impl Package {
 /// A module that a program was linked from.
 #[derive(Clone, Debug)]
 pub(crate) struct LinkedModule {
-    /// `package::math`, or `noise::value` of another package.
+    /// Its path for messages: `package::math`, or `noise::value` of another package.
     pub(crate) name: String,
-    /// `None`: it is in memory.
+    /// `None` for a module in memory.
     pub(crate) file: Option<PathBuf>,
     /// [`text_hash`] of its text.
     pub(crate) hash: String,
 }
 
-/// The texts that a link was made of.
+/// The texts that a program was linked from.
 #[derive(Clone, Debug)]
 pub(crate) struct Sources {
     packages: Vec<(Manifest, Package)>,
     texts: BTreeMap<ModulePath, Hash>,
-    /// The same texts, as they are told to people.
+    /// The same texts, in the form that people see.
     linked: Vec<LinkedModule>,
-    /// Those of them that are files.
+    /// Those of them that are in files.
     files: Vec<FileRead>,
 }
 
 impl Sources {
-    /// The features that are on in some package, as people write them.
+    /// The features that are on in some package, in the form that people write.
     pub(crate) fn features(&self) -> Vec<String> {
         let all = self.packages.iter().flat_map(|(_, package)| &package.features);
         let written = all.filter_map(|(name, feature)| match feature {
@@ -443,12 +444,12 @@ impl Sources {
         &self.files
     }
 
-    /// The modules that they are the texts of.
+    /// The modules that these texts belong to.
     pub(crate) fn modules(&self) -> &[LinkedModule] {
         &self.linked
     }
 
-    /// Whether all of them are as they were.
+    /// Returns `true` if all of them are unchanged.
     pub(crate) fn are_current(&self) -> Result<bool, PackageError> {
         let overlay = Overlay::of(&self.packages[0].1)?;
         for (manifest, package) in &self.packages {
@@ -464,7 +465,7 @@ impl Sources {
     }
 }
 
-/// The hash of a text, and of what its author wrote for its values: places are the author's.
+/// The hash of a text, and of the author's text behind its values: places are the author's.
 fn hash_of(file: &SourceFile) -> Hash {
     let mut hasher = blake3::Hasher::new();
     hasher.update(file.text.as_bytes());
@@ -480,11 +481,11 @@ struct Modules;
 impl Kind for Modules {
     type Key = (Hash, Features);
     type Value = Arc<Module>;
-    // More than any package has.
+    // More modules than any package has.
     const MOST: usize = 10_000;
 }
 
-/// A parsed module; once in a process for the same file and features.
+/// A parsed module. A process parses it once for the same file and features.
 fn parsed(file: &Arc<SourceFile>, features: Features) -> Result<Arc<Module>, PackageError> {
     let mut hasher = blake3::Hasher::new();
     hasher.update(file.name.as_bytes()).update(&[0]).update(hash_of(file).as_bytes());
@@ -497,14 +498,14 @@ fn parsed(file: &Arc<SourceFile>, features: Features) -> Result<Arc<Module>, Pac
     Ok(module)
 }
 
-/// Where the text of a module is.
+/// The place of a module's text.
 pub(super) enum Place<'a> {
     File(PathBuf),
     Memory(&'a str, &'a str),
 }
 
 impl Package {
-    /// The package that this one knows by a name.
+    /// The package that this one imports under a name.
     fn dependency(&self, name: &str) -> Result<Option<Self>, PackageError> {
         if let Some((_, found)) = self.dependencies.iter().find(|(known, _)| known == name) {
             return Ok(Some(found.found()?.into_owned()));
@@ -518,12 +519,12 @@ impl Package {
         Ok(expectations.map(|package| Self::from_source(name, package.text.as_str())))
     }
 
-    /// The modules that `karat.toml` joins with one. A file that can't be read has been told of.
+    /// The modules that `karat.toml` joins with one. An unreadable `karat.toml` was reported earlier.
     pub(crate) fn joined_with(&self, module: &str) -> Vec<String> {
         Manifest::of(self).map_or(Vec::new(), |all| all.joined(module).to_vec())
     }
 
-    /// The modules that declare a name, and the one that a file is.
+    /// The modules that declare a name, and the module of a file.
     pub(crate) fn declaring(&self, name: &str, file: &str) -> (Vec<String>, Option<String>) {
         let (mut declaring, mut own) = (Vec::new(), None);
         let Ok(library) = Library::open(self) else { return (declaring, own) };
@@ -546,7 +547,7 @@ impl Package {
         }
     }
 
-    /// Finds a module by its path inside the package.
+    /// Finds a module by its path in the package.
     pub(super) fn find(&self, components: &[String]) -> Option<Place<'_>> {
         match &self.origin {
             Origin::Crate { .. } => None,
@@ -567,7 +568,7 @@ impl Package {
         }
     }
 
-    /// The text of a module, with what is declared beside it.
+    /// The text of a module, with its package's `karat.toml`.
     pub(super) fn load(
         &self,
         components: &[String],
@@ -598,7 +599,7 @@ impl Package {
 }
 
 impl Package {
-    /// A module as its file has it, or as a program prints it, before values replace anything.
+    /// A module before values replace anything: its file, or the output of the program that prints it.
     pub(super) fn before_values(&self, module: &str) -> Result<String, PackageError> {
         let manifest = Manifest::of(self)?.without_values();
         let components = ModulePath::root(module).components;
@@ -606,7 +607,7 @@ impl Package {
     }
 }
 
-/// Values for the features that the conditions of a package compare with one, and that have none.
+/// Values for the features that a package's conditions compare with a value and that have none.
 pub(super) fn values_of(package: &Package) -> BTreeMap<String, Vec<Feature>> {
     let (Ok(overlay), Ok(manifest)) = (Overlay::of(package), Manifest::of(package)) else {
         return BTreeMap::new();

@@ -1,4 +1,4 @@
-//! WebGPU's limits of what a shader uses.
+//! WebGPU's limits on a shader's resources.
 
 use std::collections::BTreeMap;
 
@@ -17,7 +17,7 @@ macro_rules! limits {
         impl Limit {
             $(pub(crate) const $constant: Self =
                 Self { name: $name, core: $core, compatibility: $compatibility };)*
-            /// All that shaders can exceed.
+            /// All limits that shaders can exceed.
             pub(crate) const ALL: &[Self] = &[$(Self::$constant),*];
         }
     };
@@ -47,19 +47,19 @@ limits! {
     WORKGROUP_Z = "maxComputeWorkgroupSizeZ": 64, 64;
 }
 
-/// The limits that a package keeps to.
+/// The limits of a package.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Limits {
-    /// Those of compatibility mode, in place of the default ones.
+    /// Set if compatibility mode's limits replace the default ones.
     pub(crate) compatibility: bool,
     /// Other values, by name.
     named: BTreeMap<String, u64>,
-    /// True if `karat.toml` has the table: what exceeds a limit is an error then.
+    /// Set if `karat.toml` has the table: exceeding a limit is then an error.
     pub(crate) stated: bool,
 }
 
 impl Limits {
-    /// Those that every device has.
+    /// The limits that every device has.
     pub(crate) fn usual(compatibility: bool) -> Self {
         Self { compatibility, ..Self::default() }
     }
@@ -81,7 +81,7 @@ impl Limits {
                 continue;
             }
             if !Limit::ALL.iter().any(|limit| limit.name == name) {
-                // wgpu writes them in its own way: max_bind_groups.
+                // wgpu spells them differently: `max_bind_groups`.
                 let camel = name.split('_').filter(|part| !part.is_empty()).enumerate();
                 let camel: String = camel.map(|(at, part)| capital(part, at > 0)).collect();
                 let names = Limit::ALL.iter().map(|limit| limit.name);
@@ -104,7 +104,8 @@ impl Limits {
 
     /// The value of a limit.
     pub(crate) fn value(&self, limit: Limit) -> u64 {
-        // WebGPU, 3.6.2: outside of compatibility mode one stage has as many as each stage.
+        // WebGPU, 3.6.2: outside compatibility mode, the vertex and fragment stages have the same limits as every
+        // stage.
         let limit = match limit {
             limit if self.compatibility || self.named.contains_key(limit.name) => limit,
             Limit::STORAGE_BUFFERS_IN_VERTEX | Limit::STORAGE_BUFFERS_IN_FRAGMENT => {
@@ -119,7 +120,7 @@ impl Limits {
         self.named.get(limit.name).copied().unwrap_or(usual)
     }
 
-    /// Whose value that is: `WebGPU's default`.
+    /// The origin of the value: `WebGPU's default`.
     pub(crate) fn source(&self, limit: Limit) -> &'static str {
         match (self.named.contains_key(limit.name), self.compatibility) {
             (true, _) => "karat.toml's",

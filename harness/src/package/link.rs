@@ -1,7 +1,7 @@
-//! From modules with imports to one WGSL text.
+//! Links modules with imports into one WGSL text.
 //!
-//! Linking decides which declarations there are, and which names must be others. Their text is
-//! copied from the author's files by [`Spliced`].
+//! Linking decides which declarations are needed, and which of them get new names. [`Spliced`] copies their text from
+//! the author's files.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -18,8 +18,8 @@ use super::{Package, PackageError, directives, imports};
 use crate::diagnostic::{SourceFile, nearest};
 
 impl Package {
-    /// Packages of one generated module each that depend on this one by a name. What is `set` here is set
-    /// there, as it is what is linked, and so is what the module of the same name defines in its `text`.
+    /// Packages of one generated module each, which depend on this one by a name. They have the features in `set`, and
+    /// the definitions that the module of the same name makes in its `text`.
     pub(crate) fn around<const N: usize>(
         &self,
         name: &str,
@@ -39,21 +39,21 @@ impl Package {
         texts.map(|text| {
             let modules = [(module, defines.clone() + &text)];
             let mut generated = Self::from_modules(&self.name(), modules).depends_on(name, self);
-            // A text that isn't saved stands in for its file here, too.
+            // An unsaved text stands in for its file here, too.
             generated.unsaved.clone_from(&self.unsaved);
             generated.features.extend(set.iter().map(|(name, value)| (name.clone(), *value)));
             generated
         })
     }
 
-    /// Links the closure of one declaration: what it needs from any module, and nothing else. An entry point is a
-    /// function then, and goes on in this way where it discards.
+    /// Links one declaration with everything that it needs from any module, and nothing else. An entry point becomes a
+    /// function, and `discards` decides how it goes on at a `discard`.
     pub(crate) fn link(&self, path: &str, discards: Discards) -> Result<Linked, PackageError> {
         let (module, item) = path.rsplit_once("::").unwrap_or(("", path));
         self.link_closure(module, &[item], Some((item, discards)))
     }
 
-    /// Links the closure of several declarations of one module.
+    /// Links several declarations of one module with everything that they need.
     pub(crate) fn link_items(&self, module: &str, items: &[&str]) -> Result<Linked, PackageError> {
         self.link_closure(module, items, None)
     }
@@ -81,7 +81,7 @@ impl Package {
         for item in items {
             let before = wanted.len();
             wanted.extend(parsed.declared(item).map(|index| (root.clone(), index)));
-            // An entry point that isn't there is reported with its stage.
+            // A missing entry point is reported with its stage.
             if wanted.len() == before && items.len() == 1 {
                 return Err(self.unknown_function(module, item));
             }
@@ -90,8 +90,8 @@ impl Package {
         Linker::new(&library, &root)?.link(wanted, false, called)
     }
 
-    /// Links a whole module with what it needs of others. A module that imports nothing and has no
-    /// conditions is its file, byte for byte, well formed or not.
+    /// Links a whole module with what it needs of others. A module that imports nothing and has no conditions is linked
+    /// byte for byte, well formed or not.
     pub(crate) fn link_module(&self, module: &str) -> Result<Linked, PackageError> {
         let root = ModulePath::root(module);
         let library = Library::open(self)?;
@@ -106,14 +106,14 @@ impl Package {
         Linker::new(&library, &root)?.link(all, true, None)
     }
 
-    /// Follows each import, used or not; of a crate only those that are used, as its engine does:
-    /// what others import may be there with some features only.
+    /// Follows each import, used or not. Of a crate's imports it follows only the used ones, as the crate's engine
+    /// does: other imports may exist with some features only.
     fn check_imports(&self, library: &Library, root: &ModulePath) -> Result<(), PackageError> {
         if self.is_crate() { Ok(()) } else { imports::check(library, root) }
     }
 
-    /// [`link_module`](Self::link_module) with another name for everything that the module declares:
-    /// the hardest test of which names mean what.
+    /// [`link_module`](Self::link_module) with a new name for everything that the module declares: the hardest test of
+    /// name resolution.
     #[cfg(test)]
     pub(crate) fn link_renamed(&self, module: &str) -> Result<Linked, PackageError> {
         let root = ModulePath::root(module);
@@ -125,8 +125,7 @@ impl Package {
         linker.link(all, true, None)
     }
 
-    /// Says that there is no such function, and what may be meant. Modules that can't be read hide
-    /// no others.
+    /// The error for a function that doesn't exist, with a suggestion. Modules that can't be read are skipped.
     fn unknown_function(&self, module: &str, item: &str) -> PackageError {
         let path = author_path("", &ModulePath::root(module), item);
         let mut known = Vec::new();
@@ -151,7 +150,7 @@ impl Package {
     }
 }
 
-/// A file as it is. Its functions are known by the names that they have.
+/// A file, unchanged. Its functions keep their names.
 fn verbatim(library: &Library, root: &ModulePath, file: &Arc<SourceFile>) -> Linked {
     let mut spliced = Spliced::default();
     spliced.copy(file, 0..file.text.len(), Vec::new());

@@ -1,4 +1,4 @@
-//! What linking gives.
+//! The result of linking.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -12,8 +12,7 @@ use super::splice::Spliced;
 use super::stage::Stage;
 use crate::diagnostic::{SourceFile, Span};
 
-/// WGSL's names that generated kernels use. A shader under test may declare them, too, and gets
-/// other names for its own then.
+/// WGSL's names that generated kernels use. If a shader under test declares one, its own gets another name.
 pub(crate) const KERNEL_WORDS: &[&str] = &[
     "all",
     "array",
@@ -46,10 +45,10 @@ pub(crate) const KERNEL_WORDS: &[&str] = &[
     "vec4",
 ];
 
-/// How the names of generated kernels begin.
+/// The prefix of names in generated kernels.
 pub(crate) const KERNEL_PREFIX: &str = "karat_";
 
-/// A text as naga takes it: with blanks in place of what it doesn't know.
+/// A text for naga: blanks replace the tokens that naga doesn't know.
 pub(crate) fn as_naga_takes(text: &str) -> Cow<'_, str> {
     let unknown = unknown_to_naga(text);
     if unknown.is_empty() {
@@ -60,7 +59,8 @@ pub(crate) fn as_naga_takes(text: &str) -> Cow<'_, str> {
     String::from_utf8(bytes).map_or(text.into(), Cow::Owned)
 }
 
-/// Tokens that naga doesn't know. It has operations of subgroups without `enable subgroups;`, which WGSL asks for (4.1.1).
+/// Tokens that naga doesn't know. It accepts subgroup operations without `enable subgroups;`, which WGSL requires
+/// (4.1.1).
 pub(crate) fn unknown_to_naga(text: &str) -> Vec<Range<usize>> {
     const KNOWN: &str = "subgroups";
     let mut unknown = Vec::new();
@@ -71,7 +71,7 @@ pub(crate) fn unknown_to_naga(text: &str) -> Vec<Range<usize>> {
     let is =
         |at: usize, word: &str| tokens.get(at).is_some_and(|token| &text[token.range()] == word);
     let mut add = |at: usize| unknown.push(tokens[at].range());
-    // Directives stand before all else (WGSL, 4).
+    // Directives come before everything else (WGSL, 4).
     let mut start = 0;
     while ["enable", "requires", "diagnostic"].iter().any(|word| is(start, word)) {
         let Some(end) = (start..tokens.len()).find(|at| is(*at, ";")) else { break };
@@ -91,39 +91,39 @@ pub(crate) fn unknown_to_naga(text: &str) -> Vec<Range<usize>> {
     unknown
 }
 
-/// WGSL without imports, and the way back to the author's files.
+/// WGSL without imports, with the places in the author's files.
 #[derive(Clone, Debug)]
 pub(crate) struct Linked {
     /// Plain WGSL.
     pub(crate) spliced: Spliced,
-    /// Author's path of each declaration, `fresnel::schlick`, by its name in the text.
+    /// The author's path of each declaration, `fresnel::schlick`, by its name in the text.
     pub(crate) names: BTreeMap<String, String>,
-    /// The file that holds what was linked.
+    /// The file that was linked.
     pub(crate) file: Arc<SourceFile>,
-    /// Whether the whole file is as valid as this is: all that it declares is in it, but for tests.
+    /// Set if the text has everything that the file declares, except tests: then the file is valid if the text is.
     pub(crate) whole: bool,
-    /// The entry point that it has as a function.
+    /// The entry point that became a function.
     pub(crate) called: Option<EntryPoint>,
-    /// A function that may discard, by its name in the text, and the one that is called in its place.
+    /// A function that may discard, by its name in the text, and the function that is called in its place.
     pub(crate) discards: Option<(String, &'static str)>,
-    /// Calls of expectations in the modules that it was made of, by the numbers that they have.
+    /// Calls of expectations in the linked modules, by their numbers.
     pub(crate) calls: BTreeMap<u32, Span>,
-    /// Declarations under conditions that don't hold, in the modules that it was made of, by their names.
+    /// Declarations under conditions that don't hold, in the linked modules, by their names.
     pub(crate) inactive: BTreeMap<String, Unmet>,
-    /// What it was made of.
+    /// The texts that it was made of.
     pub(crate) sources: Sources,
 }
 
 /// A condition that doesn't hold.
 #[derive(Clone, Debug)]
 pub(crate) struct Unmet {
-    /// As its author wrote it: `@if(fast)`.
+    /// The condition, as its author wrote it: `@if(fast)`.
     pub(crate) condition: String,
-    /// The feature that it asks about, if that is all.
+    /// The feature, if the condition asks about one feature alone.
     pub(crate) feature: Option<String>,
 }
 
-/// An entry point without its attributes, so that it can be called.
+/// An entry point without its attributes, so it can be called.
 #[derive(Clone, Debug)]
 pub(crate) struct EntryPoint {
     pub(crate) stage: Stage,
@@ -136,7 +136,7 @@ impl Linked {
         self.spliced.text()
     }
 
-    /// True if the text has `enable` with this extension. Directives stand before all else (WGSL, 4).
+    /// Returns `true` if the text has `enable` with this extension. Directives come before everything else (WGSL, 4).
     pub(crate) fn enables(&self, extension: &str) -> bool {
         let text = self.text();
         if !text.contains(extension) {
@@ -148,24 +148,24 @@ impl Linked {
         statements.any(|one| one.first() == Some(&"enable") && one.contains(&extension))
     }
 
-    /// Where the text nests so deep, or has so long an expression, that compilers, which recurse over
-    /// both, would need more stack than they are given.
+    /// The place where the text nests so deep, or has so long an expression, that compilers would need more stack than
+    /// they get: they recurse over both.
     pub(crate) fn too_deep(&self) -> Option<Span> {
         let place = deepest(self.text())?;
         let none = || Span { file: Arc::clone(&self.file), range: 0..0 };
         Some(self.spliced.resolve(place).unwrap_or_else(none))
     }
 
-    /// The name in the text of a declaration with this author's path.
+    /// The name in the text of the declaration with this author's path.
     pub(crate) fn name_of(&self, path: &str) -> Option<&str> {
         self.names.iter().find(|(_, known)| *known == path).map(|(name, _)| name.as_str())
     }
 }
 
-/// A declaration: its module, and its index in there.
+/// A declaration: its module, and its index in that module.
 pub(super) type Item = (ModulePath, usize);
 
-/// `fresnel::schlick` for an item of this package, `noise::value::perlin` for a dependency's.
+/// An item's path for the author: `fresnel::schlick` in this package, `noise::value::perlin` in a dependency.
 pub(super) fn author_path(route: &str, module: &ModulePath, item: &str) -> String {
     let route = (!route.is_empty()).then(|| route.to_owned());
     let parts: Vec<String> = route

@@ -1,4 +1,4 @@
-//! Which declarations a link needs, and what they are called in its text.
+//! Decides which declarations a link needs, and names them.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::ops::Range;
@@ -24,22 +24,22 @@ struct Part {
     imports: Vec<Import>,
 }
 
-/// What the tokens of a reference mean: a declaration of a module.
+/// The declaration that each reference means: its module and its name, by the reference's tokens.
 type Uses = BTreeMap<(usize, usize), (ModulePath, String)>;
 
 pub(super) struct Linker<'a> {
     library: &'a Library,
     root: ModulePath,
     parts: BTreeMap<ModulePath, Part>,
-    /// References that lead to declarations, by module and tokens.
+    /// The references to declarations, by module and tokens.
     uses: BTreeMap<ModulePath, Uses>,
-    /// What each declaration refers to, as far as that is known.
+    /// The declarations that each declaration refers to, as far as they are resolved.
     resolved: BTreeMap<Item, Vec<Item>>,
-    /// Names of WGSL itself that linked declarations use, but for those of the root.
+    /// WGSL's own names that linked declarations use, except those of the root.
     pub(super) free: BTreeSet<String>,
-    /// The modules that share a name space with the root, as it includes them.
+    /// The modules that share a name space with the root because it includes them.
     included: Vec<ModulePath>,
-    /// Those that share one with another module.
+    /// The modules that share a name space with another module.
     spaces: BTreeMap<ModulePath, Vec<ModulePath>>,
 }
 
@@ -67,14 +67,14 @@ impl<'a> Linker<'a> {
         &self.root
     }
 
-    /// Another module as root, of the same package, that includes none, to describe what it has: what is
-    /// resolved is so for all of them.
+    /// Makes another module of the same package the root, to describe its declarations. The module must include no
+    /// others. Resolved references stay valid.
     pub(super) fn turn_to(&mut self, root: &ModulePath) -> Result<(), PackageError> {
         self.root = root.clone();
         self.add(root)
     }
 
-    /// Pasted into one text, two declarations of one name would be an error, too.
+    /// In one text, two declarations of one name are an error, as they are where the files are included.
     fn expect_one_of_each_name<'p>(
         &self,
         space: impl Iterator<Item = &'p ModulePath>,
@@ -107,11 +107,11 @@ impl<'a> Linker<'a> {
         Ok(())
     }
 
-    /// What is wanted, and what that needs.
+    /// The wanted declarations, and everything that they need.
     pub(super) fn reach(&mut self, wanted: Vec<Item>) -> Result<BTreeSet<Item>, PackageError> {
         let mut items: BTreeSet<Item> = wanted.iter().cloned().collect();
         let mut queue: VecDeque<Item> = wanted.into();
-        // Modules of which something is linked.
+        // Modules with a linked declaration.
         let mut used = BTreeSet::new();
         while let Some((path, index)) = queue.pop_front() {
             let mut reached = self.resolve(&path, index)?;
@@ -127,21 +127,21 @@ impl<'a> Linker<'a> {
         Ok(items)
     }
 
-    /// All that a linked declaration is made of, but for what it refers to.
+    /// Hashes a linked declaration without the declarations that it refers to.
     pub(super) fn describe(&self, (path, index): &Item, hasher: &mut Hasher) {
         let module = &self.parts[path].module;
         let declaration = &module.declarations[*index];
         let from = module.bytes(&declaration.tokens);
         let mut text = Spliced::default();
         text.copy(&module.file, from.clone(), in_order(module.changes(&from).collect()));
-        // `const_assert` has none.
+        // `const_assert` has no name.
         let name = declaration.name.as_deref().unwrap_or_default();
         let part = |hasher: &mut Hasher, part: &str| {
             hasher.update(&(part.len() as u64).to_le_bytes()).update(part.as_bytes());
         };
         part(hasher, &author_path(&self.library.route(path.package), path, name));
         part(hasher, &plain(text.text()));
-        // Where its names lead to, in their order.
+        // The targets of its names, in their order.
         let tokens = (declaration.tokens.start, 0)..(declaration.tokens.end, 0);
         for (owner, name) in self
             .uses
@@ -164,7 +164,7 @@ impl<'a> Linker<'a> {
         (!module.directives.is_empty()).then(|| hasher.finalize())
     }
 
-    /// What a declaration refers to, and what its module asserts.
+    /// The declarations that one refers to, and its module's assertions.
     pub(super) fn needs(&mut self, (path, index): &Item) -> Result<Vec<Item>, PackageError> {
         self.add(path)?;
         let mut needs = self.resolve(path, *index)?;
@@ -172,7 +172,7 @@ impl<'a> Linker<'a> {
         Ok(needs)
     }
 
-    /// What a module asserts must hold wherever something of it is linked.
+    /// A module's assertions. They must hold wherever a part of it is linked.
     fn assertions(&self, path: &ModulePath) -> impl Iterator<Item = Item> + use<'_, 'a> {
         let declarations = self.parts[path].module.declarations.iter().enumerate();
         let assertions = declarations.filter(|(_, d)| d.kind == DeclarationKind::Assertion);
@@ -180,8 +180,9 @@ impl<'a> Linker<'a> {
         assertions.map(move |(index, _)| (path.clone(), index))
     }
 
-    /// Links what is wanted and what that needs; `whole` is the root with all that it holds. An entry point of the
-    /// root by the name `called` is a function afterwards, which can be called, and discards in this way.
+    /// Links the wanted declarations and everything that they need. With `whole`, the root keeps its whole text. The
+    /// root's entry point `called` becomes a function that can be called, and `discards` says how it goes on at a
+    /// `discard`.
     pub(super) fn link(
         mut self,
         wanted: Vec<Item>,
@@ -193,7 +194,7 @@ impl<'a> Linker<'a> {
         let names = self.names(&items);
         let Module { file, declarations, directives, .. } = &*self.parts[&self.root].module;
         let mut own = declarations.iter().enumerate().filter(|(_, declaration)| !declaration.test);
-        // Beside declarations only a directive in the wrong place or a null character can be invalid.
+        // Outside declarations, only a misplaced directive or a null character can be invalid.
         let plain = directives.is_empty() && !file.text.contains('\0');
         let mut linked = Linked {
             spliced: Spliced::default(),
@@ -217,7 +218,7 @@ impl<'a> Linker<'a> {
             }
             let from = 0..linked.file.text.len();
             edits.extend(part.module.changes(&from));
-            // Whoever runs tests links them.
+            // Test runners link tests, so the whole module leaves them out.
             for test in part.module.declarations.iter().filter(|declaration| declaration.test) {
                 let bytes = part.module.bytes(&test.tokens);
                 edits.retain(|edit| !bytes.contains(&edit.from.start));
@@ -228,7 +229,7 @@ impl<'a> Linker<'a> {
         let (own, others): (Vec<&Item>, Vec<&Item>) =
             items.iter().partition(|(path, _)| *path == self.root);
         let own = own.into_iter().filter(|_| !whole);
-        // Other stages can't discard, which naga says.
+        // naga reports a `discard` in another stage.
         let root = &self.parts[&self.root].module;
         let stage = |called| root.declarations[root.declared(called).next()?].entry_point;
         let pixels =
@@ -307,7 +308,7 @@ impl<'a> Linker<'a> {
                 }
                 continue;
             };
-            // A module's name alone means nothing: naga says so where it stands.
+            // naga reports a module's name that stands alone.
             let Target::Item(owner, name) = target else { continue };
             self.add(&owner)?;
             let declared = self.parts[&owner].module.declared(&name);
@@ -319,7 +320,7 @@ impl<'a> Linker<'a> {
         Ok(found)
     }
 
-    /// The module that declares a name in the name space that a module shares with what it includes.
+    /// The module that declares a name, among the modules that share a name space.
     fn shared(
         &mut self,
         from: &ModulePath,
@@ -328,7 +329,7 @@ impl<'a> Linker<'a> {
         let is_roots = *from == self.root || self.included.contains(from);
         let is_known = is_roots || self.spaces.contains_key(from);
         if !is_known && !self.parts[from].module.includes.is_empty() {
-            // Of others a missing file is told where one of its names is unknown.
+            // In other modules, a missing file is reported where one of its names is unknown.
             let mut space = self.library.included(from).unwrap_or_default();
             space.push(from.clone());
             for path in &space {
@@ -347,10 +348,10 @@ impl<'a> Linker<'a> {
         Ok(space.find(declares).cloned())
     }
 
-    /// New names: of all that isn't the root's, and of what the root declares where others mean
-    /// WGSL's own.
+    /// Chooses new names: for declarations of other modules than the root, and for the root's own if other modules use
+    /// the same name for WGSL's builtin.
     fn names(&self, items: &BTreeSet<Item>) -> BTreeMap<(ModulePath, String), String> {
-        // A new name is no word of any file, so that it can't be taken for another.
+        // A new name occurs in no file, so it can't be confused with another.
         let is_taken = |name: &str| {
             let mut parts = self.parts.values();
             self.free.contains(name) || parts.any(|part| part.module.words.contains(name))
@@ -389,8 +390,8 @@ impl<'a> Linker<'a> {
         names
     }
 
-    /// True of an override that a host can set by its name: in all that is linked each word that is like it means it. A local of
-    /// that name would take its place.
+    /// Returns `true` for an override that a host can set by its name: each word with its name, in everything that is
+    /// linked, means the override. Otherwise a local of the same name would hide it.
     fn is_of_host(&self, one: &Item, item: &str, items: &BTreeSet<Item>) -> bool {
         let (path, index) = one;
         let module = &self.parts[path].module;
@@ -399,7 +400,7 @@ impl<'a> Linker<'a> {
             && items.iter().all(|owner| !self.has_another(owner, one, item))
     }
 
-    /// True if a declaration has a word that is like a name, and doesn't mean it.
+    /// Returns `true` if a declaration contains the same word with another meaning.
     fn has_another(&self, (owner, index): &Item, (path, of): &Item, item: &str) -> bool {
         let name_token = self.parts[path].module.declarations[*of].name_token;
         let means_it = |token: usize| {
@@ -412,8 +413,8 @@ impl<'a> Linker<'a> {
         tokens.any(|token| module.text(token) == item && !means_it(token))
     }
 
-    /// The names that a path or an alias leads to in a declaration that has another word like them, as a parameter is: it
-    /// would take their place.
+    /// The names that a path or an alias leads to, in a declaration that uses the same word for something else, such as
+    /// a parameter, which would capture the name.
     fn captured(&self, items: &BTreeSet<Item>) -> BTreeSet<(ModulePath, String)> {
         let mut captured = BTreeSet::new();
         for owner @ (path, index) in items {
@@ -435,7 +436,7 @@ impl<'a> Linker<'a> {
         captured
     }
 
-    /// The edits of names among some tokens of a module.
+    /// The edits of names among a module's tokens.
     fn edits(
         &self,
         path: &ModulePath,
@@ -467,8 +468,8 @@ impl<'a> Linker<'a> {
         edits
     }
 
-    /// Copies directives to where they must stand, before all declarations: of all modules that
-    /// something is linked of, the same ones once. Those of a whole root are where they belong.
+    /// Copies directives to the front, before all declarations: each directive of a linked module once. The directives
+    /// of a whole root stay in their place.
     fn copy_directives(&self, items: &BTreeSet<Item>, whole: bool, spliced: &mut Spliced) {
         let mut linked: BTreeSet<&ModulePath> = items.iter().map(|(path, _)| path).collect();
         linked.insert(&self.root);
@@ -488,7 +489,7 @@ impl<'a> Linker<'a> {
     }
 }
 
-/// Edits by their places. What is blanked with what is around it needs no edit of its own.
+/// Sorts edits by their places. An edit inside a blanked range is dropped.
 fn in_order(mut edits: Vec<Edit>) -> Vec<Edit> {
     edits.sort_by_key(|edit| (edit.from.start, std::cmp::Reverse(edit.from.end)));
     let mut kept: Vec<Edit> = Vec::with_capacity(edits.len());

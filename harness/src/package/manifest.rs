@@ -1,6 +1,5 @@
-//! `karat.toml` beside the modules of a folder: features, what expands modules, what is known not to
-//! work in the matrix of translations, what inputs are and which values overrides have, which hazards are accepted, and which compilers
-//! and limits the package is for.
+//! Reads `karat.toml`, the file beside the modules of a folder: features, the program that expands modules, known
+//! failures in the translation matrix, inputs and overrides, accepted hazards and mutants, compilers and limits.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path, PathBuf};
@@ -25,25 +24,25 @@ use crate::settings;
 /// The file's name.
 pub(super) const NAME: &str = "karat.toml";
 
-/// What it says.
+/// The file's contents.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Manifest {
     /// The file, if there is one.
     pub(super) read: Option<FileRead>,
-    /// Other packages, by the names under which modules import from them.
+    /// Other packages, by the names that modules import them with.
     dependencies: BTreeMap<String, Dependency>,
-    /// Features that are set, unless a test or the command line sets them otherwise.
+    /// Features with their values, which a test or the command line may override.
     pub(super) features: Features,
-    /// Features that the engine sets, whether or not a module asks about them.
+    /// Features that the engine sets, even if no module asks about them.
     pub(super) set_by_engine: BTreeSet<String>,
-    /// Texts that stand for placeholders.
+    /// Texts that replace placeholders.
     values: Values,
     /// A program with its arguments that prints a module as WGSL. The module's file is its last
     /// argument, and it runs in the folder of the modules.
     preprocess: Vec<String>,
-    /// The modules that the host puts into one text with a module, by that module.
+    /// For each module, the modules that the host puts into one text with it.
     join: BTreeMap<String, Vec<String>>,
-    /// What is declared not to work on a column of the matrix of translations.
+    /// Rows that are declared not to work on a column of the translation matrix.
     matrix: Vec<KnownRows>,
     /// Declarations of inputs, values of overrides, and hazards that are accepted.
     hazards: Hazards,
@@ -53,7 +52,7 @@ pub(super) struct Manifest {
     pub(super) compilers: Compilers,
 }
 
-/// Another package, as it is written: `{ path = "../noise" }` or `{ crate = "lygia@1.4.0" }`.
+/// Another package, as the file has it: `{ path = "../noise" }` or `{ crate = "lygia@1.4.0" }`.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Dependency {
@@ -66,11 +65,11 @@ struct Dependency {
     root: Option<String>,
 }
 
-/// Names that mean something else in an import.
+/// Names with a meaning of their own in an import.
 const TAKEN: [&str; 6] = ["karat", "wgsl_test", "package", "self", "super", "constants"];
 
 impl KnownRows {
-    /// What it says of one module's own rows, by their names in that module.
+    /// The entry for one module's own rows, by their names in that module.
     fn of_module(self, module: &str) -> Option<Self> {
         let own = |row: String| match row.contains("::") {
             true => Some(row.strip_prefix(module)?.strip_prefix("::")?.to_owned()),
@@ -81,7 +80,7 @@ impl KnownRows {
     }
 }
 
-/// As it is written.
+/// The file, as it is written.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Written {
@@ -121,7 +120,8 @@ struct Written {
     limits: Option<BTreeMap<String, toml::Value>>,
 }
 
-/// A path from a folder, without the folders that it leaves again: packages that name each other are two.
+/// A path relative to a folder, without `name/..` pairs, so that packages that name each other are two packages, not
+/// endlessly many.
 fn joined(folder: &Path, path: &Path) -> PathBuf {
     let mut joined = folder.to_owned();
     for part in path.components() {
@@ -136,14 +136,14 @@ fn joined(folder: &Path, path: &Path) -> PathBuf {
     if joined.as_os_str().is_empty() { PathBuf::from(".") } else { joined }
 }
 
-/// What programs have printed of modules.
+/// The texts that programs printed for modules.
 struct Printed;
 
 impl Kind for Printed {
     type Key = (PathBuf, blake3::Hash, Vec<String>);
     type Value = String;
     const MOST: usize = 10_000;
-    /// They may read other files.
+    /// The programs may read other files.
     const VOLATILE: bool = true;
 }
 
@@ -156,7 +156,7 @@ impl Package {
         Ok(Compilers { file, require_tint, ..manifest.compilers })
     }
 
-    /// True if a program prints the modules (`preprocess` in `karat.toml`): it may read any file.
+    /// Returns `true` if a program prints the modules (`preprocess` in `karat.toml`). Such a program may read any file.
     ///
     /// ```
     /// assert!(!karat::Package::from_source("m", "fn f() {}").is_printed());
@@ -169,31 +169,31 @@ impl Package {
     }
 }
 
-/// Names of functions and arguments in a `karat.toml`, beside those that the package has.
+/// The names of functions and arguments in a `karat.toml` that no module has been found to declare yet.
 #[derive(Debug)]
 pub(crate) struct Declared {
     file: String,
     text: String,
-    /// Paths of inputs that weren't seen yet: `alpha`, `params.groups`.
+    /// Paths of inputs that weren't found yet: `alpha`, `params.groups`.
     inputs: Vec<String>,
-    /// Values that no module has a place for yet.
+    /// Values that no module has had a place for yet.
     values: Vec<String>,
     /// Functions whose hazards are accepted: `module::name`, `module::*`.
     functions: Vec<String>,
     /// Rows of the matrix: `module::name`.
     rows: Vec<String>,
-    /// Names that the package declares, also under conditions that don't hold.
+    /// Names that the package declares, including those under conditions that don't hold.
     names: Vec<String>,
 }
 
 impl Package {
-    /// The names in a folder's `karat.toml`; `None`: there are none.
+    /// The names in a folder's `karat.toml`; `None` if there are none.
     pub(crate) fn declared(&self) -> Result<Option<Declared>, PackageError> {
         let manifest = Manifest::of(self)?;
         let Origin::Folder { .. } = self.origin else { return Ok(None) };
         let root = self.root();
         let Some(read) = manifest.read else {
-            // A file system that tells letters apart reads no `Karat.toml`.
+            // A case-sensitive file system doesn't read `Karat.toml`.
             let entries = std::fs::read_dir(&root).into_iter().flatten().flatten();
             let mut names = entries.map(|entry| entry.file_name().to_string_lossy().into_owned());
             return match names.find(|name| name.eq_ignore_ascii_case(NAME)) {
@@ -218,7 +218,7 @@ impl Package {
 }
 
 impl Declared {
-    /// Takes a module, and what is linked of it and of all that it uses.
+    /// Removes the names of a module, and of the program that is linked from it.
     pub(crate) fn see(
         &mut self,
         package: &Package,
@@ -252,9 +252,9 @@ impl Declared {
         Ok(())
     }
 
-    /// Refuses a name that nothing has: it would be declared of nothing.
+    /// Reports a name that no module has: its declaration would have no effect.
     pub(crate) fn conclude(self) -> Result<(), PackageError> {
-        // All of a module, and of those below it.
+        // All functions of a module, and of the modules below it.
         let is_of = |all: &str, own: &String| all.ends_with("::") && own.starts_with(all);
         let lacks = |name: &&String| match name.strip_suffix('*') {
             Some(all) => !self.names.iter().any(|own| is_of(all, own)),
@@ -281,13 +281,13 @@ impl Declared {
     }
 }
 
-/// The text of a file as it is edited, or as it was saved.
+/// The text of a file: its unsaved text, or else the saved one.
 fn text_of(package: &Package, file: &Path) -> String {
     let unsaved = package.unsaved_text(file).map(|text| text.to_string());
     unsaved.or_else(|| std::fs::read_to_string(file).ok()).unwrap_or_default()
 }
 
-/// The place of a name in a section, behind a message; empty if it isn't there.
+/// The place of a name in a section, to put behind a message; empty if it isn't there.
 pub(super) fn place_of(section: &str, package: &Package, name: &str) -> String {
     let read = Manifest::of(package).ok().and_then(|manifest| manifest.read);
     read.map_or_else(String::new, |FileRead { file, .. }| {
@@ -295,7 +295,7 @@ pub(super) fn place_of(section: &str, package: &Package, name: &str) -> String {
     })
 }
 
-/// The place of a key below a section, or of a name in its text, behind a message: ` (karat.toml:5:1)`.
+/// The place of a key below a section, or of a name in its text, to put behind a message: ` (karat.toml:5:1)`.
 fn placed(file: &str, text: &str, keys: &[&str]) -> String {
     let Ok(table) = toml::de::DeTable::parse(text) else { return String::new() };
     let [section, names @ ..] = keys else { return String::new() };
@@ -303,7 +303,7 @@ fn placed(file: &str, text: &str, keys: &[&str]) -> String {
     let below = names.first().and_then(|name| {
         let inner = value.get_ref().as_table();
         let inner = inner.and_then(|inner| inner.get_key_value(*name));
-        // A name in a list of functions, or a path whose members stand in a table: `params.x`.
+        // The name may be in a list of functions, or its members may be in a table: `params.x`.
         let below = &text[key.span().start..];
         let named = |name: &str| Some(key.span().start + below.find(name)?);
         let quoted = || named(&format!("\"{name}\""));
@@ -318,19 +318,19 @@ fn placed(file: &str, text: &str, keys: &[&str]) -> String {
     format!(" ({file}:{}:{column})", before.matches('\n').count() + 1)
 }
 
-/// What a program may print of one module: far more than any has.
+/// The most bytes that a program may print for one module: far more than any has.
 const MOST_BYTES: u64 = 16 << 20;
 
-/// Texts of `karat.toml`, and what the package that was asked for last has by each.
+/// Manifests by the text of `karat.toml`, each with the package that last asked for it.
 impl Kind for Manifest {
     type Key = String;
     type Value = (Origin, Self);
-    // More than the packages that one test uses.
+    // More than one test's packages.
     const MOST: usize = 64;
 }
 
 impl Manifest {
-    /// That of a package; an empty one if there is no file.
+    /// The manifest of a package; empty if there is no file.
     pub(super) fn of(package: &Package) -> Result<Self, PackageError> {
         let file = match &package.origin {
             Origin::Folder { .. } => package.root().join(NAME),
@@ -345,7 +345,7 @@ impl Manifest {
             Err(none) if none.kind() == std::io::ErrorKind::NotFound => return Ok(Self::default()),
             Err(other) => return Err(error(other.to_string())),
         };
-        // Each check asks for it, and parsing takes as long as a small check.
+        // Each check asks for the manifest, and parsing takes as long as a small check.
         if let Some((origin, manifest)) = workspace::get::<Self>(&text)
             && origin == package.origin
         {
@@ -464,7 +464,7 @@ impl Manifest {
         };
         let overrides = overrides.into_iter().map(value).collect::<Result<_, _>>()?;
         let hazards = Hazards { inputs: declared, overrides, accepted: hazards };
-        // A file alone is a package whose rows have no module.
+        // In a package of one file, rows have no module.
         let own = match &package.origin {
             Origin::File { path, .. } => path.file_stem().map(|stem| stem.to_string_lossy()),
             _ => None,
@@ -496,12 +496,12 @@ impl Manifest {
         }
     }
 
-    /// The modules that a host puts into one text with this one.
+    /// The modules that a host puts into one text with this module.
     pub(super) fn joined(&self, module: &str) -> &[String] {
         self.join.get(module).map_or(&[], |joined| joined)
     }
 
-    /// What is declared of the matrix of translations.
+    /// The declared rows of the translation matrix.
     pub(super) fn known_rows(self) -> Vec<KnownRows> {
         self.matrix
     }
@@ -511,12 +511,12 @@ impl Manifest {
         self.mutants
     }
 
-    /// What is declared of hazards.
+    /// The declared hazards.
     pub(super) fn hazards(self) -> Hazards {
         self.hazards
     }
 
-    /// A package with what is declared that it depends on.
+    /// The package with its declared dependencies.
     pub(super) fn depended(self, mut package: Package) -> Result<Package, PackageError> {
         let Some(read) = &self.read else { return Ok(package) };
         let folder = read.file.parent().unwrap_or(Path::new(""));
@@ -547,23 +547,23 @@ impl Manifest {
         Ok(package)
     }
 
-    /// This one without its values.
+    /// The manifest without its values.
     pub(super) fn without_values(self) -> Self {
         Self { values: Values::new(), ..self }
     }
 
-    /// True if a text stands for a name.
+    /// Returns `true` if a text replaces this name.
     pub(super) fn stands_for(&self, name: &str) -> bool {
         self.values.contains_key(name)
     }
 
-    /// True if modules aren't as their files have them: a program prints them, or values stand for names.
+    /// Returns `true` if modules differ from their files: a program prints them, or values replace names.
     pub(super) fn expands(&self) -> bool {
         !self.preprocess.is_empty() || !self.values.is_empty()
     }
 
-    /// A module as it is, or expanded: by the package's program, and with its values; the program runs once in a process for the same text, until
-    /// it is [forgotten](workspace::refresh).
+    /// The module's text, expanded by the package's program and with its values. A process runs the program once for
+    /// the same text, until the result is [forgotten](workspace::refresh).
     pub(super) fn expanded(
         &self,
         root: &Path,
@@ -571,7 +571,7 @@ impl Manifest {
         source: SourceFile,
     ) -> Result<SourceFile, PackageError> {
         let SourceFile { name, text, values } = asserts::read(self.printed(root, path, source)?)?;
-        // Lines are the author's, since no value has an end of a line; columns are mapped back.
+        // A value has no line breaks, so lines stay the author's. Columns are mapped back.
         let (text, outer) = values::substituted(&text, &self.values);
         Ok(SourceFile { name, text, values: asserts::composed(values, outer) })
     }
@@ -585,7 +585,7 @@ impl Manifest {
         let [program, arguments @ ..] = &*self.preprocess else { return Ok(source) };
         let hash = blake3::hash(source.text.as_bytes());
         let key = (path.to_owned(), hash, self.preprocess.clone());
-        // In brackets, as texts are that are in no file.
+        // The angle brackets mark a text that is in no file.
         let name = format!("<{}, as `{program}` prints it>", source.name);
         if let Some(text) = workspace::get::<Printed>(&key) {
             return Ok(SourceFile::new(name, text));
@@ -608,7 +608,7 @@ impl Manifest {
     }
 }
 
-/// What a program prints, unless it fails, prints too much or doesn't end: then why.
+/// The program's output, or the reason why it failed, printed too much or didn't end.
 fn printed(mut command: Command) -> Result<Vec<u8>, String> {
     let deadline = settings::current().map_err(|error| error.to_string())?.deadline;
     let shown = format!("{command:?}");

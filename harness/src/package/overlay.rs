@@ -1,9 +1,9 @@
-//! Files that stand in for modules: a change that is tried without touching the tree, or a fault
-//! that is planted to be seen.
+//! Reads other files in place of modules: a change to try without touching the sources, or a planted fault that a test
+//! must catch.
 //!
-//! `KARAT_OVERLAY` names a folder. Each of its files is read in place of the module at the same
-//! place in a package; where several packages have one, the first part of the path names the
-//! package (`shaders/math.wgsl`). Modules in memory are never replaced.
+//! `KARAT_OVERLAY` names a folder. Each of its files is read in place of the module at the same place in a package; if
+//! several packages have that place, the first part of the path names the package (`shaders/math.wgsl`). Modules in
+//! memory are never replaced.
 //!
 //! An editor has texts that aren't saved yet: [`Package::unsaved`] reads them in place of their files.
 
@@ -17,18 +17,17 @@ use crate::diagnostic::{SourceFile, nearest, read_file, shown};
 use crate::output::visible;
 use crate::settings;
 
-/// Which files are read in place of which.
+/// The files that are read in place of others.
 #[derive(Debug, Default)]
 pub(super) struct Overlay {
     replaced: BTreeMap<PathBuf, PathBuf>,
-    /// Texts that are read in place of files, whose links are resolved.
+    /// Texts that are read in place of files. Links in the files' paths are resolved.
     unsaved: BTreeMap<PathBuf, Arc<str>>,
 }
 
 impl Overlay {
-    /// What the environment's overlay replaces in a package and in those it depends on. Each of
-    /// its files must replace a module: a name with a slip would otherwise pass for a run of
-    /// the change. Nothing, if no module is in a file.
+    /// The overlay of the environment, for a package and those that it depends on. Each of its files must replace a
+    /// module; otherwise a misspelt name would look like a tested change. Empty, if no module is in a file.
     pub(super) fn of(package: &Package) -> Result<Self, PackageError> {
         let unsaved = package.unsaved.iter().cloned().collect();
         let Some(folder) = settings::overlay() else {
@@ -83,7 +82,7 @@ impl Overlay {
 
     /// Reads a file, or the text that stands in for it.
     pub(super) fn read(&self, file: &Path) -> Result<SourceFile, PackageError> {
-        // Most packages have no such text, and then no link is followed.
+        // Most packages have no unsaved text, and then no link is followed.
         let place = (!self.unsaved.is_empty()).then(|| file.canonicalize().ok()).flatten();
         match place.and_then(|place| self.unsaved.get(&place)) {
             Some(text) => Ok(SourceFile::new(shown(file), text.to_string())),
@@ -91,8 +90,7 @@ impl Overlay {
         }
     }
 
-    /// Says once in a process what isn't as in the tree; also where the output of tests that pass
-    /// is kept back.
+    /// Says once in each process which files were replaced, even if the output of passing tests is captured.
     fn note(&self, folder: &Path) {
         static SAID: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
         if self.replaced.is_empty() {
@@ -103,13 +101,13 @@ impl Overlay {
         let line = format!("note: KARAT_OVERLAY={} stands in for {modules}\n", folder.display());
         let mut said = SAID.lock().unwrap_or_else(PoisonError::into_inner);
         if said.insert(line.clone()) {
-            // If nobody hears it, the record still says it.
+            // If the write fails, the record still says it.
             drop(std::io::stderr().write_all(visible(&line).as_bytes()));
         }
     }
 }
 
-/// The package and those it depends on whose modules are files, by their place.
+/// The packages whose modules are files, by place: this one and those that it depends on.
 fn on_disk<'a>(package: &'a Package, found: &mut BTreeMap<PathBuf, &'a Package>) {
     if !matches!(package.origin, Origin::Memory { .. }) {
         found.insert(package.root(), package);
@@ -119,7 +117,7 @@ fn on_disk<'a>(package: &'a Package, found: &mut BTreeMap<PathBuf, &'a Package>)
     }
 }
 
-/// That a file replaces no module of these packages, and what its name may stand for.
+/// The error that a file replaces no module of these packages, with suggestions.
 fn unknown<'a>(file: &Path, packages: impl Iterator<Item = &'a &'a Package> + Clone) -> String {
     let bare = packages.clone().find_map(|package| file.strip_prefix(package.name()).ok());
     let known: Vec<String> = packages.clone().flat_map(|package| package.files()).collect();
@@ -130,7 +128,7 @@ fn unknown<'a>(file: &Path, packages: impl Iterator<Item = &'a &'a Package> + Cl
     format!("has `{}`, no module of package {}{near}", file.display(), names.join(", "))
 }
 
-/// The files below a folder, relative to it and sorted, but for hidden ones.
+/// The files below a folder, relative to it and sorted, without hidden ones.
 fn list(folder: &Path, below: &Path, found: &mut Vec<PathBuf>) -> Result<(), PackageError> {
     let unreadable = |cause| PackageError::Unreadable { file: shown(folder), cause };
     for entry in std::fs::read_dir(folder.join(below)).map_err(unreadable)? {
@@ -153,9 +151,8 @@ fn list(folder: &Path, below: &Path, found: &mut Vec<PathBuf>) -> Result<(), Pac
 }
 
 impl Package {
-    /// The package with the text of a file that isn't saved yet, as an editor has it. It is read in
-    /// place of the file, here and in packages that this one depends on. A file that is in none of
-    /// them changes nothing.
+    /// The package with the text of a file that isn't saved yet, as an editor has it. It is read in place of the file,
+    /// here and in packages that this one depends on. A file outside of them has no effect.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -183,7 +180,7 @@ impl Package {
         if self.unsaved.is_empty() { None } else { known(place()).map(|(_, text)| &**text) }
     }
 
-    /// The file of this package that stands where `file` does in an overlay.
+    /// The file of this package at the place of `file` in an overlay.
     fn holds(&self, file: &Path) -> Option<PathBuf> {
         let within = [Some(file), file.strip_prefix(self.name()).ok()];
         let here = within.into_iter().flatten().map(|file| self.at(file));
@@ -199,7 +196,7 @@ impl Package {
         known.then(|| root.join(file))
     }
 
-    /// The files of the modules, as an overlay names them.
+    /// The files of the modules, by their names in an overlay.
     fn files(&self) -> Vec<String> {
         let root = self.root();
         let folder = if root.is_dir() { &*root } else { root.parent().unwrap_or(&root) };
@@ -233,7 +230,7 @@ pub(super) fn read_utf8(path: &Path) -> Result<SourceFile, PackageError> {
 mod tests {
     use super::*;
 
-    /// Each file of an overlay stands in for its module, and no other one.
+    /// Each file of an overlay replaces its own module and no other.
     #[test]
     fn an_overlay_replaces_each_module_that_it_has() {
         let (tree, over) = (tempfile::tempdir(), tempfile::tempdir());

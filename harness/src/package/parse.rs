@@ -1,4 +1,4 @@
-//! Reads a module: directives, conditions, declarations, expectations, and what each declaration refers to.
+//! Parses a module: directives, conditions, declarations, expectations, and the references of each declaration.
 
 use std::collections::{HashMap, HashSet};
 use std::sync::Arc;
@@ -13,7 +13,7 @@ use super::syntax::Module;
 use super::{PackageError, test_items};
 use crate::diagnostic::SourceFile;
 
-/// Reads a file under conditions.
+/// Parses a file with these features.
 pub(super) fn parse(file: &Arc<SourceFile>, features: &Features) -> Result<Module, PackageError> {
     let directed = directives::read(file, features)?;
     let mut tokens = lex(directed.as_ref().map_or(&file.text, |directed| &directed.text));
@@ -70,7 +70,7 @@ pub(super) fn parse(file: &Arc<SourceFile>, features: &Features) -> Result<Modul
     Ok(module)
 }
 
-/// True of a text, well formed or not, that the linker has no reason to change.
+/// Returns `true` if the linker has no reason to change the text, well formed or not.
 pub(super) fn asks_for_nothing(text: &str) -> bool {
     let tokens = lex(text);
     if directives::concern(text, &tokens) {

@@ -1,4 +1,4 @@
-//! A package as another process can open it.
+//! Writes a package so that another process can open it.
 
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Feature, Origin, Package};
 
-/// A package, written down. Modules in memory are written with their texts.
+/// A package, written down. Modules in memory come with their texts.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Portable {
     from: From,
@@ -24,8 +24,8 @@ enum From {
 }
 
 impl Package {
-    /// The package for another process, whatever its working directory; `None` for a crate that was
-    /// looked for already.
+    /// The package for another process, independent of its working directory; `None` for a crate that Karat has already
+    /// looked for.
     pub(crate) fn portable(&self) -> Option<Portable> {
         let whole = |path: PathBuf| std::path::absolute(&path).unwrap_or(path);
         let from = match &self.origin {
@@ -55,7 +55,7 @@ impl Package {
 }
 
 impl Portable {
-    /// The folder or file; `None` of a crate, and of text in memory.
+    /// The folder or file; `None` for a crate, and for text in memory.
     pub(crate) fn place(&self) -> Option<&Path> {
         match &self.from {
             From::Folder(path) | From::File { path, .. } => Some(path),

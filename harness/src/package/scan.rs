@@ -1,5 +1,5 @@
-//! The walk below a folder: it finds modules, and the files beside them. There is no other walk, so that a folder
-//! that holds modules for one command holds tests and tables for the others.
+//! Walks a folder to find modules and the files beside them. All commands use this walk, so they agree on which folders
+//! belong to a package.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -7,16 +7,16 @@ use std::path::{Path, PathBuf};
 use super::{PackageError, manifest};
 use crate::diagnostic::shown;
 
-/// The modules and the other files below a folder, in no order.
+/// The modules and the other files below a folder, unsorted.
 #[derive(Debug, Default)]
 pub(super) struct Contents {
     /// The paths of modules: `noise::value`.
     pub(super) modules: Vec<String>,
-    /// Files that are no modules, pipes and devices among them.
+    /// All other files, including pipes and devices.
     pub(super) others: Vec<PathBuf>,
-    /// Folders, each by its place. A folder is entered once, however many links lead there.
+    /// Folders by their real places. A folder is entered once, even if several links lead to it.
     entered: BTreeSet<PathBuf>,
-    /// Links to folders: what has a place of its own below the root is known by that.
+    /// Links to folders. A folder that has its own place below the root goes by that place.
     links: Vec<(PathBuf, String)>,
 }
 
@@ -42,7 +42,7 @@ impl Contents {
         for entry in std::fs::read_dir(folder).map_err(unreadable)? {
             let path = entry.map_err(unreadable)?.path();
             let no_module = |reason| PackageError::NoModule { file: shown(&path), reason };
-            // Hidden files are no modules: an editor locks a file by a link to nothing.
+            // Hidden files are no modules: some editors lock a file with a dangling link.
             let is_hidden = |name: &std::ffi::OsStr| name.to_string_lossy().starts_with('.');
             if path.file_name().is_some_and(is_hidden) {
                 continue;
@@ -86,7 +86,7 @@ impl Contents {
     }
 }
 
-/// True of a folder that tools fill: packages of npm, and caches by their tag, as Cargo's output is.
+/// Returns `true` for a folder that tools fill: `node_modules`, and folders with a cache tag, such as Cargo's output.
 ///
 /// ```
 /// use karat::unstable::package::is_of_tools;

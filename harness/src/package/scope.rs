@@ -1,8 +1,7 @@
-//! Which names in a declaration mean something outside of it.
+//! Finds the names in a declaration that refer to something outside it.
 //!
-//! Names that a function declares for itself, members and the words of attributes and address
-//! spaces mean nothing to the linker. All others do: declarations of this or another module, or
-//! WGSL's own names.
+//! The linker ignores names that a function declares for itself, members, and the words of attributes and address
+//! spaces. All others count: they are declarations of this or another module, or WGSL's own names.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -11,7 +10,7 @@ use super::brackets::{after_attribute, end_of_item};
 use super::lexer::Kind;
 use super::syntax::{Declaration, DeclarationKind, Module, Reference};
 
-/// The names in a declaration that it doesn't declare itself.
+/// The names in a declaration that are declared elsewhere.
 pub(super) fn references(module: &Module, declaration: &Declaration) -> Vec<Reference> {
     let mut walk = Walk {
         module,
@@ -27,7 +26,7 @@ pub(super) fn references(module: &Module, declaration: &Declaration) -> Vec<Refe
         DeclarationKind::Struct => walk.structure(start, declaration.name_token, end),
         DeclarationKind::Value => {
             let at = walk.attributes(start);
-            // Between the keyword and the name is an address space at most.
+            // Only an address space may stand between the keyword and the name.
             debug_assert!(at < declaration.name_token);
             walk.expressions(declaration.name_token + 1, end);
         }
@@ -44,16 +43,16 @@ struct Walk<'a> {
     brackets: &'a [usize],
     /// Names declared in the blocks around the current token.
     scopes: Vec<Scope<'a>>,
-    /// How many of those blocks declare a name.
+    /// The number of those blocks that declare each name.
     visible: HashMap<&'a str, usize>,
-    /// Names that are declared when their statement ends.
+    /// Names that take effect at the end of their statement.
     pending: Vec<&'a str>,
     found: Vec<Reference>,
 }
 
 struct Scope<'a> {
     names: Vec<&'a str>,
-    /// The token that ends it.
+    /// The token that ends the block.
     end: usize,
 }
 
@@ -78,7 +77,7 @@ impl<'a> Walk<'a> {
             self.expressions(at, next);
             at = next + 1;
         }
-        // The result's type doesn't see the parameters; the body does.
+        // The parameters are visible in the body, but not in the result's type.
         let mut body = close + 1;
         while body < end && !self.module.is(body, b'{') {
             body += 1;
@@ -118,13 +117,13 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Skips attributes; the names in their arguments count where they are expressions.
+    /// Skips attributes. Names in their arguments count if the arguments are expressions.
     fn attributes(&mut self, from: usize) -> usize {
         let mut at = from;
         while self.module.is(at, b'@') && self.module.is_word(at + 1) {
             let next =
                 after_attribute(&self.module.file.text, &self.module.tokens, self.brackets, at);
-            // The arguments of these are words of their own, whatever is declared.
+            // The arguments of these are words of their own, even if a declaration has the same name.
             let words = matches!(
                 self.module.text(at + 1),
                 "builtin" | "interpolate" | "diagnostic" | "early_depth_test"
@@ -137,7 +136,7 @@ impl<'a> Walk<'a> {
         at
     }
 
-    /// Statements with their declarations and blocks.
+    /// Reads statements with their declarations and blocks.
     fn statements(&mut self, from: usize, end: usize) {
         let mut at = from;
         while at < end {
@@ -173,7 +172,7 @@ impl<'a> Walk<'a> {
                         }
                         at = name + 1;
                     }
-                    // What the header declares lives until the end of the body.
+                    // Names of the header are visible until the end of the body.
                     "for" if self.module.is(at + 1, b'(') => {
                         let body = self.brackets[at + 1] + 1;
                         let mut open = body;
@@ -191,7 +190,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Types and expressions: nothing in them declares a name.
+    /// Reads types and expressions, which declare no names.
     fn expressions(&mut self, from: usize, end: usize) {
         let mut at = from;
         while at < end {
@@ -203,7 +202,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// A name or path at `at`; returns the token after it.
+    /// Reads a name or path at `at`; returns the token after it.
     fn name(&mut self, at: usize, end: usize) -> usize {
         let module = self.module;
         if at > 0 && module.is(at - 1, b'.') {
@@ -231,8 +230,8 @@ impl<'a> Walk<'a> {
         at + 1
     }
 
-    /// The token to go on at after a type with address spaces, texel formats or access modes among
-    /// its arguments: those are words of their own, whatever is declared.
+    /// Returns the token after a type whose arguments include address spaces, texel formats or access modes. Those are
+    /// words of their own, even if a declaration has the same name.
     fn after_spaces(&mut self, at: usize, end: usize) -> usize {
         let name = self.module.text(at);
         let all = name.starts_with("texture_storage_")
@@ -246,10 +245,10 @@ impl<'a> Walk<'a> {
                 Kind::Symbol(b'<') => depth += 1,
                 Kind::Symbol(b'>') => depth -= 1,
                 Kind::Symbol(b',') if depth == 1 => argument += 1,
-                // `ptr<function, T, read_write>`: only the type in the middle has names.
+                // In `ptr<function, T, read_write>`, only the type in the middle has names.
                 Kind::Word if !all && argument == 1 => {
                     let next = self.name(token, end);
-                    // Brackets inside of what was read belong to it.
+                    // Brackets inside the type belong to it.
                     token = next;
                     continue;
                 }

@@ -1,47 +1,46 @@
-//! Text that is copied from the author's files, with a record of each change.
+//! Copies text from the author's files, and records each change.
 //!
-//! A name is replaced, or something is blanked with its line ends kept: no other change can be
-//! made. So the way back to the author's place is exact, and undoing the changes must give the
-//! author's bytes, which [`Spliced::check`] sees to in each run without the linker's lexer.
+//! There are two kinds of changes: a name is replaced, or text is blanked and keeps its line ends. So each place maps
+//! back exactly, and undoing the changes must give the author's bytes. [`Spliced::check`] checks that in each run,
+//! without the linker's lexer.
 
 use std::ops::Range;
 use std::sync::Arc;
 
 use crate::diagnostic::{Diagnostic, SourceFile, Span};
 
-/// One text from pieces of the author's files.
+/// One text, assembled from pieces of the author's files.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Spliced {
     text: String,
     pieces: Vec<Piece>,
 }
 
-/// The assignment in place of `discard` in a function that is called.
+/// The assignment that replaces `discard` in a function that is called.
 pub(crate) const DISCARDED: &str = "karat_discarded = true";
 
-/// A stretch of a file, copied but for its edits.
+/// A stretch of a file, copied with its edits.
 #[derive(Clone, Debug)]
 struct Piece {
-    /// Where it is in the spliced text.
+    /// Its range in the spliced text.
     at: Range<usize>,
     file: Arc<SourceFile>,
-    /// Where it is in the file.
+    /// Its range in the file.
     from: Range<usize>,
     edits: Vec<Placed>,
 }
 
-/// A change, by its place in the author's file.
+/// A change, with its place in the author's file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Edit {
     pub(super) from: Range<usize>,
-    /// The name that replaces a name, or the value that `#{NAME}` stands for; `None` where text is
-    /// blanked.
+    /// The replacement: a name, or the value of `#{NAME}`; `None` for text that is blanked.
     pub(super) name: Option<String>,
 }
 
 #[derive(Clone, Debug)]
 struct Placed {
-    /// Where it ended up in the spliced text.
+    /// Its range in the spliced text.
     at: Range<usize>,
     edit: Edit,
 }
@@ -76,12 +75,12 @@ impl Spliced {
         self.pieces.push(piece);
     }
 
-    /// Appends text of Karat's own, behind all that [`check`](Self::check) looks at.
+    /// Appends Karat's own text, which [`check`](Self::check) skips.
     pub(crate) fn append(&mut self, text: &str) {
         self.text.push_str(text);
     }
 
-    /// The stretches that were copied: their place in the text, and in their file.
+    /// The copied stretches: each with its range in the text, and its place in the file.
     pub(crate) fn stretches(&self) -> Vec<(Range<usize>, Span)> {
         let of = |piece: &Piece| {
             let span = Span { file: Arc::clone(&piece.file), range: piece.from.clone() };
@@ -90,7 +89,7 @@ impl Spliced {
         self.pieces.iter().map(of).collect()
     }
 
-    /// The author's span for a range of the text; `None` outside of all that was copied.
+    /// The author's span for a range of the text; `None` outside the copied stretches.
     pub(crate) fn resolve(&self, range: Range<usize>) -> Option<Span> {
         let index = self.pieces.partition_point(|piece| piece.at.end <= range.start);
         let piece = self.pieces.get(index).filter(|piece| piece.at.start <= range.start)?;
@@ -100,11 +99,11 @@ impl Spliced {
         Some(Span { file: Arc::clone(&piece.file), range: start..end })
     }
 
-    /// Sees that undoing the edits gives the author's bytes, that each edit replaces one whole
-    /// name by another or is blank, and that nothing else is in the text.
+    /// Checks that undoing the edits gives the author's bytes, that each edit replaces one whole name or blanks text,
+    /// and that the text contains nothing else.
     ///
     /// # Errors
-    /// If it isn't so: the linker has a bug, and what it linked isn't the author's program.
+    /// If the check fails: the linker has a bug, and the linked text isn't the author's program.
     pub(super) fn check(&self) -> Result<(), Box<Diagnostic>> {
         let mut done = 0;
         for piece in &self.pieces {
@@ -131,7 +130,7 @@ impl Spliced {
                 let author = author.ok_or_else(|| fault("an edit isn't in the file", here()))?;
                 let now = self.text.get(placed.clone()).unwrap_or_default();
                 let sound = match &edit.name {
-                    // `#{NAME}` or `#NAME` of a value.
+                    // The value of `#{NAME}` or `#NAME`.
                     Some(value) if author.starts_with('#') => {
                         now == value
                             && (author.starts_with("#{") && author.ends_with('}')
@@ -140,12 +139,12 @@ impl Spliced {
                                 .bytes()
                                 .all(|byte| byte.is_ascii_alphanumeric() || byte == b'-')
                     }
-                    // `(` of a call that is told its place.
+                    // The `(` of a call that gets the number of its place.
                     Some(told) if author == "(" => {
                         let before = piece.file.text[..edit.from.start].trim_end();
                         now == told && is_place(told) && before.ends_with(belongs)
                     }
-                    // `discard` of a function that is called.
+                    // The `discard` of a function that is called.
                     Some(assigned) if author == "discard" => now == assigned && now == DISCARDED,
                     Some(name) => {
                         now == name
@@ -182,8 +181,7 @@ impl Spliced {
 }
 
 impl Piece {
-    /// The offset in the file of an offset in the spliced text: inside of a name that was replaced,
-    /// its start or its end.
+    /// The offset in the file for an offset in the spliced text. Inside a replaced name, it is the name's start or end.
     fn original(&self, offset: usize, end: bool) -> usize {
         let index = self.edits.partition_point(|edit| edit.at.start <= offset);
         let Some(Placed { at, edit }) = index.checked_sub(1).map(|last| &self.edits[last]) else {
@@ -200,19 +198,19 @@ impl Piece {
     }
 }
 
-/// As many spaces as a character has bytes; line ends stay.
+/// Blanks a character: one space for each of its bytes. Line ends stay.
 fn blank(character: char) -> impl Iterator<Item = char> {
     let ends = matches!(character, '\n' | '\r');
     std::iter::repeat_n(if ends { character } else { ' ' }, character.len_utf8())
 }
 
-/// Whether a text is one name; not by the linker's lexer.
+/// Returns `true` if a text is one name. It doesn't use the linker's lexer.
 fn is_name(text: &str) -> bool {
     let starts = text.chars().next().is_some_and(|c| belongs(c) && !c.is_ascii_digit());
     starts && text.chars().all(belongs)
 }
 
-/// Whether a text is what a call is told of its place: `(17u, `.
+/// Returns `true` if a text is the number of a place, as a call gets it: `(17u, `.
 fn is_place(text: &str) -> bool {
     let number = text.strip_prefix('(').map(|rest| rest.strip_suffix(", ").unwrap_or(rest));
     let digits = number.and_then(|number| number.strip_suffix('u'));
@@ -221,14 +219,14 @@ fn is_place(text: &str) -> bool {
     })
 }
 
-/// Whether no character of a name touches a range.
+/// Returns `true` if no character of a name touches the range.
 fn is_apart(text: &str, range: &Range<usize>) -> bool {
     let before = text[..range.start].chars().next_back();
     let after = text[range.end..].chars().next();
     ![before, after].into_iter().flatten().any(belongs)
 }
 
-/// Whether a character may be in a name: letters, digits, and marks beyond ASCII.
+/// Returns `true` if a character may be in a name: letters, digits, and marks beyond ASCII.
 fn belongs(character: char) -> bool {
     let mark = !character.is_ascii() && !character.is_whitespace();
     character == '_' || character.is_alphanumeric() || mark
@@ -285,7 +283,7 @@ mod tests {
         assert_eq!(spliced.resolve(text.len()..text.len() + 5), None);
     }
 
-    /// What a linker with a bug would do, each seen by the check.
+    /// The check catches each mistake that a linker with a bug could make.
     #[test]
     fn other_bytes_than_the_authors_are_seen() {
         let sound = spliced(ORIGINAL);

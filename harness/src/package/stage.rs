@@ -20,12 +20,12 @@ pub enum Stage {
     Fragment,
     /// `@compute`
     Compute,
-    /// One that Karat doesn't run: of meshes and rays.
+    /// A stage that Karat doesn't run: mesh and ray shaders.
     Other,
 }
 
 impl Stage {
-    /// The stage of an attribute; `None` if it is of none.
+    /// The stage that an attribute names; `None` for other attributes.
     pub(super) fn of(attribute: &str) -> Option<Self> {
         Some(match attribute {
             "vertex" => Self::Vertex,

@@ -1,7 +1,7 @@
-//! What a module declares, found by its tokens: no expression is parsed.
+//! Finds the declarations of a module by its tokens, without parsing expressions.
 //!
-//! A module that isn't well formed is naga's to refuse. Here it is enough that each declaration
-//! of a valid module is found, with the place of its name.
+//! naga reports a module that isn't well formed. Here it is enough to find each declaration of a valid module, and the
+//! place of its name.
 
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;
@@ -19,7 +19,7 @@ use crate::diagnostic::{SourceFile, Span};
 /// A declaration of a module.
 #[derive(Clone, Debug)]
 pub(super) struct Declaration {
-    /// `None` of `const_assert`.
+    /// `None` for `const_assert`.
     pub(super) name: Option<String>,
     pub(super) kind: DeclarationKind,
     /// Its tokens, with attributes and the closing `;` or `}`.
@@ -27,7 +27,7 @@ pub(super) struct Declaration {
     /// The token of its name.
     pub(super) name_token: usize,
     pub(super) entry_point: Option<Stage>,
-    /// Whether it is a test, which only test runners link.
+    /// Set for a test, which only test runners link.
     pub(super) test: bool,
 }
 
@@ -40,7 +40,7 @@ pub(super) enum DeclarationKind {
     Assertion,
 }
 
-/// A name that isn't declared where it is used, `PI`, or a path to one, `package::math::PI`.
+/// A name that isn't declared where it is used, such as `PI`, or a path, such as `package::math::PI`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Reference {
     /// Its tokens: words, and two colons between them.
@@ -54,21 +54,21 @@ impl Reference {
     }
 }
 
-/// One file of a package, without what its conditions leave out.
+/// One file of a package, without the parts that its conditions leave out.
 #[derive(Clone, Debug)]
 pub(super) struct Module {
     pub(super) file: Arc<SourceFile>,
-    /// The tokens that conditions leave.
+    /// The tokens that remain after conditions.
     pub(super) tokens: Vec<Token>,
-    /// What is removed from the text: by conditions and directives, and attributes of tests. In order.
+    /// The ranges removed from the text, in order: by conditions and directives, and attributes of tests.
     pub(super) removed: Vec<Range<usize>>,
-    /// What values stand for, and what expectations are told, in order.
+    /// The replaced ranges with their new text, in order: values, and the numbers that expectations get.
     pub(super) replaced: Vec<(Range<usize>, String)>,
-    /// Calls of expectations, by the numbers that they have.
+    /// Calls of expectations, by their numbers.
     pub(super) calls: Vec<(u32, Span)>,
-    /// Files that share a name space with this one, and where they are named.
+    /// Files that share a name space with this one, and the places that name them.
     pub(super) includes: Vec<(Include, Range<usize>)>,
-    /// Whether paths are those that modules give themselves.
+    /// Set if paths are those that modules give themselves.
     pub(super) composes: bool,
     /// Tokens of each import statement, with attributes and `;`.
     pub(super) imports: Vec<Range<usize>>,
@@ -81,14 +81,14 @@ pub(super) struct Module {
     pub(super) brackets: Vec<usize>,
     /// All words of the tokens.
     pub(super) words: HashSet<String>,
-    /// What each declaration refers to.
+    /// The references of each declaration.
     pub(super) references: Vec<Vec<Reference>>,
     /// Declarations under a condition that doesn't hold.
     pub(super) inactive: Vec<Inactive>,
 }
 
 impl Module {
-    /// What conditions and directives change among some bytes.
+    /// The changes that conditions and directives make in a range of bytes.
     pub(super) fn changes(&self, from: &Range<usize>) -> impl Iterator<Item = Edit> {
         let from = from.clone();
         let inside = move |range: &Range<usize>| from.start <= range.start && range.end <= from.end;
@@ -110,7 +110,7 @@ impl Module {
         self.tokens.get(token).is_some_and(|token| token.kind == Kind::Word)
     }
 
-    /// Bytes from the first to the last of some tokens.
+    /// The bytes from the first to the last of these tokens.
     pub(super) fn bytes(&self, tokens: &Range<usize>) -> Range<usize> {
         self.tokens[tokens.start].range().start..self.tokens[tokens.end - 1].range().end
     }
@@ -121,7 +121,7 @@ impl Module {
         Span { file: Arc::clone(&self.file), range }
     }
 
-    /// Declarations of a name; several are an error that naga reports.
+    /// Declarations of a name. naga reports several of them as an error.
     pub(super) fn declared(&self, name: &str) -> impl Iterator<Item = usize> {
         self.by_name.get(name).into_iter().flatten().copied()
     }
@@ -130,8 +130,8 @@ impl Module {
         self.declarations.iter().filter_map(|declaration| declaration.name.as_deref())
     }
 
-    /// An entry point as a function that others may call: the attributes that are blanked then, and the builtin
-    /// value that each parameter is. Members of structures keep theirs.
+    /// The edits that make an entry point a function that others may call: its attributes are blanked. Also returns the
+    /// builtin value of each parameter. Members of structures keep their attributes.
     pub(super) fn as_function(
         &self,
         declaration: &Declaration,
@@ -145,7 +145,7 @@ impl Module {
             }
             let end = after_attribute(&self.file.text, &self.tokens, &self.brackets, at);
             edits.push(Edit { from: self.bytes(&(at..end)), name: None });
-            // A parameter's name stands before its colon; the result has none.
+            // A parameter's name stands before its colon; the result has no name.
             let ends = |token: &usize| [b',', b')', b'{'].iter().any(|end| self.is(*token, *end));
             let own = (end..declaration.tokens.end).take_while(|token| !ends(token));
             let parameter =

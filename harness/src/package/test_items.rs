@@ -1,5 +1,5 @@
-//! Tests in WGSL, as a module declares them: functions with `@test`, whose calls of
-//! [expectations](crate::expectation) get the numbers of their places.
+//! Finds the tests in WGSL that a module declares: functions with `@test`. Calls of [expectations](crate::expectation)
+//! in them get numbers that identify their places.
 
 use std::collections::BTreeSet;
 
@@ -9,7 +9,7 @@ use super::syntax::{Declaration, Module};
 use crate::diagnostic::{Diagnostic, Span};
 use crate::expectation;
 
-/// Removes the attributes of tests, and tells each expectation its place.
+/// Removes the attributes of tests, and gives each expectation the number of its place.
 pub(super) fn prepare(module: &mut Module) {
     for test in module.declarations.iter().filter(|declaration| declaration.test) {
         let attributes = attributes(module, test);
@@ -71,11 +71,11 @@ fn tell_places(module: &mut Module) {
     module.replaced.sort_by_key(|(range, _)| range.start);
 }
 
-/// An attribute of a test or of one of its parameters, which only Karat knows.
+/// An attribute of a test or of one of its parameters. Only Karat knows it.
 struct Attribute {
     /// From `@` to the closing `)`.
     tokens: std::ops::Range<usize>,
-    /// Its name, and the parameter that it is for.
+    /// Its name, and the parameter that it belongs to.
     name: String,
     parameter: Option<usize>,
 }
@@ -90,13 +90,13 @@ fn attributes(module: &Module, test: &Declaration) -> Vec<Attribute> {
     while end < last {
         match module.tokens[end].kind {
             Kind::Symbol(b',') if depth == 0 => parameter += 1,
-            // Of a type: `array<f32, 2>`.
+            // A bracket of a type: `array<f32, 2>`.
             Kind::Symbol(b'<') => depth += 1,
             Kind::Symbol(b'>') => depth = depth.saturating_sub(1),
             _ => {}
         }
         if !module.is(end, b'@') {
-            // What an attribute or a type has in brackets is none of ours.
+            // Skips brackets inside an attribute or a type.
             end = match module.is(end, b'(') && end != open {
                 true => module.brackets[end] + 1,
                 false => end + 1,
@@ -116,19 +116,18 @@ fn attributes(module: &Module, test: &Declaration) -> Vec<Attribute> {
     found
 }
 
-/// A test as it is written.
+/// A test, as its author wrote it.
 #[derive(Clone, Debug)]
 pub(crate) struct TestItem {
     /// `brdf_test::schlick_at_grazing`
     pub(crate) name: String,
-    /// All of it.
+    /// The whole function.
     pub(crate) span: Span,
-    /// How many cases it wants.
+    /// The number of cases that it asks for.
     pub(crate) cases: Option<u64>,
-    /// Where each parameter comes from, if it says so: the words and numbers of `@over`.
+    /// The domain of each parameter that gives one: the words and numbers of `@over`.
     pub(crate) over: Vec<Option<(Vec<String>, Span)>>,
-    /// The name and the type of each parameter, as they are written; `None` if a type has another name in
-    /// other modules.
+    /// The name and the type of each parameter, as written; `None` if other modules know a type by another name.
     pub(crate) parameters: Option<Vec<(String, String)>>,
 }
 
@@ -162,7 +161,7 @@ fn item(name: &str, module: &Module, test: &Declaration) -> Result<TestItem, Pac
     for attribute in attributes(module, test) {
         let inside =
             (attribute.tokens.start + 3).min(attribute.tokens.end)..attribute.tokens.end - 1;
-        // A sign belongs to the number behind it.
+        // A sign belongs to the number after it.
         let mut arguments = vec![String::new()];
         let is_value = |at: usize| !matches!(module.tokens[at].kind, Kind::Symbol(_));
         for at in inside.clone() {
@@ -177,7 +176,7 @@ fn item(name: &str, module: &Module, test: &Declaration) -> Result<TestItem, Pac
                 _ => arguments.last_mut().expect("one at least").push_str(module.text(at)),
             }
         }
-        // One comma may stand behind the last.
+        // A trailing comma is allowed.
         arguments.pop_if(|last| last.is_empty());
         if arguments.iter().any(String::is_empty) {
             let message = format!("`@{}` has a comma too many", attribute.name);
@@ -222,7 +221,7 @@ fn item(name: &str, module: &Module, test: &Declaration) -> Result<TestItem, Pac
     Ok(TestItem { name, span: span(&test.tokens), cases, over, parameters })
 }
 
-/// The parameters between two brackets, if all modules know their types by these names.
+/// The parameters between two brackets, if every module knows their types by these names.
 fn parameters(module: &Module, open: usize, close: usize) -> Option<Vec<(String, String)>> {
     let all = module.bytes(&(open..close + 1));
     let is_shared = !module.includes.is_empty();
@@ -266,7 +265,7 @@ fn parameters(module: &Module, open: usize, close: usize) -> Option<Vec<(String,
     Some(found)
 }
 
-/// Whether a word is a type, or what makes one of others, without an extension of the language.
+/// Returns `true` if a word is a type or a type constructor that needs no language extension.
 fn is_builtin_type(word: &str) -> bool {
     let size = |text: &str| matches!(text, "2" | "3" | "4");
     let is_vector =

@@ -1,4 +1,4 @@
-//! `[values]` of `karat.toml`: what stands for a placeholder, or for a name that the engine's own code replaces.
+//! `[values]` of `karat.toml`: texts that replace placeholders, or names that the engine's own code replaces.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
@@ -6,10 +6,10 @@ use std::ops::Range;
 use super::lexer::{Kind, Token, lex};
 use crate::diagnostic::Value;
 
-/// Texts by the names that they stand for.
+/// Texts by the names that they replace.
 pub(super) type Values = BTreeMap<String, String>;
 
-/// Reads a value: a number, a switch, or a text of one line.
+/// Reads a value: a number, a switch, or a line of text.
 pub(super) fn value(name: &str, value: &toml::Value) -> Result<String, String> {
     let is_name = |name: &str| matches!(&*lex(name), [token] if token.kind == Kind::Word && token.range() == (0..name.len()));
     if !is_name(name) {
@@ -25,13 +25,13 @@ pub(super) fn value(name: &str, value: &toml::Value) -> Result<String, String> {
             Err(format!("the value of `{name}` has a comment, which would hide what follows it"))
         }
         toml::Value::String(text) => Ok(text.clone()),
-        // `a -N` is no `a --1`.
+        // The brackets keep `a -N` from becoming `a --1`.
         toml::Value::Integer(number) if *number < 0 => Ok(format!("({number})")),
         toml::Value::Integer(number) => Ok(number.to_string()),
         toml::Value::Float(number) if !number.is_finite() => {
             Err(format!("WGSL has no literal for the value of `{name}`"))
         }
-        // A float of WGSL has a point or an exponent, and so has TOML's.
+        // A float has a point or an exponent in WGSL, as in TOML.
         toml::Value::Float(number) if *number < 0.0 => Ok(format!("({number:?})")),
         toml::Value::Float(number) => Ok(format!("{number:?}")),
         toml::Value::Boolean(on) => Ok(on.to_string()),
@@ -39,9 +39,8 @@ pub(super) fn value(name: &str, value: &toml::Value) -> Result<String, String> {
     }
 }
 
-/// A text with its values: for each `{{ NAME }}`, `{NAME}`, `${NAME}`, `$(NAME)`, `$NAME`, `#{NAME}` and for the
-/// bare name. These stay, whatever they are called: comments, directives, conditions, imports, attributes, members,
-/// and what is declared.
+/// Replaces each `{{ NAME }}`, `{NAME}`, `${NAME}`, `$(NAME)`, `$NAME`, `#{NAME}` and bare name with its value. It
+/// leaves comments, directives, conditions, imports, attributes, members and declarations alone.
 pub(super) fn substituted(text: &str, values: &Values) -> (String, Vec<Value>) {
     let (mut result, mut done, mut all) = (String::with_capacity(text.len()), 0, Vec::new());
     for (range, name) in places(text, &lex(text), values) {
@@ -56,7 +55,7 @@ pub(super) fn substituted(text: &str, values: &Values) -> (String, Vec<Value>) {
     (result, all)
 }
 
-/// The values that a text has a place for.
+/// The values that a text uses.
 pub(super) fn used<'v>(text: &str, values: &'v Values) -> BTreeSet<&'v str> {
     places(text, &lex(text), values).into_iter().map(|(_, name)| name).collect()
 }
@@ -80,7 +79,7 @@ fn places<'v>(text: &str, tokens: &[Token], values: &'v Values) -> Vec<(Range<us
         while !is_list
             && is(before(&around), "{")
             && is(Some(around.end), "}")
-            // Braces around a placeholder are a block's, unless they are a part of it: `{{ NAME }}`.
+            // Braces around a placeholder belong to a block, unless they touch it: `{{ NAME }}`.
             && (around.len() == 1 || touch(around.start - 1, around.start) && touch(around.end - 1, around.end))
         {
             around = around.start - 1..around.end + 1;
@@ -111,10 +110,10 @@ fn places<'v>(text: &str, tokens: &[Token], values: &'v Values) -> Vec<(Range<us
     found
 }
 
-/// Words that declare the name behind them.
+/// Words that declare the name after them.
 const DECLARES: [&str; 7] = ["fn", "struct", "alias", "const", "override", "let", "var"];
 
-/// The tokens of the function that has one: to its last brace, or at most to the next function.
+/// The tokens of the function around `at`: up to its last brace, or at most to the next function.
 fn function_around(text: &str, tokens: &[Token], at: usize) -> Option<Range<usize>> {
     let of = |at: usize| &text[tokens[at].range()];
     let start = (0..at).rev().find(|one| of(*one) == "fn")?;
@@ -132,16 +131,16 @@ fn function_around(text: &str, tokens: &[Token], at: usize) -> Option<Range<usiz
     all.contains(&at).then_some(all)
 }
 
-/// The names that a text declares or imports, each with the tokens among which it means that.
+/// The names that a text declares or imports, each with the tokens where the name has that meaning.
 fn declared<'t>(text: &'t str, tokens: &[Token]) -> Vec<(&'t str, Range<usize>)> {
     let of = |at: usize| tokens.get(at).map_or("", |token| &text[token.range()]);
-    // The end of the text begins one, too.
+    // The end of the text also counts as the start of a line.
     let begins_line = |at: usize| {
         let start = tokens.get(at).map_or(text.len(), |token| token.range().start);
         at > 0 && (at == tokens.len() || text[tokens[at - 1].range().end..start].contains('\n'))
     };
     let mut found = Vec::new();
-    // `#import` ends with its line, or behind its braces; `import` with its semicolon.
+    // `#import` ends with its line, or behind its braces; `import` ends with its semicolon.
     let (mut imports, mut by_line, mut depth) = (false, false, 0_usize);
     for at in 0..tokens.len() {
         let (before, behind) = (at.checked_sub(1).map_or("", of), of(at + 1));
@@ -158,7 +157,7 @@ fn declared<'t>(text: &'t str, tokens: &[Token]) -> Vec<(&'t str, Range<usize>)>
         let is_last = by_line && depth == 0 && begins_line(at + 1);
         let is_imported = imports && (is_last || matches!(behind, "," | "}" | ";"));
         let is_declared = DECLARES.contains(&before) && matches!(behind, "(" | "{" | "=" | ":");
-        // A parameter, and no member of a structure, which has another name before it.
+        // A parameter follows `(` or `,`. A member of a structure may, too, and isn't a parameter.
         let is_parameter =
             matches!(before, "(" | ",") && behind == ":" && !is_member(tokens, text, at);
         if is_imported || is_declared || is_parameter || before == ">" && behind == ":" {
@@ -169,7 +168,7 @@ fn declared<'t>(text: &'t str, tokens: &[Token]) -> Vec<(&'t str, Range<usize>)>
     found
 }
 
-/// True between the braces of a structure, or of a `case`.
+/// Returns `true` between the braces of a structure, or of a `case`.
 fn is_member(tokens: &[Token], text: &str, at: usize) -> bool {
     let mut depth = 0;
     for token in tokens[..at].iter().rev() {
@@ -184,7 +183,7 @@ fn is_member(tokens: &[Token], text: &str, at: usize) -> bool {
     true
 }
 
-/// True of a word that is a name, and nothing that an engine replaces.
+/// Returns `true` for a word that is a name and that an engine doesn't replace.
 fn is_name(text: &str, tokens: &[Token], at: usize) -> bool {
     let of = |at: usize| tokens.get(at).map_or("", |token| &text[token.range()]);
     let before = at.checked_sub(1).map_or("", of);
@@ -199,7 +198,7 @@ fn is_name(text: &str, tokens: &[Token], at: usize) -> bool {
         && of(at + 1) == ":"
         && of(at + 2) != ":"
         && !is_case(text, tokens, at);
-    // Back through what a condition or an import may hold.
+    // Goes back over the words that a condition or an import may contain.
     let is_part = |word: &str| {
         matches!(word, "(" | ")" | "!" | "&" | "|" | ":" | "," | "{" | "}" | "*")
             || word.starts_with(|c: char| c == '_' || c.is_alphabetic())
@@ -222,7 +221,7 @@ fn is_name(text: &str, tokens: &[Token], at: usize) -> bool {
     matches!(before, "." | "@") || is_path || is_directive || is_declared || is_member || is_asked
 }
 
-/// True within the selectors of a `case`.
+/// Returns `true` within the selectors of a `case`.
 fn is_case(text: &str, tokens: &[Token], at: usize) -> bool {
     let of = |at: usize| &text[tokens[at].range()];
     (0..at)
@@ -284,7 +283,7 @@ mod tests {
             ),
             ("const a = b::N + N;", "const a = b::N + 64;"),
             ("import a::{N}; fn f() { {N} }", "import a::{N}; fn f() { 64 }"),
-            // A parameter and a local are that in their own function.
+            // A parameter and a local hide the value in their own function.
             (
                 "fn f(N: f32) { N; }\nfn g() { N; }\nfn h() { let N = 2; if true { N; } }\nconst a = N;",
                 "fn f(N: f32) { N; }\nfn g() { 64; }\nfn h() { let N = 2; if true { N; } }\nconst a = 64;",

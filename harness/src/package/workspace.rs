@@ -1,7 +1,8 @@
-//! The owner of all that a process keeps between one look at a package and the next. An entry of most kinds is found
-//! by all that it was made of, such as a text and features, so an edit finds none. Other kinds say beside them what the
-//! next process alone sees (cargo's graphs), or check what they find (programs, `karat.toml`). A kind that reaches its
-//! bound is forgotten whole, and [`refresh`] forgets what may depend on files that Karat knows nothing of.
+//! Owns everything that a process keeps between one look at a package and the next. Most entries are found by all their
+//! inputs, such as a text and features, so an edit finds no old entry. Other kinds say where they differ: cargo's
+//! graphs notice changes only in the next process, and the outputs of programs and `karat.toml` are checked when they
+//! are found. A kind that reaches its limit is cleared completely, and [`refresh`] forgets entries that may depend on
+//! files unknown to Karat.
 
 use std::any::{Any, TypeId};
 use std::collections::HashMap;
@@ -10,18 +11,18 @@ use std::sync::{Arc, LazyLock, Mutex, MutexGuard, PoisonError};
 
 /// A kind of entries.
 pub(crate) trait Kind: 'static {
-    /// All that an entry is made of.
+    /// All inputs of an entry.
     type Key: Eq + Hash + Send + 'static;
     type Value: Send + 'static;
-    /// How many are kept.
+    /// The most entries that are kept.
     const MOST: usize;
-    /// True if entries have causes that aren't in their keys.
+    /// Set if entries depend on more than their keys.
     const VOLATILE: bool = false;
 }
 
 type Entries<K> = HashMap<<K as Kind>::Key, <K as Kind>::Value>;
 
-/// The entries of a kind. Kinds have locks of their own: cargo may take seconds to answer.
+/// The entries of a kind. Each kind has its own lock, since cargo may take seconds to answer.
 struct Shelf {
     entries: Arc<Mutex<Box<dyn Any + Send>>>,
     clear: Option<fn(&mut (dyn Any + Send))>,
@@ -37,7 +38,7 @@ fn entries<K: Kind>(any: &mut (dyn Any + Send)) -> &mut Entries<K> {
     any.downcast_mut().expect("a kind has entries of its own type")
 }
 
-/// Works on the entries of a kind, which others wait for. `work` must not come back for the same kind.
+/// Gives `work` the entries of a kind, locked. `work` must not ask for the same kind again.
 pub(crate) fn with<K: Kind, T>(work: impl FnOnce(&mut Entries<K>) -> T) -> T {
     let shelf = {
         let mut workspace = locked(&WORKSPACE);
@@ -51,7 +52,7 @@ pub(crate) fn with<K: Kind, T>(work: impl FnOnce(&mut Entries<K>) -> T) -> T {
     work(entries::<K>(&mut **any))
 }
 
-/// The entries of a kind, with room for another one.
+/// The same, with room for another entry.
 pub(crate) fn with_room<K: Kind, T>(work: impl FnOnce(&mut Entries<K>) -> T) -> T {
     with::<K, _>(|entries| {
         if entries.len() >= K::MOST {
@@ -69,8 +70,8 @@ pub(crate) fn keep<K: Kind>(key: K::Key, value: K::Value) {
     with_room::<K, _>(|entries| drop(entries.insert(key, value)));
 }
 
-/// Forgets what was kept of files that Karat knows nothing of: what a program printed (`preprocess` in
-/// `karat.toml`) may depend on any. A process that lives on between edits calls it before each look.
+/// Forgets entries that depend on files unknown to Karat: a program's output (`preprocess` in `karat.toml`) may depend
+/// on any file. A process that lives on between edits calls it before each look.
 ///
 /// ```
 /// karat::unstable::workspace::refresh();

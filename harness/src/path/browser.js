@@ -1,4 +1,5 @@
-// The page of `karat browser`, in which `jobs.js` stands before this text. It asks for jobs with the answer to the last one.
+// The page of `karat browser`; `jobs.js` comes before this text. The page asks for jobs, together with the answer to
+// the last one.
 
 const page = crypto.randomUUID();
 const show = (text) => { document.querySelector('p').textContent = text; };
@@ -8,7 +9,7 @@ async function work() {
     if (!navigator.gpu) throw new Error('this browser has no WebGPU');
     const { device, greeting } = await opened(navigator.gpu, 'Browser');
     const version = navigator.userAgent.match(/(Firefox|Edg|Chrome|Version)\/[\d.]+/)?.[0] ?? navigator.userAgent;
-    // A page without a device begins anew.
+    // Without a device, the page is loaded again.
     device.lost.then(() => location.reload());
     addEventListener('pagehide', () => navigator.sendBeacon('next', body({ closed: true })));
     show('Karat runs its tests here. Leave this page open.');

@@ -1,8 +1,8 @@
-//! The path that needs no driver.
+//! The path `cpu`, which needs no driver.
 
 use super::{Adapter, Path, Via};
 
-/// What runs it.
+/// The adapter of the engine.
 pub(crate) fn adapter(path: Path) -> Adapter {
     let name = match path.via() {
         Via::Fma => "Karat's engine, a * b + c rounded once",

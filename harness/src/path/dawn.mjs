@@ -1,8 +1,8 @@
-// The path `dawn`: Dawn, the WebGPU of Chrome, in Node by the npm package `webgpu`, whose folder is the argument. What runs
-// jobs, `jobs.js`, stands before this text, and Node reads both from its command line.
+// The path `dawn`: Dawn, the WebGPU of Chrome, in Node, from the npm package `webgpu`. The argument is the package's
+// folder. `jobs.js`, which runs jobs, comes before this text, and Node reads both from its command line.
 //
-// A greeting and an answer a job are written to stdout, a line each. Dawn logs there and on stderr, so that it runs in a process
-// of its own, whose answers come on a third stream.
+// It writes a greeting, and an answer for each job, to stdout, one line each. Dawn logs on stdout and stderr, so it
+// runs in a process of its own, whose answers come on a third stream.
 
 import { spawn } from 'node:child_process';
 import { writeSync } from 'node:fs';
@@ -23,11 +23,11 @@ if (inner) {
 async function serve(index) {
     const { create, globals } = await import(index);
     Object.assign(globalThis, globals);
-    // Dawn goes with its last reference.
+    // Dawn is destroyed with its last reference.
     globalThis.gpu = create([]);
     const { version } = createRequire(index)('./package.json');
     const { device, greeting } = await opened(gpu, 'Dawn');
-    // Karat starts another process.
+    // Karat then starts another process.
     device.lost.then(() => process.exit(1));
     say({ ...greeting, driver: `webgpu ${version}` });
     for await (const line of createInterface({ input: process.stdin })) {

@@ -1,7 +1,7 @@
-//! A limit on the time that a shader may take.
+//! Limits the time that a shader may take.
 //!
-//! A time-out can't be an error that the caller handles: some drivers run a shader inside the call
-//! that submits it, and a hung queue can't be torn down. So the process says what hung, and ends.
+//! A time-out can't be an error that the caller handles: some drivers run a shader inside the call that submits it, and
+//! a hung queue can't be shut down. So the process reports what hung, and ends.
 
 use std::cell::RefCell;
 use std::io::Write;
@@ -13,10 +13,10 @@ use super::Path;
 use crate::output::visible;
 use crate::settings;
 
-/// While it lives, the deadline runs.
+/// Runs the deadline as long as it lives.
 #[must_use]
 pub(crate) struct Guard {
-    /// Dropping the sender tells the watch that the work is done.
+    /// Its end, when the guard is dropped, tells the watching thread that the work is done.
     _done: Sender<()>,
     path: Path,
     watcher: Option<Watcher>,
@@ -30,25 +30,25 @@ impl Drop for Guard {
 
 /// An event in the life of a guard, for its watcher.
 pub enum Moment<'a> {
-    /// Work begins that has a deadline.
+    /// Work with a deadline begins.
     Begins,
-    /// A sentence on what didn't finish, before the process ends.
+    /// The work didn't finish; a sentence says what, before the process ends.
     Overdue(&'a str),
-    /// The work has ended in time.
+    /// The work ended in time.
     Ends,
 }
 
-/// Hears of the guards that live while some work runs.
+/// Receives the events of the guards that live during some work.
 pub(crate) type Watcher = Arc<dyn Fn(Path, Moment<'_>) + Send + Sync>;
 
 thread_local! {
-    /// For guards that this thread makes.
+    /// The watcher of guards that this thread makes.
     static WATCHER: RefCell<Option<Watcher>> = const { RefCell::new(None) };
 }
 
-/// Runs `work`, and tells the watcher of its guards.
+/// Runs `work`, and sends the events of its guards to the watcher.
 pub fn watched<T>(watcher: Watcher, work: impl FnOnce() -> T) -> T {
-    /// Puts back what was there, also where the work panics.
+    /// Restores the previous watcher, even after a panic.
     struct Before(Option<Watcher>);
     impl Drop for Before {
         fn drop(&mut self) {
@@ -59,13 +59,13 @@ pub fn watched<T>(watcher: Watcher, work: impl FnOnce() -> T) -> T {
     work()
 }
 
-/// Ends the process unless the guard is dropped within the deadline. `what` says what was running
-/// on a path, and how to run it again.
+/// Ends the process unless the guard is dropped within the deadline. `what` describes the work on the path, and how to
+/// run it again.
 pub(crate) fn guard(path: Path, what: impl FnOnce() -> String + Send + 'static) -> Guard {
     within(settings::deadline(), path, what)
 }
 
-/// The same while a path opens, which runs no shader: its deadline isn't one for shaders alone.
+/// The same while a path opens. That runs no shader, so this deadline is separate.
 pub(crate) fn guard_opening(path: Path) -> Guard {
     let limit = settings::deadline().max(Duration::from_secs_f64(settings::DEADLINE_SECONDS));
     within(limit, path, move || format!("opening path {path}"))
@@ -78,7 +78,7 @@ fn within(limit: Duration, path: Path, what: impl FnOnce() -> String + Send + 's
     let (done, wait) = channel::<()>();
     std::thread::spawn(move || {
         if wait.recv_timeout(limit) == Err(RecvTimeoutError::Timeout) {
-            // Written past the test runner's capture, which dies with the process.
+            // Written past the test runner's capture, whose text is lost with the process.
             let why = format!(
                 "{} did not finish within {} s: an endless loop, or a deadline too short for this \
                  adapter (KARAT_TIMEOUT=seconds)",
@@ -92,7 +92,7 @@ fn within(limit: Duration, path: Path, what: impl FnOnce() -> String + Send + 's
             let mut stderr = std::io::stderr();
             let written =
                 stderr.write_all(visible(&message).as_bytes()).and_then(|()| stderr.flush());
-            // `exit` would run the driver's own clean-up, which waits for the hung queue.
+            // `exit` would run the driver's clean-up, which waits for the hung queue.
             drop(written);
             std::process::abort();
         }

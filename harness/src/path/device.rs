@@ -15,15 +15,15 @@ use super::route::{self, Foreign, Routed};
 use super::{Adapter, Api, Path, PathError, driver, guard_opening};
 use crate::settings;
 
-/// Rounds of all loops of an invocation together after which Mesa's llvmpipe leaves them
+/// The number of rounds, of all loops of an invocation together, after which Mesa's llvmpipe leaves the loops
 /// (`LP_MAX_TGSI_LOOP_ITERATIONS` in its sources), on Vulkan and on GL.
 pub(crate) const MOST_ROUNDS: u64 = 65_535;
 
-/// wgpu says that OpenGL 3.3 has compute shaders where the driver has `GL_ARB_compute_shader`, as
-/// NVIDIA's does, and naga writes none for that version. So one is compiled.
+/// wgpu reports compute shaders on OpenGL 3.3 if the driver has `GL_ARB_compute_shader`, as NVIDIA's does, but naga
+/// can't write them for that version. So this shader is compiled as a test.
 const NO_WORK: &str = "@compute @workgroup_size(1) fn work() {}";
 
-/// How long a poll's callback is waited for before polling again.
+/// The time to wait for a poll's callback before polling again.
 const CALLBACK: Duration = Duration::from_millis(5);
 
 /// A device of one path.
@@ -36,16 +36,16 @@ pub struct Device {
     color_format: wgpu::TextureFormat,
     multisampled_format: wgpu::TextureFormat,
     pipelines: Mutex<HashMap<blake3::Hash, Arc<Pipeline>>>,
-    /// `None`: threads needn't take turns.
+    /// `None` if threads needn't take turns.
     turns: Option<ReentrantMutex<()>>,
-    /// The least and the largest number of invocations of a subgroup.
+    /// The smallest and the largest subgroup size.
     subgroups: Option<[u32; 2]>,
 }
 
 /// A compute pipeline.
 pub(crate) struct Pipeline {
     pub(crate) pipeline: wgpu::ComputePipeline,
-    /// The SPIR-V that it was made of, if it isn't wgpu's.
+    /// The SPIR-V that it was made from, if wgpu didn't make it.
     foreign: Option<Box<Foreign>>,
 }
 
@@ -56,13 +56,12 @@ impl std::fmt::Debug for Pipeline {
 }
 
 impl Pipeline {
-    /// Whether it was made of another compiler's SPIR-V.
+    /// Returns `true` if it was made from another compiler's SPIR-V.
     pub(crate) fn is_foreign(&self) -> bool {
         self.foreign.is_some()
     }
 
-    /// Where a resource of WGSL's is bound: its group and binding. `None`: the pipeline doesn't have
-    /// it.
+    /// The place of a WGSL resource in the pipeline: its group and binding. `None` if the pipeline doesn't use it.
     pub(crate) fn place(&self, group: u32, binding: u32) -> Option<(u32, u32)> {
         match &self.foreign {
             None => Some((group, binding)),
@@ -71,7 +70,7 @@ impl Pipeline {
     }
 }
 
-/// What a thread holds while it is its turn. See [`Device::turn`].
+/// The lock that a thread holds during its turn. See [`Device::turn`].
 pub(crate) type Turn<'d> = Option<ReentrantMutexGuard<'d, ()>>;
 
 impl Device {
@@ -91,7 +90,7 @@ impl Device {
         let _deadline = guard_opening(path);
         let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
             backends: backends(path),
-            // Validation layers cost more than the test; wgpu's own validation stays on.
+            // Validation layers cost more time than the test; wgpu's own validation stays on.
             flags: wgpu::InstanceFlags::empty(),
             ..wgpu::InstanceDescriptor::new_without_display_handle()
         });
@@ -134,15 +133,15 @@ impl Device {
         let optional = wgpu::Features::SHADER_F16
             | wgpu::Features::FLOAT32_FILTERABLE
             | wgpu::Features::FLOAT32_BLENDABLE
-            // Where loops of vertex shaders are counted.
+            // For counters of loops in vertex shaders.
             | wgpu::Features::VERTEX_WRITABLE_STORAGE
-            // What fixtures may be.
+            // For fixtures.
             | wgpu::Features::IMMEDIATES
             | wgpu::Features::TEXTURE_FORMAT_16BIT_NORM
-            // Compute passes may use these.
+            // For compute passes.
             | wgpu::Features::SUBGROUP
             | wgpu::Features::SUBGROUP_BARRIER
-            // What frames are drawn into.
+            // For frames' targets.
             | wgpu::Features::RG11B10UFLOAT_RENDERABLE
             | wgpu::Features::DEPTH32FLOAT_STENCIL8
             | wgpu::Features::INDIRECT_FIRST_INSTANCE
@@ -173,7 +172,7 @@ impl Device {
         let (path_name, driver) = (path.to_string(), driver_of(&info));
         let software = info.device_type == wgpu::DeviceType::Cpu;
         let adapter = Adapter { path: path_name, name: info.name, driver, software };
-        // Mesa's GL doesn't say that llvmpipe is software.
+        // Mesa's GL doesn't report that llvmpipe is software.
         let adapter = Adapter { software: software || adapter.is_llvmpipe(), ..adapter };
         let turns = (path.api() == Api::Gl).then(ReentrantMutex::default);
         let pipelines = Mutex::default();
@@ -200,36 +199,36 @@ impl Device {
         }
     }
 
-    /// Waits until no other thread uses the device, where a driver serves one thread at a time: wgpu
-    /// panics in a thread that has waited for GL's context for six seconds, as on a busy machine it
-    /// may while another compiles. A turn is taken for whatever reaches the driver, the release of
-    /// resources included; not while other threads are waited for; and before a deadline begins.
+    /// Waits until no other thread uses the device, for drivers that serve one thread at a time. wgpu panics in a
+    /// thread that has waited six seconds for GL's context, which can happen on a busy machine while another thread
+    /// compiles. Take a turn for everything that reaches the driver, including the release of resources; don't hold it
+    /// while you wait for other threads, and take it before a deadline begins.
     pub(crate) fn turn(&self) -> Turn<'_> {
         self.turns.as_ref().map(ReentrantMutex::lock)
     }
 
-    /// Its name.
+    /// The path's name.
     pub fn path(&self) -> Path {
         self.path
     }
 
-    /// What the driver says of itself.
+    /// The driver's description of itself.
     pub fn adapter(&self) -> &Adapter {
         &self.adapter
     }
 
-    /// Whether the driver leaves loops after [`MOST_ROUNDS`] rounds, with whatever there is then.
+    /// Returns `true` if the driver leaves loops after [`MOST_ROUNDS`] rounds, with the values of that moment.
     pub(crate) fn leaves_loops(&self) -> bool {
         self.adapter.is_llvmpipe()
     }
 
-    /// Whether the driver fills the borders of a cube map's faces only when something is drawn with
-    /// it, and leaves them to chance for kernels.
+    /// Returns `true` if the driver fills the borders of a cube map's faces only when something is drawn with it, so
+    /// that kernels read undefined borders.
     pub(crate) fn fills_borders_by_draws(&self) -> bool {
         self.adapter.is_swiftshader()
     }
 
-    /// Says which loop the driver leaves before it ends.
+    /// The message about the loop that the driver leaves before it ends.
     pub(crate) fn left_loop(&self, of: &str, rounds: u32, place: Option<&Span>) -> Diagnostic {
         let path = self.path;
         let diagnostic = Diagnostic::new(format!(
@@ -249,7 +248,7 @@ impl Device {
             .note("ask for fewer rounds, or run on a driver without such a limit")
     }
 
-    /// The least and the largest number of invocations of a subgroup; `None` without them.
+    /// The smallest and the largest subgroup size; `None` without subgroups.
     pub(crate) fn subgroups(&self) -> Option<[u32; 2]> {
         self.subgroups
     }
@@ -258,7 +257,7 @@ impl Device {
         self.device.features().contains(wgpu::Features::SHADER_F16)
     }
 
-    /// The best format of sampled float textures: full precision where it can be filtered.
+    /// The best format of sampled float textures: full precision if the path can filter it.
     pub(crate) fn float_format(&self) -> wgpu::TextureFormat {
         if self.device.features().contains(wgpu::Features::FLOAT32_FILTERABLE) {
             wgpu::TextureFormat::Rgba32Float
@@ -272,18 +271,17 @@ impl Device {
         self.multisampled_format
     }
 
-    /// The format of frames: 32-bit floats, or 16-bit floats where the path can't draw into those.
+    /// The format of frames: 32-bit floats, or 16-bit floats if the path can't draw into those.
     pub(crate) fn color_format(&self) -> wgpu::TextureFormat {
         self.color_format
     }
 
-    /// Runs `work`; an error that wgpu reports meanwhile is returned.
+    /// Runs `work`, and returns an error that wgpu reports meanwhile.
     pub(crate) fn checked<T>(&self, work: impl FnOnce() -> T) -> Result<T, PathError> {
         self.watched(work).map_err(|error| self.failed(&error))
     }
 
-    /// Makes shader modules and pipelines. An error means that the driver refuses the shader, unless memory ran
-    /// out.
+    /// Makes shader modules and pipelines. An error means that the driver refuses the shader, unless memory ran out.
     pub(crate) fn made<T>(&self, make: impl FnOnce() -> T) -> Result<T, PathError> {
         self.watched(make).map_err(|error| match error {
             wgpu::Error::OutOfMemory { .. } => self.failed(&error),
@@ -300,7 +298,7 @@ impl Device {
         let internal = self.device.push_error_scope(wgpu::ErrorFilter::Internal);
         let validation = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
         let value = work();
-        // Scopes end in the reverse of the order in which they began.
+        // Scopes end in the reverse order of their beginnings.
         let validation = pollster::block_on(validation.pop());
         let internal = pollster::block_on(internal.pop());
         let memory = pollster::block_on(memory.pop());
@@ -310,7 +308,7 @@ impl Device {
         }
     }
 
-    /// The compute pipeline of a kernel; made once for the same text.
+    /// The compute pipeline of a kernel; made once for each text.
     pub(crate) fn compute_pipeline(
         &self,
         wgsl: &str,
@@ -351,7 +349,7 @@ impl Device {
         })
     }
 
-    /// What a frame is drawn with, along the path's route.
+    /// The IR to draw a frame with, along the path's route.
     pub(crate) fn drawn(&self, module: Ir) -> Result<Ir, PathError> {
         let undrawn = || PathError::Route {
             path: self.path,
@@ -392,8 +390,8 @@ impl Device {
             .map_err(|error| PathError::Driver { path: self.path, message: error.to_string() })
     }
 
-    /// Copies the mapped contents of a read-back buffer. Unmaps it. It isn't this thread's turn while
-    /// `read` reads, which may wait for other threads.
+    /// Copies the mapped contents of a read-back buffer, and unmaps it. The thread gives up its turn while `read` runs,
+    /// because `read` may wait for other threads.
     pub(crate) fn read_back<T>(
         &self,
         buffer: &wgpu::Buffer,
@@ -408,9 +406,8 @@ impl Device {
             // The receiver lives until the result is taken.
             drop(sender.send(result));
         });
-        // Another thread's poll may have taken the callback and not have called it yet, so the
-        // end of this thread's poll doesn't mean that the mapping has ended. The caller's
-        // deadline bounds the loop.
+        // Another thread's poll may have taken the callback without having called it yet. So the end of this thread's
+        // poll doesn't mean that the mapping is done. The caller's deadline bounds the loop.
         let mapped = loop {
             self.wait()?;
             match receiver.recv_timeout(CALLBACK) {
@@ -433,12 +430,12 @@ impl Device {
     }
 }
 
-/// Driver and version, as far as the adapter tells.
+/// The driver and its version, as far as the adapter reports them.
 fn driver_of(info: &wgpu::AdapterInfo) -> String {
     format!("{} {}", info.driver, info.driver_info).trim().to_owned()
 }
 
-/// Whether this platform can have the path at all.
+/// Returns `true` if this platform can have the path.
 pub(super) fn exists(path: Path) -> bool {
     let backends = backends(path);
     !backends.is_empty() && wgpu::Instance::enabled_backend_features().contains(backends)
@@ -454,8 +451,8 @@ fn backends(path: Path) -> wgpu::Backends {
     }
 }
 
-/// Hardware first; a software rasteriser last but one. Of these Mesa's is what machines have where
-/// nobody chose: a second one beside it runs when it is named.
+/// Hardware first, software rasterisers last. Among these, Mesa's comes first: machines have it by default, and a
+/// second one runs when it is named.
 fn preference(info: &wgpu::AdapterInfo) -> (u8, bool) {
     let kind = match info.device_type {
         wgpu::DeviceType::DiscreteGpu => 0,

@@ -1,4 +1,4 @@
-//! Adapters and the families of their drivers, recognised in this one place.
+//! Adapters and the families of their drivers. Drivers are recognised only here.
 
 use std::fmt;
 
@@ -24,7 +24,7 @@ pub struct Adapter {
     pub name: String,
     /// Driver and version: `llvmpipe Mesa 22.3.6`.
     pub driver: String,
-    /// Whether it is a software rasteriser.
+    /// Set for a software rasteriser.
     pub software: bool,
 }
 
@@ -38,11 +38,11 @@ impl fmt::Display for Adapter {
 /// Mesa's rasteriser, whose Vulkan is lavapipe.
 const LLVMPIPE: &str = "llvmpipe";
 
-/// Google's rasteriser, which Chromium brings along.
+/// Google's rasteriser, which comes with Chromium.
 const SWIFTSHADER: &str = "swiftshader";
 
-/// What drivers and adapters call themselves, and the family. Software comes first, as the name
-/// of a rasteriser may be followed by that of the processor it runs on.
+/// Parts of drivers' and adapters' names, with the family. Software comes first, because a rasteriser's name may be
+/// followed by the processor's.
 const FAMILIES: [(&str, &str); 17] = [
     ("llvmpipe", LLVMPIPE),
     ("swiftshader", SWIFTSHADER),
@@ -63,13 +63,12 @@ const FAMILIES: [(&str, &str); 17] = [
     ("v3d", "broadcom"),
 ];
 
-/// The families that have a name.
+/// The names of all families.
 pub(super) fn families() -> impl Iterator<Item = &'static str> {
     FAMILIES.iter().map(|(_, family)| *family)
 }
 
-/// The family of what an adapter and its driver call themselves; without a known one the first
-/// word.
+/// The family for the names of an adapter and its driver. If none is known, it is the first word.
 pub(super) fn family(name: &str, driver: &str) -> String {
     let text = format!("{driver} {name}").to_lowercase();
     let known = FAMILIES.iter().find(|(mark, _)| text.contains(mark));
@@ -92,7 +91,7 @@ impl Adapter {
         family(&self.name, &self.driver)
     }
 
-    /// Whether it is Mesa's llvmpipe, on whatever API.
+    /// Returns `true` for Mesa's llvmpipe, on any API.
     ///
     /// ```no_run
     /// use karat::Path;
@@ -110,7 +109,7 @@ impl Adapter {
         self.family() == SWIFTSHADER
     }
 
-    /// Whether it is lavapipe, llvmpipe on Vulkan: any machine can have it.
+    /// Returns `true` for lavapipe, which is llvmpipe on Vulkan. It can run on any machine.
     ///
     /// ```no_run
     /// use karat::Path;

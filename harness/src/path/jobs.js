@@ -1,6 +1,7 @@
-// Runs Karat's jobs by WebGPU: in Node on Dawn (`dawn.mjs`), or in a page of a Chromium. `jobs.schema.json` describes the data.
+// Runs Karat's jobs with WebGPU: in Node on Dawn (`dawn.mjs`), or in a page of Chromium. `jobs.schema.json` describes
+// the data.
 
-// A device with all that jobs may want, and the greeting.
+// A device with everything that jobs may need, and the greeting.
 async function opened(gpu, name) {
     const adapter = await gpu.requestAdapter();
     if (!adapter) {
@@ -24,7 +25,7 @@ async function opened(gpu, name) {
     return { device, greeting };
 }
 
-// The answer to a job, with whatever went wrong.
+// The answer to a job, including errors.
 async function answered(device, job) {
     device.pushErrorScope('validation');
     device.pushErrorScope('out-of-memory');
@@ -34,7 +35,7 @@ async function answered(device, job) {
     });
     const [first, second] = [await device.popErrorScope(), await device.popErrorScope()];
     const wrong = first ?? second;
-    // A shader that was taken isn't refused.
+    // A shader that was accepted isn't refused.
     const failed = wrong && reply.done && { failed: { message: wrong.message } };
     return { id: job.id, reply: failed || reply };
 }
@@ -44,13 +45,13 @@ function refusal(message, pass, bytes) {
     return Object.assign(new Error(message), { refused: true, pass, bytes });
 }
 
-// A module, once the compiler has taken it.
+// A module, if the compiler accepts it.
 async function compiled(device, wgsl, number) {
     const module = device.createShaderModule({ code: wgsl });
     const { messages } = await module.getCompilationInfo();
     const wrong = messages.find(({ type }) => type === 'error');
     if (wrong) {
-        // Offsets of JavaScript's texts are in UTF-16.
+        // JavaScript's offsets in texts count UTF-16 units.
         const byte = (offset) => new TextEncoder().encode(wgsl.slice(0, offset)).length;
         const { message, offset, length } = wrong;
         throw refusal(message, number, { start: byte(offset), end: byte(offset + length) });
@@ -58,7 +59,7 @@ async function compiled(device, wgsl, number) {
     return module;
 }
 
-// Pipelines by their texts: the cases of a function come in many jobs, and compiling takes longer than running them.
+// Pipelines by their texts: a function's cases come in many jobs, and compiling takes longer than running them.
 const pipelines = new Map();
 const MOST_PIPELINES = 32;
 
@@ -71,14 +72,14 @@ async function pipelineOf(device, { shader: { wgsl, overrides }, entry_point: en
             layout: 'auto',
             compute: { module, entryPoint, constants: overrides },
         }).catch((error) => { throw refusal(error.message, number); });
-        // The oldest goes.
+        // Removes the oldest.
         if (pipelines.size >= MOST_PIPELINES) pipelines.delete(pipelines.keys().next().value);
         pipelines.set(key, pipeline);
     }
     return pipeline;
 }
 
-// Binds what a pass or a draw reads, group by group.
+// Binds the resources of a pass or a draw, group by group.
 function bind(device, pipeline, pass, bindings, held) {
     if (bindings.some(({ at }) => !at)) throw refusal('it has no immediates', 0);
     for (const group of new Set(bindings.map(({ at }) => at[0]))) {
@@ -114,7 +115,7 @@ async function run(device, { jobs, resources, outputs, work }) {
     return { done };
 }
 
-// Submits the work, and returns the words of some buffers after it.
+// Submits the work, and returns the words of some buffers afterwards.
 async function read(device, encoder, buffers) {
     const staged = buffers.map((buffer) => {
         const usage = GPUBufferUsage.MAP_READ | GPUBufferUsage.COPY_DST;
@@ -132,10 +133,10 @@ async function read(device, encoder, buffers) {
     return done;
 }
 
-// The draws of a frame, one after the other, and the words of its result: four of each pixel.
+// The draws of a frame, one after another, and the words of its result: four for each pixel.
 async function draw(device, encoder, frame, held) {
     const { width, height, samples, clear, result } = frame;
-    // A depth that the fragment function decides is drawn with it alone.
+    // If the fragment function decides the depth, the pre-pass must run it, too.
     const decides = frame.prepass && (/\bdiscard\b|frag_depth/.test(frame.shader.wgsl) || frame.draws.some(({ draw: one }) => one.depth_fragment));
     if (decides) throw refusal('it draws no depth of fragments before the colours', 0);
     if (result === 'depth' && samples > 1) throw refusal('it reads no depth of several samples', 0);
@@ -157,7 +158,7 @@ async function draw(device, encoder, frame, held) {
     if (hasStencil && !device.features.has('depth32float-stencil8')) throw refusal('it has no stencils', 0);
     const depth = texture(depthFormat, samples);
     const writesDepth = frame.shader.wgsl.includes('frag_depth');
-    // A draw of depth alone has no colours, so that each draw is a pass of its own.
+    // A depth-only draw has no colours, so each draw is a pass of its own.
     const targetsOf = (hasColours, loadOp) => encoder.beginRenderPass({
         colorAttachments: hasColours ? colours.map((colour, target) => ({
             view: colour.createView(),
@@ -240,36 +241,37 @@ async function draw(device, encoder, frame, held) {
     return { words, textures };
 }
 
-// How depth is compared, and whether it is written: of what is drawn in advance, and of what is drawn behind that.
+// How depth is compared, and whether it is written: in the pre-pass, and in the draw after it.
 function depthOf(state, isBehind, depthAlone, writes) {
     if (isBehind && !depthAlone) return { depthCompare: 'equal', depthWriteEnabled: false };
     const depthCompare = state.depth_compare ?? (depthAlone ? 'less' : 'less-equal');
     return { depthCompare, depthWriteEnabled: state.depth_write ?? writes };
 }
 
-// Bytes as base64. Node has `Buffer`; pages had no function for it for long.
+// Bytes as base64. Node has `Buffer`; older browsers have no function for it.
 function packed(bytes) {
     if (globalThis.Buffer) return Buffer.from(bytes.buffer, bytes.byteOffset, bytes.byteLength).toString('base64');
     if (bytes.toBase64) return bytes.toBase64();
     let text = '';
-    // A call takes some ten thousand arguments.
+    // A call accepts some ten thousand arguments.
     for (let at = 0; at < bytes.length; at += 0x8000) text += String.fromCharCode(...bytes.subarray(at, at + 0x8000));
     return btoa(text);
 }
 
-// The words of base64.
+// Words from base64.
 function unpacked(text) {
     if (globalThis.Buffer) return new Uint32Array(new Uint8Array(Buffer.from(text, 'base64')).buffer);
     if (Uint8Array.fromBase64) return new Uint32Array(Uint8Array.fromBase64(text).buffer);
     return new Uint32Array(Uint8Array.from(atob(text), (byte) => byte.charCodeAt(0)).buffer);
 }
 
-// WGSL's scalar of a format's texels.
+// The WGSL scalar of a format's texels.
 function scalarOf(format) {
     return /uint$/.test(format) ? 'u32' : /sint$/.test(format) ? 'i32' : 'f32';
 }
 
-// The end of a texture's type in WGSL, and the place of the texel `at` of its first level: row by row, slice by slice.
+// The end of the name of a texture's type in WGSL, and the place of the texel `at` in its first level: row by row,
+// slice by slice.
 function placeOf({ dimension = '2d', arrayed = false }) {
     const [x, y, z] = ['at % size.x', 'at / size.x % size.y', 'at / (size.x * size.y)'];
     if (dimension === '1d') return ['1d', 'at'];
@@ -277,7 +279,7 @@ function placeOf({ dimension = '2d', arrayed = false }) {
     return arrayed || dimension === 'cube' ? ['2d_array', `vec2u(${x}, ${y}), ${z}`] : ['2d', `vec2u(${x}, ${y})`];
 }
 
-// Runs a statement for each texel of a texture's first level, beside the words of its texels.
+// Runs a statement for each texel of a texture's first level, together with the texel's words.
 function perTexel(device, encoder, texture, { declarations, statement, words, view }) {
     const { width, height, depthOrArrayLayers } = texture;
     const texels = width * height * depthOrArrayLayers;
@@ -315,7 +317,7 @@ function told(device, encoder, { texture, aspect = 'all', kind = {} }) {
     return words;
 }
 
-// Refuses whole numbers and depths that a format doesn't hold.
+// Fails for integers and depths that a format can't store.
 function expectHeld(format, levels) {
     const texels = levels.flatMap(({ words }) => words);
     if (format === 'depth32float') {
@@ -331,7 +333,7 @@ function expectHeld(format, levels) {
     if (wrong !== undefined) throw refusal(`a texel is ${wrong}, which ${format} can't hold`, 0);
 }
 
-// A storage texture with texels, which a shader writes: the device knows its format.
+// A storage texture with texels, which a shader writes, because the device knows the format.
 function stored(device, format, kind, [level]) {
     expectHeld(format, [level]);
     const texels = level.words.length / (level.width * level.height);
@@ -354,7 +356,7 @@ function stored(device, format, kind, [level]) {
     return texture;
 }
 
-// A texture of depths or of several samples a texel, which only draws can fill. Samples of a texel are neighbours.
+// A texture of depths, or with several samples a texel. Only draws can fill it. The samples of a texel are neighbours.
 function painted(device, texels, samples, levels) {
     const isDepth = texels === 'depth';
     const [{ width, height, words }] = levels;
@@ -408,7 +410,7 @@ function painted(device, texels, samples, levels) {
     return texture;
 }
 
-// The vertex buffers of a mesh, one an attribute.
+// The vertex buffers of a mesh, one for each attribute.
 function attributes(device, mesh) {
     const names = { f32: 'float32', i32: 'sint32', u32: 'uint32' };
     return (mesh?.attributes ?? []).map(({ location, scalar, width, words, by_instance: byInstance }) => {
@@ -429,7 +431,7 @@ function made(device, words, usage) {
     return buffer;
 }
 
-// How a pixel that is drawn again mixes with what is there.
+// How a new value combines with a pixel's old value.
 function blend(kind) {
     const component = (srcFactor, dstFactor, operation = 'add') => ({ srcFactor, dstFactor, operation });
     const both = (color, alpha = color) => ({ color, alpha });

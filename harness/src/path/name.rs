@@ -1,4 +1,4 @@
-//! Names of execution paths: an API, a route of translation, and a driver.
+//! Parses the names of execution paths: an API, a route of translation, and a driver.
 
 use std::collections::BTreeSet;
 use std::fmt;
@@ -8,7 +8,7 @@ use std::sync::Mutex;
 use super::{PathError, driver, web};
 use crate::diagnostic::nearest;
 
-/// What runs a shader.
+/// The API or program that runs a shader.
 ///
 /// ```
 /// use karat::Path;
@@ -27,7 +27,7 @@ pub enum Api {
     Dx12,
     /// OpenGL or OpenGL ES.
     Gl,
-    /// No driver at all: the host's processor.
+    /// No driver: the host's processor.
     Cpu,
     /// A program that runs jobs, which KARAT_EXECUTORS names.
     Process,
@@ -57,7 +57,7 @@ impl Api {
     }
 }
 
-/// A language that a shader is translated into on its way, in addition to what the API needs.
+/// A language that a shader is translated into on its way to the API, or an arithmetic of `cpu`.
 ///
 /// ```
 /// use karat::Path;
@@ -70,9 +70,9 @@ impl Api {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[non_exhaustive]
 pub enum Via {
-    /// No other: WGSL as it is written.
+    /// No translation: the author's WGSL.
     Direct,
-    /// WGSL that naga writes, compiled again.
+    /// WGSL that naga writes, and reads again.
     Wgsl,
     /// SPIR-V.
     Spirv,
@@ -82,10 +82,10 @@ pub enum Via {
     Hlsl,
     /// HLSL, by Microsoft's compiler.
     HlslDxc,
-    /// No language, but an arithmetic of the path `cpu`: `a * b + c` is rounded once, as WGSL (15.7.5) allows and many
+    /// An arithmetic of the path `cpu`, not a language: it rounds `a * b + c` once, as WGSL (15.7.5) allows and many
     /// GPUs do.
     Fma,
-    /// The same, in which subnormal numbers are zero, as WGSL (15.7.2) allows and many GPUs do.
+    /// The same with subnormal numbers as zero, as WGSL (15.7.2) allows and many GPUs do.
     Ftz,
 }
 
@@ -101,12 +101,12 @@ impl Via {
         Self::Ftz,
     ];
 
-    /// True of an arithmetic, which `cpu` alone has.
+    /// Returns `true` for an arithmetic, which only `cpu` has.
     pub(crate) const fn is_arithmetic(self) -> bool {
         matches!(self, Self::Fma | Self::Ftz)
     }
 
-    /// The name behind the `:` of a path.
+    /// The name after the `:` of a path.
     ///
     /// ```
     /// use karat::unstable::path::Via;
@@ -134,10 +134,10 @@ impl fmt::Display for Via {
     }
 }
 
-/// An execution path: an API, with the route that a shader takes to it and the driver behind it.
+/// An execution path: an API, the route that a shader takes to it, and the driver behind it.
 ///
-/// Its name may say all three: `vulkan`, `vulkan:hlsl`, `vulkan@swiftshader`. A path that names no
-/// driver uses the first adapter of its API, hardware before software.
+/// Its name may say all three: `vulkan`, `vulkan:hlsl`, `vulkan@swiftshader`. A path without a driver's name uses the
+/// first adapter of its API, hardware before software.
 ///
 /// ```
 /// use karat::Path;
@@ -172,12 +172,12 @@ impl Path {
         Self { api, via: Via::Direct, driver: None }
     }
 
-    /// The same by another route.
+    /// The same API by another route.
     pub(crate) const fn through(self, via: Via) -> Self {
         Self { via, ..self }
     }
 
-    /// What runs the shader.
+    /// The API or program that runs the shader.
     ///
     /// ```
     /// use karat::Path;
@@ -192,7 +192,7 @@ impl Path {
         self.api
     }
 
-    /// The route to it.
+    /// The route to the API.
     ///
     /// ```
     /// use karat::Path;
@@ -223,7 +223,7 @@ impl Path {
         self.driver
     }
 
-    /// Whether this platform can have the path at all.
+    /// Returns `true` if this platform can have the path.
     ///
     /// ```
     /// use karat::Path;
@@ -276,7 +276,7 @@ impl FromStr for Path {
     }
 }
 
-/// What a name says, of a path or of several.
+/// The parts of a name, which means one path or several.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Parts {
     pub(super) api: Option<Api>,
@@ -285,7 +285,8 @@ pub(super) struct Parts {
 }
 
 impl Parts {
-    /// `api:via@driver`, each of which may be left out; `dawn` alone is `process@dawn`, and `chromium` likewise.
+    /// Reads `api:via@driver`, each part of which may be missing. `dawn` alone is `process@dawn`, and `chromium`
+    /// likewise.
     pub(super) fn read(name: &str) -> Result<Self, PathError> {
         if let Some(own) = web::NAMES.into_iter().find(|own| *own == name) {
             return Ok(Self { api: Some(Api::Process), via: None, driver: Some(own) });
@@ -311,7 +312,7 @@ impl Parts {
         };
         match driver {
             Some(driver) if !is_family(driver) => Err(unknown_driver(name, driver)),
-            // Families of drivers that nobody here knows are as good, but a slip isn't.
+            // An unknown family is accepted, but not a misspelt one.
             Some(driver)
                 if api != Some(Api::Process)
                     && !driver::families().any(|known| known == driver)
@@ -347,7 +348,7 @@ fn unknown_driver(name: &str, driver: &str) -> PathError {
     PathError::UnknownDriver { name, driver, nearest }
 }
 
-/// The one copy of a text that lives as long as the process: paths are few, and `Copy`.
+/// The single copy of a text that lives as long as the process: there are few paths, and `Path` is `Copy`.
 fn intern(text: &str) -> &'static str {
     static TEXTS: Mutex<BTreeSet<&'static str>> = Mutex::new(BTreeSet::new());
     let mut texts = TEXTS.lock().expect("no thread panics while it holds the lock");
@@ -363,7 +364,7 @@ fn intern(text: &str) -> &'static str {
 mod tests {
     use super::*;
 
-    /// The paths of the web are programs that come with Karat, under short names.
+    /// The web paths have short names: their programs come with Karat.
     #[test]
     fn the_web_has_paths_of_its_own() {
         for name in ["dawn", "chromium"] {

@@ -1,4 +1,4 @@
-//! What stands for routes in a library that is built without them.
+//! Replaces routes in a library that is built without them.
 
 use super::{Path, PathError, Via};
 use crate::reflect::Ir;
@@ -28,7 +28,7 @@ pub(super) enum Routed {
     Spirv(Box<Foreign>),
 }
 
-/// Nothing: only routes have it.
+/// No value of this type exists without routes.
 pub(super) enum Foreign {}
 
 #[expect(clippy::unnecessary_wraps, reason = "as with routes")]

@@ -1,4 +1,4 @@
-//! Paths that are open: each opens once a process.
+//! Opens paths, each once in a process.
 
 use std::collections::BTreeMap;
 use std::sync::{Mutex, OnceLock};
@@ -6,12 +6,12 @@ use std::sync::{Mutex, OnceLock};
 use super::{Adapter, Api, Device, Path, PathError, Process, cpu};
 use crate::{panics, settings};
 
-/// A path that is open.
+/// An open path.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Opened {
     Device(&'static Device),
     Process(&'static Process),
-    /// The engine, which is always there, in the arithmetic of a path.
+    /// The engine, which is always available, with the arithmetic of a path.
     Cpu(Path),
 }
 
@@ -32,7 +32,7 @@ impl Opened {
         }
     }
 
-    /// The device, if it is one.
+    /// The device, if the path has one.
     pub(crate) fn device(self) -> Option<&'static Device> {
         match self {
             Self::Device(device) => Some(device),
@@ -41,7 +41,7 @@ impl Opened {
     }
 }
 
-/// Opens a path, once a process. Others may be opened meanwhile.
+/// Opens a path, once in each process. Other paths may open at the same time.
 pub(crate) fn open(path: Path) -> Result<Opened, PathError> {
     type Once = OnceLock<Result<Opened, PathError>>;
     static OPENED: Mutex<BTreeMap<Path, &'static Once>> = Mutex::new(BTreeMap::new());
@@ -61,7 +61,7 @@ pub(crate) fn open(path: Path) -> Result<Opened, PathError> {
         let mut opened = OPENED.lock().expect("no thread panics while it holds the lock");
         opened.entry(path).or_insert_with(|| Box::leak(Box::default()))
     };
-    // A path that is open stays open as long as the process.
+    // An open path stays open as long as the process.
     let opened = once.get_or_init(|| match path.api() {
         Api::Process => Ok(Opened::Process(Box::leak(Box::new(Process::open(path)?)))),
         _ => {
@@ -71,14 +71,14 @@ pub(crate) fn open(path: Path) -> Result<Opened, PathError> {
             Ok(Opened::Device(Box::leak(Box::new(device?))))
         }
     });
-    // A program that its author mends is tried again.
+    // The author may have repaired the program, so it is started again.
     if opened.is_err() && path.api() == Api::Process {
         OPENED.lock().expect("no thread panics while it holds the lock").remove(&path);
     }
     opened.clone()
 }
 
-/// The device of a path; `None` if the path has none of this process.
+/// The device of a path; `None` if the path uses no device of this process.
 ///
 /// # Errors
 /// If the path doesn't open.

@@ -1,4 +1,4 @@
-// The path `chromium`: a page of a browser, in which `jobs.js` stands before this text. Each job is evaluated as `ask(job)`.
+// The path `chromium`: a page of a browser; `jobs.js` comes before this text. Karat evaluates `ask(job)` for each job.
 
 let device;
 const ask = (job) => answered(device, job).then(JSON.stringify);

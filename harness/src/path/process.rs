@@ -1,7 +1,7 @@
-//! A program that runs jobs: KARAT_EXECUTORS says how to start it, or it comes with Karat, and it answers line by line.
+//! Talks to a program that runs jobs: one that KARAT_EXECUTORS starts, or one that comes with Karat.
 //!
-//! Its first line is a [`Greeting`]. After it, each line that it reads is a job, and each line that it writes
-//! is the reply. Threads that ask at the same time have a process each.
+//! The program's first line is a [`Greeting`]. After it, each line that it reads is a job, and each line that it writes
+//! is the reply. Each thread that has a question at the same time has a process of its own.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -11,7 +11,7 @@ use crate::diagnostic::{nearest, one_line};
 use crate::lines::Broken;
 use crate::settings;
 
-/// The version of jobs and their replies. It changes when an older program would misread a job.
+/// The version of jobs and their replies. It changes when older programs would misread a job.
 pub(crate) const JOBS: u32 = 1;
 
 /// The first line of a program that runs jobs: `{"jobs": 1, "name": "Dawn", "can": ["f16", "textures"]}`.
@@ -34,7 +34,7 @@ pub struct Greeting {
     /// Its version.
     #[serde(default)]
     pub driver: String,
-    /// True if it is no hardware.
+    /// Set if it is software.
     #[serde(default)]
     pub software: bool,
     /// Its abilities beyond compute passes over buffers.
@@ -42,7 +42,7 @@ pub struct Greeting {
     pub can: Vec<Ability>,
 }
 
-/// A program that runs jobs, which has greeted.
+/// A program that runs jobs, after its greeting.
 #[derive(Debug)]
 pub(crate) struct Process {
     path: Path,
@@ -91,8 +91,8 @@ impl Process {
         self.greeting.can.contains(&ability)
     }
 
-    /// Sends a line, and reads the one that answers it. A process that doesn't answer, or whose answer can't be read,
-    /// is ended, and the next question starts another one.
+    /// Sends a line, and reads the line that answers it. If a process doesn't answer, or if its answer can't be read,
+    /// it is ended, and the next question starts another process.
     pub(crate) fn ask<T>(
         &self,
         line: &str,
@@ -122,7 +122,7 @@ impl Process {
     }
 }
 
-/// Starts a program and hears its greeting.
+/// Starts a program and reads its greeting.
 fn start(runner: &Runner) -> Result<(Running, Greeting), String> {
     let deadline = settings::deadline();
     let mut lines = runner.start(deadline).map_err(|error| error.to_string())?;

@@ -1,4 +1,4 @@
-//! Routes: translations that run in place of the one that wgpu makes.
+//! Translates shaders along routes that replace wgpu's own translation.
 
 use karat_foreign::spirv_as_it_is;
 use karat_translate::{
@@ -8,7 +8,7 @@ use karat_translate::{
 use super::{Api, Path, PathError, Via};
 use crate::reflect::Ir;
 
-/// Why a path's route can't be taken on this machine.
+/// The reason why a path's route can't be used on this machine.
 pub(super) fn missing(path: Path) -> Option<String> {
     if takes_wgpu(path) {
         return None;
@@ -23,7 +23,7 @@ pub(super) fn missing(path: Path) -> Option<String> {
     Some(format!("`{compiler}` makes SPIR-V of {via}: {reason} ({remedy})"))
 }
 
-/// What naga writes for a route whose result goes to the driver alone.
+/// The text that naga writes for a route whose result goes directly to the driver.
 fn target(path: Path) -> Target {
     match path.via() {
         Via::Glsl => Target::Glsl,
@@ -35,7 +35,7 @@ fn target(path: Path) -> Target {
     }
 }
 
-/// What wgpu's device needs for a route.
+/// The features of wgpu's device that a route needs.
 pub(super) fn features(path: Path) -> wgpu::Features {
     if takes_wgpu(path) { wgpu::Features::empty() } else { wgpu::Features::PASSTHROUGH_SHADERS }
 }
@@ -44,11 +44,11 @@ pub(super) fn features(path: Path) -> wgpu::Features {
 pub(super) enum Routed {
     /// For wgpu, which translates it for its API.
     Ir(Box<Ir>),
-    /// SPIR-V for the driver alone.
+    /// SPIR-V that goes directly to the driver.
     Spirv(Box<Foreign>),
 }
 
-/// SPIR-V of another compiler.
+/// SPIR-V from another compiler.
 pub(super) struct Foreign {
     words: Vec<u32>,
     entry_point: String,
@@ -57,7 +57,7 @@ pub(super) struct Foreign {
     layout: Vec<wgpu::BindGroupLayoutEntry>,
 }
 
-/// Whether what the route makes is for wgpu, and not for the driver alone.
+/// Returns `true` if the route's result goes to wgpu, and not directly to the driver.
 pub(super) fn takes_wgpu(path: Path) -> bool {
     matches!(path.via(), Via::Direct | Via::Wgsl | Via::Spirv)
 }
@@ -88,7 +88,7 @@ pub(super) fn take(path: Path, ir: Ir, entry_point: &str) -> Result<Routed, Path
     })))
 }
 
-/// Takes a shader out of naga and in again, where the route does so.
+/// Writes a shader with naga and reads it again, if the route does so.
 pub(super) fn through_naga(path: Path, ir: Ir) -> Result<Ir, PathError> {
     let target = match path.via() {
         Via::Wgsl => Target::Wgsl,
@@ -107,7 +107,7 @@ pub(super) fn through_naga(path: Path, ir: Ir) -> Result<Ir, PathError> {
         on_route(format!("naga writes {target} that it doesn't read again: {error}"))
     });
     let mut ir = again?.into_module();
-    // WGSL's writer gives `step` and `pass1` other names, `step_` and `pass1_`, and keeps their order.
+    // WGSL's writer renames `step` and `pass1` to `step_` and `pass1_`, and keeps their order.
     for (entry_point, name) in ir.entry_points.iter_mut().zip(names) {
         entry_point.name = name;
     }
@@ -115,14 +115,13 @@ pub(super) fn through_naga(path: Path, ir: Ir) -> Result<Ir, PathError> {
 }
 
 impl Foreign {
-    /// The number of a resource in group 0, by its group and binding in WGSL; `None`: the kernel
-    /// doesn't use it.
+    /// The number of a resource in group 0, by its group and binding in WGSL; `None` if the kernel doesn't use it.
     pub(super) fn place(&self, group: u32, binding: u32) -> Option<u32> {
         let used = self.bindings.iter().find(|r| r.used && r.wgsl == (group, binding));
         used.map(|resource| resource.translated.1)
     }
 
-    /// Its pipeline. wgpu knows nothing of its resources, so their layout is given.
+    /// Its pipeline. wgpu can't see its resources, so it gets their layout.
     pub(super) fn pipeline(&self, device: &wgpu::Device) -> wgpu::ComputePipeline {
         let module = spirv_as_it_is(device, &self.words, &self.entry_point, self.workgroup_size);
         let group = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
@@ -145,7 +144,7 @@ impl Foreign {
     }
 }
 
-/// The layout of the resources that an entry point uses; they are the first of the row.
+/// The layout of an entry point's resources, which are the first ones in order.
 fn layout(via: Via, bindings: &Bindings) -> Result<Vec<wgpu::BindGroupLayoutEntry>, String> {
     bindings.iter().filter(|resource| resource.used).map(|resource| entry(via, resource)).collect()
 }
@@ -171,7 +170,7 @@ fn entry(via: Via, resource: &Resource) -> Result<wgpu::BindGroupLayoutEntry, St
         }
         Kind::Texture { dimensions, arrayed, texels } => wgpu::BindingType::Texture {
             sample_type: match texels {
-                // Nothing filters it: there are no samplers.
+                // There are no samplers, so no filtering.
                 Texels::Float => wgpu::TextureSampleType::Float { filterable: false },
                 Texels::Sint => wgpu::TextureSampleType::Sint,
                 Texels::Uint => wgpu::TextureSampleType::Uint,

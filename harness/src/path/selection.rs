@@ -1,17 +1,17 @@
-//! The paths that checks run on, and those that a selector names.
+//! Selects the paths that checks run on, and those that a selector means.
 
 use super::{Adapter, Api, Opened, Path, PathError, Selector, device, open};
 use crate::settings::{self, Settings};
 
-/// Refuses a selector whose text names no path.
+/// Fails if a selector's text is no path.
 ///
 /// # Errors
-/// Says what it names instead.
+/// With the reason, and a suggestion.
 pub fn expect_sound(selector: &Selector) -> Result<(), PathError> {
     selector.expect_sound()
 }
 
-/// Whether a path is selected.
+/// Returns `true` if a selector means a path.
 #[must_use]
 pub fn selects(selector: &Selector, path: Path, adapter: &Adapter) -> bool {
     selector.selects(path, adapter)
@@ -33,7 +33,7 @@ pub fn adapter(path: Path) -> Result<Adapter, PathError> {
     open(path).map(Opened::adapter)
 }
 
-/// A path that was asked for by name.
+/// The adapter of a path that was named.
 ///
 /// ```no_run
 /// use karat::Path;
@@ -44,7 +44,7 @@ pub fn adapter(path: Path) -> Result<Adapter, PathError> {
 /// ```
 ///
 /// # Errors
-/// If it doesn't open; the message says that it is required.
+/// If the path doesn't open; the message says that it is required.
 pub fn required(path: Path) -> Result<Adapter, PathError> {
     must_open(path).map(Opened::adapter)
 }
@@ -56,7 +56,7 @@ fn must_open(path: Path) -> Result<Opened, PathError> {
     })
 }
 
-/// The paths that a check runs on, as the environment says. Never empty.
+/// The paths that a check runs on, as the environment selects them. Never empty.
 ///
 /// ```no_run
 /// for path in karat::unstable::path::selected()? {
@@ -66,17 +66,17 @@ fn must_open(path: Path) -> Result<Opened, PathError> {
 /// ```
 ///
 /// # Errors
-/// If a setting is wrong, a required path doesn't open, or none does.
+/// If a setting is wrong, if a required path doesn't open, or if no path opens.
 pub fn selected() -> Result<Vec<Path>, PathError> {
     Ok(chosen()?.into_iter().map(Opened::path).collect())
 }
 
-/// What the [`selected`] paths are run by.
+/// The [`selected`] paths, opened.
 pub(crate) fn chosen() -> Result<Vec<Opened>, PathError> {
     let Settings { paths, require, adapter, .. } = settings::current()?;
     let unasked = [paths, require, adapter].iter().all(|setting| setting.is_none());
     match select(paths.as_deref(), require.as_deref()) {
-        // No driver was asked for, and there is none.
+        // No driver was asked for, and this machine has none.
         Err(PathError::None { .. }) if unasked => open(Path::CPU).map(|engine| vec![engine]),
         chosen => chosen,
     }
@@ -94,7 +94,7 @@ fn select(paths: Option<&str>, required: Option<&str>) -> Result<Vec<Opened>, Pa
         None if chosen.is_empty() => drivers().take(1).collect(),
         _ => Vec::new(),
     };
-    // `all` drivers are some, even beside other paths.
+    // With `all`, some driver must open, even if the list has other paths.
     let none = usual.is_empty() && !chosen.iter().any(|opened| opened.device().is_some());
     if none && (is_all || chosen.is_empty()) {
         let reasons = Path::ALL
@@ -110,8 +110,7 @@ fn select(paths: Option<&str>, required: Option<&str>) -> Result<Vec<Opened>, Pa
     Ok(distinct(&chosen))
 }
 
-/// Each adapter of an API once: `vulkan` is dropped beside `vulkan@llvmpipe`, if that is what it
-/// is.
+/// Each adapter of an API once: `vulkan` is dropped if it is the same adapter as `vulkan@llvmpipe`.
 fn distinct(all: &[Opened]) -> Vec<Opened> {
     let what = |opened: &Opened| {
         let (path, adapter) = (opened.path(), opened.adapter());
@@ -124,8 +123,8 @@ fn distinct(all: &[Opened]) -> Vec<Opened> {
     all.iter().copied().filter(stays).collect()
 }
 
-/// Wants names for executors that aren't wgpu's: none that a driver has, and each once. What the
-/// environment says of drivers is read for slips.
+/// Checks the names of executors other than wgpu's: each must be unique, and no driver may have it. Also checks the
+/// environment's list of drivers for typos.
 pub(crate) fn expect_own(paths: impl Iterator<Item = Path>) -> Result<(), PathError> {
     let settings = settings::current()?;
     for (variable, names) in
@@ -143,7 +142,7 @@ pub(crate) fn expect_own(paths: impl Iterator<Item = Path>) -> Result<(), PathEr
     Ok(())
 }
 
-/// The paths that a list names, in the format of `KARAT_PATHS`: `all` means all that open.
+/// The paths that a list names, in the format of `KARAT_PATHS`: `all` means all drivers that open.
 ///
 /// ```no_run
 /// use karat::Path;
@@ -179,10 +178,10 @@ pub fn programs() -> Result<Vec<Path>, PathError> {
     names.map(|(name, _)| format!("{}@{name}", Api::Process.name()).parse()).collect()
 }
 
-/// What stands for every path that opens.
+/// The name of all paths that open.
 const ALL: &str = "all";
 
-/// The paths that a list names, each of them once.
+/// The paths that a list names, each once.
 fn list(variable: &'static str, names: &str) -> Result<Vec<Path>, PathError> {
     let repeated = |path: String| PathError::Repeated { variable, names: names.to_owned(), path };
     let (mut paths, mut all) = (Vec::new(), false);
@@ -231,7 +230,7 @@ mod tests {
         }
     }
 
-    /// A list is every path that it names, in one order, however they are listed.
+    /// A list runs every path in it, in one order, however the list is sorted.
     #[test]
     fn each_path_of_a_list_is_run() {
         let here: Vec<Path> = Path::ALL.into_iter().filter(|path| open(*path).is_ok()).collect();
@@ -254,8 +253,8 @@ mod tests {
         assert!(select(Some(foreign), None).is_err(), "a path listed by name must open");
     }
 
-    /// A path by its driver is an adapter of that family, beside the others of its API; a route or
-    /// a driver that isn't there is an error, and never another one.
+    /// A path with a driver uses an adapter of that family, even if its API has others. A missing route or driver is an
+    /// error; no other one replaces it.
     #[test]
     fn a_path_is_of_the_driver_that_it_names() {
         let here = Path::ALL.into_iter().filter_map(|path| open(path).ok());
@@ -265,7 +264,7 @@ mod tests {
             let same = open(named).expect("it is here");
             assert_eq!(same.adapter().name, device.adapter().name);
             assert_eq!(same.adapter().path, named.to_string());
-            // It runs once, whether it is required, one of all, or listed.
+            // It runs once, whether it is required, part of `all`, or listed.
             for (paths, required) in
                 [(format!("all,{named}"), None), (named.to_string(), Some(device.path()))]
             {

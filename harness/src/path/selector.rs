@@ -1,17 +1,16 @@
-//! Selects the paths that a declaration applies to.
+//! Selectors: the paths that a declaration applies to.
 
 use std::fmt;
 
 use super::name::{Api, Parts, Via};
 use super::{Adapter, Path, PathError};
 
-/// Paths that a tolerance or a known issue is declared for: by API, by route, by driver, or by
-/// several of these.
+/// The paths that a tolerance or a known issue is declared for: by API, by route, by driver, or by several of these.
 ///
-/// What it doesn't name may be anything: `Path::GL` and `"gl"` are OpenGL with any driver and
-/// route, `"vulkan@nvidia"` is Vulkan with one driver, `"@llvmpipe"` is llvmpipe on each API,
-/// `":hlsl"` is every route through HLSL. If several selectors fit a path, the one that names most
-/// applies; if they name equally much, the last one declared.
+/// A part that it leaves out may be anything: `Path::GL` and `"gl"` are OpenGL with any driver and route,
+/// `"vulkan@nvidia"` is Vulkan with one driver, `"@llvmpipe"` is llvmpipe on each API, and `":hlsl"` is every route
+/// through HLSL. If several selectors fit a path, the one with the most parts applies; among equals, the last one
+/// declared.
 ///
 /// ```
 /// use karat::Path;
@@ -23,7 +22,7 @@ use super::{Adapter, Path, PathError};
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Selector {
     text: String,
-    /// `None`: the text names no paths.
+    /// `None` if the text is no path.
     parts: Option<Parts>,
 }
 
@@ -35,7 +34,7 @@ impl From<Path> for Selector {
     }
 }
 
-/// A text that names no path is an error when the check runs.
+/// A text that is no path becomes an error when the check runs.
 impl From<&str> for Selector {
     fn from(text: &str) -> Self {
         Self { text: text.to_owned(), parts: Parts::read(text).ok() }
@@ -49,7 +48,7 @@ impl fmt::Display for Selector {
 }
 
 impl Selector {
-    /// True if its text names paths.
+    /// Returns `true` if its text means paths.
     ///
     /// ```
     /// use karat::path::Selector;
@@ -64,7 +63,7 @@ impl Selector {
         self.parts.is_some()
     }
 
-    /// Refuses a text that names no path.
+    /// Fails if its text is no path.
     pub(crate) fn expect_sound(&self) -> Result<(), PathError> {
         match self.parts {
             Some(_) => Ok(()),
@@ -72,19 +71,19 @@ impl Selector {
         }
     }
 
-    /// Whether it selects a path.
+    /// Returns `true` if it means a path.
     pub(crate) fn selects(&self, path: Path, adapter: &Adapter) -> bool {
         self.fits(path, adapter).is_some()
     }
 
-    /// How much of what it names is so of a path; `None`: something isn't.
+    /// The number of its parts that fit a path; `None` if a part doesn't fit.
     fn fits(&self, path: Path, adapter: &Adapter) -> Option<usize> {
         let Parts { api, via, driver } = self.parts?;
         let family = || adapter.family();
         let named: [Option<bool>; 3] = [
             api.map(|api: Api| api == path.api()),
             via.map(|via| via == path.via()),
-            // A program that runs jobs has a name beside the driver that it runs them on.
+            // A program that runs jobs has a name, besides the driver that it uses.
             driver.map(|driver| Some(driver) == path.driver() || driver == family()),
         ];
         let named: Vec<bool> = named.into_iter().flatten().collect();
@@ -92,7 +91,7 @@ impl Selector {
     }
 }
 
-/// What was declared for selected paths.
+/// Declarations for selected paths.
 #[derive(Clone, Debug)]
 pub(crate) struct Selected<T>(Vec<(Selector, T)>);
 
@@ -119,7 +118,8 @@ impl<T> Selected<T> {
         self.0.iter_mut().find(|(known, _)| known == selector).map(|(_, value)| value)
     }
 
-    /// What holds on a path: of all that select it, the one that names most, and the last of those.
+    /// The declaration for a path: of those that select it, the one whose selector has the most parts, and among equals
+    /// the last one.
     pub(crate) fn on(&self, path: Path, adapter: &Adapter) -> Option<&T> {
         let fitting = self
             .iter()
@@ -127,7 +127,7 @@ impl<T> Selected<T> {
         fitting.max_by_key(|(named, _)| *named).map(|(_, value)| value)
     }
 
-    /// Refuses texts that name no path.
+    /// Fails if the text of any selector is no path.
     pub(crate) fn expect_sound(&self) -> Result<(), PathError> {
         self.iter().try_for_each(|(selector, _)| selector.expect_sound())
     }

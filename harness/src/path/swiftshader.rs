@@ -1,8 +1,8 @@
-//! Where SwiftShader is.
+//! Finds SwiftShader.
 
 use std::path::PathBuf;
 
-/// Where browsers keep the manifest by which Vulkan's loader finds it.
+/// The places of the manifest with which Vulkan's loader finds a browser's SwiftShader.
 const MANIFESTS: [&str; 5] = [
     "/usr/lib/chromium/vk_swiftshader_icd.json",
     "/usr/lib64/chromium-browser/vk_swiftshader_icd.json",
@@ -11,7 +11,7 @@ const MANIFESTS: [&str; 5] = [
     "/opt/chromium/vk_swiftshader_icd.json",
 ];
 
-/// The variable by which the loader is told of one more driver.
+/// The variable that adds a driver to Vulkan's loader.
 pub const ADD: &str = "VK_ADD_DRIVER_FILES";
 
 /// The manifest of a browser on this machine.

@@ -1,4 +1,4 @@
-//! Programs that run jobs: those that KARAT_EXECUTORS names, and two that come with Karat, Dawn in Node and a page of a
+//! Starts programs that run jobs: those in KARAT_EXECUTORS, and two that come with Karat, Dawn in Node and a page in
 //! Chromium.
 
 use std::fmt;
@@ -11,24 +11,24 @@ use crate::diagnostic::shown;
 use crate::lines::{Answers, Broken, Lines};
 use crate::tint::{self, NoVerdict, Page};
 
-/// The names of those that come with Karat, which are paths by themselves.
+/// The names of the programs that come with Karat. Each is a path by itself.
 pub(super) const NAMES: [&str; 2] = ["dawn", "chromium"];
 
-/// The longest reply that is read: a frame of 4096 by 4096 pixels, whose words have up to ten digits.
+/// The longest reply that is read, in bytes: a frame of 4096 by 4096 pixels, with up to ten digits a word.
 const LONGEST: u64 = 1 << 30;
 
-/// The JavaScript that runs jobs by WebGPU, and that by which Node and a page ask it.
+/// The JavaScript that runs jobs with WebGPU, and the parts through which Node and a page receive them.
 const JOBS: &str = include_str!("jobs.js");
 const NODE: &str = include_str!("dawn.mjs");
 const PAGE: &str = include_str!("page.js");
 
-/// The JavaScript of a page that asks for jobs, and runs them by WebGPU.
+/// The JavaScript of a page that asks for jobs, and runs them with WebGPU.
 pub const BROWSER_SCRIPTS: &str = concat!(include_str!("jobs.js"), include_str!("browser.js"));
 
 /// A program that can be started.
 #[derive(Clone, Debug)]
 pub(super) enum Runner {
-    /// A command of KARAT_EXECUTORS.
+    /// A command from KARAT_EXECUTORS.
     Given(Vec<String>),
     /// Dawn for Node: Node, and the folder of the package.
     Dawn { node: PathBuf, package: PathBuf },
@@ -36,7 +36,7 @@ pub(super) enum Runner {
     Chromium(PathBuf),
 }
 
-/// One that runs.
+/// A running program.
 #[derive(Debug)]
 pub(super) enum Running {
     Lines(Lines),
@@ -56,7 +56,7 @@ impl fmt::Display for Runner {
 }
 
 impl Runner {
-    /// One of those that come with Karat, as this machine has it.
+    /// One of the programs that come with Karat, as this machine has it.
     pub(super) fn of(name: &str) -> Option<Result<Self, String>> {
         match name {
             "dawn" => {
@@ -77,7 +77,7 @@ impl Runner {
     /// Starts it. Its first message is a greeting.
     pub(super) fn start(&self, patience: Duration) -> Result<Running, Broken> {
         let lines = |command: &mut Command| {
-            // The record is of this process' tests.
+            // Only this process records its tests.
             command.env_remove("KARAT_RECORD");
             Lines::start(command, Answers::Stdout, b'\n', LONGEST).map(Running::Lines)
         };
@@ -90,7 +90,7 @@ impl Runner {
                 let script = format!("{JOBS}{NODE}");
                 let mut command = Command::new(node);
                 command.args(["--no-warnings", "--input-type=module", "--eval", &script, "--"]);
-                // Dawn refuses a Vulkan as old as Debian 12's. A browser's SwiftShader is new enough.
+                // Dawn refuses a Vulkan as old as Debian 12's; a browser's SwiftShader is new enough.
                 if let Some(manifest) = swiftshader::manifest().filter(|_| !has_chosen_drivers()) {
                     command.env(swiftshader::ADD, manifest);
                 }
@@ -105,7 +105,7 @@ impl Runner {
     }
 }
 
-/// True if one of the variables of Vulkan's loader is set: its user has chosen the drivers.
+/// Returns `true` if one of the variables of Vulkan's loader is set: the user has chosen the drivers.
 #[must_use]
 pub fn has_chosen_drivers() -> bool {
     let chosen = [swiftshader::ADD, "VK_DRIVER_FILES", "VK_ICD_FILENAMES"];

@@ -1,8 +1,8 @@
-//! Abilities that a shader may need beyond compute passes over buffers.
+//! The abilities that a shader may need, beyond compute passes over buffers.
 
 use std::fmt;
 
-/// Something that not every executor has.
+/// An ability that only some executors have.
 ///
 /// ```
 /// use karat::unstable::path::Ability;
@@ -19,11 +19,11 @@ pub enum Ability {
     Textures,
     /// `var<immediate>`.
     Immediates,
-    /// Operations of subgroups: `subgroupAdd`.
+    /// Subgroup operations such as `subgroupAdd`.
     Subgroups,
-    /// Vertex and fragment functions: frames are drawn.
+    /// Vertex and fragment functions, to draw frames.
     Frames,
-    /// Words of buffers as base64. No shader needs it; it is faster.
+    /// Words of buffers as base64. No shader needs it; it only makes transfers faster.
     Packed,
 }
 

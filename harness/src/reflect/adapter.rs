@@ -1,4 +1,4 @@
-//! A function with pointers as one that takes and returns values, for those who know no pointers.
+//! Wraps a function that has pointers into one that takes and returns values.
 
 use naga::{
     Arena, Block, Expression, Function, FunctionArgument, FunctionResult, GlobalVariable, Handle,
@@ -9,12 +9,12 @@ use super::signature::Function as Signature;
 use super::{Passed, Program, ReflectError};
 use naga::valid::ModuleInfo;
 
-/// What the function is called that stands for another.
+/// The name of the function that stands for another.
 pub(crate) const ADAPTER: &str = "karat_call";
 
 impl Program {
-    /// The module with a function [`ADAPTER`], which calls another one by values, and returns what it
-    /// gives and what its pointers point to afterwards. `None` if it has no pointers and a result.
+    /// The module with a function [`ADAPTER`]. It calls another function by values, and returns that function's result
+    /// and the values behind its pointers. `None` if the function has no pointers and does have a result.
     pub(crate) fn adapted(
         &self,
         function: &Signature,
@@ -127,9 +127,9 @@ fn adapter(module: &mut Module, callee: Handle<Function>, state: &[&str]) -> Fun
     }
 }
 
-/// A structure with a member of each type.
+/// A structure with one member of each type.
 fn structure(module: &mut Module, types: impl Iterator<Item = Handle<Type>>) -> Handle<Type> {
-    /// More than any alignment of WGSL's, so that no member needs to know its own.
+    /// More than any alignment in WGSL, so members need no offsets of their own.
     const APART: u32 = 16;
     let mut members = Vec::new();
     let mut end = 0;

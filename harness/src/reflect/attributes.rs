@@ -1,4 +1,4 @@
-//! The attributes that tie an entry point to its host: locations, builtin values, the size of a workgroup.
+//! Reads the attributes between an entry point and its host: locations, builtin values, and the size of a workgroup.
 
 use naga::common::wgsl::TryToWgsl;
 use naga::{Binding, Interpolation, ShaderStage, Type, TypeInner};
@@ -44,8 +44,8 @@ impl Program {
         all
     }
 
-    /// For each direction, whether an entry point asks for its place: for a component of the number of its invocation in
-    /// the dispatch, or of its workgroup. `None` if it takes such a vector as a whole, and so may ask for each.
+    /// For each direction, `true` if an entry point reads that component of an invocation's or workgroup's position in
+    /// the dispatch. `None` if it uses such a vector as a whole, and so may read each component.
     pub fn asks_for_places(&self, name: &str) -> [Option<bool>; 3] {
         use naga::{BuiltIn, Expression};
         let name = self.entry_point_name(name);
@@ -77,7 +77,7 @@ impl Program {
             },
             _ => false,
         };
-        // A structure with such a vector may be taken as a whole, too.
+        // A structure with such a vector may also be used as a whole.
         let holds_place = |handle: naga::Handle<Expression>| match function.expressions[handle] {
             Expression::FunctionArgument(at) => {
                 members(at).iter().any(|member| is_place(member.binding.as_ref()))
@@ -86,7 +86,7 @@ impl Program {
         };
         let is_either = |handle| is_place_of(handle) || holds_place(handle);
         let mut asks = [false; 3];
-        // Those who use one as a whole: all who use it, less those who take a part.
+        // The uses of a vector as a whole: all uses, minus the uses of its parts.
         let info = self.checked.info.get_entry_point(at);
         let mut whole = 0;
         for (handle, expression) in function.expressions.iter() {
@@ -111,7 +111,7 @@ impl Program {
     }
 }
 
-/// An attribute as its author may write it.
+/// An attribute, as its author may write it.
 fn shown(binding: &Binding) -> String {
     match binding {
         Binding::BuiltIn(builtin) => {

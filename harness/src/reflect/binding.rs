@@ -1,4 +1,4 @@
-//! The resource variables of functions and entry points.
+//! Finds the resource variables of functions and entry points.
 
 use std::sync::Arc;
 
@@ -13,21 +13,21 @@ use crate::value::Shape;
 pub struct Binding {
     /// Author's path: `environment::sky`.
     pub path: String,
-    /// `@group`; of an immediate [`NOWHERE`](Self::NOWHERE).
+    /// `@group`; [`NOWHERE`](Self::NOWHERE) for an immediate.
     pub group: u32,
-    /// `@binding`; of an immediate [`NOWHERE`](Self::NOWHERE).
+    /// `@binding`; [`NOWHERE`](Self::NOWHERE) for an immediate.
     pub binding: u32,
-    /// What it is.
+    /// The kind of the resource.
     pub kind: BindingKind,
-    /// Where its author declares it.
+    /// The place of its declaration.
     pub span: Option<Span>,
-    /// Whether it is a texture that a sampler reads.
+    /// Set for a texture that is read through a sampler.
     pub(crate) sampled: bool,
     pub(crate) ty: naga::Handle<naga::Type>,
 }
 
 impl Binding {
-    /// The group and the binding of what has none.
+    /// The group and the binding of a variable without them.
     pub const NOWHERE: u32 = u32::MAX;
 
     /// The variable's own name, without its module.
@@ -37,14 +37,12 @@ impl Binding {
     }
 }
 
-/// A program, the resources of its compute entry point, and the invocations of a workgroup.
+/// A program, the resources of its compute entry point, and the size of its workgroup.
 pub(crate) type PassProgram = (Arc<Program>, Vec<Binding>, [u32; 3]);
 
 impl Program {
-    /// Links and validates a compute entry point with all that it uses.
-    ///
-    /// The elements of the longest array that buffers have, if each array has a length that the shader says; `None` if they
-    /// have none, or storage textures have what the host says.
+    /// The number of elements in the longest array of the buffers, if the shader gives each array's length. `None` if
+    /// there are no arrays, or if the host decides a length or the size of a storage texture.
     pub fn fixed_elements(&self, bindings: &[Binding]) -> Option<usize> {
         fn longest(shape: &Shape) -> usize {
             match shape {
@@ -68,14 +66,16 @@ impl Program {
         all?.into_iter().max().filter(|most| *most > 1)
     }
 
+    /// Links and validates a compute entry point with everything that it uses.
+    ///
     /// # Errors
-    /// If it isn't valid, or is none, or an override has no value.
+    /// If it isn't valid, if it is no compute entry point, or if an override has no value.
     pub fn of_pass(
         package: &Package,
         name: &str,
         overrides: &Overrides,
     ) -> Result<PassProgram, String> {
-        /// As many as any device runs (`maxComputeInvocationsPerWorkgroup` of today's is 1,024).
+        /// The most invocations that any device runs (`maxComputeInvocationsPerWorkgroup` is 1,024 today).
         const MOST_INVOCATIONS: u64 = 1024;
         let (module, own) = name.rsplit_once("::").unwrap_or(("", name));
         let program = Self::of_items(package, module, &[own]).map_err(|error| error.to_string())?;
@@ -109,7 +109,7 @@ impl Program {
         Some(self.bindings(info))
     }
 
-    /// True if a compute entry point writes a resource: what may be written needn't be.
+    /// Returns `true` if a compute entry point writes a resource. A `read_write` resource may be read only.
     #[must_use]
     pub fn writes(&self, entry_point: &str, binding: &Binding) -> bool {
         let (name, module) = (self.entry_point_name(entry_point), &self.checked.module);
@@ -123,8 +123,7 @@ impl Program {
         })
     }
 
-    /// The resources of a compute entry point, by its name in the text, and the invocations of its
-    /// workgroup.
+    /// The resources of a compute entry point, by its name in the text, and the size of its workgroup.
     pub fn compute_entry_point(&self, name: &str) -> Option<(Vec<Binding>, [u32; 3])> {
         let (bindings, index) = self.resources_of(name, naga::ShaderStage::Compute)?;
         let size = self.workgroup_size(&self.checked.module.entry_points[index]);
@@ -137,14 +136,15 @@ impl Program {
         self.resources_of(name, naga::ShaderStage::Fragment).map(|(bindings, _)| bindings)
     }
 
-    /// The resources of an entry point of a stage, and its number.
+    /// The resources of an entry point of a stage, and the entry point's number.
     fn resources_of(&self, name: &str, stage: naga::ShaderStage) -> Option<(Vec<Binding>, usize)> {
         let mut entries = self.checked.module.entry_points.iter();
         let index = entries.position(|entry| entry.name == name && entry.stage == stage)?;
         Some((self.bindings(self.checked.info.get_entry_point(index)), index))
     }
 
-    /// Whether a variable's type has a matrix of two rows, whose columns GLSL's std140 spaces wider.
+    /// Returns `true` if a variable's type contains a matrix of two rows: GLSL's std140 layout puts its columns further
+    /// apart.
     pub(crate) fn has_narrow_matrix(&self, binding: &Binding) -> bool {
         fn has(module: &naga::Module, ty: naga::Handle<naga::Type>) -> bool {
             match &module.types[ty].inner {
@@ -159,7 +159,7 @@ impl Program {
         has(&self.checked.module, binding.ty)
     }
 
-    /// The names of the compute entry points, as their author calls them.
+    /// The author's names of the compute entry points.
     pub(crate) fn compute_entry_points(&self) -> Vec<String> {
         let entries = self.checked.module.entry_points.iter();
         let compute = entries.filter(|entry| entry.stage == naga::ShaderStage::Compute);
@@ -168,17 +168,17 @@ impl Program {
         names.map(|path| path.rsplit("::").next().unwrap_or_default().to_owned()).collect()
     }
 
-    /// All module-scope variables, as their authors name them.
+    /// The author's names of all module-scope variables.
     pub(crate) fn variables(&self) -> Vec<String> {
         let globals = self.checked.module.global_variables.iter();
         let names = globals.filter_map(|(_, global)| global.name.as_deref());
         names.map(|name| self.author_path(name).unwrap_or(name).to_owned()).collect()
     }
 
-    /// Where an entry point is declared, by its name in the text: its name and what is in front of it.
+    /// The place of an entry point's declaration, by its name in the text: from the keyword to the name.
     pub(crate) fn entry_point_span(&self, name: &str) -> Option<Span> {
         let text = self.text();
-        // Its name ends where its parameters begin, behind blanks or not.
+        // Its name ends before its parameters, with or without blanks between.
         let begins =
             |(at, head): &(usize, &str)| text[at + head.len()..].trim_start().starts_with('(');
         let head = format!("fn {name}");
@@ -186,13 +186,13 @@ impl Program {
         self.resolve(at..at + head.len())
     }
 
-    /// The bytes that a buffer's type takes, with one element of an array without a length.
+    /// The smallest size of a buffer for its type, in bytes: with one element for an array without a length.
     pub fn least_bytes(&self, binding: &Binding) -> usize {
         let inner = &self.checked.module.types[binding.ty].inner;
         inner.size(self.checked.module.to_ctx()) as usize
     }
 
-    /// Where a member of a buffer is (`light.position`), and the bytes of a value there.
+    /// The place of a member in a buffer (`light.position`), and the size of its value in bytes.
     pub(crate) fn member_bytes(
         &self,
         binding: &Binding,
@@ -229,7 +229,7 @@ impl Program {
         Ok((offset, bytes[..size.min(bytes.len())].to_vec()))
     }
 
-    /// The first binding number of group 0 that the program leaves free.
+    /// The first binding number of group 0 that the program doesn't use.
     pub fn free_binding(&self) -> u32 {
         let used = self.checked.module.global_variables.iter().filter_map(|(_, global)| {
             global.binding.as_ref().filter(|binding| binding.group == 0).map(|b| b.binding + 1)

@@ -1,4 +1,4 @@
-//! The vertex function that covers a frame, for fragment functions that come without one.
+//! Makes the vertex function for fragment functions without one: its triangle covers the frame.
 
 use naga::{Binding, ShaderStage, TypeInner, VectorSize};
 
@@ -9,12 +9,11 @@ use crate::diagnostic::Diagnostic;
 pub(crate) const COVERING: &str = "karat_covering";
 
 impl Program {
-    /// The text of a vertex function whose triangle covers the frame, and which gives a fragment function
-    /// texture coordinates at each location that it reads: (0, 0) at the upper left, (1, 1) at the lower
-    /// right.
+    /// The text of a vertex function whose triangle covers the frame. At each location that the fragment function
+    /// reads, it gives texture coordinates: (0, 0) at the upper left, (1, 1) at the lower right.
     ///
     /// # Errors
-    /// If it reads anything but a `vec2f` at a location.
+    /// If the fragment function has an input at a location that isn't a `vec2f`.
     pub(crate) fn covering(&self, fragment: &str) -> Result<String, ReflectError> {
         let name = self.entry_point_name(fragment);
         let module = &self.checked.module;

@@ -1,7 +1,7 @@
-//! Which programs a test is made of, told to whoever watches files.
+//! Records which programs a test uses, for commands that follow an edit to tests.
 //!
-//! A process that is recorded writes each program that it links, with the test that wanted it, into a
-//! file beside its records. So an edit of a shader can be followed to the tests that it concerns.
+//! A recorded process writes each program that it links, with the test that asked for it, into a file beside its
+//! records. So a command can find the tests that an edit of a shader affects.
 
 use std::collections::HashSet;
 use std::fs::{File, OpenOptions};
@@ -17,44 +17,44 @@ use super::{Program, ReflectError};
 use crate::package::{Package, Portable};
 use crate::settings;
 
-/// How the files of a folder of records end that hold these.
+/// The extension of these files in a folder of records.
 const ENDING: &str = "programs";
 
 /// A program that a test linked.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Dependence {
-    /// The thread that wanted it, which has the test's name. A thread of a test's own has another.
+    /// The thread that linked it, which has the test's name. A thread that the test starts has another name.
     pub test: String,
-    /// `None` if another process can't open it.
+    /// `None` if other processes can't open it.
     package: Option<Portable>,
     wanted: Wanted,
     of: Of,
     normalized_text: String,
-    /// The authors' paths of what it declares; none of what isn't valid.
+    /// The author's paths of its declarations; empty for an invalid program.
     #[serde(default)]
     declares: Vec<String>,
 }
 
-/// What of a program a test depends on.
+/// The part of a program that a test depends on.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) enum Of {
     Text,
     Validity,
 }
 
-/// Whether nobody asks what this process links.
+/// Set if no one needs the programs that this process links.
 static UNWANTED: AtomicBool = AtomicBool::new(false);
 
 impl Dependence {
-    /// Writes nothing down in this process: whoever watches knows what its tests are made of.
+    /// Turns recording off in this process, for watchers that already know the tests' programs.
     pub fn unwanted() {
         UNWANTED.store(true, Ordering::Relaxed);
     }
 
-    /// All that the processes of a run wrote into its folder of records.
+    /// The dependences that a run's processes wrote into its folder of records.
     ///
     /// # Errors
-    /// If a file can't be read, or holds something else.
+    /// If a file can't be read, or has other contents.
     pub fn all(folder: &Path) -> std::io::Result<Vec<Self>> {
         let mut all = Vec::new();
         for entry in std::fs::read_dir(folder)? {
@@ -68,34 +68,34 @@ impl Dependence {
         Ok(all)
     }
 
-    /// The package as the test uses it, with its features and dependencies; `None` if only the test's
-    /// own process can open it.
+    /// The package as the test uses it, with its features and dependencies; `None` if only the test's own process can
+    /// open it.
     #[must_use]
     pub fn package(&self) -> Option<Package> {
         self.package.as_ref().map(Portable::package)
     }
 
-    /// The folder or file of the package that the program was linked from; `None` of a crate, and of text in
-    /// memory.
+    /// The folder or file of the package that the program was linked from; `None` for a crate, and for text in memory.
     #[must_use]
     pub fn place(&self) -> Option<&Path> {
         self.package.as_ref().and_then(Portable::place)
     }
 
-    /// Whether the program is still the same, but for comments and blanks. It is linked again if a file
-    /// has changed.
+    /// Returns `true` if the program is still the same, except for comments and blanks. It links the program again if a
+    /// file has changed.
     #[must_use]
     pub fn is_current(&self) -> bool {
         self.package().is_some_and(|package| self.is_same(&package))
     }
 
-    /// The same if a file had this text; `None` if only the test's own process can open its package.
+    /// The same as if a file had this text; `None` if only the test's own process can open the package.
     #[must_use]
     pub fn is_current_with(&self, file: &Path, text: &str) -> Option<bool> {
         Some(self.is_same(&self.package()?.unsaved(file, text)))
     }
 
-    /// True if an edit of a declaration may change it: `brdf::schlick`, or what another package calls so.
+    /// Returns `true` if an edit of a declaration may change the program. The path is `brdf::schlick`, or another
+    /// package's path with the same end.
     #[must_use]
     pub fn may_declare(&self, path: &str) -> bool {
         let is_it = |own: &String| format!("::{own}").ends_with(&format!("::{path}"));
@@ -107,7 +107,7 @@ impl Dependence {
     }
 }
 
-/// What stands for a program, or for what is wrong with it.
+/// The text that identifies a program, or its error.
 fn normalized_text(program: &Result<Arc<Program>, ReflectError>, of: Of) -> String {
     let text = match (program, of) {
         (Ok(program), Of::Text) => program.normalized_text(),
@@ -117,14 +117,14 @@ fn normalized_text(program: &Result<Arc<Program>, ReflectError>, of: Of) -> Stri
     blake3::hash(text.as_bytes()).to_hex().to_string()
 }
 
-/// The program that the running test wants, which is written down where a run is recorded.
+/// The program that the running test asks for. A recorded run writes it down.
 pub(super) fn program(package: &Package, wanted: &Wanted) -> Result<Arc<Program>, ReflectError> {
     let program = kept::again(package, wanted);
     note(package, wanted, &program, Of::Text);
     program
 }
 
-/// An error if a module isn't valid of which something is linked already.
+/// Returns an error if a module isn't valid. A part of the module was linked before.
 pub(super) fn validity(
     package: &Package,
     module: &str,
@@ -139,8 +139,8 @@ pub(super) fn validity(
     program.map(drop)
 }
 
-/// Writes down what the running test wanted, if a run is being recorded. What can't be written makes
-/// nobody wait: whoever watches runs too many tests then.
+/// Writes down the program that the running test asked for, if the run is recorded. A failed write delays no test: the
+/// watcher then runs too many tests.
 fn note(package: &Package, wanted: &Wanted, program: &Result<Arc<Program>, ReflectError>, of: Of) {
     static SEEN: LazyLock<Mutex<HashSet<(String, String)>>> = LazyLock::new(Mutex::default);
     static FILE: Mutex<Option<File>> = Mutex::new(None);

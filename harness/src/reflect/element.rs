@@ -1,4 +1,4 @@
-//! Elements of variables in memory, as their authors name them.
+//! Names elements of variables in memory as their authors do.
 
 use naga::{Handle, Module, Scalar, ScalarKind, Type, TypeInner, VectorSize};
 
@@ -6,8 +6,8 @@ use super::{NAMED, Program};
 use crate::value::{self, format_lane};
 
 impl Program {
-    /// The element of a variable that begins at a byte (`[17].sum`), and words of it as its type writes them. The
-    /// variable goes by its name in the text.
+    /// The element of a variable that begins at a byte (`[17].sum`), and some words formatted as its type. The variable
+    /// is given by its name in the text.
     pub(crate) fn element<const N: usize>(
         &self,
         variable: &str,

@@ -1,8 +1,8 @@
-//! Functions that take textures and samplers: nobody can pass those, so each becomes a variable, which a
-//! fixture supplies by the parameter's name.
+//! Makes functions with texture and sampler parameters callable: each such parameter becomes a variable, and a fixture
+//! with the parameter's name supplies it.
 //!
-//! Behind the linked text stand the variables and a function that takes the other arguments alone and
-//! passes the variables on. That function is called in place of the author's.
+//! The variables are appended to the linked text. So is a function that takes only the other arguments, and passes the
+//! variables on. Karat calls that function in place of the author's.
 
 use std::fmt::Write;
 
@@ -12,15 +12,15 @@ use naga::{Function, Handle, Statement, Type, TypeInner};
 use super::{NAMED, Program};
 use crate::package::Linked;
 
-/// The function that is called in place of one that takes textures or samplers.
+/// The function that is called in place of one with texture or sampler parameters.
 const CALLED: &str = "karat_bound";
 
-/// How the names of the variables begin, which take the place of parameters.
+/// The prefix of the variables that replace parameters.
 const VARIABLE: &str = "karat_t";
 
 impl Program {
-    /// The linked text with variables in place of a function's textures and samplers; `None` if it takes
-    /// none, or something else that can't be passed.
+    /// The linked text with variables in place of a function's textures and samplers; `None` if it takes none, or if it
+    /// has another parameter that can't be passed.
     pub(super) fn with_variables(&self, path: &str) -> Option<Linked> {
         let name = self.called_name(self.name_of(path));
         let (_, function) = self.declared(name)?;
@@ -37,7 +37,7 @@ impl Program {
                 module.to_ctx().write_type(argument.ty, &mut variables).ok()?;
                 variables.push_str(";\n");
                 binding += 1;
-                // A variable of the same name is told apart by the path of either.
+                // If a variable has the same name, the paths distinguish the two.
                 let own = match self.has_variable(own) {
                     true => format!("{path}::{own}"),
                     false => own.to_owned(),
@@ -67,13 +67,13 @@ impl Program {
         Some(linked)
     }
 
-    /// The function that is called in place of `function`, if one is.
+    /// The function that is called in place of `function`, if there is one.
     pub(super) fn called_for(&self, function: &Function) -> Option<(Handle<Function>, &Function)> {
         function.arguments.iter().find(|argument| self.is_handle(argument.ty))?;
         self.declared(CALLED)
     }
 
-    /// The textures and samplers among a function's parameters: place, name and type.
+    /// The textures and samplers among a function's parameters: position, name and type.
     pub(super) fn taken(&self, function: &Function) -> Vec<(usize, String, String)> {
         let types = self.checked.module.to_ctx();
         let arguments = function.arguments.iter().enumerate();
@@ -84,7 +84,7 @@ impl Program {
         handles.map(one).collect()
     }
 
-    /// The author's function whose parameter a variable stands for.
+    /// The author's function with the parameter that a variable replaces.
     pub(super) fn taken_by(&self, variable: &str) -> Option<Handle<Function>> {
         let (_, called) = self.declared(CALLED).filter(|_| variable.starts_with(VARIABLE))?;
         called.body.iter().find_map(|statement| match statement {

@@ -1,11 +1,11 @@
-//! Inputs of entry points that their host gives by location: the attributes of vertices.
+//! Reads the inputs of entry points that have a location: vertex attributes.
 
 use naga::{Binding, Type, TypeInner};
 
 use super::{NAMED, Program};
 use crate::value::Shape;
 
-/// An input of an entry point that its host gives by location.
+/// An input of an entry point with a location. The host supplies it.
 ///
 /// ```
 /// use karat::unstable::reflect::{Input, Program};

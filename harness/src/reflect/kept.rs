@@ -1,5 +1,4 @@
-//! Keeps the programs of a process, so that several checks link, parse and validate a function
-//! once.
+//! Caches the programs of a process, so several checks link, parse and validate a function once.
 
 use std::sync::Arc;
 
@@ -10,20 +9,20 @@ use super::{Program, ReflectError};
 use crate::package::workspace::{self, Kind};
 use crate::package::{Discards, Package};
 
-/// Programs by what they hold, each of several packages.
+/// Programs by their contents' names; each name may belong to several packages.
 struct Programs;
 
 impl Kind for Programs {
     type Key = Wanted;
     type Value = Vec<(Package, Arc<Program>)>;
-    // More names than any project tests.
+    // More names than any project has tests of.
     const MOST: usize = 4096;
 }
 
-/// Packages of which programs of one name are kept; many texts in memory may have the same name.
+/// The most packages whose programs are kept under one name; many texts in memory may have the same name.
 const MOST_PACKAGES: usize = 8;
 
-/// What a program holds.
+/// The contents of a program.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub(super) enum Wanted {
     Function(String),
@@ -31,9 +30,8 @@ pub(super) enum Wanted {
     Items(String, Vec<String>),
 }
 
-/// The program that was made of the same texts, or else a new one. Files are read each time: a
-/// program of a text that has changed since is never taken. What a new file would change is seen by
-/// the next process.
+/// The cached program of the same texts, or else a new one. Files are read each time, so a changed text gives a new
+/// program. Only the next process notices a new file that would change the result.
 pub(super) fn again(package: &Package, wanted: &Wanted) -> Result<Arc<Program>, ReflectError> {
     let of_package = |kept: &(Package, Arc<Program>)| kept.0 == *package;
     let known = workspace::with::<Programs, _>(|kept| {
@@ -83,8 +81,8 @@ mod tests {
         Program::of_function(package, "a::f").expect("valid").module().functions.len()
     }
 
-    /// The same program while the texts are the same; another one when a module that it imports
-    /// changes, when a feature does, and when a file is gone.
+    /// A program is cached while its texts stay the same. It is made again when an imported module changes, when a
+    /// feature changes, and when a file disappears.
     #[test]
     fn a_program_is_made_again_when_a_text_changes() {
         let folder = tempfile::tempdir().expect("a temporary folder");

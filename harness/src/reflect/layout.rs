@@ -1,21 +1,21 @@
-//! WGSL memory layout of uniform and storage buffers, taken from naga.
+//! Lays out uniform and storage buffers in WGSL's memory layout, with naga's offsets.
 //!
-//! Only fixtures live in host-shareable buffers; arguments and results travel as lanes. The
-//! offsets and strides are the ones that naga computed for the author's own declaration.
+//! Only fixtures use host-shareable buffers; arguments and results are passed as lanes. The offsets and strides are
+//! naga's for the author's declaration.
 
 use naga::proc::Layouter;
 use naga::{ArraySize, Handle, Module, Type, TypeInner};
 
-/// Why lanes can't be laid out as a variable's type.
+/// The reason why lanes can't be laid out as a variable's type.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum LayoutError {
-    /// More or fewer lanes than the type holds.
+    /// The type has more or fewer lanes.
     #[error("the fixture has {supplied} scalars, the variable holds {expected}")]
     Count {
-        /// Scalars supplied.
+        /// The number of supplied scalars.
         supplied: usize,
-        /// Scalars in the variable's type; for a runtime-sized array, in whole elements.
+        /// The number of scalars in the variable's type; for a runtime-sized array, in whole elements.
         expected: usize,
     },
     /// No buffer fixture can fill the type.
@@ -23,8 +23,7 @@ pub enum LayoutError {
     Unsupported,
 }
 
-/// The bytes of a value of type `ty`, from its lanes. A runtime-sized array takes as many elements
-/// as there are lanes for.
+/// The bytes of a value of type `ty`, from its lanes. A runtime-sized array gets as many elements as the lanes fill.
 pub(crate) fn bytes_of(
     module: &Module,
     layouter: &Layouter,
@@ -36,8 +35,8 @@ pub(crate) fn bytes_of(
     if writer.at != lanes.len() {
         return Err(LayoutError::Count { supplied: lanes.len(), expected: writer.at });
     }
-    // An array without a length has as many elements as fit into the buffer: it has no more bytes.
-    // Others may have more, and in uniform space a multiple of 16. Padding is zero.
+    // An array without a length has as many elements as fit into the buffer, so its size is exact. Other types may be
+    // larger, and take a multiple of 16 bytes in uniform space. Padding is zero.
     let (size, multiple) = match dynamic(module, ty) {
         true => (writer.bytes.len(), 4),
         false => (layouter[ty].size as usize, 16),
@@ -46,9 +45,8 @@ pub(crate) fn bytes_of(
     Ok(writer.bytes)
 }
 
-/// The lanes of a value of type `ty`, from its bytes: the way back from [`bytes_of`]. Atomics are their
-/// scalars, and an array without a length has as many elements as there are bytes for. `None` if the
-/// bytes are too few.
+/// The lanes of a value of type `ty`, from its bytes: the inverse of [`bytes_of`]. An atomic has its scalar's lane, and
+/// an array without a length has as many elements as the bytes fill. `None` if there are too few bytes.
 pub(crate) fn lanes_of(module: &Module, ty: Handle<Type>, bytes: &[u8]) -> Option<Vec<u32>> {
     let mut lanes = Vec::new();
     read(module, ty, bytes, &mut lanes)?;
@@ -95,8 +93,8 @@ fn read(module: &Module, ty: Handle<Type>, bytes: &[u8], lanes: &mut Vec<u32>) -
     }
 }
 
-/// The byte at which each member of a value begins, by its path (`.light.power`, `[].power`), and the strides
-/// of arrays (`.lights[]`).
+/// The offset in bytes of each member of a value, by its path (`.light.power`, `[].power`), and the strides of arrays
+/// (`.lights[]`).
 pub(super) fn places(module: &Module, ty: Handle<Type>, path: &str, at: u32) -> Vec<(String, u32)> {
     match &module.types[ty].inner {
         TypeInner::Struct { members, .. } => {
@@ -115,7 +113,7 @@ pub(super) fn places(module: &Module, ty: Handle<Type>, path: &str, at: u32) -> 
     }
 }
 
-/// Whether a type is an array without a length, or a structure that ends in one.
+/// Returns `true` for an array without a length, or a structure that ends in one.
 pub(super) fn dynamic(module: &Module, ty: Handle<Type>) -> bool {
     match &module.types[ty].inner {
         TypeInner::Array { size: ArraySize::Dynamic, .. } => true,
@@ -171,7 +169,7 @@ impl Writer<'_> {
             TypeInner::Scalar(scalar) | TypeInner::Atomic(scalar) => self.scalar(*scalar, offset),
             TypeInner::Vector { size, scalar } => self.vector(*size, *scalar, offset),
             TypeInner::Matrix { columns, rows, scalar } => {
-                // A column is aligned as a vector: three rows take the room of four.
+                // A column is aligned as a vector, so three rows take the space of four.
                 let rows_in_memory =
                     if *rows == naga::VectorSize::Tri { 4 } else { *rows as usize };
                 let stride = rows_in_memory * usize::from(scalar.width);
@@ -236,7 +234,7 @@ mod tests {
         assert!(matches!(lay_out(wgsl, &[1, 2, 3]), Err(LayoutError::Count { expected: 4, .. })));
     }
 
-    /// What is laid out is read again.
+    /// Lanes that are laid out as bytes and read back are unchanged.
     #[test]
     fn lanes_survive_their_bytes() {
         let wgsl = "struct T { m: mat3x3<f32>, a: array<vec2<u32>, 2> }\n\

@@ -1,4 +1,4 @@
-//! WebGPU's limits, compared with what entry points use.
+//! Compares WebGPU's limits with the resources that entry points use.
 
 use std::collections::BTreeMap;
 
@@ -12,11 +12,11 @@ use crate::diagnostic::{Diagnostic, Span};
 use crate::output::counted;
 use crate::package::{Limit, Limits};
 
-/// Something that a limit is of.
+/// A quantity that a limit bounds.
 struct Used {
     limit: Limit,
     amount: u64,
-    /// The compute entry point `main`, or a variable.
+    /// Its owner: the compute entry point `main`, or a variable.
     who: String,
     what: String,
     span: Option<Span>,
@@ -49,8 +49,7 @@ impl Program {
         found
     }
 
-    /// Entry points that exceed default limits: where others are requested they are pipelines, and by default
-    /// not.
+    /// Entry points that exceed default limits. On a device with default limits they can't become pipelines.
     pub(super) fn beyond_default(&self, compatibility: bool) -> Vec<String> {
         let limits = Limits::usual(compatibility);
         let over = self.used().into_iter().filter(|used| used.amount > limits.value(used.limit));
@@ -58,7 +57,7 @@ impl Program {
         for used in over {
             match used.entry_point {
                 Some(name) => names.push(name),
-                // A variable that is too much is so for each of its users.
+                // If a variable alone exceeds a limit, so does each entry point that uses it.
                 None => {
                     names.extend(self.module().entry_points.iter().map(|entry| entry.name.clone()))
                 }
@@ -112,7 +111,8 @@ impl Program {
                 let all = size.iter().product();
                 push(Limit::INVOCATIONS, all, format!("{all} invocations a workgroup"));
                 let memory = used.iter().filter(|(_, one)| one.space == AddressSpace::WorkGroup);
-                // WGSL, 13.2 and WebGPU, "validating GPUProgrammableStage": each variable is rounded up to 16.
+                // WGSL, 13.2 and WebGPU, "validating GPUProgrammableStage": each variable's size is rounded up to a
+                // multiple of 16.
                 let memory = memory.map(|(_, one)| self.size(one).next_multiple_of(16)).sum();
                 push(
                     Limit::WORKGROUP_STORAGE,
@@ -122,7 +122,7 @@ impl Program {
             }
             let (inputs, outputs) = self.locations(entry);
             let count = |all: &[u32], others: u64| {
-                // Both the number of them and the highest location are limited.
+                // WebGPU limits both the number of locations and the highest one.
                 let highest = all.iter().max().map_or(0, |highest| highest + 1);
                 u64::from(highest).max(all.len() as u64 + others)
             };
@@ -152,7 +152,7 @@ impl Program {
         all
     }
 
-    /// Limits of a variable by itself, in all entry points.
+    /// The limits of a variable by itself, across all entry points.
     fn of_variable(
         &self,
         handle: Handle<GlobalVariable>,
@@ -182,10 +182,11 @@ impl Program {
         }
     }
 
-    /// The limits that count a variable in a stage.
+    /// The limits that a variable counts towards in a stage.
     fn counted_by(&self, variable: &GlobalVariable, stage: ShaderStage) -> Vec<(Limit, u64)> {
         let inner = &self.checked.module.types[variable.ty].inner;
-        // WebGPU, "exceeds the binding slot limits": an external texture takes the slots of what it stands for.
+        // WebGPU, "exceeds the binding slot limits": an external texture takes the slots of the resources that it
+        // stands for.
         if matches!(inner, TypeInner::Image { class: ImageClass::External, .. }) {
             let slots =
                 [(Limit::SAMPLED_TEXTURES, 4), (Limit::SAMPLERS, 1), (Limit::UNIFORM_BUFFERS, 1)];
@@ -218,7 +219,7 @@ impl Program {
         limits.into_iter().map(|limit| (limit, 1)).collect()
     }
 
-    /// The size of a workgroup, with the values that overrides have of their own; 1 for one that is computed.
+    /// The size of a workgroup, with the overrides' initial values; 1 for a computed size.
     pub(super) fn workgroup_size(&self, entry: &naga::EntryPoint) -> [u64; 3] {
         let module = &self.checked.module;
         let number = |expression: &Expression| match expression {
@@ -239,8 +240,8 @@ impl Program {
         size
     }
 
-    /// Builtins that take the place of variables between stages, which an entry point reads and writes (WebGPU,
-    /// "validating inter-stage interfaces").
+    /// The numbers of builtins that an entry point reads and writes and that use the space of inter-stage variables
+    /// (WebGPU, "validating inter-stage interfaces").
     fn builtins(&self, entry: &naga::EntryPoint) -> (u64, u64) {
         let module = &self.checked.module;
         let read = |(binding, _): &(Binding, Handle<Type>)| {
@@ -256,7 +257,7 @@ impl Program {
         (read, self.outputs(entry).iter().map(clipped).sum())
     }
 
-    /// WebGPU, "GPUBindGroupLayoutEntry": a vertex stage has no storage that it can write. Tint says it, too.
+    /// WebGPU, "GPUBindGroupLayoutEntry": a vertex stage can't have writable storage. Tint reports it, too.
     pub(super) fn written_by_vertices(&self) -> Vec<Diagnostic> {
         let (module, info) = (&self.checked.module, &self.checked.info);
         let mut found = Vec::new();
@@ -297,7 +298,7 @@ impl Program {
 
     fn size(&self, variable: &GlobalVariable) -> u64 {
         let module = &self.checked.module;
-        // A runtime-sized array counts as one element: the buffer decides.
+        // A runtime-sized array counts as one element: the buffer decides its length.
         u64::from(module.types[variable.ty].inner.size(module.to_ctx()))
     }
 }

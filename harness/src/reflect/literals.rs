@@ -1,21 +1,21 @@
-//! The numbers that a program compares with.
+//! Collects the numbers that a program compares its values with.
 
 use naga::{BinaryOperator, Block, Expression, Function, Handle, Literal, MathFunction, Statement};
 
 use super::Program;
 
-/// Numbers that programs compare with, bound by, subtract or switch on: an input that is one of them, or next to it, takes
-/// another way.
+/// The numbers that programs compare with, clamp to, subtract or switch on. An input that equals such a number, or is
+/// next to it, may take another branch.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Literals {
-    /// Floats of the text.
+    /// Floats in the text.
     pub floats: Vec<f32>,
-    /// Whole numbers of the text.
+    /// Integers in the text.
     pub wholes: Vec<i64>,
 }
 
 impl Literals {
-    /// Numbers of each kind that are kept: each comes with both neighbours, and a part of the inputs tries them.
+    /// The most numbers of each kind to keep. Each is tried with both neighbours, in a part of the inputs.
     const MOST: usize = 16;
 
     fn add(&mut self, literal: Literal) {
@@ -32,7 +32,7 @@ impl Literals {
     }
 
     fn float(&mut self, x: f32) {
-        // 0 and 1 are tried anyway.
+        // 0 and 1 are tried in any case.
         if x.is_finite() && x != 0.0 && x != 1.0 && !self.floats.contains(&x) {
             self.floats.push(x);
         }
@@ -44,7 +44,7 @@ impl Literals {
         }
     }
 
-    /// Takes those of another program, too.
+    /// Adds the numbers of another program.
     pub fn and(mut self, other: &Self) -> Self {
         other.floats.iter().for_each(|x| self.float(*x));
         other.wholes.iter().for_each(|x| self.whole(*x));
@@ -104,7 +104,7 @@ impl Program {
     }
 }
 
-/// The operands of a comparison, a bound or a difference.
+/// The operands of a comparison, a clamp or a difference.
 fn compared(expression: &Expression) -> [Option<Handle<Expression>>; 3] {
     match *expression {
         Expression::Binary {

@@ -1,4 +1,4 @@
-//! A function's parameters and variables, as WGSL.
+//! Describes a function's parameters and variables as WGSL.
 
 use std::collections::BTreeMap;
 
@@ -6,7 +6,7 @@ use naga::common::wgsl::TypeContext;
 
 use super::Program;
 
-/// What it takes to call a function, and to store its variables, from the same text.
+/// The names and types that a generated text needs to call a function and to store its variables.
 pub(crate) struct Locals<'p> {
     /// Its name in the text.
     pub(crate) function: &'p str,
@@ -17,7 +17,7 @@ pub(crate) struct Locals<'p> {
 }
 
 impl Program {
-    /// Parameters and variables of a function, by its author's path.
+    /// The parameters and variables of a function, by the author's path.
     pub(crate) fn locals<'p>(&'p self, path: &'p str) -> Option<Locals<'p>> {
         let function = self.name_of(path);
         let named = |f: &naga::Function| f.name.as_deref() == Some(function);

@@ -1,4 +1,4 @@
-//! naga's errors in the author's words, at the author's places.
+//! Shows naga's errors with the author's names and places.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -8,7 +8,7 @@ use crate::diagnostic::{Diagnostic, Mend, Span, nearest};
 use crate::expectation;
 use crate::package::{Linked, Package, Unmet};
 
-/// The innermost cause of an error, then what led to it.
+/// The innermost cause of an error, then the errors around it.
 pub(super) fn causes(error: &dyn std::error::Error) -> (String, Vec<String>) {
     let chain = std::iter::successors(Some(error), |cause| cause.source());
     let mut messages: Vec<String> =
@@ -38,7 +38,7 @@ pub(super) fn to_author(
     let mut diagnostic = Diagnostic { notes, ..Diagnostic::new(message) };
     for (range, text) in labels {
         if let Some(span) = range.and_then(|range| linked.spliced.resolve(range)) {
-            // naga speaks of mangled names; the author's are shown.
+            // naga uses the linked names; the message shows the author's.
             diagnostic = diagnostic.at(span, demangle(linked, &text));
         }
     }
@@ -67,10 +67,10 @@ pub(super) fn to_author(
     diagnostic.mended_by(mend)
 }
 
-/// How naga begins to say that nothing declares a name.
+/// The beginning of naga's message for an undeclared name.
 const UNDECLARED: &str = "no definition in scope for identifier";
 
-/// Adds to an error about a name that nothing declares which other modules declare it.
+/// Adds to the error of an undeclared name which other modules declare it.
 pub(super) fn with_declarers(package: &Package, error: ReflectError) -> ReflectError {
     let ReflectError::Invalid(found) = error else { return error };
     let file = found.location().map_or_else(String::new, |at| at.file.name.clone());
@@ -80,7 +80,7 @@ pub(super) fn with_declarers(package: &Package, error: ReflectError) -> ReflectE
         return ReflectError::Invalid(found);
     };
     let also = others.iter().map(|other| format!(", and so does `{other}`")).collect::<String>();
-    // Those that are joined with it already stay.
+    // The modules that are already joined with it stay in the list.
     let mut list = package.joined_with(&own);
     let how = if list.is_empty() {
         "write in karat.toml beside the modules:\n[join]"
@@ -97,7 +97,7 @@ pub(super) fn with_declarers(package: &Package, error: ReflectError) -> ReflectE
     ReflectError::Invalid(Box::new(found.note(note).mended_by(mend)))
 }
 
-/// Attributes of functions, parameters and members: WGSL's (12), those of conditions and those of tests.
+/// Attributes of functions, parameters and members: those of WGSL (12), of conditions and of tests.
 const ATTRIBUTES: [&str; 22] = [
     "align",
     "binding",
@@ -123,9 +123,9 @@ const ATTRIBUTES: [&str; 22] = [
     "workgroup_size",
 ];
 
-/// The text that an error of these words is about.
+/// The text that an error with these words is about.
 fn of_words(diagnostic: &Diagnostic, words: &str) -> Option<String> {
-    // Those of naga 30, which gives the kind of an error no other way.
+    // The words of naga 30, the only sign of an error's kind.
     if !diagnostic.message.starts_with(words) {
         return None;
     }
@@ -142,7 +142,7 @@ fn macro_of(diagnostic: &Diagnostic, name: String) -> Option<Mend> {
     (name.len() > 1 && name.chars().all(is_capital)).then(|| mend(name))
 }
 
-/// The author's names for mangled ones. Longer names first: one may begin another.
+/// Replaces linked names by the author's. Longer names come first, since one may begin with another.
 fn demangle(linked: &Linked, text: &str) -> String {
     let is_mangled = |(name, path): &(&String, &String)| path.rsplit("::").next() != Some(name);
     let mut mangled: Vec<_> = linked.names.iter().filter(is_mangled).collect();

@@ -1,4 +1,4 @@
-//! Native features: wgpu has them, and no browser does.
+//! Finds native features: wgpu has them, and no browser does.
 
 use naga::front::wgsl::{Frontend, Options};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
@@ -7,7 +7,7 @@ use naga::{ImageClass, StorageFormat, TypeInner};
 use super::{Program, on_deep_stack};
 use crate::package::as_naga_takes;
 
-/// Capabilities that WebGPU has, too, by default or as a feature. naga's others are wgpu's alone.
+/// Capabilities that WebGPU also has, by default or as a feature. Only wgpu has naga's others.
 const WEBGPU: Capabilities = Capabilities::MULTISAMPLED_SHADING
     .union(Capabilities::CUBE_ARRAY_TEXTURES)
     .union(Capabilities::SHADER_FLOAT16)
@@ -18,7 +18,7 @@ const WEBGPU: Capabilities = Capabilities::MULTISAMPLED_SHADING
     .union(Capabilities::IMMEDIATES)
     .union(Capabilities::TEXTURE_EXTERNAL);
 
-/// The names that `native` in `karat.toml` can have: those of naga's capabilities, in small letters.
+/// The names that `native` in `karat.toml` accepts: naga's capabilities, in lower case.
 pub(super) fn names() -> Vec<String> {
     native().map(|(name, _)| name).collect()
 }
@@ -33,7 +33,7 @@ fn native() -> impl Iterator<Item = (String, Capabilities)> {
 }
 
 impl Program {
-    /// Native features that the program uses: naga rejects it without them, or it has their `enable`.
+    /// The native features that the program uses: naga rejects it without them, or the text enables them.
     pub(super) fn native_features(&self) -> Vec<String> {
         let used = native().filter(|(_, one)| on_deep_stack(|| self.needs(*one)));
         used.map(|(name, _)| name).collect()
@@ -46,7 +46,7 @@ impl Program {
         if Frontend::new_with_options(options).parse(&as_naga_takes(self.text())).is_err() {
             return true;
         }
-        // naga takes these texels without: wgpu asks for the feature when the module is made.
+        // naga accepts these texels without the feature; wgpu requires it when it makes the module.
         let is_wide = |inner: &TypeInner| {
             matches!(
                 inner,

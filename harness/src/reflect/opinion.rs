@@ -1,4 +1,4 @@
-//! The opinion on a package of others than naga: Tint, WebGPU's limits, and an engine that loads its files.
+//! Collects opinions on a package besides naga's: Tint, WebGPU's limits, and engines that load its files.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -10,25 +10,25 @@ use crate::output::counted;
 use crate::package::{Compilers, Package, PackageError, unknown_to_naga};
 use crate::tint::{Answer, Message, Missing, NoVerdict, Question, Reason, Severity, Tint};
 
-/// The opinion of others than naga.
+/// The opinions besides naga's.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct Opinion {
-    /// How many modules Tint accepts.
+    /// The number of modules that Tint accepts.
     pub accepted: usize,
-    /// Modules that it rejects.
+    /// Modules that Tint rejects.
     pub refused: Vec<Refused>,
-    /// Modules that it accepts and naga rejects.
+    /// Modules that Tint accepts and naga rejects.
     pub tint_alone: Vec<String>,
-    /// Modules on which it has no verdict, as it crashed, hung or said something unreadable; each with how.
+    /// Modules without a verdict because Tint crashed, hung or printed something unreadable; each with the reason.
     pub broke: Vec<(String, String)>,
-    /// Modules on which it wasn't asked, as they use on purpose what wgpu alone has.
+    /// Modules that Tint didn't check because they use wgpu's native features on purpose.
     pub native: Vec<String>,
-    /// Why it wasn't asked at all.
+    /// The reason why Tint wasn't asked at all.
     pub unasked: Option<Missing>,
-    /// Modules in which something exceeds WebGPU's limits.
+    /// Modules that exceed WebGPU's limits.
     pub limits: Vec<(String, Diagnostic)>,
-    /// Modules that an engine would load, and that hold tests.
+    /// Modules that contain tests and that an engine would load.
     pub shipped: Vec<(String, Diagnostic)>,
     /// Tint's warnings.
     pub warnings: Vec<(String, Diagnostic)>,
@@ -40,7 +40,7 @@ pub struct Opinion {
 pub struct Refused {
     /// The module.
     pub module: String,
-    /// The kind of its first reason.
+    /// The kind of the first reason.
     pub reason: Reason,
     /// Native features of wgpu that it uses, by naga's names.
     pub native: Vec<String>,
@@ -49,7 +49,7 @@ pub struct Refused {
 }
 
 impl std::fmt::Display for Opinion {
-    /// One line, for the last line of a command.
+    /// One line, for the end of a command's output.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let mut parts = Vec::new();
         if let Some(missing) = &self.unasked {
@@ -72,8 +72,8 @@ impl std::fmt::Display for Opinion {
 }
 
 impl Opinion {
-    /// Objections to the package in a line: rejections, limits, and modules without a verdict. `None`: there are
-    /// none.
+    /// The objections to the package in one line: rejections, limits, and modules without a verdict. `None` if there
+    /// are none.
     #[must_use]
     pub fn remark(&self) -> Option<String> {
         let Self { refused, broke, unasked, limits, .. } = self.clone();
@@ -87,7 +87,7 @@ impl Opinion {
         modules.len()
     }
 
-    /// All remarks, each once: a module that others import is at fault in each of them.
+    /// All remarks, each once: an error in a module appears again for each module that imports it.
     #[must_use]
     pub fn remarks(&self) -> Vec<&Diagnostic> {
         let refused = self.refused.iter().map(|refused| &refused.diagnostic);
@@ -101,8 +101,7 @@ impl Opinion {
         all
     }
 
-    /// True if nothing stands against the package: no rejection, no limit exceeded, and a verdict on each module
-    /// if `required`.
+    /// Returns `true` if there are no rejections and no exceeded limits, and, if `required`, a verdict on each module.
     #[must_use]
     pub fn is_good(&self, required: bool) -> bool {
         let all = self.unasked.is_none() && self.broke.is_empty();
@@ -120,7 +119,7 @@ impl Opinion {
         all
     }
 
-    /// Errors by `karat.toml`, each with its module.
+    /// The errors according to `karat.toml`, each with its module.
     pub(super) fn faults(&self, compilers: &Compilers) -> Vec<(String, ReflectError)> {
         let fault = |module: &str, diagnostic: &Diagnostic| {
             (module.to_owned(), ReflectError::Refused(Box::new(diagnostic.clone())))
@@ -132,7 +131,7 @@ impl Opinion {
         refused.chain(limits).collect()
     }
 
-    /// Why there is no verdict of Tint on some module, and what to do about it.
+    /// The reason why Tint has no verdict on some module, and what to do.
     pub(super) fn no_verdict(&self) -> Option<(String, String)> {
         if let Some(Missing { reason, remedy }) = &self.unasked {
             return Some((reason.clone(), remedy.clone()));
@@ -142,7 +141,7 @@ impl Opinion {
         Some((format!("of module `{module}`: {how}"), remedy))
     }
 
-    /// Adds another package's.
+    /// Adds another package's opinion.
     pub fn add(&mut self, other: &Self) {
         let other = other.clone();
         self.accepted += other.accepted;
@@ -157,7 +156,7 @@ impl Opinion {
     }
 }
 
-/// The line of a module that wgpu and Firefox reject, as they hand naga the text as it is.
+/// The error for a module that wgpu and Firefox reject because they give naga the unchanged text.
 fn not_for_wgpu(program: &Program) -> Option<Diagnostic> {
     let first = unknown_to_naga(program.text()).into_iter().next()?;
     let message =
@@ -168,13 +167,13 @@ fn not_for_wgpu(program: &Program) -> Option<Diagnostic> {
     Some(to_author(&program.linked, message, label, vec![note.to_owned()]))
 }
 
-/// A module that was linked: with what naga made of it, or why it rejects it.
+/// A linked module: naga's program, or naga's error.
 pub(super) enum Judged<'p> {
     Valid(&'p Program),
     Rejected(&'p mut ReflectError),
 }
 
-/// Asks about all modules of a package.
+/// Collects the opinions on all modules of a package.
 pub(super) fn of(
     package: &Package,
     compilers: &Compilers,
@@ -205,7 +204,8 @@ pub(super) fn of(
             Judged::Valid(program) => {
                 let over = program.over_limits(&compilers.limits);
                 let mut pipelines = program.pipelines();
-                // By default what exceeds a limit is no pipeline. Karat says so, and knows other limits.
+                // With default limits, a shader that exceeds one becomes no pipeline. Karat reports that itself, and
+                // knows the package's own limits.
                 let beyond = program.beyond_default(compilers.limits.compatibility);
                 pipelines.retain(|pipeline| !beyond.contains(&pipeline.entry_point));
                 opinion.limits.extend(over.into_iter().map(|one| (module.clone(), one)));
@@ -220,7 +220,7 @@ pub(super) fn of(
                 }
                 (program.text().to_owned(), pipelines)
             }
-            // It may be what Tint accepts: of that its author hears.
+            // Tint may accept a module that naga rejects, and its author should know.
             Judged::Rejected(ReflectError::Invalid(_)) => {
                 match package.for_validating(module).link_module(module) {
                     Ok(linked) => (linked.text().to_owned(), Vec::new()),
@@ -294,7 +294,7 @@ impl Opinion {
             let reason = Reason::of(&message.text);
             let mut lines = message.text.lines();
             let head = lines.next().unwrap_or_default();
-            // Lists of overloads and of all names that there are fill a screen.
+            // Lists of overloads, and of all known names, would fill the screen.
             let rest = lines.find(|line| line.starts_with("Did you mean"));
             notes.extend(rest.map(str::to_owned));
             let verb = match message.severity {
@@ -312,7 +312,7 @@ impl Opinion {
             }
         }
         for (entry_point, error) in &answer.pipelines {
-            // Dawn says in further lines which of its functions was called.
+            // Dawn adds lines that say which of its functions was called.
             let lines = error.lines().take_while(|line| !line.trim_start().starts_with("- While"));
             let text = lines.collect::<Vec<_>>().join(" ");
             let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
@@ -330,7 +330,7 @@ impl Opinion {
             };
             refused.push((reason, diagnostic));
         }
-        // One count a module, whatever else is wrong with it: what comes later is a note.
+        // Each module is counted once; its further errors become notes.
         let mut refused = refused.into_iter();
         let Some((reason, mut diagnostic)) = refused.next() else {
             self.accepted += 1;
@@ -353,8 +353,8 @@ impl Opinion {
 }
 
 impl Package {
-    /// Tint's word on uniform control flow at some lines (`file:line:column`) of a program of this package, as a note;
-    /// `None` if Tint isn't here, has no verdict, or objects to something else.
+    /// Tint's verdict on uniform control flow at some lines (`file:line:column`) of a program of this package, as a
+    /// note; `None` if Tint isn't installed, has no verdict, or reports another error.
     pub(crate) fn uniformity_by_tint(&self, program: &Program, at: &[&str]) -> Option<String> {
         let tint = Tint::beside(&self.folder(), false).ok()?;
         let question = Question { text: program.text().to_owned(), ..Question::default() };
@@ -370,12 +370,12 @@ impl Package {
                 return Some(format!("Tint says so from the text alone: {place}: {head}"));
             }
         }
-        // Tint ends at an error of another kind, and then it hasn't looked.
+        // After an error of another kind, Tint stops without checking uniformity.
         let looked = answer.messages.iter().all(|message| !is_own(&message));
         looked.then(|| "Tint sees nothing of it: this run alone shows it".to_owned())
     }
 
-    /// The folder whose `node_modules` it has.
+    /// The folder whose `node_modules` may contain Tint.
     fn folder(&self) -> PathBuf {
         match self.root() {
             root if root.as_os_str().is_empty() => std::env::current_dir().unwrap_or_default(),
@@ -383,7 +383,7 @@ impl Package {
         }
     }
 
-    /// Where tests stand in a module that an engine loads: other compilers know no `@test`.
+    /// The places of tests in a module that an engine loads: other compilers don't know `@test`.
     fn shipped_tests(&self, module: &str) -> Option<Diagnostic> {
         if module.ends_with("_test") {
             return None;

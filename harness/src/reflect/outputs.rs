@@ -1,27 +1,27 @@
-//! What fragment functions write.
+//! Reads the outputs of fragment functions.
 
 use naga::{Binding, ShaderStage, TypeInner};
 
 use super::{Program, Texels};
 
-/// What a fragment function writes at a location.
+/// An output of a fragment function at a location.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Output {
     pub(crate) location: u32,
-    /// What its components are.
+    /// The type of its components.
     pub(crate) kind: Texels,
-    /// 1 to 4.
+    /// The number of its components: 1 to 4.
     pub(crate) components: u8,
 }
 
 impl Program {
-    /// What a fragment entry point writes at locations; `None` if there is no such entry point.
+    /// The outputs of a fragment entry point at locations; `None` if there is no such entry point.
     pub(crate) fn fragment_outputs(&self, fragment: &str) -> Option<Vec<Output>> {
         let written = self.written_by(fragment)?;
         Some(written.into_iter().filter_map(|(binding, inner)| output(binding, inner)).collect())
     }
 
-    /// Whether a fragment entry point writes depth itself.
+    /// Returns `true` if a fragment entry point writes depth itself.
     pub(crate) fn writes_depth(&self, fragment: &str) -> bool {
         let written = self.written_by(fragment).unwrap_or_default();
         let is_depth =
@@ -29,7 +29,7 @@ impl Program {
         written.into_iter().any(|(binding, _)| is_depth(binding))
     }
 
-    /// All that a fragment entry point writes.
+    /// All outputs of a fragment entry point.
     fn written_by(&self, fragment: &str) -> Option<Vec<(&Binding, &TypeInner)>> {
         let name = self.entry_point_name(fragment);
         let module = &self.checked.module;

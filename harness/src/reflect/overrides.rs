@@ -1,4 +1,4 @@
-//! Values of `override` declarations, which a program gives its pipelines.
+//! Sets the values of `override` declarations, which a host gives when it makes a pipeline.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -23,7 +23,7 @@ impl Program {
         }
         let mut values = Overrides::new();
         for (name, value) in given {
-            // A name and its number are one override.
+            // A name and its `@id` mean the same override.
             let text_name = self.text_name(name)?;
             if values.get(&text_name).is_some_and(|other| other.to_bits() != value.to_bits()) {
                 let message = format!("the override `{name}` has two values, by two of its names");
@@ -50,7 +50,7 @@ impl Program {
         Ok(Arc::new(Self { overrides: values, ..program }))
     }
 
-    /// The values that it has, as WebGPU names overrides: by their `@id`, or by their names in the text.
+    /// The program's values by WebGPU's keys: the overrides' `@id`s, or their names in the text.
     pub(crate) fn constants(&self) -> Overrides {
         let key = |name: &String| {
             let mut declared = self.checked.module.overrides.iter();
@@ -60,14 +60,14 @@ impl Program {
         self.overrides.iter().map(|(name, value)| (key(name), *value)).collect()
     }
 
-    /// True if an override has no initial value.
+    /// Returns `true` if the override has no initial value.
     pub fn wants_override(&self, name: &str) -> bool {
         let Ok(name) = self.text_name(name) else { return false };
         let mut all = self.checked.module.overrides.iter();
         all.any(|(_, one)| one.name.as_ref() == Some(&name) && one.init.is_none())
     }
 
-    /// Each override by its author's name, as it is declared: `@id(3) f32 = 1.0`.
+    /// Each override by the author's name, with its declaration: `@id(3) f32 = 1.0`.
     pub fn declared_overrides(&self) -> Vec<(String, String)> {
         let module = &self.checked.module;
         let of = |declared: &Override| {
@@ -87,7 +87,7 @@ impl Program {
         module.overrides.iter().map(|(_, declared)| of(declared)).collect()
     }
 
-    /// The type of the override that its author, or its number, calls so; `None` if it has none.
+    /// The type of the override with this author's name or `@id`; `None` if there is none.
     #[must_use]
     pub fn override_type(&self, name: &str) -> Option<Scalar> {
         let name = self.text_name(name).ok()?;
@@ -100,7 +100,7 @@ impl Program {
         }
     }
 
-    /// A fault of given values of its overrides, in a sentence; an override without a value isn't.
+    /// The first error in the given values, as a sentence. A missing value isn't an error here.
     fn misfit(&self, given: &Overrides) -> Option<String> {
         let mut values = Overrides::new();
         for (name, value) in given {
@@ -113,7 +113,8 @@ impl Program {
         set(&mut module, &values).err().map(|(_, reason)| reason)
     }
 
-    /// An override that no package of several can be given, and why: nothing has one, or its value isn't of its type.
+    /// An override that fits none of the packages, with the reason: no package declares it, or its value doesn't fit
+    /// its type.
     pub fn unfit(packages: &[&Package], given: &Overrides) -> Option<(String, String)> {
         if given.is_empty() {
             return None;
@@ -155,12 +156,12 @@ impl Program {
         })
     }
 
-    /// True if it has an override that its author, or its number, calls so.
+    /// Returns `true` if the program has an override with this author's name or `@id`.
     pub fn has_override(&self, name: &str) -> bool {
         !self.overrides_called(name).is_empty()
     }
 
-    /// Those that their author, or their number, calls so: several if modules have one each.
+    /// The overrides with this author's name or `@id`; several, if several modules declare one.
     fn overrides_called(&self, name: &str) -> Vec<&Override> {
         let all = || self.checked.module.overrides.iter().map(|(_, declared)| declared);
         let is_exact = |one: &&Override| {
@@ -177,14 +178,14 @@ impl Program {
         self.author_path(text).unwrap_or(text)
     }
 
-    /// Its own name; of two that are called the same, the path.
+    /// Its name; its path if another override has the same name.
     fn override_name(&self, declared: &Override) -> String {
         let path = self.override_path(declared);
         let own = last(path);
         if self.overrides_called(own).len() > 1 { path.to_owned() } else { own.to_owned() }
     }
 
-    /// The name in the text of the override that its author, or its number, calls so.
+    /// The name in the text of the override with this author's name or `@id`.
     fn text_name(&self, name: &str) -> Result<String, ReflectError> {
         let wrong = |message| Err(ReflectError::Override(Box::new(Diagnostic::new(message))));
         match &*self.overrides_called(name) {
@@ -221,7 +222,7 @@ fn last(path: &str) -> &str {
     path.rsplit("::").next().unwrap_or(path)
 }
 
-/// Makes the values the initialisers of their overrides, which are called as in the text.
+/// Makes the values the initialisers of their overrides, which are given by their names in the text.
 pub(super) fn set(
     module: &mut Module,
     values: &Overrides,
@@ -242,7 +243,7 @@ pub(super) fn set(
         })?;
         given.push((handle, literal));
     }
-    // naga wants an initialiser before whatever uses its override: these are the first expressions.
+    // naga requires an initialiser before every use of its override, so these expressions come first.
     let mut expressions = Arena::new();
     let mut initialisers = Vec::new();
     for (handle, literal) in given {
@@ -276,7 +277,7 @@ pub(super) fn set(
     Ok(())
 }
 
-/// An expression outside of functions, whose operands have moved.
+/// An expression outside functions, with its operands' new handles.
 fn moved_to(mut expression: Expression, moved: &[Handle<Expression>]) -> Expression {
     let to = |handle: &mut Handle<Expression>| *handle = moved[handle.index()];
     match &mut expression {
@@ -295,7 +296,7 @@ fn moved_to(mut expression: Expression, moved: &[Handle<Expression>]) -> Express
             to(arg);
             [arg1, arg2, arg3].into_iter().flatten().for_each(to);
         }
-        // Literals, and what stands for itself; others are expressions of functions.
+        // Literals and expressions without operands; all others occur only in functions.
         _ => {}
     }
     expression

@@ -1,4 +1,4 @@
-//! Keeps the kernels that a process has parsed, because each path compiles the same one.
+//! Caches the parsed kernels of a process, because every path compiles the same kernel.
 
 use std::sync::Arc;
 
@@ -15,11 +15,11 @@ struct Kernels;
 impl Kind for Kernels {
     type Key = blake3::Hash;
     type Value = Arc<Module>;
-    // Several times what all threads compile at a time, for path after path.
+    // Several times the number of kernels that all threads compile at once, for one path after another.
     const MOST: usize = 256;
 }
 
-/// naga's IR of a kernel, which is parsed once for all paths; or what is wrong with it.
+/// naga's IR of a kernel, parsed once for all paths, or its error.
 pub(crate) fn parsed(text: &str) -> Result<Arc<Module>, String> {
     let key = blake3::hash(text.as_bytes());
     if let Some(module) = workspace::get::<Kernels>(&key) {

@@ -1,4 +1,4 @@
-//! Entry points as pipelines with automatic layouts: some things are checked there and nowhere else.
+//! Describes entry points as pipelines with automatic layouts, because compilers check some rules only there.
 
 use std::fmt::Write;
 
@@ -11,10 +11,11 @@ use super::Program;
 use crate::tint::{Attribute, Pipeline};
 
 impl Program {
-    /// All entry points of stages that WebGPU has; none if an override has no value.
+    /// All entry points of WebGPU's stages; empty if an override has no value.
     pub fn pipelines(&self) -> Vec<Pipeline> {
         let module = &self.checked.module;
-        // Only the author's program knows the value of an override that has none: any other one may be wrong.
+        // Only the author's program knows the value of an override without an initial value. Any other value may be
+        // wrong.
         if module.overrides.iter().any(|(_, one)| one.init.is_none()) {
             return Vec::new();
         }
@@ -50,7 +51,7 @@ impl Program {
         module.entry_points.iter().filter_map(one).collect()
     }
 
-    /// Locations of what an entry point takes and gives.
+    /// The locations of an entry point's inputs and outputs.
     pub(super) fn locations(&self, entry: &EntryPoint) -> (Vec<u32>, Vec<u32>) {
         let locations = |all: Vec<(Binding, Handle<Type>)>| {
             let location = |(binding, _): (Binding, Handle<Type>)| match binding {
@@ -104,7 +105,7 @@ impl Program {
         formats.get(count - 1).copied()
     }
 
-    /// A format that takes what is written. One component is enough: a stage may write more of them.
+    /// A format for an output. One component is enough: a stage may write more than the format has.
     fn target_format(&self, ty: Handle<Type>) -> Option<&'static str> {
         match self.scalars_of(ty)?.0.kind {
             ScalarKind::Float => Some("r8unorm"),
@@ -114,7 +115,7 @@ impl Program {
         }
     }
 
-    /// A module whose vertex stage gives all that a fragment stage takes.
+    /// A module with a vertex stage that supplies all inputs of a fragment stage.
     fn feeder(&self, entry: &EntryPoint) -> Option<String> {
         let (mut members, mut halves, mut clips) = (String::new(), false, false);
         for (binding, ty) in self.inputs(entry) {
@@ -151,7 +152,7 @@ impl Program {
     }
 }
 
-/// The attribute of how something is interpolated, as WGSL writes it.
+/// The interpolation attribute, as WGSL writes it.
 fn interpolated(
     interpolation: Option<Interpolation>,
     sampling: Option<Sampling>,

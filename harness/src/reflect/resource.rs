@@ -1,22 +1,22 @@
-//! Kinds of resource variables, by WGSL's names.
+//! The kinds of resource variables, with WGSL's names.
 
 use std::fmt;
 
 use naga::{ImageClass, ImageDimension, ScalarKind, StorageFormat};
 
-/// How coordinates find texels.
+/// The coordinates of a texture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 pub enum Dimension {
-    /// By one coordinate.
+    /// One coordinate.
     #[serde(rename = "1d")]
     D1,
-    /// By two.
+    /// Two coordinates.
     #[serde(rename = "2d")]
     D2,
-    /// By three.
+    /// Three coordinates.
     #[serde(rename = "3d")]
     D3,
-    /// By a direction.
+    /// A direction.
     #[serde(rename = "cube")]
     Cube,
 }
@@ -32,7 +32,7 @@ impl fmt::Display for Dimension {
     }
 }
 
-/// What texels are made of.
+/// The type of texels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Texels {
@@ -46,16 +46,16 @@ pub enum Texels {
     Depth,
 }
 
-/// The type of a texture that is sampled or loaded from.
+/// The type of a texture that shaders sample or load from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct TextureKind {
-    /// How coordinates find texels.
+    /// The coordinates.
     pub dimension: Dimension,
-    /// Whether there is a layer beside the coordinates.
+    /// Set if there is also a layer index.
     pub arrayed: bool,
-    /// What texels are made of.
+    /// The type of texels.
     pub texels: Texels,
-    /// Whether a texel has several samples.
+    /// Set if a texel has several samples.
     pub multisampled: bool,
 }
 
@@ -77,7 +77,7 @@ impl fmt::Display for TextureKind {
     }
 }
 
-/// How a shader reaches a storage texture.
+/// The ways in which a shader uses a storage texture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Access {
     /// `read`, `read_write`
@@ -101,7 +101,7 @@ impl fmt::Display for Access {
 pub struct Format(StorageFormat);
 
 impl Format {
-    /// What its texels are made of.
+    /// The type of its texels.
     #[must_use]
     pub fn texels(self) -> Texels {
         match naga::Scalar::from(self.0).kind {
@@ -111,7 +111,7 @@ impl Format {
         }
     }
 
-    /// The channels that it keeps: 1, 2 or 4, or 3 of `rg11b10ufloat`.
+    /// The number of its channels: 1, 2 or 4, or 3 for `rg11b10ufloat`.
     pub(crate) fn channels(self) -> usize {
         let name = self.name();
         match () {
@@ -122,7 +122,7 @@ impl Format {
         }
     }
 
-    /// A texel as its author writes its value: as many channels as it keeps.
+    /// A texel as the author writes its value, with the format's channels only.
     pub(crate) fn shown(self, texel: [u32; 4]) -> String {
         let shown = |word: &u32| match self.texels() {
             Texels::Sint => word.cast_signed().to_string(),
@@ -133,7 +133,7 @@ impl Format {
         if let [one] = &*all { one.clone() } else { format!("({})", all.join(", ")) }
     }
 
-    /// The step between two numbers that it holds, of formats that hold fractions of a whole number; of others 0.
+    /// The step between two numbers in a normalized format, which stores fractions as integers; 0 for other formats.
     pub fn step(self) -> f32 {
         let name = self.name();
         let most = match () {
@@ -141,7 +141,7 @@ impl Format {
             () if name.contains("8snorm") => 127.0,
             () if name.contains("16unorm") => 65_535.0,
             () if name.contains("16snorm") => 32_767.0,
-            // That of its alpha, which has two bits, is larger.
+            // Its two-bit alpha has a larger step.
             () if name.contains("10a2unorm") => 1023.0,
             () => return 0.0,
         };
@@ -165,28 +165,27 @@ pub enum BindingKind {
         /// `read_write`
         writable: bool,
     },
-    /// `var<immediate>`: bytes that a program sets with its commands. Vulkan calls them push constants.
+    /// `var<immediate>`: bytes that a program sets along with its commands. Vulkan calls them push constants.
     Immediate,
-    /// A texture that is sampled or loaded from.
+    /// A texture that shaders sample or load from.
     Texture(TextureKind),
     /// `texture_storage_...`
     StorageTexture {
-        /// How coordinates find texels.
+        /// The coordinates.
         dimension: Dimension,
-        /// Whether there is a layer beside the coordinates.
+        /// Set if there is also a layer index.
         arrayed: bool,
-        /// What is kept of a texel.
+        /// The format of the texels.
         format: Format,
-        /// What the shader does with it.
+        /// The shader's access.
         access: Access,
     },
     /// `sampler`, `sampler_comparison`
     Sampler {
-        /// Whether it compares.
+        /// Set for a comparison sampler.
         comparison: bool,
     },
-    /// Something that no fixture can supply: an array of bindings, an acceleration structure, an
-    /// external texture.
+    /// A resource that no fixture can supply: an array of bindings, an acceleration structure, or an external texture.
     Other,
 }
 
@@ -199,7 +198,7 @@ impl BindingKind {
         multisampled: false,
     });
 
-    /// Whether an invocation can change it.
+    /// Returns `true` if an invocation can write the resource.
     #[must_use]
     pub fn is_written(self) -> bool {
         match self {

@@ -1,9 +1,8 @@
-//! How often loops go round.
+//! Counts the rounds of loops.
 //!
-//! Some drivers leave all loops of an invocation after a number of rounds, with whatever values
-//! there are then. If naga's IR shows that the loops end sooner, there is nothing to watch. If it
-//! doesn't, a copy of the kernel counts the rounds of its loops. The kernel that is judged is
-//! unchanged.
+//! Some drivers leave all loops of an invocation after a number of rounds, with the values of that moment. If naga's IR
+//! shows that the loops end sooner, Karat watches nothing. If it doesn't, a copy of the kernel counts the rounds of its
+//! loops. The kernel that is judged is unchanged.
 
 mod bounds;
 mod watched;
@@ -20,11 +19,11 @@ pub use watched::Watched;
 use super::Program;
 use crate::diagnostic::Span;
 
-/// How the counters' names begin in a kernel that counts: private variables, with a number behind it.
+/// The prefix of the counters in a kernel that counts: private variables, each with a number.
 pub(crate) const COUNTERS: &str = "karat_rounds";
 
 impl Program {
-    /// How many barriers there are in an entry point and in what it calls.
+    /// The number of barriers in an entry point and the functions that it calls.
     pub fn barriers(&self, entry_point: &str) -> usize {
         let module = &self.checked.module;
         let entry = module.entry_points.iter().find(|entry| entry.name == entry_point);
@@ -43,7 +42,7 @@ impl Program {
         count
     }
 
-    /// The functions that one, or an entry point, calls, by their authors' paths.
+    /// The functions that a function or an entry point calls, by the authors' paths.
     pub fn calls(&self, path: &str) -> BTreeSet<String> {
         let (name, functions) = (self.name_of(path), &self.checked.module.functions);
         let found =
@@ -62,8 +61,8 @@ impl Program {
         called
     }
 
-    /// How many loops there are, in the order in which [`count_rounds`] numbers them. Each has two counters:
-    /// its rounds, and how often it is entered.
+    /// The number of loops, which [`count_rounds`] numbers in their order. Each loop has two counters: its rounds, and
+    /// how often it is entered.
     pub(crate) fn loops(&self) -> usize {
         let functions = self.checked.module.functions.iter().map(|(_, function)| &function.body);
         functions.map(|body| loops_of(body).len()).sum()
@@ -77,7 +76,7 @@ pub(crate) struct Counting {
     pub(crate) nesting: Nesting,
 }
 
-/// What a loop stands in, or a call.
+/// The innermost thing around a loop or a call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Around {
     /// The entry point, which runs once.
@@ -86,18 +85,18 @@ enum Around {
     Loop(usize),
 }
 
-/// Which loops stand in which, by their numbers.
+/// The loops that each loop is inside of, by their numbers.
 ///
-/// A driver that runs cases in the lanes of a vector goes through both branches of each `if`, and once
-/// through each loop in them, whether or not a lane is active there. So a loop that no case enters takes a
-/// round each time when what is around it runs.
+/// A driver that runs cases in the lanes of a vector executes both branches of each `if`, and goes once through each
+/// loop in them, even if no lane is active there. So a loop that no case enters still takes one round each time when
+/// the code around it runs.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Nesting {
-    /// What each loop stands in.
+    /// The code around each loop.
     loops: Vec<Around>,
     /// The function of each loop.
     owners: Vec<usize>,
-    /// Where each function is called.
+    /// The places where each function is called.
     calls: Vec<Vec<Around>>,
 }
 
@@ -135,10 +134,11 @@ impl Nesting {
         }
     }
 
-    /// The most rounds that a driver counts for one round of each loop, but for those of loops inside of it
-    /// that are entered: one, and one for each loop inside.
+    /// The most rounds that a driver counts for one round of each loop, without the rounds of inner loops that are
+    /// entered: one, and one more for each inner loop.
     fn weights(&self) -> Vec<u32> {
-        // Loops of a function that stand in no other loop of it, with those of functions that it calls.
+        // The loops of a function that are in no other loop of it, with the outermost loops of the functions that it
+        // calls.
         let mut outermost = vec![0_u32; self.calls.len()];
         let within = |around: Around, outermost: &[u32]| -> u32 {
             let own = self.loops.iter().filter(|known| **known == around).count();
@@ -148,7 +148,7 @@ impl Nesting {
             });
             called.fold(u32::try_from(own).unwrap_or(u32::MAX), u32::saturating_add)
         };
-        // naga's functions stand after those that they call.
+        // In naga's IR, functions come after those that they call.
         for function in 0..self.calls.len() {
             outermost[function] = within(Around::Function(function), &outermost);
         }
@@ -156,13 +156,13 @@ impl Nesting {
         (0..self.loops.len()).map(weight).collect()
     }
 
-    /// The rounds that a driver counts of each loop for one case: `counters` are the rounds of each loop, and
-    /// then how often each was entered.
+    /// The rounds that a driver counts for each loop in one case. `counters` has the rounds of each loop, and then the
+    /// number of times that each was entered.
     pub(crate) fn rounds(&self, counters: &[u32]) -> Vec<u64> {
         let (rounds, entered) = counters.split_at(self.loops.len().min(counters.len()));
         let mut totals = vec![0_u64; self.loops.len()];
         let mut runs = vec![0_u64; self.calls.len()];
-        // naga's functions stand after those that they call.
+        // In naga's IR, functions come after those that they call.
         for function in (0..self.calls.len()).rev() {
             let times = |around: &Around, totals: &[u64], runs: &[u64]| match around {
                 Around::Entry => 1,
@@ -184,18 +184,17 @@ impl Nesting {
 /// A loop whose rounds are counted.
 #[derive(Clone, Debug)]
 pub(crate) struct CountedLoop {
-    /// The author's place.
+    /// Its place in the author's file.
     pub(crate) span: Option<Span>,
-    /// Whether it is inside of another loop of its function, or its function is called in a loop.
+    /// Set if the loop is inside another loop of its function, or if its function is called in a loop.
     pub(crate) nested: bool,
 }
 
-/// Lets each loop of a kernel's functions add 1 to one of the [`COUNTERS`] in each round, and to another one
-/// where it is entered.
-/// `text` is the program's text and the kernel behind it, which declares the counters.
+/// Makes each loop of a kernel's functions add 1 to one of the [`COUNTERS`] in each round, and to another one when it
+/// is entered. `text` is the program's text with the kernel after it, which declares the counters.
 ///
 /// # Panics
-/// If the kernel doesn't parse: it is the verdict's but for the counters.
+/// If the kernel doesn't parse. It differs from the judged kernel only by the counters.
 pub(crate) fn count_rounds(program: &Program, text: &str) -> Counting {
     let module = super::parsed_with(text, program.overrides())
         .expect("it is the verdict's kernel but for the counters");
@@ -231,10 +230,10 @@ pub(crate) fn count_rounds(program: &Program, text: &str) -> Counting {
     Counting { module, loops, nesting }
 }
 
-/// The functions that are called in a loop, or by such a function.
+/// The functions that are called in a loop, directly or through another function.
 fn called_in_loops(module: &Module) -> Vec<Handle<Function>> {
     let mut found: Vec<Handle<Function>> = Vec::new();
-    // Callers stand behind what they call: the last first.
+    // Callers come after the functions that they call, so the last one is first here.
     let bodies = module.functions.iter().map(|(handle, function)| (Some(handle), &function.body));
     let bodies: Vec<_> = bodies
         .chain(module.entry_points.iter().map(|entry| (None, &entry.function.body)))
@@ -253,7 +252,7 @@ fn called_in_loops(module: &Module) -> Vec<Handle<Function>> {
     found
 }
 
-/// The loops of a body with their places, outer ones first, and whether a loop is around them.
+/// The loops of a body with their places, outer ones first, and whether each is inside another loop.
 fn loops_of(body: &Block) -> Vec<(naga::Span, bool)> {
     let mut found = Vec::new();
     walk(body, false, &mut |statement, span, in_loop| {
@@ -264,7 +263,7 @@ fn loops_of(body: &Block) -> Vec<(naga::Span, bool)> {
     found
 }
 
-/// Visits all statements of a block in order, with their places and whether a loop is around.
+/// Visits all statements of a block in order, with their places, and whether each is in a loop.
 pub(super) fn walk(
     block: &Block,
     in_loop: bool,
@@ -289,8 +288,8 @@ fn blocks(statement: &Statement) -> Vec<(&Block, bool)> {
     }
 }
 
-/// Puts what `counted` makes for a loop at the beginning of its rounds, and in front of it where it is
-/// entered; loops are numbered in the order of [`loops_of`].
+/// Inserts the block from `counted` at the beginning of each loop's rounds, and another in front of the loop. Loops
+/// have the numbers of [`loops_of`].
 fn instrument(block: &mut Block, index: &mut u32, counted: &mut dyn FnMut(u32, bool) -> Block) {
     for (statement, span) in block.span_iter_mut() {
         match statement {

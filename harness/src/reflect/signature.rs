@@ -1,4 +1,4 @@
-//! What a function takes and returns.
+//! Describes a function's parameters, result and resources.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -13,53 +13,52 @@ use crate::diagnostic::{Diagnostic, Span};
 use crate::package::KERNEL_PREFIX;
 use crate::value::{Scalar, Shape};
 
-/// A function as a probe sees it.
+/// A function, as a probe sees it.
 #[derive(Clone, Debug)]
 pub struct Function {
-    /// As its author calls it: `fresnel::schlick`.
+    /// The author's name for it: `fresnel::schlick`.
     pub name: String,
     /// Its name in the linked text.
     pub(crate) linked: String,
-    /// From `fn` to the closing brace, in the author's file.
+    /// Its place in the author's file, from `fn` to the closing brace.
     pub span: Span,
     /// The comment lines (`///`) above it.
     pub doc: String,
-    /// Name and type of each parameter; of a pointer, the type that it points to.
+    /// The name and the type of each parameter; for a pointer, the type of its value.
     pub parameters: Vec<(String, Shape)>,
-    /// Type of all that a call gives: what the function returns, then what its pointers point to
-    /// afterwards, then the resources that it writes. Several of them are a structure with a member
-    /// each.
+    /// The type of everything that a call returns: the function's result, then the values behind its pointers, then the
+    /// resources that it writes. Several of them form a structure, with a member for each.
     pub result: Shape,
-    /// The resources that it uses, directly or through what it calls.
+    /// The resources that it uses, directly or through functions that it calls.
     pub bindings: Vec<Binding>,
-    /// How it is called.
+    /// The way in which it is called.
     pub form: Form,
 }
 
-/// How a function is called.
+/// The way in which a function is called.
 #[derive(Clone, Debug, Default)]
 pub struct Form {
-    /// True if the result is a structure that says whether the pixel was discarded, and the value if it wasn't.
+    /// Set if the result is a structure with the value, and whether the pixel was discarded.
     pub discards: bool,
-    /// What it returns; `None`: nothing.
+    /// The type of its result; `None` without a result.
     pub(crate) returns: Option<Shape>,
-    /// How each parameter is passed.
+    /// The way in which each parameter is passed.
     pub(crate) passed: Vec<Passed>,
-    /// The textures and samplers that it takes, which are variables of whoever calls it: the place of each
-    /// among all parameters, its name and its type.
+    /// The textures and samplers among its parameters, which become variables: each with its position among all
+    /// parameters, its name and its type.
     pub taken: Vec<(usize, String, String)>,
-    /// Whether each case runs by itself, as what it writes would be seen by others.
+    /// Set if each case must run by itself, because other cases would see its writes.
     pub alone: bool,
-    /// True if only fragment shaders may call it: each case is a quad of pixels, and one of them if it runs alone. Then
-    /// the others are helpers, and so is a pixel that is discarded.
+    /// Set if only fragment shaders may call it. Each case is then a quad of pixels, or one pixel of it if it runs
+    /// alone. The other pixels are helpers, and so is a pixel that is discarded.
     pub(crate) fragment: bool,
-    /// The stage of an entry point, which is called like any function.
+    /// The stage of an entry point, which Karat calls like any function.
     pub stage: Option<Stage>,
-    /// Parameters, and members of them, that are builtin values: `input.pixel`, `position`.
+    /// The parameters, and members of parameters, that are builtin values: `input.pixel`, `position`.
     pub builtins: Vec<(String, String)>,
 }
 
-/// The name of what a function returns, among all that a call gives.
+/// The name of a function's result among everything that a call returns.
 const RESULT: &str = "result";
 
 /// Private variables by their paths.
@@ -70,22 +69,22 @@ pub type State = BTreeMap<String, Variable>;
 pub struct Variable {
     /// Its name in the linked text.
     name: String,
-    /// Its type, as that has it.
+    /// Its type in the linked text.
     pub ty: String,
-    /// The numbers in it.
+    /// The number of scalars in it.
     pub lanes: usize,
 }
 
-/// How a parameter is passed.
+/// The way in which a parameter is passed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Passed {
     /// By its value.
     Value,
-    /// By a pointer to a variable of the function that calls.
+    /// By a pointer to a variable of the calling function.
     Function,
     /// By a pointer to a private variable.
     Private,
-    /// By no parameter: in the private variable of this name, which the function uses.
+    /// Without a parameter: in the private variable of this name, which the function uses.
     State(String),
 }
 
@@ -101,7 +100,7 @@ impl Passed {
 }
 
 impl Function {
-    /// Splits the words of all arguments by its parameters: names, and values as people read them.
+    /// Splits the words of all arguments by parameter: each name with a readable value.
     #[must_use]
     pub fn arguments(&self, mut words: &[u32]) -> Vec<(String, String)> {
         let mut arguments = Vec::new();
@@ -113,14 +112,14 @@ impl Function {
         arguments
     }
 
-    /// The arguments of a row in a line: `x = 1, n = 2`.
+    /// The arguments of a row in one line: `x = 1, n = 2`.
     pub(crate) fn shown(&self, words: &[u32]) -> String {
         let all =
             self.arguments(words).into_iter().map(|(name, value)| format!("{name} = {value}"));
         all.collect::<Vec<_>>().join(", ")
     }
 
-    /// The shapes that one invocation's call gives: the result, and what pointers point to.
+    /// The shapes of one invocation's results: the function's result, and the values behind pointers.
     pub fn outputs(&self) -> Vec<(String, Shape)> {
         let returned = self.form.returns.iter().map(|shape| (RESULT.to_owned(), shape.clone()));
         let pointers = self.parameters.iter().zip(&self.form.passed);
@@ -134,20 +133,20 @@ impl Function {
         self.form.passed.iter().filter_map(Passed::space).collect()
     }
 
-    /// The stage of an entry point, which is called like any function.
+    /// The stage of an entry point, which Karat calls like any function.
     #[must_use]
     pub fn stage(&self) -> Option<Stage> {
         self.form.stage
     }
 
-    /// What it may write of its resources. One that only reads them, though they are declared
-    /// `read_write`, doesn't run alone, and has none.
+    /// The resources that it may write. Empty for a function that only reads its `read_write` resources; it doesn't run
+    /// alone.
     pub fn written(&self) -> impl Iterator<Item = &Binding> {
         let written = |binding: &&Binding| self.form.alone && binding.kind.is_written();
         self.bindings.iter().filter(written)
     }
 
-    /// Sets the type of the result, where resources that are written have these shapes.
+    /// Sets the type of the result, with these shapes for the resources that it writes.
     pub(crate) fn join(&mut self, written: Vec<(String, Shape)>) {
         let mut members = self.outputs();
         members.extend(written);
@@ -159,8 +158,8 @@ impl Function {
 }
 
 impl fmt::Display for Function {
-    /// The signature: `fresnel::schlick(f0: vec3<f32>, v_dot_h: f32) -> vec3<f32>`, and in front of an entry point's
-    /// its stage.
+    /// The signature: `fresnel::schlick(f0: vec3<f32>, v_dot_h: f32) -> vec3<f32>`, with the stage before an entry
+    /// point's.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if let Some(stage) = self.form.stage {
             write!(f, "@{stage} ")?;
@@ -191,16 +190,17 @@ impl fmt::Display for Function {
 }
 
 impl Program {
-    /// Reflects a function by its author's path.
+    /// Reflects a function by the author's path.
     ///
     /// # Errors
-    /// If a probe can't call it: pointers, runtime-sized arrays, no result, 64-bit types, or
-    /// operations that only a fragment shader has.
+    /// If a probe can't call it because of pointers, runtime-sized arrays, no result, 64-bit types, or operations that
+    /// only a fragment shader has.
     pub fn function(&self, path: &str) -> Result<Function, ReflectError> {
         self.function_in_state(path, &State::new())
     }
 
-    /// Tells if a function uses a variable of its module, such as a private one: then it depends on more than its arguments.
+    /// Returns `true` if a function uses a variable of its module, such as a private one, so that it depends on more
+    /// than its arguments.
     pub(crate) fn uses_variables(&self, path: &str) -> bool {
         let Some((handle, _)) = self.declared(self.called_name(self.name_of(path))) else {
             return true;
@@ -209,10 +209,10 @@ impl Program {
         self.checked.module.global_variables.iter().any(|(one, _)| !info[one].is_empty())
     }
 
-    /// The private variables by which a function gets something of others, or leaves them something: those that it writes, and
-    /// those without an initial value. Of others the initial value is what it finds.
+    /// The private variables that pass values into or out of a function: those that it writes, and those without an
+    /// initial value. All other private variables have their initial values.
     pub fn state_of(&self, path: &str) -> State {
-        // An entry point begins anew.
+        // An entry point begins with fresh private variables.
         let declared = self.declared(self.called_name(self.name_of(path)));
         let Some((handle, _)) = declared.filter(|_| self.linked.called.is_none()) else {
             return State::new();
@@ -245,7 +245,7 @@ impl Program {
         Some(self.checked.module.to_ctx().type_to_string(one.ty))
     }
 
-    /// The same program, which declares each of these variables.
+    /// The same program, with a declaration of each of these variables.
     pub fn with_state(self: Arc<Self>, state: &State) -> Result<Arc<Self>, ReflectError> {
         let lacks = |(path, _): &(&String, _)| self.private(self.name_of(path)).is_none();
         let text = state
@@ -266,7 +266,7 @@ impl Program {
         all.find(is_it)
     }
 
-    /// The same with private variables that it takes and gives, behind its parameters and results.
+    /// The same function, with private variables as additional parameters and results.
     pub fn function_in_state(&self, path: &str, state: &State) -> Result<Function, ReflectError> {
         let name = self.linked.name_of(path).unwrap_or(path);
         let Some((handle, _)) = self.declared(name) else {
@@ -291,7 +291,7 @@ impl Program {
             let message = format!("`{path}` can't be probed: {what}");
             unprobeable(Diagnostic::new(message).at(span.clone(), "declared here").note(note))
         };
-        // Textures and samplers are variables of the function that is called.
+        // Textures and samplers are variables of the function that is called instead.
         let instead = self.called_for(function);
         let taken = if instead.is_some() { self.taken(function) } else { Vec::new() };
         let own =
@@ -300,7 +300,7 @@ impl Program {
         let linked = called.name.clone().expect(NAMED);
         let info = &self.checked.info[handle];
         let fragment = !info.available_stages.contains(ShaderStages::COMPUTE);
-        // Of a program that isn't linked for it: there a wrapper returns whether it discards.
+        // The program wasn't linked for this function. If it were, a wrapper would return whether it discards.
         if fragment && info.may_kill && !discards {
             return Err(refuse(
                 "it may discard, and then there is no result".to_owned(),
@@ -355,7 +355,7 @@ impl Program {
                 Some((linked.to_owned(), self.shape(self.private(linked)?.ty).ok()?))
             };
             let Some((linked, shape)) = of(linked).or_else(|| of(name)) else { continue };
-            // Its own name, where it stands for nothing else.
+            // Its own name, unless that already means something else.
             let own = variable.rsplit("::").next().unwrap_or(variable);
             let is_own = |path: &String| path.rsplit("::").next() == Some(own);
             let is_taken = own == RESULT
@@ -394,7 +394,7 @@ impl Program {
         Ok(function)
     }
 
-    /// The function that is called in place of one: of one that may discard another, which says so.
+    /// The function that is called in place of another: for one that may discard, the wrapper that reports it.
     pub(super) fn called_name<'n>(&'n self, name: &'n str) -> &'n str {
         match &self.linked.discards {
             Some((own, wrapper)) if own == name => wrapper,
@@ -402,7 +402,7 @@ impl Program {
         }
     }
 
-    /// True if a function may discard, and writes what others see.
+    /// Returns `true` if a function may discard and also writes memory that others see.
     pub(super) fn discards_and_writes(&self, path: &str) -> bool {
         let name = self.name_of(path);
         let called = self.called_name(name);
@@ -410,7 +410,7 @@ impl Program {
         called != name && info.is_some_and(|info| self.shared_state(info).is_some())
     }
 
-    /// The type of a parameter's value, and how it is passed.
+    /// The type of a parameter's value, and the way in which it is passed.
     pub(super) fn passed(
         &self,
         ty: naga::Handle<naga::Type>,
@@ -427,8 +427,8 @@ impl Program {
         }
     }
 
-    /// The shape of a resource that is written, after a call. Without the number of its bytes, or of its
-    /// texels, an array without a length has no elements. `None`: no host can read it.
+    /// The shape of a written resource after a call. Without `count`, its bytes or texels, an array without a length
+    /// has no elements. `None` if no host can read it.
     pub fn written_shape(&self, binding: &Binding, count: Option<usize>) -> Option<Shape> {
         if let BindingKind::StorageTexture { format, .. } = binding.kind {
             let scalar = match format.texels() {
@@ -447,8 +447,7 @@ impl Program {
         self.memory_shape(binding.ty, count.unwrap_or_default())
     }
 
-    /// The shape of a type in memory, where atomics are their scalars and arrays without a length fill
-    /// so many bytes.
+    /// The shape of a type in memory. Atomics count as their scalars, and arrays without a length fill `bytes` bytes.
     fn memory_shape(&self, ty: naga::Handle<naga::Type>, bytes: usize) -> Option<Shape> {
         let declared = &self.checked.module.types[ty];
         match &declared.inner {
@@ -474,10 +473,10 @@ impl Program {
         }
     }
 
-    /// The parameters of a function that needn't return anything: a test.
+    /// The parameters of a test, which needs no result.
     ///
     /// # Errors
-    /// If it can't run in a kernel, or has a parameter that a kernel can't pass.
+    /// If it can't run in a kernel, or if a kernel can't pass one of its parameters.
     pub(crate) fn test_parameters(&self, path: &str) -> Result<Vec<(String, Shape)>, ReflectError> {
         let name = self.linked.name_of(path).unwrap_or(path);
         let mut functions = self.checked.module.functions.iter();
@@ -518,26 +517,26 @@ impl Program {
         parameters.collect()
     }
 
-    /// Whether an expression of a function, by its index, is `-x`.
+    /// Returns `true` if an expression of a function, by its index, is `-x`.
     pub(crate) fn negates(&self, function: &str, expression: usize) -> bool {
         let found = self.body(function).and_then(|(f, _)| f.expressions.iter().nth(expression));
         let negate = naga::UnaryOperator::Negate;
         matches!(found, Some((_, naga::Expression::Unary { op, .. })) if *op == negate)
     }
 
-    /// True if a function has a `var` of this name.
+    /// Returns `true` if a function has a `var` of this name.
     pub(crate) fn declares_var(&self, function: &str, name: &str) -> bool {
         let variables = self.body(function).map(|(function, _)| &function.local_variables);
         variables.is_some_and(|all| all.iter().any(|(_, one)| one.name.as_deref() == Some(name)))
     }
 
-    /// True if an expression of a function, by its index, is a derivative.
+    /// Returns `true` if an expression of a function, by its index, is a derivative.
     pub(crate) fn is_derivative(&self, function: &str, expression: usize) -> bool {
         let found = self.body(function).and_then(|(f, _)| f.expressions.iter().nth(expression));
         matches!(found, Some((_, naga::Expression::Derivative { .. })))
     }
 
-    /// How many numbers an expression of a function is, by its index; 1 if that isn't known.
+    /// The number of components of an expression of a function, by its index; 1 if it is unknown.
     pub(crate) fn components(&self, function: &str, expression: usize) -> usize {
         let components = |inner: &naga::TypeInner| match inner {
             naga::TypeInner::Vector { size, .. } => *size as usize,
@@ -554,7 +553,7 @@ impl Program {
         function.named_expressions.get(&at).map(String::as_str)
     }
 
-    /// Whether an expression of a function is an `i32`, or a vector of them.
+    /// Returns `true` if an expression of a function is an `i32`, or a vector of them.
     pub(crate) fn is_signed(&self, function: &str, expression: usize) -> bool {
         let scalar = self.type_of(function, expression).and_then(naga::TypeInner::scalar);
         scalar.is_some_and(|scalar| scalar.kind == naga::ScalarKind::Sint)
@@ -567,7 +566,7 @@ impl Program {
         Some(info[at].ty.inner_with(&self.checked.module.types))
     }
 
-    /// A function or an entry point by its name in the text, and what naga's validator knows of it.
+    /// A function or an entry point by its name in the text, with the validator's facts about it.
     pub(super) fn body(&self, name: &str) -> Option<(&naga::Function, &naga::valid::FunctionInfo)> {
         let super::Checked { module, info, .. } = &*self.checked;
         let mut functions = module.functions.iter();
@@ -579,11 +578,11 @@ impl Program {
         })
     }
 
-    /// The signature of one of its functions, whose types have the names that their authors gave them.
+    /// The signature of one of its functions, with the authors' names for its types.
     #[must_use]
     pub fn signature(&self, function: &Function) -> String {
         let (mut shown, text) = (String::new(), function.to_string());
-        // The function's own path is the author's.
+        // The path of the function is already the author's.
         let (path, types) =
             text.split_once('(').map_or((text.as_str(), ""), |(path, _)| text.split_at(path.len()));
         shown.push_str(path);
@@ -602,12 +601,12 @@ impl Program {
         shown
     }
 
-    /// The author's path of a declaration by its name in the linked text.
+    /// The author's path of a declaration, by its name in the linked text.
     pub(crate) fn author_path(&self, linked: &str) -> Option<&str> {
         self.linked.names.get(linked).map(String::as_str)
     }
 
-    /// What a function shares with other invocations, if anything.
+    /// The state that a function shares with other invocations, if it does.
     fn shared_state(&self, info: &naga::valid::FunctionInfo) -> Option<String> {
         use naga::AddressSpace;
         use naga::valid::UniformityRequirements;
@@ -648,8 +647,8 @@ impl Program {
         }
     }
 
-    /// The shapes of a structure that ends in an array without a length: of its other members, as a
-    /// structure, and of the array's elements. `None` if the type isn't one, or has no shape.
+    /// The shapes of a structure that ends in an array without a length: its other members as a structure, and one
+    /// element of the array. `None` if the type isn't such a structure, or has no shape.
     pub(crate) fn headed_shape(&self, ty: naga::Handle<naga::Type>) -> Option<(Shape, Shape)> {
         let types = &self.checked.module.types;
         let naga::TypeInner::Struct { members, .. } = &types[ty].inner else { return None };
@@ -667,8 +666,8 @@ impl Program {
         Some((Shape::Struct { name, members }, self.shape(base).ok()?))
     }
 
-    /// The shape of what a buffer holds, where an array without a length, be it the whole or its last
-    /// member, has so many elements, and atomics are their scalars. `None` if it isn't a buffer.
+    /// The shape of a buffer's contents. An array without a length, as the whole or as the last member, has `elements`
+    /// elements, and atomics count as their scalars. `None` if it isn't a buffer.
     #[must_use]
     pub fn buffer_of(&self, binding: &Binding, elements: usize) -> Option<Shape> {
         use naga::{ArraySize, TypeInner};
@@ -686,7 +685,7 @@ impl Program {
         self.memory_shape(binding.ty, bytes.unwrap_or_default())
     }
 
-    /// The byte at which each member of a buffer lies, by its path in the variable.
+    /// The offset in bytes of each member of a buffer, by its path in the variable.
     pub fn places(&self, binding: &Binding) -> Vec<(String, u32)> {
         super::layout::places(&self.checked.module, binding.ty, "", 0)
     }
@@ -694,7 +693,7 @@ impl Program {
     /// The bytes of a buffer, from the lanes of its value or of its elements.
     ///
     /// # Errors
-    /// If the lanes aren't as many as the type has.
+    /// If the number of lanes doesn't fit the type.
     pub fn bytes(&self, binding: &Binding, lanes: &[u32]) -> Result<Vec<u8>, super::LayoutError> {
         super::bytes_of(&self.checked.module, &self.checked.layouter, binding.ty, lanes)
     }
@@ -714,12 +713,12 @@ impl Program {
         }
     }
 
-    /// The shape of a naga type, or what it is that a probe can't pass.
+    /// The shape of a naga type, or the name of a part that a probe can't pass.
     pub(super) fn shape(&self, ty: naga::Handle<naga::Type>) -> Result<Shape, String> {
         self.shape_of(&self.checked.module.types[ty])
     }
 
-    /// The same of a type that needs no name in the module.
+    /// The same for a type that needs no name in the module.
     pub(super) fn shape_of(&self, ty: &naga::Type) -> Result<Shape, String> {
         use naga::{ArraySize, TypeInner};
         Ok(match &ty.inner {
@@ -772,10 +771,10 @@ fn unprobeable(diagnostic: Diagnostic) -> ReflectError {
     ReflectError::Unprobeable(Box::new(diagnostic))
 }
 
-/// The `///` lines right above a function.
+/// The `///` lines directly above a function.
 fn doc_above(span: &Span) -> String {
     let before = span.file.text.get(..span.range.start).unwrap_or_default();
-    // The line that the function starts on, up to the function, holds attributes at most.
+    // Only attributes may come before the function on its line.
     let above = before.rfind('\n').map_or("", |newline| &before[..newline]);
     let mut lines: Vec<&str> = above
         .lines()

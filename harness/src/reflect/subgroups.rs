@@ -1,16 +1,16 @@
-//! Programs whose invocations see each other through subgroups.
+//! Finds programs whose invocations communicate through subgroups.
 
 use naga::{Binding, BuiltIn, Expression, Function, Handle, Module, TypeInner};
 
 use super::Program;
 
 impl Program {
-    /// True if it has operations of subgroups, or a builtin value whose meaning depends on their size.
+    /// Returns `true` if the program has subgroup operations, or a builtin value that depends on the subgroup size.
     pub(crate) fn has_subgroups(&self) -> bool {
         self.checked.subgroups
     }
 
-    /// True if a function, or one that it calls, has an operation of subgroups.
+    /// Returns `true` if a function, or one that it calls, has a subgroup operation.
     pub(super) fn reaches_subgroups(&self, path: &str) -> bool {
         // Few modules have any.
         if !self.checked.subgroups {
@@ -40,7 +40,7 @@ fn operates(function: &Function) -> bool {
     function.expressions.iter().any(|(_, expression)| is_result(expression))
 }
 
-/// True if a module has operations of subgroups, or a builtin value whose meaning depends on their size.
+/// Returns `true` if a module has subgroup operations, or a builtin value that depends on the subgroup size.
 pub(super) fn has_subgroups(module: &Module) -> bool {
     let is_own = |binding: &Option<Binding>| {
         matches!(

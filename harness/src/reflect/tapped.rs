@@ -1,8 +1,8 @@
-//! Programs whose fragment functions tell one value beside their colours.
+//! Makes programs whose fragment functions return one intermediate value beside their colours.
 //!
-//! A tap is a copy of naga's IR: behind the statement that computes the value a private variable keeps it, and the fragment
-//! function returns its words at one more location. Control flow, arguments and resources stay as they are, and no text of the
-//! author's is touched.
+//! A tap is a changed copy of naga's IR. After the statement that computes the value, a private variable stores it, and
+//! the fragment function returns its words at one more location. Control flow, arguments, resources and the author's
+//! text stay unchanged.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -22,7 +22,7 @@ use crate::package::asserts::{ASSERTED, HOLDER, PRINTED, is_in_a_line};
 use crate::package::let_statements;
 use crate::value::Shape;
 
-/// Words of a tap in one target.
+/// The number of a tap's words in one target.
 pub(crate) const WORDS: usize = 4;
 
 /// A value of a function, as naga has it.
@@ -30,32 +30,32 @@ pub(crate) const WORDS: usize = 4;
 pub(crate) struct Valued {
     /// The function or entry point, by its name in the text.
     pub(crate) function: String,
-    /// Its number among the expressions of the function.
+    /// Its index among the expressions of the function.
     pub(crate) expression: usize,
-    /// Its place in [`Program::text`]; of an argument of the function there is none.
+    /// Its place in [`Program::text`]; `None` for an argument.
     pub(crate) range: Option<Range<usize>>,
-    /// The name that a `let` gives it, or that of the argument.
+    /// The name of its `let` or argument.
     pub(crate) name: Option<String>,
-    /// Its type, or why it can't be told.
+    /// Its type, or the reason why it can't be read.
     pub(crate) shape: Result<Shape, String>,
 }
 
 impl Valued {
-    /// The words that tell it: its lanes, and 1 and its rounds together. `None`: it can't be told.
+    /// The number of words for the value: its lanes, and one for a 1 and its rounds. `None` if it can't be read.
     pub(crate) fn words(&self) -> Option<usize> {
         Some(self.shape.as_ref().ok()?.lanes().len() + 1)
     }
 }
 
-/// The one of an expression's values, in the order of its runs, that a tap keeps.
+/// Selects which value of an expression that runs several times a tap keeps.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum When {
     /// The last one.
     #[default]
     Last,
-    /// That of a round, from 1.
+    /// The value in this round, from 1.
     Round(u32),
-    /// The last one that is false, of a condition; only those are counted as rounds.
+    /// For a condition, the last one that is false; only those count as rounds.
     False,
 }
 
@@ -65,21 +65,21 @@ impl From<Option<u32>> for When {
     }
 }
 
-/// The words of a tapped program, and where they go.
+/// The words of a tapped program, and their targets.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Telling<'t> {
-    /// None: which of the fragment functions it is, from 1.
+    /// The values. Without any, the program returns the number of the fragment function, from 1.
     pub(crate) values: &'t [(&'t Valued, When)],
-    /// The first of the words that are told: for each value its own, and behind them 1 and the rounds together.
+    /// The first word to return. Each value has its own words, and then 1 and the rounds together.
     pub(crate) first: usize,
     /// The locations of the words, [`WORDS`] at each.
     pub(crate) locations: &'t [u32],
-    /// True if other locations are left out.
+    /// Set if other locations are left out.
     pub(crate) alone: bool,
 }
 
 impl Program {
-    /// All values of some entry points and of what they call, function by function.
+    /// All values of some entry points and of the functions that they call, function by function.
     pub(crate) fn values_of(&self, entry_points: &[&str]) -> Vec<Valued> {
         let module = &self.checked.module;
         let (mut open, mut seen) = (Vec::new(), BTreeSet::new());
@@ -104,7 +104,7 @@ impl Program {
         all
     }
 
-    /// The values that a `let` gives one of these names, as they begin, in all functions.
+    /// The values of all `let`s whose names begin with one of these prefixes, in all functions.
     pub(crate) fn named_values(&self, beginnings: &[&str]) -> Vec<Valued> {
         let module = &self.checked.module;
         let mut all = Vec::new();
@@ -123,7 +123,7 @@ impl Program {
         let (_, info) = self.body(name).expect("it is a function of this program");
         let computed = computed(&function.body);
         for (handle, expression) in function.expressions.iter() {
-            // naga makes a vector of a number that stands beside one, and gives it the number's place.
+            // naga turns a number next to a vector into a vector, and gives it the number's place.
             let span = |handle| function.expressions.get_span(handle);
             if let Expression::Splat { value, .. } = expression
                 && span(*value) == span(handle)
@@ -166,10 +166,10 @@ impl Program {
         }
     }
 
-    /// Refuses lines that assert or print and change what the shader computes: a call that writes, or an atomic.
+    /// Fails if an assertion or a print has a side effect on the shader: a call that writes, or an atomic.
     ///
     /// # Errors
-    /// The place of the effect.
+    /// With the place of the side effect.
     pub(crate) fn expect_no_effects(&self) -> Result<(), ReflectError> {
         let (module, info) = (self.module(), self.info());
         let functions = module.functions.iter().map(|(_, function)| function);
@@ -211,7 +211,7 @@ impl Program {
         Err(ReflectError::Unprobeable(Box::new(found)))
     }
 
-    /// The place of what an assertion or a print holds, by its name: naga keeps none.
+    /// The place of an assertion's or print's expression, by its name: naga has no place for it.
     fn held(&self, function: &str, name: &str) -> Option<Range<usize>> {
         if ![ASSERTED, PRINTED].iter().any(|one| name.starts_with(one)) {
             return None;
@@ -224,10 +224,10 @@ impl Program {
         Some(start..end - 1)
     }
 
-    /// A program whose fragment functions of these names tell a value, or which of these they are.
+    /// A program whose fragment functions of these names return a value, or their number.
     ///
     /// # Errors
-    /// If naga doesn't take it.
+    /// If naga rejects it.
     pub(crate) fn telling(
         &self,
         fragments: &[&str],
@@ -250,11 +250,11 @@ impl Program {
         Ok(Self { overrides: self.overrides.clone(), ..program })
     }
 
-    /// A program whose compute entry point leaves a value of each invocation in a buffer: its words, and behind them a 1 and
-    /// the rounds together. The buffer's path is [`TOLD`]. `counts`: the invocations in each direction.
+    /// A program whose compute entry point leaves a value of each invocation in a buffer: the value's words, and then a
+    /// 1 and the rounds together. The buffer's path is [`TOLD`]. `counts` has the invocations in each direction.
     ///
     /// # Errors
-    /// If naga doesn't take it.
+    /// If naga rejects it.
     pub(crate) fn telling_pass(
         &self,
         entry_point: &str,
@@ -283,7 +283,7 @@ impl Program {
         let mut entries = module.entry_points.iter_mut();
         let entry = entries.find(|entry| entry.name == entry_point).expect("it has one");
         let function = &mut entry.function;
-        // A second argument of this builtin value would be one too many.
+        // An entry point may have this builtin value only once.
         let id = Some(Binding::BuiltIn(naga::BuiltIn::GlobalInvocationId));
         let at = match function.arguments.iter().position(|argument| argument.binding == id) {
             Some(at) => at,
@@ -311,7 +311,7 @@ impl Program {
         Ok(Self { overrides: self.overrides.clone(), ..program })
     }
 
-    /// Lets a function keep a value: where it is kept, and the ways to its lanes.
+    /// Makes a function keep a value; returns the variables that keep it, and the ways to its lanes.
     fn keeping(&self, module: &mut Module, value: &Valued, when: When) -> (Kept, Vec<Way>) {
         let (function, info) = self.body(&value.function).expect("it is a function of the program");
         let mut all = function.expressions.iter().map(|(handle, _)| handle);
@@ -364,7 +364,7 @@ fn computed(body: &Block) -> BTreeSet<Handle<Expression>> {
     all
 }
 
-/// The expression that a statement computes, beside an `Emit`.
+/// The expression that a statement computes, other than an `Emit`.
 fn result_of(statement: &Statement) -> Option<Handle<Expression>> {
     match statement {
         Statement::Call { result, .. } | Statement::Atomic { result, .. } => *result,
@@ -376,7 +376,7 @@ fn result_of(statement: &Statement) -> Option<Handle<Expression>> {
     }
 }
 
-/// The way to a lane of a type, by indices, with its scalar.
+/// The way to a lane of a type, as indices, with the lane's scalar.
 type Way = (Vec<u32>, Scalar);
 
 /// The ways to the lanes of a type.
@@ -417,7 +417,7 @@ struct Kept {
 }
 
 impl Kept {
-    /// Stores a value behind the statement that computes it, and counts.
+    /// Stores a value after the statement that computes it, and counts.
     fn keep(self, function: &mut Function, value: Handle<Expression>, when: When) {
         let mut body = std::mem::take(&mut function.body);
         let store = |function: &mut Function| {
@@ -474,10 +474,10 @@ impl Kept {
     }
 }
 
-/// The buffer of words that a pass leaves.
+/// The buffer with the words that a pass leaves.
 pub(crate) const TOLD: &str = "karat_told_words";
 
-/// True if a structure among a function's arguments has a builtin value.
+/// Returns `true` if a structure among a function's arguments contains a builtin value.
 fn holds(types: &naga::UniqueArena<Type>, function: &Function, id: &Option<Binding>) -> bool {
     function.arguments.iter().any(|argument| match &types[argument.ty].inner {
         TypeInner::Struct { members, .. } => members.iter().any(|member| member.binding == *id),
@@ -511,7 +511,7 @@ fn bits(
     }
 }
 
-/// Stores the words of an invocation, each at its place.
+/// Stores the words of an invocation, each at its place in the buffer.
 fn leave(
     function: &mut Function,
     (kept, told): (Kept, Handle<GlobalVariable>),
@@ -569,8 +569,8 @@ fn leave(
     block
 }
 
-/// The result of an entry point with words: its type, that of the words, and which of the members that it returned before
-/// stay, by their indices; `None` stands for a result that was no structure.
+/// The result of an entry point with words: its type, the words' type, and the indices of the previous members that
+/// stay. `None` stands for a previous result that was no structure.
 fn returning(
     module: &mut Module,
     function: &mut Function,
@@ -606,7 +606,7 @@ fn returning(
     let (kept, mut members): (Vec<_>, Vec<_>) = all.into_iter().unzip();
     let told = |location| member(&format!("karat_told_{location}"), words, Some(at(location)));
     members.extend(telling.locations.iter().map(told));
-    // No host sees it: its layout has to be one, as naga's validator has it.
+    // No host sees it, but naga's validator requires the layout.
     let mut layouter = Layouter::default();
     let mut span = 0;
     if layouter.update(module.to_ctx()).is_ok() {
@@ -624,7 +624,7 @@ fn returning(
     ([ty, words], kept)
 }
 
-/// Lets an entry point return the words beside what it returns.
+/// Makes an entry point return the words beside its result.
 fn tell(
     module: &mut Module,
     function: &mut Function,
@@ -636,7 +636,7 @@ fn tell(
     rewrite(&mut body, &mut |statement| {
         let Statement::Return { value: returned } = statement else { return Rewritten::AsIs };
         let mut first = None;
-        // Expressions that need no statement stand before those that do.
+        // Expressions that need no statement come before those that do.
         let mut before = |expression| function.expressions.append(expression, NOWHERE);
         let zero = before(Expression::Literal(Literal::U32(0)));
         let one = before(Expression::Literal(Literal::U32(1)));
@@ -649,7 +649,7 @@ fn tell(
             first.get_or_insert(handle);
             handle
         };
-        // Of each value its lanes, and the rounds.
+        // The lanes of each value, then its rounds.
         let mut places: Vec<(usize, Option<&Way>)> = Vec::new();
         for (index, (_, ways)) in values.iter().enumerate() {
             places.extend(ways.iter().map(|way| (index, Some(way))));
@@ -694,10 +694,10 @@ fn tell(
     function.body = body;
 }
 
-/// A statement after it was looked at.
+/// The result of rewriting a statement.
 enum Rewritten {
     AsIs,
-    /// It stays, and these follow.
+    /// The statement stays, and these follow it.
     Before(Block),
     Instead(Block),
 }

@@ -1,6 +1,6 @@
 use super::*;
 
-/// naga's IR of a text, without places in it.
+/// naga's IR of a text, without places.
 fn ir(text: &str) -> String {
     let module = wgsl::parse_str(text).unwrap_or_else(|error| panic!("{error}\n{text}"));
     let debug = format!("{module:?}");
@@ -12,13 +12,13 @@ fn ir(text: &str) -> String {
     without
 }
 
-/// Renaming whatever a module declares changes nothing but names: each use of a name is found,
-/// and nothing else is taken for one.
+/// Renaming everything that a module declares changes only names: the linker finds each use of a name, and takes
+/// nothing else for one.
 #[test]
 fn renamed_modules_are_the_same_programs() {
     let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut renamed = 0;
-    // A published package has no library beside it, and fewer shaders of its own.
+    // The published package has no library beside it, and fewer shaders.
     let published = root.join(".cargo_vcs_info.json").exists();
     let (many, least) =
         if published { ("tests/strangers/shaders", 10) } else { ("../shaders", 400) };
@@ -26,7 +26,7 @@ fn renamed_modules_are_the_same_programs() {
         let package = Package::open(folder).expect("a folder");
         for module in package.modules().expect("readable") {
             let linked = package.link_module(&module).expect("valid");
-            // Linked text imports nothing.
+            // Linked text has no imports.
             let plain = Package::from_source("m", linked.text());
             let other = plain.link_renamed("").expect("it is plain");
             assert_ne!(other.text(), linked.text(), "{module}");
@@ -37,7 +37,7 @@ fn renamed_modules_are_the_same_programs() {
                 renamed += 1;
                 found = found.replace(&format!("\"{name}\""), &format!("\"{author}\""));
             }
-            // A name may stand for another name's place in an order.
+            // A new name may sort at another place.
             for text in [&mut expected, &mut found] {
                 text.retain(|c| !c.is_whitespace());
             }

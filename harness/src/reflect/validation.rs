@@ -1,4 +1,4 @@
-//! Validates everything in a package, and not only what a test reaches.
+//! Validates a whole package, beyond the functions that tests reach.
 
 use std::collections::BTreeSet;
 use std::fmt;
@@ -10,18 +10,18 @@ use crate::diagnostic::Diagnostic;
 use crate::output::counted;
 use crate::package::{self, Package, PackageError};
 
-/// What was found valid.
+/// The counts of a valid package.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Validated {
-    /// Modules.
+    /// The number of modules.
     pub modules: usize,
-    /// Functions that aren't entry points.
+    /// The number of functions that aren't entry points.
     pub functions: usize,
-    /// Entry points.
+    /// The number of entry points.
     pub entry_points: usize,
-    /// Functions with `@test`. They are found, and validated when they run.
+    /// The number of functions with `@test`. They are only counted here; a run validates them.
     pub tests: usize,
-    /// The opinion of Tint and of WebGPU's limits. All that `karat.toml` requires holds.
+    /// The opinions of Tint and of WebGPU's limits. The package meets every requirement of `karat.toml`.
     pub opinion: Opinion,
 }
 
@@ -37,11 +37,11 @@ impl fmt::Display for Validated {
     }
 }
 
-/// Why a package isn't valid.
+/// The reason why a package isn't valid.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Invalid {
-    /// The package can't be read, or has no module.
+    /// The package can't be read, or has no modules.
     #[error(transparent)]
     Package(#[from] PackageError),
     /// Some modules can't be linked, or naga rejects them. All of them are listed.
@@ -51,7 +51,7 @@ pub enum Invalid {
     Modules {
         /// The package.
         package: String,
-        /// How many modules it has.
+        /// The number of its modules.
         modules: usize,
         /// Each module that isn't valid, with the reason.
         errors: Vec<(String, ReflectError)>,
@@ -63,14 +63,14 @@ pub enum Invalid {
     NoVerdict {
         /// The package.
         package: String,
-        /// Why there is none.
+        /// The reason why there is none.
         reason: String,
         /// The remedy.
         remedy: String,
         /// The opinion on the modules.
         opinion: Box<Opinion>,
     },
-    /// There is nothing that could be run.
+    /// The package has no code to run.
     #[error("package `{package}` declares no function, no entry point and no test")]
     Nothing {
         /// The package.
@@ -79,7 +79,7 @@ pub enum Invalid {
 }
 
 impl Invalid {
-    /// The opinion on the modules, where there is one.
+    /// The opinion on the modules, if there is one.
     #[must_use]
     pub fn opinion(&self) -> Option<&Opinion> {
         match self {
@@ -89,14 +89,14 @@ impl Invalid {
     }
 }
 
-/// How many modules these are of: one may be wrong in several ways.
+/// The number of modules with errors: one module may have several.
 fn distinct(errors: &[(String, ReflectError)]) -> usize {
     errors.iter().map(|(module, _)| module).collect::<BTreeSet<_>>().len()
 }
 
 fn list(errors: &[(String, ReflectError)]) -> String {
     let mut texts: Vec<String> = Vec::new();
-    // An error of the package, or of a module that others import, comes once for each of them.
+    // An error of the package, or of an imported module, occurs once for each module that it affects.
     for (_, error) in errors {
         let text = error.to_string();
         if !texts.contains(&text) {
@@ -107,8 +107,8 @@ fn list(errors: &[(String, ReflectError)]) -> String {
 }
 
 impl Package {
-    /// Validates every module with all of its functions and entry points, as [`is_valid`](Self::is_valid)
-    /// does, without the panic. The verdict is left to the caller and isn't recorded.
+    /// Validates every module with all of its functions and entry points, as [`is_valid`](Self::is_valid) does, without
+    /// the panic. It returns the verdict to the caller, and doesn't record it.
     ///
     /// ```
     /// use karat::Package;
@@ -164,7 +164,7 @@ impl Package {
         errors.extend(found.opinion.faults(&compilers));
         let missing = found.opinion.no_verdict().filter(|_| compilers.require_tint);
         if let (false, Some((reason, remedy))) = (errors.is_empty(), &missing) {
-            // Beside others it is one of them.
+            // Among other errors, it is one of them.
             let message = format!("Tint's verdict is required, and there is none: {reason}");
             let diagnostic = Box::new(Diagnostic::new(message).note(remedy.as_str()));
             errors.push((errors[0].0.clone(), ReflectError::Refused(diagnostic)));
@@ -186,14 +186,14 @@ impl Package {
 }
 
 impl Program {
-    /// Whether a name in the text is declared by this module of the package.
+    /// Returns `true` if this module of the package declares a name in the text.
     fn declares(&self, module: &str, name: &str) -> bool {
         let path = self.linked.names.get(name).map_or(name, String::as_str);
         path.rsplit_once("::").map_or("", |(module, _)| module) == module
     }
 }
 
-/// Validates a whole module, of which something is linked.
+/// Validates a whole module; a part of it was linked before.
 pub(crate) fn validate(
     package: &Package,
     module: &str,

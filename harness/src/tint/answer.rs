@@ -1,4 +1,4 @@
-//! Answers, and where in a text their messages are.
+//! Parses Tint's answers, and finds the places of their messages in a text.
 
 use std::ops::Range;
 
@@ -9,21 +9,21 @@ use super::NoVerdict;
 /// Tint's answer about a text.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Answer {
-    /// Messages about the text, in Tint's order: notes follow what they explain.
+    /// Messages about the text, in Tint's order: a note comes after the message that it explains.
     pub(crate) messages: Vec<Message>,
-    /// Entry points that can't be a pipeline, with the reason.
+    /// Entry points that can't become a pipeline, with the reason.
     pub(crate) pipelines: Vec<(String, String)>,
-    /// True if it made pipelines of entry points: the binary doesn't.
+    /// Set if Tint made pipelines of entry points; the binary doesn't.
     pub(crate) made_pipelines: bool,
 }
 
 impl Answer {
-    /// True if Tint rejects the text or one of its entry points.
+    /// Returns `true` if Tint rejects the text or one of its entry points.
     pub(crate) fn rejects(&self) -> bool {
         self.reason().is_some()
     }
 
-    /// Why Tint rejects the text or one of its entry points, in a line; `None`: it accepts all.
+    /// The reason why Tint rejects the text or one of its entry points, in one line; `None` if it accepts everything.
     pub fn reason(&self) -> Option<&str> {
         let mut errors = self.messages.iter().filter(|one| one.severity == Severity::Error);
         let text = errors.next().map(|message| &message.text);
@@ -32,12 +32,12 @@ impl Answer {
     }
 }
 
-/// One message.
+/// A message.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Message {
     pub(crate) severity: Severity,
     pub(crate) text: String,
-    /// Its place in the text, in bytes; `None`: it has none.
+    /// Its place in the text, in bytes, if it has one.
     pub(crate) range: Option<Range<usize>>,
 }
 
@@ -50,7 +50,7 @@ pub(crate) enum Severity {
     Info,
 }
 
-/// A line of a process that stays.
+/// A line from a process that keeps running.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Written {
@@ -65,10 +65,10 @@ struct Written {
 struct WrittenMessage {
     severity: Severity,
     text: String,
-    /// In UTF-16 code units, as WebGPU counts (GPUCompilationMessage).
+    /// In UTF-16 code units, like WebGPU's GPUCompilationMessage.
     offset: usize,
     length: usize,
-    /// From 1; 0: the message has no place.
+    /// From 1; 0 if the message has no place.
     line: usize,
 }
 
@@ -76,12 +76,12 @@ struct WrittenMessage {
 struct WrittenPipeline {
     entry_point: String,
     error: Option<String>,
-    /// Karat's own module that feeds a fragment stage isn't valid.
+    /// The error if Karat's own module, which supplies a fragment stage's inputs, isn't valid.
     broke: Option<String>,
 }
 
-/// FNV-1a over a text's UTF-16 code units, which JavaScript can compute in a line: an answer about another
-/// text, or about one whose bytes were lost on the way, is no answer.
+/// FNV-1a over a text's UTF-16 code units, which JavaScript can compute in one line. It detects an answer about another
+/// text, or about a text that lost bytes on the way.
 pub(super) fn sum(text: &str) -> u32 {
     const OFFSET: u32 = 0x811c_9dc5;
     const PRIME: u32 = 0x0100_0193;
@@ -111,7 +111,7 @@ pub(super) fn read(line: &str, id: u64, text: &str) -> Result<Answer, NoVerdict>
     Ok(Answer { messages: messages.collect(), pipelines: rejected.collect(), made_pipelines: true })
 }
 
-/// The bytes of so many UTF-16 code units.
+/// The byte range for these UTF-16 code units.
 fn bytes(text: &str, offset: usize, length: usize) -> Range<usize> {
     let mut units = 0;
     let mut at = |wanted: usize| {

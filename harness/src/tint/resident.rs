@@ -1,4 +1,4 @@
-//! The process that stays: one a run, asked about text after text.
+//! Asks a process that keeps running, one for each run, about text after text.
 
 use std::process::Command;
 use std::time::Duration;
@@ -12,25 +12,25 @@ use super::{JUDGE, LONGEST, NoVerdict, Question};
 use crate::lines::{Answers, Broken, Lines};
 use crate::settings;
 
-/// How long it may take to start: a Chromium on a busy machine takes some seconds, and one that a cold disk has took 18.
+/// The time in which it must start. On a busy machine Chromium takes some seconds, and from a cold disk it took 18.
 const START: Duration = Duration::from_secs(45);
-/// How long it may take for one text, unless KARAT_TIMEOUT is less. It takes a millisecond.
+/// The time limit for one text, unless KARAT_TIMEOUT is lower. A text usually takes a millisecond.
 const PATIENCE: Duration = Duration::from_secs(10);
-/// How often it is started in a run, when texts end it.
+/// The most starts in a run, after texts that end it.
 const MOST_STARTS: usize = 3;
 
-/// In Node.
+/// The script for Node.
 const NODE: &str = include_str!("node.mjs");
 
-/// The process, which is here and ready.
+/// The running process, ready for questions.
 pub(super) struct Resident {
     asked: Asked,
     version: String,
-    /// Of the next question.
+    /// The number of the next question.
     id: u64,
 }
 
-/// How it is asked.
+/// The way to ask it.
 enum Asked {
     Node(Lines),
     Browser(Page),
@@ -68,7 +68,7 @@ impl Asked {
     }
 }
 
-/// The first line that it says.
+/// Its first line.
 #[derive(Deserialize)]
 #[serde(rename_all = "lowercase")]
 enum Greeting {
@@ -87,8 +87,8 @@ impl Resident {
         }
     }
 
-    /// Sends all questions, and hears the answers one by one. What went wrong with the first that has none ends
-    /// the list.
+    /// Sends all questions, and reads the answers one by one. The list ends with the error of the first question
+    /// without an answer.
     fn ask(&mut self, questions: &[Question]) -> Vec<Result<Answer, NoVerdict>> {
         #[derive(serde::Serialize)]
         struct Numbered<'q> {
@@ -99,7 +99,7 @@ impl Resident {
         let first = self.id;
         self.id += questions.len() as u64;
         let mut answers = Vec::with_capacity(questions.len());
-        // An empty text behind them: an answer that comes twice comes before this one's.
+        // An empty text comes last: an answer that comes twice is then read before the answer to this one.
         let last = Question::default();
         self.id += 1;
         for (id, question) in (first..).zip(questions.iter().chain([&last])) {
@@ -117,7 +117,7 @@ impl Resident {
             let answer = answer.and_then(|line| answer::read(&line, id, &question.text));
             let broke = answer.is_err();
             match (answer, answers.last_mut()) {
-                // It is the one before that was answered twice.
+                // The previous question was answered twice.
                 (Err(NoVerdict::Twice), Some(before)) => *before = Err(NoVerdict::Twice),
                 (answer, _) => answers.push(answer),
             }
@@ -130,7 +130,7 @@ impl Resident {
     }
 }
 
-/// The verdicts of the process that stays, which is started again after a text that ends it.
+/// The verdicts of the process. It is started again after a text that ends it.
 pub(super) fn ask(
     kind: &Kind,
     resident: &mut Option<Resident>,

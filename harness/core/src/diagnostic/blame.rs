@@ -1,4 +1,4 @@
-//! The cause of a failure: what its author looks at, and edits.
+//! The cause of a failure: the place that an author looks at and edits.
 
 use super::Diagnostic;
 
@@ -19,7 +19,7 @@ use super::Diagnostic;
 pub struct Blame<'f> {
     /// The message about the shader, if there is one.
     pub message: Option<&'f Diagnostic>,
-    /// Where to look.
+    /// The place to look at.
     pub at: At<'f>,
 }
 
@@ -28,9 +28,9 @@ pub struct Blame<'f> {
 pub enum At<'f> {
     /// The failure's text already names the place: a function, or a line of a shader.
     Text,
-    /// A setting of the test: the first of these that it has, or else the test as a whole.
+    /// A setting of the test: the first of these that the test has, or else the test as a whole.
     Setting(&'f [&'static str]),
-    /// The setting that names this entry point, which isn't there.
+    /// The setting that names this missing entry point.
     EntryPoint(&'f str),
 }
 
@@ -44,29 +44,29 @@ impl<'f> Blame<'f> {
     /// The test as a whole.
     pub const TEST: Self = Self::setting(&[]);
 
-    /// Values of a function.
+    /// The values of a function.
     pub const VALUES: Self = Self { message: None, at: At::Text };
 
-    /// A setting of the test, the closest of these.
+    /// A setting of the test: the first of these that it has.
     #[must_use]
     pub const fn setting(setting: &'f [&'static str]) -> Self {
         Self { message: None, at: At::Setting(setting) }
     }
 
-    /// The setting that names an entry point, which isn't there.
+    /// The setting that names a missing entry point.
     #[must_use]
     pub const fn entry_point(name: &'f str) -> Self {
         Self { message: None, at: At::EntryPoint(name) }
     }
 
-    /// A message about the shader, and the setting that it is about where it has no place.
+    /// A message about the shader, or, if the message has no place, the setting that it is about.
     #[must_use]
     pub fn of(message: Option<&'f Diagnostic>, setting: &'static [&'static str]) -> Self {
         let is_placed = message.is_some_and(|found| found.location().is_some());
         Self { message, at: if is_placed { At::Text } else { At::Setting(setting) } }
     }
 
-    /// The same, unless it is about the test as a whole: then about this setting of it.
+    /// The same, unless the test as a whole is the cause: then the first of these settings.
     #[must_use]
     pub fn or(self, setting: &'static [&'static str]) -> Self {
         match self.at {

@@ -1,6 +1,6 @@
-//! An excerpt of an author's file, with long lines cut and without terminal commands.
+//! Excerpts of authors' files, with long lines cut and terminal commands removed.
 //!
-//! Only the text that is shown changes. Lines and columns are those of the author's file.
+//! Only the shown text changes. Lines and columns are those of the author's file.
 
 use std::ops::Range;
 
@@ -9,26 +9,26 @@ use codespan_reporting::files::{Error, Files};
 use super::SourceFile;
 use crate::output::visible;
 
-/// Columns of a line that are shown around a place; a longer line is cut.
+/// The columns of a line that are shown around a place; longer lines are cut.
 const WIDTH: usize = 100;
-/// How many of them are before the place, if the line has as many behind it.
+/// The number of those columns before the place, if the line has enough columns after it.
 const BEFORE: usize = 40;
-/// Stands for what is cut.
+/// The mark for text that was cut.
 const CUT: &str = "…";
 
-/// A file's text as it is shown, and where its bytes come from.
+/// A file's text as it is shown, with the places that its bytes come from.
 #[derive(Debug)]
 pub(super) struct Excerpt<'a> {
     file: &'a SourceFile,
     text: String,
-    /// Where the text is another than the author's, in order: ranges of both.
+    /// The ranges in which the text differs from the author's, in order: in both texts.
     changes: Vec<(Range<usize>, Range<usize>)>,
-    /// Where its lines begin.
+    /// The beginnings of its lines.
     lines: Vec<usize>,
 }
 
 impl<'a> Excerpt<'a> {
-    /// A file, of which these places are pointed at.
+    /// A file, with the places that a message points at.
     pub(super) fn new(file: &'a SourceFile, places: &[Range<usize>]) -> Self {
         let mut excerpt =
             Self { file, text: String::new(), changes: Vec::new(), lines: Vec::new() };
@@ -38,7 +38,7 @@ impl<'a> Excerpt<'a> {
             excerpt.lines.push(excerpt.text.len());
             let content = line.trim_end_matches(['\r', '\n']);
             let at = start..start + content.len();
-            // A range that goes on in another line ends there.
+            // A range over several lines ends with its first line.
             let points = places.iter().flat_map(|place| {
                 let one = place.end <= end;
                 [Some(place.start), (!one || place.start < start).then_some(place.end)]
@@ -56,7 +56,7 @@ impl<'a> Excerpt<'a> {
         excerpt
     }
 
-    /// Adds a line without its end.
+    /// Adds a line, without its line end.
     fn push(&mut self, line: Range<usize>, points: &[usize]) {
         let mut at = line.start;
         for kept in kept(&self.file.text, line.clone(), points) {
@@ -84,7 +84,7 @@ impl<'a> Excerpt<'a> {
         let is_in = |range: &Range<usize>| range.start < from.end && from.start < range.end;
         for value in self.file.values.iter().filter(|value| value.hidden && is_in(&value.at)) {
             self.copy_visible(at..value.at.start.max(at));
-            // Of one that is cut the author's text is shown all the same.
+            // If the value is cut, the rest shows the author's text.
             let own = value.at.start.max(at)..value.at.end.min(from.end);
             at = own.end;
             self.change(own, &visible(&value.placeholder));
@@ -109,8 +109,7 @@ impl<'a> Excerpt<'a> {
         }
     }
 
-    /// Where a byte of the author's is shown: what is changed, at the beginning of what stands for
-    /// it.
+    /// The shown place of an author's byte. In changed text, it is the beginning of the replacement.
     pub(super) fn shown(&self, byte: usize) -> usize {
         let after = self.changes.partition_point(|(from, _)| from.end <= byte);
         match self.changes.get(after) {
@@ -122,7 +121,7 @@ impl<'a> Excerpt<'a> {
         }
     }
 
-    /// Where an end of a range of the author's is shown.
+    /// The shown place of the end of an author's range.
     pub(super) fn shown_end(&self, byte: usize) -> usize {
         let after = self.changes.partition_point(|(from, _)| from.end < byte);
         match self.changes.get(after) {
@@ -131,7 +130,7 @@ impl<'a> Excerpt<'a> {
         }
     }
 
-    /// The author's byte that is shown at a byte.
+    /// The author's byte for a shown byte.
     fn author(&self, byte: usize) -> usize {
         let after = self.changes.partition_point(|(_, to)| to.end <= byte);
         match self.changes.get(after) {
@@ -144,8 +143,7 @@ impl<'a> Excerpt<'a> {
     }
 }
 
-/// The parts of a line that are shown: all of it if it fits, or else what is around the points, or
-/// its beginning.
+/// The parts of a line to show: the whole line if it fits, or else the text around the points, or the line's beginning.
 fn kept(text: &str, line: Range<usize>, points: &[usize]) -> Vec<Range<usize>> {
     if forward(text, line.clone(), WIDTH).0 == line.end {
         return vec![line];
@@ -158,7 +156,7 @@ fn kept(text: &str, line: Range<usize>, points: &[usize]) -> Vec<Range<usize>> {
             continue;
         }
         let floor = kept.last().map_or(line.start, |last| last.end);
-        // What one side doesn't need is the other's.
+        // Room that one side doesn't need goes to the other side.
         let (_, spare) = forward(text, point..line.end, WIDTH - BEFORE);
         let (start, spare) = backward(text, floor..point, BEFORE + spare);
         let (end, _) = forward(text, point..line.end, WIDTH - BEFORE + spare);
@@ -170,12 +168,12 @@ fn kept(text: &str, line: Range<usize>, points: &[usize]) -> Vec<Range<usize>> {
     kept
 }
 
-/// The columns that a character takes; wide ones are taken for one.
+/// The columns that a character takes; wide characters count as one.
 fn columns(character: char) -> usize {
     visible(character.encode_utf8(&mut [0; 4])).chars().count()
 }
 
-/// The end of what fits into some columns from the beginning of a range, and the columns left.
+/// The end of the text that fits into some columns from the beginning of a range, and the columns left.
 fn forward(text: &str, range: Range<usize>, room: usize) -> (usize, usize) {
     let (mut end, mut room) = (range.start, room);
     for character in text[range].chars() {
@@ -187,7 +185,7 @@ fn forward(text: &str, range: Range<usize>, room: usize) -> (usize, usize) {
     (end, room)
 }
 
-/// The beginning of what fits into some columns before the end of a range, and the columns left.
+/// The beginning of the text that fits into some columns before the end of a range, and the columns left.
 fn backward(text: &str, range: Range<usize>, room: usize) -> (usize, usize) {
     let (mut start, mut room) = (range.end, room);
     for character in text[range].chars().rev() {
@@ -204,7 +202,7 @@ fn backward(text: &str, range: Range<usize>, room: usize) -> (usize, usize) {
 pub(super) struct Excerpts<'a>(Vec<Excerpt<'a>>);
 
 impl<'a> Excerpts<'a> {
-    /// Adds a file; its number.
+    /// Adds a file; returns its number.
     pub(super) fn add(&mut self, excerpt: Excerpt<'a>) -> usize {
         self.0.push(excerpt);
         self.0.len() - 1
@@ -221,7 +219,7 @@ impl<'a, 'b: 'a> Files<'a> for Excerpts<'b> {
     type Source = &'a str;
 
     fn name(&'a self, file: usize) -> Result<String, Error> {
-        // A name is one line, whatever it holds.
+        // A name is always one line.
         Ok(visible(&self.get(file)?.file.name).replace('\n', "\\n"))
     }
 
@@ -280,19 +278,19 @@ mod tests {
             let place = excerpt.text.find("HERE").expect("it is shown");
             assert_eq!((excerpt.shown(500), excerpt.shown_end(504)), (place, place + 4));
             assert_eq!(excerpt.author(place), 500);
-            // What is cut is at its mark, and lines behind it are where they are.
+            // Cut text is at its mark, and later lines keep their places.
             assert_eq!(excerpt.shown(3), 0);
             assert_eq!(&excerpt.text[excerpt.shown(1005)..], "next\n");
         });
         assert_eq!(shown, format!("…{}HERE{}…\nnext\n", "a".repeat(40), "b".repeat(56)));
-        // At either end there is more of the other side; two places have two parts.
+        // Near an end of the line, more of the other side is shown; two places give two parts.
         let at = |places: &[(usize, usize)]| excerpt(&long, places, |_| ());
         assert_eq!(at(&[(0, 1)]), format!("{}…\nnext\n", "a".repeat(100)));
         assert_eq!(at(&[(1003, 1004)]), format!("…{}\nnext\n", "b".repeat(100)));
         assert_eq!(at(&[(1005, 1006)]), format!("{}…\nnext\n", "a".repeat(100)));
         let two = format!("{}…{}…\nnext\n", "a".repeat(100), "b".repeat(100));
         assert_eq!(at(&[(0, 1), (700, 701)]), two);
-        // Of a place that is longer than a line its beginning is shown, and where it goes on.
+        // A place that is longer than a line shows its beginning, and where it goes on.
         let shown = excerpt(&long, &[(10, 900)], |excerpt| {
             assert_eq!(&excerpt.text[..excerpt.shown_end(900)], "a".repeat(100) + "…");
         });
@@ -311,7 +309,7 @@ mod tests {
             }
         });
         assert_eq!(shown, "é\\u{1b}[2J\\u{9b}x\r\nrest");
-        // Such a line is as wide as it is shown.
+        // The width counts the escaped form.
         let long = "\u{1b}".repeat(60) + "x";
         let shown = excerpt(&long, &[(60, 61)], |_| ());
         assert_eq!(shown, format!("…{}x", r"\u{1b}".repeat(16)));

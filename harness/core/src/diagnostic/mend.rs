@@ -1,20 +1,20 @@
-//! Lines of `karat.toml` that mend a package.
+//! Lines of `karat.toml` that fix a package.
 
-/// A line of a package's `karat.toml` that may mend what a [`Diagnostic`](super::Diagnostic) tells.
+/// A line of a package's `karat.toml` that may fix the problem of a [`Diagnostic`](super::Diagnostic).
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[non_exhaustive]
 pub enum Mend {
-    /// `[features]`: this one needs a value, which an engine gives.
+    /// `[features]`: this feature needs a value, which an engine supplies.
     Feature(String),
-    /// `[features]`: a name is declared under a condition with this feature alone.
+    /// `[features]`: a name is declared only under a condition with this feature.
     Condition(String),
     /// `[values]`: a placeholder.
     Value(String),
-    /// An import: another module declares the name. A sentence says which.
+    /// An import: another module declares the name. The text is a sentence that names the module.
     Elsewhere(String),
-    /// `[values]`: a name in capitals that nothing declares, which may be a macro.
+    /// `[values]`: an undeclared name in capitals, which may be a macro.
     Undeclared(String),
-    /// `[values]`: a text that may be empty, as a placeholder on a line of its own, or a macro before brackets.
+    /// `[values]`: a text that may be empty, such as a placeholder on a line of its own, or a macro before brackets.
     Text(String),
     /// `[dependencies]`: a package that modules import from.
     Dependency(String),

@@ -1,4 +1,4 @@
-//! Values that are made of their members: a structure of a tuple, a vector of its components.
+//! Values that are made from their members: a structure from a tuple, a vector from its components.
 
 use std::marker::PhantomData;
 
@@ -36,7 +36,7 @@ impl<D, T> Composed<D, T> {
     }
 }
 
-/// The numbers that the members are, if they are those of the whole.
+/// The scalars of the members, if they are the scalars of the whole value.
 fn lanes_of(shapes: &[Shape]) -> Vec<Scalar> {
     shapes.iter().flat_map(Shape::lanes).collect()
 }
@@ -44,7 +44,7 @@ fn lanes_of(shapes: &[Shape]) -> Vec<Scalar> {
 fn fits<M: Arguments, T: Shareable>() -> bool {
     let (members, whole) = (M::shapes(), T::shape());
     let in_place = match &whole {
-        // Member by member: the same numbers may be cut into other members.
+        // Member by member, because the same scalars may be divided differently.
         Shape::Struct { members: own, .. } => {
             own.len() == members.len()
                 && own.iter().zip(&members).all(|((_, own), member)| member.stands_for(own, false))

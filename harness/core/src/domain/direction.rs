@@ -6,9 +6,8 @@ use glam::{DVec3, Vec3};
 
 use super::{Domain, Emptiness, Source, shrink};
 
-/// Unit vectors over the whole sphere: uniform, with axes, poles and their close neighbours
-/// over-represented. Components are rounded to `f32`, so lengths differ from 1 by up to 1e-7, as
-/// in a shader.
+/// Unit vectors over the whole sphere: uniform, except that axes, poles and their close neighbours occur more often.
+/// Components are rounded to `f32`, so lengths differ from 1 by up to 1e-7, as in a shader.
 ///
 /// ```
 /// use karat::{Domain, UnitVector};
@@ -19,8 +18,7 @@ use super::{Domain, Emptiness, Source, shrink};
 #[derive(Clone, Copy, Debug)]
 pub struct UnitVector;
 
-/// Unit vectors with `z >= 0`: uniform, with the pole, the horizon and their close neighbours
-/// over-represented.
+/// Unit vectors with `z >= 0`: uniform, except that the pole, the horizon and their close neighbours occur more often.
 ///
 /// ```
 /// use karat::{Domain, Hemisphere};
@@ -31,8 +29,7 @@ pub struct UnitVector;
 #[derive(Clone, Copy, Debug)]
 pub struct Hemisphere;
 
-/// Colours with each channel in `[0, 1]`: greys, single channels, black and white
-/// over-represented.
+/// Colours with each channel in `[0, 1]`. Greys, single channels, black and white occur more often.
 ///
 /// ```
 /// use karat::{Domain, UnitRgb};
@@ -42,7 +39,7 @@ pub struct Hemisphere;
 #[derive(Clone, Copy, Debug)]
 pub struct UnitRgb;
 
-/// How far a length may be from 1: three components, each rounded to `f32`.
+/// The largest error of a length of 1: three components, each rounded to `f32`.
 pub(super) const LENGTH: f64 = 2e-7;
 
 const AXES: [Vec3; 6] = [Vec3::Z, Vec3::X, Vec3::Y, Vec3::NEG_Z, Vec3::NEG_X, Vec3::NEG_Y];
@@ -61,7 +58,7 @@ impl Domain for UnitVector {
         Some(match choice & 15 {
             0 => AXES[(choice >> 4) as usize % AXES.len()],
             1 | 2 => {
-                // Close to an axis: the pole is turned onto it by a cyclic swap of components.
+                // A direction close to the pole, turned to any axis by a cyclic swap of its components.
                 let near = direction(1.0 - source.log_distance(), source.unit()).as_vec3();
                 let near = if choice & 16 == 0 { near } else { -near };
                 match (choice >> 5) % 3 {
@@ -82,7 +79,7 @@ impl Domain for UnitVector {
         Some((value.as_dvec3().length() - 1.0).abs() < LENGTH)
     }
 
-    /// A rounded length may be a little more than 1.
+    /// A rounded length may be slightly more than 1.
     fn ends(&self) -> Option<(Vec3, Vec3)> {
         let most = Vec3::splat(1.0 + LENGTH as f32);
         Some((-most, most))
@@ -122,8 +119,8 @@ impl Domain for Hemisphere {
 }
 
 impl Hemisphere {
-    /// Only directions with `z` of at least `least`, a cosine from 0 to 1: what grazes the horizon is
-    /// left out. Those at the rim and their close neighbours are over-represented, as is the pole.
+    /// Only directions whose `z` is at least `least`, a cosine from 0 to 1, so that grazing directions are left out.
+    /// The rim, its close neighbours and the pole occur more often.
     ///
     /// ```
     /// use karat::{Domain, Hemisphere};
@@ -135,7 +132,7 @@ impl Hemisphere {
     }
 }
 
-/// Unit vectors with `z` of at least a cosine: see [`Hemisphere::above`].
+/// Unit vectors whose `z` is at least a cosine: see [`Hemisphere::above`].
 ///
 /// ```
 /// use karat::{Domain, Hemisphere};
@@ -150,7 +147,7 @@ pub struct Above {
 }
 
 impl Above {
-    /// The direction of this cosine and turn, which rounding takes to the rim at most.
+    /// The direction with this cosine and turn. Rounding may take it to the rim, but no further.
     fn direction(self, cosine: f64, turn: f64) -> Vec3 {
         let rounded = direction(cosine, turn).as_vec3();
         rounded.with_z(rounded.z.max(self.least))

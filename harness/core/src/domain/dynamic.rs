@@ -1,7 +1,7 @@
-//! Domains that are made at run time, of the types that a function's parameters have.
+//! Domains that are made at run time, for the types of a function's parameters.
 //!
-//! A part draws the words of one number or vector; the parts of all parameters stand side by side. As in
-//! tuples of Rust types, one draw in eight ties two parts of the same type.
+//! A part samples the words of one number or vector, and each parameter has its parts. As in tuples of Rust types, one
+//! sample in eight ties two parts of the same type.
 
 use std::collections::HashSet;
 use std::fmt::Debug;
@@ -19,11 +19,11 @@ use super::{
 };
 use crate::value::{Scalar, Shape, Shareable, format_lane};
 
-/// Draws of a tuple of which one ties two parts.
+/// One in this many sampled tuples ties two parts.
 const TIES: u64 = 8;
 
-/// A float close to another one, from 2^-8 to 2^-23 of it away: what subtracts them, as variances and gradients
-/// do, cancels there alone. Of an integer it is the next one or the same.
+/// A float close to another one, between 2^-8 and 2^-23 of it away: a subtraction of the two cancels, as in variances
+/// and gradients, which cancel only there. For an integer, it is the next one or the same.
 fn nearly(word: u32, source: &mut Source) -> u32 {
     let like = f32::from_bits(word);
     let bits = source.bits();
@@ -32,18 +32,18 @@ fn nearly(word: u32, source: &mut Source) -> u32 {
             let step = like * (1.0 / 256.0) / f32::from(1_u16 << (bits >> 1 & 15));
             (if bits & 1 == 0 { like + step } else { like - step }).to_bits()
         }
-        // The bits of small integers are those of subnormal floats.
+        // The bits of small integers are the bits of subnormal floats.
         false => word.saturating_add(bits & 1),
     }
 }
 
-/// Combinations of edges that are tried first.
+/// The number of combinations of edges that are tried first.
 const COMBINATIONS: usize = 1024;
 
-/// Values of a finite domain that a filter sees before the first case: those that it keeps are enumerated.
+/// The largest finite domain that a filter enumerates before the first case, to keep the values that pass.
 const LISTED: u64 = 1 << 16;
 
-/// A domain of Rust values that are made of words.
+/// A domain of Rust values that consist of words.
 struct Of<D>(D);
 
 fn stored<V: Shareable>(value: &V) -> Vec<u32> {
@@ -86,7 +86,7 @@ where
     }
 }
 
-/// Listed values: a row that is simpler comes earlier when it is simplified.
+/// Listed values. Simplification tries simpler rows first.
 struct Listed(Vec<Vec<u32>>, Vec<Scalar>);
 
 impl Listed {
@@ -133,7 +133,7 @@ impl Words for Listed {
     }
 }
 
-/// A part that is tried at further values, too: as edges behind its first two, and in one draw of eight.
+/// A part with additional values: they follow the first two edges, and one sample in eight is one of them.
 struct Beside {
     own: Box<dyn Words>,
     more: Vec<Vec<u32>>,
@@ -188,7 +188,7 @@ impl Words for Beside {
 /// ```
 pub struct Part {
     words: Box<dyn Words>,
-    /// What a message says of it: `from 0 to 1`.
+    /// Its description in messages: `from 0 to 1`.
     described: String,
 }
 
@@ -206,8 +206,8 @@ impl Part {
         Self { words: Box::new(Of(domain)), described: described.into() }
     }
 
-    /// A closed range of a scalar. Its ends are rounded to the type; `None` for booleans, and where an
-    /// end of integers isn't one.
+    /// A closed range of a scalar. Its ends are rounded to the type; `None` for booleans, and if an end of an integer
+    /// range isn't an integer.
     ///
     /// ```
     /// use karat::unstable::domain::Part;
@@ -224,7 +224,7 @@ impl Part {
             reason = "ends of floats are rounded to the type"
         )]
         let text = match scalar {
-            // As the type has them.
+            // The ends, rounded to the type.
             Scalar::F32 | Scalar::F16 => format!("from {} to {}", low as f32, high as f32),
             _ => format!("from {low} to {high}"),
         };
@@ -253,7 +253,7 @@ impl Part {
         })
     }
 
-    /// Listed values, each as wide as `scalars`.
+    /// Listed values, each with one word for each of `scalars`.
     ///
     /// ```
     /// use karat::unstable::domain::Part;
@@ -273,7 +273,7 @@ impl Part {
         Self { words: Box::new(Listed(rows, scalars)), described }
     }
 
-    /// Any value of a scalar: all bit patterns of an integer, any finite float.
+    /// Any value of a scalar: every bit pattern of an integer, every finite float.
     ///
     /// ```
     /// use karat::unstable::domain::Part;
@@ -293,8 +293,7 @@ impl Part {
         }
     }
 
-    /// Numbers of which nothing is known: half of them are small, the others have any size; floats reach a
-    /// million.
+    /// Unconstrained numbers: half of them are small, the others have any size. Floats reach a million.
     ///
     /// ```
     /// use karat::unstable::domain::Part;
@@ -316,7 +315,8 @@ impl Part {
         }
     }
 
-    /// `unit_vector`, of two to four floats; `hemisphere` or `unit_rgb`, of three. `None` of another name.
+    /// The part with this name: `unit_vector`, with two to four floats; `hemisphere` or `unit_rgb`, with three. `None`
+    /// for another name or size.
     ///
     /// ```
     /// use karat::unstable::domain::Part;
@@ -336,8 +336,8 @@ impl Part {
         })
     }
 
-    /// Vectors of a length, and shorter ones where it is `filled`: [`Sphere`]. `None` if they have neither two,
-    /// three nor four components.
+    /// Vectors of one length, and with `filled` shorter ones, too: see [`Sphere`]. `None` unless they have two, three
+    /// or four components.
     ///
     /// ```
     /// use karat::unstable::domain::Part;
@@ -364,7 +364,7 @@ impl Part {
         })
     }
 
-    /// A unit vector with `z` of at least a cosine: [`Hemisphere::above`].
+    /// A unit vector whose `z` is at least a cosine: [`Hemisphere::above`].
     ///
     /// ```
     /// use karat::unstable::domain::Part;
@@ -375,11 +375,11 @@ impl Part {
         Self::of(Hemisphere.above(least), format!("a unit vector with z of at least {least}"))
     }
 
-    /// The names of [`named`](Self::named).
+    /// The names that [`named`](Self::named) knows.
     pub const NAMES: [&str; 3] = ["unit_vector", "hemisphere", "unit_rgb"];
 
-    /// Matrices that turn, scale, mirror and move points, of which each has an inverse. One of them is a
-    /// `perspective`, if that is asked for. `None` of those that move none.
+    /// Matrices that rotate, scale, mirror and move points. Each has an inverse. With `perspective`, one of them is a
+    /// perspective projection. `None` for a size that transforms no points.
     ///
     /// ```
     /// use karat::unstable::domain::Part;
@@ -391,12 +391,12 @@ impl Part {
         Some(Self { words: Box::new(Transform::of(columns, rows, perspective)?), described })
     }
 
-    /// Whole numbers from 1 that loops count to: half of them few. `None` of what isn't an integer.
+    /// Integers from 1 for loop counts, half of them small. `None` for other types.
     #[doc(hidden)]
     pub fn counts(scalar: Scalar) -> Option<Self> {
-        /// Rounds that each case may well make.
+        /// Rounds that each case can easily make.
         const FEW: u8 = 8;
-        /// Samples of a pixel, taps of a filter: more are made of such loops by authors who know.
+        /// Samples of a pixel or taps of a filter: loops with larger counts are written deliberately.
         const MOST: u8 = 64;
         let described = format!("from 1 to {MOST}, half of them at most {FEW}");
         let (most, few) = (u32::from(MOST), u32::from(FEW));
@@ -412,7 +412,7 @@ impl Part {
         })
     }
 
-    /// The words that a message has for its values.
+    /// The description of its values in messages.
     ///
     /// ```
     /// use karat::unstable::domain::Part;
@@ -426,20 +426,20 @@ impl Part {
         &self.described
     }
 
-    /// True if a number of which nothing is known is 0, 1, -1 or an end of its range.
+    /// Returns `true` for an unconstrained number that is 0, 1, -1 or an end of its range.
     #[doc(hidden)]
     pub fn is_plain(scalar: Scalar, word: u32) -> bool {
         plausible::is_plain(scalar, word)
     }
 
-    /// Value `index` of those that are tried first, or a draw where there are fewer.
+    /// Value `index` of those that are tried first, or a sampled value if there are fewer.
     #[doc(hidden)]
     pub fn value(&self, index: Option<usize>, source: &mut Source) -> Option<Vec<u32>> {
         let edge = index.and_then(|index| self.words.edges().get(index).cloned());
         edge.or_else(|| self.words.draw(source))
     }
 
-    /// The same part, tried at further values: those that it admits, or all.
+    /// The same part with additional values: those that it admits, or all of them.
     #[doc(hidden)]
     #[must_use]
     pub fn beside(self, mut more: Vec<Vec<u32>>, all: bool) -> Self {
@@ -450,7 +450,7 @@ impl Part {
         Self { words: Box::new(Beside { own: self.words, more }), described: self.described }
     }
 
-    /// How many words it draws.
+    /// The number of words in a value.
     ///
     /// ```
     /// use karat::unstable::domain::Part;
@@ -463,14 +463,13 @@ impl Part {
     }
 }
 
-/// Values as a message has them.
+/// Values as messages show them.
 fn lanes_text(scalars: &[Scalar], words: &[u32]) -> String {
     let lanes = scalars.iter().zip(words).map(|(scalar, word)| format_lane(*scalar, *word));
     lanes.collect::<Vec<_>>().join(", ")
 }
 
-/// The arguments of a function, drawn part by part: see
-/// `Probe::over_dynamic`.
+/// The arguments of a function, sampled part by part: see `Probe::over_dynamic`.
 ///
 /// ```
 /// # use karat::unstable::domain::{Dynamic, Part};
@@ -489,7 +488,7 @@ pub struct Dynamic {
     names: Vec<String>,
     shapes: Vec<Shape>,
     edges: Vec<Vec<u32>>,
-    /// Each after those that it looks at.
+    /// The relations, each after those that it depends on.
     relations: Vec<Perpendicular>,
     filter: Option<Filter>,
 }
@@ -497,11 +496,11 @@ pub struct Dynamic {
 /// A statement about a row.
 type Holds = dyn Fn(&[u32]) -> bool + Send + Sync;
 
-/// The rows that a statement keeps.
+/// The rows that satisfy a statement.
 struct Filter {
     statement: String,
     holds: Box<Holds>,
-    /// All of them, where the domain is small.
+    /// All of these rows, for a small domain.
     listed: Option<Vec<Vec<u32>>>,
 }
 
@@ -512,7 +511,7 @@ impl Debug for Dynamic {
 }
 
 impl Dynamic {
-    /// `parts` are those of each parameter in turn; together they have the words of its type.
+    /// `parts` has the parts of each parameter in turn. Together they have the words of the parameter's type.
     ///
     /// ```
     /// use karat::unstable::domain::{Dynamic, Part};
@@ -532,8 +531,8 @@ impl Dynamic {
         Self { parts, owners, names, shapes, edges, relations: Vec::new(), filter: None }
     }
 
-    /// Turns the vector in these lanes to be perpendicular to others, which begin at `to` and are as long. A
-    /// relation comes after those of the vectors that it looks at, and before a filter.
+    /// Turns the vector in these lanes so that it is perpendicular to others, which begin at `to` and have the same
+    /// length. Add a relation after those of the vectors that it depends on, and before a filter.
     ///
     /// ```
     /// use karat::unstable::domain::{Dynamic, Part};
@@ -562,8 +561,7 @@ impl Dynamic {
         self
     }
 
-    /// Keeps the rows for which a statement holds. Of a domain of at most 65,536 values all that it keeps are
-    /// enumerated.
+    /// Keeps the rows for which a statement holds. In a domain of at most 65,536 values, all kept rows are enumerated.
     ///
     /// ```
     /// use karat::unstable::domain::{Dynamic, Part};
@@ -592,7 +590,7 @@ impl Dynamic {
         self
     }
 
-    /// The row with its relations; `None` if no vector has one, or a filter rejects it.
+    /// The row after its relations are applied; `None` if a vector has no solution, or if a filter rejects the row.
     fn settled(&self, mut row: Vec<u32>) -> Option<Vec<u32>> {
         if !self.relations.iter().all(|relation| relation.settle(&mut row)) {
             return None;
@@ -601,7 +599,7 @@ impl Dynamic {
         holds.then_some(row)
     }
 
-    /// Where each argument comes from, in words: `x from 0 to 1; n a unit vector`.
+    /// A description of each argument's domain: `x from 0 to 1; n a unit vector`.
     ///
     /// ```
     /// # use karat::unstable::domain::{Dynamic, Part};
@@ -678,7 +676,7 @@ impl Dynamic {
                 }
             };
             let how = source.below(4);
-            // Means and variances of several numbers cancel where all of them are nearly equal.
+            // Means and variances of several numbers cancel when all of them are almost equal.
             let to = if how == 3 { 0..rows.len() } else { to..to + 1 };
             for to in to.filter(|to| *to != from) {
                 let tied = tied(source, how);
@@ -737,7 +735,7 @@ impl Dynamic {
                 let Some(settled) = self.settled(replaced.collect::<Vec<_>>().concat()) else {
                     continue;
                 };
-                // A vector that is turned may be less simple, and its search wouldn't end.
+                // A turned vector may be less simple, and the search would then not end.
                 if own.is_none_or(|own| own.weight(&settled) < own.weight(row)) {
                     found.push(settled);
                 }
@@ -759,7 +757,7 @@ impl Dynamic {
     }
 }
 
-/// A value as a message has it.
+/// A value as messages show it.
 #[derive(Clone)]
 struct Shown(String);
 
@@ -769,8 +767,8 @@ impl Debug for Shown {
     }
 }
 
-/// Rows of edges: each edge of each part once, so that few cases have them all; then all combinations of the
-/// first edges of each part, then each other edge with those of the other parts in turn.
+/// Rows of edges: first each edge of each part once, so that few cases contain them all; then all combinations of the
+/// parts' first edges; then every other edge with edges of the other parts in turn.
 fn combined(edges: &[Vec<Vec<u32>>]) -> Vec<Vec<u32>> {
     if edges.iter().any(Vec::is_empty) {
         return Vec::new();
@@ -780,7 +778,7 @@ fn combined(edges: &[Vec<Vec<u32>>]) -> Vec<Vec<u32>> {
     };
     let longest = edges.iter().map(Vec::len).max().unwrap_or(0);
     let most = (1..=longest).rev().find(|most| product(*most) <= COMBINATIONS).unwrap_or(1);
-    // Of many parts not even two edges each can be combined.
+    // With many parts, not even two edges of each can be combined.
     let firsts = (0..product(most).min(COMBINATIONS)).map(|mut rest| {
         let row = edges.iter().map(|own| {
             let length = own.len().min(most);
@@ -895,7 +893,7 @@ impl Stream for Dynamic {
 }
 
 impl Part {
-    /// One value.
+    /// A single value.
     ///
     /// ```
     /// use karat::unstable::domain::Part;

@@ -2,9 +2,9 @@
 
 use super::{Domain, Origin, Shrinkable, Source, shrink};
 
-/// All named edge cases of a type: zeros of both signs, ones, denormals, powers of two and their
-/// neighbours, the largest. The domain is finite. In a tuple with infinite domains, each edge is a
-/// case at least once, and the first edges are combined with those of the other domains.
+/// All named edge cases of a type: zeros of both signs, ones, denormals, powers of two and their neighbours, and the
+/// largest value. The domain is finite. In a tuple with infinite domains, each edge occurs in at least one case, and
+/// the first edges are combined with those of the other domains.
 ///
 /// ```
 /// use karat::{Domain, Edges};
@@ -15,12 +15,12 @@ use super::{Domain, Origin, Shrinkable, Source, shrink};
 #[derive(Clone, Debug, PartialEq)]
 pub struct Edges<T>(Vec<T>);
 
-/// Every power of two that a scale or a threshold in a shader is likely to have.
+/// The powers of two that a scale or a threshold in a shader is likely to have.
 const POWERS: [i32; 15] = [-126, -64, -24, -23, -16, -12, -2, -1, 0, 1, 2, 12, 23, 24, 64];
 
 impl Edges<f32> {
-    /// Finite edge cases. WGSL lets implementations flush denormals, so a function may return for a
-    /// denormal what it returns for zero.
+    /// Finite edge cases. WGSL lets implementations flush denormals, so a function may return the same result for a
+    /// denormal as for zero.
     ///
     /// ```
     /// use karat::{Domain, Edges};
@@ -49,9 +49,9 @@ impl Edges<f32> {
         Self(values)
     }
 
-    /// Adds both infinities and a quiet NaN, for functions that promise something about them. Use
-    /// them with `Check::satisfies`: a reference has to be finite. WGSL lets
-    /// implementations assume that there are no such values.
+    /// Adds both infinities and a quiet NaN, for functions that promise something about them. Use them with
+    /// `Check::satisfies`, since a reference must be finite. WGSL lets implementations assume that such values don't
+    /// occur.
     ///
     /// ```
     /// use karat::{Domain, Edges};
@@ -80,7 +80,7 @@ impl Edges<f32> {
 }
 
 impl Edges<i32> {
-    /// 0, 1, -1, powers of two and their neighbours, and both ends.
+    /// The edge cases of `i32`: 0, 1, -1, powers of two and their neighbours, and both ends.
     ///
     /// ```
     /// use karat::{Domain, Edges};
@@ -99,7 +99,7 @@ impl Edges<i32> {
 }
 
 impl Edges<u32> {
-    /// 0, 1, powers of two and their neighbours, and the largest.
+    /// The edge cases of `u32`: 0, 1, powers of two and their neighbours, and the largest value.
     ///
     /// ```
     /// use karat::{Domain, Edges};
@@ -126,7 +126,7 @@ fn distinct<T: PartialEq>(values: Vec<T>) -> Vec<T> {
     found
 }
 
-/// What a list of one type's edges needs to be a domain.
+/// Makes a list of one type's edges a domain.
 macro_rules! edges {
     ($($type:ty, |$v:ident| $complexity:expr, $same:expr;)*) => {$(
         impl Domain for Edges<$type> {
@@ -165,8 +165,8 @@ edges! {
     u32, |v| v, |a, b| a == b;
 }
 
-/// All finite `f32`: one draw in four is a named edge case ([`Edges::f32`]), the others are uniform
-/// over bit patterns, so that every binade is as likely as every other.
+/// All finite `f32`: one sample in four is a named edge case ([`Edges::f32`]). The others are uniform over bit
+/// patterns, so all binades are equally likely.
 ///
 /// ```
 /// use karat::{AnyF32, Domain};
@@ -192,7 +192,7 @@ impl AnyF32 {
         Self { edges: Edges::f32() }
     }
 
-    /// With infinities and NaN: see [`Edges::with_non_finite`].
+    /// All `f32`, including infinities and NaN: see [`Edges::with_non_finite`].
     ///
     /// ```
     /// use karat::domain::{AnyF32, Domain};
@@ -212,7 +212,7 @@ impl Domain for AnyF32 {
         if source.bits() & 3 == 0 {
             return self.edges.draw(source);
         }
-        // Infinities and NaN have the largest exponent, which one draw in 256 has.
+        // Infinities and NaN have the largest exponent, as one sample in 256 does.
         let draw = |_| f32::from_bits(source.bits());
         (0..64).map(draw).find(|value| self.admits(value) == Some(true))
     }

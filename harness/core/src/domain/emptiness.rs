@@ -1,6 +1,6 @@
-//! Why a domain has no value.
+//! The reasons why a domain has no value.
 
-/// What leaves a domain without a value: one cause.
+/// The cause that leaves a domain without a value.
 ///
 /// ```
 /// use karat::Domain;
@@ -11,16 +11,16 @@
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Emptiness {
-    /// Which part of a tuple is empty; `None` if there are no parts, or it isn't known which.
+    /// The part of a tuple that is empty; `None` if there are no parts, or if it is unknown.
     pub part: Option<usize>,
-    /// What has no value: `range`.
+    /// The empty thing: `range`.
     pub what: &'static str,
-    /// Why: `starts at 1 and ends at 0`.
+    /// The reason: `starts at 1 and ends at 0`.
     pub fault: String,
 }
 
 impl Emptiness {
-    /// A whole domain is empty: `what` names it in a word, and `fault` goes on with a verb.
+    /// The emptiness of a whole domain. `what` names the domain in one word, and `fault` begins with a verb.
     ///
     /// ```
     /// use karat::unstable::domain::Emptiness;
@@ -33,18 +33,18 @@ impl Emptiness {
         Self { part: None, what, fault: fault.to_owned() }
     }
 
-    /// That of one part of a tuple, which may have parts itself.
+    /// The emptiness of one part of a tuple, which may have parts itself.
     pub(super) fn in_part(self, part: usize) -> Self {
         Self { part: Some(part), ..self }
     }
 
-    /// That of values which are made of others.
+    /// The emptiness of values that are made from others.
     pub(super) fn apart(self) -> Self {
         Self { part: None, ..self }
     }
 }
 
-/// Why nothing lies between two floats that aren't both finite.
+/// The reason why a range has no value if its ends aren't both finite.
 pub(super) fn infinite(low: f32, high: f32) -> Option<String> {
     let fault = |verb: &str, value: f32| format!("{verb} at {value}");
     match (low.is_finite(), high.is_finite()) {

@@ -3,7 +3,7 @@
 use super::emptiness::{Emptiness, infinite};
 use super::{Domain, SIMPLER, Source, shrink};
 
-/// Values at equal distances, or at equal ratios, from one end to the other, both included.
+/// Values at equal distances or at equal ratios, from one end to the other, including both.
 ///
 /// ```
 /// use karat::{Domain, Grid};
@@ -26,7 +26,7 @@ enum Spacing {
 }
 
 impl Grid {
-    /// `count` values over `range`. A grid of one value is the range's start.
+    /// `count` values over `range` at equal distances. A grid of one value is the range's start.
     ///
     /// ```
     /// use karat::{Domain, Grid};
@@ -39,9 +39,8 @@ impl Grid {
         Self { first: *range.start(), last: *range.end(), count, spacing: Spacing::Linear }
     }
 
-    /// `count` values over `range` at equal ratios: for roughness, exposure and distance. Both ends
-    /// must have the same sign, and neither may be zero; otherwise the grid is empty, which is an
-    /// error of the check.
+    /// `count` values over `range` at equal ratios: for roughness, exposure and distance. Both ends must have the same
+    /// sign, and neither may be zero; otherwise the grid is empty, and the check fails with an error.
     ///
     /// ```
     /// use karat::{Domain, Grid};

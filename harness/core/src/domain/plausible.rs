@@ -1,28 +1,28 @@
-//! Numbers of which nothing is known but their type.
+//! Unconstrained numbers: only their type is known.
 
 use std::sync::LazyLock;
 
 use super::{Domain, Edges, Emptiness, Integers, Source, shrink};
 use crate::value::Scalar;
 
-/// Half of the draws are small, as most numbers of shaders are; the others have any size.
+/// Half of the samples are small, like most numbers in shaders; the others have any size.
 #[derive(Clone, Debug)]
 pub(super) struct Plausible<T>(Vec<T>);
 
-/// The largest float: positions in metres and times in milliseconds are below a million. Squares of larger
-/// ones soon lose all digits, which says nothing of a shader.
+/// The largest float: positions in metres and times in milliseconds are below a million. Squares of larger numbers soon
+/// lose all digits, which shows nothing about a shader.
 const LARGEST: f32 = 1_048_576.0;
 
-/// The same of half precision, which has each whole number up to this.
+/// The largest number in half precision, which represents every integer up to it.
 pub(super) const LARGEST_HALF: f32 = 2048.0;
 
-/// Half of the floats lie from minus this to this.
+/// Half of the floats lie between minus this number and this number.
 const SMALL: f32 = 4.0;
 
-/// Half of the integers are below this.
+/// Half of the integers are below this number.
 const FEW: u32 = 16;
 
-/// What a message says of these numbers.
+/// The description of these numbers in messages.
 pub(super) fn described(scalar: Scalar) -> String {
     match scalar {
         Scalar::F16 => format!("from -{LARGEST_HALF} to {LARGEST_HALF}"),
@@ -34,7 +34,7 @@ pub(super) fn described(scalar: Scalar) -> String {
     }
 }
 
-/// True if a number of which nothing is known is 0, 1, -1 or an end of its range.
+/// Returns `true` for an unconstrained number that is 0, 1, -1 or an end of its range.
 pub(super) fn is_plain(scalar: Scalar, word: u32) -> bool {
     match scalar {
         Scalar::F32 => [0.0, 1.0, LARGEST].contains(&f32::from_bits(word).abs()),
@@ -45,7 +45,7 @@ pub(super) fn is_plain(scalar: Scalar, word: u32) -> bool {
     }
 }
 
-/// A finite domain of which some values are drawn more often: every other draw is one of these.
+/// A finite domain of values that occur more often: every second sample is one of them.
 #[derive(Clone, Debug)]
 pub(super) struct Often<T> {
     pub(super) all: Integers<T>,
@@ -108,7 +108,7 @@ impl Domain for Plausible<f32> {
             0..=4 => (-SMALL..=SMALL).draw(source),
             5 => self.0.get(usize::try_from(source.below(self.0.len() as u64)).ok()?).copied(),
             _ => {
-                // Each binade from the last digit of 1, 2^-24, to a million is as likely as every other.
+                // Each binade from 2^-24, the last digit of 1, to a million is equally likely.
                 let size = (44.0 * source.unit() - 24.0).exp2();
                 #[expect(clippy::cast_possible_truncation, reason = "arguments are f32")]
                 let size = size as f32;

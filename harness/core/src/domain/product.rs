@@ -1,4 +1,4 @@
-//! Tuples: domains side by side. They are independent, except that some draws tie two of them.
+//! Tuples of domains. The components are independent, except that some samples tie two of them.
 
 use std::any::{Any, TypeId};
 use std::rc::Rc;
@@ -6,11 +6,11 @@ use std::rc::Rc;
 use super::ties::{self, Tie};
 use super::{Domain, Emptiness, Origin, Shrinkable, Source};
 
-/// Combinations of edges that are tried first. Where there are more, the first edges of each part
-/// are combined, and each of the others comes once.
+/// The number of combinations of edges that are tried first. If there are more, the first edges of each part are
+/// combined, and each other edge occurs once.
 const COMBINATIONS: usize = 1024;
 
-/// The arguments of a function that has none.
+/// The arguments of a function without parameters.
 impl Domain for () {
     type Value = ();
     fn draw(&self, _: &mut Source) -> Option<()> {
@@ -24,7 +24,7 @@ impl Domain for () {
     }
 }
 
-/// What a repetition over the components is worth for one of them.
+/// Expands to one value for each component of a repetition.
 macro_rules! at {
     ($index:tt, $value:expr) => {
         $value
@@ -229,7 +229,7 @@ macro_rules! product {
                     if moved > 1 {
                         found.push(together.whole());
                     }
-                    // In turns, so that the simplest values of each part are tried early.
+                    // In turns, so that the simplest values of every part come early.
                     let rounds = [$(simpler.$index.len()),+].into_iter().max().unwrap_or(0);
                     for round in 0..rounds {
                         $(if let Some(part) = simpler.$index.get(round) {
@@ -245,14 +245,14 @@ macro_rules! product {
     )*};
 }
 
-/// A tuple whose components are tied to one another.
+/// A tuple with tied components.
 trait Tied<'a>: Domain {
     type Parts;
-    /// The tuple: simpler with both ends of its ties simpler, so that they hold, or without them.
+    /// The tuple. Simpler tuples either simplify both ends of a tie together, so that it holds, or drop the ties.
     fn tied(&'a self, parts: Self::Parts, ties: Rc<[Tie]>) -> Shrinkable<'a, Self::Value>;
 }
 
-/// The components that others are made of and that are made of none, each once.
+/// The components that others are made from and that aren't made from others, each once.
 fn roots(ties: &[Tie]) -> Vec<usize> {
     let mut roots: Vec<usize> = Vec::new();
     for tie in ties {
@@ -267,13 +267,12 @@ fn roots(ties: &[Tie]) -> Vec<usize> {
 #[doc(hidden)]
 pub trait Parts<'a> {
     type Value;
-    /// The tuple: simpler with all parts at their simplest, or with one of them simpler.
+    /// The tuple. In simpler tuples, all parts have their simplest values, or one part is simpler.
     fn whole(self) -> Shrinkable<'a, Self::Value>;
 }
 
-/// Which edge of each part a case takes. First come all combinations of the first edges of each
-/// part, as many of each as there may be; then each edge that is left, with edges of the other
-/// parts in turn.
+/// The edge of each part in each case. All combinations of the first edges come first, with as many edges of each part
+/// as the limit allows; then each remaining edge, with edges of the other parts in turn.
 fn combinations<const N: usize>(lengths: [usize; N]) -> impl Iterator<Item = [usize; N]> {
     let product = |most: usize| -> usize {
         lengths.iter().map(|length| *length.min(&most)).fold(1, usize::saturating_mul)

@@ -8,7 +8,7 @@ use super::{Domain, Emptiness, Source, infinite, shrink};
 /// Values inside a range that shaders treat specially.
 const LANDMARKS: [f32; 5] = [0.0, 1.0, -1.0, 0.5, f32::MIN_POSITIVE];
 
-/// One of two numbers, without a branch.
+/// Selects one of two numbers without a branch.
 #[inline(always)]
 fn either(first: bool, a: f64, b: f64) -> f64 {
     let mask = 0_u64.wrapping_sub(u64::from(first));
@@ -18,9 +18,10 @@ fn either(first: bool, a: f64, b: f64) -> f64 {
 impl Domain for RangeInclusive<f32> {
     type Value = f32;
 
-    /// Of 16 draws: 1 an end, 3 at log distance from an end, 1 a landmark (0, 1, 1/2, ...) of the
-    /// range, 11 uniform. A 0 inside of it is an end of what lies to either side, so that 4 of the uniform ones are at log
-    /// distance from 0: half of them beside the end, half of them beside 1, where the digits of most sums end.
+    /// Of 16 samples, 1 is an end, 3 are at log distance from an end, 1 is a landmark (0, 1, 1/2, ...) in the range,
+    /// and 11 are uniform. If 0 is inside the range, it acts as an end of both sides. Then 4 of the 11 are at log
+    /// distance from 0: half of them on the scale of that end, and half on the scale of 1, where the last digits of
+    /// most sums are.
     fn draw(&self, source: &mut Source) -> Option<f32> {
         let (start, end) = (*self.start(), *self.end());
         let (low, high) = (f64::from(start), f64::from(end));
@@ -37,8 +38,8 @@ impl Domain for RangeInclusive<f32> {
             }
             _ => {}
         }
-        // Both ways are computed, and one is taken without a branch: which one is random, so that
-        // processors guess wrong a third of the time. This runs for each number of each case.
+        // Computes both values and selects one without a branch. The choice is random, so branch prediction would fail
+        // a third of the time. This runs for each number of each case.
         let bits = source.bits();
         let crowded = choice & 15 < 4;
         let near_zero = (5..9).contains(&(choice & 15)) && low < 0.0 && high > 0.0;
@@ -87,8 +88,7 @@ impl Domain for RangeInclusive<f32> {
 
 /// A closed range of `i32` or `u32`: `Integers(0..=7_u32)`.
 ///
-/// Ranges of integers are iterators already, and would have two methods `map` and two `filter`
-/// if they were domains themselves.
+/// Rust's ranges of integers are already iterators. As domains they would have two methods `map` and two `filter`.
 ///
 /// ```
 /// use karat::{Domain, Integers};
@@ -103,7 +103,7 @@ macro_rules! integer {
         impl Domain for Integers<$integer> {
             type Value = $integer;
 
-            /// One draw in 8 is an end, the others are uniform.
+            /// One sample in 8 is an end; the others are uniform.
             fn draw(&self, source: &mut Source) -> Option<$integer> {
                 let (low, high) = (*self.0.start(), *self.0.end());
                 let count = u64::try_from(i64::from(high) - i64::from(low) + 1).ok()?;
@@ -168,7 +168,7 @@ integer!(i32, u32);
 mod tests {
     use super::*;
 
-    /// What [`draw`](Domain::draw) computes without branches, with them.
+    /// Computes the same as [`draw`](Domain::draw), with branches.
     fn plainly(range: &RangeInclusive<f32>, source: &mut Source) -> f32 {
         let (low, high) = (f64::from(*range.start()), f64::from(*range.end()));
         let choice = source.bits();
@@ -231,7 +231,7 @@ mod tests {
         }
         let sides = within(&(-1e6..=1e6), 1.0, 1e4);
         assert!(sides.iter().all(|side| *side > 100), "beside the ends, too: {sides:?}");
-        // A range that only begins at 0 is drawn near it as near each end.
+        // A range that begins at 0 has as many samples near 0 as near any end.
         assert_eq!(within(&(-0.5..=-0.25), 0.0, 0.2), [0, 0]);
     }
 

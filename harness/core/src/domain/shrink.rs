@@ -1,9 +1,8 @@
-//! From a failing value to a simpler one of the same domain.
+//! Simplifies a failing value within its domain.
 //!
-//! A domain says which of its values are simpler than a given one. A mapped domain can't be
-//! inverted, so what is simplified there is the value that was mapped: a case is drawn again as a
-//! [`Shrinkable`], which keeps the values that it was made of. What counts as simple is what reads
-//! so in a report: 0, 1, few decimal digits, small exponents, no sign.
+//! A domain lists its values that are simpler than a given one. A mapped domain can't be inverted, so Karat simplifies
+//! the value before the mapping: it samples the case again as a [`Shrinkable`], which keeps the values that it was made
+//! from. A value is simple if it is easy to read in a report: 0, 1, few decimal digits, small exponents, no sign.
 
 use std::rc::Rc;
 
@@ -11,7 +10,7 @@ use glam::{DVec3, Vec3};
 
 use super::{Domain, Source};
 
-/// Where a case of a domain comes from, in the order of its cases.
+/// The origin of a case in its domain, in the order of the cases.
 ///
 /// ```
 /// use karat::unstable::domain::{Origin, Source};
@@ -33,7 +32,7 @@ pub enum Origin<'s> {
     Draw(&'s mut Source),
 }
 
-/// A value of a domain, and the simpler ones next to it.
+/// A value of a domain, with the simpler values next to it.
 ///
 /// ```
 /// use karat::unstable::domain::Shrinkable;
@@ -60,7 +59,7 @@ impl<T: std::fmt::Debug> std::fmt::Debug for Shrinkable<'_, T> {
 }
 
 impl<'a, T: Clone + 'a> Shrinkable<'a, T> {
-    /// A value; `simpler` lists simpler ones, the simplest first.
+    /// A value with simpler ones; `simpler` lists them, the simplest first.
     ///
     /// ```
     /// use karat::unstable::domain::Shrinkable;
@@ -72,7 +71,7 @@ impl<'a, T: Clone + 'a> Shrinkable<'a, T> {
         Self { value, simpler: Rc::new(simpler) }
     }
 
-    /// A value that is simplified by [`Domain::shrink`] alone.
+    /// A value that is simplified only by [`Domain::shrink`].
     ///
     /// ```
     /// use karat::unstable::domain::Shrinkable;
@@ -123,7 +122,7 @@ impl<'a, T: Clone + 'a> Shrinkable<'a, T> {
         })
     }
 
-    /// The same without the simpler values that `keep` rejects.
+    /// The same, without the simpler values that `keep` rejects.
     ///
     /// ```
     /// use karat::unstable::domain::Shrinkable;
@@ -141,8 +140,8 @@ impl<'a, T: Clone + 'a> Shrinkable<'a, T> {
     }
 }
 
-/// The order of floats from simple to complicated: by decimal digits and exponent, then sign, then
-/// significant bits, then size.
+/// The order of floats from simple to complicated: by decimal digits and exponent, then sign, then significant bits,
+/// then size.
 pub(super) fn float_complexity(value: f32) -> u64 {
     let negative = u64::from(value.is_sign_negative());
     if value == 0.0 {
@@ -159,8 +158,8 @@ pub(super) fn float_complexity(value: f32) -> u64 {
     weight << 40 | negative << 36 | u64::from(bits) << 31 | size
 }
 
-/// The decimal digits of a finite value, and the exponent of the first one. `places` is the number
-/// of digits to round to; without it, as many as read back to the same bits.
+/// The decimal digits of a finite value, and the exponent of the first digit. `places` is the number of digits to round
+/// to; without it, there are as many digits as are needed to read the same bits again.
 fn decimal(value: f32, places: Option<usize>) -> (String, i32) {
     let text = match places {
         Some(places) => format!("{:.*e}", places - 1, value.abs()),
@@ -171,7 +170,7 @@ fn decimal(value: f32, places: Option<usize>) -> (String, i32) {
     (digits.replace('.', ""), exponent)
 }
 
-/// Simpler floats, the simplest first: those that read well, and `value` with fewer digits.
+/// Simpler floats, the simplest first: readable ones, and `value` with fewer digits.
 pub(super) fn floats(value: f32, known: &[f32], admits: impl Fn(f32) -> bool) -> Vec<f32> {
     let mut found = vec![0.0, 1.0, -1.0];
     found.extend(known);
@@ -186,7 +185,7 @@ pub(super) fn floats(value: f32, known: &[f32], admits: impl Fn(f32) -> bool) ->
         for exponent in exponent.min(-6)..=exponent.max(3) {
             found.extend([1, 2, 5].map(|digit| parsed(digit, exponent)));
         }
-        // With fewer digits: the nearest, and one unit of the last digit to either side.
+        // With fewer digits: the nearest, and its neighbours one unit of the last digit away.
         for places in 1..=8_usize {
             let (digits, exponent) = decimal(value, Some(places));
             let digits: u64 = digits.parse().expect("at most eight digits");
@@ -205,7 +204,7 @@ pub(super) fn floats(value: f32, known: &[f32], admits: impl Fn(f32) -> bool) ->
     found
 }
 
-/// Smaller integers between two ends: the one closest to zero, halfway to it, and so on.
+/// Smaller integers between two ends: the one closest to zero, the one halfway to it, and so on.
 pub(super) fn integers(value: i64, low: i64, high: i64) -> Vec<i64> {
     let goal = if low > high { return Vec::new() } else { 0_i64.clamp(low, high) };
     let distance = value - goal;
@@ -234,8 +233,8 @@ fn sorted(mut found: Vec<Vec3>, value: Vec3, admits: impl Fn(Vec3) -> bool) -> V
     found
 }
 
-/// Simpler unit vectors: axes, (0.6, 0.8) and its like, diagonals, and `value` turned into a
-/// coordinate plane or onto a short decimal.
+/// Simpler unit vectors: axes, vectors like (0.6, 0.8), diagonals, and `value` turned into a coordinate plane or onto a
+/// short decimal.
 pub(super) fn directions(value: Vec3, admits: impl Fn(Vec3) -> bool) -> Vec<Vec3> {
     let mut found = vec![Vec3::Z, Vec3::X, Vec3::Y, Vec3::NEG_Z, Vec3::NEG_X, Vec3::NEG_Y];
     let signs = [1.0, -1.0];
@@ -256,7 +255,7 @@ pub(super) fn directions(value: Vec3, admits: impl Fn(Vec3) -> bool) -> Vec<Vec3
         let mut flat = wide;
         flat[axis] = 0.0;
         found.push(flat.normalize_or_zero().as_vec3());
-        // A short decimal on this axis: about the same azimuth, or in a coordinate plane.
+        // A short decimal on this axis, with about the same azimuth, or in a coordinate plane.
         let (left, right) = ((axis + 1) % 3, (axis + 2) % 3);
         let rest = (wide[left] * wide[left] + wide[right] * wide[right]).sqrt();
         for short in floats(value[axis], &[], |short| short.abs() <= 1.0) {
@@ -279,7 +278,7 @@ pub(super) fn directions(value: Vec3, admits: impl Fn(Vec3) -> bool) -> Vec<Vec3
     sorted(found, value, admits)
 }
 
-/// Simpler vectors in the unit cube: black, greys, and one component after the other.
+/// Simpler vectors in the unit cube: black, greys, and one component after another simplified.
 pub(super) fn colours(value: Vec3) -> Vec<Vec3> {
     let mut found = vec![Vec3::ZERO, Vec3::ONE, Vec3::X, Vec3::Y, Vec3::Z];
     let inside = |component: f32| (0.0..=1.0).contains(&component);
@@ -389,7 +388,7 @@ mod tests {
         assert_eq!(from_any(&filtered, |_| true), 1.0);
     }
 
-    /// A case that is drawn again has the value that it had.
+    /// A case that is sampled again has the same value.
     #[test]
     fn a_case_is_the_same_when_it_can_be_shrunk() {
         let domain = (UnitVector, 0.0..=1.0_f32)

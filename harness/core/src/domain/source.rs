@@ -1,9 +1,9 @@
-//! The stream of random numbers of one case.
+//! The random numbers of one case.
 
 use rand_pcg::Pcg32;
 use rand_pcg::rand_core::Rng;
 
-/// Random numbers for one case. The stream is determined by the seed and the case's index.
+/// Random numbers for one case. The seed and the case's index determine the stream.
 ///
 /// ```
 /// use karat::unstable::domain::Source;
@@ -14,7 +14,7 @@ use rand_pcg::rand_core::Rng;
 #[derive(Clone, Debug)]
 pub struct Source(Pcg32);
 
-/// 2^64 / golden ratio: spreads consecutive indices over all bits of the state.
+/// 2^64 / golden ratio. It spreads consecutive indices over all bits of the state.
 const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
 
 impl Source {
@@ -44,7 +44,7 @@ impl Source {
         self.0.next_u32()
     }
 
-    /// Uniform in `[0, 1)`, a multiple of 2^-32.
+    /// A number that is uniform in `[0, 1)`: a multiple of 2^-32.
     ///
     /// ```
     /// use karat::unstable::domain::Source;
@@ -56,7 +56,7 @@ impl Source {
         unit(self.bits())
     }
 
-    /// Uniform in `0..count`; 0 if `count` is 0.
+    /// An integer that is uniform in `0..count`; 0 if `count` is 0.
     ///
     /// ```
     /// use karat::unstable::domain::Source;
@@ -71,8 +71,8 @@ impl Source {
         u64::try_from(scaled).expect("a 64-bit fraction of a u64 is a u64")
     }
 
-    /// A distance between 2^-24 and 1 whose logarithm is about uniform: for points that crowd
-    /// toward an edge, down to the last bit of an `f32` near 1.
+    /// A distance between 2^-24 and 1 with an approximately uniform logarithm. Use it for points close to an edge, down
+    /// to the last bit of an `f32` near 1.
     ///
     /// ```
     /// use karat::unstable::domain::Source;
@@ -92,7 +92,7 @@ pub(super) fn unit(bits: u32) -> f64 {
     f64::from(bits) / 4_294_967_296.0
 }
 
-/// See [`Source::log_distance`]. A binade, then a place in it: cheaper than an exponential, and as good
+/// See [`Source::log_distance`]. A random binade, then a place in it: cheaper than an exponential, and good enough
 /// here.
 #[inline]
 pub(super) fn log_distance(bits: u32) -> f64 {

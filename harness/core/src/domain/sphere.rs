@@ -1,4 +1,4 @@
-//! Vectors of a length, of two, three or four components.
+//! Vectors of one length, with two, three or four components.
 
 use std::f64::consts::TAU;
 use std::marker::PhantomData;
@@ -7,8 +7,8 @@ use glam::{Vec2, Vec3, Vec4};
 
 use super::{Domain, Emptiness, Source, direction, shrink};
 
-/// Vectors of one length: uniform over the circle, the sphere or the quaternions' sphere, with axes and their close
-/// neighbours over-represented.
+/// Vectors of one length: uniform over the circle, the sphere or the quaternions' sphere, except that axes and their
+/// close neighbours occur more often.
 ///
 /// ```
 /// use glam::{Vec2, Vec4};
@@ -28,7 +28,7 @@ pub struct Sphere<V> {
 }
 
 impl<V> Sphere<V> {
-    /// Vectors of length 1. Of three components [`UnitVector`](super::UnitVector) is the same.
+    /// Vectors of length 1. For three components, [`UnitVector`](super::UnitVector) is the same.
     ///
     /// ```
     /// use karat::Domain;
@@ -41,7 +41,7 @@ impl<V> Sphere<V> {
         Self::of_radius(1.0)
     }
 
-    /// Vectors of this length. One that is negative or no finite number is an error of the check.
+    /// Vectors of this length. If it is negative or not finite, the check fails with an error.
     ///
     /// ```
     /// use karat::Domain;
@@ -56,7 +56,7 @@ impl<V> Sphere<V> {
         Self { radius, filled: false, of: PhantomData }
     }
 
-    /// Shorter vectors, too: a disk or a ball, of which 0 and the rim are drawn often.
+    /// Includes shorter vectors: a disk or a ball, in which 0 and the rim occur more often.
     ///
     /// ```
     /// use karat::Domain;
@@ -80,7 +80,7 @@ impl<V> Sphere<V> {
         let scale = f64::from(self.radius) * height / length;
         #[expect(clippy::cast_possible_truncation, reason = "arguments are f32")]
         let mut lanes: Vec<f32> = direction.iter().map(|x| (x * scale) as f32).collect();
-        // Rounding takes some vectors of a ball's rim beyond it.
+        // Rounding takes some vectors beyond the rim of a ball.
         while self.filled && length_of(&lanes) > f64::from(self.radius) {
             let shorter = |lane: f32| lane.abs().next_down().max(0.0).copysign(lane);
             lanes.iter_mut().for_each(|lane| *lane = shorter(*lane));
@@ -93,7 +93,7 @@ impl<V> Sphere<V> {
             return None;
         }
         let choice = source.bits() as usize;
-        // Normal numbers are a direction of any number of components; never all of them are 0.
+        // Normally distributed components give a uniform direction in any dimension. They are never all 0.
         let mut all: Vec<f64> = (0..size).map(|_| normal(source)).collect();
         let axis = (choice >> 5) % size;
         if choice & 15 < 3 {
@@ -120,7 +120,7 @@ impl<V> Sphere<V> {
         }
         let axes = (0..2 * size).map(|at| {
             let mut lanes = vec![0.0; size];
-            // The last axis first, as of `UnitVector`.
+            // The last axis comes first, as in `UnitVector`.
             lanes[(at + size - 1) % size] = if at < size { self.radius } else { -self.radius };
             lanes
         });
@@ -174,7 +174,7 @@ fn length_of(lanes: &[f32]) -> f64 {
     lanes.iter().map(|lane| f64::from(*lane).powi(2)).sum::<f64>().sqrt()
 }
 
-/// A number of the normal distribution, by Box and Muller.
+/// A normally distributed number, by Box and Muller.
 fn normal(source: &mut Source) -> f64 {
     let radius = (-2.0 * (1.0 - source.unit()).max(f64::MIN_POSITIVE).ln()).sqrt();
     radius.max(f64::MIN_POSITIVE) * (TAU * source.unit()).cos()
@@ -202,7 +202,7 @@ macro_rules! of_vectors {
                 Some(self.holds(&value.to_array()))
             }
 
-            /// A rounded length may be a little more than the radius.
+            /// A rounded length may be slightly more than the radius.
             fn ends(&self) -> Option<($vector, $vector)> {
                 #[expect(clippy::cast_possible_truncation, reason = "far from its ends")]
                 let most = $vector::splat(self.radius * (1.0 + direction::LENGTH as f32));

@@ -1,8 +1,8 @@
-//! Cases without their types: rows of words, and values that only the closures of a check know.
+//! Cases without their types: rows of words, and values whose type only the closures of a check know.
 //!
-//! What draws, runs, compares and simplifies cases is compiled once. It knows a [`Stream`], which
-//! may be a domain of Rust types ([`Typed`], compiled for each of them) or one that is made at run
-//! time. A row holds the lanes of a case's arguments, one after the other.
+//! The code that samples, runs, compares and simplifies cases is compiled once. It uses a [`Stream`], which is a domain
+//! of Rust types ([`Typed`], compiled for each type) or a domain that is made at run time. A row contains the lanes of
+//! a case's arguments, one after another.
 
 use std::any::Any;
 use std::fmt::Debug;
@@ -15,24 +15,24 @@ use crate::value::{Arguments, Shape};
 /// A domain without the type of its values.
 #[doc(hidden)]
 pub trait Stream: Send + Sync {
-    /// Words of a row; 0 where values aren't made of words.
+    /// The number of words in a row; 0 if values don't consist of words.
     fn width(&self) -> usize;
 
-    /// Number of values of a finite domain.
+    /// The number of values in a finite domain.
     fn size(&self) -> Option<u64>;
 
     /// See [`Domain::emptiness`].
     fn emptiness(&self) -> Option<Emptiness>;
 
-    /// How many edges there are.
+    /// The number of edges.
     fn edges(&self) -> usize;
 
     /// Appends the row of a value; `false` if there is no such value.
     fn row(&self, origin: Origin<'_>, rows: &mut Vec<u32>) -> bool;
 
-    /// Appends the rows of some cases, up to the first that has no value. Returns how many had one.
+    /// Appends the rows of some cases, up to the first case without a value. Returns the number of rows.
     fn rows(&self, cases: &Numbering, range: Range<u64>, rows: &mut Vec<u32>) -> u64 {
-        // Written as a loop: tests run with little optimisation, and this runs for each case.
+        // Written as a loop, because tests have little optimisation, and this runs for each case.
         let mut index = range.start;
         while index < range.end {
             let mut source = cases.source(index);
@@ -47,13 +47,13 @@ pub trait Stream: Send + Sync {
     /// A value with its row.
     fn value(&self, origin: Origin<'_>) -> Option<Held>;
 
-    /// A value, and the simpler ones next to it.
+    /// A value, with the simpler values next to it.
     fn shrinkable(&self, origin: Origin<'_>) -> Option<Shrinkable<'_, Held>>;
 
-    /// Whether the domain has a value of this row; `None` if it can't tell.
+    /// Returns whether the domain has a value with this row; `None` if it can't decide.
     fn admits(&self, row: &[u32]) -> Option<bool>;
 
-    /// Two rows between whose lanes those of all values lie; `None` if there are none.
+    /// Two rows such that the lanes of all values lie between theirs; `None` if there are none.
     fn ends(&self) -> Option<[Vec<u32>; 2]> {
         None
     }
@@ -61,21 +61,21 @@ pub trait Stream: Send + Sync {
     /// The rows of simpler values than this one, the simplest first.
     fn shrink(&self, row: &[u32]) -> Vec<Vec<u32>>;
 
-    /// Where each argument comes from, for who didn't write it; empty if the author did.
+    /// A description of each argument's domain, for readers who didn't write it; empty if the author did.
     fn described(&self) -> String {
         String::new()
     }
 
-    /// A row as its Rust value is shown.
+    /// A row, shown as its Rust value.
     fn show(&self, row: &[u32]) -> String;
 }
 
-/// A value whose type is known where it is used.
+/// A value whose type is known only where it is used.
 #[derive(Clone, Debug)]
 #[doc(hidden)]
 pub struct Held {
     value: Arc<dyn Value>,
-    /// Its words; none where it isn't made of words.
+    /// Its words; empty if it doesn't consist of words.
     #[doc(hidden)]
     pub row: Vec<u32>,
 }
@@ -92,14 +92,14 @@ impl Held {
     /// The value.
     ///
     /// # Panics
-    /// If it has another type: the closures of a check get the values of its own domain.
+    /// If it has another type. The closures of a check always get values of their own domain.
     #[doc(hidden)]
     pub fn get<V: 'static>(&self) -> &V {
         let value: &dyn Any = &*self.value;
         value.downcast_ref().expect("a check's closures know the type of its values")
     }
 
-    /// As `Debug` shows it.
+    /// The value in its `Debug` form.
     #[doc(hidden)]
     pub fn shown(&self) -> String {
         format!("{:?}", self.value)
@@ -112,7 +112,7 @@ impl Held {
     }
 }
 
-/// Which value of a domain each case is.
+/// The numbering of cases: which value of a domain each case has.
 #[derive(Clone, Copy, Debug)]
 #[doc(hidden)]
 pub struct Numbering {
@@ -120,15 +120,15 @@ pub struct Numbering {
     pub seed: u64,
     #[doc(hidden)]
     pub count: u64,
-    /// Edges that are cases.
+    /// The number of edges that are cases.
     edges: usize,
-    /// Whether case i is the domain's value i.
+    /// Set if case i is the domain's value i.
     enumerated: bool,
 }
 
 impl Numbering {
-    /// All of a finite domain that has at most `enumerated` values, else `limit` cases: edges, up
-    /// to half of them, then draws.
+    /// All values of a finite domain with at most `enumerated` values. For other domains, `limit` cases: edges for up
+    /// to half of them, then samples.
     #[doc(hidden)]
     pub fn of(stream: &dyn Stream, seed: u64, limit: u64, enumerated: u64) -> Self {
         match stream.size() {
@@ -141,7 +141,7 @@ impl Numbering {
         }
     }
 
-    /// The same cases under another seed.
+    /// The same cases with another seed.
     #[doc(hidden)]
     pub fn with_seed(&self, seed: u64) -> Self {
         Self { seed, ..*self }
@@ -154,7 +154,7 @@ impl Numbering {
         Source::new(self.seed, index)
     }
 
-    /// Where a case comes from. `source` is the case's own.
+    /// The origin of a case. `source` is the case's own.
     #[inline]
     #[doc(hidden)]
     pub fn origin<'s>(&self, index: u64, source: &'s mut Source) -> Origin<'s> {
@@ -177,7 +177,7 @@ pub struct Typed<D: Domain> {
     hold: fn(D::Value) -> Held,
 }
 
-/// How values are made of words.
+/// Converts values from and to words.
 #[derive(Debug)]
 struct Words<V> {
     shapes: fn() -> Vec<Shape>,
@@ -186,7 +186,7 @@ struct Words<V> {
 }
 
 impl<D: Domain> Typed<D> {
-    /// A domain of anything: its rows are empty.
+    /// A domain of any values: its rows are empty.
     #[doc(hidden)]
     pub fn values(domain: D) -> Self {
         Self { domain, edges: OnceLock::new(), words: None, hold: |value| Held::of(value, vec![]) }
@@ -324,7 +324,7 @@ pub(super) mod tests {
         }
     }
 
-    /// A domain that is made at run time, of a range of integers: no Rust type of it is known.
+    /// A run-time domain over integers, whose values have no known Rust type.
     struct Listed(Vec<u32>);
 
     impl Stream for Listed {

@@ -1,10 +1,9 @@
-//! Components of a tuple that are tied to one another.
+//! Ties components of a tuple to one another.
 //!
-//! Many functions fail where components coincide: two equal directions have no angle between them,
-//! two opposite ones no half vector. Components that are drawn independently coincide at edges
-//! only. So some draws make one component from another one of its type: equal to it, opposite, or
-//! close to either. If the component's own domain doesn't have that value, the component stays as
-//! it was drawn.
+//! Many functions fail where components coincide: two equal directions have no angle between them, and two opposite
+//! ones have no half vector. Independent components coincide only at edges. So some samples make one component from
+//! another one of the same type: equal, opposite, or close to either. If the component's own domain doesn't have that
+//! value, the component keeps its sampled value.
 
 use std::any::{Any, TypeId};
 
@@ -13,24 +12,24 @@ use glam::{Vec2, Vec3, Vec4};
 use super::direction::LENGTH;
 use super::{Domain, Origin, Shrinkable, Source};
 
-/// Of so many draws of a tuple with like components, one has a tie.
+/// One in this many samples of a tuple with components of the same type has a tie.
 const TIED: u64 = 8;
 
-/// Of so many draws with a tie, one has another tie, so that three components meet.
+/// One in this many samples with a tie has a second tie, so that three components coincide.
 const TIED_AGAIN: u64 = 4;
 
-/// One component that is made of another.
+/// A component that is made from another.
 #[derive(Clone, Debug)]
 pub(super) struct Tie {
-    /// The component that stays as it was drawn.
+    /// The component that keeps its sampled value.
     pub(super) from: usize,
-    /// The component that is made of it.
+    /// The component that is made from it.
     pub(super) to: usize,
     relation: Relation,
-    /// The stream from which `from` was drawn: a mapped domain, which can't tell whether it has a
-    /// value, draws an equal one from it.
+    /// The stream that `from` was sampled from. A mapped domain, which can't check whether it has a value, samples an
+    /// equal one from this stream.
     start: Source,
-    /// Where a value that is close lies.
+    /// The random place of a value that is close.
     place: Source,
 }
 
@@ -42,17 +41,16 @@ enum Relation {
     NearOpposite,
 }
 
-/// Whether a draw of a tuple has ties. It takes nothing from the stream if no two components have
-/// one type. `types` are those of the components. This is asked in each draw, so it isn't compiled in
-/// tests, which have little optimisation.
+/// Returns `true` if a sampled tuple has ties. Takes nothing from the stream if all components have different types,
+/// which are in `types`. It is called for each sample, so it is compiled in this library, not in tests, which have
+/// little optimisation.
 pub(super) fn are_drawn(types: &[TypeId], source: &mut Source) -> bool {
     let alike = (1..types.len()).any(|one| (0..one).any(|other| types[one] == types[other]));
     alike && source.below(TIED) == 0
 }
 
-/// Draws the ties of a case that has some. `types` are those of the components and `starts` the
-/// streams that they were drawn from. `apply` ties one component, or says that it can't be tied;
-/// the ties that hold are returned.
+/// Samples the ties of a case with ties. `types` are the types of the components, and `starts` the streams that they
+/// were sampled from. `apply` ties one component, or returns that it can't. Returns the ties that hold.
 pub(super) fn draw(
     types: &[TypeId],
     starts: &[Source],
@@ -81,14 +79,14 @@ pub(super) fn draw(
     ties
 }
 
-/// Two components of one type, of which the second is in no tie yet.
+/// Two components of one type, the second of which is in no tie yet.
 fn like(types: &[TypeId], ties: &[Tie], source: &mut Source) -> Option<(usize, usize)> {
     let index = source.below(pairs(types, ties, usize::MAX).0 as u64);
     pairs(types, ties, usize::try_from(index).ok()?).1
 }
 
-/// How many such pairs there are, and one of them by its index. Written as loops: tests run with little
-/// optimisation, and this runs for one draw in eight.
+/// The number of such pairs, and the pair with the wanted index. Written as loops, because tests have little
+/// optimisation, and this runs for one sample in eight.
 fn pairs(types: &[TypeId], ties: &[Tie], wanted: usize) -> (usize, Option<(usize, usize)>) {
     let (mut count, mut found) = (0, None);
     for from in 0..types.len() {
@@ -110,7 +108,7 @@ fn is_tied(to: usize, ties: &[Tie]) -> bool {
 }
 
 impl Tie {
-    /// The value that the tie makes of `from`; `None` if its domain doesn't have it.
+    /// The value that the tie makes from `from`; `None` if the component's domain doesn't have it.
     pub(super) fn value<D: Domain>(&self, domain: &D, from: &dyn Any) -> Option<D::Value> {
         let related = self.related::<D::Value>(from)?;
         match domain.admits(&related) {
@@ -120,7 +118,7 @@ impl Tie {
         }
     }
 
-    /// The same with the simpler values next to it.
+    /// The same, with the simpler values next to it.
     pub(super) fn shrinkable<'a, D: Domain>(
         &self,
         domain: &'a D,
@@ -130,8 +128,8 @@ impl Tie {
         self.of_related(domain, from, again)
     }
 
-    /// The value that keeps the tie when `from` is simplified. `simpler` is what the component's
-    /// own simplification has in the same place: an equal value of a domain that can't be asked.
+    /// The value that keeps the tie when `from` is simplified. `simpler` is the value at the same place of the
+    /// component's own simplification. In a domain that can't be asked for a value, it is an equal one.
     pub(super) fn simpler<'a, D: Domain>(
         &self,
         domain: &'a D,
@@ -191,12 +189,12 @@ fn opposite(value: &dyn Any) -> Option<Box<dyn Any>> {
     if let Some(value) = value.downcast_ref::<i32>() {
         return Some(Box::new(value.checked_neg()?));
     }
-    // The opposite of 0 is 0: a zero with a sign is drawn by nothing else.
+    // The opposite of 0 is 0: no other sample is a zero with a sign.
     floats(value, |floats| floats.iter_mut().for_each(|float| *float = 0.0 - *float))
 }
 
-/// A value whose distance from this one is spread over all binades down to the last bit. That of a
-/// unit vector is a unit vector.
+/// A nearby value, at a distance that is spread over all binades down to the last bit. A unit vector stays a unit
+/// vector.
 fn near(value: &dyn Any, source: &mut Source) -> Option<Box<dyn Any>> {
     let up = source.bits() & 1 == 0;
     if let Some(value) = value.downcast_ref::<i32>() {
@@ -261,11 +259,11 @@ mod tests {
             assert!(count(&close) > 100, "{distance}");
             assert!(count(&|v, l| close(v, -l)) > 50, "{distance}");
         }
-        // Most cases are drawn as ever: seven of eight.
+        // Most cases, seven in eight, have no ties.
         assert!(count(&|v, l| v.distance(l) > 0.2 && v.distance(-l) > 0.2) > 40_000);
     }
 
-    /// Three directions, of which one is narrower: each pair meets, and all three.
+    /// Three directions, one from a narrower domain: each pair coincides in some cases, and so do all three.
     #[test]
     fn three_components_meet_within_their_domains() {
         let upper = || UnitVector.filter(|v| v.z > 0.0);
@@ -297,7 +295,7 @@ mod tests {
         assert!(colours.iter().filter(|(a, b)| a == b && a.x != a.y).count() > 1000);
     }
 
-    /// A mapped domain can't be asked for a value. It draws an equal one from the same stream.
+    /// A mapped domain can't be asked for a value. It samples an equal one from the same stream.
     #[test]
     fn mapped_components_are_equal_in_some_cases() {
         let point = || (-9.0..=9.0_f32, 0.0..=1.0_f32).map(|(x, y)| Vec3::new(x, y, x * y));

@@ -1,20 +1,20 @@
-//! Matrices that move points, of which nothing else is known.
+//! Unconstrained matrices that transform points.
 
 use glam::{DMat4, DQuat, DVec3};
 
 use super::words::Words;
 use super::{Domain, Emptiness, Source, UnitVector};
 
-/// Sizes of what is transformed: from a quarter to four times.
+/// The range of scales: from a quarter to four times.
 const SCALES: f64 = 2.0;
 
-/// The sine and the cosine of an eighth of a turn, by which a quaternion turns by a quarter.
+/// The sine and the cosine of an eighth of a turn: a quaternion with these rotates by a quarter.
 const HALF: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
-/// Distances along each axis.
+/// The largest distance along each axis.
 const DISTANCE: f64 = 8.0;
 
-/// Matrices as hosts give them: turned, scaled, moved and mirrored, each with an inverse.
+/// Matrices as hosts supply them: they rotate, scale, move and mirror, and have an inverse.
 pub(super) struct Transform {
     columns: usize,
     rows: usize,
@@ -22,16 +22,16 @@ pub(super) struct Transform {
 }
 
 impl Transform {
-    /// `None` of a matrix that moves no points: one of two columns and three rows. Of four rows and columns one is a
-    /// `perspective`, if that is asked for.
+    /// `None` for a matrix that transforms no points, with two columns and three rows. If `perspective` is set, one
+    /// matrix of four rows and columns is a perspective projection.
     pub(super) fn of(columns: u8, rows: u8, perspective: bool) -> Option<Self> {
         let (columns, rows) = (usize::from(columns), usize::from(rows));
-        // A matrix of three columns and four rows is one of four columns, transposed.
+        // A matrix of three columns and four rows is the transpose of one with four columns.
         let is_known = columns == rows || matches!((columns, rows), (4, 3) | (3, 4));
         is_known.then_some(Self { columns, rows, perspective })
     }
 
-    /// The part of a transform of three dimensions that the matrix has.
+    /// The part of a three-dimensional transform that fits into the matrix.
     fn words(&self, whole: DMat4) -> Vec<u32> {
         let whole = if (self.columns, self.rows) == (3, 4) { whole.transpose() } else { whole };
         let column = |at: usize| {
@@ -51,12 +51,12 @@ impl Words for Transform {
 
     fn draw(&self, source: &mut Source) -> Option<Vec<u32>> {
         let axis = UnitVector.draw(source)?.as_dvec3();
-        // A turn within the plane keeps the first two axes, of which alone a matrix of two rows knows.
+        // A rotation within the plane affects only the first two axes, the only ones in a matrix of two rows.
         let axis = if self.rows == 2 { DVec3::Z } else { axis };
         let turn = DQuat::from_axis_angle(axis, std::f64::consts::TAU * source.unit());
         let mut within = |most: f64| most * (2.0 * source.unit() - 1.0);
         let mut scale = DVec3::from_array([0; 3].map(|_| within(SCALES).exp2()));
-        // One in four is mirrored.
+        // One matrix in four mirrors.
         if within(1.0) > 0.5 {
             scale.x = -scale.x;
         }
@@ -70,15 +70,15 @@ impl Words for Transform {
             DMat4::from_scale(DVec3::new(2.0, 0.5, 1.0)),
             DMat4::from_scale(DVec3::new(-1.0, 1.0, 1.0)),
             DMat4::from_translation(DVec3::new(1.0, -2.0, 4.0)),
-            // Elements of the diagonal are 0.
+            // Some elements of its diagonal are 0.
             DMat4::from_quat(DQuat::from_xyzw(0.0, 0.0, HALF, HALF)),
         ];
         if self.rows > 2 {
             all.push(DMat4::from_quat(DQuat::from_xyzw(HALF, 0.0, 0.0, HALF)));
         }
         if (self.columns, self.rows, self.perspective) == (4, 4, true) {
-            // Early, so that it meets each first edge of a point. A quarter turn wide, with the near plane at 0.1,
-            // depth 1 there, and none that is far.
+            // It comes early, so that it meets each of a point's first edges. Its field of view is a quarter turn, its
+            // near plane is at 0.1 with depth 1, and its far plane is infinitely far.
             const NEAR: f64 = 0.1;
             all.insert(
                 1,

@@ -2,7 +2,7 @@
 
 use super::{Emptiness, Source};
 
-/// Values of one number or vector, in words.
+/// Values of one number or vector, as words.
 pub(super) trait Words: Send + Sync {
     fn width(&self) -> usize;
     fn draw(&self, source: &mut Source) -> Option<Vec<u32>>;

@@ -1,4 +1,4 @@
-//! The bytes of files that can be images: how large they may be, and how they begin.
+//! Checks the bytes of files that may be images: their size, and their beginning.
 
 use std::fs::File;
 use std::io::{Error, ErrorKind, Read};
@@ -7,15 +7,16 @@ use std::path::Path;
 use super::ImageError;
 use crate::diagnostic::shown;
 
-/// Longest side that is read or written: a 16k texture.
+/// The longest side that is read or written: a 16k texture.
 pub(super) const LONGEST_SIDE: u32 = 16_384;
-/// Most memory that the pixels of a file may take, and the longest file that is read: what doesn't
-/// fit in one doesn't fit in the other.
+/// The most memory for the pixels of a file, and the longest file that is read, because a longer file wouldn't fit into
+/// the memory.
 pub(super) const LARGEST_DECODED: u64 = 512 << 20;
-/// Deflate reaches 1032:1 on constant images; about twice that is no image.
+/// The largest ratio of pixels to file. Deflate reaches 1032:1 on constant images, so a file with about twice that is
+/// no image.
 pub(super) const LARGEST_RATIO: u64 = 2000;
 
-/// How files begin that people take for images, or rename to them.
+/// The beginnings of files that are often taken for images, or renamed to look like them.
 const BEGINNINGS: [(&[u8], &str); 10] = [
     (&exr::meta::magic_number::BYTES, "an OpenEXR image"),
     (PNG, "a PNG image"),
@@ -30,7 +31,7 @@ const BEGINNINGS: [(&[u8], &str); 10] = [
 ];
 pub(super) const PNG: &[u8] = b"\x89PNG\r\n\x1a\n";
 
-/// The name of a file's format, for a file of another format than was expected.
+/// The name of a file's format, for a message about an unexpected format.
 pub(super) fn found(bytes: &[u8]) -> &'static str {
     let known = BEGINNINGS.iter().find(|(beginning, _)| bytes.starts_with(beginning));
     match known {
@@ -46,7 +47,7 @@ pub(super) fn bytes(path: &Path) -> Result<Vec<u8>, ImageError> {
         ErrorKind::NotFound => ImageError::Missing { path: shown(path) },
         _ => ImageError::Read { path: shown(path), cause },
     };
-    // Opening a folder succeeds on some systems, and is "permission denied" on others.
+    // On some systems opening a folder succeeds, and on others the error is "permission denied".
     if path.is_dir() {
         return Err(failed(Error::new(ErrorKind::IsADirectory, "it is a folder")));
     }
@@ -54,7 +55,7 @@ pub(super) fn bytes(path: &Path) -> Result<Vec<u8>, ImageError> {
     let announced = file.metadata().map_err(failed)?.len();
     let mut bytes = Vec::new();
     if announced <= LARGEST_DECODED {
-        // A device or a pipe announces nothing, and may never end.
+        // A device or a pipe has no known length, and may never end.
         file.take(LARGEST_DECODED + 1).read_to_end(&mut bytes).map_err(failed)?;
     }
     let length = announced.max(bytes.len() as u64);

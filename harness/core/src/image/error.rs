@@ -1,4 +1,4 @@
-//! Why an image file can't be read or written.
+//! Errors of reading and writing image files.
 
 use std::path::Path;
 
@@ -27,7 +27,7 @@ impl std::fmt::Display for ImageFormat {
     }
 }
 
-/// Why an image file can't be read or written.
+/// The reason why an image file can't be read or written.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ImageError {
@@ -42,7 +42,7 @@ pub enum ImageError {
     Read {
         /// The file.
         path: String,
-        /// Why.
+        /// The reason.
         cause: std::io::Error,
     },
     /// The file is a Git LFS pointer.
@@ -51,15 +51,14 @@ pub enum ImageError {
         /// The file.
         path: String,
     },
-    /// The file is damaged, is larger than the limits allow, or has features that Karat doesn't
-    /// read.
+    /// The file is damaged, is larger than the limits allow, or uses features that Karat doesn't support.
     #[error("`{path}` isn't a readable {format} image: {reason}")]
     Corrupt {
         /// The file.
         path: String,
-        /// What it was read as.
+        /// The format that it was read as.
         format: ImageFormat,
-        /// What is wrong.
+        /// The problem.
         reason: String,
     },
     /// The file is neither OpenEXR nor PNG.
@@ -67,7 +66,7 @@ pub enum ImageError {
     Unknown {
         /// The file.
         path: String,
-        /// What it begins like.
+        /// The format that its beginning suggests.
         found: &'static str,
     },
     /// A part's name can't be written.
@@ -75,7 +74,7 @@ pub enum ImageError {
     PartName {
         /// The name.
         name: String,
-        /// Why not.
+        /// The reason.
         reason: &'static str,
     },
     /// The file can't be written.
@@ -83,13 +82,13 @@ pub enum ImageError {
     Write {
         /// The file.
         path: String,
-        /// Why.
+        /// The reason.
         cause: std::io::Error,
     },
 }
 
 impl ImageError {
-    /// For `map_err` on a reason.
+    /// Turns a reason into an error, for `map_err`.
     pub(super) fn corrupt(path: &Path, format: ImageFormat) -> impl FnOnce(String) -> Self {
         move |reason| Self::Corrupt { path: shown(path), format, reason }
     }

@@ -1,9 +1,8 @@
-//! OpenEXR files, in and out.
+//! Reads and writes OpenEXR files.
 //!
-//! A file may be hostile or damaged: one flipped byte of a header can announce gigabytes. So the
-//! header is checked against the file's length and our limits before memory is reserved
-//! (`header`), and each chunk before it is decompressed (`chunks`, `guard`). The codecs and the
-//! writer are the `exr` crate's.
+//! A file may be hostile or damaged: one flipped byte of a header can claim gigabytes. So `header` checks the header
+//! against the file's length and our limits before memory is reserved, and `chunks` and `guard` check each chunk before
+//! it is decompressed. The codecs and the writer are from the `exr` crate.
 
 mod block;
 mod chunks;
@@ -22,7 +21,7 @@ use self::select::{Selection, select};
 use super::bytes::bytes;
 use super::{Image, ImageError, ImageFormat};
 
-/// How samples are stored.
+/// The format of stored samples.
 ///
 /// ```
 /// use karat::Image;
@@ -41,7 +40,7 @@ pub enum Precision {
     Float,
 }
 
-/// An OpenEXR file of one or more parts: a frame, and what else is known of its pixels.
+/// An OpenEXR file of one or more parts: a frame, and further data about its pixels.
 ///
 /// ```no_run
 /// use karat::Image;
@@ -77,8 +76,7 @@ pub struct Part {
     /// Its name: letters, digits, `-`, `_` and `.`, at most 255. It may be empty in a file of one
     /// part.
     pub name: String,
-    /// How its samples are stored. Values above 65504 or below 6e-8, such as variances, need
-    /// floats.
+    /// The format of its samples. Values above 65504 or below 6e-8, such as variances, need `Float`.
     pub precision: Precision,
     /// Its pixels.
     pub image: Image,
@@ -102,16 +100,15 @@ impl Part {
 }
 
 impl ExrFile {
-    /// The primaries of ITU-R BT.709, and D65: `OpenEXR`'s default for a file that names none.
+    /// The primaries of ITU-R BT.709, and D65: `OpenEXR`'s default for a file without primaries.
     pub const BT709: [f32; 8] = [0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290];
 
-    /// Reads all parts that hold colours or greys. Others (depth, normals) are left out.
+    /// Reads all parts that contain colours or greys. Other parts (depth, normals) are left out.
     ///
-    /// In each part, the channels R, G, B and A are read, or Y and A. Channels without a layer's
-    /// name come first, then those of the first layer that has them (`beauty.R`). A missing A is 1;
-    /// Y is copied to R, G and B. Samples of 16, 32 or unsigned 32 bits become `f32`. The image is
-    /// the part's data window, wherever that lies in the display window. If there are several
-    /// levels, the largest is read. Values are not converted, whatever the file's
+    /// From each part, it reads the channels R, G, B and A, or Y and A. Channels without a layer's name come first,
+    /// then those of the first layer that has them (`beauty.R`). A missing A is 1; Y is copied to R, G and B. Samples
+    /// of 16, 32 or unsigned 32 bits become `f32`. The image is the part's data window, at any place of the display
+    /// window. Of several levels, it reads the largest. It doesn't convert values to other
     /// [`chromaticities`](Self::chromaticities).
     ///
     /// ```no_run
@@ -124,10 +121,9 @@ impl ExrFile {
     /// ```
     ///
     /// # Errors
-    /// If the file is missing, unreadable or damaged; if it is longer than 512 MB, if a side is
-    /// longer than 16384 pixels, a part has over 32 channels, or its pixels take over 512 MB or are
-    /// over 2000 times the file's length. Deep data, chroma of a lower resolution and the
-    /// compressions HTJ2K, ZSTD and LJ2K aren't read.
+    /// If the file is missing, unreadable or damaged; if it is longer than 512 MB; if a side is longer than 16384
+    /// pixels; if a part has over 32 channels; or if a part's pixels take over 512 MB or over 2000 times the file's
+    /// length. Deep data, chroma of a lower resolution and the compressions HTJ2K, ZSTD and LJ2K aren't supported.
     pub fn read(path: &Path) -> Result<Self, ImageError> {
         Self::decode(&bytes(path)?).map_err(ImageError::corrupt(path, ImageFormat::OpenExr))
     }
@@ -155,8 +151,8 @@ impl ExrFile {
         Ok((image, file.parts.swap_remove(0).metadata))
     }
 
-    /// The names of the parts that [`read`](Self::read) would read, without their pixels. The first
-    /// is the part that [`Image::read_exr`] reads; the others follow in the file's order.
+    /// The names of the parts that [`read`](Self::read) would read, without reading their pixels. The first one is the
+    /// part that [`Image::read_exr`] reads; the others follow in the file's order.
     ///
     /// ```no_run
     /// use karat::unstable::image::ExrFile;
@@ -166,7 +162,7 @@ impl ExrFile {
     /// ```
     ///
     /// # Errors
-    /// As for [`read`](Self::read), but pixels may be damaged.
+    /// The same as for [`read`](Self::read), but pixels may be damaged.
     pub fn part_names(path: &Path) -> Result<Vec<String>, ImageError> {
         let names = |bytes: &[u8]| {
             let file = FileHeader::parse(bytes)?;
@@ -182,9 +178,8 @@ impl ExrFile {
         names(&bytes(path)?).map_err(ImageError::corrupt(path, ImageFormat::OpenExr))
     }
 
-    /// The primaries that a file declares for its colours: CIE x and y of red, green, blue and
-    /// white, of the part that [`Image::read_exr`] reads. If it declares none, they are
-    /// [`Self::BT709`].
+    /// The primaries of a file's colours: CIE x and y of red, green, blue and white, for the part that
+    /// [`Image::read_exr`] reads. A file without them has [`Self::BT709`].
     ///
     /// ```no_run
     /// use karat::unstable::image::ExrFile;
@@ -195,12 +190,12 @@ impl ExrFile {
     /// ```
     ///
     /// # Errors
-    /// As for [`read`](Self::read), but pixels may be damaged.
+    /// The same as for [`read`](Self::read), but pixels may be damaged.
     pub fn chromaticities(path: &Path) -> Result<[f32; 8], ImageError> {
         let of = |bytes: &[u8]| {
             let file = FileHeader::parse(bytes)?;
             let (index, _) = first(&file).ok_or_else(|| colourless(&file))?;
-            // Writers put what parts share into the first one alone.
+            // Writers store attributes that parts share only in the first part.
             let parts = [&file.parts[index], &file.parts[0]];
             Ok(parts.iter().find_map(|part| part.chromaticities).unwrap_or(Self::BT709))
         };
@@ -221,13 +216,13 @@ impl ExrFile {
     /// ```
     ///
     /// # Errors
-    /// If there are no parts, if a name can't be used or is there twice, if a side is 0 or longer
-    /// than 16384 pixels, or if the folder or file can't be written.
+    /// If there are no parts, if a name can't be used or occurs twice, if a side is 0 or longer than 16384 pixels, or
+    /// if the folder or file can't be written.
     pub fn write(&self, path: &Path) -> Result<(), ImageError> {
         write::write(path, &self.layers(), self.metadata.as_deref())
     }
 
-    /// The bytes of the file that [`write`](Self::write) would write at this place.
+    /// The bytes that [`write`](Self::write) would write to this path.
     #[doc(hidden)]
     pub fn bytes(&self, path: &Path) -> Result<Vec<u8>, ImageError> {
         write::bytes(path, &self.layers(), self.metadata.as_deref())
@@ -258,7 +253,7 @@ impl Image {
     /// ```
     ///
     /// # Errors
-    /// As for [`ExrFile::read`].
+    /// The same as for [`ExrFile::read`].
     pub fn read_exr(path: &Path) -> Result<(Self, Option<String>), ImageError> {
         let bytes = bytes(path)?;
         let (image, metadata) = ExrFile::decode_first(&bytes)
@@ -278,7 +273,7 @@ impl Image {
     /// ```
     ///
     /// # Errors
-    /// As for [`ExrFile::write`].
+    /// The same as for [`ExrFile::write`].
     pub fn write_exr(
         &self,
         path: &Path,
@@ -334,7 +329,7 @@ fn decode(
     Ok(Image::new(*width, *height, pixels))
 }
 
-/// Samples in the machine's byte order, as the codecs leave them.
+/// Converts samples in the machine's byte order, as the codecs return them.
 fn convert(line: &[u8], sample: Sample, samples: &mut [f32]) {
     match sample {
         Sample::Half => {
@@ -377,7 +372,7 @@ mod tests {
     fn files_give_back_what_was_written_and_are_the_same_each_time() {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let path = folder.path().join("a.exr");
-        // Whatever a reviewer writes as the reason is part of the metadata.
+        // A reviewer's reason is part of the metadata, whatever its text is.
         let metadata = Some("{\"because\":\"größer → kleiner\"}");
         for precision in [Precision::Half, Precision::Float] {
             gradient().write_exr(&path, precision, metadata).expect("written");

@@ -1,4 +1,4 @@
-//! Files of images, whatever their format.
+//! Reads image files of any supported format.
 
 use std::path::Path;
 
@@ -8,13 +8,12 @@ use super::{ExrFile, Image, ImageError, ImageFormat};
 use crate::diagnostic::shown;
 
 impl Image {
-    /// Reads an image of either format, told by its content and not by its name: OpenEXR as
-    /// [`read_exr`](Self::read_exr) does, or PNG.
+    /// Reads an image. Its content decides the format, not its name: OpenEXR, as in [`read_exr`](Self::read_exr), or
+    /// PNG.
     ///
-    /// A PNG is made linear: its values are taken to be sRGB-encoded, unless it has a gAMA chunk
-    /// and no sRGB chunk. Colour profiles and cICP chunks are ignored. Greys become RGB. Alpha
-    /// stays as it is, not multiplied into the colours; it is 1 if the file has none. The first
-    /// frame of an animation is read.
+    /// A PNG is converted to linear values. Its values count as sRGB-encoded, unless it has a gAMA chunk and no sRGB
+    /// chunk. Colour profiles and cICP chunks are ignored. Greys become RGB. Alpha stays unchanged and isn't multiplied
+    /// into the colours; without alpha in the file, it is 1. Of an animation, the first frame is read.
     ///
     /// ```no_run
     /// use karat::Image;
@@ -30,9 +29,9 @@ impl Image {
         Self::read_as(path, Samples::Colours)
     }
 
-    /// [`read`](Self::read) without making a PNG linear: each value is divided by the largest that
-    /// its samples can have. Use it for numbers that aren't colours, such as a painted
-    /// [`Mask`](crate::metric::Mask): what a paint program calls 50 % is read as a half.
+    /// [`read`](Self::read) without converting a PNG to linear values: each value is divided by the largest possible
+    /// sample. Use it for numbers that aren't colours, such as a painted [`Mask`](crate::metric::Mask): a paint
+    /// program's 50 % is read as 0.5.
     ///
     /// ```no_run
     /// use karat::Image;
@@ -43,7 +42,7 @@ impl Image {
     /// ```
     ///
     /// # Errors
-    /// As for [`read`](Self::read).
+    /// The same as for [`read`](Self::read).
     ///
     /// *Unstable*: for programs around tests.
     pub fn read_stored(path: &Path) -> Result<Self, ImageError> {

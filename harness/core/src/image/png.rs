@@ -1,4 +1,4 @@
-//! PNG: writes previews, as a screen would show an image, and reads the files of other tools.
+//! PNG: writes previews for screens, and reads the files of other tools.
 
 mod read;
 
@@ -9,7 +9,7 @@ pub(super) use self::read::decode;
 use super::{Image, ImageError, encode_srgb};
 use crate::diagnostic::shown;
 
-/// Where the key of an image is mapped to: middle grey.
+/// The value that the key of an image is mapped to: middle grey.
 const MIDDLE_GREY: f32 = 0.18;
 
 /// The meaning of a PNG's samples.
@@ -22,9 +22,8 @@ pub(super) enum Samples {
 }
 
 impl Image {
-    /// Writes an 8-bit sRGB PNG for looking at. The exposure maps the image's key to middle grey;
-    /// highlights are compressed (Reinhard et al. 2002, eq. 3). NaN is magenta, infinities are
-    /// yellow.
+    /// Writes an 8-bit sRGB PNG as a preview. The exposure maps the image's key to middle grey; highlights are
+    /// compressed (Reinhard et al. 2002, eq. 3). NaN is magenta, infinities are yellow.
     ///
     /// ```no_run
     /// use karat::Image;
@@ -59,7 +58,7 @@ impl Image {
         written(path, (self.width, self.height), png::ColorType::Rgb, &self.exposed(stops))
     }
 
-    /// Three bytes a pixel.
+    /// The colours, with three bytes a pixel.
     fn exposed(&self, stops: f32) -> Vec<u8> {
         let exposure = MIDDLE_GREY / self.key() * stops.exp2();
         let mut bytes = Vec::with_capacity(self.pixels.len() * 3);
@@ -71,8 +70,8 @@ impl Image {
                 bytes.extend([255, 255, 0]);
             } else {
                 bytes.extend(rgb.map(|value| {
-                    // Black stays black under an exposure that overflows (0 * inf), and what
-                    // overflows is white: the quotient's form lets x be infinite.
+                    // Black stays black even if the exposure overflows (0 * inf), and a value that overflows is white:
+                    // this form of the quotient works for an infinite x.
                     let exposed = (value * exposure).max(0.0);
                     to_srgb(1.0 / (1.0 + 1.0 / exposed))
                 }));
@@ -82,7 +81,7 @@ impl Image {
     }
 }
 
-/// Writes colours as they are, four bytes of 8-bit sRGB and alpha a pixel, row by row.
+/// Writes colours unchanged: four bytes of 8-bit sRGB and alpha a pixel, row by row.
 ///
 /// # Errors
 /// If the file can't be written.
@@ -109,7 +108,7 @@ fn written(
     super::whole::write_whole(path, &file).map_err(failed)
 }
 
-/// From linear in 0..=1 to 8 bits.
+/// Converts a linear value in 0..=1 to 8 bits.
 fn to_srgb(linear: f32) -> u8 {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
     let byte = (encode_srgb(linear.into()) * 255.0).round().clamp(0.0, 255.0) as u8;
@@ -120,7 +119,7 @@ fn to_srgb(linear: f32) -> u8 {
 mod tests {
     use super::*;
 
-    /// Red of each pixel of a grey image.
+    /// The red channel of each pixel in a grey image.
     fn reds(values: &[f32], stops: f32) -> Vec<u8> {
         let pixels: Vec<_> = values.iter().map(|value| [*value, *value, *value, 1.0]).collect();
         let image = Image::new(u32::try_from(pixels.len()).expect("few"), 1, pixels);
@@ -129,7 +128,7 @@ mod tests {
 
     #[test]
     fn a_stop_is_a_factor_of_two() {
-        // 0.18 / 1.18 and its like, encoded.
+        // Values such as 0.18 / 1.18, encoded.
         assert_eq!(reds(&[5.0], 0.0), [109]);
         assert_eq!(reds(&[5.0], 1.0), reds(&[10.0, 2.5], 0.0)[..1]);
         assert_eq!(reds(&[5.0], -1.0), reds(&[10.0, 2.5], 0.0)[1..]);

@@ -1,14 +1,13 @@
-//! Files that are written as a whole or not at all.
+//! Writes files completely or not at all.
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Error, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Writes a temporary file beside the path, then renames it: the path has either the whole old file
-/// or the whole new one. Several writers at the same time use different temporary files, and the
-/// last rename wins. A link stays a link, and the file that it leads to is replaced. A device, a
-/// pipe or an open file of this process (`/dev/stdout`) is written to directly.
+/// Writes a temporary file beside the path, then renames it: the path has either the whole old file or the whole new
+/// one. Concurrent writers use different temporary files, and the last rename wins. A link stays a link; its target is
+/// replaced. A device, a pipe or an open file of this process (`/dev/stdout`) is written to directly.
 ///
 /// ```no_run
 /// karat::unstable::image::write_whole("report.html".as_ref(), b"<!doctype html>")?;
@@ -18,37 +17,36 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// # Errors
 /// If the folder or file can't be written.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
-    // Who has it open writes on into what would no longer be there.
+    // A program that has the file open would go on writing into the replaced file.
     let is_open = ["/dev/stdout", "/dev/stderr", "/dev/fd", "/proc"];
     let is_open = cfg!(unix) && is_open.iter().any(|above| path.starts_with(above));
     match path.metadata() {
         Ok(found) if is_open || !(found.is_file() || found.is_dir()) => std::fs::write(path, bytes),
-        // What a link leads to may be in another folder.
+        // A link's target may be in another folder.
         Ok(_) => Staged::new(&path.canonicalize()?, bytes)?.commit(),
         Err(_) => Staged::new(path, bytes)?.commit(),
     }
 }
 
-/// Appends a line to this process's file of a kind in a folder: each kind has an ending.
+/// Appends a line to this process's file of a kind in a folder. Each kind has its own extension.
 ///
 /// # Panics
-/// If it can't be written.
+/// If the line can't be written.
 #[doc(hidden)]
 pub fn append_line(folder: &Path, ending: &str, line: &str) {
     let path = folder.join(format!("{}.{ending}", std::process::id()));
     let appended = std::fs::create_dir_all(folder)
         .and_then(|()| OpenOptions::new().create(true).append(true).open(&path))
-        // In one piece: threads write at once.
+        // In one piece, because threads write at the same time.
         .and_then(|mut file| file.write_all(format!("{line}\n").as_bytes()));
     if let Err(error) = appended {
         panic!("can't write the record `{}`: {error}", path.display());
     }
 }
 
-/// A file that is written beside its place and not yet renamed to it. It is removed if it is
-/// dropped before.
+/// A file that was written beside its place, but not yet renamed. It is removed if it is dropped before the rename.
 ///
-/// It is locked as long as its writer lives: [`is_leftover`].
+/// It stays locked as long as its writer lives: see [`is_leftover`].
 #[derive(Debug)]
 #[doc(hidden)]
 pub struct Staged<'a> {
@@ -64,7 +62,7 @@ impl<'a> Staged<'a> {
             std::fs::create_dir_all(folder)?;
         }
         let (beside, mut file) = create_beside(place)?;
-        // A full disk may be noticed only when the system writes what it has put off.
+        // The system may notice a full disk only when it writes delayed data.
         let written = file.write_all(bytes).and_then(|()| file.sync_all());
         let staged = Self { beside, place, _held: file };
         written.map(|()| staged)
@@ -78,12 +76,12 @@ impl<'a> Staged<'a> {
 
 impl Drop for Staged<'_> {
     fn drop(&mut self) {
-        // Nothing is there after a rename; else the error that matters is the first one.
+        // After a rename this file no longer exists. Otherwise the first error is the important one.
         drop(std::fs::remove_file(&self.beside));
     }
 }
 
-/// A new file in the same folder, named as no other thread or process names its own, and locked.
+/// A new, locked file in the same folder, with a name that no other thread or process uses.
 fn create_beside(path: &Path) -> std::io::Result<(PathBuf, File)> {
     static COUNT: AtomicU64 = AtomicU64::new(0);
     let name = path
@@ -95,15 +93,15 @@ fn create_beside(path: &Path) -> std::io::Result<(PathBuf, File)> {
         beside.push(format!(".{}-{count}.tmp", std::process::id()));
         let beside = path.with_file_name(beside);
         match OpenOptions::new().write(true).create_new(true).open(&beside) {
-            // Left by a process of this id that was killed, or one on another machine.
+            // A killed process with the same id left it, or a process on another machine.
             Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
             opened => {
                 let file = opened?;
-                // Whoever tidies up may have taken it for a leftover before it was locked.
+                // A clean-up may have taken it for a leftover before it was locked.
                 match file.try_lock() {
                     Err(TryLockError::WouldBlock) => {}
                     Ok(()) if !beside.exists() => {}
-                    // Some file systems know no locks: nobody tidies up there.
+                    // Some file systems support no locks; there, nothing is cleaned up.
                     Ok(()) | Err(TryLockError::Error(_)) => return Ok((beside, file)),
                 }
             }
@@ -111,8 +109,8 @@ fn create_beside(path: &Path) -> std::io::Result<(PathBuf, File)> {
     }
 }
 
-/// Whether this is a temporary file of a golden, a frame or their facts, whose process ended before
-/// it could rename it. Nothing else uses such names.
+/// Returns `true` for a temporary file of a golden, a frame or their facts, if its process ended before the rename. No
+/// other files use such names.
 ///
 /// ```
 /// # let folder = tempfile::tempdir()?;
@@ -126,15 +124,15 @@ pub fn is_leftover(path: &Path) -> bool {
     is_beside(path) && unheld(path).is_some()
 }
 
-/// Removes a file if it [is a leftover](is_leftover); whether it was.
+/// Removes a file if it [is a leftover](is_leftover), and returns whether it was.
 #[doc(hidden)]
 pub fn remove_leftover(path: &Path) -> bool {
-    // It is held meanwhile: its writer may be about to lock it.
+    // The file stays locked during this: its writer may be about to lock it.
     let held = if is_beside(path) { unheld(path) } else { None };
     held.is_some() && std::fs::remove_file(path).is_ok()
 }
 
-/// Whether a file has the name of a temporary file for an image or facts: `scene.exr.1234-0.tmp`.
+/// Returns `true` if a file has the name of a temporary file for an image or facts: `scene.exr.1234-0.tmp`.
 ///
 /// ```
 /// use karat::unstable::image::is_beside;
@@ -156,9 +154,9 @@ pub fn is_beside(path: &Path) -> bool {
     path.file_name().and_then(|name| name.to_str()).and_then(is_ours).unwrap_or(false)
 }
 
-/// The file, locked, if nobody else holds it.
+/// The file, locked, if no other process holds the lock.
 fn unheld(path: &Path) -> Option<File> {
-    // A link isn't ours, and a pipe would be waited for.
+    // A link isn't Karat's, and opening a pipe would wait.
     if !path.symlink_metadata().ok()?.is_file() {
         return None;
     }

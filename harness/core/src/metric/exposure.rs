@@ -1,4 +1,4 @@
-//! The exposures at which HDR images are compared.
+//! Chooses the exposures at which HDR images are compared.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,10 +7,10 @@ use crate::image::luminance;
 
 /// A range of exposures, in stops: an exposure of `e` multiplies linear colours by 2^e.
 ///
-/// The darkest exposure brings the golden's highlights to 0.85 of a display's white, and the
-/// brightest brings its median luminance there (Andersson et al. 2021, section 3.2). Two things
-/// differ from the paper. Highlights are the 99.9th percentile and not the maximum, which one
-/// firefly can move by six stops. And black pixels don't count, because they may be more than half.
+/// The darkest exposure brings the golden's highlights to 0.85 of a display's white, and the brightest brings its
+/// median luminance there (Andersson et al. 2021, section 3.2). There are two differences from the paper. Highlights
+/// are the 99.9th percentile instead of the maximum, which one firefly can move by six stops. And black pixels don't
+/// count, because they may be the majority.
 ///
 /// ```
 /// use karat::unstable::metric::ExposureRange;
@@ -25,13 +25,13 @@ pub struct ExposureRange {
     pub stop: f64,
 }
 
-/// Where the tone curve of [`Flip`](super::Flip) reaches 0.85: the larger root of
-/// `a x^2 + b x + c`, of the curve (ACES, Narkowicz 2016, scaled by 0.6) minus 0.85.
+/// The value at which the tone curve of [`Flip`](super::Flip) reaches 0.85: the larger root of `a x^2 + b x + c`, which
+/// is the curve (ACES, Narkowicz 2016, scaled by 0.6) minus 0.85.
 const NEAR_WHITE: f64 = {
     let a = 0.6 * 0.6 * (2.51 - 0.85 * 2.43);
     let b = 0.6 * (0.03 - 0.85 * 0.59);
     let c = -0.85 * 0.14;
-    // One root is negative and one positive; Newton's method, as `sqrt` isn't const.
+    // One root is negative, and one is positive. Newton's method finds it, since `sqrt` isn't const.
     let (mut x, mut step) = (10.0, 0);
     while step < 60 {
         x -= (a * x * x + b * x + c) / (2.0 * a * x + b);
@@ -40,15 +40,15 @@ const NEAR_WHITE: f64 = {
     x
 };
 
-/// No range is wider: 32 stops are all of a half float from its smallest normal number.
+/// The widest range: 32 stops cover a half float from its smallest normal number.
 const WIDEST: f64 = 32.0;
 
-/// Most exposures that FLIP looks at in one go, of which there is one a stop: `flip-rs` refuses
-/// more. They are also as far from 0 as a float can be multiplied by.
+/// The most exposures that FLIP compares at once, one a stop: `flip-rs` refuses more. An exposure further from 0 would
+/// also overflow a float.
 const MOST: usize = flip_rs::MAX_EXPOSURES;
 
 impl ExposureRange {
-    /// The range of a golden. A golden without light has the range of a white image.
+    /// The range for a golden. A black golden has the range of a white image.
     ///
     /// ```
     /// use karat::Image;
@@ -63,7 +63,7 @@ impl ExposureRange {
         Self::of_pixels(golden.pixels())
     }
 
-    /// The range of those pixels of a golden that are compared.
+    /// The range for the compared pixels of a golden.
     pub(super) fn of_pixels(pixels: &[[f32; 4]]) -> Self {
         let bright = |l: &f32| l.is_finite() && *l > 0.0;
         let mut lights: Vec<f32> = pixels.iter().map(luminance).filter(bright).collect();
@@ -79,8 +79,7 @@ impl ExposureRange {
         Self { start, stop: stop.clamp(start, start + WIDEST) }
     }
 
-    /// How many exposures are looked at: as many as the range has stops, and at least two. Both ends are
-    /// among them.
+    /// The number of exposures: one for each stop of the range, and at least two. They include both ends.
     ///
     /// ```
     /// use karat::unstable::metric::ExposureRange;
@@ -94,28 +93,28 @@ impl ExposureRange {
         count
     }
 
-    /// Exposures below this range, by whole stops, of which the last shows a luminance; `None` if
-    /// the range shows it.
+    /// Exposures below this range, in whole stops, up to one that shows a luminance; `None` if the range already shows
+    /// it.
     pub(super) fn below(&self, luminance: f32) -> Option<Self> {
         let missing = (self.start - stops(f64::from(luminance))).ceil();
         (missing > 0.0).then_some(Self { start: self.start - missing, stop: self.start - 1.0 })
     }
 
-    /// Exposures above this range, of which the last shows a dark luminance as the range shows the
-    /// median; `None` if the range does.
+    /// Exposures above this range, up to one that shows a dark luminance as brightly as the range shows the median;
+    /// `None` if the range already does.
     pub(super) fn above(&self, luminance: f32) -> Option<Self> {
         let missing = (stops(f64::from(luminance)) - self.stop).ceil();
         (missing > 0.0).then_some(Self { start: self.stop + 1.0, stop: self.stop + missing })
     }
 
-    /// Whether FLIP can look at all of it, stop by stop.
+    /// Returns `true` if FLIP can compare the whole range, stop by stop.
     pub(super) fn is_visible(&self) -> bool {
         let most = MOST as f64;
         self.stop - self.start < most && self.start > -most && self.stop < most
     }
 }
 
-/// The exposure that brings a luminance near white, to the hundredth of a stop.
+/// The exposure that brings a luminance close to white, to a hundredth of a stop.
 fn stops(luminance: f64) -> f64 {
     ((NEAR_WHITE / luminance).log2() * 100.0).round() / 100.0
 }
@@ -149,7 +148,7 @@ mod tests {
         let black = ExposureRange::of(&white_with(10_000, 0.0));
         assert_eq!(black.start, black.stop);
         assert!(black.start.is_finite());
-        // More than half are black, and the others still are what is looked at.
+        // More than half of the pixels are black; the others still decide the range.
         let half = ExposureRange::of(&white_with(6_000, 0.0));
         assert_eq!(half, ExposureRange::of(&white_with(0, 0.0)));
     }

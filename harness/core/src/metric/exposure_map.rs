@@ -21,12 +21,12 @@ use super::pair::Pair;
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExposureMap {
     rect: Rect,
-    /// In stops; NaN where there is no error.
+    /// In stops; NaN without an error.
     values: Vec<f32>,
 }
 
 impl ExposureMap {
-    /// Row by row; NaN where there is no error.
+    /// The exposures of a rectangle, row by row; NaN without an error.
     pub(super) fn new(rect: Rect, mut values: Vec<f32>, pair: &Pair<'_>) -> Self {
         for (index, value) in (0..).zip(&mut values) {
             let (x, y) = (rect.left + index % rect.width, rect.top + index / rect.width);
@@ -37,7 +37,7 @@ impl ExposureMap {
         Self { rect, values }
     }
 
-    /// The part of the frame that was looked at.
+    /// The part of the frame that was examined.
     ///
     /// ```
     /// # use karat::Image;
@@ -55,8 +55,7 @@ impl ExposureMap {
         self.rect
     }
 
-    /// The exposure of a pixel of the frame, in stops; `None` if it has no error, wasn't looked at,
-    /// or isn't compared.
+    /// The exposure of a pixel of the frame, in stops; `None` if it has no error, wasn't examined, or isn't compared.
     ///
     /// ```
     /// # use karat::Image;
@@ -78,7 +77,7 @@ impl ExposureMap {
         Some(self.values[row * self.rect.width as usize + column]).filter(|stops| !stops.is_nan())
     }
 
-    /// The darkest and the brightest of all pixels; `None` if none has an error.
+    /// The darkest and the brightest exposure of all pixels; `None` if no pixel has an error.
     ///
     /// ```
     /// # use karat::Image;

@@ -1,12 +1,12 @@
-//! HDR-FLIP: what an eye sees of a difference when it flips between two images.
+//! HDR-FLIP: the difference that a person sees when a display alternates between two images.
 //!
-//! Andersson et al. 2020, "FLIP: A Difference Evaluator for Alternating Images"; Andersson et al.
-//! 2021, "Visualizing Errors in Rendered High Dynamic Range Images". The images are brought to a
-//! display at several exposures, and of each pixel the largest error counts. `flip-rs` computes it,
-//! and `harness/tests/metric.rs` compares that with NVIDIA's own implementation.
+//! Andersson et al. 2020, "FLIP: A Difference Evaluator for Alternating Images"; Andersson et al. 2021, "Visualizing
+//! Errors in Rendered High Dynamic Range Images". The images are shown at several exposures, and the largest error of
+//! each pixel counts. `flip-rs` computes it, and `harness/tests/metric.rs` compares the result with NVIDIA's own
+//! implementation.
 //!
-//! It is made for colours that a display can show, so it doesn't see alpha and negative light. A
-//! difference in those is a failure here, not a small error.
+//! HDR-FLIP is made for colours that a display can show, so it ignores alpha and negative light. Here, a difference in
+//! those is a failure, not a small error.
 
 use flip_rs::{HdrOptions, RgbImage, hdr_flip};
 
@@ -35,13 +35,13 @@ use crate::image::Image;
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Flip {
-    /// Pixels per degree of sight: 67 for a 0.7 m wide display of 3840 pixels, seen from 0.7 m.
+    /// Pixels per degree of vision: 67 for a 0.7 m wide display of 3840 pixels, seen from 0.7 m.
     pub pixels_per_degree: f32,
-    /// How the errors of all pixels become one number.
+    /// The way in which the errors of all pixels become one number.
     pub pool: Pool,
 }
 
-/// How the errors of all pixels become one number.
+/// The way in which the errors of all pixels become one number.
 ///
 /// ```
 /// use karat::metric::{Flip, Pool};
@@ -50,23 +50,23 @@ pub struct Flip {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Pool {
-    /// The largest mean of a tile of 16 x 16 pixels.
+    /// The largest mean of any tile of 16 x 16 pixels.
     LargestTile,
-    /// The mean.
+    /// The mean of all pixels.
     Mean,
 }
 
-/// Why FLIP has no map.
+/// The reason why FLIP has no map.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum FlipFailure {
-    /// Alpha differs, and FLIP doesn't see alpha.
+    /// Alpha differs, which FLIP ignores.
     #[error("alpha is off at ({0}, {1}), which FLIP doesn't see")]
     Alpha(u32, u32),
     /// A negative value differs, and displays don't show negative values.
     #[error("a negative value is off at ({0}, {1}), which FLIP doesn't see")]
     Negative(u32, u32),
-    /// A value differs that is too bright or too dark for the exposures that FLIP can look at.
+    /// A value differs that is too bright or too dark for the exposures that FLIP can use.
     #[error(
         "{light:e} at ({x}, {y}) is over 128 stops from what the golden's exposures show, and FLIP \
          looks no further: have the shader clamp it, or compare by the gate alone"
@@ -79,23 +79,23 @@ pub enum FlipFailure {
         /// Row.
         y: u32,
     },
-    /// The exposures or the pixels per degree can't be used.
+    /// The exposures or the pixels per degree are invalid.
     #[error("FLIP can't be computed: {0}")]
     Parameters(String),
 }
 
 impl Flip {
-    /// Judged by the largest mean of a tile.
+    /// Uses the largest mean of a tile.
     pub const LARGEST_TILE: Self = Self::with(Pool::LargestTile);
-    /// Judged by the mean.
+    /// Uses the mean.
     pub const MEAN: Self = Self::with(Pool::Mean);
 
     const fn with(pool: Pool) -> Self {
         Self { pixels_per_degree: flip_rs::DEFAULT_PPD, pool }
     }
 
-    /// How far a pixel's difference is seen: three deviations of the widest filter. Andersson et
-    /// al. 2020, sections 4.1 and 4.2.
+    /// The distance at which a pixel's difference is visible: three standard deviations of the widest filter. Andersson
+    /// et al. 2020, sections 4.1 and 4.2.
     pub(super) fn reach(&self) -> u32 {
         // The widest Gaussian of contrast sensitivity, b = 0.04, and features of 0.082 degrees.
         let widest = (0.04 / (2.0 * std::f32::consts::PI.powi(2))).sqrt();
@@ -105,11 +105,10 @@ impl Flip {
         reach
     }
 
-    /// The errors of a part of the frame: of the pixels that differ by more than [`Gate::default`]
-    /// allows, and those near enough to be affected. They are the same, bit for bit, as if the
-    /// whole frame were looked at. If a differing pixel is too bright for the golden's exposures to
-    /// show, darker exposures are added. For one that is too dark, brighter ones are added, down to
-    /// where the gate ends.
+    /// The errors of a part of the frame: the pixels that differ by more than [`Gate::default`] allows, and those close
+    /// enough to be affected. They equal those of the whole frame bit for bit. If a differing pixel is too bright for
+    /// the golden's exposures, darker exposures are added. For one that is too dark, brighter ones are added, down to
+    /// the gate's limit.
     ///
     /// ```
     /// use karat::Image;
@@ -124,17 +123,16 @@ impl Flip {
     /// ```
     ///
     /// # Errors
-    /// If a difference is one that FLIP doesn't see, or it can't be computed.
+    /// If FLIP ignores the difference, or if it can't be computed.
     ///
     /// *Unstable*: for programs around tests.
     pub fn map(&self, pair: &Pair<'_>) -> Result<ErrorMap, FlipFailure> {
         self.worst(pair).map(|worst| worst.errors)
     }
 
-    /// For each pixel, the exposure at which its error in [`map`](Self::map) is largest, in stops:
-    /// dark for a difference in highlights, bright for one in shadows. If several have the same
-    /// error, it is the darkest of them. [`Pair::exposures`] are looked at, one a stop, and those
-    /// that `map` adds.
+    /// For each pixel, the exposure at which its error in [`map`](Self::map) is largest, in stops: dark for a
+    /// difference in highlights, bright for one in shadows. If several have the same error, it is the darkest of them.
+    /// The exposures are [`Pair::exposures`], one a stop, and those that `map` adds.
     ///
     /// ```
     /// use karat::Image;
@@ -149,14 +147,14 @@ impl Flip {
     /// ```
     ///
     /// # Errors
-    /// As for [`map`](Self::map).
+    /// The same as for [`map`](Self::map).
     ///
     /// *Unstable*: for programs around tests.
     pub fn exposures(&self, pair: &Pair<'_>) -> Result<ExposureMap, FlipFailure> {
         self.worst(pair).map(|worst| worst.exposures)
     }
 
-    /// Computed once for the default distance of sight.
+    /// The worst errors; computed once for the default viewing distance.
     fn worst(&self, pair: &Pair<'_>) -> Result<Worst, FlipFailure> {
         if self.pixels_per_degree == flip_rs::DEFAULT_PPD {
             return pair.memo(|| self.compute(pair));
@@ -188,7 +186,7 @@ impl Flip {
         Ok(Worst { errors: ErrorMap::new(rect, errors), exposures })
     }
 
-    /// The errors of all pixels, as published: at the pair's exposures and no others.
+    /// The errors of all pixels, as published: only at the pair's exposures.
     ///
     /// ```
     /// use karat::Image;
@@ -202,7 +200,7 @@ impl Flip {
     /// ```
     ///
     /// # Errors
-    /// If it can't be computed.
+    /// If they can't be computed.
     ///
     /// *Unstable*: for programs around tests.
     pub fn whole(&self, pair: &Pair<'_>) -> Result<ErrorMap, FlipFailure> {
@@ -211,7 +209,7 @@ impl Flip {
         Ok(ErrorMap::new(whole, found.into_iter().map(|(error, _)| error).collect()))
     }
 
-    /// The errors of a rectangle, from all that its pixels see, and the exposures at which they are
+    /// The errors of a rectangle, from everything that affects its pixels, and the exposures at which the errors are
     /// largest.
     fn part(
         &self,
@@ -234,7 +232,7 @@ impl Flip {
         let found = hdr_flip(&golden.map_err(failed)?, &actual.map_err(failed)?, options);
         let found = found.map_err(failed)?;
         let (errors, worst) = (found.error_map, found.exposure_map.expect("it was asked for"));
-        // Exposures are given by their places in the range, 0 to 1.
+        // Exposures are given as positions in the range, 0 to 1.
         let last = (exposures.count() - 1) as f32;
         let step = (stop - start) / last;
         let pixel = |(error, place): (&f32, &f32)| (*error, start + (place * last).round() * step);
@@ -250,25 +248,25 @@ impl Flip {
     }
 }
 
-/// What FLIP finds in the part of a frame that sees what is off.
+/// FLIP's errors in the part of the frame that the differing pixels affect.
 #[derive(Clone, Debug)]
 pub(super) struct Worst {
     errors: ErrorMap,
     exposures: ExposureMap,
 }
 
-/// What the default gate refuses.
+/// The pixels that the default gate rejects.
 struct Off {
     /// The first and the last column and row.
     bounds: [u32; 4],
-    /// The largest value of the pixel that has the largest, and its place.
+    /// The brightest pixel's largest value, with the pixel's index.
     brightest: (f32, usize),
-    /// The largest value of the pixel that has the smallest.
+    /// The dimmest pixel's largest value, with the pixel's index.
     dimmest: (f32, usize),
 }
 
 impl Off {
-    /// `None` if nothing is off.
+    /// `None` if no pixel differs.
     fn of(pair: &Pair<'_>) -> Result<Option<Self>, FlipFailure> {
         let (mut off, mut unseen): (Option<Self>, _) = (None, None);
         Gate::default().each(pair, |index, golden, actual, ratio| {
@@ -295,7 +293,7 @@ impl Off {
         unseen.map_or(Ok(off), Err)
     }
 
-    /// The exposures of the pair, and those that show what is off beyond them.
+    /// The pair's exposures, and those that show differing pixels beyond them.
     fn exposures(&self, pair: &Pair<'_>) -> Result<Vec<ExposureRange>, FlipFailure> {
         let exposures = pair.exposures();
         let dark = self.dimmest.0.max(DARK * pair.key());
@@ -306,12 +304,12 @@ impl Off {
         };
         let below = exposures.below(self.brightest.0).map(|range| visible(range, self.brightest));
         let above = exposures.above(dark).map(|range| visible(range, self.dimmest));
-        // Dark ones first: of equal errors the first counts.
+        // Dark ones first: of equal errors, the first counts.
         [below, Some(Ok(exposures)), above].into_iter().flatten().collect()
     }
 }
 
-/// The colours of a rectangle, each as `value` makes it of linear light.
+/// The colours of a rectangle; `value` converts each from linear light.
 pub(super) fn crop(
     image: &Image,
     rect: Rect,

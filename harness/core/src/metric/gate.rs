@@ -1,4 +1,4 @@
-//! The difference of each channel of each pixel, with no allowance for outliers.
+//! The gate: the difference of each channel of each pixel, without outliers.
 
 use glam::{BVec4A, Vec4};
 
@@ -9,17 +9,16 @@ use super::{Measured, Metric};
 use crate::image::{Image, Precision};
 use crate::tolerance::power;
 
-/// Largest relative difference of a channel, unless a frame says otherwise: twice the step of the
-/// half floats that goldens are stored in.
+/// The largest relative difference of a channel, unless a frame sets another: twice the step of half floats, in which
+/// goldens are stored.
 pub const DEFAULT_RELATIVE: f32 = 1e-3;
 
-/// Alpha below this is compared as if it were this: what is a hundredth opaque isn't seen, and
-/// `1 - transmittance` leaves roundings there.
+/// A smaller alpha is compared as if it were this value: an opacity of one per cent is invisible, and `1 -
+/// transmittance` has rounding errors there.
 const CLEAR: f32 = 0.01;
 
-/// Each channel may differ by `relative` times the golden's value, or by `absolute`, whichever is
-/// more. The metric's value is the largest difference divided by what is allowed, so its bound is
-/// 1.
+/// Each channel may differ by `relative` times the golden's value, or by `absolute`, whichever is larger. The metric's
+/// value is the largest difference divided by the allowed one, so its bound is 1.
 ///
 /// ```
 /// use karat::Image;
@@ -34,14 +33,14 @@ const CLEAR: f32 = 0.01;
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Gate {
-    /// Largest difference relative to the golden's value.
+    /// The largest difference relative to the golden's value.
     pub relative: f32,
-    /// The difference that is allowed however dark the golden is. `None`: `relative` times 1e-4 of
-    /// the golden's key; for alpha, which isn't light, `relative` times 0.01.
+    /// The difference that is always allowed, even for a dark golden. `None`: `relative` times 1e-4 of the golden's
+    /// key; for alpha, which isn't light, `relative` times 0.01.
     pub absolute: Option<f32>,
 }
 
-/// Pixels that differ by more than is allowed.
+/// Pixels that differ by more than the gate allows.
 ///
 /// ```
 /// use karat::Image;
@@ -54,14 +53,13 @@ pub struct Gate {
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outliers {
-    /// How many.
+    /// Their number.
     pub count: usize,
-    /// Smallest rectangle that holds them.
+    /// The smallest rectangle that contains them.
     pub rect: Rect,
-    /// The worst one.
+    /// The worst pixel.
     pub worst: WorstPixel,
-    /// Share of outliers among the pixels compared, in per cent, at 1, 10, 100 and 1000 times the
-    /// tolerance.
+    /// The share of outliers among the compared pixels, in per cent, at 1, 10, 100 and 1000 times the tolerance.
     pub sweep: [f32; 4],
 }
 
@@ -88,7 +86,7 @@ pub struct WorstPixel {
     pub golden: f32,
     /// The frame's value.
     pub actual: f32,
-    /// The difference divided by what is allowed.
+    /// The difference divided by the allowed one.
     pub ratio: f32,
 }
 
@@ -99,8 +97,8 @@ impl Default for Gate {
 }
 
 impl Gate {
-    /// What is allowed relative to the golden's value, and what each channel may differ by in the
-    /// dark. A bound that bounds nothing becomes NaN, which lets nothing pass.
+    /// The allowed difference relative to the golden's value, and the allowed difference of each channel in the dark.
+    /// An invalid bound becomes NaN, which nothing passes.
     fn bounds(&self, pair: &Pair<'_>) -> (Vec4, Vec4) {
         let floor = self.absolute.unwrap_or_else(|| self.relative * DARK * pair.key());
         let alpha = self.absolute.unwrap_or(self.relative * CLEAR);
@@ -110,9 +108,9 @@ impl Gate {
         (Vec4::splat(self.relative), Vec4::new(floor, floor, floor, alpha))
     }
 
-    /// The largest difference divided by what is allowed; `None` if a pixel differs by more than
-    /// that. What is allowed in the dark takes another pass over the golden. If every pixel passes
-    /// without it, it isn't computed, and the result is the one without it.
+    /// The largest difference divided by the allowed one; `None` if a pixel exceeds it. The allowance in the dark needs
+    /// another pass over the golden. If every pixel passes without it, it isn't computed, and the result is the one
+    /// without it.
     ///
     /// ```
     /// use karat::Image;
@@ -128,19 +126,18 @@ impl Gate {
             return Some(0.0);
         }
         let ratio = pair.largest_relative() / self.relative;
-        // Close to the bound, the difference is divided by what is allowed, as it is elsewhere.
+        // Close to the bound, the exact ratio is computed, as in the other functions.
         if self.absolute.is_none() && (0.0..0.9999).contains(&ratio) {
             return Some(ratio);
         }
         largest(pair, self.bounds(pair))
     }
 
-    /// The precision that a file needs to hold an image for this gate. Half floats will do if
-    /// rounding to them takes at most half of what is allowed in each channel that is compared:
-    /// then two frames that hardly differ still pass if they are rounded to different neighbours.
-    /// Floats are needed for values above 65504, for small values in a dark image, and for a
-    /// `relative` below 2^-10; and for what can't be compared: an image with NaN, or a mask of
-    /// another size.
+    /// The precision that a file needs to store an image for this gate. Half floats are enough if rounding to them
+    /// takes at most half of the allowed difference in each compared channel: then two almost equal frames still pass
+    /// if they are rounded to different neighbours. Floats are needed for values above 65504, for small values in a
+    /// dark image, and for a `relative` below 2^-10. They are also used if the image can't be compared: it contains
+    /// NaN, or the mask has another size.
     ///
     /// ```
     /// use karat::Image;
@@ -164,7 +161,7 @@ impl Gate {
         }
     }
 
-    /// The pixels that differ by more than is allowed.
+    /// The pixels that differ by more than the gate allows.
     ///
     /// ```
     /// use karat::Image;
@@ -200,8 +197,7 @@ impl Gate {
         Some(Outliers { count, rect: rect?, worst: worst?, sweep })
     }
 
-    /// Calls `out` with each pixel that is out: its index, both values, and the difference of each
-    /// channel over what is allowed.
+    /// Calls `out` with each outlier: its index, both values, and the ratio of each channel.
     pub(super) fn each(
         &self,
         pair: &Pair<'_>,
@@ -212,7 +208,7 @@ impl Gate {
             for (index, (golden, actual)) in (start..).zip(golden.iter().zip(actual)) {
                 let ratio = ratio(*golden, *actual, relative, floor);
                 if !ratio.cmple(Vec4::ONE).all() {
-                    // An invalid tolerance gives a NaN ratio: the pixel fails.
+                    // An invalid tolerance gives a NaN ratio, and the pixel fails.
                     let sound = |r: f32| if r >= 0.0 { r } else { f32::INFINITY };
                     out(index, *golden, *actual, ratio.to_array().map(sound));
                 }
@@ -221,15 +217,15 @@ impl Gate {
     }
 }
 
-/// The largest difference over what is allowed, if nothing is out: one pass over what differs,
-/// four channels at once, which ends where something is out.
+/// The largest ratio, if there are no outliers: one pass over the differing strips, with four channels at once, which
+/// stops at the first outlier.
 fn largest(pair: &Pair<'_>, (relative, floor): (Vec4, Vec4)) -> Option<f32> {
     let (mut largest, mut all) = (Vec4::ZERO, BVec4A::TRUE);
     for (_, golden, actual) in pair.different() {
         for (golden, actual) in golden.chunks(STRIP).zip(actual.chunks(STRIP)) {
             for (golden, actual) in golden.iter().zip(actual) {
                 let ratio = ratio(*golden, *actual, relative, floor);
-                // NaN is not within anything.
+                // NaN is within no bound.
                 all &= ratio.cmple(Vec4::ONE);
                 largest = largest.max(ratio);
             }

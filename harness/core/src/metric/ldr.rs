@@ -1,6 +1,5 @@
-//! LDR-FLIP: HDR-FLIP's predecessor, for images as a display shows them (Andersson et al. 2020).
-//! Other tools report this number for PNGs. No tolerance uses it, as it doesn't see what a display
-//! clips.
+//! LDR-FLIP: the predecessor of HDR-FLIP, for images as a display shows them (Andersson et al. 2020). Other tools
+//! report this number for PNGs. No tolerance uses it, because it ignores differences that a display clips.
 
 use flip_rs::{FlipError, ldr_flip};
 
@@ -11,8 +10,8 @@ use super::tiles::ErrorMap;
 use crate::image::encode_srgb;
 
 impl Flip {
-    /// LDR-FLIP of the pixels that see a difference: colours are clipped to 0..1 and encoded as
-    /// sRGB. Alpha isn't seen.
+    /// LDR-FLIP of the pixels that a difference affects. Colours are clipped to 0..1 and encoded as sRGB. Alpha is
+    /// ignored.
     ///
     /// ```
     /// use karat::Image;
@@ -37,7 +36,7 @@ impl Flip {
             return Ok(ErrorMap::new(Rect::new(0, 0, 0, 0), Vec::new()));
         };
         let (width, height) = (pair.golden().width(), pair.golden().height());
-        // As in HDR-FLIP, what a pixel sees decides its error, bit for bit.
+        // As in HDR-FLIP, the pixels within reach decide a pixel's error, bit for bit.
         let rect = bounds.grown(self.reach(), width, height);
         let read = rect.grown(self.reach(), width, height);
         let golden = crop(pair.golden(), read, displayed).map_err(failed)?;
@@ -51,7 +50,7 @@ impl Flip {
     }
 }
 
-/// The rectangle of all pixels that differ.
+/// The smallest rectangle that contains all differing pixels.
 fn bounds(pair: &Pair<'_>) -> Option<Rect> {
     let mut bounds: Option<[u32; 4]> = None;
     for (start, golden, actual) in pair.different() {
@@ -65,7 +64,7 @@ fn bounds(pair: &Pair<'_>) -> Option<Rect> {
     bounds.map(Rect::spanning)
 }
 
-/// What a display is sent of linear light.
+/// The value that a display gets for linear light.
 fn displayed(linear: f32) -> f32 {
     #[expect(clippy::cast_possible_truncation, reason = "what FLIP computes with")]
     let encoded = encode_srgb(f64::from(linear).clamp(0.0, 1.0)) as f32;

@@ -1,4 +1,4 @@
-//! Which pixels are compared.
+//! Masks: the pixels that are compared.
 
 use std::fmt;
 use std::sync::Arc;
@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::diagnostic::FileRead;
 use crate::image::{ExrFile, Image};
 
-/// The part of a frame's file with 1 where pixels are compared, and 0 where they are not.
+/// The name of the file's part that is 1 where pixels are compared, and 0 elsewhere.
 pub const MASK: &str = "mask";
 
 /// A rectangle of pixels.
@@ -25,15 +25,14 @@ pub struct Rect {
     pub left: u32,
     /// First row.
     pub top: u32,
-    /// Columns.
+    /// The number of columns.
     pub width: u32,
-    /// Rows.
+    /// The number of rows.
     pub height: u32,
 }
 
 impl ExrFile {
-    /// The mask that a frame or golden of Karat's was compared with, if its test declared one: its
-    /// part `mask`.
+    /// The mask that a frame or golden of Karat's was compared with, if its test declared one: the file's part `mask`.
     ///
     /// ```no_run
     /// use karat::unstable::image::ExrFile;
@@ -62,7 +61,7 @@ impl Rect {
         Self { left, top, width, height }
     }
 
-    /// Whether a pixel is in it.
+    /// Returns `true` if a pixel is in the rectangle.
     ///
     /// ```
     /// use karat::metric::Rect;
@@ -74,7 +73,7 @@ impl Rect {
         x.wrapping_sub(self.left) < self.width && y.wrapping_sub(self.top) < self.height
     }
 
-    /// Whether it has pixels, and all of them are in an image of this size.
+    /// Returns `true` if the rectangle has pixels, and all of them are in an image of this size.
     #[doc(hidden)]
     pub fn fits(&self, width: u32, height: u32) -> bool {
         let inside = |start: u32, length: u32, side: u32| {
@@ -83,13 +82,13 @@ impl Rect {
         inside(self.left, self.width, width) && inside(self.top, self.height, height)
     }
 
-    /// The rectangle from one pixel to another, both of them in it.
+    /// The rectangle from one pixel to another, including both.
     #[doc(hidden)]
     pub fn spanning([left, top, right, bottom]: [u32; 4]) -> Self {
         Self { left, top, width: right - left + 1, height: bottom - top + 1 }
     }
 
-    /// The rectangle and what is within `reach` of it, in an image of this size.
+    /// The rectangle, extended by `reach` on each side, within an image of this size.
     #[doc(hidden)]
     pub fn grown(&self, reach: u32, width: u32, height: u32) -> Self {
         let (left, top) = (self.left.saturating_sub(reach), self.top.saturating_sub(reach));
@@ -99,7 +98,7 @@ impl Rect {
     }
 }
 
-/// `(3, 4) to (10, 12)`, both corners in it.
+/// `(3, 4) to (10, 12)`; the rectangle includes both corners.
 impl fmt::Display for Rect {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let last = |start: u32, length: u32| start + length.max(1) - 1;
@@ -108,7 +107,7 @@ impl fmt::Display for Rect {
     }
 }
 
-/// Which pixels of a frame are compared. No metric sees the others.
+/// The pixels of a frame that are compared. No metric sees the others.
 ///
 /// ```
 /// use karat::metric::{Mask, Rect};
@@ -130,8 +129,8 @@ enum Kind {
 }
 
 impl Mask {
-    /// The pixels whose red is above a half. The image has to be as large as the frame. Read a
-    /// painted mask with [`Image::read_stored`].
+    /// The pixels whose red is above 0.5. The image must have the frame's size. Read a painted mask with
+    /// [`Image::read_stored`].
     ///
     /// ```
     /// use karat::Image;
@@ -161,7 +160,7 @@ impl Mask {
         Self(Kind::Only(rects.to_vec()))
     }
 
-    /// All pixels but those of these rectangles.
+    /// All pixels except those of these rectangles.
     ///
     /// ```
     /// use karat::metric::{Mask, Rect};
@@ -175,7 +174,7 @@ impl Mask {
         Self(Kind::Except(rects.to_vec()))
     }
 
-    /// The pixels for which `compared` returns true. It takes column and row.
+    /// The pixels for which `compared`, a function of column and row, returns true.
     ///
     /// ```
     /// use karat::metric::Mask;
@@ -197,7 +196,7 @@ impl Mask {
         }
     }
 
-    /// The mask of a frame of this size as an image: 1 where pixels are compared, else 0.
+    /// The mask of a frame of this size as an image: 1 where pixels are compared, and 0 elsewhere.
     ///
     /// ```
     /// use karat::metric::Mask;
@@ -208,7 +207,7 @@ impl Mask {
     /// ```
     ///
     /// # Errors
-    /// If it can't be used for this size, or leaves no pixel.
+    /// If it can't be used for this size, or if it has no pixels.
     ///
     /// *Unstable*: for programs around tests.
     pub fn to_image(&self, width: u32, height: u32) -> Result<Image, MaskError> {
@@ -217,7 +216,7 @@ impl Mask {
         Ok(Image::new(width, height, flags.map(|value| [value, value, value, 1.0]).collect()))
     }
 
-    /// One flag a pixel of a frame of this size.
+    /// One flag for each pixel of a frame of this size.
     pub(super) fn flags(&self, width: u32, height: u32) -> Result<Vec<bool>, MaskError> {
         let rects: &[Rect] = match &self.0 {
             Kind::Only(rects) | Kind::Except(rects) => rects,
@@ -262,7 +261,7 @@ impl fmt::Debug for Mask {
     }
 }
 
-/// Why a mask can't be used.
+/// The reason why a mask can't be used.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum MaskError {
@@ -274,10 +273,10 @@ pub enum MaskError {
         /// Row.
         y: usize,
     },
-    /// It leaves no pixel.
+    /// It has no pixels.
     #[error("the mask leaves no pixel to compare")]
     Nothing,
-    /// An image of another size.
+    /// The mask has another size than the frame.
     #[error("the mask is {} x {}, the frame {} x {}", mask.0, mask.1, frame.0, frame.1)]
     Size {
         /// Width and height of the mask.
@@ -285,7 +284,7 @@ pub enum MaskError {
         /// Width and height of the frame.
         frame: (u32, u32),
     },
-    /// A rectangle that isn't in the frame, or is empty.
+    /// A rectangle is empty, or outside the frame.
     #[error("the rectangle {rect} isn't a part of a frame of {width} x {height}")]
     Outside {
         /// The rectangle.

@@ -1,27 +1,25 @@
-//! Whether two noisy images have the same expectation.
+//! Tests whether two noisy images have the same expectation.
 //!
-//! Pixels of a path tracer differ from run to run by their noise. Means of tiles differ by far
-//! less, and by an amount that the variances of both images tell: Welch's z. Tiles are of several
-//! sizes, from 16 pixels to the frame, so that both a small fault and a faint one are seen; they
-//! overlap by half, so that none is cut in four by their edges; and Sidak's correction shares the
-//! significance among all of them.
+//! The pixels of a path tracer differ between runs by their noise. Means of tiles differ much less, and the variances
+//! of both images say by how much: Welch's z. Tiles have several sizes, from 16 pixels to the whole frame, so they
+//! reveal both small and faint faults. They overlap by half, so that no fault is divided among four tiles. Sidak's
+//! correction divides the significance among all of them.
 //!
-//! Light that is off by some per cent matters as much in dark places as in bright ones, but most of
-//! the noise is in bright ones. So each pixel is weighted by the brightness of its neighbours. Its
-//! own brightness is left out: a weight with the pixel's own noise in it would favour one image if
-//! golden and frame have different numbers of samples.
+//! An error of some per cent in the light matters as much in dark places as in bright ones, but most of the noise is in
+//! bright ones. So each pixel is weighted by the brightness of its neighbours. Its own brightness is left out: a weight
+//! with the pixel's own noise in it would favour one image if golden and frame have different numbers of samples.
 //!
-//! Pixels that only changed places, as under a shifted texture, have the same mean. So the squared
-//! differences of a tile are compared with the variances, too: a chi-square of as many degrees of
-//! freedom as pixels matter in the sum.
+//! Pixels that only change places, as under a shifted texture, keep their mean. So the squared differences of a tile
+//! are compared with the variances, too: a chi-square, with as many degrees of freedom as there are pixels that matter
+//! in the sum.
 //!
-//! Measured on a scene of three decades of light, with 640 x 360 pixels of 64 samples: if 2 % of
-//! the frame is 5 % too bright, 199 of 200 renderings fail; with noise alone, none of 200 fails.
-//! Without the weights and the overlap, 43 % would fail. If pixels were judged one by one and 0.25
-//! % of them could be off, none would fail.
+//! Measured on a scene of three decades of light, with 640 x 360 pixels of 64 samples: if 2 % of the frame is 5 % too
+//! bright, 199 of 200 renderings fail; with noise alone, none of 200 fails. Without the weights and the overlap, only
+//! 43 % of the faulty ones would fail. If pixels were judged one by one, with 0.25 % of outliers allowed, none would
+//! fail.
 //!
-//! The noise of different pixels is taken to be independent. Each channel is judged separately, as
-//! a wrong hue may have the right luminance.
+//! The noise of different pixels is assumed to be independent. Each channel is judged separately, because a wrong hue
+//! may have the right luminance.
 
 use glam::{DVec3, DVec4, Vec4};
 
@@ -33,28 +31,26 @@ use super::{Measured, Metric};
 use crate::image::Image;
 use crate::stats::{chi_square_critical, normal_critical, sidak};
 
-/// Pixels a side of the cells that tiles are made of: half of the smaller tile.
+/// The side of the cells that tiles consist of, in pixels: half of the smallest tile.
 const CELL: u32 = 8;
 
-/// Cells a side of the tiles: 16, 48 and 144 pixels. One more is the frame.
+/// The sides of the tiles, in cells: 16, 48 and 144 pixels. The whole frame is one more tile.
 const SIDES: [u32; 3] = [2, 6, 18];
 
-/// How likely noise alone fails a frame.
+/// The probability that noise alone fails a frame.
 const SIGNIFICANCE: f64 = 0.01;
 
-/// How many times the squares of differences may exceed what a chi-square allows: the variances are
-/// estimates from few samples that aren't normal.
+/// The factor by which the squared differences may exceed a chi-square's limit: the variances are estimates from few
+/// samples that aren't normally distributed.
 const SCATTER: f64 = 2.0;
 
-/// What is darker than this share of the golden's key weighs no more than that. With the key at
-/// middle grey it is 6 of the 255 steps of a screen: noise below hardly shows, and must not
-/// outweigh the rest.
+/// Light below this share of the golden's key has the weight of this share. With the key at middle grey it is 6 of the
+/// 255 steps of a screen: noise below it hardly shows, and must not outweigh the rest.
 const BLACK: f64 = 0.01;
 
-/// The larger of two ratios, so that its bound is 1. The first is the largest z of a tile's mean in
-/// any channel, divided by what noise alone reaches in one frame of a hundred. The second is how
-/// far the pixels of a tile scatter, divided by twice what noise alone reaches. What the default
-/// [`Gate`] allows isn't counted: rounding isn't noise.
+/// The larger of two ratios; its bound is 1. The first is the largest z of a tile's mean in any channel, divided by the
+/// z that noise alone reaches in one frame of a hundred. The second is the scatter of a tile's pixels, divided by twice
+/// the scatter of noise alone. Differences within the default [`Gate`] don't count: rounding isn't noise.
 ///
 /// ```
 /// use karat::Image;
@@ -69,21 +65,21 @@ const BLACK: f64 = 0.01;
 /// ```
 #[derive(Clone, Debug)]
 pub struct Noise<'a> {
-    /// Variance of each pixel's mean in the golden, linear RGB.
+    /// The variance of each pixel's mean in the golden, in linear RGB.
     pub golden: &'a Image,
     /// The same for the frame.
     pub actual: &'a Image,
 }
 
-/// How much brighter a cell or tile is than the golden's, and what there is to compare that with.
+/// The brightness difference of a cell or tile, with the quantities to judge it by.
 #[derive(Clone, Copy, Default)]
 struct Sum {
     difference: DVec3,
     slack: DVec3,
     variance: DVec3,
-    /// Squares of what of each pixel's difference isn't slack.
+    /// The squares of each pixel's difference beyond the slack.
     squares: DVec3,
-    /// Squares of the variances.
+    /// The squares of the variances.
     variances: DVec3,
     pixels: u32,
 }
@@ -107,7 +103,7 @@ impl Sum {
         z.fold(0.0, larger)
     }
 
-    /// How far the pixels of a channel scatter at most, over what is allowed.
+    /// The largest scatter of a channel's pixels, divided by the allowed one.
     fn scatter(&self, significance: f64) -> f64 {
         let scatter = (0..3).map(|channel| {
             let (squares, variance) = (self.squares[channel], self.variance[channel]);
@@ -115,7 +111,7 @@ impl Sum {
             if ratio <= SCATTER {
                 return ratio / SCATTER; // the critical value is above 1
             }
-            // Of pixels whose variances differ only the larger ones matter.
+            // If the variances differ, only the pixels with the larger ones matter.
             let freedom = (variance * variance / self.variances[channel]).max(1.0);
             if !freedom.is_finite() {
                 return f64::INFINITY;
@@ -126,13 +122,13 @@ impl Sum {
     }
 }
 
-/// Not `f64::max`, which drops NaN.
+/// The larger number. Unlike `f64::max`, it keeps NaN.
 fn larger(worst: f64, value: f64) -> f64 {
     if value <= worst { worst } else { value }
 }
 
 impl Noise<'_> {
-    /// What is wrong with the variances.
+    /// The problem with the variances, if there is one.
     fn unusable(&self, pair: &Pair<'_>) -> Option<String> {
         let size = (pair.golden().width(), pair.golden().height());
         for (name, image) in [("golden", self.golden), ("frame", self.actual)] {
@@ -153,7 +149,7 @@ impl Noise<'_> {
         None
     }
 
-    /// Sums over the cells, row by row.
+    /// The sums over the cells, row by row.
     fn cells(&self, pair: &Pair<'_>) -> Vec<Sum> {
         let (width, height) = (pair.golden().width(), pair.golden().height());
         let columns = width.div_ceil(CELL);
@@ -185,8 +181,8 @@ impl Noise<'_> {
         cells
     }
 
-    /// All tiles that have pixels to compare, and the sums over them. They begin at each half of
-    /// their side, but for those that would lie in the one before.
+    /// All tiles with compared pixels, and the sums over them. Tiles begin at each half of their side, except where the
+    /// previous tile would contain them.
     fn tiles(&self, pair: &Pair<'_>) -> Vec<(Rect, Sum)> {
         let (width, height) = (pair.golden().width(), pair.golden().height());
         let (columns, rows) = (width.div_ceil(CELL), height.div_ceil(CELL));
@@ -220,10 +216,10 @@ impl Noise<'_> {
     }
 }
 
-/// How bright the pixels of both images are.
+/// The brightness around the pixels of both images.
 struct Surroundings {
     width: usize,
-    /// In the last lane 1, or 0 where a pixel isn't compared.
+    /// The last lane is 1, or 0 for a pixel that isn't compared.
     lights: Vec<Vec4>,
     key: f64,
 }
@@ -243,7 +239,7 @@ impl Surroundings {
         }
     }
 
-    /// One over the mean of a pixel's neighbours, of each channel.
+    /// The inverse mean of a pixel's neighbours, for each channel.
     fn weight(&self, index: usize) -> DVec3 {
         let (x, y) = (index % self.width, index / self.width);
         let rows = y.saturating_sub(1)..(y + 2).min(self.lights.len() / self.width);
@@ -284,7 +280,7 @@ impl Metric for Noise<'_> {
             return Measured { note, ..Measured::of(f64::INFINITY) };
         }
         let tiles = self.tiles(pair);
-        // Three channels, each by its mean and its scatter.
+        // Three channels, each with a mean and a scatter.
         let significance = sidak(SIGNIFICANCE, 6 * tiles.len() as u64);
         let critical = normal_critical(significance);
         let largest = |value: &dyn Fn(&Sum) -> f64| {

@@ -13,10 +13,10 @@ use super::relative;
 use crate::image::{Image, NonFinite};
 use crate::output::counted;
 
-/// Pixels that are looked at in one go: those of both images fit in the smallest cache.
+/// The number of pixels that are processed at once: those of both images fit in the smallest cache.
 pub(super) const STRIP: usize = 512;
 
-/// A golden and a frame: of the same size, finite, and made equal where they aren't compared.
+/// A golden and a frame, of the same size, finite, and made equal outside the mask.
 ///
 /// ```
 /// use karat::Image;
@@ -31,23 +31,23 @@ pub(super) const STRIP: usize = 512;
 pub struct Pair<'a> {
     golden: Cow<'a, Image>,
     actual: Cow<'a, Image>,
-    /// One flag a pixel; `None`: all are compared.
+    /// One flag for each pixel; `None` if all are compared.
     mask: Option<Vec<bool>>,
     compared: usize,
-    /// Strips of pixels that aren't equal bit for bit.
+    /// Strips with pixels that differ in any bit.
     different: Vec<Range<usize>>,
     /// The largest difference of a channel relative to the golden's value.
     largest_relative: f32,
     exposures: OnceLock<ExposureRange>,
     key: OnceLock<f32>,
-    /// What a metric has computed, for another one that wants the same.
+    /// A metric's result, for another metric that needs the same one.
     memo: OnceLock<Arc<dyn Any + Send + Sync>>,
 }
 
-/// Why there is nothing to measure.
+/// The reason why a pair can't be measured.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PairError {
-    /// Another size.
+    /// The sizes differ.
     #[error("it is {} x {}, the golden {} x {}", actual.0, actual.1, golden.0, golden.1)]
     Size {
         /// Width and height of the golden.
@@ -55,10 +55,10 @@ pub enum PairError {
         /// Width and height of the frame.
         actual: (u32, u32),
     },
-    /// NaN or infinities in the frame.
+    /// The frame has NaN or infinities.
     #[error("it has {0}")]
     NonFinite(NonFinite),
-    /// NaN or infinities in the golden: nothing can agree with it.
+    /// The golden has NaN or infinities: nothing can agree with it.
     #[error("the golden itself has {0}")]
     GoldenNonFinite(NonFinite),
     /// The mask can't be used.
@@ -74,7 +74,7 @@ impl std::fmt::Display for NonFinite {
 }
 
 impl<'a> Pair<'a> {
-    /// All pixels of both.
+    /// A pair with all pixels of both images.
     ///
     /// ```
     /// use karat::Image;
@@ -85,14 +85,14 @@ impl<'a> Pair<'a> {
     /// ```
     ///
     /// # Errors
-    /// If their sizes differ, or one has a value that isn't a finite number.
+    /// If their sizes differ, or if a value isn't finite.
     pub fn new(golden: &'a Image, actual: &'a Image) -> Result<Self, PairError> {
         same_size(golden, actual)?;
         Self::scan(Cow::Borrowed(golden), Cow::Borrowed(actual), None)
     }
 
-    /// The pixels that a mask leaves. The others are made equal, so that no metric that looks at a
-    /// pixel's neighbours sees them.
+    /// A pair with the pixels of a mask. The other pixels are made equal, so metrics that use a pixel's neighbours
+    /// don't see them.
     ///
     /// ```
     /// use karat::Image;
@@ -106,7 +106,7 @@ impl<'a> Pair<'a> {
     /// ```
     ///
     /// # Errors
-    /// If the sizes differ, a pixel that is compared isn't finite, or the mask can't be used.
+    /// If the sizes differ, if a compared pixel isn't finite, or if the mask can't be used.
     pub fn masked(golden: &'a Image, actual: &'a Image, mask: &Mask) -> Result<Self, PairError> {
         same_size(golden, actual)?;
         let flags = mask.flags(golden.width(), golden.height())?;
@@ -127,7 +127,7 @@ impl<'a> Pair<'a> {
         mask: Option<Vec<bool>>,
     ) -> Result<Self, PairError> {
         let mut different: Vec<Range<usize>> = Vec::new();
-        // The first thing that is not finite is left as it is: NaN, by 0 times infinity.
+        // The first non-finite value stays NaN: 0 times infinity.
         let (mut nothing, mut nothing_golden) = (Vec4::ZERO, Vec4::ZERO);
         let mut largest = Vec4::ZERO;
         let pixels = golden.pixels().chunks(STRIP).zip(actual.pixels().chunks(STRIP));
@@ -173,7 +173,7 @@ impl<'a> Pair<'a> {
         })
     }
 
-    /// Pins the exposures that HDR-FLIP looks at. By default they are chosen from the golden.
+    /// Sets the exposures for HDR-FLIP. By default they depend on the golden.
     ///
     /// ```
     /// use karat::Image;
@@ -223,7 +223,7 @@ impl<'a> Pair<'a> {
         &self.actual
     }
 
-    /// Whether every bit that is compared is equal.
+    /// Returns `true` if all compared bits are equal.
     ///
     /// ```
     /// use karat::Image;
@@ -239,7 +239,7 @@ impl<'a> Pair<'a> {
         self.different.is_empty()
     }
 
-    /// Whether a pixel is compared.
+    /// Returns `true` if a pixel is compared.
     ///
     /// ```
     /// use karat::Image;
@@ -256,7 +256,7 @@ impl<'a> Pair<'a> {
         self.mask.as_ref().is_none_or(|flags| flags[index])
     }
 
-    /// How many pixels are compared; at least one, unless the images have none.
+    /// The number of compared pixels; at least one, unless the images are empty.
     ///
     /// ```
     /// use karat::Image;
@@ -272,7 +272,7 @@ impl<'a> Pair<'a> {
         self.compared
     }
 
-    /// How many pixels of a rectangle are compared.
+    /// The number of compared pixels in a rectangle.
     ///
     /// ```
     /// use karat::Image;
@@ -293,13 +293,13 @@ impl<'a> Pair<'a> {
         all.filter(|(x, y)| self.is_compared(*x, *y)).count()
     }
 
-    /// What is computed once of the pair; of another type than the first it is computed each time.
+    /// Caches the result of `compute` for the pair. If the cache has another type, `compute` runs each time.
     pub(super) fn memo<T: Any + Clone + Send + Sync>(&self, compute: impl Fn() -> T) -> T {
         let kept = self.memo.get_or_init(|| Arc::new(compute()));
         kept.downcast_ref::<T>().map_or_else(&compute, T::clone)
     }
 
-    /// The exposures that HDR-FLIP looks at.
+    /// The exposures for HDR-FLIP.
     ///
     /// ```
     /// use karat::Image;
@@ -315,7 +315,7 @@ impl<'a> Pair<'a> {
         *self.exposures.get_or_init(|| ExposureRange::of_pixels(&self.compared_pixels()))
     }
 
-    /// The golden's pixels that are compared.
+    /// The golden's compared pixels.
     fn compared_pixels(&self) -> Cow<'_, [[f32; 4]]> {
         let pixels = self.golden.pixels();
         match &self.mask {
@@ -327,7 +327,7 @@ impl<'a> Pair<'a> {
         }
     }
 
-    /// The largest difference of a channel relative to the golden's value, however dark.
+    /// The largest difference of a channel relative to the golden's value, even for dark values.
     pub(super) fn largest_relative(&self) -> f32 {
         self.largest_relative
     }
@@ -337,7 +337,7 @@ impl<'a> Pair<'a> {
         *self.key.get_or_init(|| relative::key(&self.compared_pixels()))
     }
 
-    /// Strips of both images that differ in a bit, with the index of their first pixel.
+    /// Strips of both images that differ in any bit, with the index of their first pixel.
     pub(super) fn different(&self) -> impl Iterator<Item = (usize, &[[f32; 4]], &[[f32; 4]])> {
         let (golden, actual) = (self.golden.pixels(), self.actual.pixels());
         let strip = move |range: &Range<usize>| {
@@ -363,7 +363,7 @@ fn same_size(golden: &Image, actual: &Image) -> Result<(), PairError> {
     Err(PairError::Size { golden: size(golden), actual: size(actual) })
 }
 
-/// 0 in each lane, or NaN if a value isn't finite. Four channels at once, and no branch.
+/// 0 in each lane, or NaN if a value isn't finite. Processes four channels at once, without branches.
 fn vanishing(pixels: &[[f32; 4]], start: Vec4) -> Vec4 {
     pixels.iter().fold(start, |sum, pixel| sum + Vec4::from_array(*pixel) * 0.0)
 }

@@ -1,16 +1,16 @@
-//! Means of tiles, so that a fault in one place isn't diluted by the rest of the frame.
+//! Means of tiles, which show a fault in one place that the rest of the frame would dilute.
 
 use super::mask::Rect;
 use super::pair::Pair;
 
-/// Pixels a side of a tile. A tile is a quarter of a degree of sight wide, about as far as FLIP's
-/// filters reach, so that a small fault fills one.
+/// The side of a tile, in pixels. A tile is a quarter of a degree of vision wide, about as far as FLIP's filters reach,
+/// so a small fault fills a tile.
 pub const TILE: u32 = 16;
 
-/// Pixels a side of the cells that tiles are made of, and from one tile to the next.
+/// The side of the cells that tiles consist of, in pixels, and the distance from one tile to the next.
 const CELL: u32 = TILE / 2;
 
-/// An error for each pixel of a part of a frame; outside of the part it is 0.
+/// An error for each pixel in a part of a frame; outside the part it is 0.
 ///
 /// ```
 /// use karat::metric::Rect;
@@ -25,9 +25,8 @@ pub struct ErrorMap {
     values: Vec<f32>,
 }
 
-/// Ends of scales. 1 is that of other tools, so that pictures of large errors compare with theirs;
-/// small errors would all be black there. Below a thousandth nobody sees anything, and everything
-/// would look wrong.
+/// The ends of scales. Other tools use 1, so pictures of large errors are comparable with theirs, but small errors
+/// would all be black. Errors below a thousandth are invisible, and a smaller scale would make everything look wrong.
 const STEPS: [f32; 10] = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0];
 
 impl ErrorMap {
@@ -42,7 +41,7 @@ impl ErrorMap {
     /// ```
     ///
     /// # Panics
-    /// If there isn't one for each pixel of the rectangle.
+    /// If the number of errors isn't the number of the rectangle's pixels.
     #[must_use]
     pub fn new(rect: Rect, values: Vec<f32>) -> Self {
         let expected = rect.width as usize * rect.height as usize;
@@ -50,7 +49,7 @@ impl ErrorMap {
         Self { rect, values }
     }
 
-    /// The part of the frame that has errors.
+    /// The part of the frame with errors.
     ///
     /// ```
     /// use karat::metric::Rect;
@@ -78,8 +77,8 @@ impl ErrorMap {
         &self.values
     }
 
-    /// The error that the brightest colour stands for in a picture of these errors: the least of 1,
-    /// 0.5, 0.2, 0.1 and so on down to 0.001 that no error exceeds; 1 if there is no error at all.
+    /// The error that the brightest colour represents in a picture of these errors: the smallest of 1, 0.5, 0.2, 0.1
+    /// and so on down to 0.001 that no error exceeds; 1 without any error.
     ///
     /// ```
     /// use karat::unstable::metric::ErrorMap;
@@ -93,8 +92,8 @@ impl ErrorMap {
         if largest == 0.0 { 1.0 } else { end }
     }
 
-    /// The colour that pictures show an error from 0 to 1 in, as 8-bit sRGB: matplotlib's magma
-    /// (Smith and van der Walt 2015, CC0), as in the pictures of NVIDIA's FLIP.
+    /// The colour of an error from 0 to 1 in pictures, as 8-bit sRGB: matplotlib's magma (Smith and van der Walt 2015,
+    /// CC0), as in the pictures of NVIDIA's FLIP.
     ///
     /// ```
     /// use karat::unstable::metric::ErrorMap;
@@ -138,7 +137,7 @@ impl ErrorMap {
         })
     }
 
-    /// The mean over all pixels that are compared.
+    /// The mean over all compared pixels.
     ///
     /// ```
     /// use karat::Image;
@@ -154,13 +153,13 @@ impl ErrorMap {
     #[must_use]
     pub fn mean(&self, pair: &Pair<'_>) -> f64 {
         let counted = self.pixels().filter(|(x, y, _)| pair.is_compared(*x, *y));
-        // A sum of nothing is -0.
+        // An empty sum is -0.
         (0.0 + counted.map(|(_, _, value)| value).sum::<f64>()) / pair.compared_count() as f64
     }
 
-    /// The [`TILE`] with the largest mean, and that mean, over those of its pixels that are
-    /// compared. Tiles overlap by half, so that no spot is cut in four by their edges. A tile at
-    /// the edge of the frame has fewer pixels. A NaN mean counts as the largest.
+    /// The [`TILE`] with the largest mean over its compared pixels, and that mean. Tiles overlap by half, so that no
+    /// spot is divided among four tiles. A tile at the edge of the frame has fewer pixels. A NaN mean counts as the
+    /// largest.
     ///
     /// ```
     /// use karat::Image;
@@ -186,7 +185,7 @@ impl ErrorMap {
             let inside = column < columns && row < rows;
             if inside { cells[(row * columns + column) as usize] } else { 0.0 }
         };
-        // The last tile between two others would be a part of the one before.
+        // The last tile between two others would be a part of the previous one.
         let starts = |cells: u32| (0..cells).filter(move |at| at % 2 == 0 || at + 1 < cells);
         let mut largest = (0.0, Rect::new(0, 0, TILE.min(width), TILE.min(height)));
         for (column, row) in starts(rows).flat_map(|row| starts(columns).map(move |c| (c, row))) {
@@ -211,7 +210,7 @@ impl ErrorMap {
 mod tests {
     use super::*;
 
-    /// Wherever a spot of 8 x 8 pixels lies, a tile holds at least nine sixteenths of it.
+    /// At any place, some tile contains at least nine sixteenths of a spot of 8 x 8 pixels.
     #[test]
     fn a_spot_counts_wherever_it_lies() {
         let image = crate::image::Image::new(50, 40, vec![[0.5; 4]; 2000]);

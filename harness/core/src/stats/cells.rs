@@ -1,33 +1,32 @@
-//! The cells of a histogram.
+//! Lays the cells of a histogram.
 
 use super::{Rectangle, Support};
 
-/// A partition of a support into rows of the first coordinate, and of each row into columns of the
-/// second, such that each cell has about as many samples.
+/// A partition of a support into rows of the first coordinate, and of each row into columns of the second, with about
+/// the same number of samples in each cell.
 ///
-/// Cells of equal size could hold a narrow lobe in a single cell. So the cells are laid by the
-/// quantiles of a pilot run. Its samples aren't judged, so that the cells don't depend on those
-/// that are.
+/// With cells of equal size, a single cell could contain a narrow lobe. So the quantiles of a pilot run decide the
+/// cells. The pilot's samples aren't judged, so the cells don't depend on the judged samples.
 ///
-/// Many samples may coincide, such as those of a sampler that has lost a dimension. Then the cell
-/// about that place is narrower than the distance to its neighbours. A density expects fewer
-/// samples in such a cell, and some in the empty cells beside it, so the sampler is rejected.
+/// Many samples may coincide, for example if a sampler has lost a dimension. Then the cell around them is narrower than
+/// the distance to its neighbours. The density expects fewer samples in this cell, and some in the empty cells beside
+/// it, so the sampler is rejected.
 #[derive(Clone, Debug)]
 pub struct Cells {
     support: Support,
-    /// Bounds between rows.
+    /// The bounds between rows.
     rows: Vec<f64>,
-    /// Bounds between the columns of each row.
+    /// The bounds between the columns of each row.
     columns: Vec<Vec<f64>>,
     /// Index of the first cell of each row, and one past the last.
     offsets: Vec<usize>,
-    /// The smallest rectangle about the pilot samples of each cell.
+    /// The smallest rectangle around the pilot samples of each cell.
     occupied: Vec<Option<Rectangle>>,
 }
 
 impl Cells {
-    /// Lays at most `rows` rows of `columns` columns (one column on a line) by the coordinates of
-    /// pilot samples. There are up to twice as many where samples coincide.
+    /// Lays at most `rows` rows of `columns` columns (one column on a line), from the coordinates of pilot samples. If
+    /// samples coincide, there are up to twice as many.
     #[must_use]
     pub fn new(support: Support, pilot: &[[f64; 2]], rows: usize, columns: usize) -> Self {
         let columns = if support.is_line() { 1 } else { columns };
@@ -61,21 +60,20 @@ impl Cells {
         self.occupied.len()
     }
 
-    /// Always false: a partition has at least one cell.
+    /// Returns `false`: a partition has at least one cell.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.occupied.is_empty()
     }
 
-    /// The cell at these coordinates. If rounding has put them beyond an end, it is the last cell
-    /// before that end.
+    /// The cell at these coordinates. If rounding has moved them beyond an end, it is the last cell before that end.
     #[must_use]
     pub fn index(&self, at: [f64; 2]) -> usize {
         let row = index(&self.rows, at[0]);
         self.offsets[row] + index(&self.columns[row], at[1])
     }
 
-    /// How many cells each row has, from the first.
+    /// The number of cells in each row.
     #[must_use]
     pub fn row_lengths(&self) -> Vec<usize> {
         self.columns.iter().map(|row| row.len() + 1).collect()
@@ -94,10 +92,9 @@ impl Cells {
         Rectangle { low: [a0, b0], high: [a1, b1] }
     }
 
-    /// A cell cut into parts, so that a quadrature rule of moderate order sees the density in each:
-    /// one part where the pilot samples are, and others beside it in steps that double. A tail may
-    /// fall off quickly next to the samples, and a rule over the whole of a wide cell would miss
-    /// it.
+    /// Divides a cell into parts, so that a quadrature rule of moderate order samples the density well in each: one
+    /// part around the pilot samples, and others beside it in steps that double. A tail may fall off quickly next to
+    /// the samples, and a rule over a whole wide cell would miss it.
     ///
     /// # Panics
     /// If there is no such cell.
@@ -122,12 +119,12 @@ impl Cells {
     }
 }
 
-/// Gaps that are this share of the range, or less, may be those between neighbouring `f32`: there
-/// samples of a sound sampler coincide.
+/// Gaps of at most this share of the range may be steps between neighbouring `f32`: there, the samples of a correct
+/// sampler coincide.
 const RESOLUTION: f64 = 4.0 * f32::EPSILON as f64;
 
-/// Bounds that cut values into `parts` of about equal number. Equal values are not cut, but cut off
-/// from others.
+/// Bounds that divide values into `parts` of about equal number. Equal values stay together, and are separated from the
+/// others.
 fn quantiles(mut values: Vec<f64>, parts: usize, ends: (f64, f64)) -> Vec<f64> {
     values.sort_unstable_by(f64::total_cmp);
     let smallest = RESOLUTION * (ends.1 - ends.0);
@@ -146,7 +143,7 @@ fn quantiles(mut values: Vec<f64>, parts: usize, ends: (f64, f64)) -> Vec<f64> {
         let next = values.partition_point(|value| *value <= after);
         let below = after - first.checked_sub(1).map_or(ends.0, |index| values[index]);
         let above = values.get(next).copied().unwrap_or(ends.1) - after;
-        // Beyond what `f32` can tell apart a quarter of the gap; within, the middle of it.
+        // A quarter of a gap that is wider than an `f32` step, or else its middle.
         let share = |gap: f64| if gap > smallest { 0.25 * gap } else { 0.5 * gap };
         bounds.extend((below > 0.0).then(|| after - share(below)));
         bounds.extend((above > 0.0).then(|| after + share(above)));
@@ -168,7 +165,7 @@ fn bounds(inner: &[f64], part: usize, ends: (f64, f64)) -> (f64, f64) {
 
 /// Cuts of `low..high`: around `start..end`, and from there outwards in steps that double.
 fn graded((low, high): (f64, f64), (start, end): (f64, f64)) -> Vec<f64> {
-    // One sample has no width: 30 steps reach the end of any support.
+    // One sample has no width; 30 steps reach the end of any support.
     let width = (end - start).max(1e-9 * (high - low));
     let steps = |gap: f64| {
         let mut step = width;
@@ -242,7 +239,7 @@ mod tests {
         assert_eq!((cells.row_lengths(), cells.is_empty()), (vec![1, 3, 1], false));
         let own = cells.rectangle(cells.index([0.5, 0.5]));
         assert_eq!((own.low, own.high[1]), ([0.375, 0.375], 0.5 + 0.25 * (TAU - 0.5)));
-        // 64 values have a cell each, and the gaps between them two of their own.
+        // 64 values have a cell each, and each gap between them has two cells.
         let value = |i: u32| [f64::from(i % 64) / 64.0 + 1.0 / 128.0, 0.5];
         let steps: Vec<_> = (0..16_384).map(value).collect();
         let cells = Cells::new(Support::Interval(0.0, 1.0), &steps, 512, 1);

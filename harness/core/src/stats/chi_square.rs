@@ -3,34 +3,32 @@
 use super::tail::chi_square_tail;
 use super::{NoVerdict, probability};
 
-/// Cells that expect fewer are pooled: below, their distribution isn't close to the normal one
-/// that the test assumes. Cochran 1952's rule of thumb.
+/// Cells that expect fewer samples are pooled: their distribution isn't close to the normal one that the test assumes.
+/// Cochran 1952's rule of thumb.
 pub const POOLED: f64 = 5.0;
 
-/// How far a histogram is from what it should be.
+/// The difference between a histogram and the expected one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ChiSquare {
-    /// The sum of (observed - expected)^2 / expected; infinite if something impossible happened.
+    /// The sum of (observed - expected)^2 / expected; infinite if an impossible sample occurred.
     pub statistic: f64,
-    /// Degrees of freedom: one less than the number of cells, where the pool counts as one cell.
+    /// The degrees of freedom: one less than the number of cells, where the pool counts as one cell.
     pub dof: usize,
-    /// Probability of so large a sum by chance.
+    /// The probability of such a large sum by chance.
     pub p: f64,
-    /// Cells that were pooled.
+    /// The number of pooled cells.
     pub pooled: usize,
-    /// Samples in cells that expect none.
+    /// The number of samples in cells that expect none.
     pub impossible: u64,
 }
 
 impl ChiSquare {
-    /// Compares counts with expected counts. Their sums should be equal. Cells that expect fewer
-    /// than [`POOLED`] are pooled into one; if the pool expects fewer, too, the smallest of the
-    /// other cells joins it. A cell that expects nothing is left out of the sum, but any sample in
-    /// it makes the p-value 0.
+    /// Compares counts with expected counts. Their sums should be equal. Cells that expect fewer than [`POOLED`] are
+    /// pooled into one; if the pool expects fewer, too, the smallest of the other cells joins it. A cell with the
+    /// expectation 0 is left out of the sum, but any sample in it makes the p-value 0.
     ///
     /// # Errors
-    /// If nothing was observed, an expectation isn't a number or negative, or only one cell
-    /// is left.
+    /// If nothing was observed, if an expectation is negative or not a number, or if only one cell is left.
     pub fn of(observed: &[u64], expected: &[f64]) -> Result<Self, NoVerdict> {
         if observed.len() != expected.len() {
             let (observed, expected) = (observed.len(), expected.len());
@@ -44,7 +42,7 @@ impl ChiSquare {
         }
         let mut cells: Vec<(f64, u64)> =
             expected.iter().copied().zip(observed.iter().copied()).collect();
-        // The sort is stable, so that equal expectations are pooled in the same order every time.
+        // A stable sort, so that equal expectations are always pooled in the same order.
         cells.sort_by(|a, b| a.0.total_cmp(&b.0));
         let impossible = cells.iter().filter(|cell| cell.0 == 0.0).map(|cell| cell.1).sum();
         let (mut statistic, mut groups, mut pooled) = (0.0, 0, 0);
@@ -92,7 +90,7 @@ mod tests {
 
     #[test]
     fn small_cells_are_pooled_until_they_expect_five() {
-        // 1 + 2 expect 3, and take the 6 with them: 9 against 8, 10 against 11.
+        // The cells that expect 1 and 2 make 3, and are pooled with the 6: 9 against 8 samples, and 10 against 11.
         let test = ChiSquare::of(&[1, 2, 5, 11], &[1.0, 2.0, 6.0, 10.0]).expect("two cells");
         assert_eq!((test.dof, test.pooled), (1, 3));
         assert!((test.statistic - (1.0 / 9.0 + 0.1)).abs() < 1e-12);

@@ -1,16 +1,16 @@
-//! Adaptive integrals over the cells of a support, of a function that is evaluated in batches.
+//! Integrates a function adaptively over the cells of a support. The function is evaluated in batches.
 
 use super::gauss::gauss_legendre;
 use super::{Cells, Support};
 
-/// Nodes of each side: Gauss-Legendre's of degree 13. The other rule is Lobatto's of degree 7,
-/// which has nodes on the sides: between inner nodes and a side both rules would miss an edge.
+/// The number of nodes along each side: Gauss-Legendre's of degree 13. The other rule is Lobatto's of degree 7, which
+/// has nodes on the sides: otherwise both rules would miss an edge between the inner nodes and a side.
 const ORDER: u32 = 7;
 
-/// Nodes of one integral of all cells: what a software device evaluates in some ten seconds.
+/// The most nodes in one integral over all cells: as many as a software device evaluates in about ten seconds.
 const MOST: usize = 1 << 24;
 
-/// Rectangles whose nodes are evaluated at once.
+/// The number of rectangles whose nodes are evaluated at once.
 const BATCH: usize = 880; // times 74 nodes, within 65,536
 
 /// A rectangle of a support's coordinates.
@@ -48,21 +48,21 @@ impl Rectangle {
 pub struct CellIntegral {
     /// The integral of each component.
     pub value: Vec<f64>,
-    /// The estimated error of the worst component: the difference between rules of two orders. The
-    /// differences of a cell's parts are added as if they were independent.
+    /// The estimated error of the worst component: the difference between rules of two orders. The differences of a
+    /// cell's parts are added as independent errors.
     pub error: f64,
 }
 
-/// Why there is no integral.
+/// The reason why there is no integral.
 #[derive(Debug, thiserror::Error)]
 pub enum CubatureError<E> {
     /// The function can't be evaluated.
     #[error(transparent)]
     Evaluation(E),
-    /// Rules of two orders don't agree, even on small parts.
+    /// Rules of two orders disagree, even on small parts.
     #[error("two quadrature rules still disagree after {nodes} nodes")]
     Diverges {
-        /// Nodes that were evaluated.
+        /// The number of evaluated nodes.
         nodes: usize,
     },
 }
@@ -77,15 +77,15 @@ struct Part {
 
 /// Integrates a function of `components` components over each cell.
 ///
-/// Rules of two orders are applied to each part of a cell, and a part is divided until they agree
-/// within `tolerance`. That is a function of the cell's integral as it is known so far. A part's
-/// tolerance is proportional to the root of its share of the cell, because the errors of parts add
-/// up like independent ones, as they do along an edge of the density.
+/// Rules of two orders are applied to each part of a cell, and a part is divided until they agree within `tolerance`, a
+/// function of the cell's integral as it is known so far. A part's tolerance is proportional to the square root of its
+/// share of the cell, because the errors of parts add up like independent ones, for example along an edge of the
+/// density.
 ///
 /// `evaluate` gets points and returns the components of each.
 ///
 /// # Errors
-/// If `evaluate` fails, or the rules never agree.
+/// If `evaluate` fails, or if the rules never agree.
 pub fn integrate<E>(
     support: Support,
     cells: &Cells,
@@ -136,7 +136,7 @@ pub fn integrate<E>(
                 results.push(sums);
             }
         }
-        // What each cell is known to be, before any of its parts is judged.
+        // The integral of each cell as known so far, before any of its parts is judged.
         let mut known: Vec<Vec<f64>> = sums.iter().map(|sum| sum.value.clone()).collect();
         for (part, [_, higher]) in pending.iter().zip(&results) {
             add(&mut known[part.cell], higher);
@@ -144,7 +144,7 @@ pub fn integrate<E>(
         let mut next = Vec::new();
         for (part, [lower, higher]) in pending.iter().zip(results) {
             let errors = lower.iter().zip(&higher).map(|(lower, higher)| (higher - lower).abs());
-            // Not `f64::max`, which drops NaN.
+            // Unlike `f64::max`, this keeps NaN.
             let error = errors.fold(0.0, |worst, error| if error <= worst { worst } else { error });
             let share = 0.5_f64.powi(part.depth.cast_signed()).sqrt();
             if error <= share * tolerance(&known[part.cell]) {
@@ -168,7 +168,7 @@ fn add(sum: &mut [f64], values: &[f64]) {
     }
 }
 
-/// Nodes in the unit square, and their weights. On a line the second coordinate is 1/2.
+/// The nodes in the unit square, with their weights. On a line the second coordinate is 1/2.
 fn rule(nodes: &[(f64, f64)], line: bool) -> Vec<([f64; 2], f64)> {
     let second = if line { &[(0.5, 1.0)] } else { nodes };
     let row = |(a, weight): &(f64, f64)| {
@@ -178,7 +178,7 @@ fn rule(nodes: &[(f64, f64)], line: bool) -> Vec<([f64; 2], f64)> {
     nodes.iter().flat_map(row).collect()
 }
 
-/// Nodes and weights on 0..1 with both ends. Abramowitz and Stegun 25.4.32, of five nodes.
+/// The nodes and weights on 0..1 including both ends. Abramowitz and Stegun 25.4.32, with five nodes.
 fn lobatto() -> Vec<(f64, f64)> {
     let inner = 0.5 * (3.0_f64 / 7.0).sqrt();
     let (end, side, middle) = (1.0 / 20.0, 49.0 / 180.0, 16.0 / 45.0);

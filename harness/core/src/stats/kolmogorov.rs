@@ -3,28 +3,28 @@
 use super::tail::kolmogorov_tail;
 use super::{NoVerdict, probability};
 
-/// Fewer samples don't follow Stephens' approximation of the tail closely enough.
+/// With fewer samples, Stephens' approximation of the tail isn't close enough.
 const FEWEST: u64 = 40;
 
-/// How far the distribution function of samples is from what it should be.
+/// The difference between the distribution function of samples and the expected one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Kolmogorov {
     /// The largest difference of the two functions.
     pub distance: f64,
-    /// The sample at which it is.
+    /// The sample with this difference.
     pub at: f64,
-    /// Probability of so large a distance by chance.
+    /// The probability of such a large distance by chance.
     pub p: f64,
 }
 
 impl Kolmogorov {
-    /// Sorts the samples and compares them with a distribution function. A distance of up to
-    /// `slack` isn't counted: it covers the errors of the samples and of the function. If the
-    /// function has steps, the p-value may be too large, but not too small (Conover 1972).
+    /// Sorts the samples and compares them with a distribution function. A distance of up to `slack` doesn't count: it
+    /// covers the errors of the samples and of the function. If the function has steps, the p-value may be too large,
+    /// but not too small (Conover 1972).
     ///
     /// # Errors
-    /// If there are fewer than 40 samples, a sample or the function isn't a number in range, or the
-    /// slack isn't a number in [0, 1).
+    /// If there are fewer than 40 samples, if a sample or the function isn't a number in range, or if the slack isn't a
+    /// number in [0, 1).
     pub fn of(
         samples: &mut [f64],
         distribution: impl Fn(f64) -> f64,
@@ -46,7 +46,7 @@ impl Kolmogorov {
         let mut before = 0;
         for ties in samples.chunk_by(|a, b| a == b) {
             let sample = ties[0];
-            // Just before the sample and at it: both functions may have a step there.
+            // Just before the sample and at it, because both functions may have a step there.
             let own = [distribution(sample.next_down()), distribution(sample)];
             let counted = [before, before + ties.len()].map(|index| index as f64 / count);
             for (value, share) in own.into_iter().zip(counted) {
@@ -71,7 +71,7 @@ mod tests {
 
     #[test]
     fn the_distance_is_taken_on_both_sides_of_a_step() {
-        // 100 samples at the middles of cells are 1/200 off everywhere, and one is moved up.
+        // 100 samples at the middles of cells are 1/200 off everywhere; one is moved up.
         let middles = || (0..100).map(|i| (f64::from(i) + 0.5) / 100.0).collect::<Vec<_>>();
         let test = Kolmogorov::of(&mut middles(), |x| x, 0.0).expect("100 samples");
         assert!((test.distance - 0.005).abs() < 1e-12 && test.p > 0.999);

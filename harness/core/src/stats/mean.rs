@@ -1,17 +1,16 @@
-//! The test of a mean, by its own standard error.
+//! Tests a mean against the expected one, with the standard error of the samples.
 
 use super::tail::normal_tail;
 use super::{NoVerdict, probability};
 
-/// Fewer samples' means aren't close to normal.
+/// With fewer samples, the mean isn't close to normally distributed.
 const FEWEST: u64 = 100;
 
-/// Samples needed for each unit of squared skewness. Cochran 1977, section 2.15.
+/// The number of samples that each unit of squared skewness needs. Cochran 1977, section 2.15.
 const PER_SKEWNESS: f64 = 25.0;
 
-/// Count, mean, variance and skewness of a stream of numbers (Welford 1962). Parts of a stream can
-/// be merged (Chan et al. 1983, Pebay 2008), and except for rounding, the result is the same
-/// however it was cut.
+/// The count, mean, variance and skewness of a stream of numbers (Welford 1962). Parts of a stream can be merged (Chan
+/// et al. 1983, Pebay 2008). Except for rounding, the result doesn't depend on how the stream was divided.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Moments {
     count: u64,
@@ -50,7 +49,7 @@ impl Moments {
         Self { count, mean, squares, cubes }
     }
 
-    /// How many numbers.
+    /// The number of values.
     #[must_use]
     pub fn count(&self) -> u64 {
         self.count
@@ -62,13 +61,13 @@ impl Moments {
         self.mean
     }
 
-    /// Their variance, as an estimate of the variance of the distribution that they come from.
+    /// Their variance, as an estimate for the distribution that they come from.
     #[must_use]
     pub fn variance(&self) -> f64 {
         self.squares / (self.count.max(2) - 1) as f64
     }
 
-    /// Their skewness; 0 of numbers that are all the same.
+    /// Their skewness; 0 if all numbers are equal.
     #[must_use]
     pub fn skewness(&self) -> f64 {
         if self.squares == 0.0 {
@@ -78,7 +77,7 @@ impl Moments {
     }
 }
 
-/// How far a mean is from what it should be.
+/// The difference between a mean and the expected one.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mean {
     /// The mean.
@@ -87,18 +86,18 @@ pub struct Mean {
     pub error: f64,
     /// The difference beyond the slack, in standard errors.
     pub z: f64,
-    /// Probability of so large a difference by chance.
+    /// The probability of such a large difference by chance.
     pub p: f64,
 }
 
 impl Mean {
-    /// Compares the mean with the expected one. A difference of up to `slack` isn't counted: it
-    /// covers the rounding of the samples and the error of the expectation. Without it, samples
-    /// that differ only by rounding would be judged by their rounding.
+    /// Compares the mean with the expected one. A difference of up to `slack` doesn't count: it covers the rounding of
+    /// the samples and the error of the expectation. Without it, samples that differ only by rounding would be judged
+    /// by their rounding.
     ///
     /// # Errors
-    /// If there are fewer than 100 samples, or a number isn't finite. Also if the mean isn't the
-    /// expected one and its error isn't known: few of the samples make up the mean, or all are 0.
+    /// If there are fewer than 100 samples, or if a number isn't finite. Also if the mean differs from the expected one
+    /// and its error is unknown: because few of the samples make up the mean, or because all are 0.
     pub fn of(moments: &Moments, expected: f64, slack: f64) -> Result<Self, NoVerdict> {
         let found = moments.count;
         if found < FEWEST {
@@ -155,18 +154,18 @@ mod tests {
 
     #[test]
     fn a_mean_is_judged_by_its_error() {
-        // 10,000 throws of a coin: an error of 0.005.
+        // 10,000 tosses of a coin: an error of 0.005.
         let coin = moments((0..10_000).map(|i| f64::from(i % 2)));
         let at = |expected| Mean::of(&coin, expected, 0.0).expect("10,000 samples");
         assert_eq!(at(0.5).p, 1.0);
         assert!((at(0.51).z - 2.0).abs() < 1e-3 && (at(0.51).p - 0.0455).abs() < 1e-4);
         assert!(Mean::of(&coin, 0.51, 0.01).expect("10,000 samples").p > 0.999);
-        // What is beyond the slack counts.
+        // A difference beyond the slack counts.
         let beyond = Mean::of(&coin, 0.53, 0.01).expect("10,000 samples");
         assert!((beyond.z - 4.0).abs() < 1e-3 && beyond.p < 1e-4, "{beyond:?}");
     }
 
-    /// What is rare is in the mean or isn't: its error can't be told from the samples.
+    /// Samples may contain a rare event or not, so they don't show the error of the mean.
     #[test]
     fn the_mean_of_a_rare_event_has_no_verdict() {
         let rare = |hits: u32| moments((0..65_536).map(|i| f64::from(u8::from(i < hits))));
@@ -181,7 +180,7 @@ mod tests {
         let whole =
             moments((0..8).flat_map(|part| (0..100).map(move |i| f64::from((i * part) % 11))));
         assert!((merged.skewness() - whole.skewness()).abs() < 1e-12);
-        // Of an exponential distribution it is 2.
+        // An exponential distribution has the skewness 2.
         let exponential = moments((0..100_000).map(|i| -((f64::from(i) + 0.5) / 1e5).ln()));
         assert!((exponential.skewness() - 2.0).abs() < 0.02, "{}", exponential.skewness());
     }

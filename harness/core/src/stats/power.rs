@@ -1,4 +1,4 @@
-//! What a test would detect: its power against a named fault, and how often it rejects wrongly.
+//! Computes the power of a test against a given fault, and how often the test rejects wrongly.
 
 use super::chi_square::POOLED;
 use super::tail::{
@@ -6,11 +6,11 @@ use super::tail::{
 };
 use super::{NoVerdict, probability};
 
-/// Probability that a chi-square test of `samples` samples against cells of mass `claimed` rejects
-/// at `significance` when their mass is `actual`. Both lists should sum to the same.
+/// The probability that a chi-square test of `samples` samples against cells of mass `claimed` rejects at
+/// `significance` if their mass is `actual`. Both lists should have the same sum.
 ///
 /// # Errors
-/// If a mass isn't a number or negative, or fewer than two cells expect enough.
+/// If a mass is negative or not a number, or if fewer than two cells expect enough samples.
 pub fn chi_square_power(
     claimed: &[f64],
     actual: &[f64],
@@ -20,7 +20,7 @@ pub fn chi_square_power(
     if claimed.len() != actual.len() {
         return Err(NoVerdict::Length { observed: actual.len(), expected: claimed.len() });
     }
-    // In the order of `ChiSquare`, which pools in the same way.
+    // The same order as in `ChiSquare`, so that the same cells are pooled.
     let mut cells: Vec<(f64, f64)> = claimed.iter().copied().zip(actual.iter().copied()).collect();
     cells.sort_by(|a, b| a.0.total_cmp(&b.0));
     let (mut lambda, mut groups, mut impossible) = (0.0, 0_usize, 0.0);
@@ -52,16 +52,15 @@ pub fn chi_square_power(
     }
     let dof = (groups - 1) as f64;
     let accepted = 1.0 - noncentral_tail(chi_square_critical(dof, significance), dof, lambda);
-    // One sample where there can be none rejects, too.
+    // One sample in an impossible cell also rejects.
     probability(1.0 - accepted * (-samples * impossible).exp())
 }
 
-/// Probability that the test of a mean rejects at `significance` when the true mean differs from
-/// the expected one by `difference`, and the mean of the samples has the standard error `error`.
+/// The probability that the test of a mean rejects at `significance` if the true mean differs from the expected one by
+/// `difference`, and the mean of the samples has the standard error `error`.
 ///
 /// # Errors
-/// If an argument isn't a number, the error or the slack is negative, or the significance isn't
-/// between 0 and 1.
+/// If an argument isn't a number, if the error or the slack is negative, or if the significance isn't between 0 and 1.
 pub fn mean_power(
     difference: f64,
     error: f64,
@@ -83,14 +82,14 @@ pub fn mean_power(
     probability(beyond(shift) + beyond(-shift))
 }
 
-/// A lower bound of the probability that Kolmogorov's test of `samples` samples rejects at
-/// `significance` when their distribution function is another one. Each of `points` has two values
-/// at one place: that of the claimed function, and that of the other one. More points give a better
-/// bound. Massey 1950: at one place the number of samples below is binomial, here taken for normal.
+/// A lower bound for the probability that Kolmogorov's test of `samples` samples rejects at `significance` if their
+/// distribution function is another one. Each of `points` has the values of the claimed and of the other function at
+/// one place. More points give a better bound. Massey 1950: at one place, the number of samples below it is binomial,
+/// approximated here as normal.
 ///
 /// # Errors
-/// If a value isn't a probability, there are no points, the slack is negative, or the significance
-/// isn't between 0 and 1.
+/// If a value isn't a probability, if there are no points, if the slack is negative, or if the significance isn't
+/// between 0 and 1.
 pub fn kolmogorov_power(
     points: &[(f64, f64)],
     samples: f64,
@@ -132,14 +131,14 @@ fn expect_significance(value: f64) -> Result<(), NoVerdict> {
 /// How often a test rejected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Rate {
-    /// Runs that rejected.
+    /// The number of runs that rejected.
     pub rejected: u64,
-    /// Runs.
+    /// The number of runs.
     pub runs: u64,
 }
 
 impl Rate {
-    /// Runs a test with many seeds; `rejects` says whether it did.
+    /// Runs a test with many seeds; `rejects` returns whether it rejected.
     pub fn over(seeds: std::ops::Range<u64>, mut rejects: impl FnMut(u64) -> bool) -> Self {
         let runs = seeds.end.saturating_sub(seeds.start);
         Self { rejected: seeds.filter(|seed| rejects(*seed)).count() as u64, runs }
@@ -151,8 +150,8 @@ impl Rate {
         self.rejected as f64 / self.runs as f64
     }
 
-    /// Whether rejections are no more frequent than `significance` allows: the probability of that
-    /// many or more is at least one in a thousand. False if there were no runs.
+    /// Returns `true` if rejections are no more frequent than `significance` allows: the probability of that many or
+    /// more is at least one in a thousand. Without runs, it returns `false`.
     #[must_use]
     pub fn is_within(&self, significance: f64) -> bool {
         let fewer = (self.rejected as f64) < significance * self.runs as f64;
@@ -180,7 +179,7 @@ mod tests {
     fn the_power_of_a_mean_is_that_of_a_normal_number() {
         let power = |difference, slack| mean_power(difference, 0.1, slack, 0.05).expect("a power");
         assert!((power(0.0, 0.0) - 0.05).abs() < 1e-9);
-        // Cohen 1988, table 2.3: a shift of 1.96 deviations is seen in half of the runs.
+        // Cohen 1988, table 2.3: a shift of 1.96 standard deviations is detected in half of the runs.
         assert!((power(0.196, 0.0) - 0.5).abs() < 1e-3 && (power(-0.196, 0.0) - 0.5).abs() < 1e-3);
         assert!((power(0.296, 0.1) - power(0.196, 0.0)).abs() < 1e-3);
         assert_eq!(mean_power(1.0, 0.0, 0.5, 0.05), Ok(1.0));
@@ -199,14 +198,14 @@ mod tests {
             kolmogorov_power(&[(0.5, 0.5 + shift), (0.1, 0.1)], 1000.0, slack, 0.05)
                 .expect("a power")
         };
-        // The distance at 5 % is 1.358 / sqrt(1000) = 0.043: one half is beyond it then.
+        // The critical distance at 5 % is 1.358 / sqrt(1000) = 0.043. With this shift, half of the runs exceed it.
         assert!((power(0.0427, 0.0) - 0.5).abs() < 0.02 && power(0.0, 0.0) < 0.05);
         assert!(power(0.1, 0.0) > 0.999 && power(-0.1, 0.0) > 0.999 && power(0.1, 0.06) < 0.5);
         assert!(kolmogorov_power(&[], 10.0, 0.0, 0.1).is_err());
         assert!(kolmogorov_power(&[(0.5, f64::NAN)], 10.0, 0.0, 0.1).is_err());
     }
 
-    /// Of 100 samples one in e^-1 runs has none of the one per cent that can't be.
+    /// With an impossible share of one per cent, a fraction e^-1 of runs with 100 samples has no impossible sample.
     #[test]
     fn what_is_impossible_is_seen_once_it_happens() {
         let power = chi_square_power(&[0.5, 0.5, 0.0], &[0.495, 0.495, 0.01], 100.0, 1e-6);

@@ -1,13 +1,13 @@
-//! Where samples lie, and coordinates there.
+//! Supports of samples, and their coordinates.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::fmt;
 
-/// How far a direction's length may be from 1, and a point of the disk from it: WGSL promises
-/// 2^-11 for sin and cos, and the squares of two are summed.
+/// The largest error of a direction's length, and of a disk's radius: WGSL promises 2^-11 for sin and cos, and the
+/// squares of two are added.
 const LENGTH: f64 = 1e-3;
 
-/// The set that a density is defined on, with the measure that it is a density of.
+/// The set on which a density is defined, with its measure.
 ///
 /// ```
 /// use karat::Support;
@@ -23,24 +23,23 @@ pub enum Support {
     Hemisphere,
     /// Points of the unit disk, by area.
     Disk,
-    /// Numbers from the first to the second. A density is evaluated at both ends, too, and has to
-    /// be finite there.
+    /// Numbers from the first to the second. A density is also evaluated at both ends, and must be finite there.
     Interval(f64, f64),
 }
 
-/// Where a sample is.
+/// The place of a sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Place {
     /// On the support, at these coordinates.
     Inside([f64; 2]),
-    /// Outside the support: below the horizon, off the disk, beyond an end.
+    /// Outside the support: below the horizon, outside the disk, or beyond an end.
     Outside,
     /// Not a direction: its length isn't 1.
     NotUnit,
 }
 
 impl Support {
-    /// Components of a sample.
+    /// The number of components of a sample.
     #[doc(hidden)]
     #[must_use]
     pub fn components(self) -> usize {
@@ -51,15 +50,14 @@ impl Support {
         }
     }
 
-    /// Whether there is only one coordinate.
+    /// Returns `true` if there is only one coordinate.
     #[doc(hidden)]
     #[must_use]
     pub fn is_line(self) -> bool {
         matches!(self, Self::Interval(..))
     }
 
-    /// The ranges of the coordinates: angle from +Z or radius, then azimuth. An interval's second
-    /// coordinate is a dummy.
+    /// The ranges of the coordinates: angle from +Z or radius, then azimuth. An interval's second coordinate is unused.
     #[doc(hidden)]
     #[must_use]
     pub fn extent(self) -> [(f64, f64); 2] {
@@ -71,7 +69,7 @@ impl Support {
         }
     }
 
-    /// The coordinates of a sample, of which the first [`components`](Self::components) count.
+    /// The coordinates of a sample. Its first [`components`](Self::components) numbers count.
     #[doc(hidden)]
     #[must_use]
     pub fn locate(self, point: [f64; 3]) -> Place {
@@ -85,7 +83,7 @@ impl Support {
                 } else if self == Self::Hemisphere && z < 0.0 {
                     Place::Outside
                 } else {
-                    // Exact near +Z, where the arc cosine of z isn't.
+                    // Exact near +Z, unlike the arc cosine of z.
                     Place::Inside([across.atan2(z), azimuth()])
                 }
             }

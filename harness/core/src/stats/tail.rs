@@ -3,8 +3,8 @@
 use statrs::function::erf::erfc;
 use statrs::function::gamma::{checked_gamma_ur, ln_gamma};
 
-/// Probability that chi-square with `dof` degrees of freedom is at least `x`; NaN if that isn't
-/// defined. Abramowitz and Stegun 26.4.19.
+/// The probability that chi-square with `dof` degrees of freedom is at least `x`; NaN if that isn't defined. Abramowitz
+/// and Stegun 26.4.19.
 #[must_use]
 pub fn chi_square_tail(x: f64, dof: f64) -> f64 {
     if x.is_nan() || !(dof > 0.0) || x < 0.0 {
@@ -32,9 +32,8 @@ pub fn chi_square_critical(dof: f64, significance: f64) -> f64 {
     high
 }
 
-/// Probability that non-central chi-square is at least `x`: a mixture of central ones with
-/// `dof + 2 j` degrees of freedom, j from Poisson's distribution of mean `lambda / 2`.
-/// Abramowitz and Stegun 26.4.25.
+/// The probability that non-central chi-square is at least `x`: a mixture of central ones with `dof + 2 j` degrees of
+/// freedom, where j has Poisson's distribution of mean `lambda / 2`. Abramowitz and Stegun 26.4.25.
 #[must_use]
 pub fn noncentral_tail(x: f64, dof: f64, lambda: f64) -> f64 {
     if lambda == 0.0 {
@@ -44,10 +43,10 @@ pub fn noncentral_tail(x: f64, dof: f64, lambda: f64) -> f64 {
         return f64::NAN;
     }
     let mean = lambda / 2.0;
-    // What lies 12 deviations from the mean is below 1e-30.
+    // Terms further than 12 standard deviations from the mean are below 1e-30.
     let width = 12.0 * mean.sqrt() + 12.0;
     let (first, last) = ((mean - width).max(0.0).floor(), (mean + width).ceil());
-    // Of a wide mixture only every so-manieth term is taken: neighbours are equal to 1e-3.
+    // A wide mixture is sampled at regular steps: neighbouring terms are equal to 1e-3.
     let step = ((last - first) / 2000.0).floor().max(1.0);
     let (mut sum, mut weights, mut j) = (0.0, 0.0, first);
     while j <= last {
@@ -59,26 +58,25 @@ pub fn noncentral_tail(x: f64, dof: f64, lambda: f64) -> f64 {
     sum / weights
 }
 
-/// Probability that a standard normal number is at least as far from 0 as `z`, on either side.
+/// The probability that a standard normal number is at least as far from 0 as `z`, on either side.
 #[must_use]
 pub fn normal_tail(z: f64) -> f64 {
     erfc(z.abs() / std::f64::consts::SQRT_2)
 }
 
-/// The distance from 0 that a standard normal number reaches with probability `significance`, on
-/// either side.
+/// The distance from 0 that a standard normal number exceeds, on either side, with probability `significance`.
 #[must_use]
 pub fn normal_critical(significance: f64) -> f64 {
-    // 40 deviations are beyond the smallest double.
+    // 40 standard deviations are beyond the smallest double.
     critical(40.0, significance, normal_tail)
 }
 
-/// Probability that a standard normal number is at least `z`.
+/// The probability that a standard normal number is at least `z`.
 pub(super) fn normal_upper(z: f64) -> f64 {
     0.5 * erfc(z / std::f64::consts::SQRT_2)
 }
 
-/// The argument at which a falling tail is `significance`, between 0 and `most`.
+/// The argument, between 0 and `most`, at which a falling tail equals `significance`.
 pub(super) fn critical(most: f64, significance: f64, tail: impl Fn(f64) -> f64) -> f64 {
     let (mut low, mut high) = (0.0, most);
     // Each step adds a bit.
@@ -89,8 +87,8 @@ pub(super) fn critical(most: f64, significance: f64, tail: impl Fn(f64) -> f64) 
     high
 }
 
-/// Probability of a number of successes at least as extreme as `successes` of `trials`: twice the
-/// smaller tail, summed exactly.
+/// The probability of a number of successes at least as extreme as `successes` out of `trials`: twice the smaller tail,
+/// summed exactly.
 #[must_use]
 pub fn binomial_tail(successes: u64, trials: u64, probability: f64) -> f64 {
     if successes > trials || !(0.0..=1.0).contains(&probability) {
@@ -106,7 +104,7 @@ pub fn binomial_tail(successes: u64, trials: u64, probability: f64) -> f64 {
     let odds = probability / (1.0 - probability);
     let upwards = k >= mean;
     let mut tail = 0.0;
-    // Away from the mean each term is smaller than the one before, by a ratio that falls.
+    // Away from the mean, each term is smaller than the previous one, by a falling ratio.
     while term > tail * 1e-17 && term > 0.0 {
         tail += term;
         if upwards {
@@ -120,8 +118,8 @@ pub fn binomial_tail(successes: u64, trials: u64, probability: f64) -> f64 {
     (2.0 * tail).min(1.0)
 }
 
-/// Probability that Kolmogorov's distance of `samples` samples is at least `distance`. Stephens
-/// 1970, with Kolmogorov's series.
+/// The probability that Kolmogorov's distance of `samples` samples is at least `distance`. Stephens 1970, with
+/// Kolmogorov's series.
 #[must_use]
 pub fn kolmogorov_tail(distance: f64, samples: f64) -> f64 {
     let root = samples.sqrt();
@@ -183,7 +181,7 @@ mod tests {
         assert!(close(chi_square_critical(1.0, 0.05), 3.841_458_821, 1e-8)); // 1.96^2
     }
 
-    /// One degree of freedom: the square of a normal number about sqrt(lambda).
+    /// With one degree of freedom, it is the square of a normal number with mean sqrt(lambda).
     #[test]
     fn the_noncentral_tail_of_one_degree_is_normal() {
         for (x, lambda) in [(3.84, 1.0), (3.84, 10.0), (1.0, 4.0), (10.0, 1000.0)] {
@@ -192,7 +190,7 @@ mod tests {
             let expected = upper(root - shift) + upper(root + shift);
             assert!(close(noncentral_tail(x, 1.0, lambda), expected, 1e-6), "{x} {lambda}");
         }
-        // A wide mixture, of which only some terms are summed: about normal.
+        // A wide mixture, in which only some terms are summed: approximately normal.
         let (dof, lambda) = (511.0_f64, 1e6_f64);
         let (mean, deviation) = (dof + lambda, (2.0 * (dof + 2.0 * lambda)).sqrt());
         let tail = noncentral_tail(mean + deviation, dof, lambda);
@@ -201,12 +199,12 @@ mod tests {
 
     #[test]
     fn binomial_tails_are_exact() {
-        // 10 throws of a coin: 8 or more heads 56/1024, doubled.
+        // 10 tosses of a coin: 8 or more heads have 56/1024, doubled.
         assert!(close(binomial_tail(8, 10, 0.5), 112.0 / 1024.0, 1e-12));
         assert!(close(binomial_tail(2, 10, 0.5), 112.0 / 1024.0, 1e-12));
         assert_eq!(binomial_tail(5, 10, 0.5), 1.0);
         assert_eq!((binomial_tail(0, 9, 0.0), binomial_tail(1, 9, 0.0)), (1.0, 0.0));
-        // A million trials, three deviations of 500 off: 0.0027, less the continuity's share.
+        // A million trials, three standard deviations of 500 off: 0.0027, minus the continuity correction.
         let tail = binomial_tail(501_500, 1_000_000, 0.5);
         assert!(close(tail, normal_tail(1499.5 / 500.0), 1e-4), "{tail}");
     }

@@ -19,9 +19,8 @@ pub fn ulp_distance(a: f32, b: f32) -> Option<u64> {
     (!a.is_nan() && !b.is_nan()).then(|| ordered(a).abs_diff(ordered(b)))
 }
 
-/// The position of a real number on the ordered line of `f32`: the index of the `f32` at or below
-/// it (by magnitude) plus the fraction of the step to the next. Values beyond `f32::MAX` continue
-/// with the last spacing.
+/// The position of a real number on the ordered line of `f32`: the index of the `f32` at or below it (by magnitude),
+/// plus the fraction of the step to the next one. Values beyond `f32::MAX` continue with the last spacing.
 pub(super) fn ordinal(value: f64) -> f64 {
     let magnitude = value.abs();
     #[expect(clippy::cast_possible_truncation, reason = "rounds to the nearest f32, by design")]
@@ -34,21 +33,21 @@ pub(super) fn ordinal(value: f64) -> f64 {
     if value < 0.0 { -index } else { index }
 }
 
-/// Distance from the `f32` at `magnitude` to the next larger one.
+/// The distance from the `f32` at `magnitude` to the next larger one.
 pub(super) fn spacing(magnitude: f64) -> f64 {
     #[expect(clippy::cast_possible_truncation, reason = "the binade of the nearest f32 is meant")]
     let value = (magnitude.abs() as f32).min(f32::MAX);
-    // The exponent field holds e + 127; a normal's step is 2^(e - 23), a denormal's 2^-149. As an
-    // `f64`, whose field holds e + 1023, that is written down; `exp2` would take as long as all else.
+    // The exponent field holds e + 127; a normal's step is 2^(e - 23), a denormal's 2^-149. As an `f64`, whose field
+    // holds e + 1023, the exponent is set directly; `exp2` would take as long as everything else.
     let exponent = (value.to_bits() >> 23).max(1);
     f64::from_bits(u64::from(exponent + 1023 - 150) << 52)
 }
 
-/// The smallest distance between two neighbouring `f32` from `magnitude` on: that in its binade.
-/// Unlike [`spacing`], it doesn't round first, and it has no smallest value.
+/// The smallest distance between two neighbouring `f32` from `magnitude` on: the one in its binade. Unlike [`spacing`],
+/// it doesn't round first, and it has no minimum.
 #[inline]
 pub(super) fn least_spacing(magnitude: f64) -> f64 {
-    // Without its 52 bits of fraction a number is its binade's power of two.
+    // Without its 52 fraction bits, a number is its binade's power of two.
     let binade = magnitude.min(f64::from(f32::MAX)).to_bits() >> 52 << 52;
     f64::from_bits(binade) * f64::from(f32::EPSILON)
 }

@@ -1,24 +1,24 @@
-//! What the WGSL specification allows, and what an adapter keeps to, as tolerances.
+//! Tolerances from the WGSL specification, and from an adapter's measured accuracy.
 
 use std::fmt;
 
 use super::{Abs, Rel, Tolerance, Ulp};
 use crate::value::Scalar;
 
-/// How wide what WGSL allows may be unless a check says otherwise: three decimal digits, which is what
-/// the eye and 8 bits a channel need, and a quarter of what `f32` has.
+/// The largest width of the range that WGSL allows, unless a check sets another: three decimal digits, as many as the
+/// eye and 8 bits a channel need, and a quarter of the digits of `f32`.
 const NEED: f64 = 1.0 / 1024.0;
 
-/// The same of `f16`, whose last digit is 2^-10: half of its digits, so that a quotient passes.
+/// The same for `f16`, whose last digit is 2^-10: half of its digits, so that a quotient passes.
 const NEED_HALF: f64 = 1.0 / 32.0;
 
-/// What the WGSL specification allows this very code to return for these very arguments. It is computed
-/// by interval arithmetic, from the accuracy of each operation ("Floating Point Accuracy").
+/// The range of values that the WGSL specification allows this code to return for these arguments. It is computed by
+/// interval arithmetic, from the accuracy of each operation ("Floating Point Accuracy").
 ///
-/// A case passes if both result and reference are inside, and all that is inside is the same to within
-/// 2^-10 relative (2^-5 of `f16`), or to what [`needing`](Self::needing) says. So a first test needs no number, and
-/// what it accepts doesn't depend on the driver. Cases in which WGSL allows more, or anything, fail: say
-/// with [`or`](Self::or) what is wanted there.
+/// A case passes if both result and reference are inside the range, and if the range is narrow: at most 2^-10 relative
+/// (2^-5 for `f16`), or the tolerance of [`needing`](Self::needing). So a first test needs no number, and its verdict
+/// doesn't depend on the driver. Cases in which WGSL allows a wider range, or any value, fail: set the tolerance for
+/// them with [`or`](Self::or).
 ///
 /// ```no_run
 /// # use karat::prelude::*;
@@ -32,7 +32,7 @@ const NEED_HALF: f64 = 1.0 / 32.0;
 pub struct Spec;
 
 impl Spec {
-    /// [`Spec`] for whoever needs more or fewer digits.
+    /// [`Spec`] with more or fewer required digits.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -46,7 +46,7 @@ impl Spec {
         SpecTolerance { need: tolerance.into(), otherwise: None, measured: false }
     }
 
-    /// [`Spec`], and this tolerance where WGSL allows too much.
+    /// [`Spec`], or this tolerance in cases where WGSL's range is too wide.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -61,16 +61,16 @@ impl Spec {
     }
 }
 
-/// What the adapter of each path may return for these very arguments, by the accuracy that its built-in
-/// functions were measured to have.
+/// The range of values that each path's adapter may return for these arguments, from the measured accuracy of its
+/// builtin functions.
 ///
-/// Like [`Spec`], and never wider than that where that is finite. WGSL bounds a sine to 2^-11, and only
-/// between -pi and pi; most adapters are thousands of times as exact, and everywhere. Each built-in
-/// function is swept once on an adapter, and twice the error that was found is allowed. What was found is
-/// kept in cargo's home, by adapter and driver.
+/// It works like [`Spec`], and is never wider where that is finite. WGSL bounds the error of a sine to 2^-11, and only
+/// between -pi and pi; most adapters are thousands of times more precise, for all arguments. Karat measures each
+/// builtin function once on an adapter, and allows twice the largest error. It keeps the results in cargo's home, by
+/// adapter and driver.
 ///
-/// A test that passes here says nothing of other adapters: use it where your shader's own rounding is what
-/// matters, and [`Spec`] where it should pass everywhere.
+/// A test that passes here shows nothing about other adapters. Use it to test your shader's own rounding, and [`Spec`]
+/// for a test that should pass everywhere.
 ///
 /// ```no_run
 /// # use karat::prelude::*;
@@ -84,7 +84,7 @@ impl Spec {
 pub struct DeviceSpec;
 
 impl DeviceSpec {
-    /// [`DeviceSpec`] for a test that needs more or fewer digits.
+    /// [`DeviceSpec`] with more or fewer required digits.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -98,7 +98,7 @@ impl DeviceSpec {
         SpecTolerance { measured: true, ..Spec.needing(tolerance) }
     }
 
-    /// [`DeviceSpec`], and this tolerance where the adapter may be too far off.
+    /// [`DeviceSpec`], or this tolerance in cases where the adapter's range is too wide.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -113,7 +113,7 @@ impl DeviceSpec {
     }
 }
 
-/// [`Spec`] or [`DeviceSpec`] with what its author needs.
+/// [`Spec`] or [`DeviceSpec`] with the author's requirements.
 ///
 /// ```
 /// use karat::{Abs, Rel, Spec};
@@ -124,19 +124,19 @@ impl DeviceSpec {
 #[derive(Clone, Debug, PartialEq)]
 #[must_use]
 pub struct SpecTolerance {
-    /// How far apart results may be that WGSL allows.
+    /// The largest distance between results that WGSL allows.
     #[doc(hidden)]
     pub need: Tolerance,
-    /// What holds where they are further apart.
+    /// The tolerance for cases with a wider range.
     #[doc(hidden)]
     pub otherwise: Option<Tolerance>,
-    /// Whether bounds are those that the adapter was measured to keep.
+    /// Set if the bounds are the adapter's measured ones.
     #[doc(hidden)]
     pub measured: bool,
 }
 
 impl SpecTolerance {
-    /// Judges by this tolerance where WGSL allows more than is needed, or anything.
+    /// Judges by this tolerance in cases where WGSL allows a wider range than needed, or any value.
     ///
     /// ```
     /// use karat::{Abs, Rel, Spec};
@@ -148,7 +148,7 @@ impl SpecTolerance {
         Self { otherwise: Some(tolerance.into()), ..self }
     }
 
-    /// How far apart results of a type may be that WGSL allows: as its author says, or by the digits of the type.
+    /// The largest distance between allowed results of a type: the author's, or the default for the type's digits.
     #[doc(hidden)]
     pub fn need_of(&self, scalar: Scalar) -> Tolerance {
         match (&self.need, scalar) {
@@ -184,7 +184,7 @@ impl fmt::Display for SpecTolerance {
     }
 }
 
-/// What a result is judged by.
+/// The criterion that a result is judged by.
 ///
 /// ```
 /// use karat::unstable::tolerance::Criterion;
@@ -197,7 +197,7 @@ impl fmt::Display for SpecTolerance {
 pub enum Criterion {
     /// Its distance from the reference.
     Within(Tolerance),
-    /// What WGSL allows, or what the adapter was measured to keep to.
+    /// The range that WGSL allows, or the adapter's measured one.
     Allowed(SpecTolerance),
 }
 

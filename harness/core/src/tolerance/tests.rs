@@ -78,7 +78,7 @@ fn display_reads_as_written() {
     assert_eq!(significant(123_456.0), "123456");
 }
 
-/// Numbers of all binades, of both signs, and what is special among them.
+/// Numbers of all binades, with both signs, and special values.
 fn numbers() -> Vec<f64> {
     let mut numbers = vec![0.0, f64::NAN, f64::INFINITY, f64::from(f32::MAX), 1e300, 1e-300];
     for exponent in (-150..=128).step_by(9) {
@@ -131,6 +131,6 @@ fn what_is_within_a_ratio_is_so_exactly() {
             }
         }
     }
-    // Else nothing was claimed, and nothing was gained.
+    // If fewer were recognised, the estimate would gain nothing.
     assert!(within > passing / 2, "{within} of {passing} were recognised");
 }

@@ -1,29 +1,28 @@
-//! Where two structures differ whose names say nothing of it.
+//! Finds the first difference between two structures.
 
 use super::{Shape, several};
 
-/// The first member that differs in two structures: `m.roughness: f32`, or `None` where a side has no such
-/// member.
+/// The first member that differs between two structures: `m.roughness: f32`; a side without such a member has `None`.
 #[derive(Debug, PartialEq, Eq)]
 #[doc(hidden)]
 pub struct Differing {
-    /// The structure in WGSL that has it, or lacks it.
+    /// The structure in WGSL that has the member, or lacks it.
     #[doc(hidden)]
     pub structure: String,
-    /// Its place among the members, from 1.
+    /// The member's position, from 1.
     #[doc(hidden)]
     pub place: usize,
-    /// What WGSL has there.
+    /// WGSL's member at that position.
     #[doc(hidden)]
     pub wgsl: Option<String>,
-    /// What the host has there.
+    /// The host's member at that position.
     #[doc(hidden)]
     pub host: Option<String>,
 }
 
 impl Shape {
-    /// The first member in which a host's structure can't stand for that of WGSL, innermost first; `None` if
-    /// they agree, or aren't structures. `result` is that of [`stands_for`](Self::stands_for).
+    /// The first member in which a host's structure can't stand for WGSL's, innermost first; `None` if they agree, or
+    /// aren't structures. `result` is the same as in [`stands_for`](Self::stands_for).
     #[doc(hidden)]
     pub fn differing(&self, wgsl: &Self, result: bool) -> Option<Differing> {
         let (structure, members, others) = match (self, wgsl) {
@@ -37,7 +36,7 @@ impl Shape {
             }
             _ => return None,
         };
-        // A tuple's members have no names, and its types are told in full.
+        // A tuple's members have no names, and its types are shown completely.
         let is_tuple = matches!(self, Self::Struct { name, .. } if name == several::NAME);
         for place in 0..members.len().max(others.len()) {
             let (own, other) = (members.get(place), others.get(place));

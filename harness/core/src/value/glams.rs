@@ -1,5 +1,5 @@
-//! The vectors and matrices of other versions of glam, and those of mint: what an engine has that isn't on the
-//! glam of this crate. Each is a feature, so that a project without one compiles none of it.
+//! The vectors and matrices of other versions of glam, and of mint, for engines with another glam than this crate's.
+//! Each is a feature, so projects compile only the ones that they need.
 
 #[cfg(feature = "mint")]
 mod of_mint {

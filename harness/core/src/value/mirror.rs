@@ -1,4 +1,4 @@
-//! The `f64` side: what a reference receives and returns.
+//! Mirrors: the `f64` values that a reference receives and returns.
 
 use glam::{
     BVec2, BVec3, BVec4, DMat2, DMat3, DMat4, DVec2, DVec3, DVec4, IVec2, IVec3, IVec4, UVec2,
@@ -32,7 +32,7 @@ pub trait Mirror: Clone + std::fmt::Debug + Send + 'static {
     fn lanes(&self, lanes: &mut Vec<f64>);
 }
 
-// As in `shareable.rs`, what each case needs is compiled here, and never in tests.
+// As in `shareable.rs`: code that runs for each case is compiled here, not in tests.
 
 macro_rules! scalar {
     ($($mirror:ty, $scalar:ident, |$v:ident| $lane:expr;)*) => {$(
@@ -89,7 +89,7 @@ macro_rules! matrix {
     )*};
 }
 
-/// The `f64` twins of a version of glam, where its names and these macros are in scope.
+/// Implements the `f64` mirrors for a version of glam, whose names and these macros must be in scope.
 macro_rules! mirrored {
     () => {
         mirror_vector! {

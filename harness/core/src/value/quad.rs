@@ -2,9 +2,9 @@
 
 use super::{Mirror, Shape, Shareable};
 
-/// A value over a quad of two by two pixels: what it is at the upper left one, and how it changes from
-/// there to the right (`dx`) and downwards (`dy`). It is an argument of functions that take derivatives
-/// or sample with implicit level of detail, whose result at the upper left pixel is judged.
+/// A value over a quad of two by two pixels: the value at the upper left pixel, and its change from there to the right
+/// (`dx`) and downwards (`dy`). It is an argument of functions that take derivatives or sample with implicit level of
+/// detail. Their result at the upper left pixel is judged.
 ///
 /// `T` is `f32`, a vector or a matrix of it; the reference gets a `Quad` of its mirror.
 ///
@@ -18,16 +18,16 @@ use super::{Mirror, Shape, Shareable};
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Quad<T> {
-    /// At the upper left pixel.
+    /// The value at the upper left pixel.
     pub value: T,
-    /// What the pixel to the right has more: `dpdx(value)`.
+    /// The difference at the pixel to the right: `dpdx(value)`.
     pub dx: T,
-    /// What the pixel below has more: `dpdy(value)`.
+    /// The difference at the pixel below: `dpdy(value)`.
     pub dy: T,
 }
 
 impl<T> Quad<T> {
-    /// What the shape is called. WGSL has no such name.
+    /// The name of the shape, which WGSL doesn't have.
     #[doc(hidden)]
     pub const NAME: &str = "Quad<>";
 

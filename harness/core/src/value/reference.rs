@@ -1,4 +1,4 @@
-//! Rust functions that say what a shader should return.
+//! References: Rust functions that compute the expected result of a shader.
 
 use crate::value::{Arguments, Mirror, Shape, Shareable};
 
@@ -40,7 +40,7 @@ where
     }
 }
 
-/// A function without parameters, whose one case is what its resources are.
+/// A function without parameters has one case; its resources decide the result.
 impl<F, R> Reference<()> for F
 where
     F: Fn() -> R + Sync,

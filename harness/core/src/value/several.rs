@@ -2,13 +2,12 @@
 
 use super::{Mirror, Shape};
 
-/// What the shape of a tuple is called. WGSL has no such name.
+/// The name of a tuple's shape, which WGSL doesn't have.
 pub(super) const NAME: &str = "()";
 
 macro_rules! tuples {
     ($(($($name:ident $index:tt),+))*) => {$(
-        /// The result, what pointers point to afterwards and the resources that are written, in this
-        /// order.
+        /// The result, then the values behind pointers, then the written resources.
         impl<$($name: Mirror),+> Mirror for ($($name,)+) {
             fn shape() -> Shape {
                 let members = vec![$((stringify!($index).to_owned(), $name::shape())),+];

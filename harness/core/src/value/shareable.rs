@@ -1,4 +1,4 @@
-//! Host types that can be an argument of a WGSL function.
+//! Host types that can be arguments of a WGSL function.
 
 use std::fmt::Debug;
 
@@ -30,7 +30,7 @@ use super::{Mirror, Scalar, Shape};
             such as `glam-029`"
 )]
 pub trait Shareable: Clone + Debug + PartialEq + Send + Sync + 'static {
-    /// The same value in `f64`: what a reference receives.
+    /// The same value in `f64`, for references.
     type Mirror: Mirror;
 
     /// The WGSL type.
@@ -39,8 +39,7 @@ pub trait Shareable: Clone + Debug + PartialEq + Send + Sync + 'static {
     /// Appends the lanes of the value.
     fn store(&self, lanes: &mut Vec<u32>);
 
-    /// Takes the value from its lanes, in the order of [`store`](Self::store). Missing lanes read
-    /// as zero bits.
+    /// Reads the value from its lanes, in the order of [`store`](Self::store). Missing lanes count as zero bits.
     fn load(lanes: &mut std::slice::Iter<'_, u32>) -> Self;
 
     /// The value in `f64`, exactly.
@@ -55,10 +54,10 @@ pub(super) fn next(lanes: &mut std::slice::Iter<'_, u32>) -> u32 {
     }
 }
 
-// What is written here is called for each case. Tests have little optimisation, and this library has
-// more: so it is compiled here, whole, and never in the tests that call it.
+// These functions run for each case. This library is compiled with more optimisation than tests, so they are compiled
+// here completely, and not in the tests that call them.
 
-/// A scalar as a word: what vectors are made of.
+/// A scalar as a word: the components of vectors.
 pub(super) trait Word: Copy {
     fn word(self) -> u32;
     fn of(word: u32) -> Self;
@@ -163,7 +162,7 @@ macro_rules! matrix {
     )*};
 }
 
-/// The vectors and matrices of a version of glam, where its names and these macros are in scope.
+/// Implements sharing for the vectors and matrices of a version of glam, whose names and these macros must be in scope.
 macro_rules! shared {
     () => {
         shareable_vector! {
@@ -240,7 +239,7 @@ pub trait Arguments: Clone + Debug + Send + Sync + 'static {
     fn shapes() -> Vec<Shape>;
     /// Appends the lanes of all arguments.
     fn store_all(&self, lanes: &mut Vec<u32>);
-    /// Takes the arguments from their lanes.
+    /// Reads the arguments from their lanes.
     fn load_all(lanes: &mut std::slice::Iter<'_, u32>) -> Self;
 }
 
@@ -295,8 +294,8 @@ arguments! {
     (A 0, B 1, C 2, D 3, E 4, F 5, G 6, H 7, I 8, J 9, K 10, L 11)
 }
 
-/// Makes a type of your own one of glam's vectors for WGSL. It becomes an array of floats or whole numbers, and such an array
-/// becomes it. Functions, buffers, meshes and textures take it; references get glam's vector in `f64`.
+/// Lets a type of your own act as one of glam's vectors in WGSL. The type must convert into an array of floats or
+/// integers, and from one. Functions, buffers, meshes and textures accept it; references get glam's vector in `f64`.
 ///
 /// ```
 /// use karat::prelude::*;
@@ -345,8 +344,8 @@ macro_rules! vector {
 
 /// Declares a structure that crosses the CPU/GPU boundary, with its `f64` mirror.
 ///
-/// Member names and types must be those of the WGSL structure; the type's name may differ. Both types are
-/// `Clone`, `Copy`, `Debug`, `PartialEq` and `Default`, which is zeros.
+/// Member names and types must be those of the WGSL structure; the type's name may differ. Both types implement
+/// `Clone`, `Copy`, `Debug`, `PartialEq` and `Default`, which is all zeros.
 ///
 /// ```
 /// karat::shareable! {
@@ -404,7 +403,7 @@ macro_rules! shareable {
         }
 
         impl Default for $name {
-            /// Zeros, as memory of a shader begins.
+            /// All zeros, like a shader's memory at the beginning.
             fn default() -> Self {
                 let shape = <Self as $crate::value::Shareable>::shape();
                 let zeros = vec![0; shape.lanes().len()];
@@ -413,7 +412,7 @@ macro_rules! shareable {
         }
 
         impl Default for $mirror {
-            /// Zeros.
+            /// All zeros.
             fn default() -> Self {
                 $crate::value::Shareable::widen(&<$name as Default>::default())
             }

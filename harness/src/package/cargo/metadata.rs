@@ -1,4 +1,4 @@
-//! What cargo says of crates, and where their shaders lie.
+//! Reads `cargo metadata`, and finds where the shaders of crates are.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
@@ -10,7 +10,7 @@ use super::{ASKING, Crate, DEEPEST, Graph, hash_of};
 use crate::lines;
 use crate::package::EXTENSIONS;
 
-/// What is read of `cargo metadata`.
+/// The parts of `cargo metadata` that Karat reads.
 #[derive(Deserialize)]
 pub(super) struct Metadata {
     packages: Vec<CargoPackage>,
@@ -23,7 +23,7 @@ struct CargoPackage {
     version: String,
     id: String,
     manifest_path: PathBuf,
-    /// `None`: it lies beside the project.
+    /// `None` for a crate beside the project.
     source: Option<String>,
     targets: Vec<Target>,
     #[serde(default)]
@@ -53,7 +53,7 @@ struct Dependency {
     pkg: String,
 }
 
-/// The platform that `rustc` compiles for, as it calls it.
+/// The platform that `rustc` compiles for, by `rustc`'s name.
 fn host() -> Option<String> {
     let rustc = std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into());
     let mut rustc = Command::new(rustc);
@@ -70,12 +70,12 @@ impl Metadata {
         if base.is_dir() {
             command.current_dir(base); // where its registries are configured
         }
-        // Crates of other platforms needn't be fetched.
+        // Crates of other platforms aren't needed.
         if let Some(host) = host() {
             command.args(["--filter-platform", &host]);
         }
         if fetches {
-            // A crate that declares a newer Rust is read all the same: it isn't compiled.
+            // A crate may declare a newer Rust: it isn't compiled.
             command.env("CARGO_RESOLVER_INCOMPATIBLE_RUST_VERSIONS", "allow");
         }
         let output = command.output();
@@ -83,7 +83,7 @@ impl Metadata {
             output.map_err(|error| format!("`{}` doesn't run: {error}", cargo.display()))?;
         if !output.status.success() {
             let said = String::from_utf8_lossy(&output.stderr);
-            // The project that asks for a version is nobody's.
+            // The temporary project would only confuse a reader.
             let lines = said.lines().filter(|line| !line.contains(ASKING));
             return Err(format!("cargo says:\n{}", lines.collect::<Vec<_>>().join("\n")));
         }
@@ -127,7 +127,7 @@ impl Metadata {
 }
 
 impl CargoPackage {
-    /// What code calls it.
+    /// The crate's name in code.
     fn library(&self) -> String {
         let is_library = |kind: &String| kind.contains("lib") || kind == "proc-macro";
         let library = self.targets.iter().find(|target| target.kind.iter().any(is_library));
@@ -137,7 +137,7 @@ impl CargoPackage {
     fn imports(&self) -> BTreeSet<String> {
         let declared = self.metadata["wgsl-analyzer"]["dependencies"].as_object();
         let path = |value: &serde_json::Value| Some(value.get("path")?.as_str()?.to_owned());
-        // `../bevy_render` is beside it, where its repository has its crates.
+        // `../bevy_render` is beside it, where its repository keeps its crates.
         let beside = |(name, value): &(&String, &serde_json::Value)| {
             path(value).is_some_and(|path| path == format!("../{name}"))
         };
@@ -145,7 +145,7 @@ impl CargoPackage {
         named.map(|(name, _)| name.clone()).collect()
     }
 
-    /// The folder of its modules: what it declares, or `src`, or where all of its shaders lie.
+    /// The folder of its modules: the one that it declares, or `src`, or the innermost one with all of its shaders.
     fn root_of_modules(&self, folder: &Path) -> Option<PathBuf> {
         let declared = ["karat", "wgsl-analyzer"].map(|tool| self.metadata[tool]["root"].as_str());
         let wesl = std::fs::read_to_string(folder.join("wesl.toml")).ok();
@@ -158,7 +158,7 @@ impl CargoPackage {
     }
 }
 
-/// The innermost folder that has all shaders below a folder.
+/// The innermost folder that contains all shaders below a folder.
 pub(super) fn common(folder: &Path) -> Option<PathBuf> {
     let files = shaders(folder, 0);
     let mut folders = files.iter().filter_map(|file| file.parent());

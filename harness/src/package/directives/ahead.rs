@@ -1,4 +1,4 @@
-//! What is read of a text before its directives are: names, paths and definitions.
+//! Reads names, paths and definitions of a text before its directives.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -7,7 +7,7 @@ use crate::package::CONSTANTS;
 use crate::package::feature::{Feature, Features};
 use crate::package::lexer::{Kind, Token, lex};
 
-/// The directives of a text, in order: each word with what follows in its line.
+/// The directives of a text in order, each as its word and the rest of its line.
 fn lines(text: &str) -> impl Iterator<Item = (&str, &str)> {
     let tokens = if text.contains('#') { lex(text) } else { Vec::new() };
     let marks = tokens.into_iter().filter(|token| is_mark(text, token));
@@ -26,14 +26,14 @@ pub(in crate::package) fn path(text: &str) -> Option<String> {
     Some(path.trim_end_matches(';').trim_end().to_owned())
 }
 
-/// What a text defines, wherever in it: `naga_oil` reads that first, and in the module that is linked
-/// alone. Values that can't be read are an error when the module is. [Guards](guards) are no part of it.
+/// The names that a text defines anywhere in it: `naga_oil` reads them first, and only in the module that is linked. A
+/// value that can't be read becomes an error when the module is read. [Guards](guards) don't count.
 pub(in crate::package) fn defined(text: &str) -> Features {
     defines(text).filter(|(_, _, is_guard)| !is_guard).filter_map(valued).collect()
 }
 
-/// Names that a text defines only where nothing else has, as an include guard does: a `#define` of a name under
-/// `#ifndef` of the same name. Its own condition is asked before it is defined.
+/// Names that a text defines only if nothing else has, as an include guard does: a `#define` of a name under `#ifndef`
+/// of the same name. The condition is evaluated before the name is defined.
 pub(in crate::package) fn guards(text: &str) -> Features {
     defines(text).filter(|(_, _, is_guard)| *is_guard).filter_map(valued).collect()
 }
@@ -42,9 +42,9 @@ fn valued((name, value, _): (&str, &str, bool)) -> Option<(String, Feature)> {
     Some((name.to_owned(), value_of(value)?))
 }
 
-/// Each `#define` of a text: its name, its value, and whether it guards.
+/// Each `#define` of a text: its name, its value, and whether it is a guard.
 fn defines(text: &str) -> impl Iterator<Item = (&str, &str, bool)> {
-    // Of each condition around a line the name that must not be defined there, if it asks for that.
+    // For each condition around a line: the name that it requires to be undefined, if it does.
     let mut open: Vec<Option<&str>> = Vec::new();
     lines(text).filter_map(move |(word, rest)| {
         match word {
@@ -65,13 +65,13 @@ fn defines(text: &str) -> impl Iterator<Item = (&str, &str, bool)> {
     })
 }
 
-/// True of a name that `naga_oil` replaces behind a `#`, too: capitals.
+/// Returns `true` for a name that `naga_oil` also replaces behind a `#`: one in capitals.
 pub(super) fn is_named(word: &str) -> bool {
     let is_capital = |c: char| c.is_ascii_uppercase() || c.is_ascii_digit() || c == '_';
     word.len() > 1 && word.chars().all(is_capital)
 }
 
-/// A value as a directive has it; none: on.
+/// A directive's value; without one, the feature is on.
 pub(super) fn value_of(value: &str) -> Option<Feature> {
     match value {
         "" | "true" => Some(Feature::Flag(true)),
@@ -80,10 +80,10 @@ pub(super) fn value_of(value: &str) -> Option<Feature> {
     }
 }
 
-/// The values that a text compares features with, each between its neighbours, of which something else holds; of a feature
-/// whose value stands in the text, one that any number of things may have.
+/// The values that a text compares features with, each with its two neighbours, for which another branch holds. A
+/// feature whose value is used as a number gets a usual number.
 pub(in crate::package) fn values(text: &str) -> BTreeMap<String, Vec<Feature>> {
-    // One is no power of two, so that a shift and a division differ.
+    // Three isn't a power of two, so a shift and a division by it differ.
     const USUAL: [Feature; 2] = [Feature::Number(4), Feature::Number(3)];
     let is_composed = text.contains("#import ") || text.contains("#define_import_path ");
     let mut all = BTreeMap::<String, Vec<Feature>>::new();
@@ -117,14 +117,14 @@ pub(in crate::package) fn values(text: &str) -> BTreeMap<String, Vec<Feature>> {
     all
 }
 
-/// The features that a text asks about, in conditions of either kind, and as values.
+/// The features that a text asks about in conditions of either kind, or uses as values.
 pub(in crate::package) fn asked(text: &str) -> BTreeSet<String> {
     let tokens = lex(text);
     let word = |index: usize| tokens.get(index).map_or("", |t: &Token| &text[t.range()]);
     let mut found = BTreeSet::new();
     for index in 0..tokens.len() {
         let (first, second, third) = (word(index), word(index + 1), word(index + 2));
-        // The token before the names, and what ends them.
+        // The token before the names, and the tokens that end them.
         let (before, ends): (usize, &[&str]) = match (first, second, third) {
             ("@", "if" | "elif", "(") => (index + 2, &[")"]),
             ("#", "{", _) => (index + 1, &["}"]),

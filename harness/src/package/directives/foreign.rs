@@ -1,4 +1,4 @@
-//! What is written for others to expand.
+//! Recognises templates and directives of other tools.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -15,7 +15,7 @@ pub(super) fn template(text: &str, tokens: &[Token]) -> Option<Range<usize>> {
     let block = tokens.windows(2).find(|pair| touching(pair, b'{', b'%'));
     let placeholder = tokens.windows(2).find(|pair| {
         let line = text[pair[0].range().start..].lines().next().unwrap_or_default();
-        // WGSL has blocks in blocks, but statements in them.
+        // WGSL has nested blocks, too, but with statements in them.
         let inner = line.strip_prefix("{{").and_then(|line| line.split_once("}}"));
         let is_placeholder =
             |(inside, _): (&str, &str)| !inside.trim().is_empty() && !inside.contains([';', '{']);
@@ -25,7 +25,7 @@ pub(super) fn template(text: &str, tokens: &[Token]) -> Option<Range<usize>> {
     pair.or_else(|| one_brace(text, tokens))
 }
 
-/// True if a text has bytes of a placeholder, in comments as well.
+/// Returns `true` if a text has bytes of a placeholder, in a comment or elsewhere.
 pub(super) fn may_be_template(text: &str) -> bool {
     let is_part = |c: char| c == '_' || c.is_alphanumeric();
     text.split('{').skip(1).any(|after| {
@@ -36,8 +36,8 @@ pub(super) fn may_be_template(text: &str) -> bool {
     })
 }
 
-/// `{name}`: a block of WGSL ends its statements with `;`. An import lists names so, after `::`, and `#{name}` is a
-/// value of `naga_oil`'s.
+/// Finds `{name}`. It can't be a block of WGSL, which ends its statements with `;`. An import lists names in this way
+/// after `::`, and `#{name}` is a value of `naga_oil`'s.
 fn one_brace(text: &str, tokens: &[Token]) -> Option<Range<usize>> {
     let found = tokens.windows(3).enumerate().find(|(at, three)| {
         let before =
@@ -51,7 +51,7 @@ fn one_brace(text: &str, tokens: &[Token]) -> Option<Range<usize>> {
     found.map(|(_, three)| three[0].range().start..three[2].range().end)
 }
 
-/// What Karat doesn't expand, with what to do.
+/// An error that says what Karat doesn't expand, and what to do.
 pub(super) fn unknown(
     file: &Arc<SourceFile>,
     range: Range<usize>,

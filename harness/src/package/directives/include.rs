@@ -1,15 +1,15 @@
-//! What a file includes.
+//! The ways in which a file includes others.
 
 use crate::package::EXTENSIONS;
 
-/// What a file includes.
+/// A file that another one includes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(in crate::package) enum Include {
-    /// By a path from the file: `./plane.wgsl`.
+    /// By a path relative to the file: `./plane.wgsl`.
     File(String),
     /// By a name: `bbox`.
     Name(String),
-    /// By a module's path, in `[join]` of `karat.toml`: the host puts both into one text.
+    /// By a module's path, in `[join]` of `karat.toml`: the host concatenates both texts.
     Joined(String),
 }
 
@@ -26,7 +26,7 @@ impl Include {
     }
 }
 
-/// A file's name without what says that it is a module.
+/// A file's name without its module extension.
 pub(in crate::package) fn without_extension(file: &str) -> &str {
     let stem = EXTENSIONS.iter().find_map(|known| file.strip_suffix(known)?.strip_suffix('.'));
     stem.unwrap_or(file)

@@ -1,4 +1,4 @@
-//! Values of features: where a directive asks about one, and where `#{NAME}` stands for one.
+//! Values of features: in directives that ask about one, and for `#{NAME}`.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -10,7 +10,7 @@ use crate::package::PackageError;
 use crate::package::feature::{Feature, is_on};
 
 impl Reader<'_> {
-    /// `#{NAME}`: the value of a feature.
+    /// Reads `#{NAME}`, the value of a feature.
     pub(super) fn braced(&mut self, at: usize) -> Result<(), PackageError> {
         let rest = &self.text()[at..];
         let Some(length) = rest.find('}') else {
@@ -20,7 +20,7 @@ impl Reader<'_> {
         self.value(at..at + length + 1, name)
     }
 
-    /// The value of a feature, in place of a range.
+    /// Puts the value of a feature in place of a range.
     pub(super) fn value(&mut self, range: Range<usize>, name: String) -> Result<(), PackageError> {
         let Some(value) = self.features.get(&name).copied() else {
             return Err(self.no_value(&name, range));
@@ -28,7 +28,7 @@ impl Reader<'_> {
         let value = value.to_string();
         let (before, after) = (&self.text()[..range.start], &self.text()[range.end..]);
         let is_part = |c: char| c.is_alphanumeric() || c == '_';
-        // `#{COUNT}u` is a number with its suffix.
+        // In `#{COUNT}u`, the suffix belongs to the number.
         let suffix = after.chars().take_while(|c| is_part(*c)).count();
         if before.ends_with(is_part)
             || suffix > 1
@@ -37,7 +37,7 @@ impl Reader<'_> {
             return Err(self.error(range, "a value can't be a part of a name"));
         }
         self.mask(range.start..range.end + suffix);
-        // Tokens of the value, for what looks at tokens; the text gets all of it.
+        // Code that looks at tokens sees as much of the value as fits; the text gets all of it.
         for (byte, new) in self.bytes[range.clone()].iter_mut().zip(value.bytes()) {
             *byte = new;
         }
@@ -54,7 +54,7 @@ impl Reader<'_> {
         PackageError::Shader(Box::new(diagnostic))
     }
 
-    /// Whether a condition holds.
+    /// Evaluates a condition.
     pub(super) fn holds(
         &self,
         word: &str,
@@ -83,7 +83,7 @@ impl Reader<'_> {
             "<=" => std::cmp::Ordering::is_le,
             _ => return Err(self.error(whole.clone(), wrong)),
         };
-        // What isn't set is neither equal nor different.
+        // A feature that isn't set is neither equal to a value nor different from it.
         let Some(own) = self.features.get(name) else {
             return Err(self.no_value(name, whole.clone()));
         };
@@ -100,7 +100,7 @@ impl Reader<'_> {
         Ok(holds(order))
     }
 
-    /// A value as a directive has it; none: on.
+    /// A directive's value; without one, the feature is on.
     pub(super) fn parsed(
         &self,
         value: &str,

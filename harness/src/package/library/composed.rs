@@ -1,4 +1,4 @@
-//! Modules by the paths that they give themselves.
+//! Finds modules by the paths that they give themselves.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -11,13 +11,12 @@ use crate::package::overlay::Overlay;
 use crate::package::workspace::{self, Kind};
 use crate::package::{Origin, Package, PackageError, directives};
 
-/// Paths that modules give themselves, each with its components in the package.
+/// The paths that modules give themselves, each with its module's path in the package.
 type Composed = Vec<(String, Vec<String>)>;
 
 impl Library {
-    /// The module that calls itself by the first of these words, as many as there are, and how many.
-    /// Of several in one package it is the one in the nearest folder, and of several there the only one that declares the next
-    /// word.
+    /// The module with the longest path that begins with these words, and the number of its words. Of several in one
+    /// package the nearest folder wins, and of several there the only one that declares the next word.
     pub(in crate::package) fn composed(
         &self,
         from: &ModulePath,
@@ -28,7 +27,7 @@ impl Library {
             .rev()
             .find_map(|count| Some((&**known.get(&words[..count].join("::"))?, count)));
         let Some((modules, count)) = found else { return Ok(None) };
-        // A package's own come first; the others are in the order in which they are reached.
+        // The package's own modules come first, then the others in the order in which they are reached.
         let own = modules.iter().find(|module| module.package == from.package);
         let package = own.or(modules.first()).map(|module| module.package);
         let shared = |module: &ModulePath| {
@@ -60,7 +59,7 @@ impl Library {
         }
     }
 
-    /// That no module calls itself by a path.
+    /// The error that no module gives itself this path.
     pub(in crate::package) fn not_composed(&self, path: &str) -> PackageError {
         let near = nearest(path, self.all_composed().keys().map(String::as_str));
         PackageError::NotComposed { path: path.to_owned(), nearest: near.map(str::to_owned) }
@@ -80,18 +79,18 @@ impl Library {
     }
 }
 
-/// Paths that the modules of crates give themselves, by the folders of those.
+/// The paths that modules of crates give themselves, by the crates' folders.
 struct OfCrates;
 
 impl Kind for OfCrates {
     type Key = PathBuf;
     type Value = Arc<Composed>;
-    // More crates than a project has with shaders in them.
+    // More crates with shaders than any project has.
     const MOST: usize = 1000;
 }
 
 impl Package {
-    /// Paths that modules give themselves, each with its place in the package.
+    /// The paths that modules give themselves, each with its place in the package.
     fn composed(&self) -> Arc<Composed> {
         // Files of a crate don't change.
         let fixed = matches!(self.origin, Origin::Found(_)).then(|| self.root());
@@ -99,7 +98,7 @@ impl Package {
             return known;
         }
         let mut found = Vec::new();
-        // Read before; what is wrong with it was said then.
+        // An error in the file was reported when it was first read.
         let manifest = Manifest::of(self).unwrap_or_default();
         for module in self.modules().unwrap_or_default() {
             let components = ModulePath::root(&module).components;

@@ -1,4 +1,4 @@
-//! Features that are set, and asked about.
+//! Checks that conditions ask about the features that are set.
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -10,20 +10,20 @@ use crate::package::values::{self, Values};
 use crate::package::workspace::{self, Kind};
 use crate::package::{PackageError, directives};
 
-/// Features that modules of a package ask about: once seen, one isn't looked for again.
+/// Features that modules of a package ask about. A feature that was found isn't searched again.
 struct Asked;
 
 impl Kind for Asked {
     type Key = (PathBuf, String);
     type Value = ();
-    // More features than packages have.
+    // More features than any package has.
     const MOST: usize = 10_000;
 }
 
-/// An attribute whose name is nearly that of a condition, and that has one of these features in its brackets.
+/// An attribute that is almost a condition's name, with one of these features in its brackets.
 fn misspelt(text: &str, features: &[&String]) -> Option<Box<str>> {
     const CONDITIONS: [&str; 2] = ["if", "elif"];
-    /// Attributes of one letter more or less (WGSL, 12; WESL).
+    /// Attributes that differ from a condition by one letter (WGSL, 12; WESL).
     const OTHERS: [&str; 2] = ["id", "else"];
     let tokens = lex(text);
     let of = |at: usize| tokens.get(at).map_or("", |token| &text[token.range()]);
@@ -40,7 +40,7 @@ fn misspelt(text: &str, features: &[&String]) -> Option<Box<str>> {
 }
 
 impl Library {
-    /// Whether something asks about each feature that is set.
+    /// Checks that a condition asks about each feature that is set.
     pub(super) fn expect_features(&self) -> Result<(), PackageError> {
         let package = self.package(0);
         let root = package.root();
@@ -55,7 +55,7 @@ impl Library {
         if names.is_empty() {
             return Ok(());
         }
-        // What can't be read may ask about anything.
+        // A module that can't be read may ask about any feature.
         let mut unreadable = None;
         let mut asked_in = |of: usize| {
             let (package, mut found) = (self.package(of), BTreeSet::new());
@@ -84,7 +84,7 @@ impl Library {
             };
             let misspelt = texts.iter().find_map(|text| misspelt(text, &unknown));
             let mut plain = unknown.iter().filter(|name| !manifest.stands_for(name));
-            // In a misspelt attribute the name stands, too.
+            // A misspelt attribute contains the name, too.
             let bare = match &misspelt {
                 Some(_) => None,
                 None => plain.find(is_bare).map(|name| name.as_str().into()),

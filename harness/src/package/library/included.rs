@@ -1,4 +1,4 @@
-//! Files that share a name space.
+//! Finds files that share a name space.
 
 use std::sync::Arc;
 
@@ -9,7 +9,7 @@ use crate::package::directives::{self, Include};
 use crate::package::feature::Feature;
 
 impl Library {
-    /// The modules that share a name space with this one, as it includes them, and they others.
+    /// The modules that share a name space with this one: those that it includes, and those that they include.
     pub(in crate::package) fn included(
         &self,
         root: &ModulePath,
@@ -18,7 +18,7 @@ impl Library {
         while let Some(path) = queue.pop() {
             let module = self.module(&path)?;
             for (include, range) in &module.includes {
-                // `naga_oil` imports a whole module so, whose names keep its name before them.
+                // `naga_oil` imports a whole module in this way; its names keep the module's name before them.
                 if let Include::Name(name) = include
                     && self.composed(&path, std::slice::from_ref(name))?.is_some()
                 {
@@ -49,7 +49,7 @@ impl Library {
                     return Err(PackageError::Shader(Box::new(diagnostic)));
                 };
                 let text = &self.module(&included)?.file.text;
-                // A guard is about its own file; with a value, others may ask for that.
+                // A guard applies to its own file; other files may ask about a name with a value.
                 let guards = directives::guards(text);
                 let is_asked = guards.values().any(|value| matches!(value, Feature::Number(_)));
                 let defines = is_asked || !directives::defined(text).is_empty();
@@ -78,7 +78,7 @@ impl Library {
         Ok(match include {
             Include::File(file) => {
                 let folder = &from.components[..from.components.len().saturating_sub(1)];
-                // From the file, or from the root.
+                // Relative to the file, or else to the root.
                 [folder, &[]].into_iter().find_map(|folder| {
                     let mut components = folder.to_vec();
                     for part in directives::without_extension(file).split('/') {

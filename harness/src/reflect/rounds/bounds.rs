@@ -1,4 +1,4 @@
-//! Bounds of loops that naga's IR shows.
+//! Finds bounds of loops in naga's IR.
 
 use std::ops::Range;
 
@@ -11,12 +11,11 @@ use super::{blocks, walk};
 use crate::reflect::Program;
 
 impl Program {
-    /// The most rounds that all loops of a call make together, whichever function is called;
-    /// `None` where the IR shows no bound.
+    /// The most rounds of all loops together in one call of any function; `None` if the IR shows no bound.
     pub fn most_rounds(&self) -> Option<u64> {
         let entry_points = self.checked.module.entry_points.iter().map(|entry| &entry.function);
         let mut calls = vec![None; self.checked.module.functions.len()];
-        // naga's functions stand after those that they call.
+        // In naga's IR, functions come after those that they call.
         for (handle, function) in self.checked.module.functions.iter() {
             calls[handle.index()] =
                 Rounds { module: &self.checked.module, function, calls: &calls }.of_function();
@@ -30,7 +29,7 @@ impl Program {
 }
 
 impl Program {
-    /// The loops that go round equally often in each call, as a constant says: nothing else leaves them.
+    /// The loops with the same constant number of rounds in each call, and with no other exit.
     pub(crate) fn fixed_loops(&self) -> Vec<Range<usize>> {
         let module = &self.checked.module;
         let entries = module.entry_points.iter().map(|entry| &entry.function);
@@ -80,8 +79,8 @@ impl Rounds<'_> {
         Some(sum)
     }
 
-    /// The rounds of the loop at `index` of `block`, if it counts a variable of its own from one
-    /// constant to another in constant steps.
+    /// The rounds of the loop at `index` of `block`, if it counts a variable of its own between two constants, in
+    /// constant steps.
     fn rounds(&self, block: &Block, index: usize, in_loop: bool) -> Option<u64> {
         let Statement::Loop { body, continuing, .. } = &block[index] else { return None };
         let condition = body.iter().find_map(|statement| match statement {
@@ -104,7 +103,7 @@ impl Rounds<'_> {
         };
         let op = if stays { op } else { negated(op)? };
         let step = self.step(continuing, variable)?;
-        // Nothing else in the loop may write the counter.
+        // No other statement in the loop may write the counter.
         let mut writes = 0;
         for inner in [body, continuing] {
             walk(inner, true, &mut |statement, _, _| writes += self.writes(statement, variable));
@@ -120,7 +119,7 @@ impl Rounds<'_> {
             BinaryOperator::GreaterEqual if step < 0 => start - end + 1,
             _ => return None,
         };
-        // Where the last step would leave the type's range, the counter wraps and never ends.
+        // If the last step leaves the type's range, the counter wraps and the loop never ends.
         let last = end + step * 2;
         if !(i128::from(i32::MIN)..=i128::from(u32::MAX)).contains(&last)
             || (self.is_unsigned(variable) && last < 0)
@@ -167,7 +166,7 @@ impl Rounds<'_> {
         }
     }
 
-    /// The value of an integer that is the same in all calls.
+    /// The value of an integer that is equal in all calls.
     fn constant(&self, expression: Handle<Expression>) -> Option<i128> {
         let literal = |expression: &Expression| match expression {
             Expression::Literal(Literal::U32(value)) => Some(i128::from(*value)),
@@ -182,7 +181,7 @@ impl Rounds<'_> {
         }
     }
 
-    /// By how much a `continuing` block changes a variable, if that is all it does to it.
+    /// The step by which a `continuing` block changes a variable, if it makes no other change to it.
     fn step(&self, continuing: &Block, variable: Handle<LocalVariable>) -> Option<i128> {
         let mut stores = continuing.iter().filter_map(|statement| match statement {
             Statement::Store { pointer, value } if self.variable(*pointer) == Some(variable) => {
@@ -205,7 +204,7 @@ impl Rounds<'_> {
         (step != 0).then_some(step)
     }
 
-    /// How often a statement itself may write a variable.
+    /// The number of times that a statement itself may write a variable.
     fn writes(&self, statement: &Statement, variable: Handle<LocalVariable>) -> u32 {
         let touches = |pointer: &Handle<Expression>| self.variable(*pointer) == Some(variable);
         match statement {
@@ -219,8 +218,8 @@ impl Rounds<'_> {
         }
     }
 
-    /// The value of a variable where a loop begins: the last one that the same block stores, or
-    /// the one that it is declared with if nothing else writes it.
+    /// The value of a variable at the beginning of a loop: the last one that the same block stores, or its initial
+    /// value if no statement writes it.
     fn start(
         &self,
         block: &Block,
@@ -253,7 +252,7 @@ impl Rounds<'_> {
     }
 }
 
-/// Whether a block does nothing but leave the loop.
+/// Returns `true` if a block only leaves the loop.
 fn leaves(block: &Block) -> bool {
     matches!(block.first(), Some(Statement::Break)) && block.len() == 1
 }
@@ -269,7 +268,7 @@ fn flipped(op: BinaryOperator) -> Option<BinaryOperator> {
     })
 }
 
-/// The operator that holds where this one doesn't.
+/// The operator for the opposite result.
 fn negated(op: BinaryOperator) -> Option<BinaryOperator> {
     Some(match op {
         BinaryOperator::Less => BinaryOperator::GreaterEqual,
@@ -279,7 +278,7 @@ fn negated(op: BinaryOperator) -> Option<BinaryOperator> {
         _ => return None,
     })
 }
-/// The ways out of a loop with this body. Those out of loops inside of it are counted, too.
+/// The exits from a loop with this body, counting those from inner loops.
 fn exits(body: &Block) -> usize {
     let mut count = 0;
     walk(body, true, &mut |statement, _, _| {

@@ -12,7 +12,7 @@ fn rounds(body: &str) -> Option<u64> {
 
 #[test]
 fn constant_loops_are_bounded() {
-    // The rounds of `g`, which is linked where it is called, are 3.
+    // `g` takes 3 rounds. It is linked wherever it is called.
     let bound = |body, most: u64| assert_eq!(rounds(body), Some(most), "{body}");
     bound("", 0);
     bound("for (var i = 0u; i < 64u; i++) { s += i; }", 64);

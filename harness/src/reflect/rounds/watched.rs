@@ -1,4 +1,4 @@
-//! Frames whose loops count, where pixels can't be kept apart.
+//! Counts the rounds of loops in frames, where pixels can't be told apart.
 
 use naga::{
     AtomicFunction, BinaryOperator, Block, Expression, Function, GlobalVariable, Literal, Scalar,
@@ -9,26 +9,25 @@ use super::{NOWHERE, Nesting, instrument, loops_of};
 use crate::diagnostic::Span;
 use crate::reflect::Program;
 
-/// The variable that holds the rounds of an invocation of a frame's shader.
+/// The variable with the rounds of one invocation of a frame's shader.
 const OWN: &str = "karat_rounds";
 
-/// A frame's program whose invocations tell which loop made their rounds too many.
+/// A frame's program whose invocations report which loop took too many rounds.
 pub struct Watched {
-    /// The text that counts.
+    /// The program that counts.
     pub program: Program,
     /// The author's place of each loop.
     pub loops: Vec<Option<Span>>,
 }
 
 impl Watched {
-    /// The buffer where invocations leave how often they went round, an element a loop.
+    /// The buffer in which invocations leave their rounds, with one element for each loop.
     pub(crate) const VARIABLE: &str = "karat_most";
 }
 
 impl Program {
-    /// A copy in which an invocation that has made `limit` rounds in all its loops writes their
-    /// number to the storage buffer at this binding of group 0, at the index of the loop, and leaves
-    /// the loop if it is to.
+    /// A copy in which an invocation with `limit` rounds in all its loops writes their number to the storage buffer at
+    /// this binding of group 0, at the index of the loop. If `leave` is set, it also leaves the loop.
     pub fn watching_rounds(&self, binding: u32, limit: u32, leave: bool) -> Watched {
         let loops: Vec<_> = self
             .bodies()
@@ -59,7 +58,7 @@ impl Program {
             variable(Watched::VARIABLE, naga::AddressSpace::Storage { access }, place, array);
         let most = module.global_variables.append(most, NOWHERE);
 
-        // A driver goes once through loops that no invocation enters, in each round of what is around them.
+        // A driver goes once through loops that no invocation enters, in each round of the code around them.
         let weights = Nesting::of(&module).weights();
         let mut index = 0;
         let mut watch = |function: &mut Function| {

@@ -12,7 +12,7 @@ pub(super) struct Block {
 }
 
 impl Block {
-    /// How many bytes its pixels have when they aren't compressed.
+    /// The size of its pixels in bytes without compression.
     pub(super) fn bytes(self, part: &PartHeader) -> usize {
         let pixel: usize = part.channels.iter().map(|channel| channel.sample.bytes()).sum();
         self.width * self.height * pixel

@@ -1,7 +1,7 @@
-//! The chunks of a part: found by its table, checked, and decompressed one by one.
+//! Finds the chunks of a part in its table, checks them, and decompresses them one by one.
 //!
-//! The codecs are the `exr` crate's. They are given nothing but whole chunks of the expected place
-//! whose sizes have been checked, so they reserve no more than a small multiple of a block.
+//! The codecs are from the `exr` crate. They get only whole chunks at the expected place whose sizes have been checked,
+//! so they reserve at most a small multiple of a block.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -17,8 +17,8 @@ use super::block::Block;
 use super::guard;
 use super::header::{Blocks, Bytes, FileHeader, PartHeader, Sample};
 
-/// Calls `each` with the samples of each block of a part's largest level: row by row, and in each
-/// row channel by channel.
+/// Calls `each` with the samples of each block in a part's largest level: row by row, and channel by channel in each
+/// row.
 pub(super) fn decode(
     bytes: &[u8],
     file: &FileHeader,
@@ -46,14 +46,14 @@ pub(super) fn decode(
     Ok(())
 }
 
-/// Where a chunk says it belongs.
+/// The place that a chunk claims.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Place {
     Row(i64),
     Tile(i32, i32),
 }
 
-/// The blocks of the largest level in the order of the table, whatever their order in the file.
+/// The blocks of the largest level in the order of the table; the file may have them in another order.
 fn blocks(part: &PartHeader) -> impl Iterator<Item = (Block, Place)> {
     let (width, height) = (part.width, part.height);
     let (across, down) = match part.blocks {
@@ -63,7 +63,7 @@ fn blocks(part: &PartHeader) -> impl Iterator<Item = (Block, Place)> {
     let (top, blocks) = (part.top, part.blocks);
     (0..height.div_ceil(down)).flat_map(move |row| {
         (0..width.div_ceil(across)).map(move |column| {
-            // A tile may be larger than the image, and is stored as far as the image goes.
+            // A tile may extend beyond the image, and is stored only inside it.
             let (x, y) = (column * across, row * down);
             let block = Block {
                 x: x as usize,
@@ -80,8 +80,8 @@ fn blocks(part: &PartHeader) -> impl Iterator<Item = (Block, Place)> {
     })
 }
 
-/// The data of a chunk, if it is the one that the table's entry stands for. A chunk that doesn't
-/// get smaller is stored as it is, so none is longer than its pixels.
+/// The data of a chunk, if the chunk matches the table's entry. A chunk that compression wouldn't make smaller is
+/// stored uncompressed, so no chunk is longer than its pixels.
 fn found<'a>(
     chunk: &mut Bytes<'a>,
     part: Option<usize>,
@@ -113,7 +113,7 @@ fn found<'a>(
         })
 }
 
-/// What the codecs want to know of a part.
+/// The facts about a part that the codecs need.
 fn codec_header(part: &PartHeader) -> Header {
     let channels = part.channels.iter().map(|channel| ChannelDescription {
         name: Text::from_slice_unchecked(channel.name.as_bytes()),
@@ -149,7 +149,7 @@ fn decompress(
 ) -> Result<Vec<u8>, String> {
     let codec = name(part.compression);
     let failed = |reason: &str| format!("its pixels can't be decompressed by {codec}: {reason}");
-    // A block of the full length is stored as it is.
+    // A block of the full length is stored uncompressed.
     if data.len() < block.bytes(part) {
         match part.compression {
             Compression::DWAA(_) | Compression::DWAB(_) => guard::check_dwa(data, part, block),
@@ -161,8 +161,8 @@ fn decompress(
     let (x, y) = (i32::try_from(block.x), i32::try_from(block.y));
     let position = Vec2(x.expect("within the limits"), y.expect("within the limits"));
     let section = IntegerBounds { position, size: Vec2(block.width, block.height) };
-    // No data is known that passes the checks and makes a codec panic. But their assertions were
-    // written for sound files, and a damaged one is no reason for a whole test run to end.
+    // No known data passes the checks and makes a codec panic. But the codecs' assertions assume sound files, and a
+    // damaged file must not end a whole test run.
     let decoded = catch_unwind(AssertUnwindSafe(|| {
         header.compression.decompress_image_section_from_le(header, data.to_vec(), section, false)
     }));
@@ -176,7 +176,7 @@ fn decompress(
     }
 }
 
-/// What a codec says, without the words that the crate puts around it. Some of it isn't a reason.
+/// A codec's message without the words that the crate adds around it. Some messages contain no reason.
 fn unwrapped(message: &str) -> &str {
     let inside = message.split_once("(invalid: ").and_then(|(_, inside)| inside.strip_suffix(')'));
     match inside.unwrap_or(message) {
@@ -186,7 +186,7 @@ fn unwrapped(message: &str) -> &str {
     }
 }
 
-/// As OpenEXR calls them.
+/// The names that OpenEXR uses.
 fn name(compression: Compression) -> &'static str {
     match compression {
         Compression::Uncompressed => "none",

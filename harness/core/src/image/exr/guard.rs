@@ -1,10 +1,10 @@
-//! What is checked of a chunk's data before a codec of the `exr` crate gets it.
+//! Checks a chunk's data before a codec of the `exr` crate gets it.
 
 use super::block::Block;
 use super::header::{PartHeader, Sample};
 
-/// The counters that a DWA chunk begins with are lengths that the codec reserves, however little
-/// data follows.
+/// The counters at the beginning of a DWA chunk are lengths. The codec reserves that much memory, even if little data
+/// follows.
 pub(super) fn check_dwa(data: &[u8], part: &PartHeader, block: Block) -> Result<(), String> {
     let pixels = block.bytes(part);
     let counter = |index: usize| {
@@ -27,8 +27,8 @@ pub(super) fn check_dwa(data: &[u8], part: &PartHeader, block: Block) -> Result<
     Ok(())
 }
 
-/// B44 stores differences. Where they lead below zero the codec panics if overflow is checked, and
-/// gives other values if it isn't.
+/// B44 stores differences. If a value goes below zero, the codec panics with overflow checks, and returns wrong values
+/// without them.
 pub(super) fn check_b44(data: &[u8], part: &PartHeader, block: Block) -> Result<(), String> {
     let mut rest = data;
     let squares = block.width.div_ceil(4) * block.height.div_ceil(4);
@@ -38,7 +38,7 @@ pub(super) fn check_b44(data: &[u8], part: &PartHeader, block: Block) -> Result<
             Sample::Uint | Sample::Float => (1, Some(block.width * block.height * 4)),
         };
         for _ in 0..lengths {
-            // A shift of 13 or more marks a square of one value.
+            // A shift of 13 or more marks a square with one value.
             let uniform = rest.get(2).is_some_and(|byte| byte >> 2 >= 13);
             let length = length.unwrap_or(if uniform { 3 } else { 14 });
             let (taken, left) = rest.split_at_checked(length).ok_or("it has too little data")?;
@@ -51,8 +51,8 @@ pub(super) fn check_b44(data: &[u8], part: &PartHeader, block: Block) -> Result<
     Ok(())
 }
 
-/// A square of 4 by 4: the first value in 16 bits, a shift in 6, and 15 differences in 6 each: down
-/// the first column, then from each column to the next.
+/// A square of 4 by 4 values: the first value in 16 bits, a shift in 6, and 15 differences in 6 bits each: down the
+/// first column, then from each column to the next.
 fn leads_below_zero(square: &[u8; 14]) -> bool {
     let field = |bit: usize| {
         let two = u16::from_be_bytes([square[bit / 8], *square.get(bit / 8 + 1).unwrap_or(&0)]);
@@ -79,7 +79,7 @@ mod tests {
 
     #[test]
     fn squares_of_b44_are_followed_to_their_last_value() {
-        // All differences 0: biased by 32, 0b100000 fifteen times behind a shift of 0.
+        // All differences are 0. With the bias of 32, they are 0b100000 fifteen times, after a shift of 0.
         let mut square =
             [0x80, 0x00, 0x02, 0x08, 0x20, 0x82, 0x08, 0x20, 0x82, 0x08, 0x20, 0x82, 0x08, 0x20];
         assert!(!leads_below_zero(&square));

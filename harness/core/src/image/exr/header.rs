@@ -1,7 +1,7 @@
-//! The header of an OpenEXR file, checked against the file's length and our limits.
+//! Reads the header of an OpenEXR file, and checks it against the file's length and our limits.
 //!
-//! The header is read here and not by the `exr` crate, which reserves what a header announces
-//! before it has looked at the rest, and doesn't keep where the tables of chunks begin.
+//! The `exr` crate's own reader isn't used: it reserves the memory that a header claims before it checks the rest, and
+//! doesn't return where the tables of chunks begin.
 
 mod bytes;
 
@@ -11,9 +11,9 @@ pub(super) use bytes::Bytes;
 
 use crate::image::bytes::{LARGEST_DECODED, LARGEST_RATIO, LONGEST_SIDE, found};
 
-/// Most channels of a part that are read; no renderer's beauty part has more.
+/// The most channels of a part that are read; no renderer's beauty part has more.
 const MOST_CHANNELS: usize = 32;
-/// The one attribute that holds all metadata: the encoder writes several in random order.
+/// The single attribute that contains all metadata: the encoder writes several attributes in random order.
 pub(super) const ATTRIBUTE: &str = "karat";
 
 /// Bits of the version field.
@@ -42,11 +42,11 @@ impl Sample {
 pub(super) struct Channel {
     pub(super) name: String,
     pub(super) sample: Sample,
-    /// Tells lossy codecs how to quantise.
+    /// A flag that tells lossy codecs how to quantise.
     pub(super) linear: bool,
 }
 
-/// How a part is cut into chunks. Only the largest level is ever decoded.
+/// The division of a part into chunks. Only the largest level is ever decoded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Blocks {
     Rows(u32),
@@ -56,16 +56,16 @@ pub(super) enum Blocks {
 /// One part of a file.
 #[derive(Clone, Debug)]
 pub(super) struct PartHeader {
-    /// Empty where the file gives none.
+    /// Empty if the file gives no name.
     pub(super) name: String,
     pub(super) width: u32,
     pub(super) height: u32,
-    /// The first row in the file's coordinates, which chunks of rows are numbered by.
+    /// The first row in the file's coordinates, from which chunks of rows are numbered.
     pub(super) top: i32,
     pub(super) channels: Vec<Channel>,
     pub(super) compression: Compression,
     pub(super) blocks: Blocks,
-    /// Entries of its table, for chunks of all levels.
+    /// The number of entries in its table, for chunks of all levels.
     pub(super) chunks: usize,
     pub(super) metadata: Option<String>,
     /// CIE x and y of red, green, blue and white.
@@ -76,15 +76,15 @@ pub(super) struct PartHeader {
 #[derive(Debug)]
 pub(super) struct FileHeader {
     pub(super) parts: Vec<PartHeader>,
-    /// Whether chunks begin with the number of their part.
+    /// Set if chunks begin with the number of their part.
     pub(super) numbered: bool,
-    /// Where the tables of chunks begin; the first part's is the first.
+    /// The place where the tables of chunks begin, with the first part's table.
     pub(super) tables: usize,
 }
 
 impl FileHeader {
-    /// Reads the headers of all parts. What they announce is within the limits, and the tables of
-    /// chunks are within the file.
+    /// Reads the headers of all parts. Their claims are within the limits, and the tables of chunks are within the
+    /// file.
     pub(super) fn parse(bytes: &[u8]) -> Result<Self, String> {
         let mut rest = Bytes { rest: bytes };
         if bytes.is_empty() {
@@ -146,7 +146,7 @@ impl FileHeader {
     }
 }
 
-/// The attributes that matter, as they are found.
+/// The attributes that Karat uses, as they are found.
 #[derive(Default)]
 struct Attributes {
     channels: Option<Vec<Channel>>,
@@ -323,7 +323,7 @@ impl Tiles {
         Ok(Self { width, height, levels, round_up: mode >> 4 != 0 })
     }
 
-    /// How many tiles there are in all levels of an image whose sides are within the limits.
+    /// The number of tiles in all levels of an image whose sides are within the limits.
     fn count(&self, width: u32, height: u32) -> u64 {
         let size = |side: u32, level: u32| {
             let divided = if self.round_up { side.div_ceil(1 << level) } else { side >> level };
@@ -346,13 +346,13 @@ impl Tiles {
     }
 }
 
-/// A text as UTF-8 or, as other writers have it, Latin-1.
+/// A text in UTF-8, or else in Latin-1, which some writers use.
 fn text(bytes: &[u8]) -> String {
     String::from_utf8(bytes.to_vec())
         .unwrap_or_else(|_| bytes.iter().copied().map(char::from).collect())
 }
 
-/// A name as it can be printed, whatever is in it.
+/// A name in a printable form.
 pub(super) fn shown(name: &str) -> String {
     name.chars().take(64).flat_map(char::escape_debug).collect()
 }

@@ -1,21 +1,20 @@
-//! Which channels of a part are its colours.
+//! Selects the channels of a part that are its colours.
 
 use super::header::{Channel, PartHeader, Sample};
 use crate::image::Precision;
 
-/// A part's channels that make up an image.
+/// The channels of a part that make up an image.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Selection {
     /// For each channel of the part, the channels of a pixel that it fills.
     pub(super) fills: Vec<&'static [usize]>,
-    /// Of the most precise channel.
+    /// The precision of the most precise channel.
     pub(super) precision: Precision,
-    /// Whether there are three colours, and not one.
+    /// Set if there are three colours instead of a grey.
     pub(super) coloured: bool,
 }
 
-/// The layer without a name is preferred to named ones and these are taken in their order, but
-/// colours are preferred to grey.
+/// Selects channels: colours before greys, then the layer without a name before named ones, and these in their order.
 pub(super) fn select(part: &PartHeader) -> Option<Selection> {
     let layers = || {
         let names = part.channels.iter().map(|channel| split(channel).0);
@@ -26,7 +25,7 @@ pub(super) fn select(part: &PartHeader) -> Option<Selection> {
         part.channels.iter().any(|channel| split(channel) == (layer, name))
     };
     let coloured = |layer: &str| ["R", "G", "B"].iter().all(|name| has(layer, name));
-    // X, Y and Z are a vector; Y with RY and BY are colours of another kind.
+    // X, Y and Z are a vector; Y with RY and BY are colours in another encoding.
     let grey =
         |layer: &str| has(layer, "Y") && !["X", "Z", "RY", "BY"].iter().any(|n| has(layer, n));
     let (layer, coloured) = pick(&coloured)
@@ -55,7 +54,7 @@ pub(super) fn select(part: &PartHeader) -> Option<Selection> {
     Some(Selection { fills, precision, coloured })
 }
 
-/// The layer and the name within it.
+/// The layer of a channel, and the channel's name in it.
 fn split(channel: &Channel) -> (&str, &str) {
     channel.name.rsplit_once('.').unwrap_or(("", &channel.name))
 }

@@ -1,4 +1,4 @@
-//! Encoding: scan lines of 16 rows, deflated. Small, and read by every tool.
+//! Writes scan lines in blocks of 16 rows, deflated. Such files are small, and every tool reads them.
 
 use std::io::{Cursor, Error, ErrorKind};
 use std::path::Path;
@@ -22,14 +22,14 @@ use crate::image::bytes::LONGEST_SIDE;
 use crate::image::whole::write_whole;
 use crate::image::{Image, ImageError};
 
-/// A part to be written.
+/// A part to write.
 pub(super) struct Layer<'a> {
     pub(super) name: &'a str,
     pub(super) precision: Precision,
     pub(super) image: &'a Image,
 }
 
-/// The channels of a file in its order, by the names' bytes; and which of a pixel each is.
+/// The channels in the file's order, by the bytes of their names; each with its index in a pixel.
 const CHANNELS: [(&str, usize); 4] = [("A", 3), ("B", 2), ("G", 1), ("R", 0)];
 
 pub(super) fn write(
@@ -41,7 +41,7 @@ pub(super) fn write(
     write_whole(path, &bytes).map_err(|cause| ImageError::Write { path: shown(path), cause })
 }
 
-/// The bytes of a file that is to be written there.
+/// The bytes of a file for this path.
 pub(super) fn bytes(
     path: &Path,
     layers: &[Layer<'_>],
@@ -133,7 +133,7 @@ fn header(layer: &Layer<'_>, window: Vec2<usize>) -> Header {
         .with_attributes(LayerAttributes { layer_name: name, ..LayerAttributes::default() })
 }
 
-/// A block of rows, in each row channel by channel.
+/// Compresses a block of rows; in each row, channel by channel.
 fn compress(
     header: &Header,
     layer: &Layer<'_>,

@@ -1,4 +1,4 @@
-//! PNG files as linear floats.
+//! Reads PNG files as linear floats.
 
 use std::io::Cursor;
 
@@ -8,7 +8,7 @@ use super::Samples;
 use crate::image::Image;
 use crate::image::bytes::{LARGEST_DECODED, LARGEST_RATIO, LONGEST_SIDE};
 
-/// What a decoder may reserve beside the pixels: a row, and chunks that aren't ignored.
+/// The most memory that the decoder may reserve besides the pixels: a row, and chunks that aren't ignored.
 const BESIDE_PIXELS: usize = 1 << 20;
 
 pub(in crate::image) fn decode(bytes: &[u8], kind: Samples) -> Result<Image, String> {
@@ -26,7 +26,7 @@ pub(in crate::image) fn decode(bytes: &[u8], kind: Samples) -> Result<Image, Str
     let length = reader.output_buffer_size().ok_or("its pixels don't fit in memory")?;
     let mut samples = vec![0; length];
     let frame = reader.next_frame(&mut samples).map_err(|error| error.to_string())?;
-    // To the end of the file: a file that was cut is damaged, even behind its pixels.
+    // Reads to the end: a file that was cut off after its pixels is damaged, too.
     reader.finish().map_err(|error| error.to_string())?;
     let pixels = match frame.bit_depth {
         BitDepth::Sixteen => {
@@ -45,7 +45,7 @@ pub(in crate::image) fn decode(bytes: &[u8], kind: Samples) -> Result<Image, Str
     Ok(Image::new(frame.width, frame.height, pixels))
 }
 
-/// Limits as for OpenEXR files; the ratio is that of the pixels as they are stored.
+/// Applies the limits of OpenEXR files; the ratio uses the stored pixels.
 fn check(info: &Info<'_>, length: usize) -> Result<(), String> {
     let Info { width, height, .. } = *info;
     if width.max(height) > LONGEST_SIDE {
@@ -69,7 +69,7 @@ fn check(info: &Info<'_>, length: usize) -> Result<(), String> {
     Ok(())
 }
 
-/// Pixels of samples; alpha isn't encoded.
+/// The pixels of some samples; alpha isn't encoded.
 fn gather<T: Copy + Into<usize> + Into<f32>>(
     samples: &[T],
     color: ColorType,
@@ -93,27 +93,27 @@ fn gather<T: Copy + Into<usize> + Into<f32>>(
             let pixels = samples.as_chunks().0.iter();
             pixels.map(|[r, g, b, a]| [light(*r), light(*g), light(*b), alpha(*a)]).collect()
         }
-        // The decoder replaces these by their colours.
+        // The decoder has already replaced indices by colours.
         ColorType::Indexed => Vec::new(),
     }
 }
 
-/// How samples become linear.
+/// The conversion of samples to linear values.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Linear {
     /// IEC 61966-2-1.
     Srgb,
-    /// To this power.
+    /// A power with this exponent.
     Power(f64),
 }
 
 impl Linear {
-    /// PNG, third edition, section 4.3: an sRGB chunk overrides a gAMA chunk.
+    /// The conversion for a file (PNG, third edition, section 4.3): an sRGB chunk overrides a gAMA chunk.
     fn of(info: &Info<'_>) -> Result<Self, String> {
         match info.gama_chunk {
             Some(gamma) if info.srgb.is_none() => {
                 let gamma = f64::from(gamma.into_scaled()) / 100_000.0;
-                // Beyond these no picture is left of 8 bits.
+                // Outside this range, no image is left in 8 bits.
                 if !(0.01..=100.0).contains(&gamma) {
                     return Err(format!("its gAMA chunk says {gamma}"));
                 }
@@ -123,7 +123,7 @@ impl Linear {
         }
     }
 
-    /// The linear value of each sample.
+    /// The linear value for each sample.
     fn table(self, samples: u32) -> Vec<f32> {
         let linear = |sample: u32| {
             let encoded = f64::from(sample) / f64::from(samples - 1);

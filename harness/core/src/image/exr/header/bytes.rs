@@ -1,6 +1,6 @@
-//! Bytes that are read one after the other.
+//! Reads bytes one after another.
 
-/// What is left to read.
+/// The remaining bytes.
 pub(in crate::image::exr) struct Bytes<'a> {
     pub(in crate::image::exr) rest: &'a [u8],
 }
@@ -29,7 +29,7 @@ impl<'a> Bytes<'a> {
         Ok(i32::from_le_bytes(self.array()?))
     }
 
-    /// Whether a list ends here. The zero that says so is taken.
+    /// Returns `true` if a list ends here, and takes the zero that ends it.
     pub(super) fn ends(&mut self) -> Result<bool, String> {
         let ends = self.rest.first() == Some(&0);
         if ends || self.rest.is_empty() {
@@ -38,7 +38,7 @@ impl<'a> Bytes<'a> {
         Ok(ends)
     }
 
-    /// A name and the zero behind it.
+    /// A name, without the zero after it.
     pub(super) fn name(&mut self) -> Result<&'a [u8], String> {
         // The format allows 255 bytes.
         let end = self.rest.iter().take(256).position(|byte| *byte == 0);
