@@ -181,7 +181,7 @@ impl Row {
         })
     }
 
-    /// Whether nothing shows what it says, though its table has columns for that.
+    /// Returns `true` if nothing shows what it says, though its table has columns for that.
     fn is_unshown(&self) -> bool {
         let shows = |header: &str| ["test", "caught by", "golden"].contains(&header);
         let mut evidence = self.cells.iter().filter(|(header, _)| shows(header)).peekable();

@@ -139,8 +139,8 @@ fn rays(camera: &Camera) -> Vec<Option<Vec<Hit>>> {
     pixels.map(|(x, y)| hits(camera, DVec2::new(centre(x, SIZE.0), -centre(y, SIZE.1)))).collect()
 }
 
-/// Whether a pixel shows a hit: the sphere, and the point of it. A facet's distance moves the point
-/// along the ray, which is at most 8 times as far across: the rim is 0.02 wide.
+/// Returns `true` if a pixel shows a hit: the sphere, and the point of it. A facet's distance moves the point along the
+/// ray, which is at most 8 times as far across: the rim is 0.02 wide.
 fn shows(pixel: &[f32; 4], hit: Option<&Hit>) -> bool {
     let Some(hit) = hit else { return pixel[..3] == [0.0; 3] };
     let expected = overdraw::label(hit.instance, hit.normal).to_array();

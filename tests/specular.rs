@@ -94,7 +94,7 @@ fn from(cube_map: &CubeMap) -> impl Fn(DVec3, f64) -> DVec3 {
     move |d, level| cube_map.sample_level(d, level).truncate()
 }
 
-/// Whether a look-up at `level` stays on one face. wgpu's desktop GL clamps to the face.
+/// Returns `true` if a look-up at `level` stays on one face. wgpu's desktop GL clamps to the face.
 fn on_one_face(d: DVec3, level: f64) -> bool {
     let margin = 0.5 * level.ceil().exp2() / f64::from(SIZE);
     let uv = environment::face_point(d).uv;

@@ -10,7 +10,7 @@ fn named(plan: &str) -> Vec<(String, String)> {
     parts.map(|(file, test)| (format!("{file}.rs"), test.to_owned())).collect()
 }
 
-/// Whether a text has a test of this name.
+/// Returns `true` if a text has a test of this name.
 fn has_test(text: &str, test: &str) -> bool {
     let mut attributed = false;
     for line in text.lines().map(str::trim) {

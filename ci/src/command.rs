@@ -51,7 +51,7 @@ pub(crate) fn run_aside(command: &mut Command) -> Result<()> {
     run(command.stdout(std::io::stderr()))
 }
 
-/// Whether a command runs and succeeds; what it prints is dropped.
+/// Returns `true` if a command runs and succeeds; what it prints is dropped.
 pub(crate) fn succeeds(command: &mut Command) -> bool {
     command.output().is_ok_and(|output| output.status.success())
 }

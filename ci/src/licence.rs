@@ -138,7 +138,7 @@ fn judge(licence: Option<&str>, allowed: &[Licensee]) -> Result<Expression, Stri
     }
 }
 
-/// Whether the list, less one line if asked, satisfies an expression.
+/// Returns `true` if the list, less one line if asked, satisfies an expression.
 fn satisfied(expression: &Expression, allowed: &[Licensee], skipped: Option<usize>) -> bool {
     expression.evaluate(|requirement| {
         let mut lines = allowed.iter().enumerate().filter(|(line, _)| Some(*line) != skipped);

@@ -108,7 +108,7 @@ fn note(
     Ok(())
 }
 
-/// True if it was compiled for build scripts and macros: `[profile.dev.build-override]` has level 0.
+/// Returns `true` if it was compiled for build scripts and macros: `[profile.dev.build-override]` has level 0.
 fn is_for_host(artifact: &Artifact, hosts: &BTreeSet<PackageId>) -> bool {
     hosts.contains(&artifact.package_id) && artifact.profile.opt_level == "0"
 }

@@ -178,7 +178,7 @@ fn is_public(line: &str) -> bool {
     words.iter().any(|word| line.starts_with(word))
 }
 
-/// True of a line that reads the text of a message: `message.contains(..)`.
+/// Returns `true` for a line that reads the text of a message: `message.contains(..)`.
 fn reads_message(line: &str) -> bool {
     line.match_indices("message").any(|(at, word)| {
         let rest = &line[at + word.len()..];

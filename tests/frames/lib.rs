@@ -28,8 +28,8 @@ const PREFILTERED_SAMPLES: u32 = 1024;
 /// Bands and segments of a sphere: facets of 5.6 degrees.
 const SPHERE: (u32, u32) = (32, 64);
 
-/// Whether long suites run whole, as under `cargo ci full`: otherwise they take a sample. A name that begins with `KARAT_`
-/// would be the harness's.
+/// Returns `true` if long suites run whole, as under `cargo ci full`: otherwise they take a sample. A name that begins
+/// with `KARAT_` would be the harness's.
 ///
 /// # Panics
 ///
@@ -72,7 +72,7 @@ pub struct Shot {
     pub environment: Option<CubeMap>,
     /// Where maps are computed that the frame looks up.
     pub path: Path,
-    /// Whether depth is drawn first.
+    /// `true` if depth is drawn first.
     pub prepass: bool,
 }
 
@@ -119,9 +119,9 @@ pub fn open_paths() -> Vec<Path> {
     open
 }
 
-/// Whether a driver puts vertices on 16ths of a pixel, as SwiftShader does: its
-/// `subPixelPrecisionBits` is 4, the least that Vulkan allows, where Mesa's is 8. What a pixel shows
-/// is a mean of what vertices show, and so it is moved by as much as they, 1/32 of a pixel at most.
+/// Returns `true` if a driver puts vertices on 16ths of a pixel, as SwiftShader does: its `subPixelPrecisionBits` is 4,
+/// the least that Vulkan allows, where Mesa's is 8. What a pixel shows is a mean of what vertices show, and so it is
+/// moved by as much as they, 1/32 of a pixel at most.
 ///
 /// # Panics
 ///

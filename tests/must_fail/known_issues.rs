@@ -20,7 +20,7 @@ pub(crate) fn selected() -> Vec<Path> {
     paths.collect::<Result<_, _>>().expect("a path has its own name")
 }
 
-/// Whether what is declared for a path holds on another: `vulkan` is Vulkan with each driver.
+/// Returns `true` if what is declared for a path holds on another: `vulkan` is Vulkan with each driver.
 fn covers(declared: Path, path: Path) -> bool {
     declared.api() == path.api() && declared.driver().is_none_or(|own| path.driver() == Some(own))
 }

@@ -184,7 +184,7 @@ impl Exhibit {
         self.path != Some(Path::GL)
     }
 
-    /// Whether outlines and interpolated values are where they are to 1/32 of a pixel only.
+    /// Returns `true` if outlines and interpolated values are where they are to 1/32 of a pixel only.
     fn is_snapped(&self) -> bool {
         self.path.is_some_and(frames::is_snapped)
     }

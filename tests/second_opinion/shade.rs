@@ -68,7 +68,7 @@ pub(crate) enum Gather<'a> {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Light<'a> {
     pub(crate) map: &'a CubeMap,
-    /// Whether the path filters across the edges of faces.
+    /// `true` if the path filters across the edges of faces.
     pub(crate) seamless: bool,
     pub(crate) gather: Gather<'a>,
 }

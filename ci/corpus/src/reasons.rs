@@ -64,7 +64,7 @@ const ARGUED: &[(&str, Whose, &str)] = &[
     ("not probed otherwise", Karat, "another form of argument"),
 ];
 
-/// True if the list has a reason.
+/// Returns `true` if the list has a reason.
 pub(crate) fn is_argued(reason: &str) -> bool {
     ARGUED.iter().any(|(known, ..)| *known == reason)
 }

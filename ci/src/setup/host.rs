@@ -86,8 +86,8 @@ impl Host {
         cached.map(|path| self.path(path)).chain(usual).find(|path| path.is_file())
     }
 
-    /// Whether there is a GPU that a hardware driver could open. Distributions install the
-    /// drivers of every maker at once, so that a driver's presence says nothing.
+    /// Returns `true` if there is a GPU that a hardware driver could open. Distributions install the drivers of every
+    /// maker at once, so that a driver's presence says nothing.
     pub(crate) fn has_gpu(&self) -> bool {
         let nodes = ["/dev/nvidiactl", "/dev/dxg", "/dev/kgsl-3d0", "/dev/mali0"];
         nodes.iter().any(|node| self.path(node).exists())

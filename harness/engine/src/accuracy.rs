@@ -151,9 +151,9 @@ impl Error {
 pub struct Accuracy {
     /// For each function, by sign and exponent of the argument.
     functions: Vec<Vec<Error>>,
-    /// Whether `pow` was as exact as `exp2(y * log2(x))` of the measured functions.
+    /// `true` if `pow` was as exact as `exp2(y * log2(x))` of the measured functions.
     powers: bool,
-    /// Whether 0 to each power above zero was 0.
+    /// `true` if 0 to each power above zero was 0.
     powers_of_zero: bool,
 }
 
@@ -283,7 +283,7 @@ impl Accuracy {
         allowed.meet(bound)
     }
 
-    /// Whether [`narrow`](Self::narrow) knows something of a rule.
+    /// Returns `true` if [`narrow`](Self::narrow) knows something of a rule.
     pub(crate) fn knows(rule: FloatRule) -> bool {
         rule == POW || FUNCTIONS.iter().any(|function| function.rule == rule)
     }

@@ -212,7 +212,7 @@ fn forward_copies(code: &mut Code) {
     }
 }
 
-/// Whether an operation does nothing but write its results.
+/// Returns `true` if an operation does nothing but write its results.
 fn is_pure(op: Op) -> bool {
     matches!(
         op,

@@ -39,7 +39,7 @@ pub trait FloatRule<const I: usize, const O: usize> {
 
 /// One rule from integers to an integer. Words are the bits of an `i32` or a `u32`.
 pub trait IntRule<const I: usize> {
-    /// Whether the result is an `i32`.
+    /// `true` if the result is an `i32`.
     const SIGNED: bool;
     /// In [`F32`] and [`F64`].
     fn exact(x: [u32; I]) -> u32;
@@ -49,7 +49,7 @@ pub trait IntRule<const I: usize> {
 
 /// One rule from floats to an integer.
 pub trait ToIntRule<const I: usize> {
-    /// Whether the result is an `i32`.
+    /// `true` if the result is an `i32`.
     const SIGNED: bool;
     /// In [`F32`].
     fn single(x: [f32; I]) -> u32;
@@ -97,8 +97,7 @@ pub(crate) mod sealed {
         /// A boolean, which is also what masks are made of.
         type Bool: Copy + Default + Debug + Send + Sync + PartialEq;
 
-        /// Whether a boolean may be undecided, so that masks within a loop are relative to its
-        /// entry.
+        /// `true` if a boolean may be undecided, so that masks within a loop are relative to its entry.
         const UNDECIDED: bool;
 
         fn float(x: f32) -> Self::Float;
@@ -131,11 +130,11 @@ pub(crate) mod sealed {
         fn and(a: Self::Bool, b: Self::Bool) -> Self::Bool;
         fn or(a: Self::Bool, b: Self::Bool) -> Self::Bool;
         fn not(a: Self::Bool) -> Self::Bool;
-        /// Whether it may be true.
+        /// Returns `true` if it may be true.
         fn possible(a: Self::Bool) -> bool;
         /// A boolean that is neither, where there is one: what joins values.
         fn undecided() -> Self::Bool;
-        /// Whether it may be false.
+        /// Returns `true` if it may be false.
         fn avoidable(a: Self::Bool) -> bool;
 
         /// `yes` where `c` holds, `no` where it doesn't, what holds both where it is undecided.
@@ -151,7 +150,7 @@ pub(crate) mod sealed {
         fn to_half(x: Self::Float, half: Half) -> Self::Float;
         /// The value with subnormals flushed to zero.
         fn flush(x: Self::Float) -> Self::Float;
-        /// Whether it is anything at all, of which the cause is noted.
+        /// Returns `true` if it is anything at all, of which the cause is noted.
         fn is_unknown(x: Self::Float) -> bool;
         /// Notes which operation made a value unbounded: the earliest that `inputs` know of, or
         /// `site`.
@@ -160,7 +159,7 @@ pub(crate) mod sealed {
             inputs: &mut dyn Iterator<Item = Self::Float>,
             site: u32,
         ) -> Self::Float;
-        /// Whether `note` does anything.
+        /// `true` if `note` does anything.
         const NOTES: bool;
         /// Any value at all, because of operation `site`; `None` where there is no such value.
         fn unknown_float(site: u32) -> Option<Self::Float>;

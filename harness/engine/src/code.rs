@@ -60,9 +60,9 @@ pub(crate) enum Op {
     And,
     Or,
     Not,
-    /// Whether two booleans differ.
+    /// `true` if two booleans differ.
     Differ,
-    /// Whether a float is NaN, or infinite.
+    /// `true` if a float is NaN, or infinite.
     IsNan,
     IsInf,
     /// Result; condition, value where it holds, value where it doesn't.
@@ -132,8 +132,8 @@ pub(crate) enum Op {
 }
 
 impl Op {
-    /// True of the ends of parts of a branch, a loop or a call. They run, and have the place of an operation before them, which
-    /// may not have run.
+    /// Returns `true` for the ends of parts of a branch, a loop or a call. They run, and have the place of an operation
+    /// before them, which may not have run.
     pub(crate) fn is_an_end(self) -> bool {
         matches!(
             self,
@@ -211,7 +211,7 @@ pub(crate) struct Walk {
     pub(crate) offset: u32,
     pub(crate) steps: Vec<Step>,
     pub(crate) atomic: Option<AtomicOp>,
-    /// False of an atomic, whose accesses don't race.
+    /// `false` for an atomic, whose accesses don't race.
     pub(crate) plain: bool,
 }
 
@@ -221,7 +221,7 @@ pub(crate) struct AtomicOp {
     pub(crate) function: AtomicFunction,
     pub(crate) scalar: Scalar,
     pub(crate) result: bool,
-    /// True if something reads what it returns.
+    /// `true` if something reads what it returns.
     pub(crate) used: bool,
 }
 
@@ -238,7 +238,7 @@ pub struct Site {
     pub name: Option<String>,
     /// Its bytes in the source.
     pub span: Span,
-    /// True if it gives floats of half precision.
+    /// `true` if it gives floats of half precision.
     pub half: bool,
 }
 
@@ -319,7 +319,7 @@ pub(crate) struct Code {
 }
 
 impl Code {
-    /// True if an access of a word that a walk finds may race with another one.
+    /// Returns `true` if an access of a word that a walk finds may race with another one.
     pub(crate) fn may_race(&self, walk: u32) -> bool {
         let walk = &self.walks[walk as usize];
         let slot = self.buffers.get(walk.buffer as usize);
@@ -352,7 +352,7 @@ pub(crate) struct ImageOp {
     pub(crate) arrayed: bool,
     /// Which integer operands are signed, a bit each.
     pub(crate) signed: u32,
-    /// Whether its texels are signed integers.
+    /// `true` if its texels are signed integers.
     pub(crate) signed_texels: bool,
     pub(crate) outs: [u32; 3],
     pub(crate) ins: [u32; 3],
@@ -421,7 +421,7 @@ pub(crate) enum Detail {
 }
 
 impl Code {
-    /// True if a lane asks what another one of its quad has.
+    /// Returns `true` if a lane asks what another one of its quad has.
     pub(crate) fn has_neighbours(&self) -> bool {
         self.instructions.iter().any(|one| matches!(one.op, Op::Neighbour(_)))
     }

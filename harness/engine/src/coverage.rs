@@ -25,7 +25,7 @@ pub struct Statement {
     pub span: Span,
     /// Its kind.
     pub kind: StatementKind,
-    /// True if a result depends on it, what it writes, whether it ends, or what the sanitizer sees.
+    /// `true` if a result depends on it, what it writes, whether it ends, or what the sanitizer sees.
     pub needed: bool,
     /// Its operations, from the first to behind the last.
     pub(crate) start: u32,

@@ -26,7 +26,7 @@ const MOST_INVOCATIONS: u32 = 1024;
 #[derive(Debug)]
 pub(crate) struct Entry {
     size: [u32; 3],
-    /// True of a fragment entry point: workgroups are tiles, and invocations the pixels of their quads.
+    /// `true` for a fragment entry point: workgroups are tiles, and invocations the pixels of their quads.
     drawn: bool,
     /// For each scalar of the parameters, the builtin and its component.
     inputs: Vec<(BuiltIn, usize)>,
@@ -112,7 +112,7 @@ pub fn pixel_of(invocation: usize, across: u32) -> [u32; 2] {
     [tile % columns * TILE[0] + x, tile / columns * TILE[1] + y]
 }
 
-/// True of a builtin value whose meaning depends on the size of subgroups.
+/// Returns `true` for a builtin value whose meaning depends on the size of subgroups.
 fn is_of_subgroups(builtin: BuiltIn) -> bool {
     matches!(
         builtin,
@@ -223,7 +223,7 @@ pub struct Turn {
     pub site: Site,
     /// The word that it returned, or else the one that it wrote.
     pub word: u32,
-    /// True if it returned one that something uses.
+    /// `true` if it returned one that something uses.
     pub reads: bool,
     /// Of a store that took effect late, the atomic behind it that others could see before.
     pub behind: Option<Site>,
@@ -364,8 +364,8 @@ impl Program {
         self.run_workgroups::<F32, false>(workgroups, resources, options, &(), watch)
     }
 
-    /// True if the order of invocations may decide what they leave, though none of their accesses race: they have
-    /// atomics.
+    /// Returns `true` if the order of invocations may decide what they leave, though none of their accesses race: they
+    /// have atomics.
     #[must_use]
     pub fn has_atomics(&self) -> bool {
         let code = self.code();
@@ -378,7 +378,7 @@ impl Program {
         self.entry.as_ref().map(|entry| if entry.drawn { [1; 3] } else { entry.size })
     }
 
-    /// True of an entry point whose results may depend on the size of subgroups.
+    /// Returns `true` for an entry point whose results may depend on the size of subgroups.
     #[must_use]
     pub fn has_subgroups(&self) -> bool {
         let given = |entry: &Entry| entry.inputs.iter().any(|(one, _)| is_of_subgroups(*one));

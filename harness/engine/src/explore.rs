@@ -44,7 +44,7 @@ impl Access {
         }
     }
 
-    /// True if two of these on one word lead to the same in both orders.
+    /// Returns `true` if two of these on one word lead to the same in both orders.
     pub(crate) fn commutes(self, other: Self) -> bool {
         self == other && self != Self::Changes
     }
@@ -99,7 +99,7 @@ struct Taken {
 }
 
 impl Taken {
-    /// True if it comes before all that has this clock.
+    /// Returns `true` if it comes before all that has this clock.
     fn is_before(&self, clock: &[u32]) -> bool {
         clock.get(self.own).is_some_and(|count| *count >= self.number)
     }
@@ -181,19 +181,19 @@ impl Explorer {
         self.begins.push(self.taken.len());
     }
 
-    /// True if the run was ended, as it leads to the same as one before.
+    /// Returns `true` if the run was ended, as it leads to the same as one before.
     #[must_use]
     pub fn is_cut(&self) -> bool {
         self.cut
     }
 
-    /// True if an invocation waited in a loop for others: it may have gone on, in orders that weren't tried.
+    /// Returns `true` if an invocation waited in a loop for others: it may have gone on, in orders that weren't tried.
     #[must_use]
     pub fn has_waited(&self) -> bool {
         self.has_waited
     }
 
-    /// True if a run had too many turns to explore its orders.
+    /// Returns `true` if a run had too many turns to explore its orders.
     #[must_use]
     pub fn is_too_long(&self) -> bool {
         self.too_long

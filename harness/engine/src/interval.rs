@@ -81,20 +81,20 @@ impl Interval {
         self.hi
     }
 
-    /// Whether both bounds are finite.
+    /// Returns `true` if both bounds are finite.
     #[must_use]
     pub fn is_bounded(self) -> bool {
         self.lo.is_finite() && self.hi.is_finite()
     }
 
-    /// Whether it allows `x`. Unbounded, it allows NaN and infinities, too.
+    /// Returns `true` if it allows `x`. Unbounded, it allows NaN and infinities, too.
     #[must_use]
     pub fn contains(self, x: f64) -> bool {
         !self.is_bounded() || (f64::from(self.lo) <= x && x <= f64::from(self.hi))
     }
 
-    /// True if it is bounded but for another order of some operations, which WGSL allows (15.7.5): there
-    /// an intermediate result may overflow, or become a divisor that has no bound.
+    /// Returns `true` if it is bounded but for another order of some operations, which WGSL allows (15.7.5): there an
+    /// intermediate result may overflow, or become a divisor that has no bound.
     #[must_use]
     pub fn is_reordered(self) -> bool {
         self.cause & REORDERED != 0

@@ -46,17 +46,17 @@ pub type Overrides = HashMap<String, f64>;
 pub struct Settings {
     /// Values of overrides, by name, or by id in decimal where they have one.
     pub overrides: Overrides,
-    /// Whether `a * b + c` is rounded once, as many GPUs do.
+    /// `true` if `a * b + c` is rounded once, as many GPUs do.
     pub contract: bool,
-    /// Whether observers are shown let-bindings.
+    /// `true` if observers are shown let-bindings.
     pub named: bool,
-    /// Whether four cases after one another are a quad of pixels: the upper left one, the one to its
-    /// right, and the two below. Only then are there derivatives.
+    /// `true` if four cases after one another are a quad of pixels: the upper left one, the one to its right, and the
+    /// two below. Only then are there derivatives.
     pub quads: bool,
     /// True for programs that are to be compared: operations that give one number by an identity are one (`x * 2` is `x + x`),
     /// and private variables are results.
     pub identities: bool,
-    /// True if statements are listed, whose runs can then be counted.
+    /// `true` if statements are listed, whose runs can then be counted.
     pub statements: bool,
 }
 
@@ -84,7 +84,7 @@ pub(crate) struct Scope<'m> {
     /// Where returns store their value; `None` when the only one is at the end.
     result: Option<Rc<[Reg]>>,
     returned: Option<Value>,
-    /// Whether it returns from elsewhere than its end, and so has a frame.
+    /// `true` if it returns from elsewhere than its end, and so has a frame.
     early: bool,
 }
 
@@ -126,9 +126,9 @@ pub(crate) struct Lower<'m> {
     calls: usize,
     /// Sizes of a workgroup that are override expressions.
     sizes: Option<[Option<Handle<Expression>>; 3]>,
-    /// Whether the program is an entry point, whose invocations share memory.
+    /// `true` if the program is an entry point, whose invocations share memory.
     shared: bool,
-    /// True of a fragment entry point, whose invocations are the pixels of quads.
+    /// `true` for a fragment entry point, whose invocations are the pixels of quads.
     drawn: bool,
     site: u32,
     span: Span,

@@ -105,10 +105,10 @@ pub(crate) struct Machine<'p, A: Rules> {
     helpers: Vec<bool>,
     /// Finds races of the invocations of a workgroup, if it is asked to.
     pub(crate) detector: Option<Box<Detector>>,
-    /// True if it stops before each atomic, too, and whether it stands before one.
+    /// `true` if it stops before each atomic, too, and whether it stands before one.
     pub(crate) yields: bool,
     paused: bool,
-    /// True if stores of atomics take effect when they are told to.
+    /// `true` if stores of atomics take effect when they are told to.
     pub(crate) relaxes: bool,
     pub(crate) stores: Vec<Late>,
     /// Those that it came to since it was asked last, and how many there have been.
@@ -120,7 +120,7 @@ pub(crate) struct Machine<'p, A: Rules> {
     pub(crate) done: Vec<Done>,
     /// What atomics read since one of them changed a word, and how often.
     seen: HashMap<u64, u32>,
-    /// True if it waits in a loop for another one to change what it reads.
+    /// `true` if it waits in a loop for another one to change what it reads.
     pub(crate) waits: bool,
 }
 
@@ -883,8 +883,8 @@ impl<'p, A: Rules> Machine<'p, A> {
         }
     }
 
-    /// True of operations on textures of which WGSL says what an index outside does: a store there writes nothing, and
-    /// the layer of a sample is the nearest one.
+    /// Returns `true` for operations on textures of which WGSL says what an index outside does: a store there writes
+    /// nothing, and the layer of a sample is the nearest one.
     fn defines_outside(&self, op: Op) -> bool {
         match op {
             Op::ImageStore(_) => true,

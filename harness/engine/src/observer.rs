@@ -137,7 +137,7 @@ impl Reach {
 /// Runs take it as `dyn`: the machine is compiled here, with this crate's optimisation, and not in each crate
 /// that observes.
 pub trait Observer<A: Arithmetic>: Sync {
-    /// Whether it is called at all.
+    /// Returns `true` if it is called at all.
     fn is_active(&self) -> bool {
         true
     }

@@ -39,7 +39,7 @@ impl Elsewhere {
 pub struct Choice {
     /// What is read.
     pub reads: Elsewhere,
-    /// True if nothing is written there; else the nearest element is.
+    /// `true` if nothing is written there; else the nearest element is.
     pub drops: bool,
 }
 
@@ -49,7 +49,8 @@ pub struct Options {
     /// Rounds of all loops together that a case may run: 2^20 by default, far above what a pixel
     /// can afford and some seconds at most until a loop without end is found.
     pub fuel: u64,
-    /// True if a call leaves out a case that spends its fuel, where it would stop: the results say which. Intervals stop.
+    /// `true` if a call leaves out a case that spends its fuel, where it would stop: the results say which. Intervals
+    /// stop.
     pub leaves: bool,
     /// Rounds of all loops of all cases together that a dispatch may run; all that there are by default.
     pub work: u64,
@@ -58,12 +59,12 @@ pub struct Options {
     /// Rounds for which the exit of a loop may be undecided before its results are unbounded, in
     /// intervals: 256 by default. Bounds that haven't converged by then rarely do.
     pub undecided: u64,
-    /// Whether subnormals are flushed to zero, in `f32`: operands and results of each operation that WGSL lets do so
+    /// `true` if subnormals are flushed to zero, in `f32`: operands and results of each operation that WGSL lets do so
     /// (15.7.2), but nothing that is only moved.
     pub flush: bool,
-    /// Whether a constant stands for each decimal that is rounded to it, in intervals: `0.1` is then
-    /// all between its neighbours, as whoever computes with another type has another 0.1. Integers
-    /// and short binary fractions such as 0.75 are what they are.
+    /// `true` if a constant stands for each decimal that is rounded to it, in intervals: `0.1` is then all between its
+    /// neighbours, as whoever computes with another type has another 0.1. Integers and short binary fractions such as
+    /// 0.75 are what they are.
     pub decimals: bool,
     /// What was measured of an adapter, whose bounds are then asked for in place of the
     /// specification's, in intervals.
@@ -77,7 +78,7 @@ pub struct Options {
     pub schedule: Schedule,
     /// Turns that a dispatch may have: all that there are by default.
     pub most_turns: usize,
-    /// True if a dispatch returns the order of its atomics.
+    /// `true` if a dispatch returns the order of its atomics.
     pub shows_order: bool,
     /// Counts what runs, in `f32`.
     pub counts: Option<Arc<Counts>>,

@@ -134,7 +134,8 @@ impl Program {
         self.code.sites.get(interval.cause()? as usize)
     }
 
-    /// True if both compute the same by the same operations, wherever these stand. What nothing uses is in neither.
+    /// Returns `true` if both compute the same by the same operations, wherever these stand. What nothing uses is in
+    /// neither.
     #[must_use]
     pub fn is_same(&self, other: &Self) -> bool {
         let without_places = |code: &Code| {
@@ -306,7 +307,7 @@ impl Program {
         }
     }
 
-    /// Whether this arithmetic has a rule for all of it.
+    /// Returns `true` if this arithmetic has a rule for all of it.
     pub(crate) fn has_rules<A: Arithmetic>(&self) -> Result<(), Stop> {
         match (self.code.half, self.code.subgroup) {
             (Some(span), _) if A::UNDECIDED => {

@@ -53,7 +53,7 @@ pub struct Access {
     /// The invocation, counted over all of the dispatch: workgroup after workgroup, and in a workgroup by
     /// `local_invocation_index`.
     pub invocation: usize,
-    /// True of a write.
+    /// `true` for a write.
     pub writes: bool,
     /// The word that it writes or reads.
     pub word: u32,
@@ -74,14 +74,14 @@ pub struct Race {
     pub first: Access,
     /// The other one.
     pub second: Access,
-    /// True if their invocations are in one workgroup, so that a barrier could order them.
+    /// `true` if their invocations are in one workgroup, so that a barrier could order them.
     pub one_workgroup: bool,
     /// How many elements have a race of these two accesses, this one included.
     pub elements: u64,
 }
 
 impl Race {
-    /// True if both write, and write the same.
+    /// Returns `true` if both write, and write the same.
     #[must_use]
     pub fn writes_equally(&self) -> bool {
         self.first.writes && self.second.writes && self.first.word == self.second.word
@@ -100,7 +100,7 @@ pub struct Divergence {
     pub missing: usize,
     /// How many didn't.
     pub count: usize,
-    /// True of a subgroup operation.
+    /// `true` for a subgroup operation.
     pub subgroup: bool,
     /// The condition, or the jump, where that one went another way; `None` if it never came to a part of the code that
     /// leads to the barrier.
@@ -114,7 +114,7 @@ pub struct Unwritten {
     pub access: Access,
     /// The variable's name in the module.
     pub variable: String,
-    /// True of workgroup memory.
+    /// `true` for workgroup memory.
     pub own: bool,
     /// The byte at which the first element begins in its variable.
     pub byte: u32,
@@ -146,13 +146,13 @@ pub struct Outside {
     pub invocation: usize,
     /// How often it is so.
     pub count: u64,
-    /// True of a write or an atomic.
+    /// `true` for a write or an atomic.
     pub writes: bool,
     /// The kind of what it leaves.
     pub bounds: Bounds,
     /// The buffer, the workgroup's variable or the texture that the array is or is in; `None`: a variable of the invocation.
     pub variable: Option<String>,
-    /// True of an array within others, or within a structure.
+    /// `true` for an array within others, or within a structure.
     pub nested: bool,
     /// The index of that invocation, and the elements of the array, if it is in a buffer; of an index that wraps the
     /// number that it is without an end, and the one that it is.
@@ -292,7 +292,7 @@ const EMPTY: Cell = Cell {
 pub struct Touched(Vec<u64>);
 
 impl Touched {
-    /// True if the element that begins at this byte is in the set, or the texel of this number.
+    /// Returns `true` if the element that begins at this byte is in the set, or the texel of this number.
     #[must_use]
     pub fn contains(&self, at: usize) -> bool {
         self.0.get(at / 64).is_some_and(|bits| bits >> (at % 64) & 1 == 1)
@@ -309,11 +309,11 @@ impl Touched {
 /// The elements of a variable.
 #[derive(Debug, Default)]
 struct Shadow {
-    /// True if some instruction writes it.
+    /// `true` if some instruction writes it.
     written: bool,
-    /// True of a variable in workgroup memory.
+    /// `true` for a variable in workgroup memory.
     own: bool,
-    /// True of a buffer that may hold anything until it is written.
+    /// `true` for a buffer that may hold anything until it is written.
     blank: bool,
     /// Words of a variable in workgroup memory, which each workgroup begins anew.
     words: usize,
@@ -487,13 +487,13 @@ impl Detector {
         });
     }
 
-    /// True if accesses of a buffer can race, or reads of it come before a write.
+    /// Returns `true` if accesses of a buffer can race, or reads of it come before a write.
     pub(crate) fn watches_buffer(&self, slot: u32) -> bool {
         let Shadow { written, own, blank, .. } = self.buffers[slot as usize];
         written || own || blank
     }
 
-    /// True if accesses of a texture can race.
+    /// Returns `true` if accesses of a texture can race.
     pub(crate) fn watches_texture(&self, slot: u32) -> bool {
         self.textures[slot as usize].written
     }

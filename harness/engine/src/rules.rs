@@ -162,7 +162,7 @@ pub(crate) enum FloatRule {
 pub(crate) struct Edges {
     pub(crate) low: usize,
     pub(crate) high: usize,
-    /// True if equal edges are a fault, too.
+    /// `true` if equal edges are a fault, too.
     pub(crate) distinct: bool,
 }
 

@@ -105,7 +105,7 @@ pub(crate) trait Turns {
     /// All that these actors have done comes before all that they do from now on.
     fn joined(&mut self, units: std::ops::Range<u32>);
 
-    /// True if it asks what actors do next.
+    /// Returns `true` if it asks what actors do next.
     fn asks(&self) -> bool {
         false
     }

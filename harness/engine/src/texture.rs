@@ -77,7 +77,7 @@ pub struct Texture {
     framed: OnceLock<Vec<Vec<[f32; 4]>>>,
     /// The least and the greatest value of each channel.
     hull: [(f32, f32); 4],
-    /// True if channels are integers that read as numbers from -1 to 1.
+    /// `true` if channels are integers that read as numbers from -1 to 1.
     normalized: bool,
 }
 
@@ -154,7 +154,7 @@ impl Texture {
         hull
     }
 
-    /// Whether it is what a variable's type asks for.
+    /// Returns `true` if it is what a variable's type asks for.
     pub(crate) fn is(&self, (dimension, kind): (naga::ImageDimension, naga::ScalarKind)) -> bool {
         let dimension = match dimension {
             naga::ImageDimension::D1 => Dimension::D1,

@@ -25,9 +25,9 @@ pub struct Row {
     pub double: String,
     /// The range that WGSL allows.
     pub allowed: String,
-    /// True if an `f32` isn't finite.
+    /// `true` if an `f32` isn't finite.
     pub is_strange: bool,
-    /// True if half of the digits are lost, or WGSL allows anything.
+    /// `true` if half of the digits are lost, or WGSL allows anything.
     pub has_lost: bool,
 }
 

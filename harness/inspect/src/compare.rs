@@ -421,7 +421,7 @@ impl Request {
         Ok(all)
     }
 
-    /// True if a function's text is the same on both sides with these features on.
+    /// Returns `true` if a function's text is the same on both sides with these features on.
     fn is_untouched_under(&self, name: &str, features: &[Vec<String>; 2]) -> bool {
         let (module, own) = name.rsplit_once("::").unwrap_or(("", name));
         let linked = |side: &Package, features: &[String]| {
@@ -751,7 +751,7 @@ impl Request {
 }
 
 impl Compared {
-    /// True of results that are the same so far: another setting may show more.
+    /// Returns `true` for results that are the same so far: another setting may show more.
     fn is_open(&self) -> bool {
         matches!(self.change, Change::Same { .. }) && self.violations.is_empty()
     }
@@ -773,7 +773,7 @@ impl Compared {
 #[derive(Default)]
 struct Stateful {
     sides: [State; 2],
-    /// True if nothing else shows what it does on some side.
+    /// `true` if nothing else shows what it does on some side.
     is_needed: bool,
     /// One that is too large to be compared, with its numbers.
     large: Option<(String, usize)>,
@@ -889,7 +889,7 @@ fn first_line(error: &str) -> String {
 #[derive(Default)]
 struct Both {
     sides: [Coverage; 2],
-    /// True if a result depends on an index outside after the edit, and doesn't before it.
+    /// `true` if a result depends on an index outside after the edit, and doesn't before it.
     strays: bool,
     /// The first run of each side in the engine, or why there was none; other paths may have values.
     measured: [Option<Result<(), String>>; 2],

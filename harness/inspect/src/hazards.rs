@@ -545,9 +545,9 @@ struct Seen {
     drawn: Drawn,
     /// Inputs whose loops were too long to be looked at.
     cut: usize,
-    /// True if it has more operations than are kept.
+    /// `true` if it has more operations than are kept.
     in_part: bool,
-    /// True if it has private variables that keep their first values.
+    /// `true` if it has private variables that keep their first values.
     of_state: bool,
     /// The trial of a function, with the key of each finding.
     trial: Option<(Box<Trial>, Vec<function::Key>)>,

@@ -41,11 +41,11 @@ pub struct Ranges {
     builtins: Vec<(String, String)>,
     /// The dispatch of a compute pass.
     extents: Option<Extents>,
-    /// True if the range that a name means counts as declared.
+    /// `true` if the range that a name means counts as declared.
     named: bool,
-    /// True if no name says anything: what isn't declared is any number of its type.
+    /// `true` if no name says anything: what isn't declared is any number of its type.
     nameless: bool,
-    /// True if numbers of buffers are below 0 where nothing says what they are.
+    /// `true` if numbers of buffers are below 0 where nothing says what they are.
     negative: bool,
     /// The numbers of the text, if inputs are tried there.
     literals: Option<Literals>,
@@ -534,12 +534,12 @@ impl Arguments {
         self.described.iter().flat_map(|one| one.scalars.iter().map(move |scalar| (one, *scalar)))
     }
 
-    /// True if each argument is declared.
+    /// Returns `true` if each argument is declared.
     pub(crate) fn are_declared(&self) -> bool {
         self.described.iter().all(|one| one.declared || one.path.is_empty())
     }
 
-    /// True if no argument is free.
+    /// Returns `true` if no argument is free.
     pub(crate) fn are_known(&self) -> bool {
         self.described.iter().all(|one| one.known)
     }
@@ -655,7 +655,8 @@ impl Arguments {
         rows
     }
 
-    /// True if no whole number of a row that isn't declared is large: a loop that counts to one ends, at some time.
+    /// Returns `true` if no whole number of a row that isn't declared is large: a loop that counts to one ends, at some
+    /// time.
     pub(crate) fn counts_little(&self, row: &[u32]) -> bool {
         /// Loops of three in each other make 512 rounds, far fewer than any that is long.
         const MOST: u32 = 8;

@@ -139,8 +139,8 @@ impl Stop {
         }
     }
 
-    /// Whether something is wrong: of the translation, of what runs it or of what judges it. The
-    /// others say what isn't here or can't be.
+    /// Returns `true` if something is wrong: of the translation, of what runs it or of what judges it. The others say
+    /// what isn't here or can't be.
     #[must_use]
     pub fn is_wrong(&self) -> bool {
         use Stop::{Broke, Differs, Panicked, Rejected};
@@ -175,7 +175,7 @@ pub struct Cell {
     pub divergence: Option<Divergence>,
     /// The only column with its result, where two others or more agree against it.
     pub suspect: Option<String>,
-    /// Whether the results are what WGSL allows, where Karat's engine knows that.
+    /// `true` if the results are what WGSL allows, where Karat's engine knows that.
     pub allowed: Option<Allowed>,
     /// What the function's own tests found on this path; see [`Matrix::judge_by`].
     pub reference: Option<Reference>,
@@ -196,7 +196,7 @@ impl Cell {
         self.code.as_ref()?.text()
     }
 
-    /// Whether its results are others than those of the column that it is compared with.
+    /// Returns `true` if its results are others than those of the column that it is compared with.
     #[must_use]
     pub fn differs(&self) -> bool {
         matches!(self.stopped, Some(Stop::Differs(_)))

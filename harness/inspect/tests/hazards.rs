@@ -1222,7 +1222,7 @@ fn a_race_that_data_decide_is_found() {
     assert_eq!((race.kind, race.text.as_str()), (Kind::Race, "s[63u - i] = x"));
 }
 
-/// Whether the digits of a result are lost somewhere in a range, by each case itself.
+/// Returns `true` if the digits of a result are lost somewhere in a range, by each case itself.
 fn loses(text: &str, range: std::ops::RangeInclusive<f32>) -> bool {
     let package = Package::from_source("planted", text);
     let check = package.function("f").over(range).cases(4096).unrecorded();

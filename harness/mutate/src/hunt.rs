@@ -625,7 +625,7 @@ fn beside_each_other<T: Sync, R: Send>(all: &[T], run: &(dyn Fn(&T) -> R + Sync)
     done.into_iter().map(|(_, result)| result).collect()
 }
 
-/// True if each linked function of the package is the same text as before.
+/// Returns `true` if each linked function of the package is the same text as before.
 fn is_idle(original: &Package, mutant: &Package) -> bool {
     let Ok(functions) = original.functions() else { return false };
     let names: BTreeSet<String> = functions.into_iter().map(|item| item.name).collect();

@@ -43,9 +43,9 @@ pub struct Difference {
     pub original: String,
     /// The result of the mutant there.
     pub mutant: String,
-    /// True if its numbers are floats, of which a test says how near they have to be.
+    /// `true` if its numbers are floats, of which a test says how near they have to be.
     pub floats: bool,
-    /// True of a compute pass, which leaves something and returns nothing.
+    /// `true` for a compute pass, which leaves something and returns nothing.
     pub leaves: bool,
     /// The types of its arguments, if these alone make the difference and no feature.
     #[serde(skip)]

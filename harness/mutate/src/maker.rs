@@ -200,7 +200,7 @@ struct Maker<'a> {
     tokens: Vec<Token<'a>>,
     /// The other bracket, for each token that is one.
     partner: Vec<Option<usize>>,
-    /// Whether a token belongs to a list of template arguments, with its brackets, or an attribute.
+    /// `true` if a token belongs to a list of template arguments, with its brackets, or an attribute.
     types: Vec<bool>,
     item: String,
     found: Vec<Mutant>,
@@ -471,7 +471,7 @@ impl<'a> Maker<'a> {
         last
     }
 
-    /// Whether an operator has nothing on its left.
+    /// Returns `true` if an operator has nothing on its left.
     fn is_unary(&self, at: usize) -> bool {
         if !matches!(self.word(at), "-" | "!" | "~" | "&" | "*") {
             return false;
@@ -603,7 +603,7 @@ fn split_templates(tokens: Vec<Token<'_>>) -> Vec<Token<'_>> {
     found
 }
 
-/// Whether a word is one of the types that have template arguments.
+/// Returns `true` if a word is one of the types that have template arguments.
 fn is_generic(word: &str) -> bool {
     let begins = ["vec", "mat", "array", "ptr", "atomic", "texture_", "var", "bitcast"];
     begins.iter().any(|begin| word.starts_with(begin))

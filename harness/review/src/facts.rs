@@ -73,7 +73,7 @@ pub(crate) struct Fact {
     pub golden: String,
     /// The frame's; empty if it has none.
     pub actual: String,
-    /// Whether both sides have it and differ.
+    /// `true` if both sides have it and differ.
     pub differs: bool,
 }
 

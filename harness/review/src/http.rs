@@ -130,7 +130,7 @@ struct Open(Mutex<Vec<Entry>>);
 
 struct Entry {
     stream: Arc<TcpStream>,
-    /// Whether it has sent a request that we answer.
+    /// `true` if it has sent a request that we answer.
     admitted: bool,
 }
 

@@ -151,9 +151,9 @@ pub struct Review {
     waiting: Goldens,
     arguments: String,
     run: LastRun,
-    /// Whether goldens are shown that nothing is pending for.
+    /// `true` if goldens are shown that nothing is pending for.
     accepted: bool,
-    /// True if accepting may write where `CI` is set.
+    /// `true` if accepting may write where `CI` is set.
     ci_may_write: bool,
     in_editor: bool,
     asked: pixels::Asked,
@@ -235,7 +235,7 @@ impl Review {
         self
     }
 
-    /// Whether there is anything to look at but what is pending.
+    /// Returns `true` if there is anything to look at but what is pending.
     #[must_use]
     pub fn has_more(&self) -> bool {
         !self.run.failures.is_empty() || !self.others(&PendingFrames::default()).is_empty()
@@ -450,7 +450,7 @@ fn golden_name(file: &str) -> (&str, bool) {
     (file.rsplit_once('.').map_or(file, |(name, _)| name), is_table(file.as_ref()))
 }
 
-/// Whether a golden is a table, by its file.
+/// Returns `true` if a golden is a table, by its file.
 fn is_table(golden: &Path) -> bool {
     golden.extension().is_some_and(|ending| ending == "csv")
 }

@@ -144,7 +144,7 @@ fn severity(frame: &Pending) -> Option<Value> {
     Some(if measured { json!(most) } else { json!("inf") })
 }
 
-/// Whether the test found numbers only.
+/// Returns `true` if the test found numbers only.
 fn is_finite(frame: &Pending) -> bool {
     let margins = frame.provenance.finding.iter().flat_map(|finding| &finding.margins);
     !margins

@@ -54,7 +54,7 @@ struct Decision {
     pixels: String,
     #[serde(default)]
     because: String,
-    /// Whether it becomes the golden of its own profile.
+    /// `true` if it becomes the golden of its own profile.
     #[serde(default)]
     profile: bool,
     #[serde(default)]

@@ -124,7 +124,7 @@ impl What {
         }
     }
 
-    /// True if it takes a key that others don't.
+    /// Returns `true` if it takes a key that others don't.
     pub(crate) fn takes(&self, key: &str) -> bool {
         // A sum has one on all paths.
         if let (Self::SumOf(_), "tolerance") = (self, key) {

@@ -123,7 +123,7 @@ pub(crate) struct Assertion {
     what: What,
     tolerance: Option<String>,
     pub(crate) tolerance_on: BTreeMap<String, String>,
-    /// True if elements are compared whatever their order is.
+    /// `true` if elements are compared whatever their order is.
     up_to_order: bool,
     /// Rows and columns of the elements.
     shape: Option<[usize; 2]>,

@@ -293,7 +293,7 @@ pub(crate) struct Frame {
     pub(crate) formats: Vec<String>,
     /// The location that is compared.
     pub(crate) target: Option<usize>,
-    /// Whether depth is compared.
+    /// `true` if depth is compared.
     #[serde(default)]
     pub(crate) depth: bool,
     #[serde(default)]

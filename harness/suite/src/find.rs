@@ -114,7 +114,7 @@ fn stem_of(name: &str) -> Option<&str> {
     (meant && !stem.is_empty()).then(|| &name[..stem.len()])
 }
 
-/// Whether a file of another name, such as `tests.toml`, declares tests: its author meant it so.
+/// Returns `true` if a file of another name, such as `tests.toml`, declares tests: its author meant it so.
 fn declares(file: &Path, name: &str) -> bool {
     let lower = name.to_ascii_lowercase();
     // Copies that editors and git leave, and what Cargo reads.
@@ -133,7 +133,7 @@ fn declares(file: &Path, name: &str) -> bool {
     has("[[test]]", "function") || has("[[frame]]", "fragment")
 }
 
-/// True of a file with tests in WGSL whose ending isn't theirs, such as `brdf_test.wgls`.
+/// Returns `true` for a file with tests in WGSL whose ending isn't theirs, such as `brdf_test.wgls`.
 fn is_misnamed_module(file: &Path) -> bool {
     const ENDINGS: [&str; 2] = ["wgsl", "wesl"];
     let ending = file.extension().unwrap_or_default().to_string_lossy();
@@ -145,7 +145,7 @@ fn is_misnamed_module(file: &Path) -> bool {
     is_near && read_file(file).is_ok_and(|text| String::from_utf8_lossy(&text).lines().any(is_test))
 }
 
-/// True if a file's author meant it to hold tests, by its name or by what it holds.
+/// Returns `true` if a file's author meant it to hold tests, by its name or by what it holds.
 #[must_use]
 pub fn is_meant(file: &Path) -> bool {
     let name = file.file_name().unwrap_or_default().to_string_lossy();

@@ -522,7 +522,7 @@ fn listed(element: &Shape, list: &[Value]) -> usize {
     }
 }
 
-/// Whether an array without a length, which is the whole or its last member, is left empty.
+/// Returns `true` if an array without a length, which is the whole or its last member, is left empty.
 fn is_left_empty(shape: &Shape) -> bool {
     match shape {
         Shape::Array { length, .. } => *length == 0,

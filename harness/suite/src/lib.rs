@@ -107,7 +107,7 @@ impl Test {
         frame.into_iter().flat_map(|frame| frame.entries())
     }
 
-    /// Whether its name has this in it, or that of a function that it calls, or of its golden.
+    /// Returns `true` if its name has this in it, or that of a function that it calls, or of its golden.
     #[must_use]
     pub fn is_about(&self, words: &str) -> bool {
         let has = |name: &str| name.contains(words);
@@ -120,7 +120,7 @@ impl Test {
             }
     }
 
-    /// Whether it draws a frame, which needs a driver.
+    /// Returns `true` if it draws a frame, which needs a driver.
     #[must_use]
     pub fn is_frame(&self) -> bool {
         matches!(self.kind, Kind::Frame(_))
@@ -134,8 +134,8 @@ pub struct Broken {
     pub name: String,
     /// The error, with its place.
     pub wrong: Wrong,
-    /// True of a file that was meant to declare tests, and declares none that can be read. It is wrong whatever
-    /// uses its package; a module may be for others to complete.
+    /// `true` for a file that was meant to declare tests, and declares none that can be read. It is wrong whatever uses
+    /// its package; a module may be for others to complete.
     pub is_file: bool,
 }
 

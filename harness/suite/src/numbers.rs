@@ -58,7 +58,8 @@ impl From<&Tolerance> for Wanted {
     }
 }
 
-/// True if a component can hold a number. Integers and `bool` hold some alone, and floats those that aren't too large.
+/// Returns `true` if a component can hold a number. Integers and `bool` hold some alone, and floats those that aren't
+/// too large.
 pub(crate) fn fits(scalar: Scalar, number: f64) -> bool {
     match scalar {
         Scalar::I32 => f64::from(number as i32) == number,

@@ -11,7 +11,7 @@ use serde::Deserialize;
 pub(crate) struct Range {
     least: f64,
     most: f64,
-    /// True if the end is no part of it.
+    /// `true` if the end is no part of it.
     half_open: bool,
 }
 
@@ -22,7 +22,7 @@ impl Range {
         (Bound::Included(self.least), most(self.most))
     }
 
-    /// True if a number lies there.
+    /// Returns `true` if a number lies there.
     pub(crate) fn contains(self, value: f64) -> bool {
         self.bounds().contains(&value)
     }

@@ -72,7 +72,7 @@ pub fn head_of(text: &[u8]) -> usize {
     text.split_inclusive(|byte| *byte == b'\n').take_while(is_above).map(<[u8]>::len).sum()
 }
 
-/// True if a row begins with `#`, where a reader stands `at` this byte before it. Blank lines may follow.
+/// Returns `true` if a row begins with `#`, where a reader stands `at` this byte before it. Blank lines may follow.
 #[must_use]
 pub fn begins_with_mark(text: &[u8], at: usize) -> bool {
     let rest = text.get(at..).unwrap_or_default();

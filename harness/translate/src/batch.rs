@@ -37,8 +37,8 @@ impl Tool {
         each.map(|(said, one)| said.unwrap_or_else(|| self.validate(one))).collect()
     }
 
-    /// Whether one process that reads all of them finds nothing wrong. If it doesn't say so, each is
-    /// asked about alone.
+    /// Returns `true` if one process that reads all of them finds nothing wrong. If it doesn't say so, each is asked
+    /// about alone.
     fn all_valid(&self, target: Target, batch: &[&Translation]) -> bool {
         batch.len() > 1 && self.judges_files(target) && self.find_nothing(batch).unwrap_or(false)
     }

@@ -24,7 +24,7 @@ pub struct Resource {
     pub translated: (u32, u32),
     /// What it is.
     pub kind: Kind,
-    /// Whether the entry point uses it; always so in translations of whole shaders.
+    /// `true` if the entry point uses it; always so in translations of whole shaders.
     pub used: bool,
 }
 
@@ -36,14 +36,14 @@ pub enum Kind {
     Uniform,
     /// A storage buffer; whether it is only read.
     Storage {
-        /// Whether it is only read.
+        /// `true` if it is only read.
         read_only: bool,
     },
     /// A sampled texture.
     Texture {
         /// Its dimensions, with 4 for a cube.
         dimensions: u8,
-        /// Whether it is an array.
+        /// `true` if it is an array.
         arrayed: bool,
         /// What it holds.
         texels: Texels,
@@ -100,7 +100,7 @@ impl Bindings {
     }
 }
 
-/// Whether an entry point uses a variable; without one each is used.
+/// Returns `true` if an entry point uses a variable; without one each is used.
 pub(crate) fn uses(
     module: &Module,
     info: &ModuleInfo,

@@ -178,7 +178,7 @@ mod tests {
         }
     }
 
-    /// Whether a process is more than an entry that nobody has taken notice of yet.
+    /// Returns `true` if a process is more than an entry that nobody has taken notice of yet.
     #[cfg(target_os = "linux")]
     fn runs(id: &str) -> bool {
         let status = std::fs::read_to_string(format!("/proc/{id}/status"));

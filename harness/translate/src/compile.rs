@@ -152,7 +152,7 @@ pub(crate) struct Compiled {
 }
 
 impl Compiled {
-    /// Whether the compiler says that all is well, and there is no SPIR-V.
+    /// Returns `true` if the compiler says that all is well, and there is no SPIR-V.
     pub(crate) fn writes_nothing(&self) -> bool {
         self.ran.end == End::Good && self.words.is_none()
     }
@@ -218,7 +218,7 @@ fn rejected(words: &[u32]) -> io::Result<Option<String>> {
     })
 }
 
-/// True if glslang's SPIR-V takes the number of a buffer's words for that of its bytes, which HLSL's
+/// Returns `true` if glslang's SPIR-V takes the number of a buffer's words for that of its bytes, which HLSL's
 /// `ByteAddressBuffer.GetDimensions` gives: nothing multiplies it.
 fn counts_words(words: &[u32]) -> bool {
     // Numbers of the specification.

@@ -127,8 +127,8 @@ impl Shader {
         Ok(Self { info: info.map_err(TranslateError::Invalid)?, module })
     }
 
-    /// True if a compute entry point takes a value that a host supplies in a buffer of its own where it runs as HLSL:
-    /// `num_workgroups`.
+    /// Returns `true` if a compute entry point takes a value that a host supplies in a buffer of its own where it runs
+    /// as HLSL: `num_workgroups`.
     #[must_use]
     pub fn takes_constants(&self, entry_point: &str) -> bool {
         write::hlsl::takes_constants(&self.module, entry_point)

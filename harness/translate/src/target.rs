@@ -55,7 +55,7 @@ impl Target {
         }
     }
 
-    /// Whether a text holds one entry point only.
+    /// Returns `true` if a text holds one entry point only.
     #[must_use]
     pub const fn is_of_one_entry_point(self) -> bool {
         matches!(self, Self::Glsl | Self::GlslEs)

@@ -276,7 +276,7 @@ impl Tool {
         own.then(|| self.arguments(translation)).flatten()
     }
 
-    /// Whether one process of it judges several files of a language.
+    /// Returns `true` if one process of it judges several files of a language.
     pub(crate) fn judges_files(&self, target: Target) -> bool {
         self.known.several.contains(&target)
     }

@@ -275,7 +275,7 @@ fn text_of(package: &Package, module: &str) -> Option<String> {
     ["wgsl", "wesl"].into_iter().find_map(|extension| std::fs::read_to_string(file(extension)).ok())
 }
 
-/// Whether the author's line doesn't declare the function, read without Karat's lexer.
+/// Returns `true` if the author's line doesn't declare the function, read without Karat's lexer.
 fn misplaced(text: &str, item: &FunctionItem) -> Option<String> {
     let (line, column) = item.span.file.line_column(item.span.range.start);
     let name = item.name.rsplit("::").next().unwrap_or_default();
@@ -286,7 +286,7 @@ fn misplaced(text: &str, item: &FunctionItem) -> Option<String> {
     (!sound).then(|| format!("`{}` isn't at line {line}: {author}", item.name))
 }
 
-/// True of a text with `[[block]]`, or with `;` between the members of a structure.
+/// Returns `true` for a text with `[[block]]`, or with `;` between the members of a structure.
 fn is_of_2021(text: &str) -> bool {
     let bodies = text.split("struct ").skip(1);
     let mut bodies = bodies.map(|body| body.split('}').next().unwrap_or_default());

@@ -429,7 +429,7 @@ fn checked(name: &str, which: fn(&Found) -> Option<Check>) -> ExitCode {
     ExitCode::from(code)
 }
 
-/// True if a case fails on some path.
+/// Returns `true` if a case fails on some path.
 fn is_found(failure: &Failure) -> bool {
     match failure {
         Failure::Disagreement(_) | Failure::Rejection(_) => true,

@@ -141,7 +141,7 @@ fn all() -> Result<(), String> {
     Ok(())
 }
 
-/// True if an element is wrong on some path.
+/// Returns `true` if an element is wrong on some path.
 fn differs(failure: &ComputeError) -> bool {
     match failure {
         ComputeError::Differs(_) => true,

@@ -254,7 +254,7 @@ impl<'m> Lower<'m> {
         })
     }
 
-    /// Whether an expression is a signed integer, or a vector of them.
+    /// Returns `true` if an expression is a signed integer, or a vector of them.
     pub(super) fn signed(&self, scope: &Scope<'m>, handle: Handle<Expression>) -> bool {
         self.type_of(scope, handle).scalar_kind() == Some(naga::ScalarKind::Sint)
     }

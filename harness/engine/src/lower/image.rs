@@ -259,7 +259,7 @@ impl<'m> Lower<'m> {
     }
 }
 
-/// Whether the engine knows how a format rounds what is written to it.
+/// Returns `true` if the engine knows how a format rounds what is written to it.
 fn is_storable(format: naga::StorageFormat) -> bool {
     crate::texture::stored(format, [0; 4]).is_some()
 }

@@ -56,7 +56,7 @@ impl Place {
         Self { root: Root::Buffer(slot), inner, offset: [0; 3], bytes: 0, indices: Vec::new() }
     }
 
-    /// True of an array that is as long as its buffer: a constant index may lie beyond it, too.
+    /// Returns `true` for an array that is as long as its buffer: a constant index may lie beyond it, too.
     pub(super) fn has_no_length(&self) -> bool {
         matches!(self.inner, TypeInner::Array { size: naga::ArraySize::Dynamic, .. })
     }

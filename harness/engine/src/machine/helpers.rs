@@ -21,13 +21,13 @@ impl<A: Rules> Machine<'_, A> {
         }
     }
 
-    /// True of a helper.
+    /// Returns `true` for a helper.
     #[inline]
     pub(super) fn is_helper(&self, lane: usize) -> bool {
         self.helpers.get(lane).is_some_and(|helper| *helper)
     }
 
-    /// True if a lane is active and others see what it does.
+    /// Returns `true` if a lane is active and others see what it does.
     #[inline]
     pub(super) fn acts(&self, lane: usize) -> bool {
         A::possible(self.active()[lane]) && !self.is_helper(lane)

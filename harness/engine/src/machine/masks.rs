@@ -55,13 +55,13 @@ impl<A: Rules> Masks<A> {
         self.changed();
     }
 
-    /// Whether any lane may be active.
+    /// Returns `true` if any lane may be active.
     #[inline]
     pub(crate) fn any(&self) -> bool {
         self.any
     }
 
-    /// Whether each lane surely is active.
+    /// Returns `true` if each lane surely is active.
     #[inline]
     pub(crate) fn all(&self) -> bool {
         self.all

@@ -13,7 +13,7 @@ use crate::races::{Accessed, Detector, Place};
 use crate::rules::Half;
 use crate::scalar::{File, Scalar};
 
-/// True if an operation reads, and if it writes.
+/// `true` if an operation reads, and if it writes.
 const READS: (bool, bool) = (true, false);
 const WRITES: (bool, bool) = (false, true);
 const READS_AND_WRITES: (bool, bool) = (true, true);
@@ -462,7 +462,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         self.places = places;
     }
 
-    /// True if a detector wants to know who accesses what a walk finds.
+    /// Returns `true` if a detector wants to know who accesses what a walk finds.
     fn notes(&self, walk: &Walk) -> bool {
         let watches = |detector: &Detector| detector.watches_buffer(walk.buffer);
         self.detector.as_deref().is_some_and(watches)

@@ -55,7 +55,7 @@ impl Walk {
 }
 
 impl Code {
-    /// True of an operation on an atomic, a load and a store included.
+    /// Returns `true` for an operation on an atomic, a load and a store included.
     pub(crate) fn is_atomic(&self, op: Op) -> bool {
         self.walk_of(op).is_some()
     }
@@ -114,7 +114,7 @@ impl<A: Rules> Machine<'_, A> {
         self.stores.iter().find(|one| (one.slot, one.lane, one.at) == (slot, lane, at))
     }
 
-    /// True if another one may have its turn before this atomic.
+    /// Returns `true` if another one may have its turn before this atomic.
     pub(super) fn pauses(&self, op: Op, registers: &[u32], memory: &Memory<'_, A>) -> bool {
         if !self.relaxes {
             return (0..self.width).any(|lane| self.acts(lane));
@@ -128,7 +128,7 @@ impl<A: Rules> Machine<'_, A> {
         }
     }
 
-    /// True if it stands before an access of a word that a store of its own has yet to change.
+    /// Returns `true` if it stands before an access of a word that a store of its own has yet to change.
     pub(crate) fn is_blocked(&self, memory: &Memory<'_, A>) -> bool {
         let (instruction, registers) = self.here();
         let Some(walk) = self.code.walk_of(instruction.op) else { return false };

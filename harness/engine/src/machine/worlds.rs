@@ -99,7 +99,7 @@ struct Frame<A: Rules> {
 }
 
 impl<A: Rules> Frame<A> {
-    /// Whether another world of the lane goes on in here.
+    /// Returns `true` if another world of the lane goes on in here.
     fn forks(&self, lane: usize) -> bool {
         self.start.here[lane] || self.waiting.here[lane] || self.round.here[lane]
     }
@@ -312,7 +312,7 @@ impl<'p, A: Rules> Worlds<'p, A> {
         self.changed();
     }
 
-    /// Whether a world of the lane has left the innermost loop that another one is still in.
+    /// Returns `true` if a world of the lane has left the innermost loop that another one is still in.
     pub(crate) fn is_divided(&self, lane: usize) -> bool {
         self.current[lane] && self.frames.last().is_some_and(|frame| frame.waiting.here[lane])
     }

@@ -26,14 +26,14 @@ pub enum Half {
 }
 
 impl Half {
-    /// True if it rounds the result of another operation, which it is a part of.
+    /// Returns `true` if it rounds the result of another operation, which it is a part of.
     pub(crate) fn is_of_a_result(self) -> bool {
         !matches!(self, Self::Converted | Self::Operand)
     }
 }
 
 impl FloatRule {
-    /// True if its operands may be evaluated together with it, in another order.
+    /// Returns `true` if its operands may be evaluated together with it, in another order.
     pub(crate) fn is_one_of_a_chain(self) -> bool {
         self.half() == Some(Half::Chained(0))
     }

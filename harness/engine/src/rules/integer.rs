@@ -252,7 +252,7 @@ fn product(x: Range, y: Range, signed: bool) -> Range {
 }
 
 impl Integer {
-    /// Whether it divides by its second argument.
+    /// Returns `true` if it divides by its second argument.
     pub(crate) fn divides(self) -> bool {
         matches!(self, Self::DivideI | Self::DivideU | Self::RemainderI | Self::RemainderU)
     }

@@ -53,11 +53,11 @@ pub(super) fn direction(face: usize, u: f64, v: f64) -> [f64; 3] {
 #[derive(Clone, Copy, Default)]
 struct Edge {
     face: usize,
-    /// True if the edge is a column there, and no row.
+    /// `true` if the edge is a column there, and no row.
     column: bool,
-    /// True if it is the last one.
+    /// `true` if it is the last one.
     last: bool,
-    /// True if the texels along it come in the opposite order.
+    /// `true` if the texels along it come in the opposite order.
     reversed: bool,
 }
 

@@ -114,8 +114,8 @@ impl Texture {
         }
     }
 
-    /// True if [`bilinear_of`](Self::bilinear_of) knows the texture and the sampler: one level that isn't nearer or further
-    /// than another one, of floats, without layers.
+    /// Returns `true` if [`bilinear_of`](Self::bilinear_of) knows the texture and the sampler: one level that isn't
+    /// nearer or further than another one, of floats, without layers.
     pub(crate) fn is_bilinear(&self, sampler: &Sampler) -> bool {
         let is_flat = match self.dimension {
             Dimension::D2 => self.size[2] == 1,

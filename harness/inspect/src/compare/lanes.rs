@@ -15,7 +15,7 @@ pub(super) struct Shared {
     arguments: Vec<Option<usize>>,
     /// Lanes of results before and after the edit that are one value.
     pub(super) results: Vec<(usize, usize)>,
-    /// True if both sides have the same lanes in the same order.
+    /// `true` if both sides have the same lanes in the same order.
     is_same: bool,
     /// The words of arguments that only the function before the edit takes.
     pub(super) own: Vec<u32>,
@@ -131,13 +131,13 @@ impl Shared {
         Cow::Owned((0..count).flat_map(|at| of(&rows[at * width..][..width])).collect())
     }
 
-    /// True if results are shown whole, as both sides have the same.
+    /// Returns `true` if results are shown whole, as both sides have the same.
     pub(super) fn is_same(&self) -> bool {
         self.is_same
     }
 }
 
-/// True if an attribute that both sides have is of another type.
+/// Returns `true` if an attribute that both sides have is of another type.
 fn has_other_type(one: &Keyed, other: &Keyed) -> bool {
     let of = |all: &Keyed| -> BTreeMap<String, Keyed> {
         let mut types = BTreeMap::<_, Keyed>::new();

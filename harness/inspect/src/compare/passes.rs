@@ -189,8 +189,8 @@ impl Request {
     }
 }
 
-/// True if the sanitizer saw both sides whole. Where it saw the one before the edit alone, it isn't known what the edit brings:
-/// then the reason is kept, for an edit that nothing else tells.
+/// Returns `true` if the sanitizer saw both sides whole. Where it saw the one before the edit alone, it isn't known
+/// what the edit brings: then the reason is kept, for an edit that nothing else tells.
 fn watched(before: &Examined, after: &Examined, unwatched: &mut Option<String>) -> bool {
     let [was, is] = [before, after].map(|side| side.watched.reason.as_str());
     if was.is_empty() && !is.is_empty() {

@@ -19,7 +19,7 @@ impl<'s> Side<'s> {
         Self { program: &probed.program, bindings: &probed.function.bindings }
     }
 
-    /// True if a resource lies in memory as another side's does.
+    /// Returns `true` if a resource lies in memory as another side's does.
     fn has_layout(self, binding: &Binding, other: Self, is: &Binding) -> bool {
         let layout = |side: Self, binding: &Binding| {
             let lanes = side.program.written_shape(binding, Some(256)).map(|shape| shape.lanes());

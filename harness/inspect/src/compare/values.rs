@@ -44,7 +44,7 @@ impl Distance {
         if let Self::Ulp(steps) = self { Some(steps) } else { None }
     }
 
-    /// True if it shows as much as a larger distance: it has half of its binary digits.
+    /// Returns `true` if it shows as much as a larger distance: it has half of its binary digits.
     pub(super) fn is_like(self, farthest: Self) -> bool {
         match (self, farthest) {
             (Self::Ulp(own), Self::Ulp(most)) => own >= most.isqrt(),

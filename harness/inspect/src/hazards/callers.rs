@@ -31,7 +31,7 @@ impl Callers {
         callers
     }
 
-    /// True of a function that some other one calls.
+    /// Returns `true` for a function that some other one calls.
     pub(super) fn calls(&self, function: &str) -> bool {
         self.by_called.contains_key(function)
     }

@@ -87,21 +87,21 @@ impl Tally {
         self.reached.get(&site).copied().unwrap_or_default()
     }
 
-    /// True if it goes wrong in each case that comes to it, and enough do.
+    /// Returns `true` if it goes wrong in each case that comes to it, and enough do.
     fn is_always(&self, key: Key) -> bool {
         let wrong = self.found.get(&key).map_or(0, |one| one.wrong);
         let [cases, contents] = self.reached(key);
         wrong > 0 && wrong >= cases && (wrong >= DRAWS || contents >= CONTENTS)
     }
 
-    /// True if some case comes to it and is fine.
+    /// Returns `true` if some case comes to it and is fine.
     fn is_averted(&self, key: Key) -> bool {
         let wrong = self.found.get(&key).map_or(0, |one| one.wrong);
         wrong < self.reached(key)[0]
     }
 }
 
-/// True of an input that has its value of another content.
+/// `true` for an input that has its value of another content.
 type Takes<'t> = &'t (dyn Fn(&Input) -> bool + Sync);
 
 /// Keeps findings of one run apart, so that one behind another one of its kind is seen, too.
@@ -518,8 +518,8 @@ impl Trial {
     }
 }
 
-/// True of what is a fault only where each input is declared: digits are lost, or WGSL bounds nothing, in most functions
-/// somewhere.
+/// Returns `true` for what is a fault only where each input is declared: digits are lost, or WGSL bounds nothing, in
+/// most functions somewhere.
 fn is_of_wgsl(kind: Kind) -> bool {
     matches!(kind, Kind::LostDigits | Kind::Unbounded)
 }

@@ -62,7 +62,7 @@ fn held() -> Vec<Content> {
     [&[first, third, bits, drawn][..], &plain(), &[first.long(), first.of_one_workgroup()]].concat()
 }
 
-/// True if some array has fewer elements than there are invocations.
+/// Returns `true` if some array has fewer elements than there are invocations.
 fn is_short(content: &Content) -> bool {
     content.tail.is_some() || content.shorter.is_some()
 }
@@ -81,14 +81,14 @@ struct InContent {
     /// The invocations in which an operation goes wrong; none of a race.
     wrong: BTreeMap<Key, BTreeSet<usize>>,
     reached: BTreeMap<String, BTreeSet<usize>>,
-    /// True if it wasn't run to its end.
+    /// `true` if it wasn't run to its end.
     is_cut: bool,
-    /// True if one workgroup ran.
+    /// `true` if one workgroup ran.
     one_workgroup: bool,
 }
 
 impl InContent {
-    /// True if some invocations come to all places of a finding.
+    /// Returns `true` if some invocations come to all places of a finding.
     fn is_reached(&self, (places, kind, _): &Key) -> bool {
         let reached = |place: &String| self.reached.get(place).filter(|all| !all.is_empty());
         match kind {
@@ -106,15 +106,15 @@ impl InContent {
         }
     }
 
-    /// True if it goes wrong. Two writes of zeros are of the same value, and no less a race of others.
+    /// Returns `true` if it goes wrong. Two writes of zeros are of the same value, and no less a race of others.
     fn is_wrong(&self, key: &Key) -> bool {
         let equal = || (key.0.clone(), Kind::EqualWrites, key.2.clone());
         self.wrong.contains_key(key) || key.1 == Kind::Race && self.wrong.contains_key(&equal())
     }
 }
 
-/// True if a finding is there in each content in which its operation is reached, in the same invocation, and there are
-/// enough.
+/// Returns `true` if a finding is there in each content in which its operation is reached, in the same invocation, and
+/// there are enough.
 fn is_always<'c>(key: &Key, contents: impl Iterator<Item = &'c InContent> + Clone) -> bool {
     let reaching = || contents.clone().filter(|content| content.is_reached(key));
     let is_enough = reaching().count() >= CONTENTS;

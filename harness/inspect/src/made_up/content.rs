@@ -88,20 +88,21 @@ pub(crate) struct Content {
     pub(crate) tail: Option<[u32; 2]>,
     /// So many times the invocations, in several rows. No race of another content comes of it.
     pub(super) rows: Option<u32>,
-    /// True if floats of arrays are below 0, where nothing says what they are, so that an element that isn't there is seen.
+    /// `true` if floats of arrays are below 0, where nothing says what they are, so that an element that isn't there is
+    /// seen.
     pub(super) negative: bool,
     /// Arrays without a length, and textures, are shorter, each by another part.
     pub(crate) shorter: Option<Shorter>,
-    /// True if they are longer than a pass has any use for.
+    /// `true` if they are longer than a pass has any use for.
     pub(super) long: bool,
     /// The order of each of three buffers, one after the other: one that is sorted leads into one that isn't, as the edges of
     /// a graph do.
     pub(super) orders: Option<[Numbered; 3]>,
-    /// True if a single workgroup is dispatched.
+    /// `true` if a single workgroup is dispatched.
     pub(crate) one_workgroup: bool,
-    /// True if indices and counts are such as a host may well give.
+    /// `true` if indices and counts are such as a host may well give.
     pub(crate) is_likely: bool,
-    /// True if all sizes follow from what is dispatched.
+    /// `true` if all sizes follow from what is dispatched.
     pub(crate) is_sized: bool,
 }
 
@@ -214,7 +215,7 @@ impl Content {
         }
     }
 
-    /// True if each texture is transparent in parts.
+    /// Returns `true` if each texture is transparent in parts.
     pub(super) fn is_transparent(self) -> bool {
         self.draw % 2 == 1
     }

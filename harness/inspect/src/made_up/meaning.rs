@@ -211,18 +211,18 @@ pub(super) fn words(name: &str) -> Vec<String> {
     words
 }
 
-/// True of the name of a matrix such as `world_from_local`, which a host makes with an inverse. Of another matrix
-/// nothing is known: its determinant may be 0.
+/// Returns `true` for the name of a matrix such as `world_from_local`, which a host makes with an inverse. Of another
+/// matrix nothing is known: its determinant may be 0.
 pub(super) fn is_transform(name: &str) -> bool {
     is_projection(name) || words(name).iter().any(|word| SPACES.contains(&word.as_str()))
 }
 
-/// True of the name of a matrix such as `clip_from_view`.
+/// Returns `true` for the name of a matrix such as `clip_from_view`.
 pub(super) fn is_projection(name: &str) -> bool {
     words(name).iter().any(|word| PROJECTIONS.contains(&word.as_str()))
 }
 
-/// True if a name has a part such as `NoV`: the cosine between two vectors.
+/// Returns `true` if a name has a part such as `NoV`: the cosine between two vectors.
 fn is_cosine_of_two(name: &str) -> bool {
     name.as_bytes().windows(3).any(|part| match part {
         [from, b'o', to] => VECTORS.contains(from) && VECTORS.contains(to),
@@ -245,7 +245,7 @@ const LAST_INVOCATION: f64 = 63.0;
 /// The last invocation of the smallest workgroup that is usual, of 8 x 8.
 const LAST_LOCAL: f64 = 7.0;
 
-/// True of a builtin value that WGSL has a range for: a place in a workgroup or a subgroup.
+/// Returns `true` for a builtin value that WGSL has a range for: a place in a workgroup or a subgroup.
 pub(super) fn has_range(builtin: &str) -> bool {
     matches!(
         builtin,

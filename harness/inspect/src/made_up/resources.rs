@@ -33,9 +33,9 @@ pub(crate) fn fitted(probed: Probed) -> Result<Probed, ProbeError> {
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Input {
     pub(crate) path: String,
-    /// True if a range is declared for it, as `[inputs]` does.
+    /// `true` if a range is declared for it, as `[inputs]` does.
     pub(crate) declared: bool,
-    /// True if that is so, or its name means a range and names count as declarations.
+    /// `true` if that is so, or its name means a range and names count as declarations.
     pub(crate) known: bool,
     /// Its lanes in the buffer, one after the other.
     lanes: usize,
@@ -58,7 +58,7 @@ pub(crate) struct Resources {
     /// The members of buffers that aren't elements of arrays, with their values.
     pub(crate) members: Vec<(String, String)>,
     pub(crate) drawn: Drawn,
-    /// True if there is any, so that another content differs.
+    /// `true` if there is any, so that another content differs.
     pub(crate) varies: bool,
     /// The inputs in them: members of buffers, arrays and textures.
     pub(crate) inputs: Vec<Input>,
@@ -68,7 +68,7 @@ pub(crate) struct Resources {
     depth: usize,
     /// The elements of the arrays of all buffers.
     lengths: BTreeMap<String, u32>,
-    /// True if a pass writes the buffer, so that a number in it counts additions from 0.
+    /// `true` if a pass writes the buffer, so that a number in it counts additions from 0.
     counts: bool,
 }
 
@@ -457,7 +457,7 @@ fn described_elements(
 }
 
 impl Ranges {
-    /// True if a whole number of an element is the element's own, as nothing else says its value.
+    /// Returns `true` if a whole number of an element is the element's own, as nothing else says its value.
     fn numbers_elements(&self, one: &Described) -> bool {
         let whole = matches!(&*one.scalars, [Scalar::U32 | Scalar::I32]);
         whole && !one.declared && self.numbered().is_some()
@@ -506,7 +506,7 @@ impl Ranges {
     }
 }
 
-/// Whether textures and samplers are like each other.
+/// `true` if textures and samplers are like each other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Likeness {
     /// Equal ones, on which drivers agree, and what samplers find beyond the edges of a texture.

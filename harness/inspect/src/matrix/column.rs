@@ -12,7 +12,7 @@ use karat_translate::Target;
 pub struct Column {
     pub(super) target: Target,
     pub(super) path: Option<Path>,
-    /// True if Tint judges the author's own text.
+    /// `true` if Tint judges the author's own text.
     by_tint: bool,
 }
 

@@ -167,7 +167,8 @@ fn written(path: Path, passes: &Passes) -> Result<Vec<u32>, Unwritten> {
     Ok(executor::dispatch(executor, passes)?.into_iter().flat_map(|(_, words)| words).collect())
 }
 
-/// True if passes leave other words than there were; `None` if Karat's engine doesn't run them, or not in a moment.
+/// Returns `true` if passes leave other words than there were; `None` if Karat's engine doesn't run them, or not in a
+/// moment.
 pub(super) fn changes(passes: &Passes) -> Option<bool> {
     let left = dispatch_briefly(passes).ok()?;
     Some(!left.into_iter().flat_map(|(_, words)| words).eq(initial(passes)))
@@ -310,8 +311,8 @@ fn floats(passes: &Passes) -> Vec<bool> {
     writable(passes).flat_map(of_resource).collect()
 }
 
-/// Whether a driver may not compile an entry point with so many barriers in time. llvmpipe takes more than 40 s for vello's
-/// `binning`, with four, on GL and of what glslang makes, and 0.3 s on Vulkan of what naga does.
+/// Returns `true` if a driver may not compile an entry point with so many barriers in time. llvmpipe takes more than 40
+/// s for vello's `binning`, with four, on GL and of what glslang makes, and 0.3 s on Vulkan of what naga does.
 fn is_slow(device: &Device, barriers: usize) -> bool {
     const MOST_BARRIERS: usize = 3;
     let path = device.path();
@@ -329,15 +330,15 @@ impl Buffer {
     }
 }
 
-/// True of two floats that are at most a step apart.
+/// Returns `true` for two floats that are at most a step apart.
 fn is_next(expected: u32, actual: u32, step: f32) -> bool {
     /// Of the step: fractions of 255 and the like are rounded themselves.
     const ROUNDED: f32 = 1.001;
     step > 0.0 && (f32::from_bits(expected) - f32::from_bits(actual)).abs() <= ROUNDED * step
 }
 
-/// Whether two words of a buffer are the same number. It isn't known which of them are floats: a pair
-/// whose words differ is one of floats if both are normal ones.
+/// Returns `true` if two words of a buffer are the same number. It isn't known which of them are floats: a pair whose
+/// words differ is one of floats if both are normal ones.
 fn same_word(expected: u32, actual: u32, within: &Tolerance) -> bool {
     let [a, b] = [expected, actual].map(f32::from_bits);
     let both_normal = a.is_normal() && b.is_normal();

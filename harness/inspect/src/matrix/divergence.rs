@@ -29,9 +29,8 @@ pub struct Divergence {
     pub words: Vec<u32>,
     /// The results' words: of this column and of the baseline.
     pub results: (Vec<u32>, Vec<u32>),
-    /// True if the columns differ, too, where this input is the only one. If not, a result depends on the
-    /// inputs that run beside it: some drivers take one invocation's level of a texture for those of
-    /// all.
+    /// `true` if the columns differ, too, where this input is the only one. If not, a result depends on the inputs that
+    /// run beside it: some drivers take one invocation's level of a texture for those of all.
     pub alone: bool,
     /// The first let-binding of the function whose value differs; `None` if each agrees, so that the
     /// difference is in the result's own expression or in what isn't bound by `let`.
@@ -54,8 +53,8 @@ pub struct Intermediate {
     pub here: String,
     /// Its value on the baseline.
     pub there: String,
-    /// Whether it is in a loop: then these are its last values, and one that differs before it in the
-    /// text may come of it.
+    /// `true` if it is in a loop: then these are its last values, and one that differs before it in the text may come
+    /// of it.
     pub in_loop: bool,
     /// Its line in this column's translation.
     pub text_line: Option<usize>,

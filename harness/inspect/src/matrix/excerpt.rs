@@ -52,7 +52,7 @@ fn words(line: &str) -> impl Iterator<Item = (&str, &str)> {
     })
 }
 
-/// Whether a name is naga's for this one: `f0` is `f0_`, and a second `x` is `x_1`.
+/// Returns `true` if a name is naga's for this one: `f0` is `f0_`, and a second `x` is `x_1`.
 fn is(word: &str, name: &str) -> bool {
     let Some(appended) = word.strip_prefix(name.trim_end_matches('_')) else { return false };
     appended.chars().all(|c| c == '_' || c.is_ascii_digit())

@@ -135,7 +135,7 @@ impl<'j> Judge<'j> {
         seen
     }
 
-    /// True if two results of a lane are equal within the tolerance.
+    /// Returns `true` if two results of a lane are equal within the tolerance.
     fn agree(&self, lane: usize, expected: u32, actual: u32) -> bool {
         let (scalar, scale) = (self.scalars[lane], self.scales[lane]);
         if expected == actual || !scalar.is_float() {

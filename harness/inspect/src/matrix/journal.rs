@@ -63,13 +63,13 @@ impl Journal {
         Ok(journal)
     }
 
-    /// True if a row is suspected, so that it runs alone: another one that ran beside it may have been
-    /// what ended the process.
+    /// Returns `true` if a row is suspected, so that it runs alone: another one that ran beside it may have been what
+    /// ended the process.
     pub(super) fn is_suspected(&self, row: &str) -> bool {
         self.culprits.contains_key(row)
     }
 
-    /// True if a row isn't run, as it has ended the process alone: its cells then say so.
+    /// Returns `true` if a row isn't run, as it has ended the process alone: its cells then say so.
     pub(super) fn ends(&self, row: &str, columns: &[Column], cells: &mut [Cell]) -> bool {
         let Some([.., _, last]) = self.culprits.get(row).map(Vec::as_slice) else { return false };
         let runs = |(column, cell): &(&Column, &mut Cell)| match &cell.stopped {
@@ -195,7 +195,7 @@ pub fn restarted(file: &Path, program: &mut Command) -> io::Result<ExitStatus> {
     }
 }
 
-/// True if a signal asked the process to end.
+/// Returns `true` if a signal asked the process to end.
 #[cfg(unix)]
 fn is_asked_to_end(status: ExitStatus) -> bool {
     /// SIGHUP, SIGINT and SIGTERM, which have these numbers by POSIX.

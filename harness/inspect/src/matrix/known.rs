@@ -110,18 +110,18 @@ impl Cell {
         self.known.as_ref().filter(|known| seen && self.misses() == Some(known.status))
     }
 
-    /// Whether something is declared of it that nothing here shows or refutes.
+    /// Returns `true` if something is declared of it that nothing here shows or refutes.
     fn is_undecided(&self) -> bool {
         let wrong = self.stopped.as_ref().is_some_and(Stop::is_wrong);
         !wrong && self.fails_as_declared().is_none() && !self.contradicts()
     }
 
-    /// Whether it fails as declared, so that it can't get to this status.
+    /// Returns `true` if it fails as declared, so that it can't get to this status.
     pub(super) fn is_known_to_miss(&self, status: Status) -> bool {
         self.fails_as_declared().is_some_and(|known| known.status <= status)
     }
 
-    /// Whether it gets to what it is declared not to get to.
+    /// Returns `true` if it gets to what it is declared not to get to.
     pub(super) fn contradicts(&self) -> bool {
         self.known.as_ref().is_some_and(|known| self.status >= Some(known.status))
     }
@@ -136,7 +136,7 @@ pub struct Finding {
     pub column: String,
     /// What is wrong.
     pub why: String,
-    /// Whether what is wrong is a declaration: the row gets to what it is declared not to get to.
+    /// `true` if what is wrong is a declaration: the row gets to what it is declared not to get to.
     pub outdated: bool,
 }
 

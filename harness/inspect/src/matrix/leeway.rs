@@ -26,7 +26,7 @@ pub(super) struct Latitude {
     pub(super) bounds: Option<Vec<Bound>>,
     /// The lanes that depend on what an index reads or writes outside of its array.
     strays: Vec<bool>,
-    /// True if bounds are wider than what WGSL allows: those of a texture hold all of its texels.
+    /// `true` if bounds are wider than what WGSL allows: those of a texture hold all of its texels.
     loose: bool,
 }
 

@@ -74,7 +74,7 @@ fn judge(cell: &mut Cell, found: &[(&Record, PathRecord)]) {
     cell.reference = Some(reference);
 }
 
-/// Whether a verdict is on the files as they are now.
+/// Returns `true` if a verdict is on the files as they are now.
 fn is_current(record: &Record) -> bool {
     let same = |read: &FileRead| FileRead::now(&read.file) == *read;
     record.overlay.is_none() && !record.read.is_empty() && record.read.iter().all(same)

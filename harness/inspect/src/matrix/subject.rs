@@ -78,7 +78,7 @@ impl Ready {
     }
 }
 
-/// Whether naga has to read what it wrote for this column.
+/// Returns `true` if naga has to read what it wrote for this column.
 pub(super) fn is_read_back(column: Column) -> bool {
     column.path.is_some_and(|path| matches!(path.via(), Via::Spirv | Via::Wgsl))
 }

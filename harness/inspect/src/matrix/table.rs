@@ -417,7 +417,7 @@ impl Row {
         }
     }
 
-    /// Whether there is anything to judge: not where no kernel can call the function.
+    /// Returns `true` if there is anything to judge: not where no kernel can call the function.
     #[must_use]
     pub fn is_judged(&self) -> bool {
         self.kind != "not callable"

@@ -364,8 +364,8 @@ fn of_herbie() -> Vec<Expression> {
     ]
 }
 
-/// True if more than half of the digits of some value in the ranges are lost, or it is no number, by plain arithmetic in both
-/// precisions.
+/// Returns `true` if more than half of the digits of some value in the ranges are lost, or it is no number, by plain
+/// arithmetic in both precisions.
 fn loses(expression: &Expression) -> bool {
     /// Half of the 24 digits of an `f32`.
     const HALF: f64 = 1.0 / 4096.0;

@@ -651,7 +651,7 @@ fn kernels() -> Vec<Kernel> {
     chosen(indigo()).into_iter().chain(chosen(pairs())).collect()
 }
 
-/// True if the entry point uses a variable.
+/// Returns `true` if the entry point uses a variable.
 fn uses(text: &str, name: &str) -> bool {
     let body = text.split("fn kernel").nth(1).unwrap_or_default();
     let is_word = |c: char| c.is_alphanumeric() || c == '_';

@@ -64,14 +64,14 @@ pub(super) fn write(job: &Job<'_>, shader_model: ShaderModel) -> Result<Written,
     })
 }
 
-/// True if a compute entry point takes a value that a host supplies in HLSL, in a buffer of constants.
+/// Returns `true` if a compute entry point takes a value that a host supplies in HLSL, in a buffer of constants.
 pub(crate) fn takes_constants(module: &Module, entry_point: &str) -> bool {
     let mut all = module.entry_points.iter();
     all.find(|one| one.name == entry_point).is_some_and(|one| asks_constants(module, &one.function))
 }
 
-/// Whether an entry point takes a value that Direct3D has in another way than Vulkan: naga has the
-/// host supply it then.
+/// Returns `true` if an entry point takes a value that Direct3D has in another way than Vulkan: naga has the host
+/// supply it then.
 fn needs_constants(module: &Module) -> bool {
     module.entry_points.iter().any(|one| asks_constants(module, &one.function))
 }
