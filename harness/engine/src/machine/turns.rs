@@ -1,4 +1,4 @@
-//! Atomics where others may go first, and stores that take effect late.
+//! Atomics before which other invocations may run, and stores that take effect late.
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 
@@ -11,22 +11,22 @@ use crate::code::{Code, Instruction, Op, Walk};
 use crate::explore::{Access, Step, Word};
 use crate::options::Elsewhere;
 
-/// How often an invocation reads the same in a loop, and changes nothing, until it counts as one that waits for another.
+/// The number of equal reads in a loop, without a change, after which an invocation counts as waiting for another.
 const PATIENCE: u32 = 3;
 
-/// A store of an invocation that has yet to take effect.
+/// A store that hasn't taken effect yet.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Late {
     pub(crate) number: u32,
     lane: usize,
     slot: u32,
     at: usize,
-    /// What it does to the word; `None`: it replaces it.
+    /// The atomic function that it applies; `None` if it replaces the word.
     function: Option<AtomicFunction>,
     signed: bool,
     word: u32,
     site: u32,
-    /// The turn in which its invocation came to it.
+    /// The turn in which its invocation reached it.
     pub(crate) turn: usize,
 }
 
@@ -35,16 +35,16 @@ pub(crate) struct Late {
 pub(crate) struct Done {
     pub(crate) lane: usize,
     pub(crate) site: u32,
-    /// The word that it returned, or else wrote, and whether it returned one.
+    /// The word that it returned, or else wrote, and `true` if it returned one.
     pub(crate) word: u32,
     pub(crate) reads: bool,
     pub(crate) place: (u32, usize),
-    /// Of a store that waited its number, and the turn in which its invocation came to it.
+    /// For a late store: its number, and the turn in which its invocation reached it.
     pub(crate) late: Option<(u32, usize)>,
 }
 
 impl Walk {
-    /// The access of an atomic to the word that it finds; a load and a store say by `writes` which they are.
+    /// The kind of access that an atomic is. `writes` tells a store from a load.
     pub(super) fn access(&self, writes: bool) -> Access {
         match self.atomic {
             Some(atomic) => Access::of(atomic.function, atomic.used),
@@ -69,7 +69,7 @@ impl Code {
         }
     }
 
-    /// The change of a word by an operation whose result nothing uses: its invocation needn't wait for it.
+    /// The change by an atomic whose result nothing uses: its invocation doesn't have to wait for it.
     fn stored(&self, op: Op) -> Option<Option<AtomicFunction>> {
         let walk = self.walk_of(op)?;
         match (op, walk.atomic) {
