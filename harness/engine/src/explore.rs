@@ -309,7 +309,7 @@ impl Turns for Explorer {
             return Some(actor);
         }
         if self.ready.is_empty() {
-            // Each of the rest waits without a partner, but its loop may end by itself.
+            // The rest wait for each other. They may go on: a loop may end by itself.
             self.ready.append(&mut self.waiting);
         }
         let at = self.taken.len();

@@ -68,8 +68,8 @@
 //!   computes with the rounded ones: `0.1` is the nearest `f32` in each arithmetic.
 //! - In the shadow a bitcast of a float rounds it to `f32` first, and half precision isn't rounded.
 //! - `pow(x, y)` is NaN for each x below zero, as `exp2(y * log2(x))` is.
-//! - Integers wrap, division by zero gives the dividend and its remainder 0, distances of shifts
-//!   count modulo 32, and floats become integers by saturation, as naga's back ends have it.
+//! - Integers wrap, division by zero gives the dividend and remainder 0, shifts count modulo 32, and conversions from
+//!   floats to integers saturate, as in naga's back ends.
 //! - In intervals a subnormal may be flushed, and what overflows is unbounded, and so is all that is
 //!   computed from it. [`Program::cause`] says which operation made it so.
 //! - The invocations of a workgroup are the lanes of one chunk, so all of them are at a barrier at once, unless a
