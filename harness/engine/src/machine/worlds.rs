@@ -4,6 +4,7 @@
 //! restored, and its world in the other branch runs. Where control meets again (at the end of a branch, of a loop's
 //! body, of a loop, of a call), the worlds that have arrived are joined. So every store is a plain one, and a loop
 //! still ends in a branch that may not be taken.
+//!
 //! A world that jumps out of a construct waits at its target, in `waiting`, if another world of its lane goes on.
 //! Otherwise its variables stay in the registers.
 
