@@ -505,7 +505,7 @@ impl Ranges {
     }
 }
 
-/// Whether textures and samplers are equal or differ.
+/// The likeness of textures and samplers of one function.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Likeness {
     /// Equal ones, on which drivers agree, with this address mode for texels beyond the edges.

@@ -167,8 +167,7 @@ fn written(path: Path, passes: &Passes) -> Result<Vec<u32>, Unwritten> {
     Ok(executor::dispatch(executor, passes)?.into_iter().flat_map(|(_, words)| words).collect())
 }
 
-/// Returns `true` if passes leave other words than there were; `None` if Karat's engine doesn't run them, or not in a
-/// moment.
+/// Returns `true` if passes change some words; `None` if Karat's engine can't run them, or not within a moment.
 pub(super) fn changes(passes: &Passes) -> Option<bool> {
     let left = dispatch_briefly(passes).ok()?;
     Some(!left.into_iter().flat_map(|(_, words)| words).eq(initial(passes)))

@@ -53,8 +53,8 @@ pub(super) struct Comparison {
 pub(super) struct Judge<'j> {
     scalars: &'j [Scalar],
     within: &'j Tolerance,
-    /// For each component, its largest result, at least 1: absolute bounds are relative to it. Otherwise a function
-    /// with small results would agree with anything.
+    /// For each component, its largest result, or 1 if that is less: absolute bounds are relative to it. Otherwise a
+    /// function with small results would agree with anything.
     scales: Vec<f64>,
 }
 

@@ -97,7 +97,7 @@ impl Journal {
     pub(super) fn watched<T>(&self, row: &str, work: impl FnOnce() -> T) -> T {
         let Some(file) = self.file.clone() else { return work() };
         let row = At { package: self.package.clone(), row: row.to_owned(), path: None };
-        // If the line can't be written, the next process won't know the row, but says how this one ended.
+        // If the line can't be written and the process ends, it isn't started again, and its status says how it ended.
         let write = move |line: Line| drop(line.write(&file));
         let note = {
             let (write, row) = (write.clone(), row.clone());

@@ -52,7 +52,7 @@ enum Weight {
 /// The most rows that a list names.
 const MOST_NAMES: usize = 6;
 
-/// A name as code: HTML has no meaning within backticks. A plain name needs none.
+/// A name as code: a plain one between backticks, any other one as escaped HTML.
 fn code(name: &str) -> String {
     let plain = |c: char| c.is_alphanumeric() || "_:.-#@ (),".contains(c);
     match name.chars().all(plain) {
