@@ -1,4 +1,4 @@
-//! Tests that a file declares: `brdf.test.toml`, beside `brdf.wgsl`.
+//! Tests that a TOML file declares: `brdf.test.toml`, beside `brdf.wgsl`.
 //!
 //! ```toml
 //! [[test]]
@@ -22,14 +22,14 @@
 //! size = [64, 64]                               # compared with golden/gradient.exr
 //! ```
 //!
-//! A frame is drawn by `fragment` alone, or with a `vertex` function that makes a triangle; or by `draws`, each with its
-//! functions, a `mesh` (a table of corners) or a number of `vertices`, and state (`depth_compare`, `blend`). It may say
-//! `samples`, `formats` (one for each location, such as `"float"` and `"rgba8unorm-srgb"`), which of them is
-//! compared (`target = 1`, or `depth = true`), `tolerance` (a relative difference, `1e-3`), `fails_on`, `refused_on`,
-//! `module`, and in which folder its `golden` lies.
+//! A frame is drawn by `fragment` alone, or with a `vertex` function that makes a triangle; or by `draws`, each with
+//! its functions, a `mesh` (a table of corners) or a number of `vertices`, and state (`depth_compare`, `blend`). It may
+//! set `samples`, `formats` (one for each location, such as `"float"` and `"rgba8unorm-srgb"`), the compared target
+//! (`target = 1`, or `depth = true`), `tolerance` (a relative difference, `1e-3`), `fails_on`, `refused_on`, `module`,
+//! and the folder of its `golden`.
 //!
-//! A test binds what its function reads by `with = { exposure = 2, albedo = "wood.png" }`, and gives
-//! `override = { GAIN = 2 }`.
+//! A test binds the variables that its function reads by `with = { exposure = 2, albedo = "wood.png" }`, and sets
+//! overrides by `override = { GAIN = 2 }`.
 //!
 //! | assertion | holds if |
 //! |---|---|
@@ -75,8 +75,9 @@
 //! | `written = true` | some invocation writes each element of the buffer, or texel of the texture: the last ones, too |
 //! | `in_range = [0, 1]`, `finite = true` | as of functions |
 //!
-//! `no_hazards = true`, or a list of kinds, beside `entry` asserts of the passes that nothing inside becomes NaN or infinite, or divides
-//! by 0. Without a `tolerance` numbers are exact. The sanitizer looks through the passes of each test.
+//! `no_hazards = true`, or a list of kinds, beside `entry` asserts that nothing inside the passes becomes NaN or
+//! infinite, or divides by 0. Without a `tolerance` numbers are compared exactly. The sanitizer checks the passes of
+//! each test.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -100,7 +101,7 @@ use crate::range::Range;
 use crate::wrong::Misdeclared;
 use crate::{Kind, Test};
 
-/// A file, as it is written.
+/// A file, as written.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
@@ -116,7 +117,7 @@ struct File {
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Declared {
-    /// A name of its own, in place of the function's.
+    /// Its own name, in place of the function's.
     name: Option<String>,
     pub(crate) function: String,
     #[serde(default)]
@@ -156,7 +157,7 @@ pub(crate) struct Declared {
     pub(crate) accept_hazard: BTreeMap<String, String>,
 }
 
-/// The largest relative difference of a pixel that passes: `1e-3`, or `"rel 1e-3"` as verdicts say it.
+/// The largest relative difference of a pixel that passes: `1e-3`, or `"rel 1e-3"` as in verdicts.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(try_from = "Value")]
 pub(crate) struct Relative(pub(crate) f32);
@@ -181,7 +182,7 @@ impl TryFrom<Value> for Relative {
     }
 }
 
-/// A list of two: serde reads an array to its length, and leaves the rest out without a word.
+/// A list of exactly two: serde would silently ignore the rest of a longer one.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(try_from = "Vec<T>")]
 pub(crate) struct Pair<T>(pub(crate) [T; 2]);
@@ -196,7 +197,7 @@ impl<T> TryFrom<Vec<T>> for Pair<T> {
     }
 }
 
-/// `true`: of any kind; or a list of kinds.
+/// `true` for any kind; or a list of kinds.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(try_from = "Value")]
 pub(crate) struct NoHazards(pub(crate) Option<Vec<HazardKind>>);
@@ -272,23 +273,23 @@ pub(crate) enum Region {
     ProjectedHemisphere,
 }
 
-/// A `[[frame]]`: a full-screen draw, compared with a golden.
+/// A `[[frame]]`: draws that are compared with a golden.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Frame {
     pub(crate) name: String,
-    /// Filled in from the file's name where it isn't written.
+    /// The module; the file's name gives the default.
     pub(crate) module: Option<String>,
-    /// None: the fragment function alone covers the frame.
+    /// Without it, the fragment function alone covers the frame.
     vertex: Option<String>,
     fragment: Option<String>,
-    /// In place of these two, one after the other.
+    /// Replaces these two, with several draws in order.
     #[serde(default)]
     draws: Vec<draws::Declared>,
     /// Samples a pixel.
     pub(crate) samples: Option<u32>,
     pub(crate) size: Pair<u32>,
-    /// Of each location: `rgba8unorm-srgb`; none: one of the most exact floats.
+    /// The format of each location, such as `rgba8unorm-srgb`; without it, one location of exact floats.
     #[serde(default)]
     pub(crate) formats: Vec<String>,
     /// The location that is compared.
@@ -305,16 +306,16 @@ pub(crate) struct Frame {
     pub(crate) fails_on: BTreeMap<String, String>,
     #[serde(default)]
     pub(crate) refused_on: BTreeMap<String, String>,
-    /// Relative to the file.
+    /// The folder of its golden, relative to the file.
     pub(crate) golden: Option<PathBuf>,
     #[serde(skip)]
     pub(crate) folder: PathBuf,
-    /// Where its keys are written.
+    /// The places of its keys.
     #[serde(skip)]
     pub(crate) keys: Keys,
 }
 
-/// Where the keys of a test are written. A test is no other one when they move, so that they aren't shown.
+/// The places of a test's keys. They aren't part of `Debug`: moving a test doesn't change it.
 #[derive(Clone, Default)]
 pub(crate) struct Keys(BTreeMap<String, Span>);
 
@@ -325,12 +326,13 @@ impl fmt::Debug for Keys {
 }
 
 impl Keys {
-    /// The place of a key that is written.
+    /// The place of a key, if the file has it.
     pub(crate) fn exactly(&self, key: &str) -> Option<&Span> {
         self.0.get(key)
     }
 
-    /// The place of a key, or of the innermost one that it is below: `draws.1.blend` is in `draws.1`, and that in `draws`.
+    /// The place of a key, or otherwise of the innermost key around it: `draws.1.blend` is in `draws.1`, and that in
+    /// `draws`.
     pub(crate) fn place_of(&self, key: &str) -> Option<&Span> {
         self.0.get(key).or_else(|| self.place_of(key.rsplit_once('.')?.0))
     }
@@ -343,13 +345,13 @@ pub(crate) struct Assertion {
     /// `brdf::schlick`
     pub(crate) function: String,
     pub(crate) what: What,
-    /// The folder of the file: tables and images are relative to it.
+    /// The folder of the file, which paths of tables and images are relative to.
     pub(crate) folder: PathBuf,
     pub(crate) keys: Keys,
 }
 
 impl Frame {
-    /// Its draws, one after the other.
+    /// Its draws, in order.
     pub(crate) fn draws(&self) -> Result<Vec<draws::Declared>, String> {
         match (&self.vertex, &self.fragment, &*self.draws) {
             (vertex, Some(fragment), []) => {
@@ -376,7 +378,7 @@ impl Frame {
         self.golden_folder().join(format!("{}.exr", self.name))
     }
 
-    /// The entry points that it draws with, with their module.
+    /// Its entry points, with their modules.
     pub(crate) fn entries(&self) -> Vec<String> {
         let module = self.module.as_deref().filter(|module| !module.is_empty());
         let named = |name: String| match module {
@@ -392,7 +394,7 @@ impl Frame {
             .collect()
     }
 
-    /// The subject of its record, where it couldn't begin.
+    /// The subject of its record if it couldn't begin.
     pub(crate) fn subject(&self, location: Option<&str>) -> Subject {
         Subject::Frame {
             golden: self.name.clone(),
@@ -411,7 +413,7 @@ impl Frame {
 pub(crate) const GOLDEN: &str = "golden";
 
 impl Assertion {
-    /// A function of the tested one's module, or of another one.
+    /// A function in the tested function's module, or in another one.
     pub(crate) fn of_module(&self, name: &str) -> String {
         match (name.contains("::"), self.function.rsplit_once("::")) {
             (false, Some((module, _))) => format!("{module}::{name}"),
@@ -425,13 +427,13 @@ impl Assertion {
         Some(self.folder.join(GOLDEN).join(format!("{name}.csv")))
     }
 
-    /// The place of a key, or of what is asserted.
+    /// The place of a key, or of the assertion.
     pub(crate) fn place_of(&self, key: Option<&str>) -> Option<&Span> {
         let named = key.and_then(|key| self.keys.place_of(key));
         named.or_else(|| self.keys.place_of(self.what.key()))
     }
 
-    /// The tolerance, where one is needed. Integers and booleans are exact unless it says something else.
+    /// The tolerance, if one is needed. Integers and booleans are exact by default.
     pub(crate) fn tolerance(&self, result: &Shape) -> Result<&str, String> {
         let is_exact = result.lanes().iter().all(|lane| !lane.is_float());
         let exact = is_exact.then_some("exact");
@@ -443,7 +445,7 @@ impl Assertion {
     }
 }
 
-/// The parser's message of an unknown name, and the known one that it may have been meant to be.
+/// The parser's message about an unknown name, with the nearest known name.
 fn with_nearest(message: &str) -> String {
     let mut names = message.split('`').skip(1).step_by(2);
     let unknown = names.next().filter(|_| message.starts_with("unknown "));
@@ -454,8 +456,8 @@ fn with_nearest(message: &str) -> String {
     }
 }
 
-/// Reads a file of declared tests, and what is wrong with some of its tables: one hides no other. `unsaved` is a text in place
-/// of the file's, and `root` is the package.
+/// Reads a file of declared tests, and reports all tables with errors. `unsaved` replaces the file's text, `root` is
+/// the package.
 pub(crate) fn read(
     file: &Path,
     unsaved: Option<String>,
@@ -468,7 +470,7 @@ pub(crate) fn read(
         String::from_utf8(bytes).map_err(|error| unread(&error))
     };
     let text = unsaved.map_or_else(saved, Ok)?;
-    // Windows' editors write a mark of order first.
+    // Windows editors write a byte order mark first.
     let text = text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text);
     let source = Arc::new(SourceFile::new(name, text));
     let at = |range: ops::Range<usize>| Span { file: Arc::clone(&source), range };
@@ -489,7 +491,7 @@ pub(crate) fn read(
             message => with_nearest(message),
         };
         wrong.push(Diagnostic::new(message).at(at(range), ""));
-        // The others are read without it.
+        // Blank it out, and read the other tables.
         let blank = |c: char| if c == '\n' { "\n".to_owned() } else { " ".repeat(c.len_utf8()) };
         let blank: String = text[table.clone()].chars().map(blank).collect();
         text.replace_range(table, &blank);
@@ -578,12 +580,12 @@ pub(crate) fn read(
     Ok((tests, wrong))
 }
 
-/// The tables that are tests.
+/// The kinds of tables that are tests.
 const TABLES: [&str; 3] = ["test", "frame", "compute"];
 
-/// The tables of a file, each with those below it, after what stands before the first.
+/// The tables of a file, each with its subtables, after the text before the first table.
 fn blocks(text: &str) -> Vec<ops::Range<usize>> {
-    // A header of a table that is below none of these: `[compute.after.keys]` is part of a test.
+    // The header of a table outside these: `[compute.after.keys]` is part of a test.
     let begins = |line: &str| {
         let inner = line.trim_start().strip_prefix('[').map(|line| line.trim_start_matches('['));
         let name = inner.map(|line| line.split([']', '#', '\n']).next().unwrap_or_default().trim());
@@ -599,7 +601,8 @@ fn blocks(text: &str) -> Vec<ops::Range<usize>> {
     heads.windows(2).map(|pair| pair[0]..pair[1]).filter(|one| !one.is_empty()).collect()
 }
 
-/// The first table that can't be read alone, where in the text, and why. What isn't closed is seen where it ends.
+/// The first table that can't be read on its own, the place in the text, and the message. An unclosed bracket shows at
+/// the end of its table.
 fn at_fault(text: &str) -> Option<(ops::Range<usize>, ops::Range<usize>, String)> {
     blocks(text).into_iter().find_map(|block| {
         let error = toml::from_str::<File>(&text[block.clone()]).err()?;
@@ -609,7 +612,7 @@ fn at_fault(text: &str) -> Option<(ops::Range<usize>, ops::Range<usize>, String)
     })
 }
 
-/// Where the keys of each `[[test]]`, or `[[frame]]`, are written.
+/// The places of the keys of each `[[test]]`, or `[[frame]]`.
 fn keys(source: &Arc<SourceFile>, text: &str, kind: &str) -> Vec<Keys> {
     let Ok(table) = DeTable::parse(text) else { return Vec::new() };
     let table = table.into_inner();
@@ -624,7 +627,7 @@ fn keys(source: &Arc<SourceFile>, text: &str, kind: &str) -> Vec<Keys> {
     tests.iter().map(keys).collect()
 }
 
-/// Notes where the keys below a key are written; those of a list by their numbers.
+/// Notes the places of the keys below a key; those of a list by number.
 fn note_keys(source: &Arc<SourceFile>, above: &str, value: &DeValue<'_>, keys: &mut Keys) {
     let mut note = |name: &str, range, value: &Spanned<DeValue<'_>>| {
         let key = if above.is_empty() { name.to_owned() } else { format!("{above}.{name}") };
@@ -647,7 +650,7 @@ fn own(module: &str, name: &str) -> String {
     if module.is_empty() { name.to_owned() } else { format!("{module}::{name}") }
 }
 
-/// The module beside a file: `sub::brdf` of `sub/brdf.test.toml`; `""` in a package of one file.
+/// The module beside a file: `sub::brdf` for `sub/brdf.test.toml`; `""` in a package of one file.
 pub(crate) fn module_of(file: &Path, root: &Path) -> String {
     if root.is_file() {
         return String::new();
@@ -757,7 +760,7 @@ mod tests {
         }
     }
 
-    /// A table that is wrong, by a key, by a value, or as no TOML, hides none of the others.
+    /// A table with an unknown key, a wrong value, or a TOML error doesn't hide the others.
     #[test]
     fn a_wrong_table_hides_no_other() {
         let folder = tempfile::tempdir().expect("a folder");
@@ -783,7 +786,7 @@ mod tests {
             assert_eq!((tests, places.len()), (2, 1), "{wrong}: {places:?}");
             assert!(places[0].contains(&format!("m.test.toml:{line}:")), "{wrong}: {places:?}");
         }
-        // What belongs to no test, and headers that are meant to be of one.
+        // Text outside any test, and headers with typos.
         for (first, line) in [
             ("[inputs]\nx = 1\n", 1),
             ("x = 1\n", 1),
