@@ -307,7 +307,7 @@ pub(crate) fn lanes(shape: &Shape, value: &Value) -> Result<Vec<u32>, String> {
     }
 }
 
-/// A name that isn't there, with the nearest that is.
+/// The message about an unknown name, with the nearest known one.
 pub(crate) fn no_such<'a>(
     what: &str,
     unknown: &str,
@@ -322,7 +322,7 @@ pub(crate) fn no_such<'a>(
     }
 }
 
-/// The domain that a `@over` of a WGSL test says.
+/// The domain in a `@over` of a WGSL test.
 pub(crate) fn over(name: &str, shape: &Shape, words: &[String]) -> Result<Vec<Part>, String> {
     let number = |word: &String| {
         let plain = word.trim_end_matches(['f', 'u', 'i', 'h']);

@@ -1,4 +1,4 @@
-//! A shader as naga has it.
+//! A shader in naga's form.
 
 use std::fmt;
 
@@ -8,17 +8,17 @@ use naga::{Module, ShaderStage};
 
 use crate::{Bindings, Code, Target, Translation, write};
 
-/// Why there is no translation.
+/// The reason why there is no translation.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum TranslateError {
-    /// naga doesn't read the shader.
+    /// naga can't read the shader.
     #[error("naga doesn't read the shader: {0}")]
     Unread(String),
     /// The shader isn't valid.
     #[error("naga finds the shader invalid: {0}")]
     Invalid(String),
-    /// naga says that it can't write this.
+    /// naga reports that it can't write something.
     #[error("naga doesn't write it as {target}: {message}")]
     Unsupported {
         /// The language.
@@ -39,7 +39,7 @@ pub enum TranslateError {
     NoEntryPoint(String),
 }
 
-/// What an entry point is for.
+/// The stage of an entry point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[non_exhaustive]
 pub enum Stage {
@@ -63,7 +63,7 @@ impl Stage {
         }
     }
 
-    /// How glslang calls it.
+    /// glslang's name for it.
     pub(crate) fn short(self) -> &'static str {
         match self {
             Self::Vertex => "vert",
@@ -94,7 +94,7 @@ pub struct EntryPoint {
     pub name: String,
 }
 
-/// A valid shader, with what naga knows of it.
+/// A valid shader, with naga's analysis.
 #[derive(Debug)]
 pub struct Shader {
     pub(crate) module: Module,
@@ -105,9 +105,9 @@ impl Shader {
     /// Reads WGSL.
     ///
     /// # Errors
-    /// If naga doesn't read it, or finds it invalid.
+    /// If naga can't read it, or finds it invalid.
     pub fn parse(wgsl: &str) -> Result<Self, TranslateError> {
-        /// naga writes this line and doesn't read it: it has operations of subgroups without.
+        /// naga writes this line but can't read it; it accepts subgroup operations without it.
         const SUBGROUPS: &str = "enable subgroups;";
         let read = wgsl.replacen(SUBGROUPS, &" ".repeat(SUBGROUPS.len()), 1);
         let module = on_deep_stack(|| naga::front::wgsl::parse_str(&read));
