@@ -1,4 +1,4 @@
-//! Faults that need a process of their own: hangs, missing adapters, replays, settings.
+//! Tests faults that need their own process: hangs, missing adapters, replays, settings.
 
 use karat::Path;
 use std::process::{Command, Output};
@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use crate::goldens::golden_fault;
 
-/// Runs a planted fault in a process of its own.
+/// Runs a planted fault in its own process.
 pub(crate) fn planted(fault: &[&str], environment: &[(&str, &str)]) -> (Output, String) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_planted"));
     for name in ["CI", "KARAT_PATHS", "KARAT_REQUIRE", "KARAT_RECORD"] {
@@ -28,7 +28,7 @@ fn no_fault_succeeds() {
     assert!(output.status.success(), "{text}");
 }
 
-/// A check that doesn't fit its function has the function's place in the record, and names what differs.
+/// A check that doesn't fit its function is recorded at the function's place, and names the difference.
 #[test]
 fn a_signature_that_does_not_fit_is_recorded_where_it_stands() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -44,7 +44,7 @@ fn a_signature_that_does_not_fit_is_recorded_where_it_stands() {
     assert_eq!(location, "<planted>:2:1");
 }
 
-/// That a package is valid as a whole is a check, which a record has like others.
+/// The validity of a whole package is a check, which the record lists like others.
 #[test]
 fn that_a_package_is_valid_is_recorded() {
     for (fault, verdict, failures) in [
@@ -72,8 +72,8 @@ fn that_a_package_is_valid_is_recorded() {
     }
 }
 
-/// A replay that replays nothing is red, and says which check was likely meant. One that replays
-/// the second check of a program is not.
+/// A replay that matches nothing fails, and names the check that was probably meant. One that replays the second check
+/// of a program passes.
 #[test]
 fn a_replay_of_nothing() {
     let (output, text) = planted(&["two"], &[("KARAT_CASE", "g/agrees_with/3")]);
@@ -93,7 +93,7 @@ fn a_replay_of_nothing() {
     }
     let (output, text) = planted(&["two"], &[("KARAT_CASE", "g/agrees_with/65536")]);
     assert!(!output.status.success() && text.contains("none with index 65536"), "{text}");
-    // One case that a transformation leaves as it is says nothing of the others.
+    // A case that a transformation doesn't change proves nothing about the others.
     for case in ["f/invariant_under/0", "f/invariant_under/1"] {
         let (output, text) = planted(&["mirrored"], &[("KARAT_CASE", case)]);
         assert!(output.status.success(), "{text}");
@@ -122,7 +122,7 @@ fn a_test_that_replays_nothing() {
         let output = command.output().expect("it runs");
         (output.status.success(), String::from_utf8_lossy(&output.stderr).into_owned())
     };
-    // The test wants all cases, so it fails by itself where one is replayed.
+    // The test expects all cases, so replaying one makes it fail by itself.
     let (passed, text) = run("fresnel::schlick/agrees_with/7");
     assert!(!passed && !text.contains("replays nothing"), "{text}");
     let (passed, text) = run("fresnel::schlik/agrees_with/7");
