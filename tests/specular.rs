@@ -296,10 +296,10 @@ fn the_split_sum_is_exact_for_constant_light() {
     }
 }
 
-/// Seen along the normal, where N = V = R holds, the split sum is within half of the full estimator
-/// for every normal in the studio. At N.V = 0.3 it isn't within a factor of 4: its lobe is round
-/// about the mirror direction and shows a lamp that the true one, stretched, spreads thin. (The
-/// mean difference is 8 and 41 % for alpha = 0.3: see the tests of the twin.)
+/// Seen along the normal, so that N = V = R, the split sum is within half of the full estimator for every normal in the
+/// studio. At N.V = 0.3 it isn't within a factor of 4: its lobe is round about the mirror direction and shows a lamp
+/// that the true lobe, which is stretched, spreads thinly. (For alpha = 0.3 the mean difference is 8 % and 41 %: see
+/// the tests of the twin.)
 #[test]
 fn the_split_sum_in_the_studio() {
     let cube_map = CubeMap::from_texels(SIZE, environment::cube_map(SIZE, environment::studio));

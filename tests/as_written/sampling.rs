@@ -165,8 +165,8 @@ fn a_basis_breaks_at_the_lower_pole() {
             .try_satisfies("is orthonormal", |_, basis: Mat3| defect(basis) <= 1e-6),
     );
     assert!(found.paths.iter().all(|path| path.census.nan + path.census.infinite == 1), "{found}");
-    // A divisor of 2^-23 is off by a quarter here: 1 - 2 (5/4) = -1.5 in place of -1, and an entry is off by 1.2 once
-    // it is squared.
+    // A divisor of 2^-23 is off by about a quarter here: an entry is about 1 - 2 (5/4) = -1.48 in place of -1, and its
+    // square minus 1 is 1.2 in place of 0.
     let near = |most: f32| {
         frisvad()
             .over(near_the_lower_pole())
