@@ -7,7 +7,7 @@ use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// A machine, or a made-up one of a test.
+/// A machine, or one that a test makes up.
 pub(crate) struct Host {
     root: PathBuf,
     variables: BTreeMap<OsString, OsString>,

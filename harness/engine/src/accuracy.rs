@@ -26,7 +26,7 @@ const NEAR_ZERO_ULPS: f32 = 256.0;
 /// The buckets of measured arguments: one for each sign and exponent.
 const BUCKETS: usize = 512;
 
-/// Where a function's values lie between two arguments.
+/// The shape of a function: the way its values lie between those at two arguments.
 #[derive(Clone, Copy, Debug)]
 enum Shape {
     Monotonic,

@@ -11,9 +11,9 @@ use crate::scalar::File;
 struct Life {
     first: u32,
     last: u32,
-    /// How often it is written.
+    /// The number of writes.
     writes: u32,
-    /// How often it is read.
+    /// The number of reads.
     reads: u32,
 }
 
@@ -144,7 +144,7 @@ fn is_pinned(code: &Code, file: File, register: u32) -> bool {
 fn forward_copies(code: &mut Code) {
     let lives = lives(code);
     let loops = Loops::of(code);
-    // Where each register is written, in order.
+    // The places at which each register is written, in order.
     let mut writes: Table<Vec<u32>> = table(code, &Vec::new());
     // The last place at which each register's value is needed, by the place where it is first written.
     let mut needed: Table<u32> = table(code, &0);

@@ -219,7 +219,7 @@ impl<'p, 'm, A: Arithmetic> Room<'p, 'm, A> {
 pub struct Turn {
     /// The number of the invocation in the dispatch; the first, if several run side by side.
     pub invocation: usize,
-    /// Where the author wrote it.
+    /// Its place in the source.
     pub site: Site,
     /// The word that it returned, or else wrote.
     pub word: u32,

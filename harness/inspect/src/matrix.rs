@@ -47,7 +47,7 @@ pub use known::{Finding, Known};
 pub use reference::Reference;
 pub use table::{Head, Matrix, MatrixError, Missed};
 
-/// How far a row gets on a column.
+/// The status of a row on a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Status {
@@ -149,7 +149,7 @@ impl Stop {
 /// A row on a column.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Cell {
-    /// How far it got; `None` if not even the translation exists.
+    /// Its status; `None` if not even the translation exists.
     pub status: Option<Status>,
     /// The reason why it got no further; `None` if it reached the end.
     pub stopped: Option<Stop>,

@@ -43,7 +43,7 @@ pub(crate) fn argument(scalar: Scalar, cell: &str) -> Option<u32> {
     (f64::from(single).to_bits() == value.to_bits()).then_some(single.to_bits())
 }
 
-/// How results are compared with an author's number.
+/// The comparison of results with an author's number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wanted {
     /// They equal it.

@@ -22,7 +22,7 @@ pub enum CompileError {
         name: &'static str,
         /// The reason why it isn't used.
         reason: String,
-        /// How to get it.
+        /// Instructions to install it.
         remedy: &'static str,
     },
     /// No compiler from this language to SPIR-V is known.

@@ -16,7 +16,7 @@
 //! `--verbose` prints the reason why a module isn't valid.
 //!
 //! If naga accepts a module unchanged, Karat must accept it byte for byte, and each function must be at the author's
-//! line. Anything else is a fault, and so are panics and files that take too long: see [`SLOWEST`].
+//! line. Anything else is a fault, and so are panics and files that take too long: see `SLOWEST`.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;

@@ -243,7 +243,7 @@ impl Trial {
                     kinds: BTreeSet::new(),
                     last: None,
                 };
-                // Whether NaN or infinite, it is the same number.
+                // NaN or infinite: it is the same number.
                 let kind = if one.kind == Kind::Infinite { Kind::Nan } else { one.kind };
                 let known = tally.found.entry((one.site, kind)).or_insert_with(new);
                 known.kinds.insert(one.kind);

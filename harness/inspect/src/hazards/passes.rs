@@ -365,7 +365,7 @@ impl Looked<'_> {
             }
             let text = one_line(&one.found.text);
             let of_text = text.clone();
-            // Whether NaN or infinite, it is the same number.
+            // NaN or infinite: it is the same number.
             let family = if kind == Kind::Infinite { Kind::Nan } else { kind };
             let own = Hazard {
                 class: if one.found.hidden { Class::Dropped } else { Class::Requirement },
