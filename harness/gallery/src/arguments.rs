@@ -9,10 +9,10 @@ use clap::builder::{PathBufValueParser, TypedValueParser};
 use super::RenderOptions;
 use karat::path::Path;
 
-/// Longest side of a frame, in pixels: as of images that are read.
+/// The longest side of a frame in pixels, which is also the limit of images that Karat reads.
 const LONGEST_SIDE: u32 = 16_384;
 
-/// What to render, how, and where to.
+/// The frames to render, and the settings.
 #[derive(clap::Args, Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct RenderArguments {
@@ -32,27 +32,27 @@ pub struct RenderArguments {
     pub(super) drawn: DrawArguments,
     #[command(flatten)]
     pub(super) exposure: ExposureArguments,
-    /// Values to tell in place of the frame: see `karat tap`
+    /// Values to print in place of the frame: see `karat tap`
     #[arg(long, hide = true, value_name = "VALUE", num_args = 0..=1)]
     pub(super) tap: Option<Vec<String>>,
-    /// The time that a pixel computes them
+    /// The number of the round in which a pixel computes them
     #[arg(long, hide = true, value_name = "N", requires = "tap")]
     pub(super) round: Option<u32>,
-    /// Draw the frame's colours beside them
+    /// Also draw the frame's colours
     #[arg(long, hide = true, requires = "tap")]
     pub(super) beside: bool,
-    /// A pixel at which the engine's value stands beside the driver's
+    /// A pixel for which to print the engine's value, too
     #[arg(long, hide = true, value_name = "X,Y", value_parser = pixel, requires = "tap")]
     pub(super) at: Vec<(u32, u32)>,
-    /// A pixel whose steps are printed as JSON: see `karat trace`
+    /// A pixel whose steps to print as JSON: see `karat trace`
     #[arg(long, hide = true, value_name = "X,Y", value_parser = pixel, conflicts_with = "tap")]
     pub(super) trace: Option<(u32, u32)>,
-    /// The draw that is traced there, from the one that shows
+    /// The draw to trace there, counted from the visible one
     #[arg(long, hide = true, value_name = "N", requires = "trace")]
     pub(super) layer: Option<u32>,
 }
 
-/// How frames are drawn, and where to.
+/// The settings for drawing frames, and the folder for the images.
 #[derive(clap::Args, Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct DrawArguments {
@@ -77,7 +77,7 @@ pub struct DrawArguments {
     pub path: Option<Path>,
 }
 
-/// How bright a preview is.
+/// The brightness of a preview.
 #[derive(clap::Args, Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct ExposureArguments {

@@ -38,7 +38,7 @@ use karat::unstable::image::ExrFile;
 use karat::{Goldens, Image};
 use serde_json::json;
 
-/// The most rows of a table that the page shows. Nearly all readers stop before.
+/// The most rows of a table that the page shows. Readers rarely look at more.
 const MOST_ROWS: usize = 500;
 /// The most bytes of a frame in a report, older versions of its golden included. Reports are mailed and kept, so it
 /// includes only versions that fit.

@@ -34,16 +34,16 @@
 //! | assertion | holds if |
 //! |---|---|
 //! | `agrees_with = "f"` | another function, which Karat's engine executes in `f64`, returns the same |
-//! | `table = "file.csv"` | each row's result is what the row says |
-//! | `golden = "name"` | each result is what it was when `golden/name.csv` was accepted |
+//! | `table = "file.csv"` | each row's result is the one in the row |
+//! | `golden = "name"` | each result equals the one when `golden/name.csv` was accepted |
 //! | `equals = 1.0` | each result is this value |
 //! | `finite = true` | no component is NaN or infinite |
 //! | `unit = true` | each result is a vector of length 1 |
 //! | `perpendicular_to = "n"` | each result is a vector at right angles to this argument |
-//! | `right_handed_frame = true` | each result is three unit vectors at right angles, of which the third is the cross product of the first two |
-//! | `in_range = "0..1"` or `[0, 1]`, `in_range = "0..<1"` | each component lies there, or below the end |
-//! | `symmetric_in = ["v", "l"]` | swapping the two arguments changes nothing |
-//! | `monotone = { x = "increasing" }` | the result only rises with `x` |
+//! | `right_handed_frame = true` | each result is three unit vectors at right angles, the third being the cross product of the first two |
+//! | `in_range = "0..1"` or `[0, 1]`, `in_range = "0..<1"` | each component lies in the range; `..<` excludes the end |
+//! | `symmetric_in = ["v", "l"]` | swapping the two arguments doesn't change the result |
+//! | `monotone = { x = "increasing" }` | the result never falls as `x` rises |
 //! | `limit = { alpha = 0, through = [0.1, 0.01], equals = 1 }` | the result approaches a value |
 //! | `integral = { over = "hemisphere", equals = 1 }` | the integral over the last argument, a direction; `at_most` in place of `equals` |
 //! | `no_hazards = true` | nothing inside becomes NaN or infinite, or loses half its digits |
@@ -64,16 +64,16 @@
 //!
 //! | assertion of a resource | holds if |
 //! |---|---|
-//! | `equals = [1, 2]` | it holds this value; a number stands for each component |
+//! | `equals = [1, 2]` | it holds this value; a single number is the value of each component |
 //! | `table = "file.csv"` | each element is a row, of the columns `x,y,z` or `value` |
-//! | `golden = "name"` | it holds what it held when `golden/name.csv` was accepted |
-//! | `agrees_with = "entry"` | another entry point in place of the last one, dispatched in Karat's engine, leaves the same |
+//! | `golden = "name"` | its content equals that when `golden/name.csv` was accepted |
+//! | `agrees_with = "entry"` | with another entry point in place of the last one, dispatched in Karat's engine, the content is the same |
 //! | `sorted = true` | its elements rise; `"descending"`: they fall |
-//! | `sum_of = "input"` | its numbers add up to those that a buffer holds before |
-//! | `permutation_of = "input"` | its elements are those that a buffer holds before, in any order |
-//! | `unchanged = true` | it holds what it held before |
-//! | `written = true` | some invocation writes each element of the buffer, or texel of the texture: the last ones, too |
-//! | `in_range = [0, 1]`, `finite = true` | as of functions |
+//! | `sum_of = "input"` | its numbers have the same sum as those of a buffer before the passes |
+//! | `permutation_of = "input"` | its elements are those of a buffer before the passes, in any order |
+//! | `unchanged = true` | its content doesn't change |
+//! | `written = true` | some invocation writes each element of the buffer, or texel of the texture, the last ones included |
+//! | `in_range = [0, 1]`, `finite = true` | as for functions |
 //!
 //! `no_hazards = true`, or a list of kinds, beside `entry` asserts that nothing inside the passes becomes NaN or
 //! infinite, or divides by 0. Without a `tolerance` numbers are compared exactly. The sanitizer checks the passes of

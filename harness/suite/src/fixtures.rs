@@ -2,12 +2,12 @@
 //!
 //! | for | is |
 //! |---|---|
-//! | a 2D texture | `"image.exr"` or `"image.png"`; or the value of each texel: a number, `[r, g, b]` or `[r, g, b, a]`; or `{ size = [50, 5] }`, of zeros, and `value`, or `range` and `seed` |
-//! | an array, a volume, cubes | a list of images or colours: layers, slices, faces; or the value of each texel |
+//! | a 2D texture | `"image.exr"` or `"image.png"`; or the value of each texel: a number, `[r, g, b]` or `[r, g, b, a]`; or `{ size = [50, 5] }`, of zeros, or with a `value`, or a `range` and a `seed` |
+//! | a texture array, a 3D texture, a cube map | a list of images or colours for its layers, slices or faces; or the value of each texel |
 //! | a cube map of floats | any of these, or `"equirectangular.exr"` |
-//! | a sampler | `"linear"` or `"nearest"`, then `clamp`, `repeat` or `mirror`; of one that compares `"linear less_equal"` |
-//! | an array without a length | `{ size = 256 }`, of zeros, and the last line counts checks whose passes read them before they write them; `{ size = 256, value = 0 }`, where the host clears it; `{ size = 256, range = "0..1", seed = 7 }`, drawn as arguments are |
-//! | a buffer | its value: numbers, lists, tables of members, of which the last may be a list of any length; or `"values.json"`, `"values.toml"`, `"bytes.bin"` |
+//! | a sampler | `"linear"` or `"nearest"`, then `clamp`, `repeat` or `mirror`; for a comparison sampler `"linear less_equal"` |
+//! | an array without a length | `{ size = 256 }`, of zeros (the last line of a run counts checks whose passes read such elements before they write them); `{ size = 256, value = 0 }`, if the host clears the buffer; `{ size = 256, range = "0..1", seed = 7 }`, sampled like arguments |
+//! | a buffer | its value: numbers, lists, or tables of members, the last of which may be a list of any length; or `"values.json"`, `"values.toml"`, `"bytes.bin"` |
 //!
 //! The red channel of an image gives the texels of a depth texture. A PNG holds colours in sRGB, which become linear,
 //! as in textures with an sRGB format; `"normals.png linear"` takes them as stored. Depths and integers are always
