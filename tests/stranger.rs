@@ -314,7 +314,7 @@ fn mutants_are_tried(karat: &FilePath, project: &Project) {
     all.says(0, &["by `brdf::schlick`", "by `brdf::lambert`", "in `math::pow5`"]);
     // Tests that fail on purpose add nothing to the remembered inputs.
     assert_eq!(remembered(project), before);
-    // If there is nothing to try, nothing is built.
+    // Without a mutant to try, `karat mutate` builds nothing.
     let none = project.run(karat, &["mutate", "--only", "nosuch"]);
     none.says(2, &["there is no mutant of `nosuch`"]);
     assert!(!none.err.contains("building"), "{}", none.err);

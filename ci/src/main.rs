@@ -152,7 +152,7 @@ enum Task {
     /// Runs `karat mutate`, of which `cargo ci test` tries a few mutants. The fate of each is written to
     /// `target/karat/mutation.json`.
     Mutants {
-        /// Restrict to these: a module, a function, or the id of a mutant, such as `brdf`, `brdf::schlick` or `b778d00e`.
+        /// Only these: a module, a function, or the id of a mutant, such as `brdf`, `brdf::schlick` or `b778d00e`.
         names: Vec<String>,
     },
 }

@@ -166,7 +166,7 @@ fn nothing_to_compare() {
     assert_eq!(error, "the domain of `g` is empty: the range of `alpha` ends at NaN");
 }
 
-/// A transformation that changes nothing, and bounds that exclude nothing.
+/// A transformation without an effect, and bounds that exclude no value.
 #[test]
 fn a_check_that_could_not_fail() {
     let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return x; }");

@@ -43,7 +43,7 @@ pub(crate) fn operands(shape: Shape, start: u32) -> impl Iterator<Item = Operand
     })
 }
 
-/// Removes what isn't used, forwards copies and assigns registers.
+/// Removes unused operations, forwards copies and assigns registers.
 pub(crate) fn allocated(mut code: Code) -> Code {
     if !code.statements.is_empty() {
         let needed = crate::coverage::needed(&code);
@@ -211,7 +211,7 @@ fn forward_copies(code: &mut Code) {
     }
 }
 
-/// Returns `true` if an operation does nothing but write its results.
+/// Returns `true` if the only effect of an operation is to write its results.
 fn is_pure(op: Op) -> bool {
     matches!(
         op,

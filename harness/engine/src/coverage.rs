@@ -28,7 +28,7 @@ pub struct Statement {
     /// `true` if a test can see its effect: on a result, on written memory, on whether a loop ends, or through the
     /// sanitizer.
     pub needed: bool,
-    /// Its operations: the first, and the one behind the last.
+    /// Its operations: the index of the first, and the index after the last.
     pub(crate) start: u32,
     pub(crate) end: u32,
 }

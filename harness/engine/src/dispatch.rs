@@ -180,7 +180,7 @@ struct Room<'p, 'm, A: Arithmetic> {
 }
 
 impl<'p, 'm, A: Arithmetic> Room<'p, 'm, A> {
-    /// Allocates workgroups of so many invocations, of which so many share a machine.
+    /// Allocates a workgroup of so many `invocations`. So many `lanes` of them share a machine.
     fn new(code: &'p Code, options: &'p Options, invocations: usize, lanes: usize) -> Self {
         let machine =
             |first: usize| Machine::<A>::new(code, options, lanes.min(invocations - first));
@@ -498,7 +498,7 @@ impl Program {
                 true => machine.next_step(memory, group),
                 false => Step::atomic(Vec::new()),
             };
-            // The room whose memory is in use.
+            // The workgroup whose memory is current.
             let mut here: Option<usize> = None;
             let mut free: Vec<usize> = (0..rooms.len()).rev().collect();
             loop {

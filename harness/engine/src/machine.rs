@@ -101,7 +101,7 @@ pub(crate) struct Machine<'p, A: Rules> {
     places: Vec<(usize, bool)>,
     /// For each lane, the site at which it last became inactive. Kept for the detector, and for derivatives.
     parted: Vec<Option<u32>>,
-    /// In a draw, the lanes whose effects nothing sees; otherwise empty.
+    /// In a draw, the helper lanes, whose effects are invisible; otherwise empty.
     helpers: Vec<bool>,
     /// Finds races between the invocations of a workgroup, if asked to.
     pub(crate) detector: Option<Box<Detector>>,

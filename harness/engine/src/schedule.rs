@@ -48,7 +48,7 @@ pub enum Stores {
 /// scheduler with probabilistic guarantees of finding bugs*).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Schedule {
-    /// The rule that chooses who goes on.
+    /// The rule that chooses the next one.
     pub priorities: Priorities,
     /// The turns of an invocation that waits in a loop before it gets the lowest priority: the loop may end by itself.
     pub patience: u32,
@@ -135,7 +135,7 @@ pub(crate) struct ByPriority<'s> {
 }
 
 impl<'s> ByPriority<'s> {
-    /// Turns for workgroups of so many invocations, with so many invocations in a unit.
+    /// Turns for workgroups of so many `invocations`, with so many `lanes` in a unit.
     pub(crate) fn new(schedule: &'s Schedule, invocations: usize, lanes: usize) -> Self {
         let units = invocations.div_ceil(lanes);
         let unit_of = |invocation: usize| {

@@ -914,7 +914,7 @@ fn overrides_in(words: &[String]) -> Vec<&[String]> {
     begins.map(whole).collect()
 }
 
-/// Notes that something was measured, or otherwise the first reason why nothing was.
+/// Notes a measurement, or otherwise the first reason why there is none.
 fn note(measured: &mut Option<Result<(), String>>, one: Result<(), String>) {
     if one.is_ok() || measured.is_none() {
         *measured = Some(one);
@@ -1967,7 +1967,7 @@ mod tests {
         note(&mut both.measured[after], Ok(()));
         note(&mut both.measured[after], Err("another content".to_owned()));
         assert!(both.uncovered("f.wgsl:1:1").is_empty(), "some of each side was");
-        // If the engine stopped early, finding no index outside proves nothing.
+        // The engine stopped early, so an index outside may still occur.
         both.unknown = Some("it ran too long".to_owned());
         assert_eq!(both.uncovered("f.wgsl:1:1")[0].missed, Missed::Unmeasured);
     }

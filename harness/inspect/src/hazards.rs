@@ -845,17 +845,17 @@ impl Hazards {
     /// The version of the data. Version 1 had hazards and *rarer* ones, some of them lowered.
     pub const SCHEMA: u32 = 2;
 
-    /// The faults that nothing accepts: these fail a run.
+    /// The faults without an acceptance: these fail a run.
     pub fn faults(&self) -> impl Iterator<Item = &Hazard> {
         self.of(Class::Fault)
     }
 
-    /// The requirements that nothing accepts.
+    /// The requirements without an acceptance.
     pub fn requirements(&self) -> impl Iterator<Item = &Hazard> {
         self.of(Class::Requirement)
     }
 
-    /// The findings of a class that nothing accepts.
+    /// The findings of a class without an acceptance.
     pub fn of(&self, class: Class) -> impl Iterator<Item = &Hazard> {
         let all = self.found.iter().chain(&self.others);
         all.filter(move |one| one.class == class && one.accepted.is_none())

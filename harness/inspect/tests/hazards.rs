@@ -38,7 +38,7 @@ fn running_tells_faults_from_requirements() {
     };
     let float = |parameters: &str, body: &str| of(parameters, "f32", body);
     for (text, kind, part, class, needs) in [
-        // Nothing is declared.
+        // Without declarations.
         (float("x: f32", "exp(x)"), Kind::Infinite, "exp(x)", Requirement, &["x"][..]),
         (float("x: f32", "log(x)"), Kind::Nan, "log(x)", Requirement, &["x"]),
         (
@@ -110,7 +110,8 @@ fn running_tells_faults_from_requirements() {
             Fault,
             &[],
         ),
-        // A range that a name suggests counts in a function without callers. The free inputs beside it avert nothing.
+        // A range that a name suggests counts in a function without callers. The free inputs beside it can't avert the
+        // fault.
         (
             float("roughness: f32, x: f32", "x + 1.0 / roughness"),
             Kind::Infinite,

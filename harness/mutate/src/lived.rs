@@ -74,7 +74,7 @@ pub enum Equality {
     Operations,
     /// It removes a guard that never acts: for any arguments, the value lies within its bounds.
     Intervals,
-    /// Its function returns the same for all of its inputs, so many.
+    /// Its function returns the same for each possible input. Holds the number of inputs.
     Inputs(usize),
 }
 

@@ -295,7 +295,7 @@ fn nothing_is_judged_without_evidence() {
         "[[test]]\nfunction = \"same\"\nfinite = true\n",
     );
     assert!(matches!(empty, MutateError::NoMutant { .. }), "{empty}");
-    // A suite that asserts almost nothing kills nothing.
+    // A suite that asserts almost nothing kills no mutant.
     let folder = folder(
         SHADER,
         "[[test]]\nfunction = \"half\"\nover = { x = \"1..2\" }\nin_range = [-100, 100]\n",

@@ -67,7 +67,7 @@ impl Shared<'_> {
     }
 }
 
-/// The assertion of a key that is `true`; `false` asserts nothing.
+/// The assertion of a key that is `true`; `None` if it is `false`.
 pub(crate) fn switched(
     key: &'static str,
     value: Option<bool>,

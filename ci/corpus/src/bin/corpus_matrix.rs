@@ -78,7 +78,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Prints the table. True if nothing panicked, and something was judged.
+/// Prints the table. Returns `true` if no row panicked, and some row was judged.
 fn make_all(list: &str, wanted: &[Wanted], json: Option<&str>) -> Result<bool, String> {
     let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
     let this = std::env::current_exe().map_err(|error| error.to_string())?;

@@ -15,7 +15,7 @@ pub(crate) enum Level {
 /// The number of samples that are computed together.
 pub(crate) const TOGETHER: usize = 64;
 
-/// One number for each of so many samples.
+/// One number for each of `TOGETHER` samples.
 pub(crate) type Many = [f64; TOGETHER];
 
 /// Texels and weights. The weights add up to one. At a corner of a cube there are three texels.

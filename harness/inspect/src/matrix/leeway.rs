@@ -83,7 +83,7 @@ impl Leeway {
 }
 
 impl Latitude {
-    /// The lanes of a case, whose result has so many lanes.
+    /// The lanes of a case whose result has `width` lanes.
     pub(super) fn case(&self, case: usize, width: usize) -> OfCase<'_> {
         let lanes = case * width..(case + 1) * width;
         let bounds = self.bounds.as_ref().and_then(|bounds| bounds.get(lanes.clone()));
