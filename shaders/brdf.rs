@@ -1,4 +1,4 @@
-//! Twin of `brdf.wgsl`: whole reflectances in textbook form, and a rule that integrates them.
+//! Twin of `brdf.wgsl`: whole reflectances in textbook form, and a quadrature rule for them.
 //!
 //! Directions are in the local frame, +Z being the normal; `v` and `l` are unit vectors. A BRDF is
 //! in 1/sr and without the cosine, a density in 1/sr; both are 0 where `v` or `l` is at or below
@@ -109,8 +109,8 @@ pub fn tri_ace_eval(albedo: DVec3, f0: DVec3, exponent: f64, v: DVec3, l: DVec3)
     albedo / PI * (DVec3::ONE - fresnel::schlick(f0, l.z)) + specular
 }
 
-/// For u.x < 1/2 a cosine-distributed direction, else `v` mirrored at a normal with cos = (1 -
-/// u.y)^(1 / (n + 1)), for u.y below 1; u.x is stretched to 0..=1 again.
+/// For u.x < 1/2 a cosine-distributed direction, otherwise `v` mirrored at a normal with cos = (1 - u.y)^(1 / (n + 1)),
+/// for u.y below 1; u.x is stretched to 0..=1 again.
 #[must_use]
 pub fn tri_ace_sample(exponent: f64, v: DVec3, u: DVec2) -> DVec3 {
     if u.x < 0.5 {
@@ -132,13 +132,12 @@ pub fn tri_ace_pdf(exponent: f64, v: DVec3, l: DVec3) -> f64 {
     f64::midpoint(lambert_pdf(l), specular)
 }
 
-/// Directions `l` above the horizon with their weights in sr, such that the weighted sum of a
-/// function over them is its integral over the hemisphere: for lobes of width `alpha` around the
-/// mirror direction of `v` and for what is smooth beside them.
+/// Directions `l` above the horizon with their weights in sr. The weighted sum of a function over them is its integral
+/// over the hemisphere, for lobes of width `alpha` around the mirror direction of `v`, and for smooth functions.
 ///
-/// The half vector is swept, dl = 4 V.H dh: for each azimuth up to the angle at which `l` meets the
-/// horizon, because a rule that steps over an edge can't be of high order. `v` is above the
-/// horizon, and the integrand symmetric in the plane of `v` and the normal, as a BRDF is.
+/// The rule sweeps the half vector, dl = 4 V.H dh, for each azimuth up to the angle at which `l` meets the horizon,
+/// because a rule that steps over an edge can't be of high order. `v` is above the horizon, and the integrand symmetric
+/// in the plane of `v` and the normal, as a BRDF is.
 #[must_use]
 pub fn half_vector_rule(alpha: f64, v: DVec3, rings: u32, spokes: u32) -> Vec<(DVec3, f64)> {
     let sin_v = v.x.hypot(v.y);
@@ -148,12 +147,11 @@ pub fn half_vector_rule(alpha: f64, v: DVec3, rings: u32, spokes: u32) -> Vec<(D
     })
 }
 
-/// Half vectors up to the polar angle `limit` of the cosine of the azimuth, mirrored.
+/// Half vectors up to the polar angle `limit`, a function of the cosine of the azimuth, with `v` mirrored at each.
 ///
-/// theta = alpha sinh(y) spreads a lobe and its tail evenly: `rings` points of Gauss and Legendre
-/// in y. `spokes` of them in each quarter of azimuth crowd at right angles to the plane of `v`, where a
-/// grazing view makes the limit steep. One side of that plane is swept with twice the weight; the
-/// points alternate between the sides.
+/// theta = alpha sinh(y) spreads a lobe and its tail evenly: `rings` Gauss-Legendre points in y. `spokes` points in
+/// each quarter of azimuth are denser at right angles to the plane of `v`, where a grazing view makes the limit steep.
+/// Only one side of that plane is swept, with twice the weight; the points alternate between the sides.
 fn sweep(
     alpha: f64,
     v: DVec3,
@@ -184,8 +182,8 @@ fn sweep(
     rule
 }
 
-/// The integral of `f` over the directions above the horizon, by a rule that is fine enough for
-/// lobes of width 0.01 seen at 89 degrees: to 1e-5, or 1e-3 where G of the V-cavity has its edges.
+/// The integral of `f` over the directions above the horizon, by a rule that is fine enough for lobes of width 0.01
+/// seen at 89 degrees: within 1e-5, or within 1e-3 where G of the V-cavity has its edges.
 #[must_use]
 pub fn integral(alpha: f64, v: DVec3, f: impl Fn(DVec3) -> f64) -> f64 {
     half_vector_rule(alpha, v, 40, 40).into_iter().map(|(l, weight)| f(l) * weight).sum()
@@ -220,8 +218,8 @@ mod tests {
         DVec3::new(0.6 * sin, -0.8 * sin, cos)
     }
 
-    /// How much a unit square of random numbers is spread, by central differences: what is the
-    /// inverse of the density.
+    /// The area that a unit square of random numbers is spread over, by central differences: the inverse of the
+    /// density.
     fn spread(sample: impl Fn(DVec2) -> DVec3, u: DVec2) -> f64 {
         let step = 1e-5;
         let x = sample(u + DVec2::X * step) - sample(u - DVec2::X * step);
@@ -284,8 +282,8 @@ mod tests {
 
     #[test]
     fn weak_white_furnace() {
-        // Heitz 2014, section 5.5: without shadowing, all that is seen is reflected, if light below
-        // the horizon is counted too: D G1 / (4 N.V) has integral 1 over the sphere.
+        // Heitz 2014, section 5.5: without shadowing, all visible facets reflect, if light below the horizon counts
+        // too: D G1 / (4 N.V) has integral 1 over the sphere.
         for (alpha, v) in views() {
             let sin_v = v.x.hypot(v.y);
             let limit = |cos_phi: f64| FRAC_PI_2 + (sin_v * cos_phi).min(0.0).atan2(v.z);
@@ -314,7 +312,7 @@ mod tests {
                 let spread_out = spread(|u| cook_torrance_sample(alpha, v, u), u);
                 let product = spread_out * cook_torrance_pdf(alpha, v, l);
                 assert!(l.z <= 0.0 || (product - 1.0).abs() < 1e-5, "Beckmann {alpha} {v} {u}");
-                // Each half of the mixture by itself.
+                // Each half of the mixture on its own.
                 let l = tri_ace_sample(exponent, v, u);
                 let spread_out = spread(|u| tri_ace_sample(exponent, v, u), u);
                 let cosine = lambert_pdf(l);
@@ -331,7 +329,7 @@ mod tests {
 
     #[test]
     fn weights_are_fresnel_times_masking() {
-        // Heitz 2018, eq. 19: F G2 / G1, which the definition must reduce to.
+        // Heitz 2018, eq. 19: F G2 / G1. The definition must reduce to it.
         for (alpha, v) in views() {
             let l = microfacet_sample(alpha, v, DVec2::new(0.3, 0.4));
             if l.z > 0.0 {

@@ -1,12 +1,12 @@
 // Whole reflectances in the local frame: +Z is the normal, `v` and `l` are unit vectors.
 //
-// `x_eval` returns the BRDF in 1/sr, without the cosine; `x_sample` a direction for light, which may
-// lie below the horizon; `x_pdf` its density in 1/sr. At and below the horizon, for `v` or `l`,
-// both BRDF and density are 0: such a sample counts, with weight 0.
+// `x_eval` returns the BRDF in 1/sr, without the cosine; `x_sample` a direction for light,
+// which may lie below the horizon; `x_pdf` its density in 1/sr. At and below the horizon,
+// for `v` or `l`, both BRDF and density are 0: such a sample counts, with weight 0.
 //
-// Lobes are evaluated from the half vector before it is normalised: in v + l each component is as
-// exact as an f32 can be, so that no lobe is too narrow (a normalised H, rounded, is off by up to
-// 1e-7, which at alpha = 1e-4 moves D by 0.2 %). `alpha` lies in 1e-4..=1; a mirror is no BRDF.
+// The functions evaluate lobes from the half vector before it is normalised: in v + l each component
+// is as exact as an f32 can be, so no lobe is too narrow. (A normalised, rounded H is off by up to
+// 1e-7, which at alpha = 1e-4 moves D by 0.2 %.) `alpha` lies in 1e-4..=1; a mirror has no BRDF.
 
 import package::distribution::{beckmann_lobe, ggx_lobe, power_of_cosine};
 import package::fresnel::schlick;
@@ -17,7 +17,7 @@ import package::sampling::{
     minus_log_of_rest, turned,
 };
 
-/// The half vector of two directions, as a BRDF needs it.
+/// The half vector of two directions, and the numbers that a BRDF needs of it.
 struct Half {
     cos2: f32, // (N.H)^2
     sin2: f32, // 1 - (N.H)^2
@@ -25,9 +25,9 @@ struct Half {
     v_dot_h: f32,
 }
 
-/// V.H is |v + l| / 2, half the diagonal of a rhombus. dot(v, h) is that too, but loses its digits
-/// where V approaches -L, and differs when v and l are swapped. Both directions are above the
-/// horizon, one of them by 1e-18 or more: below that v + l may vanish when it is squared.
+/// V.H is |v + l| / 2, half the diagonal of a rhombus. dot(v, h) is equal, but loses digits
+/// where V approaches -L, and changes when v and l are swapped. Both directions are above
+/// the horizon, one of them by at least 1e-18: otherwise the square of v + l may be 0.
 fn half_vector(v: vec3f, l: vec3f) -> Half {
     let m = v + l;
     let xy2 = dot(m.xy, m.xy);
@@ -38,7 +38,7 @@ fn half_vector(v: vec3f, l: vec3f) -> Half {
 }
 
 fn above_horizon(v: vec3f, l: vec3f) -> bool {
-    // As "not below", so that NaN goes on and is seen.
+    // Written as "not below", so that a NaN passes and shows.
     return !(v.z <= 0.0 || l.z <= 0.0);
 }
 
@@ -82,8 +82,8 @@ fn microfacet_pdf(alpha: f32, v: vec3f, l: vec3f) -> f32 {
     return 0.5 * ggx_lobe(alpha, h.sin2, h.cos2) / (v.z + projected_width(alpha, v.z));
 }
 
-/// What a sample of light weighs: f cos / pdf = F G2 / G1(v), in which D and its large numbers
-/// cancel. Heitz 2018, eq. 19. Never above F.
+/// The weight of a sample of light: f cos / pdf = F G2 / G1(v), in which
+/// D and its large numbers cancel. Heitz 2018, eq. 19. Never above F.
 fn microfacet_weight(f0: vec3f, alpha: f32, v: vec3f, l: vec3f) -> vec3f {
     if (!above_horizon(v, l)) {
         return vec3f();
@@ -94,9 +94,9 @@ fn microfacet_weight(f0: vec3f, alpha: f32, v: vec3f, l: vec3f) -> vec3f {
     return schlick(f0, length(0.5 * (v + l))) * visible;
 }
 
-/// Cook and Torrance 1982 with today's normalisation: Beckmann's D, V-shaped grooves, and 1/4 in
-/// place of 1/pi. Walter et al. 2007, eq. 20. Infinite only where the value is beyond an f32: where
-/// both cosines are so small that D / (4 N.L N.V) exceeds 3.4e38.
+/// Cook and Torrance 1982 with today's normalisation: Beckmann's D, V-shaped grooves,
+/// and 1/4 in place of 1/pi. Walter et al. 2007, eq. 20. Infinite only if the value
+/// exceeds an f32: if both cosines are so small that D / (4 N.L N.V) exceeds 3.4e38.
 fn cook_torrance_eval(f0: vec3f, alpha: f32, v: vec3f, l: vec3f) -> vec3f {
     if (!above_horizon(v, l)) {
         return vec3f();
@@ -121,13 +121,13 @@ fn cook_torrance_pdf(alpha: f32, v: vec3f, l: vec3f) -> f32 {
     return beckmann_lobe(alpha, h.sin2, h.cos2) * h.n_dot_h / (4.0 * h.v_dot_h);
 }
 
-/// tri-Ace's Blinn-Phong: Gotanda 2010, eq. 4 to 6, with 2^(-n/2) and the bracket where they
-/// belong:
+/// tri-Ace's Blinn-Phong: Gotanda 2010, eq. 4 to 6, with
+/// the corrected 2^(-n/2) and the corrected bracket:
 ///     albedo / pi (1 - F(N.L)) + (n + 2) / (4 pi (2 - 2^(-n/2))) F(V.H) (N.H)^n / max(N.L, N.V)
 ///
-/// It "basically" conserves energy: directional albedos reach 1.0194, where narrow lobes are seen
-/// at 80 degrees. The weight of the diffuse part depends on `l` alone, so that the sum is not
-/// reciprocal.
+/// It "basically" conserves energy: directional albedos reach
+/// 1.0194, for narrow lobes seen at 80 degrees. The weight of the
+/// diffuse part depends only on `l`, so the sum is not reciprocal.
 fn tri_ace_eval(albedo: vec3f, f0: vec3f, exponent: f32, v: vec3f, l: vec3f) -> vec3f {
     if (!above_horizon(v, l)) {
         return vec3f();
@@ -145,9 +145,9 @@ fn schlick_remainder(x: f32) -> f32 {
     return x * (5.0 - x * (10.0 - x * (10.0 - x * (5.0 - x))));
 }
 
-/// One half of the samples in proportion to the cosine, the other mirrored at normals with density
-/// (n + 1) / (2 pi) (N.H)^n: with that exponent, and no cosine, the weight stays finite at grazing.
-/// u.y lies below 1.
+/// Half of the samples are distributed as the cosine, the other half mirrored
+/// at normals with density (n + 1) / (2 pi) (N.H)^n: with that exponent, and
+/// no cosine, the weight stays finite at grazing. u.y lies below 1.
 fn tri_ace_sample(exponent: f32, v: vec3f, u: vec2f) -> vec3f {
     if (u.x < 0.5) {
         return cosine_hemisphere(vec2f(2.0 * u.x, u.y));
@@ -175,8 +175,8 @@ fn tan2_of_half(h: Half) -> f32 {
     return h.sin2 / (d * d);
 }
 
-/// tanh of x >= 0 with a small relative error, which WGSL doesn't promise of its own near 0.
-/// Below 1/2 by Lambert's continued fraction, 1e-8 off at most; above, nothing cancels.
+/// tanh of x >= 0 with a small relative error, which WGSL doesn't guarantee for its own near 0.
+/// Below 1/2 by Lambert's continued fraction, with an error of at most 1e-8; above, nothing cancels.
 fn tanh_of(x: f32) -> f32 {
     if (x < 0.5) {
         let x2 = x * x;

@@ -1,4 +1,4 @@
-//! Twin of `camera.wgsl`: where a frame is seen from.
+//! Twin of `camera.wgsl`: the camera of a frame.
 
 use glam::dcamera::rh::{proj::directx::perspective, view::look_at_mat4};
 use glam::{DMat4, DVec2, DVec3, Mat4, Vec3};
@@ -13,16 +13,16 @@ karat::shareable! {
     }
 }
 
-/// How a camera is set up; lengths in the scene's unit.
+/// The setup of a camera; lengths are in the scene's unit.
 #[derive(Clone, Copy, Debug)]
 pub struct Setup {
-    /// Where it stands.
+    /// Its position.
     pub position: DVec3,
-    /// What it looks at; +Y is up.
+    /// The point that it looks at; +Y is up.
     pub target: DVec3,
     /// Vertical field of view in radians.
     pub field_of_view: f64,
-    /// Distance to the near and to the far plane.
+    /// The distances of the near and the far plane.
     pub depth: [f64; 2],
 }
 
@@ -38,8 +38,8 @@ impl Setup {
     }
 }
 
-/// The direction in which a camera sees `ndc`, of any length: the far point of the inverse
-/// projection, from the near one.
+/// The direction in which a camera sees `ndc`, of any length: from the near point of the inverse projection to the far
+/// one.
 #[must_use]
 pub fn view_direction(view_projection: DMat4, ndc: DVec2) -> DVec3 {
     let inverse = view_projection.inverse();

@@ -1,4 +1,4 @@
-// Where a frame is seen from, and the triangle that covers it.
+// The camera of a frame, and the triangle that covers the frame.
 
 /// A perspective camera.
 struct Camera {
@@ -13,8 +13,8 @@ fn covering_corner(index: u32) -> vec2f {
     return 4.0 * vec2f(f32(index & 1u), f32(index >> 1u)) - 1.0;
 }
 
-/// Direction, not of unit length, seen at `ndc` by a camera with a symmetric frustum. It is linear
-/// in `ndc`: interpolating it over the covering triangle is exact.
+/// The direction that a camera with a symmetric frustum sees at `ndc`, not of unit
+/// length. It is linear in `ndc`: interpolating it over the covering triangle is exact.
 ///
 /// The rows of its matrix are right / width, up / height and, fourth, forward, all orthogonal, so
 /// that no inverse is needed: right * width is the first row over its squared length.

@@ -1,4 +1,4 @@
-//! Twin of `compensation.wgsl`: light that one reflection loses, given back.
+//! Twin of `compensation.wgsl`: compensation for light that a single reflection loses.
 
 use glam::{DVec2, DVec3};
 
@@ -15,7 +15,7 @@ pub fn compensated(f0: DVec3, light: DVec3, table: DVec2) -> DVec3 {
     light + light * f0 * (1.0 - furnace) / furnace
 }
 
-/// Kulla and Conty 2017: the pigment is lit by 1 - E of the interface.
+/// Kulla and Conty 2017: the interface leaves 1 - E of the light for the pigment.
 #[must_use]
 pub fn coupled(f0: DVec3, diffuse: DVec3, light: DVec3, table: DVec2) -> DVec3 {
     light + (DVec3::ONE - directional_albedo(f0, table)) * diffuse
@@ -26,7 +26,7 @@ mod tests {
     use super::*;
     use crate::specular::{estimate, split_sum_table};
 
-    /// Both forms of compensation make a furnace white, at each width and view.
+    /// Both forms of compensation make a furnace white, for each width and view.
     #[test]
     fn furnaces_are_white() {
         for alpha in [0.0, 0.05, 0.3, 0.5, 1.0] {

@@ -16,7 +16,7 @@ pub fn ggx(alpha: f64, n_dot_h: f64) -> f64 {
     ggx_slope(alpha, tan2(n_dot_h), n_dot_h)
 }
 
-/// `ggx` with the tangent |N x H| / N.H, of the vectors as they are.
+/// `ggx` with the tangent |N x H| / N.H, from the vectors.
 #[must_use]
 pub fn ggx_from_vectors(alpha: f64, n: DVec3, h: DVec3) -> f64 {
     if n.dot(h) <= 0.0 {
@@ -34,7 +34,7 @@ pub fn beckmann(alpha: f64, n_dot_h: f64) -> f64 {
     beckmann_slope(alpha, tan2(n_dot_h), n_dot_h)
 }
 
-/// `beckmann` with the tangent |N x H| / N.H, of the vectors as they are.
+/// `beckmann` with the tangent |N x H| / N.H, from the vectors.
 #[must_use]
 pub fn beckmann_from_vectors(alpha: f64, n: DVec3, h: DVec3) -> f64 {
     if n.dot(h) <= 0.0 {
@@ -62,8 +62,8 @@ fn ggx_slope(alpha: f64, tan2: f64, cos: f64) -> f64 {
     alpha * alpha / (PI * cos.powi(4) * (alpha * alpha + tan2).powi(2))
 }
 
-/// The density of slopes, divided by cos^4. Where the exponential is below 1e-300 it is 0: the
-/// quotient could not be formed at the horizon.
+/// The density of slopes, divided by cos^4. 0 where the exponential is below 1e-300, because the quotient can't be
+/// computed at the horizon.
 fn beckmann_slope(alpha: f64, tan2: f64, cos: f64) -> f64 {
     let slope = tan2 / (alpha * alpha);
     if slope > 690.0 {
@@ -72,8 +72,8 @@ fn beckmann_slope(alpha: f64, tan2: f64, cos: f64) -> f64 {
     (-slope).exp() / (PI * alpha * alpha * cos.powi(4))
 }
 
-/// The squared tangent of the angle with cosine `c`; of one that rounds above 1, of its
-/// reflection at 1.
+/// The squared tangent of the angle with cosine `c`. A cosine that rounds to above 1 counts as one that is as far below
+/// 1.
 fn tan2(c: f64) -> f64 {
     (1.0 - c).abs() * (1.0 + c) / (c * c)
 }
@@ -86,8 +86,8 @@ fn tan2_between(n: DVec3, h: DVec3) -> f64 {
 mod tests {
     use super::*;
 
-    /// The integral of D cos over the hemisphere by the midpoint rule in the logarithm of tan /
-    /// scale: the integrand vanishes exponentially at both ends, where the rule converges so too.
+    /// The integral of D cos over the hemisphere by the midpoint rule in the logarithm of tan / scale: the integrand
+    /// vanishes exponentially at both ends, so the rule converges exponentially.
     fn projected_area(scale: f64, d: impl Fn(f64) -> f64) -> f64 {
         let (nodes, first, step) = (1200, -20.0, 0.05);
         let sum: f64 = (0..nodes)
@@ -121,7 +121,7 @@ mod tests {
             for d in [ggx(alpha, 1.0), beckmann(alpha, 1.0)] {
                 assert!((d / peak - 1.0).abs() < 1e-14, "{alpha}");
             }
-            // 2 / alpha^2 - 2 + 2 is 2 / alpha^2: equal peaks are what the exponent is made for.
+            // 2 / alpha^2 - 2 + 2 is 2 / alpha^2: the exponent is defined by equal peaks.
             let d = blinn_phong(blinn_phong_exponent(alpha), 1.0);
             assert!((d / peak - 1.0).abs() < 1e-14, "{alpha}");
         }
@@ -165,8 +165,8 @@ mod tests {
 
     #[test]
     fn rounding_the_cosine_moves_narrow_lobes() {
-        // D depends on cos^2 by 2 d(cos^2) / (alpha^2 + tan^2): half an ulp below 1, 3e-8, is up to
-        // 1.9 % at alpha = 0.0025, and the whole ulp by which a dot product may be off 3.8 %.
+        // D depends on cos^2 by 2 d(cos^2) / (alpha^2 + tan^2). At alpha = 0.0025, half an ulp below 1, 3e-8, is up to
+        // 1.9 %, and the whole ulp by which a dot product may be off is 3.8 %.
         let worst = |alpha: f64| {
             (0..20_000)
                 .map(|i| {

@@ -1,21 +1,21 @@
 // Distributions of microfacet normals, normalised: the integral of D(h) N.H over the hemisphere is
 // 1. Results are densities in 1/sr, 0 at and below the horizon; alpha lies in 1e-4..=1.
 //
-// Each distribution comes twice. From the cosine N.H it is as exact as that cosine, which is not
-// exact enough for narrow lobes: near 1 an f32 holds an angle to 2.4e-4 only, so that rounding N.H
-// alone costs 3.8 % of D at alpha = 0.0025. From the two vectors it keeps all digits. Use that form
-// wherever alpha may be below 0.1, unless N.H is exact by construction.
+// Each distribution has two forms. The one from the cosine N.H is as exact as that cosine, which
+// is not exact enough for narrow lobes: near 1 an f32 holds an angle only to 2.4e-4, so that
+// rounding N.H alone costs 3.8 % of D at alpha = 0.0025. The one from the two vectors keeps all
+// digits. Use it wherever alpha may be below 0.1, unless N.H is exact by construction.
 
 import package::math::PI;
 
-/// -ln of the least result that isn't 0: exp(-87) is close above the smallest normal f32. Cutting
-/// there also keeps the exponent from overflowing where the cosine vanishes.
+/// -ln of the least result that isn't 0: exp(-87) is slightly above the smallest normal
+/// f32. This limit also keeps the exponent from overflowing where the cosine vanishes.
 const VANISHED: f32 = 87.0;
 
 /// GGX. Walter et al. 2007, eq. 33.
 ///
-/// cos^2 (alpha^2 - 1) + 1, as it is often written, rounds alpha^2 to the next multiple of 6e-8;
-/// alpha^2 cos^2 + sin^2 with sin^2 as a product has nothing that cancels.
+/// The common form cos^2 (alpha^2 - 1) + 1 rounds alpha^2 to the next multiple
+/// of 6e-8. In alpha^2 cos^2 + sin^2, with sin^2 as a product, nothing cancels.
 fn ggx(alpha: f32, n_dot_h: f32) -> f32 {
     if (n_dot_h <= 0.0) {
         return 0.0;
@@ -58,14 +58,14 @@ fn blinn_phong(exponent: f32, n_dot_h: f32) -> f32 {
     return (exponent + 2.0) / (2.0 * PI) * power_of_cosine(exponent, n_dot_h, tan2_half);
 }
 
-/// The exponent whose Blinn-Phong lobe has the width of Beckmann's `alpha`: 2 / alpha^2 - 2.
-/// Walter et al. 2007, section 5.2. A product, so that it doesn't cancel near alpha = 1.
+/// The exponent whose Blinn-Phong lobe has the width of Beckmann's `alpha`: 2 / alpha^2
+/// - 2. Walter et al. 2007, section 5.2. As a product, it doesn't cancel near alpha = 1.
 fn blinn_phong_exponent(alpha: f32) -> f32 {
     return 2.0 * (1.0 - alpha) * (1.0 + alpha) / (alpha * alpha);
 }
 
-/// GGX from squared sine and cosine. The quotient is squared, not its parts: alpha^4 would come
-/// close to the least float.
+/// GGX from squared sine and cosine. It squares the quotient,
+/// not its parts: alpha^4 would be close to the least float.
 fn ggx_lobe(alpha: f32, sin2: f32, cos2: f32) -> f32 {
     let quotient = alpha / (alpha * alpha * cos2 + sin2);
     return quotient * quotient / PI;
@@ -80,12 +80,12 @@ fn beckmann_lobe(alpha: f32, sin2: f32, cos2: f32) -> f32 {
     return exp(-sin2 / width2) / (PI * width2 * cos2);
 }
 
-/// c^n for the cosine c > 0 of an angle, of which tan^2 of the half is given too.
+/// c^n for the cosine c > 0 of an angle. The function also gets tan^2 of half the angle.
 ///
-/// `pow` takes the logarithm of c, in which WGSL allows an absolute error of 2^-21 near 1; an
-/// exponent of 20,000 would make 1 % of it. With q = tan^2 of the half angle, c = (1 - q) / (1 + q)
-/// and ln c = -2 artanh q, whose series has no such error. q = 1/3 is 60 degrees; the first term
-/// left out is q^15 / 15, 1e-8 of the sum there.
+/// `pow` uses the logarithm of c, for which WGSL allows an absolute error of 2^-21 near
+/// 1; an exponent of 20,000 would turn that into 1 %. With q = tan^2 of the half angle,
+/// c = (1 - q) / (1 + q) and ln c = -2 artanh q, whose series has no such error. q =
+/// 1/3 is 60 degrees; there the first omitted term is q^15 / 15, 1e-8 of the sum.
 fn power_of_cosine(n: f32, c: f32, tan2_half: f32) -> f32 {
     var minus_log = -log(c);
     if (tan2_half <= 1.0 / 3.0) {
@@ -100,15 +100,15 @@ fn power_of_cosine(n: f32, c: f32, tan2_half: f32) -> f32 {
     return exp(-exponent);
 }
 
-/// Squared sine of the angle with cosine `c`. A dot product of unit vectors may round to just above
-/// 1, where the square would be negative and GGX have a pole; `abs` mirrors it to just below 1 and,
-/// unlike `max`, lets a NaN through.
+/// Squared sine of the angle with cosine `c`. A dot product of unit vectors may
+/// round to just above 1, where the square would be negative and GGX have a
+/// pole. `abs` mirrors it to just below 1 and, unlike `max`, lets a NaN through.
 fn sin2_from_cosine(c: f32) -> f32 {
     return abs(1.0 - c) * (1.0 + c);
 }
 
-/// Squared sine of the angle between unit vectors, |N x H|^2. N x H = N x (H - N), and the
-/// difference of close vectors is exact, which their products are not.
+/// Squared sine of the angle between unit vectors, |N x H|^2. N x H = N x (H -
+/// N): the difference of close vectors is exact, while their products are not.
 fn sin2_from_vectors(n: vec3f, h: vec3f) -> f32 {
     let perpendicular = cross(n, h - n);
     return dot(perpendicular, perpendicular);

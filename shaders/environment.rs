@@ -9,9 +9,9 @@ pub const FACES: usize = 6;
 
 /// A procedural photo studio: radiance in linear RGB from `direction`, of any length but 0.
 ///
-/// It holds what tells materials apart: broad dim light for the diffuse term, two soft boxes whose
-/// edges blur with roughness, and a sun 50 times as bright as white for the range. Every edge is
-/// smooth over several degrees, so that a cube map of 64 texels a side shows it without aliasing.
+/// It has features that distinguish materials: broad dim light for the diffuse term, two soft boxes whose edges blur
+/// with roughness, and a sun 50 times as bright as white for the range. Every edge is smooth over several degrees, so
+/// that a cube map of 64 texels a side shows it without aliasing.
 #[must_use]
 pub fn studio(direction: DVec3) -> DVec3 {
     let d = direction.normalize();
@@ -37,8 +37,8 @@ pub fn studio(direction: DVec3) -> DVec3 {
 
 /// A warm lamp: radiance 50 at its centre, falling off softly to 0 at 16 degrees.
 ///
-/// 64 directions on the hemisphere are about 18 degrees apart. A sun of a few degrees would fall
-/// between them, and each diffuse sphere would show 64 copies of it.
+/// 64 directions on the hemisphere are about 18 degrees apart. A sun of a few degrees would fall between them, and each
+/// diffuse sphere would show 64 copies of it.
 fn sun(d: DVec3) -> DVec3 {
     let radiance = 50.0 * DVec3::new(1.0, 0.84, 0.62);
     let centre = DVec3::new(0.35, 0.75, 0.55).normalize();
@@ -55,7 +55,7 @@ struct SoftBox {
 }
 
 impl SoftBox {
-    /// How wide the edges are, at distance 1: about 4 degrees.
+    /// The width of the edges at distance 1: about 4 degrees.
     const EDGE: f64 = 0.07;
 
     fn seen_from_centre(&self, d: DVec3) -> DVec3 {
@@ -79,8 +79,8 @@ fn ramp(from: f64, to: f64, x: f64) -> f64 {
     (t * FRAC_PI_2).sin().powi(2)
 }
 
-/// The texels of a cube map, `size` a side: face by face, rows from the top, linear RGB and an
-/// alpha of 1. Each texel holds `radiance` from its centre.
+/// The texels of a cube map, `size` a side: face by face, rows from the top, linear RGB and an alpha of 1. Each texel
+/// holds the `radiance` from the direction of its centre.
 #[must_use]
 pub fn cube_map(size: u32, radiance: impl Fn(DVec3) -> DVec3) -> Vec<[f32; 4]> {
     let centre = |texel: u32| (f64::from(texel) + 0.5) / f64::from(size);
@@ -100,8 +100,8 @@ pub fn cube_map(size: u32, radiance: impl Fn(DVec3) -> DVec3) -> Vec<[f32; 4]> {
 /// The point of the cube of side 2 that a face's texture coordinates show: `u` from 0 at the left
 /// to 1 at the right, `v` from 0 at the top to 1 at the bottom.
 ///
-/// WebGPU takes the convention of Direct3D: seen from inside the cube, with Y up, faces appear
-/// mirrored. (Vulkan 1.3, section 16.5.4, prints the same table.)
+/// WebGPU uses the convention of Direct3D: seen from inside the cube, with Y up, faces appear mirrored. (Vulkan 1.3,
+/// section 16.5.4, prints the same table.)
 ///
 /// # Panics
 ///
@@ -130,8 +130,8 @@ karat::shareable! {
     }
 }
 
-/// Vulkan 1.3, table of section 16.5.4 and the equations of 16.5.5, from direction to face and
-/// (s, t), the way a sampler goes. On edges Z wins over Y and Y over X.
+/// Vulkan 1.3, table of section 16.5.4 and the equations of 16.5.5: from a direction to the face and (s, t), as in a
+/// sampler. On edges Z wins over Y and Y over X.
 #[must_use]
 pub fn face_point(r: DVec3) -> FacePointMirror {
     let major = r.abs().max_element();
@@ -167,8 +167,8 @@ pub fn equirectangular_direction(uv: DVec2) -> DVec3 {
     DVec3::new(longitude.sin() * latitude.cos(), latitude.sin(), longitude.cos() * latitude.cos())
 }
 
-/// Kay and Kajiya 1986: a ray is in a box while it is in all three slabs, so it leaves the box
-/// where it leaves the first slab. The result points from `centre` to there.
+/// Kay and Kajiya 1986: a ray is in a box while it is in all three slabs, so it leaves the box where it leaves the
+/// first slab. The result points from `centre` to that point.
 ///
 /// `position` and `centre` lie in the box. A ray parallel to a slab never leaves it.
 #[must_use]
@@ -213,7 +213,7 @@ pub fn linear(slope: DVec3) -> impl Fn(DVec3) -> DVec3 {
     move |d| DVec3::splat(1.0 + slope.dot(d))
 }
 
-/// White on the side of `axis`, black on the other.
+/// White on the side of `axis`, black on the opposite side.
 pub fn half_sky(axis: DVec3) -> impl Fn(DVec3) -> DVec3 {
     move |d| DVec3::splat(if axis.dot(d) >= 0.0 { 1.0 } else { 0.0 })
 }
@@ -253,7 +253,7 @@ mod tests {
 
     #[test]
     fn sides_meet_at_their_edges() {
-        // Walking right along the four upright faces goes round the cube: +X, -Z, -X, +Z.
+        // Going right along the four upright faces goes round the cube: +X, -Z, -X, +Z.
         for v in [0.0, 0.3, 1.0] {
             for (left, right) in [(0, 5), (5, 1), (1, 4), (4, 0)] {
                 assert_eq!(face_direction(left, 1.0, v), face_direction(right, 0.0, v));
@@ -286,8 +286,8 @@ mod tests {
 
     #[test]
     fn the_studio_has_no_hard_edge() {
-        // Along great circles in steps of 0.05 degrees. The steepest slope is the sun's, 50 times
-        // pi/2 over 16 degrees or 4.9 a degree; no soft box adds more than 1.
+        // Along great circles in steps of 0.05 degrees. The sun has the steepest slope: 50 times pi/2 over 16 degrees,
+        // or 4.9 a degree. No soft box adds more than 1.
         let step = 0.05_f64.to_radians();
         for tilt in 0..36 {
             let (sin, cos) = (f64::from(tilt) * 5.0).to_radians().sin_cos();
@@ -363,9 +363,9 @@ mod tests {
 
     #[test]
     fn parallax_is_continuous() {
-        // Round a great circle through all walls, in steps of 0.01 degrees. The point that is hit
-        // moves by less than 65 a radian: 4.4, the longest way, over the cosine at which a wall is met,
-        // which is the distance to the wall, 0.3 or more, over the way.
+        // Round a great circle through all walls, in steps of 0.01 degrees. The hit point moves by less than 65 a
+        // radian: 4.4, the longest way, divided by the cosine at which the ray meets a wall, which is the distance to
+        // the wall, at least 0.3, divided by the way.
         let position = DVec3::new(0.5, -0.7, 1.2);
         let step = 0.01_f64.to_radians();
         let at = |i: i32| {
@@ -387,10 +387,10 @@ mod tests {
     fn a_sample_as_large_as_a_texel_takes_the_first_level() {
         let texel = 4.0 * PI / (6.0 * 64.0 * 64.0);
         assert!(mip_level(1.0 / texel, 1, 64).abs() < 1e-12);
-        // Four texels are one of the next level; less than one has no level.
+        // Four texels are one of the next level. An area below one texel gives level 0.
         assert!((mip_level(0.25 / texel, 1, 64) - 1.0).abs() < 1e-12);
         assert!((mip_level(0.25 / texel, 16, 64)).abs() < 1e-12);
-        // One sample for the whole sphere averages it: six texels, log4(6) below one.
+        // One sample for the whole sphere averages it: six texels, so log4(6) below the level with one texel.
         assert!((mip_level(1.0 / (4.0 * PI), 1, 64) - 6.0 - 0.5 * 6.0_f64.log2()).abs() < 1e-12);
     }
 

@@ -1,5 +1,5 @@
-// The light that surrounds the scene. One of the few modules with bindings: what samples it
-// (`irradiance`, `specular`) imports `radiance` and stays free of them.
+// The light that surrounds the scene. One of the few modules with bindings: modules that
+// sample it (`irradiance`, `specular`) import `radiance`, and have no bindings of their own.
 //
 // Faces are those of WebGPU, in the order +X, -X, +Y, -Y, +Z, -Z, mirrored as seen from inside
 // the cube with Y up. `uv` runs from the top left, and a texel's value belongs to its centre.
@@ -12,25 +12,25 @@ import package::math::{PI, TAU};
 
 /// Radiance that arrives from `direction`, which needn't be of unit length.
 ///
-/// The level is explicit: a sample's direction has no derivatives worth having, and implicit
-/// levels are confined to fragment shaders in uniform control flow.
+/// The level is explicit: the directions of samples have no useful derivatives,
+/// and implicit levels need fragment shaders in uniform control flow.
 fn radiance(direction: vec3f) -> vec3f {
     return radiance_level(direction, 0.0);
 }
 
-/// Radiance about `direction`, averaged over texels of mip level `level`. Between two levels it is
-/// interpolated, beyond the last one it is the last.
+/// Radiance about `direction`, averaged over texels of mip level `level`.
+/// Levels in between are interpolated; beyond the last one, the last is used.
 fn radiance_level(direction: vec3f, level: f32) -> vec3f {
     return textureSampleLevel(environment, environment_sampler, direction, level).rgb;
 }
 
-/// The level, at least 0, whose texels are as large as what one of `samples` directions of density
-/// `pdf` > 0 (in 1/sr, in the frame that the direction was drawn in) stands for.
-/// Krivanek and Colbert 2008: 1/2 log2(Omega_s / Omega_p).
+/// The level, at least 0, whose texels are as large as the solid angle of one of
+/// `samples` directions with density `pdf` > 0 (in 1/sr, in the frame in which the
+/// direction was sampled). Krivanek and Colbert 2008: 1/2 log2(Omega_s / Omega_p).
 ///
-/// Omega_s is 1 / (samples pdf). Omega_p is the mean solid angle of a texel of level 0, 4 pi over
-/// 6 `size`^2: the true one is 1.91 times as large in the middle of a face and 0.37 times at a
-/// corner, which moves the level by -0.47 or 0.72 and is within the width of the filter.
+/// Omega_s is 1 / (samples pdf). Omega_p is the mean solid angle of a texel of level 0, 4 pi
+/// over 6 `size`^2: the true one is 1.91 times as large in the middle of a face and 0.37 times
+/// at a corner, which moves the level by -0.47 or 0.72, less than the width of the filter.
 fn mip_level(pdf: f32, samples: u32, size: u32) -> f32 {
     let side = f32(size);
     let texels = 1.5 / PI * side * side / (f32(samples) * pdf);
@@ -59,8 +59,8 @@ fn face_direction(face: u32, uv: vec2f) -> vec3f {
     }
 }
 
-/// Where the ray along `direction`, of any length but 0, meets the cube: what a sampler does
-/// first. On edges Z goes before Y and Y before X, as Vulkan 1.3, section 16.5.4, recommends.
+/// The point at which the ray along `direction`, of any length but 0, meets the cube: a sampler's
+/// first step. On edges Z goes before Y and Y before X, as Vulkan 1.3, section 16.5.4, recommends.
 fn face_point(direction: vec3f) -> FacePoint {
     let size = abs(direction);
     var face: u32;
@@ -78,12 +78,12 @@ fn face_point(direction: vec3f) -> FacePoint {
     return FacePoint(face, 0.5 * st + 0.5);
 }
 
-/// Where an image of latitude and longitude shows `direction`, of any length but 0. The layout is
-/// OpenEXR's (ImfEnvmap.h): +Y at the top, +Z in the middle, +X a quarter to its left, and -Z at
-/// both sides.
+/// The place of `direction`, of any length but 0, in an image of latitude
+/// and longitude. The layout is OpenEXR's (ImfEnvmap.h): +Y at the top,
+/// +Z in the middle, +X a quarter to its left, and -Z at both sides.
 ///
-/// The poles are whole rows; here they are at u = 1/2. The polar angle comes from both legs of its
-/// triangle, because the arccosine of y has only half of its digits left near the poles.
+/// The poles are whole rows; the result is u = 1/2 there. The polar angle comes from both legs
+/// of its triangle, because the arccosine of y keeps only half of its digits near the poles.
 fn equirectangular_uv(direction: vec3f) -> vec2f {
     let from_axis = length(direction.xz);
     var longitude = 0.0;
@@ -103,16 +103,16 @@ fn equirectangular_direction(uv: vec2f) -> vec3f {
     return vec3f(from_axis * sin(longitude), sin(latitude), from_axis * cos(longitude));
 }
 
-/// A component of a unit vector below which the planes across that axis are taken to be
-/// infinitely far. The quotient by it would overflow only for rooms of 1e18.
+/// If a component of a unit vector is smaller, the planes across that axis count
+/// as infinitely far. A quotient by it would overflow only for rooms of 1e18.
 const LEAST_COMPONENT: f32 = 1e-20;
 
-/// The direction, not of unit length, in which a cube map drawn at `centre` shows what is seen
-/// from `position` along the unit vector `direction`, if all that surrounds them is the box from
-/// `low` to `high`. Lagarde and Zanuttini 2012; "the sampling vector corrected" of the article.
+/// The direction, not of unit length, in which a cube map drawn at `centre` shows the point
+/// seen from `position` along the unit vector `direction`, if the box from `low` to `high`
+/// surrounds both. Lagarde and Zanuttini 2012; "the sampling vector corrected" of the article.
 ///
-/// Both points lie in the box. The distance to each wall ahead is at least 0, and the nearest is
-/// hit. At the centre the sum is a multiple of `direction`: the correction vanishes.
+/// Both points lie in the box. The distance to each wall ahead is at least 0, and the ray hits
+/// the nearest. At the centre the sum is a multiple of `direction`: the correction vanishes.
 fn parallax_box(
     position: vec3f,
     direction: vec3f,
@@ -128,11 +128,11 @@ fn parallax_box(
     return (position - centre) + hit * direction;
 }
 
-/// As `parallax_box`, but what surrounds both points is the sphere about `centre`; `position` lies
-/// in it.
+/// As `parallax_box`, but both points are surrounded by
+/// the sphere about `centre`; `position` lies in it.
 ///
-/// The positive root of |q + t d| = r with q from the centre: sqrt(b^2 + c) - b. Near the sphere it
-/// cancels, by no more than the rounding of q, to which it is added.
+/// The positive root of |q + t d| = r with q from the centre: sqrt(b^2 + c) - b. Near
+/// the sphere it cancels, by no more than the rounding of q, to which it is added.
 fn parallax_sphere(position: vec3f, direction: vec3f, centre: vec3f, radius: f32) -> vec3f {
     let q = position - centre;
     let away = length(q);

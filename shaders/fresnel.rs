@@ -62,10 +62,10 @@ pub fn schlick_average(f0: DVec3) -> DVec3 {
 
 /// int F d(cos^2), by quadrature of the exact `dielectric`, for `eta` > 0.
 ///
-/// Beyond the critical angle F is 1. The rest is a trapezoidal sum over the logarithm of the odds
-/// of its share: near eta = 1, F falls from 1 within a cos^2 of |eta^2 - 1| above that angle,
-/// which is as wide in the logarithm as anything else. The sum converges as exp(-2 pi^2 / step)
-/// (Trefethen and Weideman 2014, theorem 5.1), since no singularity is nearer than pi.
+/// Beyond the critical angle F is 1. The rest is a trapezoidal sum over the logarithm of the odds of its share: near
+/// eta = 1, F falls from 1 within a cos^2 of |eta^2 - 1| above that angle, and the logarithm widens this interval like
+/// any other. The sum converges as exp(-2 pi^2 / step) (Trefethen and Weideman 2014, theorem 5.1), since each
+/// singularity is at least pi away.
 #[must_use]
 pub fn dielectric_average(eta: f64) -> f64 {
     const STEP: f64 = 0.5; // 1e-17
@@ -178,7 +178,7 @@ mod tests {
         }
     }
 
-    /// Duntley 1942, for eta > 1; useless near 1, where its terms cancel.
+    /// Duntley 1942, for eta > 1. Useless near 1, where its terms cancel.
     fn duntley(n: f64) -> f64 {
         let n2 = n * n;
         let (plus, minus) = (n2 + 1.0, n2 * n2 - 1.0);
@@ -194,7 +194,7 @@ mod tests {
             assert!((dielectric_average(eta) / duntley(eta) - 1.0).abs() < 1e-9, "{eta}");
         }
         assert!((dielectric_average(GLASS) - 0.091_777_959).abs() < 1e-9);
-        // The closed form in 60 digits, a step of f32 away from 1.
+        // The closed form in 60 digits, one step of f32 away from 1.
         let beside = [
             (1.0 - 0.5_f64.powi(24), 1.390_774_717_7e-7),
             (1.0 + 0.5_f64.powi(23), 3.973_632_289_8e-8),

@@ -5,10 +5,10 @@ import package::math::pow5;
 /// Reflectance at the angle whose cosine is `v_dot_h`, from `f0`, the reflectance at normal
 /// incidence. Schlick 1994.
 ///
-/// `v_dot_h` lies in 0..=1, but V.H of two unit vectors often rounds to just above 1. The fifth
-/// power of that tiny negative difference would be a negative reflectance where `f0` is 0. `abs`
-/// makes it vanish (below 1e-30), is free on hardware and, unlike `max` or `saturate`, can't turn
-/// a NaN into a plausible number.
+/// `v_dot_h` lies in 0..=1, but V.H of two unit vectors often rounds to just above 1.
+/// The fifth power of that tiny negative difference would be a negative reflectance
+/// if `f0` is 0. `abs` makes it vanish (below 1e-30), is free on hardware and, unlike
+/// `max` or `saturate`, can't turn a NaN into a plausible number.
 fn schlick(f0: vec3f, v_dot_h: f32) -> vec3f {
     return f0 + (1.0 - f0) * pow5(abs(1.0 - v_dot_h));
 }
@@ -16,20 +16,20 @@ fn schlick(f0: vec3f, v_dot_h: f32) -> vec3f {
 /// Exact reflectance of unpolarised light at a dielectric interface.
 /// Pharr et al. 2023 (pbrt-v4), section 9.3.5, from Fresnel's r_s and r_p.
 ///
-/// `eta` = n_t / n_i, made for 0.4..=2.5: from diamond to air up to air to diamond. `cos_i` lies
-/// in 0..=1; a caller on the far side of the interface passes 1 / eta and a positive cosine.
-/// Total internal reflection returns 1. At eta = 1 there is no interface and the result is 0,
-/// also at cos_i = 0, where the limit depends on the way there.
+/// `eta` = n_t / n_i, designed for 0.4..=2.5: from diamond to air up to air to diamond.
+/// `cos_i` lies in 0..=1; a caller on the far side of the interface passes 1 / eta and a
+/// positive cosine. Total internal reflection returns 1. At eta = 1 there is no interface and
+/// the result is 0, also at cos_i = 0, where the limit depends on the direction of approach.
 ///
 /// The textbook's differences c - g and eta^2 c - g cancel for eta near 1 and near Brewster's
-/// angle, so both amplitudes are multiplied by their conjugates here. With q = eta^2 - 1:
+/// angle, so this form multiplies both amplitudes by their conjugates. With q = eta^2 - 1:
 ///     c^2       - g^2 = -q
 ///     eta^4 c^2 - g^2 =  q (c^2 (eta^2 + 1) - 1)
-/// For eta >= 1 nothing is left that cancels, except the last factor, whose zero is Brewster's
-/// angle and which r_s outweighs there. For eta < 1, g^2 cancels near the critical angle, where
-/// the function itself has an infinite slope: no algebra helps there.
+/// For eta >= 1 nothing cancels any more, except the last factor, which is zero at
+/// Brewster's angle, where r_s outweighs it. For eta < 1, g^2 cancels near the critical
+/// angle, where the function itself has an infinite slope: no other form helps there.
 fn dielectric(eta: f32, cos_i: f32) -> f32 {
-    // Exact next to eta = 1, as the rounding of eta * eta would not be.
+    // Exact near eta = 1, unlike the rounded eta * eta.
     let q = (eta - 1.0) * (eta + 1.0);
     if (q == 0.0) {
         return 0.0;
@@ -51,9 +51,9 @@ fn dielectric(eta: f32, cos_i: f32) -> f32 {
 /// Exact reflectance of unpolarised light at a metal, of complex index `eta` + i `k`, seen from
 /// air. Born and Wolf 1999, section 14.2; Pharr et al. 2023 (pbrt-v4), section 9.3.6.
 ///
-/// `eta` is made for 0.05..=10 and `k` for 0..=10, k at least 1e-18 where it isn't 0, so that its
-/// square is a normal number. At k = 0 it is a dielectric, and eta = 1 no interface with the
-/// result 0. `cos_i` lies in 0..=1.
+/// `eta` is designed for 0.05..=10 and `k` for 0..=10, k at least 1e-18 if it
+/// isn't 0, so that its square is a normal number. With k = 0 it is a dielectric,
+/// and eta = 1 means no interface and the result 0. `cos_i` lies in 0..=1.
 ///
 /// As in `dielectric`, with complex numbers: e = (eta + i k)^2, q = e - 1 and g^2 = q + c^2,
 ///     r_s = -q / (c + g)^2        r_p = q (c^2 e - s^2) / (e c + g)^2
@@ -79,8 +79,8 @@ fn conductor(eta: f32, k: f32, cos_i: f32) -> f32 {
     return 0.5 * q2 * (r_s * r_s + r_p * r_p);
 }
 
-/// The root with positive parts of z.x + i z.y, z.y >= 0. The part that is a sum is taken from
-/// the modulus, the other one from their product: as a difference it would cancel.
+/// The root with positive parts of z.x + i z.y, z.y >= 0. One part is computed from the
+/// modulus as a sum, the other one from the product of both: as a difference it would cancel.
 fn complex_root(z: vec2f) -> vec2f {
     let larger = sqrt(0.5 * (length(z) + abs(z.x)));
     if (larger == 0.0) {
@@ -90,23 +90,23 @@ fn complex_root(z: vec2f) -> vec2f {
     return select(vec2f(smaller, larger), vec2f(larger, smaller), z.x >= 0.0);
 }
 
-/// Mean of `schlick` over the hemisphere, weighted by the cosine: what a surface reflects of a
-/// uniform sky. 2 int c F(c) dc = f0 + (1 - f0) / 21.
+/// Mean of `schlick` over the hemisphere, weighted by the cosine: the share of
+/// a uniform sky that a surface reflects. 2 int c F(c) dc = f0 + (1 - f0) / 21.
 fn schlick_average(f0: vec3f) -> vec3f {
     return (1.0 + 20.0 * f0) / 21.0;
 }
 
 /// Mean of `dielectric` over the hemisphere, weighted by the cosine, for `eta` in 0.4..=2.5.
 ///
-/// The closed form (Duntley 1942) is a sum of terms that grow as 1 / (eta - 1)^2 and cancel: in
-/// f32 nothing is left of it near eta = 1. Here, for eta > 1, the variable is x = -r_s =
-/// (g - c) / (g + c), which falls from 1 at grazing to x0 = (eta - 1) / (eta + 1). With
-/// q = eta^2 - 1 and w = q / (eta^2 + 1),
+/// The closed form (Duntley 1942) is a sum of terms that grow as 1 / (eta - 1)^2
+/// and cancel: in f32 it has no correct digits near eta = 1. Here, for eta > 1,
+/// the variable is x = -r_s = (g - c) / (g + c), which falls from 1 at grazing
+/// to x0 = (eta - 1) / (eta + 1). With q = eta^2 - 1 and w = q / (eta^2 + 1),
 ///     d(c^2) = q / 4 (1 - 1 / x^2) dx    r_p = (w - x) / (1 - w x)
-/// so that r_s^2 has a polynomial for integral, and r_p^2 elementary terms and a rest without
-/// poles near 0..=1, for which six Gauss points are enough.
+/// so that the integral of r_s^2 is a polynomial, and that of r_p^2 has elementary
+/// terms and a rest without poles near 0..=1, for which six Gauss points are enough.
 ///
-/// For eta < 1, energy that would pass both ways: eta^2 (1 - F(1 / eta)) = 1 - F(eta).
+/// For eta < 1, the same energy passes in both directions: eta^2 (1 - F(1 / eta)) = 1 - F(eta).
 fn dielectric_average(eta: f32) -> f32 {
     let d = abs(eta - 1.0);
     if (d == 0.0) {
@@ -130,7 +130,7 @@ fn dielectric_average(eta: f32) -> f32 {
 }
 
 /// Integral over x0..=1 of (x - w)^2 (3 w^2 - 1 - 2 w^3 x) / (1 - w x)^2, by Gauss's six points:
-/// to 5e-7 at eta = 2.5, where the pole is nearest, and beyond f32 at eta = 1.5.
+/// within 5e-7 at eta = 2.5, where the pole is nearest, and more exact than f32 at eta = 1.5.
 fn dielectric_average_rest(w: f32, x0: f32) -> f32 {
     let middle = 0.5 * (1.0 + x0);
     let half = 0.5 * (1.0 - x0);

@@ -177,9 +177,9 @@ mod tests {
 
     #[test]
     fn the_projected_lobe_has_unit_area() {
-        // Heitz 2014, section 3: the visible facets cover exactly the projected macrosurface,
-        // int G1 D <v, m> dm = cos(v). This is what ties G1 to the distribution; it pins alpha,
-        // the 2 and the tangent at once.
+        // Heitz 2014, section 3: the visible facets cover exactly the projected macrosurface, int G1 D <v, m> dm =
+        // cos(v). This equation relates G1 to the distribution; it determines alpha, the factor 2 and the tangent at
+        // once.
         let ggx = covered(0.4, 0.35, distribution::ggx, smith_g1);
         assert!((ggx - 0.35).abs() < 1e-5, "{ggx}");
         let beckmann = covered(0.4, 0.35, distribution::beckmann, smith_g1_beckmann);

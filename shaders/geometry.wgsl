@@ -6,9 +6,9 @@ const INV_SQRT_PI: f32 = 0.56418958354775628695;
 /// V-shaped grooves: min(1, 2 N.H N.V / V.H, 2 N.H N.L / V.H).
 /// Cook and Torrance 1982, "Geometrical attenuation factor".
 ///
-/// Both quotients grow without bound as `v_dot_h` approaches 0, so G is 1 there. The comparison
-/// comes before the division, so that V.H = 0 never divides and G is exactly 1 where nothing is
-/// masked. A NaN fails the comparison and gets through.
+/// Both quotients grow without bound as `v_dot_h` approaches 0, so G is 1 there. The
+/// comparison comes before the division, so that nothing is divided by V.H = 0 and G
+/// is exactly 1 where nothing is masked. A NaN fails the comparison and gets through.
 fn v_cavity(n_dot_h: f32, n_dot_v: f32, n_dot_l: f32, v_dot_h: f32) -> f32 {
     let visible = 2.0 * n_dot_h * min(n_dot_v, n_dot_l);
     if (visible >= v_dot_h) {
@@ -17,12 +17,12 @@ fn v_cavity(n_dot_h: f32, n_dot_v: f32, n_dot_l: f32, v_dot_h: f32) -> f32 {
     return visible / v_dot_h;
 }
 
-/// `v_cavity` / (4 N.V N.L): all of a microfacet BRDF but D and F. Both cosines are above 0, the
-/// larger one is 1e-18 or more, and V.H at least half of it, as for any half vector.
+/// `v_cavity` / (4 N.V N.L): a microfacet BRDF without D and F. Both cosines are above 0,
+/// the larger one is at least 1e-18, and V.H at least half of it, as for any half vector.
 ///
-/// Divided through by hand, because 4 N.V N.L may underflow. Where a facet is masked, the smaller
-/// cosine cancels. Where none is, it is more than a third of the larger one, and the result at most
-/// 1e36.
+/// The quotient is simplified by hand, because 4 N.V N.L may underflow.
+/// If a facet is masked, the smaller cosine cancels. If none is, it is
+/// more than a third of the larger one, and the result is at most 1e36.
 fn v_cavity_visibility(n_dot_h: f32, n_dot_v: f32, n_dot_l: f32, v_dot_h: f32) -> f32 {
     let smaller = min(n_dot_v, n_dot_l);
     let larger = max(n_dot_v, n_dot_l);
@@ -34,10 +34,10 @@ fn v_cavity_visibility(n_dot_h: f32, n_dot_v: f32, n_dot_l: f32, v_dot_h: f32) -
 
 /// Smith masking of GGX for one direction. Walter et al. 2007, eq. 34.
 ///
-/// The tangent is multiplied out: cos^2 + alpha^2 sin^2 has no pole at grazing and, written as
-/// below, no difference that cancels.
+/// The tangent is multiplied out: cos^2 + alpha^2 sin^2 has no pole
+/// at grazing and, in the form below, no difference that cancels.
 fn smith_g1(alpha: f32, n_dot_x: f32) -> f32 {
-    // The positive characteristic function of eq. 34; it also keeps 0 / 0 away at alpha = 0.
+    // The positive characteristic function of eq. 34. It also prevents 0 / 0 at alpha = 0.
     if (n_dot_x <= 0.0) {
         return 0.0;
     }
@@ -51,9 +51,9 @@ fn smith_separable(alpha: f32, n_dot_v: f32, n_dot_l: f32) -> f32 {
 
 /// Masking and shadowing correlated by the height of the facet. Heitz 2014, eq. 99.
 ///
-/// 1 + Lambda(v) + Lambda(l) with Lambda = (width / cos - 1) / 2: the ones cancel exactly on
-/// paper, so they never appear here. Divided rather than multiplied out: the product of two
-/// small cosines would underflow and end in 0 / 0.
+/// 1 + Lambda(v) + Lambda(l) with Lambda = (width / cos - 1) / 2: on paper
+/// the ones cancel, so they don't appear here. The form divides, because
+/// the product of two small cosines would underflow and give 0 / 0.
 fn smith_correlated(alpha: f32, n_dot_v: f32, n_dot_l: f32) -> f32 {
     if (n_dot_v <= 0.0 || n_dot_l <= 0.0) {
         return 0.0; // the characteristic functions of eq. 99
@@ -63,10 +63,10 @@ fn smith_correlated(alpha: f32, n_dot_v: f32, n_dot_l: f32) -> f32 {
     return 2.0 / (masking + shadowing);
 }
 
-/// `smith_correlated` / (4 N.V N.L): all of a microfacet BRDF but D and F.
+/// `smith_correlated` / (4 N.V N.L): a microfacet BRDF without D and F.
 ///
-/// Divided through by hand: G vanishes with either cosine, so that this stays finite until both
-/// vanish. At and below the horizon it is 0.
+/// The quotient is simplified by hand: G vanishes with either cosine, so that
+/// the result stays finite until both vanish. At and below the horizon it is 0.
 fn smith_correlated_visibility(alpha: f32, n_dot_v: f32, n_dot_l: f32) -> f32 {
     if (n_dot_v <= 0.0 || n_dot_l <= 0.0) {
         return 0.0; // the characteristic functions of eq. 99
@@ -76,9 +76,9 @@ fn smith_correlated_visibility(alpha: f32, n_dot_v: f32, n_dot_l: f32) -> f32 {
     return 0.5 / (masking + shadowing);
 }
 
-/// The rational stand-in for `smith_separable` of GGX, with k = alpha / 2. Karis 2013, "Specular G".
+/// The rational approximation of `smith_separable` for GGX, with k = alpha / 2. Karis 2013, "Specular G".
 ///
-/// For light that comes from everywhere; for single lights Karis takes another k.
+/// For light from all directions; for single lights Karis uses another k.
 fn smith_schlick_ggx(alpha: f32, n_dot_v: f32, n_dot_l: f32) -> f32 {
     if (n_dot_v <= 0.0 || n_dot_l <= 0.0) {
         return 0.0; // 0 / k; this also keeps 0 / 0 away at alpha = 0
@@ -91,10 +91,10 @@ fn smith_schlick_ggx(alpha: f32, n_dot_v: f32, n_dot_l: f32) -> f32 {
 
 /// Smith masking of Beckmann's distribution for one direction. Walter et al. 2007, eq. 26.
 ///
-/// erf is eq. 7.1.26 of Abramowitz and Stegun 1964, 1 - poly(t) exp(-a^2) to 1.5e-7: the
-/// exponential is needed anyway, and the result is then a thousand times closer than eq. 27, the
-/// rational fit of the same paper. With 1 + erf = 2 - poly exp, numerator and denominator of
-/// eq. 26 times a, so that grazing has no pole:
+/// erf is eq. 7.1.26 of Abramowitz and Stegun 1964, 1 - poly(t) exp(-a^2), within
+/// 1.5e-7. The exponential is needed anyway, and the result is then a thousand times
+/// closer than eq. 27, the rational fit of the same paper. With 1 + erf = 2 - poly exp,
+/// numerator and denominator of eq. 26 are multiplied by a, so that grazing has no pole:
 ///     G1 = 2 a / (2 a + exp(-a^2) (1 / sqrt(pi) - a poly(t)))
 fn smith_g1_beckmann(alpha: f32, n_dot_x: f32) -> f32 {
     if (n_dot_x <= 0.0) {
@@ -112,8 +112,8 @@ fn smith_g1_beckmann(alpha: f32, n_dot_x: f32) -> f32 {
     return 2.0 * a / (2.0 * a + exp(-a * a) * (INV_SQRT_PI - a * poly));
 }
 
-/// sqrt(cos^2 + alpha^2 sin^2): how wide the GGX ellipsoid looks from the direction with cosine
-/// `n_dot_x`. Both terms are positive for alpha <= 1.
+/// sqrt(cos^2 + alpha^2 sin^2): the apparent width of the GGX ellipsoid from
+/// the direction with cosine `n_dot_x`. Both terms are positive for alpha <= 1.
 fn projected_width(alpha: f32, n_dot_x: f32) -> f32 {
     let alpha2 = alpha * alpha;
     return sqrt(alpha2 + (1.0 - alpha2) * n_dot_x * n_dot_x);

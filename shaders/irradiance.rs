@@ -1,9 +1,8 @@
 //! Twin of `irradiance.wgsl`: light from an environment, reflected by a Lambertian.
 //!
-//! All functions return E / pi in W/(m^2 sr), the radiance of a white Lambertian with unit normal
-//! `n`. `radiance` is the light from a unit direction, where a level is passed averaged over
-//! texels of that mip level. For environments that have one, `linear` and `cosine_lobe` are the
-//! closed form.
+//! All functions return E / pi in W/(m^2 sr), the radiance of a white Lambertian with unit normal `n`. `radiance` is
+//! the light from a unit direction; if it gets a level, averaged over texels of that mip level. `linear` and
+//! `cosine_lobe` are closed forms for environments that have one.
 
 use std::f64::consts::{FRAC_1_PI, FRAC_PI_2, PI, TAU};
 
@@ -109,8 +108,7 @@ pub fn texel_direction(size: u32, i: u32) -> DVec3 {
     face_direction(face as usize, centre(column), centre(row))
 }
 
-/// Solid angle per area of the cube of side 2 at its point `d`: cos / r^2, the cosine being that
-/// with the face's axis.
+/// The solid angle per area of the cube of side 2 at its point `d`: cos / r^2, with the cosine to the face's axis.
 #[must_use]
 pub fn texel_density(d: DVec3) -> f64 {
     let cosine = d.normalize().abs().max_element();
@@ -176,9 +174,8 @@ pub fn sh_irradiance(coefficients: Coefficients<DVec3>, n: DVec3) -> DVec3 {
     terms.map(|(((l, _), light), basis)| FRAC_1_PI * cosine_coefficient(*l) * light * basis).sum()
 }
 
-/// A_l: what a clamped cosine has in band `l`, as a factor for light. Ramamoorthi and Hanrahan 2001,
-/// eq. 8: pi, 2 pi / 3, pi / 4, then 0 in odd bands and
-/// 2 pi (-1)^(l/2 - 1) / ((l + 2) (l - 1)) l! / (2^l (l/2)!^2) in even ones.
+/// A_l: band `l` of a clamped cosine, as a factor for light. Ramamoorthi and Hanrahan 2001, eq. 8: pi, 2 pi / 3, pi /
+/// 4, then 0 in odd bands and 2 pi (-1)^(l/2 - 1) / ((l + 2) (l - 1)) l! / (2^l (l/2)!^2) in even ones.
 #[must_use]
 pub fn cosine_coefficient(l: u32) -> f64 {
     match l {
@@ -195,8 +192,7 @@ pub fn cosine_coefficient(l: u32) -> f64 {
     }
 }
 
-/// A Lambertian's radiance, f E, with f = colour / pi and the irradiance E = pi times what is
-/// stored.
+/// A Lambertian's radiance, f E, with f = colour / pi and the irradiance E, pi times the stored value.
 #[must_use]
 pub fn lambert(colour: DVec3, irradiance_over_pi: DVec3) -> DVec3 {
     colour * FRAC_1_PI * (irradiance_over_pi * PI)
@@ -208,17 +204,16 @@ pub fn linear(n: DVec3, mean: f64, gradient: DVec3) -> f64 {
     mean + 2.0 / 3.0 * gradient.dot(n)
 }
 
-/// The closed form for an environment with radiance max(0, axis . d), at the angle gamma between
-/// normal and axis: 2 (sin gamma + (pi - gamma) cos gamma) / (3 pi). Cho and Saul 2009 know this
-/// integral of two clamped cosines as the arc-cosine kernel of order 1, eq. 6.
+/// The closed form for an environment with radiance max(0, axis . d), at the angle gamma between normal and axis: 2
+/// (sin gamma + (pi - gamma) cos gamma) / (3 pi). In Cho and Saul 2009 this integral of two clamped cosines is the
+/// arc-cosine kernel of order 1, eq. 6.
 #[must_use]
 pub fn cosine_lobe(n: DVec3, axis: DVec3) -> f64 {
     let gamma = n.cross(axis).length().atan2(n.dot(axis));
     2.0 / (3.0 * PI) * (gamma.sin() + (PI - gamma) * gamma.cos())
 }
 
-/// The direction at polar angle `theta` from `n` and azimuth `phi`, turned by half a turn as the
-/// samplers are.
+/// The direction at polar angle `theta` from `n` and azimuth `phi`, plus half a turn, as in the samplers.
 fn around(n: DVec3, theta: f64, phi: f64) -> DVec3 {
     let (sin_phi, cos_phi) = (phi - PI).sin_cos();
     let local = DVec3::new(theta.sin() * cos_phi, theta.sin() * sin_phi, theta.cos());
@@ -245,7 +240,7 @@ mod tests {
         DVec3::splat(1.0 + GRADIENT.dot(d))
     }
 
-    /// The largest error of `method` in an environment that is linear.
+    /// The largest error of `method` in a linear environment.
     fn error(method: impl Fn(DVec3) -> DVec3) -> f64 {
         let off = NORMALS.map(|n| (method(n).x - linear(n, 1.0, GRADIENT)).abs());
         off.into_iter().fold(0.0, f64::max)
@@ -341,7 +336,7 @@ mod tests {
 
     #[test]
     fn nine_coefficients_carry_a_lobe_to_half_a_percent() {
-        // What bands 4, 6, ... have of E / pi of a lobe: (2 l + 1) A_l^2 / (4 pi^2) each.
+        // The share of bands 4, 6, ... in E / pi of a lobe: (2 l + 1) A_l^2 / (4 pi^2) each.
         let rest: f64 = (3..400)
             .map(|l| f64::from(2 * l + 1) * cosine_coefficient(l).powi(2) / (4.0 * PI * PI))
             .sum();

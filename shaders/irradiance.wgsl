@@ -1,13 +1,13 @@
 // Light from an environment, reflected by a Lambertian. PV227 lecture 11, task 1; the article,
 // "Lambert".
 //
-// All functions return irradiance over pi, E / pi, which is what an irradiance map stores: colour
-// times it is the radiance of a Lambertian, and a white furnace of radiance 1 returns 1. Several
-// ways to the same number: samples, sharp or filtered; rings; texels; spherical harmonics.
+// All functions return irradiance over pi, E / pi, the value that an irradiance map stores:
+// colour times it is the radiance of a Lambertian, and a white furnace of radiance 1 returns 1.
+// There are several methods: samples, sharp or filtered; rings; texels; spherical harmonics.
 //
-// Mesa's software drivers leave a loop once all loops of an invocation have gone round 65,535 times
-// together, and the sum is then too small. Counts of samples, steps and texels are limited to
-// what fits; an invocation that calls several of these functions has to share it.
+// Mesa's software drivers leave a loop once all loops of an invocation together have gone round
+// 65,535 times, and the sum is then too small. The numbers of samples, steps and texels are
+// limited accordingly; an invocation that calls several of these functions has to share the limit.
 
 import package::environment::{face_direction, mip_level, radiance, radiance_level};
 import package::math::{INV_TAU, PI};
@@ -23,9 +23,9 @@ import package::sampling::{
 /// Estimated by `samples` (1..=65,535) directions uniform on the hemisphere about the unit normal
 /// `n`.
 ///
-/// Each sample is f L cos / pdf = (colour / pi) L (N.L) (2 pi) = 2 colour (N.L) L. The lecture
-/// leaves out the 2 (E13), so that a white furnace returns half of its light. Centred points make
-/// a furnace exact when `samples` is a power of two: then the mean of N.L is 1/2.
+/// Each sample is f L cos / pdf = (colour / pi) L (N.L) (2 pi) = 2 colour (N.L) L. The
+/// lecture omits the 2 (E13), so that a white furnace returns half of its light. Centred
+/// points make a furnace exact if `samples` is a power of two: then the mean of N.L is 1/2.
 fn estimate(n: vec3f, samples: u32) -> vec3f {
     let frame = orthonormal_basis(n);
     var sum = vec3f();
@@ -37,13 +37,13 @@ fn estimate(n: vec3f, samples: u32) -> vec3f {
     return 2.0 * sum / f32(samples);
 }
 
-/// Estimated by few directions (`samples`, 1..=65,535), each of which looks up the mean of what it
-/// stands for: a mip level of the environment, whose faces are `size` texels wide. Krivanek and
-/// Colbert 2008.
+/// Estimated by few directions (`samples`, 1..=65,535). Each looks
+/// up the mean over its solid angle: a mip level of the environment,
+/// whose faces are `size` texels wide. Krivanek and Colbert 2008.
 ///
-/// Directions come with density cos / pi, so that each weighs f cos / pdf = 1 and a furnace is
-/// exact for any number of samples. Texels near the horizon reach below it, which tints the
-/// result by light that the surface doesn't see: the price of few samples.
+/// Directions have density cos / pi, so that each weighs f cos / pdf = 1 and a furnace
+/// is exact for any number of samples. Texels near the horizon reach below it, which
+/// tints the result with light that the surface doesn't see: the price of few samples.
 fn filtered_estimate(n: vec3f, samples: u32, size: u32) -> vec3f {
     let frame = orthonormal_basis(n);
     var sum = vec3f();
@@ -62,11 +62,11 @@ const LOOP_PHI_STEPS: u32 = 252u;
 const LOOP_THETA_STEP: f32 = 0.1;
 const LOOP_THETA_STEPS: u32 = 16u;
 
-/// The article's nested loop over azimuth and polar angle, with each term weighed by its true
-/// steps. No directions are random: it is a Riemann sum, and not Monte Carlo (E17).
+/// The article's nested loop over azimuth and polar angle, with each term weighted by
+/// its true steps. No directions are random: it is a Riemann sum, not Monte Carlo (E17).
 ///
-/// What is left is that 252 steps of 0.025 are 6.3, more than a turn: a furnace of radiance 1
-/// returns 1.0014. `midpoint` has no such error, at the same cost.
+/// One error remains: 252 steps of 0.025 are 6.3, more than a turn, so a furnace
+/// of radiance 1 returns 1.0014. `midpoint` has no such error, at the same cost.
 fn loop_corrected(n: vec3f) -> vec3f {
     let frame = orthonormal_basis(n);
     var sum = vec3f();
@@ -82,8 +82,8 @@ fn loop_corrected(n: vec3f) -> vec3f {
 }
 
 /// Midpoint rule over rings and sectors, at least 1 of each, divided by the sum of its weights
-/// cos sin: exact for constants whatever the steps. (`phi_steps` + 1) `theta_steps` is at most
-/// 65,535.
+/// cos sin: exact for constants with any steps.
+/// (`phi_steps` + 1) `theta_steps` is at most 65,535.
 fn midpoint(n: vec3f, phi_steps: u32, theta_steps: u32) -> vec3f {
     let frame = orthonormal_basis(n);
     var sum = vec3f();
@@ -102,8 +102,8 @@ fn midpoint(n: vec3f, phi_steps: u32, theta_steps: u32) -> vec3f {
     return sum / (weights * f32(phi_steps));
 }
 
-/// A look-up of each texel of a cube map with faces `size` (1..=104) texels wide. One sum over
-/// what there is, no direction twice: the reference for small maps. Divided by the sum of its
+/// Looks up each texel of a cube map with faces `size` (1..=104) texels wide. It
+/// adds each direction once: the reference for small maps. Divided by the sum of its
 /// weights: exact for constants. 6 times 105^2 texels would be more than 65,535.
 fn texel_sum(n: vec3f, size: u32) -> vec3f {
     var sum = vec3f();
@@ -111,7 +111,7 @@ fn texel_sum(n: vec3f, size: u32) -> vec3f {
     for (var i = 0u; i < 6u * size * size; i++) {
         let d = texel_direction(size, i);
         let cosine = dot(n, normalize(d));
-        // Comparing, a NaN adds nothing, not even weight: then 0 / 0 shows it.
+        // With this comparison a NaN adds nothing, not even weight, and the result is 0 / 0.
         if (cosine > 0.0) {
             let weight = cosine * texel_density(d);
             sum += weight * radiance(d);
@@ -185,7 +185,7 @@ fn sh_project(size: u32) -> array<vec3f, 9> {
 /// From the coefficients of an environment, in the order of `sh_basis`. Ramamoorthi and Hanrahan
 /// 2001, eq. 7 and 8, over pi: the cosine keeps 1, 2/3 and 1/4 of the bands.
 ///
-/// Band 3 has no share at all, the others beyond sum to 0.5 % of a cosine lobe.
+/// Band 3 has no share; all higher bands add up to 0.5 % of a cosine lobe.
 fn sh_irradiance(coefficients: array<vec3f, 9>, n: vec3f) -> vec3f {
     let c = coefficients;
     let y = sh_basis(n);
@@ -194,7 +194,7 @@ fn sh_irradiance(coefficients: array<vec3f, 9>, n: vec3f) -> vec3f {
     return y[0] * c[0] + 2.0 / 3.0 * linear + 0.25 * quadratic;
 }
 
-/// Radiance of a Lambertian of `colour`: (colour / pi) E. What is stored is over pi already.
+/// Radiance of a Lambertian of `colour`: (colour / pi) E. The stored value is over pi already.
 fn lambert(colour: vec3f, irradiance_over_pi: vec3f) -> vec3f {
     return colour * irradiance_over_pi;
 }

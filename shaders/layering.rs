@@ -95,9 +95,9 @@ mod tests {
 
     #[test]
     fn plastic_keeps_its_energy() {
-        // A white furnace of the lecture's plastics, whose brightest albedo is 0.8, and of a white
-        // one. The specular lobe is wider than a mirror's, so its mean F is above F(N.V) where F is
-        // convex: by at most 0.0012, near alpha = 0.1 and 53 degrees.
+        // A white furnace of the lecture's plastics, whose brightest albedo is 0.8, and of a white one. The specular
+        // lobe is wider than a mirror's, so its mean F is above F(N.V) where F is convex: by at most 0.0012, near alpha
+        // = 0.1 and 53 degrees.
         let f0 = DVec3::splat(0.04);
         for alpha in [0.0, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5] {
             for degrees in [0.0, 30.0, 60.0, 80.0, 85.0, 89.0, 89.9_f64] {

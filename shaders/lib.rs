@@ -1,8 +1,7 @@
 //! Physically based shading and image-based lighting in WGSL, each module with its Rust twin.
 //!
-//! `X.wgsl` is the shader; `X.rs` holds its references: the same functions in f64, in the form in
-//! which the cited paper prints them. The two sides share no code and, where the shader is
-//! optimised, no algebra, so that agreement between them is evidence.
+//! `X.wgsl` is the shader; `X.rs` has its references: the same functions in f64, in the form of the cited paper. The
+//! two sides share no code and, where the shader is optimised, no algebra, so agreement between them is evidence.
 //!
 //! Shader functions are pure: values in, values out. Bindings live in `environment.wgsl` (the
 //! light), which `irradiance.wgsl` and `specular.wgsl` sample, in `camera.wgsl`, and in the modules

@@ -1,4 +1,4 @@
-//! Twin of `maps.wgsl`: what its frames are drawn from, and how they become textures.
+//! Twin of `maps.wgsl`: the settings of its frames, and the textures made from them.
 
 use glam::{DVec2, DVec3, UVec2};
 use karat::Image;
@@ -11,7 +11,7 @@ pub const ACROSS: u32 = 3;
 pub const DOWN: u32 = 2;
 
 karat::shareable! {
-    /// What a map is computed for.
+    /// The settings of a map.
     pub struct MapSettings mirrors MapSettingsMirror {
         /// Texels along a side of a face, or of the table.
         side: u32,
@@ -22,7 +22,7 @@ karat::shareable! {
     }
 }
 
-/// Direction, of any length, through the texel that `pixel` shows.
+/// Direction, of any length, through the texel at `pixel`.
 #[must_use]
 pub fn texel_direction(side: u32, pixel: UVec2) -> DVec3 {
     let face = pixel.y / side * ACROSS + pixel.x / side;

@@ -6,7 +6,7 @@ import package::environment::{face_direction, radiance};
 import package::irradiance;
 import package::specular;
 
-/// What a map is computed for.
+/// The settings of a map.
 struct MapSettings {
     side: u32, // texels along a side of a face, or of the table
     samples: u32, // at most 65,535, see `irradiance`

@@ -2,7 +2,7 @@
 
 use glam::{DVec3, Vec3};
 
-/// What the columns of the test scene are made of, from left to right.
+/// The materials of the test scene's columns, from left to right.
 pub const NAMES: [&str; 8] = [
     "red plastic",
     "green plastic",
@@ -37,7 +37,7 @@ pub const MATERIALS: [(Vec3, Vec3); 8] = [
 pub const ROUGHNESSES: [f32; 8] = [0.0, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5];
 
 karat::shareable! {
-    /// What a surface is made of, but for its roughness.
+    /// The properties of a surface, except its roughness.
     pub struct Material mirrors MaterialMirror {
         /// Albedo per channel; black for metals.
         diffuse: Vec3,
@@ -113,9 +113,9 @@ mod tests {
 
     #[test]
     fn metals_are_near_what_their_measured_index_gives() {
-        // Indices n + i k at 650, 550 and 450 nm, after Johnson and Christy 1972 and 1974 and
-        // Rakic et al. 1998: samples of the spectrum, not integrals over it, so that they show
-        // the right metal with its channels in order and no more.
+        // Indices n + i k at 650, 550 and 450 nm, after Johnson and Christy 1972 and 1974 and Rakic et al. 1998. These
+        // are samples of the spectrum, not integrals over it, so they only show the right metal, with its channels in
+        // the right order.
         let measured = [
             (3, [(2.91, 3.09), (2.95, 2.93), (2.58, 2.77)]),
             (4, [(0.27, 3.61), (0.68, 2.62), (1.32, 2.29)]),

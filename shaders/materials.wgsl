@@ -1,5 +1,5 @@
-// What surfaces are made of: the materials of the lecture's test scene, and what textures say.
-// PV227 lecture 11, "Test scene" and task 2.
+// Materials of surfaces: those of the lecture's test scene, and
+// those from textures. PV227 lecture 11, "Test scene" and task 2.
 
 /// Albedo, black for metals, and reflectance at normal incidence, each linear and per channel.
 struct Material {
@@ -26,8 +26,8 @@ const MATERIALS = array<Material, 8>(
     Material(vec3f(), vec3f(0.972, 0.960, 0.915)),
 );
 
-/// The lecture's roughnesses, from the top row down. 0 is a mirror, which no distribution of
-/// microfacets describes.
+/// The lecture's roughnesses, from the top row down. 0 is
+/// a mirror, which isn't a distribution of microfacets.
 const ROUGHNESSES = array<f32, 8>(0.0, 0.05, 0.1, 0.15, 0.2, 0.3, 0.4, 0.5);
 
 /// The material of a column of the test scene; columns beyond the eighth begin again.
@@ -40,7 +40,7 @@ fn roughness(row: u32) -> f32 {
     return ROUGHNESSES[row % 8u];
 }
 
-/// The width of the distribution as the lecture has it: it feeds roughness to the sampler as it is.
+/// The width of the distribution in the lecture, which passes roughness to the sampler unchanged.
 fn alpha_from_roughness(roughness: f32) -> f32 {
     return roughness;
 }
@@ -52,10 +52,10 @@ fn alpha_from_roughness_squared(roughness: f32) -> f32 {
 }
 
 /// Roughness under a mask: `mask` = 0 keeps `roughness`, 1 gives `painted`, both to the bit.
-/// PV227 lecture 11, task 2. The mask is read from a linear texture: sRGB would bend it.
+/// PV227 lecture 11, task 2. The mask comes from a linear texture: sRGB would distort it.
 ///
-/// Not `mix`, which some drivers compute as roughness + (painted - roughness) * mask: at mask = 1
-/// that leaves a rounding error, and a mirror would be no mirror.
+/// It doesn't use `mix`, which some drivers compute as roughness + (painted - roughness) *
+/// mask: at mask = 1 that leaves a rounding error, and a mirror would not stay a mirror.
 fn masked_roughness(roughness: f32, painted: f32, mask: f32) -> f32 {
     return roughness * (1.0 - mask) + painted * mask;
 }

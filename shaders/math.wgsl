@@ -1,4 +1,4 @@
-// Constants and the one power that the library needs.
+// Constants, and the only power that the library needs.
 
 const PI: f32 = 3.14159265358979323846;
 const TAU: f32 = 6.28318530717958647692;

@@ -1,6 +1,6 @@
-// Fragment functions that show what a depth pre-pass does: how often pixels are shaded, and that
-// fragments which discard or write their depth, which early depth tests would ignore, come out
-// the same. WGSL has no qualifier that forces early tests.
+// Fragment functions that test a depth pre-pass: they show how often pixels are shaded,
+// and that fragments which discard or write their depth, which early depth tests would
+// ignore, give the same result. WGSL has no qualifier that forces early tests.
 
 import package::scene::{Varyings, projected};
 
@@ -9,14 +9,14 @@ fn vertex(@location(0) position: vec3f, @builtin(instance_index) instance: u32) 
     return projected(position, instance);
 }
 
-/// Adds up to the number of fragments that were kept, in each channel, with blending that adds.
+/// Adds up to the number of fragments that were kept, in each channel, with additive blending.
 @fragment
 fn counting_fragment(in: Varyings) -> @location(0) vec4f {
     return vec4f(1.0);
 }
 
-/// Whether the stripe pattern, in the object's space, has a hole here: of each quarter of a radius
-/// upward, the lower two fifths are open.
+/// Returns `true` if the stripe pattern, in the object's space, has a
+/// hole here: in each quarter of a radius, the lower two fifths are open.
 fn is_hole(normal: vec3f) -> bool {
     return fract(4.0 * normal.y) < 0.4;
 }
@@ -29,7 +29,7 @@ fn cutout_depth_fragment(in: Varyings) {
     }
 }
 
-/// A sphere with holes, through which the fronts of those behind it are seen, each labelled.
+/// A sphere with holes, through which you see the fronts of those behind it, each labelled.
 @fragment
 fn cutout_fragment(in: Varyings) -> @location(0) vec4f {
     if (is_hole(in.normal)) {
@@ -47,8 +47,8 @@ struct ColorAndDepth {
     @builtin(frag_depth) depth: f32,
 }
 
-/// Depth rounded down to 16 steps, each as deep as a sphere or more: of fragments that share one, the
-/// sphere that is drawn last is kept.
+/// Depth rounded down to 16 steps, each at least as deep as a sphere: of
+/// several fragments with the same step, the sphere that is drawn last is kept.
 fn stepped_depth(depth: f32) -> f32 {
     return floor(depth * 16.0) / 16.0;
 }
@@ -63,8 +63,8 @@ fn stepped_fragment(in: Varyings) -> ColorAndDepth {
     return ColorAndDepth(vec4f(label(in.instance, in.normal), 1.0), stepped_depth(in.clip.z));
 }
 
-/// A colour that tells sphere and place apart: the number of the sphere, and X and Y of its normal,
-/// from -1..=1 to 0..=1.
+/// A colour that identifies sphere and place: the number of the
+/// sphere, and X and Y of its normal, mapped from -1..=1 to 0..=1.
 fn label(instance: u32, normal: vec3f) -> vec3f {
     return vec3f(f32(instance), 0.5 * normal.xy + 0.5);
 }

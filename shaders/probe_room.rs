@@ -12,13 +12,13 @@ pub const RADIUS: f64 = 0.3;
 pub const COLOUR: f64 = 0.8;
 
 karat::shareable! {
-    /// The room, and the point in it where its cube maps were made.
+    /// The room, and the point from which its cube maps were made.
     pub struct Room mirrors RoomMirror {
-        /// Where all coordinates are least.
+        /// The corner with the least coordinates.
         corner: Vec3,
-        /// Where they are greatest.
+        /// The corner with the greatest coordinates.
         opposite: Vec3,
-        /// The middle, here.
+        /// The point of the cube maps; here the middle.
         probe: Vec3,
     }
 }
@@ -44,7 +44,7 @@ pub fn camera_setup() -> Setup {
     }
 }
 
-/// Where sphere `instance` of five hangs.
+/// The centre of sphere `instance` of five.
 #[must_use]
 pub fn sphere_centre(instance: u32) -> DVec3 {
     DVec3::new(0.8 * (f64::from(instance) - 2.0), -0.35, -0.6)

@@ -1,11 +1,11 @@
-// The article's object: Lambertian spheres in a room, each lit by one look-up in the irradiance
-// map that was made in the middle of the room.
+// The article's object: Lambertian spheres in a room, each lit by one
+// look-up in the irradiance map that was made in the middle of the room.
 
 import package::camera::{camera, covering_corner, view_direction};
 import package::environment::{environment_sampler, parallax_box, radiance};
 import package::irradiance::lambert;
 
-/// The room, and the point in it where its cube maps were made.
+/// The room, and the point from which its cube maps were made.
 struct Room {
     corner: vec3f, // where all coordinates are least
     opposite: vec3f,
@@ -24,10 +24,10 @@ struct Varyings {
 
 const COLOUR: vec3f = vec3f(0.8, 0.8, 0.8);
 const RADIUS: f32 = 0.3;
-/// From one sphere to the next, from the left wall to the right one.
+/// The distance between neighbouring spheres, from the left wall to the right one.
 const SPACING: f32 = 0.8;
 
-/// Where sphere `instance` of five hangs.
+/// The centre of sphere `instance` of five.
 fn sphere_centre(instance: u32) -> vec3f {
     return vec3f(SPACING * (f32(instance) - 2.0), -0.35, -0.6);
 }
@@ -39,26 +39,26 @@ fn vertex(@location(0) position: vec3f, @builtin(instance_index) instance: u32) 
     return Varyings(camera.view_projection * vec4f(world, 1.0), world, position);
 }
 
-/// As if the room were infinitely large: all spheres look alike.
+/// Lit as if the room were infinitely large: all spheres look alike.
 @fragment
 fn fragment(in: Varyings) -> @location(0) vec4f {
     return vec4f(lit(in.normal), 1.0);
 }
 
-/// The direction corrected by the point's place in the room: a sphere beside a wall shows it.
+/// Corrects the direction by the point's place in the room: it shows at a sphere beside a wall.
 @fragment
 fn corrected_fragment(in: Varyings) -> @location(0) vec4f {
     return vec4f(lit(from_probe(in.position, normalize(in.normal))), 1.0);
 }
 
-/// Radiance of the Lambertian whose irradiance is looked up by `direction`.
+/// Radiance of the Lambertian whose irradiance `direction` looks up.
 fn lit(direction: vec3f) -> vec3f {
     let light = textureSampleLevel(irradiance_map, environment_sampler, direction, 0.0).rgb;
     return lambert(COLOUR, light);
 }
 
-/// The direction in which the probe saw what is seen from `position` along the unit vector
-/// `direction`.
+/// The direction in which the probe saw the point that is
+/// seen from `position` along the unit vector `direction`.
 fn from_probe(position: vec3f, direction: vec3f) -> vec3f {
     return parallax_box(position, direction, room.probe, room.corner, room.opposite);
 }

@@ -85,11 +85,10 @@ pub fn patch_solid_angle(area: f64, cos_emitter: f64, distance: f64) -> f64 {
     area * cos_emitter / distance.powi(2)
 }
 
-/// Solid angle of a texel of a cube map, exactly: the part of the face z = 1 between the origin
-/// and (x, y) subtends atan(x y / sqrt(x^2 + y^2 + 1)); a texel is the second difference of it.
+/// Solid angle of a texel of a cube map, exactly: the part of the face z = 1 between the origin and (x, y) subtends
+/// atan(x y / sqrt(x^2 + y^2 + 1)); a texel is its second difference.
 ///
-/// The arctangents are of order 1, so that a texel of a face of size 4096, of 2e-7 sr, keeps 8
-/// digits.
+/// The arctangents are of order 1, so that a texel of a face of size 4096, with 2e-7 sr, keeps 8 digits.
 #[must_use]
 pub fn texel_solid_angle(size: u32, column: u32, row: u32) -> f64 {
     let edge = |texel: u32| 2.0 * f64::from(texel) / f64::from(size) - 1.0;
@@ -98,7 +97,7 @@ pub fn texel_solid_angle(size: u32, column: u32, row: u32) -> f64 {
     corner(right, bottom) - corner(left, bottom) - corner(right, top) + corner(left, top)
 }
 
-/// 1 - cos without cancellation: by the conjugate, sin^2 / (1 + cos), up to a right angle.
+/// 1 - cos without cancellation, by the conjugate: sin^2 / (1 + cos), up to a right angle.
 fn versine(angle: f64) -> f64 {
     let (sin, cos) = angle.sin_cos();
     if angle < FRAC_PI_2 { sin * sin / (1.0 + cos) } else { 1.0 - cos }

@@ -1,6 +1,6 @@
-// Quantities of light, and how one becomes another. PV227 lecture 11, "Light"; the article,
-// "Physics terms". Flux in W, intensity in W/sr, irradiance and radiosity in W/m^2, radiance in
-// W/(m^2 sr), BRDFs in 1/sr; lengths in m, areas in m^2, angles in rad, solid angles in sr.
+// Quantities of light, and conversions between them. PV227 lecture 11, "Light"; the article,
+// "Physics terms". Flux in W, intensity in W/sr, irradiance and radiosity in W/m^2, radiance
+// in W/(m^2 sr), BRDFs in 1/sr; lengths in m, areas in m^2, angles in rad, solid angles in sr.
 
 import package::math::PI;
 
@@ -13,10 +13,10 @@ fn intensity_from_flux(flux: f32) -> f32 {
     return flux * INV_4_PI;
 }
 
-/// Irradiance by a point of `intensity`, `distance` away, on a surface that it reaches at the
-/// angle whose cosine is `cos_theta`. The inverse square law and Lambert's cosine law.
+/// Irradiance from a point of `intensity` at `distance`, on a surface that the light reaches
+/// at the angle whose cosine is `cos_theta`. The inverse square law and Lambert's cosine law.
 ///
-/// Divided twice: the square of a distance below 1e-19 would be 0.
+/// Divides twice: the square of a distance below 1e-19 would be 0.
 fn irradiance_from_intensity(intensity: f32, cos_theta: f32, distance: f32) -> f32 {
     return intensity * cos_theta / distance / distance;
 }
@@ -27,8 +27,8 @@ fn irradiance_from_radiance(radiance: f32, solid_angle: f32, cos_theta: f32) -> 
     return radiance * cos_theta * solid_angle;
 }
 
-/// The inverse of `irradiance_from_radiance`: L = dE / (cos dw). Both divisors are above 0: at
-/// grazing, or through no solid angle, irradiance says nothing about radiance.
+/// The inverse of `irradiance_from_radiance`: L = dE / (cos dw). Both divisors are
+/// above 0: at grazing, or for no solid angle, irradiance doesn't determine radiance.
 fn radiance_from_irradiance(irradiance: f32, solid_angle: f32, cos_theta: f32) -> f32 {
     return irradiance / cos_theta / solid_angle;
 }
@@ -53,7 +53,7 @@ fn irradiance_from_patch(
     return irradiance_from_radiance(radiance, solid_angle, cos_receiver);
 }
 
-/// Flux per area that a Lambertian sends back in all directions together.
+/// Flux per area that a Lambertian returns in all directions together.
 fn lambert_radiosity(albedo: f32, irradiance: f32) -> f32 {
     return albedo * irradiance;
 }
@@ -63,22 +63,22 @@ fn lambert_radiance(albedo: f32, irradiance: f32) -> f32 {
     return albedo * irradiance * INV_PI;
 }
 
-/// A mirror's BRDF, delta / cos, with the delta spread over a small `solid_angle` around the
-/// mirror direction: 1 / (cos dw). It grows without bound as the solid angle shrinks, so that the
-/// radiance which leaves is the radiance which arrives.
+/// A mirror's BRDF, delta / cos, with the delta spread over a small `solid_angle`
+/// around the mirror direction: 1 / (cos dw). It grows without bound as the solid
+/// angle shrinks, so that the outgoing radiance equals the incoming radiance.
 fn mirror_brdf(n_dot_l: f32, solid_angle: f32) -> f32 {
     return 1.0 / n_dot_l / solid_angle;
 }
 
-/// Whether a surface that reflects `directional_albedo` of what arrives creates no energy. White,
-/// 1, is allowed.
+/// Returns `true` if a surface that reflects `directional_albedo`
+/// of the incoming light creates no energy. White, 1, is allowed.
 fn conserves_energy(directional_albedo: f32) -> bool {
     return directional_albedo <= 1.0;
 }
 
 /// Solid angle of a cone that reaches `half_angle`, in 0..=pi, from its axis: 2 pi (1 - cos).
 ///
-/// As 4 pi sin^2(half_angle / 2): the difference has no digit left at the sun's 0.0047 rad.
+/// Computed as 4 pi sin^2(half_angle / 2): the difference has no correct digit at the sun's 0.0047 rad.
 fn cap_solid_angle(half_angle: f32) -> f32 {
     let s = sine(0.5 * half_angle);
     return 4.0 * PI * s * s;
@@ -89,18 +89,18 @@ fn patch_solid_angle(area: f32, cos_emitter: f32, distance: f32) -> f32 {
     return area * cos_emitter / distance / distance;
 }
 
-/// Solid angle of a texel of a cube map whose faces are `size` texels, 1..=2^20, wide. It is the
-/// same on all faces.
+/// Solid angle of a texel of a cube map whose faces are `size`
+/// texels, 1..=2^20, wide. It is the same on all faces.
 ///
-/// The sum of two triangles, tan(w / 2) = a.(b x c) / (|a||b||c| + (a.b)|c| + (b.c)|a| + (c.a)|b|).
-/// Van Oosterom and Strackee 1983, eq. 8. The usual difference of four arctangents of order 1
-/// leaves nothing of a small texel in f32; here nothing cancels.
+/// The sum of two triangles, tan(w / 2) = a.(b x c) / (|a||b||c| + (a.b)|c| + (b.c)|a| +
+/// (c.a)|b|). Van Oosterom and Strackee 1983, eq. 8. The usual difference of four arctangents
+/// of order 1 has no correct digit for a small texel in f32; here nothing cancels.
 fn texel_solid_angle(size: u32, column: u32, row: u32) -> f32 {
     if (size == 1u) {
         return 2.0 * PI / 3.0; // a sixth of the sphere; the series below is made for less
     }
-    // Edges of the texel on the face z = 1, which reaches from -1 to 1. Differences of integers
-    // are exact, those of quotients would not be.
+    // Edges of the texel on the face z = 1, which goes from -1 to 1.
+    // Differences of integers are exact, those of quotients would not be.
     let edge = 1.0 / f32(size);
     let low = vec2f(vec2i(2 * i32(column), 2 * i32(row)) - i32(size)) * edge;
     let high = vec2f(vec2i(2 * i32(column), 2 * i32(row)) + 2 - i32(size)) * edge;
@@ -123,18 +123,18 @@ fn triangle_denominator(a: vec3f, b: vec3f, c: vec3f) -> f32 {
         + dot(a, b) * lengths.z + dot(b, c) * lengths.x + dot(c, a) * lengths.y;
 }
 
-/// atan for 0..=0.172, the most of a half texel, by its series: the first term left out is 2e-9
-/// of it.
+/// atan for 0..=0.172, the largest value for half a texel,
+/// by its series: the first omitted term is 2e-9 of it.
 ///
-/// WGSL lets `atan` be wrong by 4096 ulp, up to 5e-4 of a texel.
+/// WGSL allows `atan` an error of 4096 ulp, up to 5e-4 of a texel.
 fn arctangent(x: f32) -> f32 {
     let x2 = x * x;
     return x * (1.0 - x2 * (1.0 / 3.0 - x2 * (1.0 / 5.0 - x2 * (1.0 / 7.0 - x2 / 9.0))));
 }
 
-/// sin for 0..=pi/2, by its series: the first term left out is below 7e-10.
+/// sin for 0..=pi/2, by its series: the first omitted term is below 7e-10.
 ///
-/// WGSL bounds the error of `sin` by 2^-11 whatever the angle: a tenth of the sun's 0.0047.
+/// WGSL bounds the error of `sin` by 2^-11 for any angle: a tenth of the sun's 0.0047.
 fn sine(x: f32) -> f32 {
     let x2 = x * x;
     return x * (1.0 - x2 / 6.0 * (1.0 - x2 / 20.0 * (1.0 - x2 / 42.0 * (1.0 - x2 / 72.0

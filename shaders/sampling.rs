@@ -1,8 +1,8 @@
 //! Twin of `sampling.wgsl`: directions from random numbers, in textbook form.
 //!
-//! Directions are in the local frame, +Z being the normal; angles in radians, densities in 1/sr.
-//! Random numbers `u` lie in `[0, 1]`. The shader turns each pattern by half a turn (it says
-//! why); here that is the factor -1 on the horizontal components.
+//! Directions are in the local frame, +Z being the normal; angles in radians, densities in 1/sr. Random numbers `u` lie
+//! in `[0, 1]`. The shader turns each pattern by half a turn (its header gives the reason); here that is the factor -1
+//! on the horizontal components.
 
 use std::f64::consts::{PI, TAU};
 
@@ -53,14 +53,14 @@ pub fn ggx_normal_pdf(alpha: f64, h: DVec3) -> f64 {
     alpha2 / (PI * h.z.powi(3) * (alpha2 + tan2(h)).powi(2))
 }
 
-/// Dupuy and Benyoub 2023, listing 3: in the space where the surface is a hemisphere, the normal
-/// halves the way from the view to a direction uniform on the cap that ends opposite to it.
+/// Dupuy and Benyoub 2023, listing 3: in the space in which the surface is a hemisphere, the normal is halfway between
+/// the view and a direction uniform on the cap that ends opposite to the view.
 ///
 /// `v` is in the upper hemisphere or on the horizon, u.y below 1.
 #[must_use]
 pub fn ggx_visible_normal(alpha: f64, v: DVec3, u: DVec2) -> DVec3 {
     let w = DVec3::new(alpha * v.x, alpha * v.y, v.z).normalize();
-    // Rounding may leave the cap by an ulp, which acos wouldn't forgive.
+    // Rounding may exceed the cap by an ulp, for which acos would be NaN.
     let cos = ((1.0 - u.y) * (1.0 + w.z) - w.z).clamp(-1.0, 1.0);
     let halfway = half_turn(spherical(cos.acos(), TAU * u.x)) + w;
     DVec3::new(alpha * halfway.x, alpha * halfway.y, halfway.z).normalize()
@@ -112,7 +112,7 @@ pub fn beckmann_normal_pdf(alpha: f64, h: DVec3) -> f64 {
 
 /// Pharr et al. 2023 (pbrt-v4), section 8.6.1, with base 2: digit k of `i` weighs 2^-(k + 1).
 ///
-/// All 32 digits, while the shader keeps 24: equal for i < 2^24, else up to 2^-24 more.
+/// All 32 digits, while the shader keeps 24: equal for i < 2^24, otherwise up to 2^-24 more.
 #[must_use]
 pub fn radical_inverse(i: u32) -> f64 {
     (0..u32::BITS)
@@ -133,9 +133,8 @@ pub fn hammersley_centred(i: u32, n: u32) -> DVec2 {
     hammersley(i, n) + DVec2::splat(0.5 / f64::from(n))
 }
 
-/// The basis of Duff et al. 2017, by its geometric meaning: the shortest rotation of +Z (for
-/// `n` in the lower half: of -Z) to `n`, applied to X and Y; below, Y is flipped so that the basis
-/// stays right-handed.
+/// The basis of Duff et al. 2017, by its geometric meaning: the shortest rotation of +Z (for `n` in the lower half: of
+/// -Z) to `n`, applied to X and Y. In the lower half Y is flipped, so that the basis stays right-handed.
 #[must_use]
 pub fn orthonormal_basis(n: DVec3) -> DMat3 {
     let side = if n.z >= 0.0 { 1.0 } else { -1.0 };
@@ -149,9 +148,9 @@ pub fn to_world(tangent: DVec3, bitangent: DVec3, n: DVec3, r: DVec3) -> DVec3 {
     DMat3::from_cols(tangent, bitangent, n) * r
 }
 
-/// O'Neill 2014, section 6.3.4, PCG-RXS-M-XS with 32 bits of state: one step of the linear
-/// congruential generator from `x`, a shift by as much as the top four bits say, a product, a
-/// fixed shift. Jarzynski and Olano 2020 use it as a hash.
+/// O'Neill 2014, section 6.3.4, PCG-RXS-M-XS with 32 bits of state: one step of the linear congruential generator from
+/// `x`, a shift by a number from the top four bits, a product, a fixed shift. Jarzynski and Olano 2020 use it as a
+/// hash.
 #[must_use]
 pub fn pcg(x: u32) -> u32 {
     let state = modulo(u64::from(x) * 747_796_405 + 2_891_336_453);
@@ -257,7 +256,7 @@ mod tests {
 
     #[test]
     fn ggx_quantiles() {
-        // The share of normals within theta is alpha^2-free at tan(theta) = alpha: it is 1/2.
+        // At tan(theta) = alpha the share of normals below theta doesn't depend on alpha: it is 1/2.
         for alpha in [1e-4, 0.1, 1.0_f64] {
             let normal = ggx_normal(alpha, DVec2::new(0.7, 0.5));
             let tangent = normal.x.hypot(normal.y) / normal.z;
@@ -283,7 +282,7 @@ mod tests {
         DVec3::new(0.28, -0.96, 0.0), // grazing
     ];
 
-    /// The integral of `f` over the hemisphere: a midpoint rule, off by the square of its steps.
+    /// The integral of `f` over the hemisphere: a midpoint rule, with an error of the square of its steps.
     fn integral(f: impl Fn(DVec3) -> f64) -> f64 {
         let (rings, sectors) = (800, 400);
         let (d_theta, d_phi) = (PI / 2.0 / f64::from(rings), TAU / f64::from(sectors));
@@ -295,9 +294,8 @@ mod tests {
         (0..rings).map(ring).sum()
     }
 
-    /// A warp of the unit square has density `pdf` exactly if small squares grow by 1 / `pdf`:
-    /// |ds/du x ds/dv| pdf = 1. Central differences with steps of 1e-5 are off by 1e-10 times
-    /// a third derivative of at most some hundreds.
+    /// A warp of the unit square has density `pdf` exactly if small squares grow by 1 / `pdf`: |ds/du x ds/dv| pdf = 1.
+    /// Central differences with steps of 1e-5 have an error of 1e-10 times a third derivative of at most some hundreds.
     fn assert_density(sample: impl Fn(DVec2) -> DVec3, pdf: impl Fn(DVec3) -> f64, what: &str) {
         const STEP: f64 = 1e-5;
         for (x, y) in (1..12).flat_map(|x| (1..12).map(move |y| (x, y))) {
@@ -376,7 +374,7 @@ mod tests {
 
     #[test]
     fn all_normals_are_visible_from_above() {
-        // G1 is 1 at normal incidence: what is seen is what is there.
+        // G1 is 1 at normal incidence: all normals are visible.
         for u in [DVec2::new(0.2, 0.7), DVec2::new(0.9, 0.01), DVec2::new(0.5, 0.999)] {
             let seen = ggx_visible_normal(0.3, DVec3::Z, u);
             assert!(seen.abs_diff_eq(ggx_normal(0.3, u), 1e-12), "{u}");
@@ -404,10 +402,10 @@ mod tests {
 
     #[test]
     fn hashes_have_no_order_left() {
-        // What implementations in other languages return.
+        // The results of implementations in other languages.
         assert_eq!(pcg(0), 129_708_002);
         let n = 1 << 16;
-        // A bit of the result flips for half of the inputs, whichever bit of the input flips.
+        // Whichever bit of the input flips, a bit of the result flips for half of the inputs.
         for bit in 0..32 {
             let flipped: u32 = (0..1024).map(|x| (pcg(x) ^ pcg(x ^ 1 << bit)).count_ones()).sum();
             let share = f64::from(flipped) / (1024.0 * 32.0);

@@ -1,9 +1,9 @@
-// Directions from random numbers, and the densities with which they come. Directions are in the
+// Directions from random numbers, and their densities. Directions are in the
 // local frame: +Z is the normal. Densities are per solid angle, in 1/sr.
 //
-// The azimuth is 2 pi u - pi rather than 2 pi u, because WGSL bounds the error of sin and cos
-// only on [-pi, pi]. It turns every pattern by half a turn, which changes no distribution. It is
-// computed as 2 pi (u - 1/2): that difference is exact for u >= 1/4.
+// The azimuth is 2 pi u - pi rather than 2 pi u, because WGSL bounds the error of sin
+// and cos only on [-pi, pi]. This turns every pattern by half a turn, which changes no
+// distribution. The code computes 2 pi (u - 1/2): that difference is exact for u >= 1/4.
 
 import package::math::{INV_TAU, PI, TAU};
 
@@ -35,8 +35,8 @@ fn uniform_hemisphere_pdf(n_dot_l: f32) -> f32 {
 /// A direction with density cos / pi: cos = sqrt(1 - u.y), azimuth from u.x. Malley's method,
 /// Pharr et al. 2023 (pbrt-v4), section A.5.3.
 ///
-/// It is the top of the sphere that is at u.y = 0, so that below u.y = 1, where every sequence
-/// here ends, no direction lies on the horizon, with density 0.
+/// u.y = 0 is the top of the sphere. So below u.y = 1, where every sequence
+/// here ends, no direction lies on the horizon, where the density is 0.
 fn cosine_hemisphere(u: vec2f) -> vec3f {
     return turned(u.x, sqrt(u.y), sqrt(1.0 - u.y));
 }
@@ -52,7 +52,7 @@ fn cosine_hemisphere_pdf(n_dot_l: f32) -> f32 {
 /// `alpha` is 0 or lies in 1e-4..=1; alpha = 0 returns the normal itself. sin comes from `alpha`
 /// and not from sqrt(1 - cos^2), which has no correct digit left at alpha = 1e-4.
 fn ggx_normal(alpha: f32, u: vec2f) -> vec3f {
-    // 1 + (alpha^2 - 1) u.y, as a sum of what can't cancel.
+    // 1 + (alpha^2 - 1) u.y, as a sum of terms that can't cancel.
     let d = (1.0 - u.y) + alpha * alpha * u.y;
     if (d == 0.0) {
         return vec3f(0.0, 0.0, 1.0); // alpha = 0 and u.y = 1, where the formula reads 0 / 0
@@ -65,7 +65,7 @@ fn ggx_normal(alpha: f32, u: vec2f) -> vec3f {
 /// Density of `ggx_normal` at a unit vector `h`: D(h) N.H. Walter et al. 2007, eq. 33.
 ///
 /// cos^2 (alpha^2 - 1) + 1 is written as sin^2 + alpha^2 cos^2, with the sine from the vector: the
-/// cosine of a unit vector near the normal has lost it. `alpha` lies in 1e-4..=1.
+/// cosine of a unit vector near the normal has no digits left for it. `alpha` lies in 1e-4..=1.
 fn ggx_normal_pdf(alpha: f32, h: vec3f) -> f32 {
     if (h.z <= 0.0) {
         return 0.0;
@@ -73,25 +73,25 @@ fn ggx_normal_pdf(alpha: f32, h: vec3f) -> f32 {
     return ggx(alpha, h) * h.z;
 }
 
-/// D of GGX at `h` in the upper hemisphere. The quotient is squared, not its parts: alpha^4 would
-/// come close to the least float.
+/// D of GGX at `h` in the upper hemisphere. It squares the quotient,
+/// not its parts: alpha^4 would be close to the least float.
 fn ggx(alpha: f32, h: vec3f) -> f32 {
     let quotient = alpha / (dot(h.xy, h.xy) + alpha * alpha * h.z * h.z);
     return quotient * quotient / PI;
 }
 
-/// A microfacet normal as often as it is seen from `v`: with density G1(v) max(0, V.H) D(h) / N.V.
-/// Heitz 2018, section 3, with the spherical cap of Dupuy and Benyoub 2023, listing 3.
+/// A microfacet normal, sampled as often as it is visible from `v`: with density G1(v) max(0, V.H)
+/// D(h) / N.V. Heitz 2018, section 3, with the spherical cap of Dupuy and Benyoub 2023, listing 3.
 ///
-/// Stretched by `alpha`, the microsurface is a hemisphere, on which the normals seen from `w`
-/// halve the way from `w` to directions c that are uniform on the cap c.z >= -w.z.
+/// Stretched by `alpha`, the microsurface is a hemisphere. Its normals visible from `w`
+/// are halfway between `w` and directions c that are uniform on the cap c.z >= -w.z.
 ///
-/// `alpha` lies in 1e-4..=1, `v` in the upper hemisphere or on the horizon, u.y below 1: at
-/// u.y = 1, c may be opposite to `w`, and nothing lies halfway.
+/// `alpha` lies in 1e-4..=1, `v` in the upper hemisphere or on the horizon, u.y
+/// below 1: at u.y = 1, c may be opposite to `w`, and there is no halfway vector.
 fn ggx_visible_normal(alpha: f32, v: vec3f, u: vec2f) -> vec3f {
     let w = normalize(vec3f(alpha * v.xy, v.z));
-    // c.z = (1 - u.y) (1 + w.z) - w.z. Its sine from 1 - c.z and 1 + c.z, and the height of c + w,
-    // are written out, because each of the three can be small, and 1 - w.z cancels too.
+    // c.z = (1 - u.y) (1 + w.z) - w.z. Its sine, from 1 - c.z and 1 + c.z, and the height of
+    // c + w are written out, because each of the three can be small, and 1 - w.z cancels too.
     let height = (1.0 - u.y) * (1.0 + w.z);
     let from_top = u.y * (1.0 + w.z);
     let from_bottom = height + dot(w.xy, w.xy) / (1.0 + w.z);
@@ -123,9 +123,9 @@ fn beckmann_normal(alpha: f32, u: vec2f) -> vec3f {
 
 /// -ln(1 - x) for 0 <= x < 1.
 ///
-/// Near 1 WGSL bounds the error of log only absolutely: ln 1 may be positive, and the square root
-/// of its negative NaN. There it is 2 artanh(x / (2 - x)), whose third term is 1e-6 of the first
-/// at x = 0.1 and whose fourth is below half an ulp.
+/// Near 1 WGSL bounds the error of log only absolutely: ln 1 may be positive, and the
+/// square root of its negative NaN. There this function uses 2 artanh(x / (2 - x)), whose
+/// third term is 1e-6 of the first at x = 0.1 and whose fourth is below half an ulp.
 fn minus_log_of_rest(x: f32) -> f32 {
     if (x < 0.1) {
         let s = x / (2.0 - x);
@@ -137,9 +137,9 @@ fn minus_log_of_rest(x: f32) -> f32 {
 
 /// Density of `beckmann_normal` at a unit vector `h`: D(h) N.H. Walter et al. 2007, eq. 25.
 ///
-/// `alpha` lies in 1e-4..=1. Towards the horizon the exponential vanishes faster than any power
-/// of the cosine. Beyond e^-87, the least normal float, the result is 0 before the cosine's third
-/// power can make it 0 / 0; what is cut off is below 1e-30.
+/// `alpha` lies in 1e-4..=1. Towards the horizon the exponential vanishes faster than
+/// any power of the cosine. Beyond e^-87, the least normal float, the result is 0
+/// before the cosine's third power can make it 0 / 0; omitted results are below 1e-30.
 fn beckmann_normal_pdf(alpha: f32, h: vec3f) -> f32 {
     if (h.z <= 0.0) {
         return 0.0;
@@ -154,8 +154,8 @@ fn beckmann_normal_pdf(alpha: f32, h: vec3f) -> f32 {
 
 /// The bits of `i` mirrored about the binary point: van der Corput's sequence, in [0, 1).
 ///
-/// All 32 bits would round up to exactly 1 for some `i`, so only the first 24 are kept; they
-/// convert exactly.
+/// All 32 bits would round up to exactly 1 for some `i`,
+/// so it keeps only the first 24, which convert exactly.
 fn radical_inverse(i: u32) -> f32 {
     return unit_float(reverseBits(i));
 }
@@ -167,15 +167,15 @@ fn hammersley(i: u32, n: u32) -> vec2f {
 
 /// Point `i` of the `n`-point Hammersley set, moved to the middle of its cell.
 ///
-/// The plain set holds 0 but not 1, so its mean is 1/2 - 1/(2 n), and an estimator that is
-/// linear in u.y is that much too dark. Centred, both means are 1/2 when n is a power of two. No
-/// coordinate reaches 1: the greatest radical inverse below n leaves at least 1/(2 n) to it.
+/// The plain set contains 0 but not 1, so its mean is 1/2 - 1/(2 n), and an estimator that is
+/// linear in u.y is too dark by that much. Centred, both means are 1/2 if n is a power of two.
+/// No coordinate reaches 1: the greatest radical inverse below n is at least 1/(2 n) below it.
 fn hammersley_centred(i: u32, n: u32) -> vec2f {
     return vec2f((f32(i) + 0.5) / f32(n), radical_inverse(i) + 0.5 / f32(n));
 }
 
-/// Columns tangent, bitangent, `n`: right-handed, orthonormal for each unit vector `n`, and
-/// without the singularity that Frisvad's has at -Z. Duff et al. 2017.
+/// Columns tangent, bitangent, `n`: right-handed, orthonormal for each unit vector
+/// `n`, and without the singularity of Frisvad's basis at -Z. Duff et al. 2017.
 fn orthonormal_basis(n: vec3f) -> mat3x3f {
     // +1 for -0.0 too: copysign's -1 would also do, since the divisor is at least 1 either way.
     let z = select(-1.0, 1.0, n.z >= 0.0);
@@ -201,7 +201,7 @@ fn pcg(x: u32) -> u32 {
     return shifted ^ (shifted >> 22u);
 }
 
-/// Three numbers mixed into three. Jarzynski and Olano 2020, section 4.1.3, pcg3d.
+/// Mixes three numbers into three. Jarzynski and Olano 2020, section 4.1.3, pcg3d.
 fn pcg3d(x: vec3u) -> vec3u {
     let mixed = stirred(x * 1664525u + 1013904223u);
     return stirred(mixed ^ (mixed >> vec3u(16u)));

@@ -1,4 +1,4 @@
-//! Twin of `scene.wgsl`: what the frame is drawn from, and references for its pure functions.
+//! Twin of `scene.wgsl`: the spheres, materials and cameras of the frame, and references for its pure functions.
 
 use std::f64::consts::{PI, TAU};
 
@@ -11,11 +11,11 @@ use crate::materials::{MATERIALS, ROUGHNESSES};
 /// Spheres across and down.
 pub const SIDE: u32 = 8;
 
-/// Between the centres of neighbouring spheres, which have radius 1: across, down.
+/// The distances between the centres of neighbouring spheres, which have radius 1: across, down.
 pub const SPACING: DVec2 = DVec2::new(3.2, 2.2);
 
 karat::shareable! {
-    /// How many directions light is gathered from, at each pixel.
+    /// The numbers of directions from which light is gathered at each pixel.
     pub struct Samples mirrors SamplesMirror {
         /// For the diffuse term.
         diffuse: u32,
@@ -31,18 +31,18 @@ impl Samples {
     pub const FILTERED: Self = Self { diffuse: 64, specular: 64 };
 }
 
-/// What a sphere is made of, as its texels say.
+/// The material of a sphere, as stored in its texels.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Painted {
     /// Albedo of plastics, reflectance at normal incidence of metals; linear, per channel.
     pub base_color: Vec3,
-    /// GGX width, as the lecture feeds it: not squared. 0 is a mirror.
+    /// GGX width, as in the lecture: roughness isn't squared. 0 is a mirror.
     pub roughness: f32,
     /// 0 for plastics, 1 for metals.
     pub metallic: f32,
 }
 
-/// The spheres by instance: a material a column, a roughness a row.
+/// The spheres by instance: each column has a material, each row a roughness.
 #[must_use]
 pub fn spheres() -> Vec<Painted> {
     let row = |roughness| {
@@ -55,18 +55,17 @@ pub fn spheres() -> Vec<Painted> {
     ROUGHNESSES.into_iter().flat_map(row).collect()
 }
 
-/// Those that reflect all light: white plastics instead of coloured ones, perfect metals instead
-/// of real ones.
+/// Spheres that reflect all light: white plastics instead of coloured ones, perfect metals instead of real ones.
 #[must_use]
 pub fn white_spheres() -> Vec<Painted> {
     spheres().into_iter().map(|painted| Painted { base_color: Vec3::ONE, ..painted }).collect()
 }
 
-/// `base_color_map` and `surface_map`, a texel a sphere.
+/// `base_color_map` and `surface_map`, with a texel for each sphere.
 ///
 /// # Panics
 ///
-/// If there aren't as many spheres as the scene has.
+/// If there aren't as many spheres as in the scene.
 #[must_use]
 pub fn material_maps(spheres: &[Painted]) -> [Texture; 2] {
     assert_eq!(spheres.len(), (SIDE * SIDE) as usize, "a material for each sphere");
@@ -98,8 +97,8 @@ pub fn no_mask() -> Texture {
     mask(|_| 0.0)
 }
 
-/// Rings about the middle of each sphere, with edges that take a third of their width, so that
-/// the values between 0 and 1 are seen, too.
+/// Rings about the middle of each sphere, with edges that take a third of their width, so that values between 0 and 1
+/// show, too.
 #[must_use]
 pub fn rings() -> Texture {
     mask(|point| (0.5 + 1.5 * (3.0 * PI * point.length()).sin()).clamp(0.0, 1.0))
@@ -109,7 +108,7 @@ pub fn rings() -> Texture {
 #[must_use]
 pub fn dots() -> Texture {
     mask(|point| {
-        // Two thirds from dot to dot.
+        // The distance between dots is two thirds.
         let from_dot = point - (1.5 * point).round() / 1.5;
         0.85 * ((0.2 - from_dot.length()) / 0.05).clamp(0.0, 1.0)
     })
@@ -119,7 +118,7 @@ pub fn dots() -> Texture {
 /// +Z axis.
 #[must_use]
 pub fn camera(aspect: f64) -> Camera {
-    // Narrow, so that the spheres at the border don't look stretched.
+    // A narrow field, so that the spheres at the border don't look stretched.
     let field_of_view = 20_f64.to_radians();
     // Half of the grid, the radius and a border of 0.6.
     let half = 0.5 * f64::from(SIDE - 1) * SPACING + DVec2::splat(1.6);
@@ -128,13 +127,13 @@ pub fn camera(aspect: f64) -> Camera {
         position: DVec3::new(0.0, 0.0, distance),
         target: DVec3::ZERO,
         field_of_view,
-        // The spheres are within 1 of z = 0: all of the depth range is spent on them.
+        // The spheres are within 1 of z = 0, and the depth range covers only them.
         depth: [distance - 1.5, distance + 1.5],
     }
     .camera(aspect)
 }
 
-/// A camera that sees the spheres from the side, one behind the other, those drawn first farthest.
+/// A camera that sees the spheres from the side, one behind the other. Those drawn first are farthest.
 #[must_use]
 pub fn oblique_camera(aspect: f64) -> Camera {
     Setup {
@@ -149,8 +148,7 @@ pub fn oblique_camera(aspect: f64) -> Camera {
 /// The unit sphere as positions, which are its normals too, and triangles that are
 /// counter-clockwise seen from outside.
 ///
-/// `rings` bands from pole to pole, each of `segments` pieces. The poles are one vertex each, and
-/// no vertex is doubled.
+/// `rings` bands from pole to pole, each of `segments` pieces. Each pole is one vertex, and no vertex is doubled.
 ///
 /// # Panics
 ///
@@ -195,7 +193,7 @@ pub fn sphere(rings: u32, segments: u32) -> (Vec<Vec3>, Vec<u32>) {
     (positions, indices)
 }
 
-/// Where sphere `instance` stands.
+/// The centre of sphere `instance`.
 #[must_use]
 pub fn sphere_centre(instance: u32) -> DVec3 {
     let (row, column) = (instance / SIDE, instance % SIDE);

@@ -1,9 +1,9 @@
-// The test scene of PV227 lecture 11: 8 x 8 spheres, a material a column, a roughness a row,
-// in front of the environment that lights them. The output is linear and HDR.
+// The test scene of PV227 lecture 11: 8 x 8 spheres, with a material for each column and a roughness
+// for each row, in front of the environment that lights them. The output is linear and HDR.
 //
-// Drawn twice with `vertex`: depth only, then with one of the fragment functions, one for each
-// task of the lecture, and depth test `equal`, so that each pixel is shaded once. The background
-// passes the same test where no sphere is.
+// It is drawn twice with `vertex`: first only depth, then with one of the fragment
+// functions, one for each task of the lecture, and depth test `equal`, so that each
+// pixel is shaded once. The background passes the same test where there is no sphere.
 
 import package::camera::{camera, covering_corner, view_direction};
 import package::compensation::{compensated, coupled};
@@ -13,14 +13,14 @@ import package::layering::{masked_base, plastic, thin_coat};
 import package::materials::{alpha_from_roughness, masked_roughness, material_from_texels};
 import package::specular;
 
-/// How many directions light is gathered from, together at most 65,535: see `irradiance`. Powers of
-/// two make the diffuse furnace exact.
+/// The numbers of directions that gather light, together at most 65,535:
+/// see `irradiance`. Powers of two make the diffuse furnace exact.
 struct Samples {
     diffuse: u32,
     specular: u32,
 }
 
-/// What the vertex stage hands over.
+/// The outputs of the vertex stage.
 struct Varyings {
     // Both passes must compute the same depth to the bit, though they are different pipelines.
     @invariant @builtin(position) clip: vec4f,
@@ -29,41 +29,41 @@ struct Varyings {
     @location(2) @interpolate(flat) instance: u32,
 }
 
-/// Linear, a texel a sphere: a column a material, a row a roughness.
+/// Linear, with a texel for each sphere: a material for each column, a roughness for each row.
 @group(0) @binding(3) var base_color_map: texture_2d<f32>;
 /// Roughness in R, metallic in G.
 @group(0) @binding(4) var surface_map: texture_2d<f32>;
-/// Over each sphere as the camera of the test scene sees it, in R. Linear: a mask is no colour.
+/// A mask over each sphere as the camera of the test scene sees it, in R. Linear: a mask isn't a colour.
 @group(0) @binding(5) var mask: texture_2d<f32>;
 @group(0) @binding(6) var<uniform> samples: Samples;
 /// The environment, filtered for growing roughness in its mip levels.
 @group(0) @binding(7) var prefiltered: texture_cube<f32>;
-/// Karis' scale and bias of f0 in R and G; N.V to the right, alpha downward.
+/// Karis' scale and bias of f0 in R and G; N.V increases to the right, alpha downward.
 @group(0) @binding(8) var split_sum_table: texture_2d<f32>;
 
 /// Spheres across and down.
 const SIDE: u32 = 8u;
-/// Between centres of spheres of radius 1: wider than high, for a frame of 16:9.
+/// Distances between centres of spheres of radius 1: wider than high, for a frame of 16:9.
 const SPACING: vec2f = vec2f(3.2, 2.2);
 
-/// The least N.V that is shaded. Weights are bounded however small it is; at 1e-3 the rounding
-/// of N.V, about 1e-7, is still 1e-4 of it.
+/// The least N.V that is shaded. Weights are bounded for any N.V; at
+/// 1e-3 the rounding of N.V, about 1e-7, is still only 1e-4 of it.
 const LEAST_N_DOT_V: f32 = 1e-3;
 
-/// Where the mask is 1, frames with masked roughness have this one.
+/// The roughness where the mask is 1, in frames with masked roughness.
 const MASKED_ROUGHNESS: f32 = 0.5;
 
-/// Where sphere `instance` stands: row by row from the top left, in the plane z = 0.
+/// The centre of sphere `instance`: row by row from the top left, in the plane z = 0.
 fn sphere_centre(instance: u32) -> vec3f {
     let cell = vec2f(f32(instance % SIDE), f32(instance / SIDE));
     let middle = 0.5 * f32(SIDE - 1u);
     return vec3f((cell.x - middle) * SPACING.x, (middle - cell.y) * SPACING.y, 0.0);
 }
 
-/// `n`, turned towards `v` by as little as makes N.V at least LEAST_N_DOT_V.
+/// `n`, turned towards `v` by the least angle that makes N.V at least LEAST_N_DOT_V.
 ///
-/// Normals interpolated over a mesh face away along its outline. Turning the vector keeps all dot
-/// products consistent, which clamping them one by one would not.
+/// Normals interpolated over a mesh face away along its outline. Turning the
+/// vector keeps all dot products consistent; clamping them one by one would not.
 fn facing_normal(n: vec3f, v: vec3f) -> vec3f {
     let missing = LEAST_N_DOT_V - dot(n, v);
     if (missing <= 0.0) {
@@ -72,7 +72,7 @@ fn facing_normal(n: vec3f, v: vec3f) -> vec3f {
     return normalize(n + missing * v);
 }
 
-/// Where a mask is read for a point with unit normal `n`: as the camera, on the +Z axis, sees it.
+/// The mask coordinates of a point with unit normal `n`, as the camera on the +Z axis sees it.
 fn mask_coordinate(n: vec3f) -> vec2f {
     return vec2f(0.5 + 0.5 * n.x, 0.5 - 0.5 * n.y);
 }
@@ -88,7 +88,7 @@ fn vertex(@location(0) position: vec3f, @builtin(instance_index) instance: u32) 
     return projected(position, instance);
 }
 
-/// What is known of the point that a pixel shows.
+/// The surface at the point that a pixel shows.
 struct Surface {
     diffuse: vec3f, // albedo, black for metals
     f0: vec3f,
@@ -110,7 +110,7 @@ fn surface(in: Varyings) -> Surface {
     return Surface(material.diffuse, material.f0, painted.r, covered, n, v);
 }
 
-/// Light that the pigment sends back, at most. Metals, five columns of eight, skip the loop.
+/// The most light that the pigment returns. Metals, five columns of eight, skip the loop.
 fn diffuse_light(s: Surface) -> vec3f {
     if (all(s.diffuse == vec3f(0.0))) {
         return vec3f(0.0);
@@ -118,13 +118,13 @@ fn diffuse_light(s: Surface) -> vec3f {
     return s.diffuse * irradiance::estimate(s.n, samples.diffuse);
 }
 
-/// The lecture's scene feeds its roughness to the sampler as it is; others square it first.
+/// The lecture's scene passes its roughness to the sampler unchanged; others square it first.
 fn specular_light(s: Surface) -> vec3f {
     let alpha = alpha_from_roughness(s.roughness);
     return specular::estimate(s.f0, alpha, s.n, s.v, samples.specular);
 }
 
-/// Both, the diffuse light behind the interface.
+/// Both terms, with the diffuse light behind the interface.
 fn shade(s: Surface) -> vec3f {
     return plastic(s.f0, diffuse_light(s), specular_light(s), dot(s.n, s.v));
 }
@@ -156,7 +156,7 @@ fn masked_roughness_fragment(in: Varyings) -> @location(0) vec4f {
     return vec4f(shade(s), 1.0);
 }
 
-/// Task 3: a thin coat over what the surface would send without it.
+/// Task 3: a thin coat over the surface's own light.
 @fragment
 fn layered_fragment(in: Varyings) -> @location(0) vec4f {
     let s = surface(in);
@@ -177,7 +177,7 @@ fn coated(s: Surface, base: vec3f) -> vec3f {
     return thin_coat(radiance(reflect(-s.v, s.n)), base, dot(s.n, s.v));
 }
 
-/// Task 1, "try sampling higher mipmap-levels": few samples, each from the level that it covers.
+/// Task 1, "try sampling higher mipmap-levels": few samples, each from the level of its solid angle.
 @fragment
 fn filtered_diffuse_fragment(in: Varyings) -> @location(0) vec4f {
     let s = surface(in);
@@ -218,7 +218,7 @@ fn table_entry(s: Surface) -> vec2f {
     return textureSampleLevel(split_sum_table, environment_sampler, place, 0.0).rg;
 }
 
-/// With the energy that `fragment` loses: white materials vanish in white light.
+/// Compensates for the energy that `fragment` loses: white materials are invisible in white light.
 @fragment
 fn compensated_fragment(in: Varyings) -> @location(0) vec4f {
     let s = surface(in);

@@ -12,7 +12,7 @@ pub fn ev100_from_camera(aperture: f64, shutter: f64, iso: f64) -> f64 {
     2.0 * aperture.log2() - shutter.log2() - (iso / 100.0).log2()
 }
 
-/// Lagarde and de Rousiers 2014, section 5.1: 1 over the luminance at saturation, 1.2 * 2^EV100.
+/// Lagarde and de Rousiers 2014, section 5.1: 1 over the saturating luminance, 1.2 * 2^EV100.
 #[must_use]
 pub fn exposure_from_ev100(ev100: f64) -> f64 {
     (1.2 * 2.0_f64.powf(ev100)).recip()
@@ -36,7 +36,7 @@ pub fn reinhard(luminance: f64, white: f64) -> f64 {
     luminance * (1.0 + luminance / white.powi(2)) / (1.0 + luminance)
 }
 
-/// The colour, scaled to what eq. 4 makes of its luminance.
+/// The colour, scaled to the result of eq. 4 for its luminance.
 #[must_use]
 pub fn tone_map(color: DVec3, white: f64) -> DVec3 {
     match luminance(color) {
@@ -67,7 +67,7 @@ mod tests {
         // f/16 at 1/ISO s.
         assert!((ev100_from_camera(16.0, 1.0 / 100.0, 100.0) - 14.64).abs() < 0.01);
         assert_eq!(ev100_from_camera(1.0, 1.0, 100.0), 0.0);
-        // Twice the sensitivity asks for one stop less light.
+        // Twice the sensitivity needs one stop less light.
         assert!(
             (ev100_from_camera(4.0, 0.01, 400.0) - ev100_from_camera(4.0, 0.01, 100.0) + 2.0).abs()
                 < 1e-12
@@ -120,7 +120,7 @@ mod tests {
     fn the_curves_are_inverse_and_continuous() {
         for i in 0..=1000 {
             let c = DVec3::splat(f64::from(i) / 1000.0);
-            // The standard's thresholds are rounded: they miss each other by 6e-9 of linear light.
+            // The standard's thresholds are rounded: they differ by 6e-9 of linear light.
             assert!(linear_from_srgb(srgb_from_linear(c)).abs_diff_eq(c, 1e-8), "{c}");
         }
         let gap = |f: fn(DVec3) -> DVec3, at: f64| {

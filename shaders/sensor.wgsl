@@ -1,5 +1,5 @@
-// From radiance to a display: exposure, luminance, tone, and the transfer function of sRGB.
-// PV227 lecture 11, "Sensors". For previews only: frames are linear and HDR.
+// From radiance to a display: exposure, luminance, tone mapping, and the transfer function
+// of sRGB. PV227 lecture 11, "Sensors". Only for previews: frames are linear and HDR.
 
 /// Weights of linear red, green and blue with the primaries of sRGB (and of ITU-R BT.709).
 /// IEC 61966-2-1, the second row of the matrix to XYZ.
@@ -11,15 +11,15 @@ fn ev100_from_camera(aperture: f32, shutter: f32, iso: f32) -> f32 {
     return log2(aperture * aperture / shutter * 100.0 / iso);
 }
 
-/// What luminance in cd/m^2 is multiplied by so that the brightest which the sensor holds becomes
-/// 1. Lagarde and de Rousiers 2014, section 5.1: 1 / (1.2 * 2^EV100).
+/// The factor that converts luminance in cd/m^2 such that the brightest luminance of the
+/// sensor becomes 1. Lagarde and de Rousiers 2014, section 5.1: 1 / (1.2 * 2^EV100).
 ///
 /// The 1.2 is 78 / (100 q) with q = 0.65, the part of the light that a lens lets through.
 fn exposure_from_ev100(ev100: f32) -> f32 {
     return exp2(-ev100) / 1.2;
 }
 
-/// `radiance`, brighter by `stops`: twice as bright a stop.
+/// `radiance`, brighter by `stops`: each stop doubles it.
 fn expose(radiance: vec3f, stops: f32) -> vec3f {
     return radiance * exp2(stops);
 }
@@ -35,17 +35,17 @@ fn reinhard(color_luminance: f32, white: f32) -> f32 {
     return compressed(vec3f(color_luminance), color_luminance, white).x;
 }
 
-/// `reinhard` of a colour's luminance; hue and saturation stay. Channels brighter than the
-/// luminance may exceed 1. `white` is above 1e-30. Where it is below 1e-15, channels of up to 1e4
-/// may become infinite, which is what an f32 makes of numbers that large.
+/// `reinhard` of a colour's luminance, with the same hue and saturation. Channels
+/// brighter than the luminance may exceed 1. `white` is above 1e-30. If it is below
+/// 1e-15, channels of up to 1e4 may become infinite, because the results exceed an f32.
 fn tone_map(color: vec3f, white: f32) -> vec3f {
     return compressed(color, luminance(color), white);
 }
 
 /// `color` times eq. 4 over L, so that black needs no division by its luminance.
 ///
-/// Divided by `white` twice, and each time something that is small where the other is: the square
-/// of `white` may underflow, and a channel that is 0 must not meet an infinity.
+/// It divides by `white` twice, and each time a number that is small if the other is:
+/// the square of `white` may underflow, and a channel of 0 must not meet an infinity.
 fn compressed(color: vec3f, color_luminance: f32, white: f32) -> vec3f {
     let darker = color / (1.0 + color_luminance);
     return darker + darker / white * (color_luminance / white);

@@ -40,7 +40,7 @@ pub fn filtered_estimate(
     mean(f0, alpha, n, v, samples, |l, pdf| radiance(l, level(pdf)))
 }
 
-/// The first level where the density is infinite, for a mirror.
+/// The first level if the density is infinite, for a mirror.
 fn pdf_level(pdf: f64, samples: u32, size: u32) -> f64 {
     if pdf == f64::INFINITY { 0.0 } else { environment::mip_level(pdf, samples, size) }
 }
@@ -135,7 +135,7 @@ mod tests {
         DVec3::new(sin, 0.0, cos)
     }
 
-    /// What a perfect reflector (f0 = 1) of `alpha` returns of a white furnace.
+    /// The share of a white furnace that a perfect reflector (f0 = 1) of `alpha` returns.
     fn furnace(alpha: f64, degrees: f64, samples: u32) -> f64 {
         let white = |_| DVec3::ONE;
         estimate(DVec3::ONE, alpha, DVec3::Z, view(degrees), samples, white).x
@@ -214,7 +214,7 @@ mod tests {
 
     #[test]
     fn the_split_sum_is_close_along_the_normal() {
-        // There N = V = R holds. What is left is the weight, N.L in place of G V.H / N.H.
+        // With N = V = R, only the weight differs: N.L in place of G V.H / N.H.
         let sky = environment::linear(DVec3::new(0.3, -0.2, 0.6));
         for (alpha, bound) in [(0.1, 0.006), (0.3, 0.02), (0.5, 0.022)] {
             let full = estimate(DVec3::ONE, alpha, DVec3::Z, DVec3::Z, 1024, &sky).x;
@@ -259,7 +259,7 @@ mod tests {
         assert_eq!(level(0.0, 16), 0.0);
         assert!(level(0.05, 16) < level(0.1, 16) && level(0.1, 16) < level(0.2, 16));
         assert!(level(0.2, 256) < level(0.2, 64) && level(0.2, 64) < level(0.2, 16));
-        // A quarter of the samples, a level more.
+        // A quarter of the samples read one level more.
         assert!((level(0.2, 64) - level(0.2, 256) - 1.0).abs() < 0.1);
     }
 
@@ -274,8 +274,8 @@ mod tests {
 
     #[test]
     fn the_split_sum_in_the_studio() {
-        // The mean difference over 100 normals, as a share of the mean: small along the normal,
-        // large where the true lobe stretches.
+        // The mean difference over 100 normals, as a share of the mean: small along the normal, large where the true
+        // lobe stretches.
         let difference = |alpha: f64, n_dot_v: f64| {
             let mut sum = DVec2::ZERO;
             for i in 0..100 {

@@ -1,13 +1,13 @@
 // Light from an environment, reflected by GGX microfacets. PV227 lecture 11, task 2, and the
 // approximation of the paper that it builds on: Karis 2013, "Real Shading in Unreal Engine 4".
 //
-// `n`, `v` and `r` are unit vectors with N.V > 0; `alpha` is 0, a mirror, or lies in 1e-4..=1.
-// G is the V-cavity, as in the lecture. It has a property that the Smith forms lack: the weight of
-// a sample never exceeds 2 F, however grazing the view.
+// `n`, `v` and `r` are unit vectors with N.V > 0; `alpha` is 0, a mirror, or
+// lies in 1e-4..=1. G is the V-cavity, as in the lecture. Unlike with the Smith
+// forms, the weight of a sample never exceeds 2 F, however grazing the view is.
 //
-// Mesa's software drivers leave a loop once all loops of an invocation have gone round 65,535 times
-// together, and the sum is then too small: that is the most that `samples` may be, less what other
-// loops of the invocation need.
+// Mesa's software drivers leave a loop once all loops of an invocation together
+// have gone round 65,535 times, and the sum is then too small: `samples` may be
+// at most that, minus the rounds that other loops of the invocation need.
 
 import package::environment::{mip_level, radiance, radiance_level};
 import package::fresnel::schlick;
@@ -18,10 +18,10 @@ import package::sampling::{ggx_normal, ggx_normal_pdf, hammersley_centred, ortho
 /// Radiance that a metal or a coat of reflectance `f0` and width `alpha` sends towards `v`,
 /// estimated by `samples` (1..=65,535) microfacet normals.
 ///
-/// Light from below the surface doesn't arrive. Rejecting it, also where V.H < 0 (which implies
-/// it), keeps a furnace at or below 1 (64 normals: 1.005, the error of the quadrature). Clamping
-/// all cosines to 0.001 instead, as the lecture advises, lets it reach 1.25 to 1.75 within 0.1
-/// degrees of grazing (E15).
+/// Light from below the surface doesn't arrive. Rejecting it, also for V.H < 0
+/// (which implies it), keeps a furnace at or below 1 (64 normals: 1.005, the error
+/// of the quadrature). If all cosines were clamped to 0.001 instead, as the lecture
+/// advises, it would reach 1.25 to 1.75 within 0.1 degrees of grazing (E15).
 fn estimate(f0: vec3f, alpha: f32, n: vec3f, v: vec3f, samples: u32) -> vec3f {
     let n_dot_v = dot(n, v);
     if (alpha == 0.0) {
@@ -47,8 +47,8 @@ fn estimate(f0: vec3f, alpha: f32, n: vec3f, v: vec3f, samples: u32) -> vec3f {
 /// angle that it stands for. Krivanek and Colbert 2008. `size` is the side of the environment's
 /// faces in texels, `samples` lies in 1..=65,535.
 ///
-/// The density needs N.H and the sine in the frame in which the normal was drawn. From the
-/// components of `h` in world space it would be right for upward normals alone.
+/// The density needs N.H and the sine in the frame in which the normal was sampled.
+/// From the components of `h` in world space it would be right only for upward normals.
 fn filtered_estimate(
     f0: vec3f,
     alpha: f32,
@@ -79,9 +79,9 @@ fn filtered_estimate(
     return sum / f32(samples);
 }
 
-/// The first half of the split sum: the light about `r`, weighted by N.L, for a surface that is
-/// seen along its normal (N = V = R). `samples` lies in 2..=65,535: the only one of 1 is on the
-/// horizon for alpha = 1. Karis 2013, "Pre-filtered environment map".
+/// The first half of the split sum: the light about `r`, weighted by N.L, for a
+/// surface seen along its normal (N = V = R). `samples` lies in 2..=65,535: a single
+/// sample is on the horizon for alpha = 1. Karis 2013, "Pre-filtered environment map".
 fn prefiltered(alpha: f32, r: vec3f, samples: u32) -> vec3f {
     if (alpha == 0.0) {
         return radiance(r);
@@ -100,12 +100,12 @@ fn prefiltered(alpha: f32, r: vec3f, samples: u32) -> vec3f {
     return sum / total;
 }
 
-/// The second half: scale and offset of f0, which are what a white furnace returns of the two
-/// terms of Schlick's F = f0 (1 - (1 - V.H)^5) + (1 - V.H)^5. `n_dot_v` lies in 1e-3..=1,
-/// `samples` in 1..=65,535.
-/// Karis 2013, "Environment BRDF".
+/// The second half: scale and offset of f0, the light that a
+/// white furnace returns for the two terms of Schlick's F = f0
+/// (1 - (1 - V.H)^5) + (1 - V.H)^5. `n_dot_v` lies in 1e-3..=1,
+/// `samples` in 1..=65,535. Karis 2013, "Environment BRDF".
 ///
-/// With the V-cavity in place of Karis' Smith, so that it is the furnace of `estimate`.
+/// It has the V-cavity in place of Karis' Smith, so that it is the furnace of `estimate`.
 fn split_sum_table(alpha: f32, n_dot_v: f32, samples: u32) -> vec2f {
     let v = vec3f(sqrt((1.0 - n_dot_v) * (1.0 + n_dot_v)), 0.0, n_dot_v);
     var sum = vec2f();
@@ -121,17 +121,17 @@ fn split_sum_table(alpha: f32, n_dot_v: f32, samples: u32) -> vec2f {
     return sum / f32(samples);
 }
 
-/// The split sum: `light` from `prefiltered` about the mirror direction, `table` from
-/// `split_sum_table`. Exact where the light is constant; elsewhere it is round about the mirror
-/// direction, where the true reflection stretches at grazing.
+/// The split sum: `light` from `prefiltered` about the mirror direction, `table`
+/// from `split_sum_table`. Exact for constant light. Otherwise its lobe is round
+/// about the mirror direction, where the true reflection stretches at grazing.
 fn split_sum(f0: vec3f, table: vec2f, light: vec3f) -> vec3f {
     return light * (f0 * table.x + table.y);
 }
 
-/// The level of a chain of `levels` (at least 2) maps that holds the light prefiltered for
-/// `alpha`: linear in sqrt(alpha), Karis' roughness, from the mirror at 0 to alpha = 1 at the last.
+/// The level, in a chain of `levels` (at least 2) maps, with the light prefiltered for `alpha`:
+/// linear in sqrt(alpha), Karis' roughness, from the mirror at 0 to alpha = 1 at the last level.
 ///
-/// Levels get denser where a lobe is narrow: of 7 levels, half are for alpha below 1/4.
+/// Levels are denser for narrow lobes: of 7 levels, half are for alpha below 1/4.
 fn prefiltered_level(alpha: f32, levels: u32) -> f32 {
     return sqrt(alpha) * f32(levels - 1u);
 }
@@ -143,7 +143,7 @@ fn prefiltered_alpha(level: f32, levels: u32) -> f32 {
     return share * share;
 }
 
-/// What a mirror sends towards `v`. All normals are n, and the weight is 1 there.
+/// The light that a mirror reflects towards `v`. All normals are n, and there the weight is 1.
 fn mirror(f0: vec3f, n: vec3f, v: vec3f) -> vec3f {
     return schlick(f0, dot(n, v)) * radiance(reflect(-v, n));
 }

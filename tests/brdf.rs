@@ -1,15 +1,15 @@
-//! Whole reflectances: against the formulas of the papers, reciprocal, and with no more light than
-//! they get.
+//! Tests whole reflectances: against the formulas of the papers, for reciprocity, and that they never return more light
+//! than they get.
 
 use glam::{DVec3, Vec2, Vec3};
 use karat::check::Failure;
 use karat::prelude::*;
 use shaders::{PBR, brdf};
 
-/// Widths of the distribution, from the smallest that the library takes to the widest.
+/// Widths of the distribution, from the smallest that the library accepts to the widest.
 const ALPHA: std::ops::RangeInclusive<f32> = 1e-4..=1.0;
 
-/// The exponents of such widths.
+/// The exponents of these widths.
 fn exponent() -> impl Domain<Value = f32> {
     ALPHA.map(exponent_of)
 }
@@ -18,8 +18,8 @@ fn exponent_of(alpha: f32) -> f32 {
     2.0 * (1.0 - alpha) * (1.0 + alpha) / (alpha * alpha)
 }
 
-/// A width, and view and light: anywhere in the hemisphere, within a few widths of each other's
-/// mirror direction, equal, or opposite along the horizon.
+/// A width, and directions of view and light: anywhere in the hemisphere, within a few widths of each other's mirror
+/// direction, equal, or opposite along the horizon.
 fn lobes() -> impl Domain<Value = (f32, Vec3, Vec3)> {
     (ALPHA, Hemisphere, Hemisphere, 0.0..=1.0_f32).map(|(alpha, v, l, choice)| {
         let at_slope = |slope: Vec3| mirrored(v, (slope + Vec3::Z).normalize());
@@ -34,14 +34,14 @@ fn lobes() -> impl Domain<Value = (f32, Vec3, Vec3)> {
     })
 }
 
-/// `v`, reflected at `h`, as a unit vector of f32.
+/// `v` mirrored at `h`, as a unit vector of f32.
 fn mirrored(v: Vec3, h: Vec3) -> Vec3 {
     let (v, h) = (v.as_dvec3(), h.as_dvec3());
     (2.0 * v.dot(h) * h - v).normalize().as_vec3()
 }
 
-/// Reflectances from that of ice upwards. Below, and near normal incidence, F is a fifth power of
-/// a difference that cancels: exact enough beside other light, but not beside itself.
+/// Reflectances from that of ice upwards. Below it, near normal incidence, F is the fifth power of a difference that
+/// cancels: exact enough beside other light, but not on its own.
 fn reflectance() -> impl Domain<Value = Vec3> {
     UnitRgb.map(|c| (0.02 + 0.98 * c).min(Vec3::ONE))
 }
@@ -51,20 +51,20 @@ fn square() -> impl Domain<Value = Vec2> {
     (0.0..=1.0_f32, 0.0..=1.0_f32.next_down()).map(|(x, y)| Vec2::new(x, y))
 }
 
-/// Not within 1e-4 of the horizon: there the lobes' exponentials, which WGSL may flush below
-/// 1e-38, meet factors of up to 1e20.
+/// Not within 1e-4 of the horizon. There the lobes' exponentials, which WGSL may flush below 1e-38, meet factors of up
+/// to 1e20.
 fn apart_from_the_horizon((_, v, l): &(f32, Vec3, Vec3)) -> bool {
     v.z.min(l.z) > 1e-4 || v.z.min(l.z) <= 0.0
 }
 
-/// What of a lobe may be flushed: 1e-38 times its peak, 3e7, over 4e-8 = 4 N.V N.L.
+/// The part of a lobe that may be flushed: 1e-38 times its peak, 3e7, divided by 4e-8 = 4 N.V N.L.
 const VANISHED: Abs = Abs(1e-20);
 
-/// As in `distribution`, 640 ulp of exponential and what 87 times the error of the exponent adds:
-/// tan^2 is made of two sums, a root and three quotients here, 12 ulp of which count.
+/// As in `distribution`: 640 ulp of the exponential, and 87 times the error of the exponent. Here tan^2 consists of two
+/// sums, a root and three quotients, of which 12 ulp count.
 const EXPONENTIAL: Rel = Rel(2e-4);
 
-/// A quotient.
+/// One quotient.
 #[test]
 fn lambert_eval() {
     PBR.function("brdf::lambert_eval")
@@ -85,8 +85,8 @@ fn lambert_pdf() {
     PBR.function("brdf::lambert_pdf").over(UnitVector).agrees_with(brdf::lambert_pdf, Ulp(3.0));
 }
 
-/// D is a squared quotient of sums of positive terms (24 ulp), G / (4 N.L N.V) takes 16 and
-/// F 12: the errors of V.H, 4 ulp, count fivefold at most where F is no more than f0 = 0.02.
+/// D is a squared quotient of sums of positive terms (24 ulp), G / (4 N.L N.V) takes 16 ulp and F 12 ulp. The error of
+/// V.H, 4 ulp, counts at most fivefold, where F is at most f0 = 0.02.
 #[test]
 fn microfacet_eval() {
     PBR.function("brdf::microfacet_eval")
@@ -94,7 +94,7 @@ fn microfacet_eval() {
         .agrees_with(brdf::microfacet_eval, Ulp(64.0));
 }
 
-/// Any f0, to the same error of what a white one reflects.
+/// Holds for any f0, with the same error relative to the reflection for a white one.
 #[test]
 fn microfacet_eval_with_little_reflectance() {
     PBR.function("brdf::microfacet_eval")
@@ -108,9 +108,9 @@ fn microfacet_eval_with_little_reflectance() {
         });
 }
 
-/// The mirrored direction turns by twice the error of the normal, which is bounded by 2^-11 over
-/// the length of the halfway vector it comes from (`sampling::ggx_visible_normal`): WGSL's sin and
-/// cos force that. Left out are the one in 64 normals where that length is below 1/4.
+/// The mirrored direction turns by twice the error of the normal. That error is at most 2^-11 divided by the length of
+/// the halfway vector that it comes from (`sampling::ggx_visible_normal`), because of WGSL's sin and cos. Leaves out
+/// the one in 64 normals for which that length is below 1/4.
 #[test]
 fn microfacet_sample() {
     let domain = (ALPHA, Hemisphere, square()).filter(|(alpha, v, u)| {
@@ -131,7 +131,7 @@ fn microfacet_pdf() {
     PBR.function("brdf::microfacet_pdf").over(lobes()).agrees_with(brdf::microfacet_pdf, Ulp(40.0));
 }
 
-/// In the shader's form against f cos / pdf, for each light, sampled or not.
+/// Compares the shader's form with f cos / pdf, for each light, sampled or not.
 #[test]
 fn microfacet_weight() {
     PBR.function("brdf::microfacet_weight")
@@ -149,7 +149,7 @@ fn microfacet_weight_is_at_most_fresnel() {
         });
 }
 
-/// Where a sample goes below the horizon it counts with weight 0; above, with at most 1.
+/// A sample below the horizon has weight 0; one above has at most 1.
 #[test]
 fn microfacet_samples_weigh_at_most_one() {
     PBR.function("brdf::microfacet_sample").over((ALPHA, Hemisphere, square())).satisfies(
@@ -173,8 +173,8 @@ fn cook_torrance_eval() {
         .agrees_with(brdf::cook_torrance_eval, EXPONENTIAL.or(VANISHED));
 }
 
-/// A normal within WGSL's sin and cos, mirrored: twice 2^-11, and V.H of it in each term. V.H and
-/// the normal are of length 1 at most.
+/// A normal with the error of WGSL's sin and cos, mirrored: twice 2^-11, and the error of V.H from it in each term. V.H
+/// and the normal have length 1 at most.
 #[test]
 fn cook_torrance_sample() {
     PBR.function("brdf::cook_torrance_sample")
@@ -199,10 +199,10 @@ fn tri_ace_eval() {
         .agrees_with(brdf::tri_ace_eval, EXPONENTIAL.or(VANISHED));
 }
 
-/// Below 1/2 a quotient (2.5 ulp) of 1 and what is at most 1/12 of it, so that its errors hardly
-/// count. From there on, exp(-2 x) is at most 0.37 and wrong by 3 + 4 x of its ulps: 1.5e-7 at 1/2,
-/// and it shrinks faster than its error grows. It counts 1 / 0.63 times in the difference and
-/// 1 / 1.37 times in the sum, 3.5e-7; the roundings of both and the division add 4.2e-7.
+/// Below 1/2: a quotient (2.5 ulp) of 1 and a part of at most 1/12, so that its errors hardly count. From 1/2 on,
+/// exp(-2 x) is at most 0.37, with an error of 3 + 4 x of its ulps: 1.5e-7 at 1/2, and it shrinks faster than its error
+/// grows. It counts 1 / 0.63 times in the difference and 1 / 1.37 times in the sum: 3.5e-7. The roundings of both and
+/// the division add 4.2e-7.
 #[test]
 fn tanh_of() {
     let function = || PBR.function("brdf::tanh_of");
@@ -211,7 +211,7 @@ fn tanh_of() {
     function().over(Just(0.0)).agrees_with(|x: f64| x, Ulp(0.0));
 }
 
-/// As for the others; log near 1 is a series, and what WGSL allows it elsewhere, 2^-21, is less.
+/// As for the others. log near 1 is a series; elsewhere WGSL allows 2^-21, which is less.
 #[test]
 fn tri_ace_sample() {
     PBR.function("brdf::tri_ace_sample")
@@ -219,8 +219,8 @@ fn tri_ace_sample() {
         .agrees_with(brdf::tri_ace_sample, Abs(2.5e-3));
 }
 
-/// Narrow lobes are seen by their own measure: how far a sample is from the mirror direction, to 1
-/// % of that, or of the lobe's width, and the rounding of directions.
+/// Measures narrow lobes by the distance of a sample from the mirror direction: within 1 % of it, or of the lobe's
+/// width, and the rounding of directions.
 #[test]
 fn narrow_lobes_keep_their_width() {
     let near = |alpha: f32, v: Vec3, l: Vec3, expected: DVec3| {
@@ -253,7 +253,7 @@ fn tri_ace_pdf() {
         .agrees_with(brdf::tri_ace_pdf, EXPONENTIAL.or(VANISHED));
 }
 
-/// Down to the horizon, V = -L included: no 0 / 0, no pole that an f32 can't hold.
+/// Down to the horizon, V = -L included, there is no 0 / 0 and no pole beyond f32.
 #[test]
 fn reflectances_are_finite_and_not_negative() {
     for function in ["brdf::microfacet_eval", "brdf::cook_torrance_eval"] {
@@ -268,10 +268,9 @@ fn reflectances_are_finite_and_not_negative() {
         .satisfies("is not negative", |_, f: Vec3| f.min_element() >= 0.0);
 }
 
-/// Cosines from 1e-18 for the one direction and from the least normal f32 for the other, where
-/// their product is far below any f32. What of D may be flushed, exp(-87) in its numerator, counts
-/// as often as 1 / (4 N.V N.L) has it, at most 1 / the larger cosine squared. Left out is what an
-/// f32 can't hold.
+/// One cosine goes down to 1e-18, the other to the least normal f32, so that their product is far below any f32. The
+/// part of D that may be flushed, exp(-87) in its numerator, is multiplied by 1 / (4 N.V N.L), at most 1 / the larger
+/// cosine squared. Leaves out results that exceed f32.
 #[test]
 fn cook_torrance_eval_at_the_horizon() {
     let eval = |alpha: f32, v: Vec3, l: Vec3| {
@@ -286,7 +285,7 @@ fn cook_torrance_eval_at_the_horizon() {
             };
             let v = at(10.0_f32.powf(above), 0.0);
             let l = at(10.0_f32.powf(low), std::f32::consts::PI * turn);
-            // Exactly opposite as well, where the half vector is the normal.
+            // Also exactly opposite, where the half vector is the normal.
             let l = if opposite < 0.3 { Vec3::new(-v.x, -v.y, l.z.min(v.z)) } else { l };
             (Vec3::ONE, alpha, v, l)
         })
@@ -308,7 +307,7 @@ fn cook_torrance_eval_at_the_horizon() {
     );
 }
 
-/// Light from below reaches nothing, and nothing is seen from below.
+/// Light from below has no effect, and nothing is visible from below.
 #[test]
 fn nothing_happens_below_the_horizon() {
     let below = || {
@@ -330,8 +329,8 @@ fn nothing_happens_below_the_horizon() {
         .satisfies("is 0", |_, f: Vec3| f == Vec3::ZERO);
 }
 
-/// Helmholtz: the two directions can be exchanged. All that is not commutative is a sum of two
-/// products, which a compiler may contract on one side.
+/// Helmholtz: the two directions can be exchanged. The only operation that isn't symmetric is a sum of two products,
+/// which a compiler may contract on one side.
 #[test]
 fn reflectances_are_reciprocal() {
     for function in ["brdf::microfacet_eval", "brdf::cook_torrance_eval"] {
@@ -348,8 +347,7 @@ fn reflectances_are_reciprocal() {
         .invariant_under(|(albedo, f0, n, v, l)| (albedo, f0, n, l, v), Ulp(4.0));
 }
 
-/// tri-Ace's diffuse part knows N.L but not N.V: from above to grazing and back, black against
-/// 1 / pi.
+/// tri-Ace's diffuse part depends on N.L but not on N.V: from above to grazing and the reverse, black against 1 / pi.
 #[test]
 fn tri_ace_is_not_reciprocal() {
     let swapped = PBR
@@ -376,7 +374,7 @@ fn tri_ace_is_not_reciprocal() {
     narrow(Vec3::Z, low).agrees_with(expected, Ulp(16.0)); // 0.302
 }
 
-/// Widths and views for integrals: 8 by 8, up to 89 degrees.
+/// Widths and views for integrals: 8 x 8, up to 89 degrees.
 fn views() -> impl Domain<Value = (f32, Vec3)> {
     (Grid::linear(0.01..=1.0, 8), Grid::linear(0.0..=89.0, 8))
         .map(|(alpha, degrees)| (alpha, view(degrees)))
@@ -387,7 +385,7 @@ fn view(degrees: f32) -> Vec3 {
     DVec3::new(0.6 * sin, -0.8 * sin, cos).as_vec3()
 }
 
-/// Directions for light and their weights; with the cosine for what is irradiated.
+/// Directions for light and their weights, which include the cosine for irradiated surfaces.
 fn lights(alpha: f32, v: Vec3) -> impl Iterator<Item = (Vec3, f64)> {
     brdf::half_vector_rule(f64::from(alpha), v.as_dvec3(), 32, 32)
         .into_iter()
@@ -410,8 +408,8 @@ fn lambert_in_a_furnace() {
         .agrees_with(|_| DVec3::ONE, Abs(1e-4));
 }
 
-/// Single scattering loses light but never makes any. The rule is off by 2e-5 at 89 degrees;
-/// nodes rounded to f32 move a lobe of width 0.01 by 1e-5 of it.
+/// Single scattering loses light and never creates any. The rule is off by 2e-5 at 89 degrees. Rounding the nodes to
+/// f32 moves a lobe of width 0.01 by 1e-5 of its width.
 #[test]
 fn microfacets_in_a_furnace() {
     let furnace = || {
@@ -439,8 +437,7 @@ fn widest_microfacets_in_a_furnace() {
         .agrees_with(|_| DVec3::splat(1.0 - std::f64::consts::LN_2), Abs(1e-6));
 }
 
-/// G of the V-cavity has edges, at which a rule of high order is as good as its nodes are dense:
-/// up to 8e-4.
+/// G of the V-cavity has edges. There a rule of high order is only as good as its nodes are dense: up to 8e-4.
 #[test]
 fn cook_torrance_in_a_furnace() {
     let furnace = || {
@@ -458,7 +455,7 @@ fn cook_torrance_in_a_furnace() {
     );
 }
 
-/// (exponent, f0, view): lobes from the narrowest to none, with the least and the most Fresnel.
+/// (exponent, f0, view): from the narrowest lobes to none, with the least and the largest Fresnel.
 fn tri_ace_views() -> impl Domain<Value = (f32, Vec3, Vec3)> {
     let exponents = vec![0.0_f32, 1.0, 10.0, 100.0, 1e4, 1e6];
     let angles = vec![0.0_f32, 30.0, 60.0, 75.0, 80.4, 85.0, 89.0];
@@ -476,8 +473,8 @@ fn tri_ace_nodes(&(exponent, f0, v): &(f32, Vec3, Vec3)) -> Vec<(TriAce, f64)> {
     lights(alpha, v).map(|(l, w)| ((Vec3::ONE, f0, exponent, v, l), w * f64::from(l.z))).collect()
 }
 
-/// "Basically follows" the conservation of energy: the bound 20/21 + 5^5 / 6^6 = 1.0194 of the
-/// twin's test is reached, and is the limit.
+/// "Basically follows" the conservation of energy: the bound 20/21 + 5^5 / 6^6 = 1.0194 from the test of the twin is
+/// reached, and never exceeded.
 #[test]
 fn tri_ace_in_a_furnace() {
     let furnace = || PBR.function("brdf::tri_ace_eval").integral(tri_ace_views(), tri_ace_nodes);
@@ -489,7 +486,7 @@ fn tri_ace_in_a_furnace() {
         .agrees_with(|_| DVec3::splat(1.0190), Abs(2e-4));
 }
 
-/// 1, less what falls below the horizon. The closed form at alpha = 1 is 1 / (1 + N.V).
+/// 1, minus the part below the horizon. At alpha = 1 the closed form is 1 / (1 + N.V).
 #[test]
 fn densities_integrate_to_what_stays_above() {
     let nodes = |&(alpha, v): &(f32, Vec3)| {
@@ -520,7 +517,7 @@ fn densities_integrate_to_what_stays_above() {
         .agrees_with(|_| 1.0, Abs(1e-4));
 }
 
-/// One estimate by each sampler of the library: f cos / pdf, 0 for what falls below the horizon.
+/// An estimate by each sampler of the library: f cos / pdf, or 0 for samples below the horizon.
 fn estimators() -> Package {
     let names = ["lambert", "microfacet", "cook_torrance", "tri_ace"];
     let import =
@@ -546,10 +543,9 @@ fn estimators() -> Package {
     Package::from_modules("estimators", [("estimators", text)]).depends_on("library", &PBR)
 }
 
-/// No sample stands for more than twice its light: G2 / G1 is at most 1, and G of the V-cavity at
-/// most 2 N.H N.V / V.H, by which the weight F G V.H / (N.H N.V) is at most 2 F. In the
-/// exponentials of eval and pdf the same errors cancel; where pdf is denormal, so may be its
-/// digits.
+/// No sample counts for more than twice its light: G2 / G1 is at most 1, and G of the V-cavity is at most 2 N.H N.V /
+/// V.H, so the weight F G V.H / (N.H N.V) is at most 2 F. The exponentials of eval and pdf have the same errors, which
+/// cancel. If pdf is denormal, its digits may be, too.
 #[test]
 fn samples_have_bounded_weights() {
     let package = estimators();
@@ -563,12 +559,11 @@ fn samples_have_bounded_weights() {
     }
 }
 
-/// Sampler, density and reflectance together: the mean of the weights over the unit square is the
-/// albedo that the quadrature over directions finds. The midpoint rule steps over the edge where
-/// samples go below the horizon, which crosses up to twice 128 of the 16384 cells; weights there
-/// differ from 0 by up to 2, or not at all where G vanishes with N.L. With random signs that is
-/// 2 sqrt(256) / 16384 = 2e-3, twice that if the edge runs along the grid. No edge, no such error:
-/// Lambert.
+/// Sampler, density and reflectance fit together: the mean of the weights over the unit square is the albedo that the
+/// quadrature over directions finds. The midpoint rule ignores the edge at which samples go below the horizon, which
+/// crosses up to twice 128 of the 16384 cells. Weights there differ from 0 by up to 2, or not at all if G vanishes with
+/// N.L. With random signs that is 2 sqrt(256) / 16384 = 2e-3, and twice that if the edge runs along the grid. Lambert
+/// has no edge, and so no such error.
 #[test]
 fn the_mean_weight_of_samples_is_the_albedo() {
     const SIDE: u32 = 128;
@@ -607,12 +602,12 @@ fn lambert_is_a_density() {
         .integrates_to(
             Directions::projected_hemisphere(),
             |(albedo, _)| albedo.as_dvec3(),
-            // Where albedo / pi is below the least normal f32, it may be flushed on all directions.
+            // If albedo / pi is below the least normal f32, it may be flushed in all directions.
             Rel(1e-6).or(Abs(std::f64::consts::PI * f64::from(f32::MIN_POSITIVE))),
         );
 }
 
-/// No rough metal returns more than it gets. Between 64 rings nothing wider than 0.3 is lost.
+/// No rough metal returns more light than it gets. Between 64 rings nothing wider than 0.3 is lost.
 #[test]
 fn rough_microfacets_return_no_more_than_they_receive() {
     PBR.function("brdf::microfacet_eval")
@@ -621,14 +616,14 @@ fn rough_microfacets_return_no_more_than_they_receive() {
         .integrates_to_at_most(Directions::projected_hemisphere().rings(96), |_| 1.0, 1e-3);
 }
 
-/// Widths and views for samples: the narrowest that f32 resolves well to the widest, from above
-/// to half a degree above the horizon.
+/// Widths and views for samples: from the narrowest that f32 resolves well to the widest, from above to half a degree
+/// above the horizon.
 fn sampled_views() -> impl Domain<Value = (f32, Vec3)> {
     (OneOf(vec![0.01, 0.3, 1.0]), OneOf(vec![0.0, 60.0, 89.5]))
         .map(|(alpha, degrees)| (alpha, view(degrees)))
 }
 
-/// Samples, density and reflectance fit together: the weights' mean is the albedo.
+/// Samples, density and reflectance fit together: the mean of the weights is the albedo.
 #[test]
 fn lambert_samples_follow_their_pdf_and_estimate_its_albedo() {
     PBR.function("brdf::lambert_sample")

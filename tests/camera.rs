@@ -1,10 +1,10 @@
-//! Where frames are seen from.
+//! Tests the camera of frames.
 
 use glam::{DVec2, DVec3, Mat4, Vec2, Vec3};
 use karat::prelude::*;
 use shaders::{PBR, camera, scene};
 
-/// The rows of the matrix stand for its inverse; directions agree but for their length.
+/// The rows of the matrix serve as its inverse. Directions agree up to their length.
 #[test]
 fn view_direction() {
     let cameras = (0.5..=3.0_f32, -1.0..=1.0_f32, -1.0..=1.0_f32)
@@ -18,9 +18,9 @@ fn view_direction() {
     );
 }
 
-/// Cameras that look anywhere but straight up or down, from any place: no axis of the world is an
-/// axis of the view. The matrix is rounded to 6e-8 of its elements, so that its rows are orthogonal
-/// to a few times that only, and the shader takes them to be.
+/// Cameras at any place that look anywhere but straight up or down, so that no axis of the world is an axis of the
+/// view. The matrix is rounded to 6e-8 of its elements, so its rows are orthogonal only to a few times that, while the
+/// shader assumes that they are exactly.
 #[test]
 fn view_direction_along_any_axis() {
     let setups = (UnitVector, -10.0..=10.0_f32, 0.1..=2.0_f32)

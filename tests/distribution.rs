@@ -1,22 +1,20 @@
-//! Distributions of microfacet normals against the formulas of the papers.
+//! Tests distributions of microfacet normals against the formulas of the papers.
 
 use glam::Vec3;
 use karat::prelude::*;
 use shaders::{PBR, distribution};
 
-/// Widths of the distribution, from the smallest that the library takes to the widest.
+/// Widths of the distribution, from the smallest that the library accepts to the widest.
 const ALPHA: std::ops::RangeInclusive<f32> = 1e-4..=1.0;
 
-/// An exponential below the smallest normal f32 may be flushed; its factor 1 / (pi alpha^2) is at
-/// most 3e7.
+/// An exponential below the smallest normal f32 may be flushed. Its factor 1 / (pi alpha^2) is at most 3e7.
 const VANISHED: Abs = Abs(1e-30);
 
-/// exp loses 2 |x| + 3 ulp by WGSL and, for the error of its argument (a division, 2.5 ulp, and
-/// two products), 5 |x| more. It is cut at x = 87, so that its 610 ulp, with the factors beside it,
-/// stay below 640: 7.6e-5.
+/// By WGSL, exp loses 2 |x| + 3 ulp, and 5 |x| more for the error of its argument (a division of 2.5 ulp, and two
+/// products). The test stops at x = 87, so that these 610 ulp, with the other factors, stay below 640 ulp: 7.6e-5.
 const EXPONENTIAL: Ulp = Ulp(640.0);
 
-/// A normal and a half vector on its side: anywhere, and within a few widths of the narrow lobes.
+/// A normal and a half vector on its side: anywhere, and within a few widths for narrow lobes.
 fn pairs() -> impl Domain<Value = (Vec3, Vec3)> {
     (UnitVector, UnitVector, 1e-5..=1.0_f32)
         .map(|(n, other, share)| {
@@ -25,14 +23,13 @@ fn pairs() -> impl Domain<Value = (Vec3, Vec3)> {
             (n, h.as_vec3())
         })
         .filter(|(n, h)| {
-            // The sign of a cosine below rounding depends on the order of three products; so do
-            // the digits of one that is small, which D of Beckmann takes to the fourth power.
+            // If a cosine is below its rounding error, its sign depends on the order of three products. So do the
+            // digits of a small one, and Beckmann's D has its fourth power.
             n.as_dvec3().dot(h.as_dvec3()) > 1e-2
         })
 }
 
-/// The squared quotient: twice the division's 2.5 ulp, twice the roundings of its parts, two
-/// products.
+/// The squared quotient: twice the division's 2.5 ulp, twice the roundings of its parts, and two products.
 #[test]
 fn ggx() {
     PBR.function("distribution::ggx")
@@ -40,9 +37,8 @@ fn ggx() {
         .agrees_with(distribution::ggx, Ulp(14.0));
 }
 
-/// sin^2 has the errors of a difference, two products and a sum more. The cosine, a sum of
-/// products down to 0.01, may be off by 1e-7 / 0.01, but weighs as much as it is: alpha^2 cos^2 is
-/// then at most 1e-4 of what it is added to.
+/// sin^2 adds the errors of a difference, two products and a sum. The cosine, a sum of products down to 0.01, may be
+/// off by 1e-7 / 0.01, but counts little: alpha^2 cos^2 is then at most 1e-4 of the other term.
 #[test]
 fn ggx_from_vectors() {
     PBR.function("distribution::ggx_from_vectors")
@@ -57,8 +53,8 @@ fn beckmann() {
         .agrees_with(distribution::beckmann, Tolerance::from(EXPONENTIAL).or(VANISHED));
 }
 
-/// The exponent, up to 87, takes twice the relative error of N.H. Here tan^2 < 87, N.H > 0.1, and
-/// the error of the dot product 1e-7 / 0.1 = 1e-6 at most: 2 * 87 * 1e-6.
+/// The exponent, up to 87, has twice the relative error of N.H. Here tan^2 < 87, so N.H > 0.1, and the error of the dot
+/// product is at most 1e-7 / 0.1 = 1e-6: 2 * 87 * 1e-6.
 #[test]
 fn beckmann_from_vectors() {
     PBR.function("distribution::beckmann_from_vectors")
@@ -66,7 +62,7 @@ fn beckmann_from_vectors() {
         .agrees_with(distribution::beckmann_from_vectors, Rel(2e-4).or(VANISHED));
 }
 
-/// Below 60 degrees the series is good to 4 ulp, above them WGSL's log to 3.
+/// Below 60 degrees the series is within 4 ulp, above them WGSL's log is within 3 ulp.
 #[test]
 fn blinn_phong() {
     let exponent = ALPHA.map(|alpha| 2.0 / (alpha * alpha) - 2.0);
@@ -86,8 +82,8 @@ fn blinn_phong_exponent() {
         .agrees_with(distribution::blinn_phong_exponent, Ulp(6.0));
 }
 
-/// N.H of two unit vectors that are equal often rounds to just above 1, where an unguarded GGX has
-/// a pole: at alpha = 3.45e-4, sin^2 = -alpha^2.
+/// N.H of two equal unit vectors often rounds to just above 1, where an unguarded GGX has a pole: at alpha = 3.45e-4,
+/// sin^2 = -alpha^2.
 #[test]
 fn cosines_that_round_above_one() {
     let above_one =
@@ -107,9 +103,8 @@ fn cosines_that_round_above_one() {
     );
 }
 
-/// For each exponent, such a cosine counts as one that is as far below 1. Then tan^2 of the half
-/// angle is off by the distance, 1e-6 at most, which 87 times over is 9e-5 beside the exponential's
-/// own.
+/// For each exponent, such a cosine counts as one that is as far below 1. So tan^2 of the half angle is off by that
+/// distance, at most 1e-6. Multiplied by 87 that is 9e-5, beside the exponential's own error.
 #[test]
 fn blinn_phong_mirrors_cosines_above_one() {
     let above_one = OneOf((1..=8_u32).map(|i| f32::from_bits(1.0_f32.to_bits() + i)).collect());
@@ -121,7 +116,7 @@ fn blinn_phong_mirrors_cosines_above_one() {
         );
 }
 
-/// At the horizon D is 0, though a GGX lobe reaches it; and below.
+/// D is 0 at the horizon and below, although a GGX lobe reaches it.
 #[test]
 fn lobes_end_at_the_horizon() {
     let perpendicular = (ALPHA, UnitVector)
@@ -129,7 +124,7 @@ fn lobes_end_at_the_horizon() {
         .map(|(alpha, d)| (alpha, Vec3::Z, Vec3::new(d.x, d.y, 0.0).normalize()));
     for function in ["distribution::ggx_from_vectors", "distribution::beckmann_from_vectors"] {
         PBR.function(function).over(&perpendicular).satisfies("is 0", |_, d: f32| d == 0.0);
-        // At 1e-6 and more the dot product of three terms has its sign.
+        // From 1e-6 on, the dot product of three terms has the right sign.
         let below = (ALPHA, UnitVector, UnitVector)
             .filter(|(_, n, h): &(f32, Vec3, Vec3)| n.as_dvec3().dot(h.as_dvec3()) < -1e-6);
         PBR.function(function).over(below).satisfies("is 0 below", |_, d: f32| d == 0.0);
@@ -156,7 +151,7 @@ fn equal_vectors_are_at_the_peak() {
     }
 }
 
-/// Only the angle counts. Each side has the errors of its own check.
+/// D depends only on the angle. Each side has the error of its own check.
 #[test]
 fn lobes_are_symmetric_in_their_vectors() {
     let swapped = |(alpha, n, h)| (alpha, h, n);
@@ -168,10 +163,9 @@ fn lobes_are_symmetric_in_their_vectors() {
         .invariant_under(swapped, Rel(4e-4).or(VANISHED));
 }
 
-/// No lobe has more than one peak: it rises with N.H to the pole, Beckmann's as long as 2 alpha^2
-/// is at most 1. A wider one has its peak on a ring, where cos^2 = 1 / (2 alpha^2): the cosine to
-/// the fourth outweighs the exponential. The tolerance is twice the error of the function's own
-/// check.
+/// Each lobe has one peak: it rises with N.H to the pole, for Beckmann as long as 2 alpha^2 is at most 1. A wider one
+/// has its peak on a ring, where cos^2 = 1 / (2 alpha^2): there the fourth power of the cosine outweighs the
+/// exponential. The tolerance is twice the error of the function's own check.
 #[test]
 fn lobes_rise_to_their_pole() {
     let up = Trend::Increasing;
@@ -192,8 +186,8 @@ fn lobes_rise_to_their_pole() {
     );
 }
 
-/// A mirror has no normal but the pole: what a narrowing lobe holds beside it, more than 18 degrees
-/// away, is alpha^2 / (pi sin^4) at most.
+/// A mirror has only the normal at the pole: the part of a narrowing lobe that is more than 18 degrees away is at most
+/// alpha^2 / (pi sin^4).
 #[test]
 fn the_lobe_of_a_mirror_is_its_pole() {
     let beside = |_: f64, _: f64| 0.0;
@@ -206,9 +200,8 @@ fn the_lobe_of_a_mirror_is_its_pole() {
     );
 }
 
-/// Only the angle between the vectors counts, wherever they point. Each side has the errors of its
-/// own check, and the rotated vectors are rounded to 1e-7: of an angle that is no less than a few
-/// widths, 1e-3, that is 1e-4.
+/// D depends only on the angle between the vectors, not on their directions. Each side has the error of its own check.
+/// The rotated vectors are rounded to 1e-7, which is 1e-4 of an angle of at least a few widths, 1e-3.
 #[test]
 fn lobes_turn_with_their_normal() {
     let turned = |q: glam::DQuat, d: Vec3| (q * d.as_dvec3()).as_vec3();
@@ -221,7 +214,7 @@ fn lobes_turn_with_their_normal() {
         );
 }
 
-/// Normals project to the whole surface: D cos is a density of microfacets.
+/// The projected normals cover the surface: the integral of D cos is 1.
 #[test]
 fn lobes_cover_the_surface() {
     let package = Package::from_modules(

@@ -1,4 +1,4 @@
-//! The environment map, supplied as a fixture.
+//! Tests the environment map, supplied as a fixture.
 
 use std::f64::consts::PI;
 
@@ -10,8 +10,7 @@ use shaders::{PBR, environment};
 use crate::drivers::{CUT_OFF, NVIDIA, SWIFTSHADER};
 use crate::known_issues::{CORNERS, SEAMS};
 
-/// A texel's colour is rounded to f32 once; to 11 bits where a path filters half floats only, as
-/// GL.
+/// A texel's colour is rounded once: to f32, or to 11 bits on a path such as GL that filters only half floats.
 const HALF: Rel = Rel(4.9e-4);
 
 #[test]
@@ -25,7 +24,7 @@ fn a_constant_environment_is_constant_everywhere() {
         .agrees_with(move |_: DVec3| color.as_dvec3(), Ulp(2.0));
 }
 
-/// Each face has a colour of its own: a direction well inside a face finds it.
+/// Each face has its own colour, which a direction well inside the face finds.
 #[test]
 fn directions_find_the_face_that_webgpu_says() {
     let size = 4;
@@ -51,13 +50,12 @@ fn directions_find_the_face_that_webgpu_says() {
         );
 }
 
-/// A direction's own components as colour: the cube map of `karat` and that of the library agree
-/// with the hardware's addressing. Between texel centres the map is bilinear: off by 1/8 of
-/// (1/32)^2 times a curvature of at most 1, 1.2e-4, and by weights of 8 bits, 1/512 of 1/64 in each
-/// of two directions, 6e-5. At a corner three texels meet, and their mean stands for the fourth:
-/// its weight is at most 1/4, it is up to a texel off, 1/32, and there the colour's slope is at
-/// most 1/2 of 0.58, which is 2.3e-3. At the edges of faces wgpu's desktop GL doesn't filter
-/// across, but clamps to the nearest texel: half of one, 1/64, times the slope of 1/2.
+/// The colour of a direction is its components: the cube maps of `karat` and of the library agree with the hardware's
+/// addressing. Between texel centres the map is bilinear. It is off by 1/8 of (1/32)^2 times a curvature of at most 1,
+/// 1.2e-4; and by weights of 8 bits, 1/512 of 1/64 in each of two directions, 6e-5. At a corner three texels meet, and
+/// their mean replaces the fourth: its weight is at most 1/4, it is up to a texel off, 1/32, and there the slope of the
+/// colour is at most 1/2 of 0.58, which is 2.3e-3. At the edges of faces wgpu's desktop GL doesn't filter across, but
+/// clamps to the nearest texel: half of one, 1/64, times the slope of 1/2.
 #[test]
 fn directions_find_their_texel() {
     let size = 64;
@@ -73,7 +71,7 @@ fn directions_find_their_texel() {
     }
 }
 
-/// A cube map whose texels are noise in 0..=1, on all levels alike.
+/// A cube map whose texels are noise in 0..=1, on all levels.
 fn noise(size: u32) -> CubeMap {
     let mut state = 1_u32;
     let mut texel = || {
@@ -89,8 +87,8 @@ fn noise(size: u32) -> CubeMap {
     CubeMap::from_levels(size, levels.collect())
 }
 
-/// At its centre a texel is alone: rounding of the direction moves the point by less than a step
-/// of the filter's weights, 1/256, which may show in neighbours that differ by 1.
+/// At its centre only one texel counts. Rounding the direction moves the point by less than a step of the filter's
+/// weights, 1/256, which may show if neighbours differ by 1.
 #[test]
 fn a_texel_is_found_at_its_centre() {
     let size = 8;
@@ -120,14 +118,14 @@ fn a_texel_is_found_at_its_centre() {
         );
 }
 
-/// The weights of a linear filter have 8 bits: 1/512 for each of two directions and for the
-/// level, between values that differ by up to 1.
+/// The weights of a linear filter have 8 bits: 1/512 for each of two directions and for the level, between values that
+/// differ by up to 1.
 const FILTER: Abs = Abs(3.0 / 512.0);
 
-/// The same where bits are cut off.
+/// The same for drivers that cut off bits.
 const FILTER_CUT_OFF: Abs = Abs(3.0 * CUT_OFF);
 
-/// The same of half floats, which round texels by 2^-12.
+/// The same for half floats, which round texels by 2^-12.
 const FILTER_OF_HALVES: Abs = Abs(3.0 / 512.0 + 2.5e-4);
 
 fn noisy() -> karat::check::Probe<'static> {
@@ -136,13 +134,13 @@ fn noisy() -> karat::check::Probe<'static> {
         .with("environment_sampler", Sampler::LINEAR)
 }
 
-/// Where all texels of the filter are on one face, on both levels.
+/// All texels of the filter are on one face, on both levels.
 #[test]
 fn radiance_level_inside_faces() {
     let cube_map = noise(16);
     let domain = (UnitVector, 0.0..=3.0).filter(|(d, level): &(Vec3, f32)| {
         let uv = environment::face_point(d.as_dvec3()).uv;
-        // Half a texel of the coarser level, whose faces have 16, 8, 4 or 2.
+        // Half a texel of the coarser level, whose faces have 16, 8, 4 or 2 texels a side.
         let margin = 0.5 * f64::from(level.ceil()).exp2() / 16.0;
         (uv - DVec2::splat(0.5)).abs().max_element() <= 0.5 - margin
     });
@@ -153,13 +151,13 @@ fn radiance_level_inside_faces() {
         .agrees_with(|d: DVec3, level: f64| cube_map.sample_level(d, level).truncate(), FILTER);
 }
 
-/// Over edges and corners as well, and beyond the last level. wgpu's desktop GL clamps to the face
-/// there, and that path alone differs.
+/// Also across edges and corners, and beyond the last level. wgpu's desktop GL clamps to the face there; only that path
+/// differs.
 #[test]
 fn radiance_level_across_edges() {
     let cube_map = noise(16);
     let near_edges = (UnitVector, 0.0..=1.0_f32, Integers(0..=2_u32)).map(|(d, share, count)| {
-        // Some directions are moved onto an edge or a corner: components made equal to the largest.
+        // Moves some directions onto an edge or a corner, by setting components to the largest.
         let largest = d.abs().max_element();
         let mut moved = d;
         for axis in 0..count as usize {
@@ -175,7 +173,7 @@ fn radiance_level_across_edges() {
         .agrees_with(|d: DVec3, level: f64| cube_map.sample_level(d, level).truncate(), FILTER);
 }
 
-/// Where three faces meet, which the check above leaves out.
+/// The corners at which three faces meet, which the check above leaves out.
 #[test]
 fn radiance_level_at_corners() {
     let cube_map = noise(16);
@@ -189,7 +187,7 @@ fn radiance_level_at_corners() {
         .agrees_with(|d: DVec3, level: f64| cube_map.sample_level(d, level).truncate(), FILTER);
 }
 
-/// Each level has its own number for a colour: what returns is the level.
+/// The colour of each level is its number, so the result is the level.
 #[test]
 fn levels_are_interpolated_and_end_at_the_last() {
     let levels = (0..5).map(|level| vec![[level as f32; 4]; 6 << (2 * (4 - level))]).collect();
@@ -218,8 +216,8 @@ fn face_direction() {
         );
 }
 
-/// The article writes the cube's faces out, with y upward in -1..=1, and leaves face 4 to the
-/// default: they are WebGPU's.
+/// The article defines the cube's faces with y upward in -1..=1, and leaves face 4 to the default. They are WebGPU's
+/// faces.
 #[test]
 fn the_faces_of_the_article() {
     PBR.function("environment::face_direction")
@@ -246,7 +244,7 @@ fn face_point() {
     PBR.function("environment::face_point")
         .over(UnitVector)
         .agrees_with(environment::face_point, Abs(3e-7));
-    // Edges and corners, where the face depends on which of equal components counts.
+    // At edges and corners the face depends on which of equal components counts.
     let component = || OneOf(vec![-1.0_f32, -0.5, 0.0, 0.5, 1.0]);
     let grid = (component(), component(), component()).map(|(x, y, z)| Vec3::new(x, y, z));
     PBR.function("environment::face_point")
@@ -266,17 +264,17 @@ fn face_point_inverts_face_direction() {
     );
 }
 
-/// WGSL grants atan2 4096 ulp, 4.9e-4 of up to pi; divided by 2 pi that is 2.5e-4, by pi 4.9e-4.
+/// WGSL allows atan2 4096 ulp, 4.9e-4 of up to pi. Divided by 2 pi that is 2.5e-4, by pi 4.9e-4.
 #[test]
 fn equirectangular_uv() {
-    // The seam: u is 0 on one side of it and 1 on the other.
+    // At the seam u is 0 on one side and 1 on the other.
     let domain = UnitVector.filter(|d: &Vec3| d.z > 0.0 || d.x.abs() > 1e-5 * -d.z);
     PBR.function("environment::equirectangular_uv")
         .over(domain)
         .agrees_with(environment::equirectangular_uv, Abs(5e-4));
 }
 
-/// Poles and seam included: what is at uv is the direction. 4096 ulp of atan2, in two angles.
+/// Converting to uv and back gives the direction, at poles and at the seam, too. Two angles have the 4096 ulp of atan2.
 #[test]
 fn equirectangular_uv_finds_every_direction() {
     PBR.function("environment::equirectangular_uv").over(UnitVector).satisfies(
@@ -290,7 +288,7 @@ fn equirectangular_uv_finds_every_direction() {
     );
 }
 
-/// A pole is a row, and in it the middle, also where its zeros are negative: atan2(-0, -0) is half a turn.
+/// A pole is a whole row. Its centre is the result even if its zeros are negative: atan2(-0, -0) is half a turn.
 #[test]
 fn poles_are_in_the_middle_of_their_row() {
     PBR.function("environment::equirectangular_uv")
@@ -298,7 +296,7 @@ fn poles_are_in_the_middle_of_their_row() {
         .agrees_with(|d: DVec3| DVec2::new(0.5, 0.5 - 0.5 * d.y), Abs(1e-6));
 }
 
-/// WGSL promises 2^-11 = 4.9e-4 for sin and cos, whose products have twice that.
+/// WGSL allows sin and cos 2^-11 = 4.9e-4. Their products have twice that error.
 #[test]
 fn equirectangular_direction() {
     PBR.function("environment::equirectangular_direction")
@@ -306,7 +304,7 @@ fn equirectangular_direction() {
         .agrees_with(environment::equirectangular_direction, Abs(1e-3));
 }
 
-/// Corners of a room, and two points in it: 0 and 1 are its walls.
+/// The corners of a room, and two points in it.
 type Room = (Vec3, Vec3, Vec3, Vec3, Vec3);
 
 /// A room of 0.2 to 20 across each axis, with `position` and `centre` anywhere in it.
@@ -323,8 +321,8 @@ fn room(share: std::ops::RangeInclusive<f32>) -> impl Domain<Value = Room> {
     })
 }
 
-/// A difference, a quotient (2.5 ulp) and a product: 5e-7 of a way of up to 35, and the rounding of
-/// two points up to 10.
+/// A difference, a quotient (2.5 ulp) and a product: 5e-7 of a distance of up to 35, and the rounding of two points up
+/// to 10.
 #[test]
 fn parallax_box() {
     PBR.function("environment::parallax_box")
@@ -332,9 +330,9 @@ fn parallax_box() {
         .agrees_with(environment::parallax_box, Abs(2e-5));
 }
 
-/// Continuity where two walls meet: a ray at the edge, which rounding leaves on either side, and
-/// one that is turned a little see nearly the same point. It moves by turn way^2 / distance: the
-/// way is at most 35, and the distance to a wall at least 1/10 of a side of 1.1.
+/// The result is continuous where two walls meet: rounding puts a ray at the edge on either side, and a slightly turned
+/// ray sees nearly the same point. It moves by turn way^2 / distance: the way is at most 35, and the distance to a wall
+/// at least 1/10 of a side of 1.1.
 #[test]
 fn parallax_box_is_continuous() {
     let turn = 1e-5_f32;
@@ -381,8 +379,8 @@ fn ball() -> impl Domain<Value = (Vec3, Vec3, Vec3, f32)> {
     )
 }
 
-/// Rounding of the position, up to 21, is 1e-6 in q; near the surface, where sqrt(b^2 + c) may
-/// be as small as sqrt(2e-3) radii, that is multiplied by 22.
+/// Rounding the position, up to 21, gives an error of 1e-6 in q. Near the surface sqrt(b^2 + c) may be as small as
+/// sqrt(2e-3) radii, which multiplies the error by 22.
 #[test]
 fn parallax_sphere() {
     PBR.function("environment::parallax_sphere")
@@ -390,7 +388,7 @@ fn parallax_sphere() {
         .agrees_with(environment::parallax_sphere, Rel(1e-6).or(Abs(1e-4)));
 }
 
-/// Where a ray ends, it is on the sphere.
+/// The end of a ray lies on the sphere.
 #[test]
 fn parallax_sphere_ends_on_the_sphere() {
     PBR.function("environment::parallax_sphere")
@@ -400,7 +398,7 @@ fn parallax_sphere_ends_on_the_sphere() {
         });
 }
 
-/// A point on the sphere, seen along it: both terms of the root vanish, and so does the way. Axes
+/// A point on the sphere, with the ray leaving it: both terms of the root vanish, and so does the distance. Uses axes
 /// and powers of two, so that nothing rounds.
 #[test]
 fn parallax_sphere_touches_the_sphere() {
@@ -415,9 +413,8 @@ fn parallax_sphere_touches_the_sphere() {
         .agrees_with(|position: DVec3, _: DVec3, _: DVec3, _: f64| position, Ulp(0.0));
 }
 
-/// Solid angles of samples from 1e-12 sr to the sphere, over the range of sizes and counts. Half
-/// of log2's 3 ulp; near 1 its error is absolute, 2^-21, as is what the rounding of its argument
-/// leaves.
+/// Solid angles of samples from 1e-12 sr to the sphere, over the range of sizes and counts. The error is half of log2's
+/// 3 ulp. Near 1 it is absolute, 2^-21, and so is the rounding of its argument.
 #[test]
 fn mip_level() {
     PBR.function("environment::mip_level")
@@ -430,7 +427,7 @@ fn log_density() -> impl Domain<Value = f32> {
     (-7.0..=20.0_f32).map(|log: f32| log.exp() / (4.0 * PI as f32))
 }
 
-/// Only how many samples there are a steradian counts; four times as many are a level less.
+/// The level depends only on the number of samples per steradian. Four times as many samples are one level less.
 #[test]
 fn levels_depend_on_samples_per_steradian() {
     PBR.function("environment::mip_level")
@@ -450,7 +447,7 @@ fn a_constant_environment_is_constant_at_every_level() {
         .agrees_with(move |_: DVec3, _: f64| color.as_dvec3(), Ulp(2.0));
 }
 
-/// Fewer samples, or denser ones, look closer; half of log2's 3 ulp may be taken back.
+/// Fewer samples, or sparser ones, read a coarser level, within half of log2's 3 ulp.
 #[test]
 fn denser_samples_look_at_finer_levels() {
     let over = || {

@@ -1,11 +1,11 @@
-//! Fresnel reflectance against the formulas of the papers.
+//! Tests Fresnel reflectance against the formulas of the papers.
 
 use glam::{DVec2, Vec2, Vec3};
 use karat::prelude::*;
 use shaders::{PBR, fresnel};
 
-/// `1 - v_dot_h` is exact or off by half an ulp, which the fifth power makes five halves; with
-/// the roundings of three products, a difference and a sum, 11 ulp is a bound.
+/// `1 - v_dot_h` is exact or off by half an ulp, and its fifth power by five halves. With the roundings of three
+/// products, a difference and a sum, 11 ulp is a bound.
 #[test]
 fn schlick() {
     PBR.function("fresnel::schlick")
@@ -22,7 +22,7 @@ fn schlick_lies_between_f0_and_one() {
         });
 }
 
-/// V.H of two unit vectors that are equal often rounds to just above 1.
+/// V.H of two equal unit vectors often rounds to just above 1.
 #[test]
 fn schlick_survives_cosines_that_round_above_one() {
     let above_one = (0..=8_u32).map(|steps| f32::from_bits(1.0_f32.to_bits() + steps)).collect();
@@ -33,8 +33,7 @@ fn schlick_survives_cosines_that_round_above_one() {
         });
 }
 
-/// From the rarer side nothing cancels: sums, products and one division lose 13 ulp where r_p
-/// vanishes beside r_s.
+/// From the rarer side nothing cancels. Sums, products and one division lose 13 ulp where r_p vanishes beside r_s.
 #[test]
 fn dielectric_into_the_denser_medium() {
     PBR.function("fresnel::dielectric")
@@ -42,9 +41,8 @@ fn dielectric_into_the_denser_medium() {
         .agrees_with(fresnel::dielectric, Ulp(24.0));
 }
 
-/// Near the critical angle g^2 = eta^2 - 1 + c^2 cancels and the reflectance has an infinite
-/// slope in it: with g^2 >= 0.01 an error of 1e-7 in g^2 is 5e-7 in g, and twice that, times the
-/// slope of r in g (below 2), in the reflectance.
+/// Near the critical angle g^2 = eta^2 - 1 + c^2 cancels, and the reflectance has an infinite slope in it. With g^2 >=
+/// 0.01, an error of 1e-7 in g^2 is 5e-7 in g. The reflectance has twice that, times the slope of r in g (below 2).
 #[test]
 fn dielectric_away_from_the_critical_angle() {
     let domain = (0.4..=1.0, 0.0..=1.0_f32).filter(|(eta, cosine): &(f32, f32)| {
@@ -56,9 +54,8 @@ fn dielectric_away_from_the_critical_angle() {
         .agrees_with(fresnel::dielectric, Ulp(24.0).or(Abs(4e-6)));
 }
 
-/// At the critical angle itself an error of 1.2e-7 in g^2 is sqrt(1.2e-7) = 3.5e-4 in g, and the
-/// reflectance falls from 1 with a slope of up to 2 (1 + eta^2) / (eta^2 c) in g: no algebra in
-/// f32 does better.
+/// At the critical angle itself an error of 1.2e-7 in g^2 is sqrt(1.2e-7) = 3.5e-4 in g, and the reflectance falls from
+/// 1 with a slope of up to 2 (1 + eta^2) / (eta^2 c) in g. No form in f32 is better.
 #[test]
 fn dielectric_around_the_critical_angle() {
     PBR.function("fresnel::dielectric")
@@ -66,9 +63,8 @@ fn dielectric_around_the_critical_angle() {
         .agrees_with(fresnel::dielectric, Abs(2e-3));
 }
 
-/// Metals: the modulus of q loses 6 ulp, the fourth powers of two sums with a square root four
-/// times as many as the sums, the last division 2.5. All in all the worst is r_p where it is
-/// least, and there r_s outweighs it.
+/// Metals: the modulus of q loses 6 ulp, the fourth powers of two sums with a square root lose four times as much as
+/// the sums, and the last division loses 2.5 ulp. The error of r_p is largest at its minimum, where r_s outweighs it.
 #[test]
 fn conductor() {
     PBR.function("fresnel::conductor")
@@ -76,8 +72,7 @@ fn conductor() {
         .agrees_with(fresnel::conductor, Ulp(32.0));
 }
 
-/// Little absorption: a dielectric with a tint. From the rarer side nothing cancels but what does
-/// in the dielectric.
+/// Little absorption: a tinted dielectric. From the rarer side only the terms cancel that do in the dielectric.
 #[test]
 fn conductor_with_little_absorption() {
     let absorption = (0.0..=0.5_f32).filter(|k| *k == 0.0 || *k >= 1e-18);
@@ -86,9 +81,9 @@ fn conductor_with_little_absorption() {
         .agrees_with(fresnel::conductor, Ulp(32.0));
 }
 
-/// Two square roots, of which one is the modulus, 4.5 ulp each, and a division. A modulus whose
-/// square leaves f32's normal numbers is none that an index of refraction has. The polar form of the
-/// reference has 6e-17 where the cosine of a right angle is 0, times a root of up to 14.
+/// Two square roots, one of them the modulus, with 4.5 ulp each, and a division. Leaves out moduli whose square isn't a
+/// normal f32: no index of refraction has them. The polar form of the reference has 6e-17 instead of 0 for the cosine
+/// of a right angle, times a root of up to 14.
 #[test]
 fn complex_root() {
     let numbers = (-200.0..=200.0_f32, 0.0..=200.0_f32).map(|(x, y)| Vec2::new(x, y));
@@ -97,14 +92,14 @@ fn complex_root() {
     PBR.function("fresnel::complex_root").over(normal).agrees_with(root, Ulp(12.0).or(Abs(1e-15)));
 }
 
-/// At the critical angle of a metal that absorbs nothing: neither part divides by the other.
+/// At the critical angle of a metal without absorption, neither part is a divisor of the other.
 #[test]
 fn complex_root_of_nothing() {
     let root = |_: DVec2| DVec2::ZERO;
     PBR.function("fresnel::complex_root").over(Just(Vec2::ZERO)).agrees_with(root, Ulp(0.0));
 }
 
-/// Without absorption it is the dielectric, whose reference has other formulas.
+/// Without absorption it is the dielectric, whose reference uses other formulas.
 #[test]
 fn conductor_without_absorption_is_a_dielectric() {
     PBR.function("fresnel::conductor")
@@ -129,8 +124,8 @@ fn schlick_average() {
         .agrees_with(fresnel::schlick_average, Ulp(4.0));
 }
 
-/// The quadrature is right to 5e-7 at eta = 2.5, 7 ulp of what is between 0.2 and 1; sums of
-/// terms of both signs lose the rest.
+/// The quadrature is within 5e-7 at eta = 2.5, which is 7 ulp for results between 0.2 and 1. Sums of terms with both
+/// signs lose the rest.
 #[test]
 fn dielectric_average() {
     PBR.function("fresnel::dielectric_average")
@@ -138,7 +133,7 @@ fn dielectric_average() {
         .agrees_with(fresnel::dielectric_average, Ulp(24.0));
 }
 
-/// Beside eta = 1, where nothing is left of the closed form and little of f32's 1 - F.
+/// Near eta = 1, where the closed form cancels completely, and 1 - F of f32 nearly does.
 #[test]
 fn dielectric_average_of_almost_no_interface() {
     for side in [0.999..=1.0, 1.0..=1.001] {
@@ -148,8 +143,8 @@ fn dielectric_average_of_almost_no_interface() {
     }
 }
 
-/// Each is brightest at grazing. Schlick's is a product of monotone roundings; those of the exact
-/// one have the errors of their own checks, to either side.
+/// Each is brightest at grazing. Schlick's is a product of monotone roundings; the exact one has the error of its own
+/// check, up or down.
 #[test]
 fn reflectance_rises_toward_grazing() {
     PBR.function("fresnel::schlick").over((UnitRgb, 0.0..=1.0)).is_monotone_in(
@@ -157,7 +152,7 @@ fn reflectance_rises_toward_grazing() {
         Trend::Decreasing,
         Ulp(2.0),
     );
-    // Only polarised light has an angle at which less is reflected than before.
+    // Only polarised light has an angle at which reflectance falls.
     PBR.function("fresnel::dielectric").over((1.2..=2.5, 0.0..=1.0)).is_monotone_in(
         1,
         Trend::Decreasing,
@@ -175,8 +170,8 @@ fn reflectance_rises_with_the_index() {
     );
 }
 
-/// An interface to almost the same medium reflects nothing: about (eta - 1)^2 / (4 c^4), which
-/// is 1.4e-3 at the last step and the smallest cosine.
+/// An interface to almost the same medium reflects almost nothing: about (eta - 1)^2 / (4 c^4), which is 1.4e-3 at the
+/// last step and the smallest cosine.
 #[test]
 fn no_interface_reflects_nothing() {
     PBR.function("fresnel::dielectric").over((Just(1.0), 0.2..=1.0)).at_limit(

@@ -1,4 +1,4 @@
-//! `karat render` of the library's frames: what it is asked for is what it draws.
+//! Tests that `karat render` draws the requested frames of the library.
 
 use std::path::Path;
 use std::process::Command;
@@ -26,7 +26,7 @@ fn write(folder: &Path, name: &str, width: u32, height: u32) -> String {
     file.display().to_string()
 }
 
-/// A panorama and six faces of one colour light the scene with it.
+/// A panorama, or six faces, of one colour lights the scene with it.
 #[test]
 fn a_users_environment_is_what_is_seen() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -68,8 +68,8 @@ fn images_that_are_no_environment_are_refused() {
     }
 }
 
-/// Values of the scene on drivers lie within the range that WGSL allows for the inputs that they interpolated. Most have the
-/// engine's bits: products and sums are exact on both, and `normalize` and `dot` aren't.
+/// Values of the scene on drivers lie in the range that WGSL allows for the inputs that they interpolated. Most have
+/// the engine's bits: products and sums are exact on both, `normalize` and `dot` aren't.
 #[test]
 fn values_of_the_scene_are_the_engine_s() {
     const NAMES: [&str; 10] = [

@@ -1,17 +1,16 @@
-//! Shadowing and masking against the formulas of the papers.
+//! Tests shadowing and masking against the formulas of the papers.
 
 use karat::prelude::*;
 use shaders::{PBR, geometry};
 
-/// Products of values that may be tiny end below the smallest normal f32, where WGSL may flush:
-/// nothing that small is ever seen.
+/// Products of tiny values may be below the smallest normal f32, where WGSL may flush. Nothing that small is visible.
 const UNDERFLOW: Abs = Abs(1e-30);
 
 /// Widths of the distribution, from the smallest that f32 resolves to the widest.
 const ALPHA: std::ops::RangeInclusive<f32> = 1e-4..=1.0;
 
-/// Two products and a division (2.5 ulp by WGSL). Where a product is so small that it has lost
-/// digits as a denormal, so has the quotient: those cosines are left out.
+/// Two products and a division (2.5 ulp by WGSL). Leaves out cosines for which a product is so small that it has lost
+/// digits as a denormal, because the quotient has lost them, too.
 #[test]
 fn v_cavity() {
     let cosines = (0.0..=1.0, 0.0..=1.0, 0.0..=1.0, 0.0..=1.0_f32).filter(|(h, v, l, _)| {
@@ -23,7 +22,7 @@ fn v_cavity() {
         .agrees_with(geometry::v_cavity, Ulp(4.0).or(UNDERFLOW));
 }
 
-/// P2: each of the formula's quotients is 0 / 0 or infinite there.
+/// P2: there each quotient of the formula is 0 / 0 or infinite.
 #[test]
 fn nothing_is_hidden_where_v_dot_h_vanishes() {
     PBR.function("geometry::v_cavity")
@@ -31,9 +30,9 @@ fn nothing_is_hidden_where_v_dot_h_vanishes() {
         .satisfies("is 1", |_, g: f32| g == 1.0);
 }
 
-/// Two quotients (2.5 ulp each) of products. The larger cosine is 1e-18 or more; the smaller one
-/// goes down to the least normal f32, where 4 N.V N.L is 0. V.H is at least half the sum of the
-/// cosines, and N.H at least their sum, as for any half vector.
+/// Two quotients (2.5 ulp each) of products. The larger cosine is at least 1e-18; the smaller one goes down to the
+/// least normal f32, where 4 N.V N.L is 0. As for any half vector, V.H is at least half the sum of the cosines, and N.H
+/// at least their sum.
 #[test]
 fn v_cavity_visibility() {
     let cosines = (-18.0..=0.0_f32, -37.9..=0.0_f32, 0.0..=1.0_f32, 0.0..=1.0_f32, 0.0..=1.0_f32)
@@ -50,7 +49,7 @@ fn v_cavity_visibility() {
         .agrees_with(geometry::v_cavity_visibility, Ulp(8.0));
 }
 
-/// WGSL inherits sqrt from 1 / inverseSqrt: 4.5 ulp; the sum under it and the division add to 10.
+/// In WGSL sqrt inherits the error of 1 / inverseSqrt, 4.5 ulp. The sum inside and the division make it 10 ulp.
 #[test]
 fn smith_g1() {
     PBR.function("geometry::smith_g1")
@@ -74,10 +73,10 @@ fn smith_correlated() {
         .agrees_with(geometry::smith_correlated, Ulp(16.0).or(UNDERFLOW));
 }
 
-/// As `smith_correlated`, in another order.
+/// Like `smith_correlated`, in another order.
 #[test]
 fn smith_correlated_visibility() {
-    // Two tiny cosines, whose products are denormal, are left out.
+    // Leaves out two tiny cosines, whose products are denormal.
     let cosines = (0.0..=1.0, 0.0..=1.0_f32).filter(|(v, l)| v.min(*l) == 0.0 || v.min(*l) > 1e-30);
     PBR.function("geometry::smith_correlated_visibility")
         .over((ALPHA, cosines).map(|(alpha, (v, l))| (alpha, v, l)))
@@ -92,9 +91,8 @@ fn smith_schlick_ggx() {
         .agrees_with(geometry::smith_schlick_ggx, Ulp(12.0).or(UNDERFLOW));
 }
 
-/// The fit of erf is good to 1.5e-7. It enters G1 weighed by a, and beside the 2 a of the
-/// denominator: half of it arrives. The rest, 14 ulp, are the exponential (5 ulp at a = 1), a
-/// square root and divisions.
+/// The approximation of erf is within 1.5e-7. G1 has it weighted by a, beside 2 a in the denominator, so half of the
+/// error arrives. The rest, 14 ulp, comes from the exponential (5 ulp at a = 1), a square root and divisions.
 #[test]
 fn smith_g1_beckmann() {
     PBR.function("geometry::smith_g1_beckmann")
@@ -102,7 +100,7 @@ fn smith_g1_beckmann() {
         .agrees_with(geometry::smith_g1_beckmann, Rel(2e-6).or(UNDERFLOW));
 }
 
-/// At the horizon a mirror's formulas are 0 / 0, and nothing is visible there.
+/// At the horizon a mirror's formulas give 0 / 0, but nothing is visible there.
 #[test]
 fn nothing_is_visible_at_the_horizon() {
     for function in ["geometry::smith_g1", "geometry::smith_g1_beckmann"] {
@@ -121,8 +119,8 @@ fn nothing_is_visible_at_the_horizon() {
     }
 }
 
-/// N.V of two unit vectors that are equal often rounds to just above 1, where 1 - cos^2 is
-/// negative. The tangent is below 1.5e-3 there: nothing is hidden.
+/// N.V of two equal unit vectors often rounds to just above 1, where 1 - cos^2 is negative. The tangent there is below
+/// 1.5e-3, so nothing is hidden.
 #[test]
 fn cosines_that_round_above_one() {
     let above_one = OneOf((1..=8_u32).map(|i| f32::from_bits(1.0_f32.to_bits() + i)).collect());
@@ -131,7 +129,7 @@ fn cosines_that_round_above_one() {
         .agrees_with(|_: f64, _: f64| 1.0, Ulp(0.0));
 }
 
-/// A surface that hides from v what it hides from l.
+/// The same parts of a surface are hidden from v and from l.
 #[test]
 fn masking_is_symmetric_in_v_and_l() {
     for function in
@@ -146,10 +144,10 @@ fn masking_is_symmetric_in_v_and_l() {
         .invariant_under(|(h, v, l, v_dot_h)| (h, l, v, v_dot_h), Ulp(0.0));
 }
 
-/// Correlated heights are seen together more often than independent ones. Heitz 2014, sec. 6.
+/// With correlated heights both directions see a point more often than with independent ones. Heitz 2014, sec. 6.
 #[test]
 fn masking_is_a_probability() {
-    // WGSL grants a division 2.5 ulp, and these are products of two quotients.
+    // WGSL allows a division 2.5 ulp, and these are products of two quotients.
     let rounding = 6.0 * f32::EPSILON;
     for function in
         ["geometry::smith_separable", "geometry::smith_correlated", "geometry::smith_schlick_ggx"]
@@ -163,8 +161,8 @@ fn masking_is_a_probability() {
         .satisfies("lies in 0..=1", |_, g: f32| (0.0..=1.0 + f32::EPSILON).contains(&g));
 }
 
-/// The flatter the view, the more is hidden, and the rougher the surface. The tolerance is the
-/// error of the function's own check, once to each side.
+/// The flatter the view, the more is hidden; the rougher the surface, the more, too. The tolerance is the error of the
+/// function's own check, in both directions.
 #[test]
 fn masking_grows_toward_grazing_and_with_the_width() {
     for (function, ulp) in [("geometry::smith_g1", 20.0), ("geometry::smith_g1_beckmann", 40.0)] {
@@ -187,9 +185,8 @@ fn masking_grows_toward_grazing_and_with_the_width() {
         .is_monotone_in("n_dot_v", Trend::Increasing, Ulp(8.0).or(UNDERFLOW));
 }
 
-/// A mirror hides nothing: 1 - G1 is at most (alpha tan)^2 / 4, 5e-5 at the last step for cosines
-/// above 0.05, and twice that for both directions; Karis's k = alpha / 2 takes alpha / (2 cos) of
-/// each.
+/// A mirror hides nothing: 1 - G1 is at most (alpha tan)^2 / 4, which is 5e-5 at the last step for cosines above 0.05,
+/// and twice that for both directions. Karis's k = alpha / 2 takes alpha / (2 cos) from each.
 #[test]
 fn a_mirror_hides_nothing() {
     let limit = || Limit::toward(0.0, [1e-1, 1e-2, 1e-3, 1e-4]);

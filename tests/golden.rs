@@ -1,4 +1,4 @@
-//! The frames of the shader library against their goldens.
+//! Compares the frames of the shader library with their goldens.
 
 use frames::{Shot, open_paths};
 use karat::Path;
@@ -7,31 +7,29 @@ use karat::{Goldens, Image};
 
 static GOLDEN: Goldens = karat::goldens!("../golden");
 
-/// wgpu's GL draws into 16-bit floats here, which rounds one pixel in a hundred by more than the
-/// 1e-3 of lavapipe, and doesn't filter across the edges of cube-map faces. What that does to a
-/// frame depends on where it shows such edges: few pixels, but the bound is one for all. The wide
-/// ones say little of GL. What does is `second_opinion`, which computes pixels of GL's frames
-/// without the filter, and holds them to 1e-2.
+/// wgpu's GL draws into 16-bit floats here, which rounds one pixel in a hundred by more than lavapipe's 1e-3, and it
+/// doesn't filter across the edges of cube-map faces. The effect on a frame depends on where such edges show: in few
+/// pixels, but all share one bound. Wide bounds prove little about GL. `second_opinion` proves more: it computes pixels
+/// of GL's frames without the filter, with a bound of 1e-2.
 fn gl_tolerance(name: &str) -> f32 {
     match name {
-        // Higher mip levels: a texel, and so the edge, is up to a face wide. 0.34 and 0.44 found.
+        // On higher mip levels a texel, and so the edge, is up to a face wide. Measured: 0.34 and 0.44.
         "filtered_diffuse" | "filtered_specular" => 0.6,
-        // Walls of different colour meet at the edges of faces. 0.58 found.
+        // Walls of different colours meet at the edges of faces. Measured: 0.58.
         "lambert_parallax" => 0.7,
-        // A mirror's edge of a light at an edge of faces, and levels of 4 texels. 0.17 found.
+        // A mirror shows the edge of a light at an edge of faces, and levels of 4 texels. Measured: 0.17.
         "specular" | "split_sum" => 0.25,
-        // The same mirror, behind 0.96 of other light. 0.07 found.
+        // The same mirror, behind 0.96 of other light. Measured: 0.07.
         "layered" | "masked_layered" => 0.1,
-        // 0.04 found.
+        // Measured: 0.04.
         _ => 5e-2,
     }
 }
 
-/// What SwiftShader shows in a pixel lies up to 1/32 of a pixel elsewhere (`frames::is_snapped`).
-/// Each outline shows that, and each highlight: no gate for single pixels says much. HDR-FLIP finds up
-/// to 0.050 in a tile and 0.0057 in the mean of the spheres, where faults of shaders have tiles of
-/// 0.09 and more. What says more of this driver is `second_opinion`, which computes what pixels may
-/// show within that 1/32.
+/// SwiftShader moves the content of a pixel by up to 1/32 of a pixel (`frames::is_snapped`). Each outline and each
+/// highlight shows that, so a gate for single pixels proves little. HDR-FLIP finds up to 0.050 in a tile and 0.0057 in
+/// the mean of the spheres, while faults of shaders have tiles of 0.09 and more. `second_opinion` proves more about
+/// this driver: it computes the range of each pixel within that 1/32.
 fn swiftshader_tolerance(name: &str) -> FrameTolerance {
     let gate = || FrameTolerance::gate(karat::unstable::metric::DEFAULT_RELATIVE);
     let flip = |tile, mean| {
@@ -39,23 +37,23 @@ fn swiftshader_tolerance(name: &str) -> FrameTolerance {
         FrameTolerance::Any(vec![gate(), FrameTolerance::All(seen)])
     };
     match name {
-        // No outlines.
+        // Without outlines.
         "environment" | "irradiance" => gate(),
-        // White on white, but for the edge of the table at outlines. 0.081 found.
+        // White on white, except for the edge of the table at outlines. Measured: 0.081.
         "furnace" => FrameTolerance::gate(0.1),
-        // Few outlines. 0.021 and 0.00074 found.
+        // Few outlines. Measured: 0.021 and 0.00074.
         "lambert" | "lambert_parallax" => flip(0.03, 0.001),
         _ => flip(0.06, 0.007),
     }
 }
 
-/// Maps that frames look up are computed on the first path, so that each path is judged for what
-/// it does itself; the maps have frames of their own.
+/// The first path computes the maps of a frame, so that each path is judged only for its own drawing. The maps have
+/// frames of their own.
 fn golden(name: &str) {
     let shot = Shot::golden(open_paths()[0]);
     frames::frame(name, &shot)
         .expect("the frame can be described")
-        // The gate alone: lavapipe draws the same everywhere, and mutants are to be seen.
+        // The gate alone: lavapipe draws the same on every machine, and mutants must show.
         .tolerance(karat::unstable::metric::DEFAULT_RELATIVE)
         .tolerance_on(Path::GL, gl_tolerance(name))
         .tolerance_on("@swiftshader", swiftshader_tolerance(name))
@@ -106,8 +104,8 @@ fn render(name: &str, shot: &Shot) -> Image {
     frame.render(shot.path).expect("the frame is drawn")
 }
 
-/// Depth equality after a pre-pass keeps exactly the fragments that the plain depth test keeps,
-/// and drawing again gives the same bits.
+/// After a pre-pass, the test for equal depth keeps exactly the fragments that the plain depth test keeps, and drawing
+/// again gives the same bits.
 #[test]
 fn a_depth_prepass_changes_no_pixel() {
     for path in open_paths() {
@@ -118,8 +116,8 @@ fn a_depth_prepass_changes_no_pixel() {
     }
 }
 
-/// Light adds up: what the scene shows is the diffuse frame plus the specular one. Each is rounded
-/// to 16 bits on GL, by up to 4.9e-4.
+/// Light adds up: the scene is the sum of the diffuse and the specular frame. On GL each is rounded to 16 bits, by up
+/// to 4.9e-4.
 #[test]
 fn diffuse_and_specular_add_up_to_the_scene() {
     for path in open_paths() {
@@ -138,10 +136,10 @@ fn diffuse_and_specular_add_up_to_the_scene() {
     }
 }
 
-/// White materials in white light vanish: what is left of the spheres is the error of the table
-/// that gives the lost energy back, interpolated between 128 x 128 entries, at the outlines of the
-/// rougher ones (0.0084 found). Where vertices are snapped, a pixel at an outline may show what is
-/// nearer to it, and its error (0.08 found in the golden's size).
+/// White materials in white light are invisible. The spheres show only the error of the table that restores the lost
+/// energy, interpolated between 128 x 128 entries, at the outlines of the rougher ones (measured: 0.0084). If a driver
+/// snaps vertices, a pixel at an outline may show a point closer to it, with its error (measured in the golden's size:
+/// 0.08).
 #[test]
 fn the_spheres_vanish_in_the_furnace() {
     for path in open_paths() {
@@ -156,8 +154,8 @@ fn the_spheres_vanish_in_the_furnace() {
     }
 }
 
-/// Karis' approximation beside what it approximates: half of the values are within 6 %, and the
-/// mean difference is below a tenth of the mean. At grazing and on wide lobes it is more.
+/// Karis' approximation compared with the exact frame: half of the values are within 6 %, and the mean difference is
+/// below a tenth of the mean. It is larger at grazing angles and on wide lobes.
 #[test]
 fn the_split_sum_is_near_the_scene() {
     for path in open_paths() {

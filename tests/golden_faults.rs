@@ -1,7 +1,7 @@
-//! Which faults the default tolerance of frames sees, and which changes it lets pass.
+//! Tests which faults the default tolerance of frames detects, and which changes it accepts.
 //!
-//! Each is planted in one scene of the host's: spheres with highlights on a chequered floor with
-//! their shadows, 640 x 360 pixels in HDR; once as it is and once with noise. The table goes to `target/karat/golden-faults.md`.
+//! Each is planted in a scene rendered on the CPU: spheres with highlights and their shadows on a chequered floor, 640
+//! x 360 pixels in HDR; once without noise and once with it. The table goes to `target/karat/golden-faults.md`.
 
 use std::fmt::Write as _;
 use std::ops::RangeInclusive;
@@ -19,14 +19,14 @@ use rand_pcg::Pcg32;
 const WIDTH: u32 = 640;
 const HEIGHT: u32 = 360;
 
-/// The scene, with what can be wrong in it.
+/// The scene, with its possible faults.
 #[derive(Clone, Copy)]
 struct Scene {
-    /// What the light of the second sphere is multiplied by.
+    /// The factor of the light on the second sphere.
     second: f64,
-    /// What highlights are multiplied by.
+    /// The factor of highlights.
     highlights: f64,
-    /// How far shadows are moved to the right, as a share of a pixel's width on the floor.
+    /// The distance by which shadows move to the right, as a share of a pixel's width on the floor.
     shadow: f64,
 }
 
@@ -43,7 +43,7 @@ const SPHERES: [(DVec3, DVec3); 5] = [
 const EYE: DVec3 = DVec3::new(0.0, 2.6, 9.0);
 const SUN: DVec3 = DVec3::new(0.48, 0.8, 0.36);
 
-/// Distance to the nearer side of a sphere.
+/// The distance to the nearer side of a sphere.
 fn hit(from: DVec3, towards: DVec3, centre: DVec3) -> Option<f64> {
     let to = centre - from;
     let along = to.dot(towards);
@@ -76,7 +76,7 @@ impl Scene {
             return DVec3::new(0.35, 0.55, 1.0) * (0.8 + 0.6 * towards.y);
         }
         let at = EYE - EYE.y / towards.y * towards;
-        // A pixel is as wide as this at the distance of the floor.
+        // The width of a pixel at the distance of the floor.
         let pixel = at.distance(EYE) / plane.length();
         let sun = if lit(at - DVec3::X * self.shadow * pixel) { 3.0 * SUN.y } else { 0.0 };
         let chequer = (at.x.floor() + at.z.floor()).rem_euclid(2.0);
@@ -98,8 +98,7 @@ fn scaled(image: &Image, factor: f32) -> Image {
     Image::new(WIDTH, HEIGHT, pixels.collect())
 }
 
-/// Pixels of edges that take the colour of the pixel beside them: `count` of them, evenly spread
-/// over all there are.
+/// Pixels at edges take the colour of their neighbour: `count` of them, evenly spread over all.
 fn edges_moved(image: &Image, count: usize) -> Image {
     let bright = |pixel: &[f32; 4]| pixel[0] + pixel[1] + pixel[2];
     let edge = |index: &usize| {
@@ -122,8 +121,8 @@ fn changed(image: &Image, change: impl Fn(u32, u32, &mut [f32; 4])) -> Image {
     changed
 }
 
-/// What 64 samples of a light of 1 have as their mean, and its variance, for each pixel. Half of the
-/// samples are in shadow, the others exponential.
+/// The mean of 64 samples of a light of 1, and its variance, for each pixel. Half of the samples are in shadow, the
+/// others are exponential.
 fn noise(seed: u64) -> Vec<[f32; 2]> {
     let sample = |byte: usize| {
         if byte < 128 { 0.0 } else { -2.0 * ((255.5 - byte as f32) / 128.0).ln() }
@@ -153,7 +152,7 @@ fn noisy(image: &Image, noise: &[[f32; 2]]) -> (Image, Image) {
     (Image::new(WIDTH, HEIGHT, means), Image::new(WIDTH, HEIGHT, variances))
 }
 
-/// Each value off by up to `amount` of itself, by chance.
+/// Each value changed by up to `amount` of itself, at random.
 fn jittered(image: &Image, amount: f32) -> Image {
     let mut random = Pcg32::new(1, 3);
     let mut jittered = image.clone();
@@ -163,20 +162,20 @@ fn jittered(image: &Image, amount: f32) -> Image {
     jittered
 }
 
-/// What should become of a change.
+/// The expected verdict on a change.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Verdict {
     /// Within the gate.
     Gate,
-    /// Outside of the gate, and hardly seen.
+    /// Outside the gate, and hardly visible.
     Flip,
-    /// Seen on the profile that the golden was made on, hardly on others.
+    /// Visible on the profile of the golden, hardly on others.
     FlipElsewhere,
-    /// Seen everywhere.
+    /// Visible everywhere.
     Fault,
 }
 
-/// A change, what should become of it, and the largest tile that HDR-FLIP should find.
+/// A change, its expected verdict, and the largest tile that HDR-FLIP should find.
 struct Row {
     name: &'static str,
     verdict: Verdict,
@@ -246,8 +245,8 @@ fn rows(golden: &Image) -> Vec<Row> {
     ]
 }
 
-/// The changes in a golden and a frame that have noise of their own, judged by the variances of both:
-/// what is benign passes as noise, what is a fault is still one. No other criterion lets noise pass.
+/// The same changes with noise in golden and frame, judged by the variances of both: benign changes pass as noise, and
+/// faults still fail. Noise passes by no other criterion.
 fn under_noise(rows: &[Row], table: &mut String, complaints: &mut Vec<String>) {
     let golden = &RIGHT.draw();
     let [ours, theirs] = [3, 4].map(noise);
@@ -284,7 +283,7 @@ fn faults_are_seen_and_benign_changes_pass() {
     let rows = rows(&golden);
     for Row { name, verdict, tile, actual } in &rows {
         let pair = Pair::new(&golden, actual).expect("finite");
-        // Of what the gate passes, too.
+        // Measured for changes that the gate accepts, too.
         let (largest, mean) = match Gate::default().passes(&pair) {
             None => {
                 let measure = |flip: Flip| flip.measure(&pair).value;
@@ -320,7 +319,7 @@ fn faults_are_seen_and_benign_changes_pass() {
     assert!(complaints.is_empty(), "{}", complaints.join("\n"));
 }
 
-/// What a wider tolerance would let pass is seen by the gate alone.
+/// Only the gate detects the changes that a wider tolerance would accept.
 #[test]
 fn the_gate_alone_sees_all_of_them() {
     let golden = RIGHT.draw();
@@ -330,8 +329,8 @@ fn the_gate_alone_sees_all_of_them() {
     }
 }
 
-/// What each golden of this repository shows at least: a change of one channel of one pixel by three
-/// thousandths, wherever it is, in light and in shade.
+/// Each golden of this repository detects at least a change of one channel of one pixel by three thousandths, anywhere,
+/// in light and in shade.
 #[test]
 fn the_smallest_fault_of_each_golden_is_seen() {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../golden");

@@ -1,9 +1,10 @@
-//! What can go wrong inside of the library's functions is mended, or accepted with a reason.
+//! Tests that hazards inside the library's functions are fixed, or accepted with a reason.
 
 use karat_inspect::hazards::{Class, Hazard, Kind};
 use shaders::PBR;
 
-/// The library has no fault without a reason. The documents' formulas light up: `hazards` finds the faults that their tests show.
+/// The library has no fault without a reason. In the documents' formulas, `hazards` finds the faults that their tests
+/// show.
 #[test]
 fn the_library_has_none_that_is_not_argued() {
     let hazards =

@@ -1,6 +1,5 @@
-//! `shaders/README.md` says which function, test and frame shows what the sources contain. Here it
-//! is read back: a name in it that isn't there any more is a failure, and so is a module, a frame
-//! or a mistake that it leaves out.
+//! `shaders/README.md` lists the function, test and frame for each part of the sources. This test reads it back: it
+//! fails if a name in it no longer exists, or if it leaves out a module, a frame or a mistake.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -8,7 +7,7 @@ use std::path::Path;
 
 use shaders::PBR;
 
-/// What the names in a column are names of.
+/// The kind of names in a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Kind {
     Module,
@@ -30,17 +29,17 @@ impl Kind {
     }
 }
 
-/// What a column holds.
+/// The content of a column.
 enum Column {
     Prose,
-    /// Names of things, any of them, any number of times.
+    /// Names of this kind, in any number.
     Names(Kind),
-    /// A list of all of them, each once.
+    /// A list of all names of this kind, each once.
     List(Kind),
 }
 
 impl Column {
-    /// By the header, which must be one of these: a misspelt one would hide its column.
+    /// Finds a column by its header, which must be one of these: a misspelt header would hide its column.
     fn of(header: &str) -> Option<Self> {
         Some(match header {
             "item"
@@ -61,14 +60,14 @@ impl Column {
     }
 }
 
-/// All names that there are.
+/// All existing names.
 type Known = BTreeMap<Kind, BTreeSet<String>>;
 
-/// The library, the tests, the frames, and the numbered mistakes of the sources.
+/// The names of the library, the tests, the frames, and the numbered mistakes of the sources.
 fn known() -> Known {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the tests are in a folder");
     let mut tests = BTreeSet::new();
-    // The paths of tests of the library begin in `tests/`, those of others in the repository.
+    // The paths of the library's tests begin in `tests/`, those of others in the repository.
     for (folder, prefix) in [
         ("tests", ""),
         ("shaders", "shaders/"),
@@ -99,7 +98,7 @@ fn find_tests(folder: &Path, prefix: &str, found: &mut BTreeSet<String>) {
             let text = fs::read_to_string(&path).expect("sources are UTF-8");
             let names = text.split("#[test]\n").skip(1).filter_map(|below| {
                 let (name, _) = below.split_once("fn ")?.1.split_once('(')?;
-                // Those that a macro makes have no names here.
+                // Tests made by a macro have no names here.
                 (!name.starts_with('$')).then_some(name)
             });
             found.extend(names.map(|name| format!("{prefix}{file}::{name}")));
@@ -107,19 +106,19 @@ fn find_tests(folder: &Path, prefix: &str, found: &mut BTreeSet<String>) {
     }
 }
 
-/// A row of a table: the line that it is on, and its cells by header.
+/// A row of a table: its line, and its cells by header.
 struct Row {
     line: usize,
     cells: Vec<(String, String)>,
 }
 
-/// What is between the bars of a line.
+/// The texts between the bars of a line.
 fn cells(line: &str) -> Vec<String> {
     let inner = line.trim().trim_start_matches('|').trim_end_matches('|');
     inner.split('|').map(|cell| cell.trim().to_owned()).collect()
 }
 
-/// The rows of all tables, and what isn't a row though it looks like one.
+/// The rows of all tables. Complains about lines that look like rows but aren't.
 fn rows(markdown: &str, complaints: &mut Vec<String>) -> Vec<Row> {
     let mut rows = Vec::new();
     let mut headers: Option<Vec<String>> = None;
@@ -147,7 +146,7 @@ fn rows(markdown: &str, complaints: &mut Vec<String>) -> Vec<Row> {
     rows
 }
 
-/// The names in a cell: separated by commas, in backticks or not; `-` is none.
+/// The names in a cell, separated by commas, with or without backticks; `-` means none.
 fn names(cell: &str) -> impl Iterator<Item = &str> {
     cell.split(',').map(|name| name.trim().trim_matches('`')).filter(|name| *name != "-")
 }
@@ -159,7 +158,7 @@ fn nearest<'a>(unknown: &str, known: &'a BTreeSet<String>) -> Option<&'a str> {
 }
 
 impl Row {
-    /// Names in its cells and what they should be names of.
+    /// The names in its cells, with the kind that each should have.
     fn names(&self) -> impl Iterator<Item = (Kind, &str)> {
         self.cells.iter().flat_map(|(header, cell)| {
             let kind = match Column::of(header) {
@@ -170,7 +169,7 @@ impl Row {
         })
     }
 
-    /// What its list column lists.
+    /// The names in its list column.
     fn listed(&self) -> impl Iterator<Item = (Kind, &str)> {
         self.cells.iter().flat_map(|(header, cell)| {
             let kind = match Column::of(header) {
@@ -181,14 +180,14 @@ impl Row {
         })
     }
 
-    /// Whether nothing shows what it says, though its table has columns for that.
+    /// Returns `true` if no test or frame shows it, although its table has columns for them.
     fn is_unshown(&self) -> bool {
         let shows = |header: &str| ["test", "caught by", "golden"].contains(&header);
         let mut evidence = self.cells.iter().filter(|(header, _)| shows(header)).peekable();
         evidence.peek().is_some() && evidence.all(|(_, cell)| names(cell).next().is_none())
     }
 
-    /// What is wrong with it, with the line and the first cell.
+    /// The errors in it, with the line and the first cell.
     fn complaints(&self, known: &Known) -> Vec<String> {
         let row = format!("line {}, `{}`", self.line, self.cells[0].1.trim_matches('`'));
         let unknown = self.names().filter(|(kind, name)| !known[kind].contains(*name));
@@ -207,7 +206,7 @@ impl Row {
     }
 }
 
-/// Functions of the library that the text between tables names and that aren't there.
+/// Functions of the library that the text between tables names, and that don't exist.
 fn unknown_in_prose(markdown: &str, known: &Known) -> Vec<String> {
     let mut complaints = Vec::new();
     let prose = (1..).zip(markdown.lines()).filter(|(_, text)| !text.starts_with('|'));
@@ -224,7 +223,7 @@ fn unknown_in_prose(markdown: &str, known: &Known) -> Vec<String> {
     complaints
 }
 
-/// All that is wrong with the document.
+/// All errors in the document.
 fn complaints(markdown: &str, known: &Known) -> Vec<String> {
     let mut complaints = unknown_in_prose(markdown, known);
     let rows = rows(markdown, &mut complaints);
@@ -260,7 +259,7 @@ fn the_inventory_names_what_is_there() {
     assert!(found.is_empty(), "shaders/README.md:\n{}", found.join("\n"));
 }
 
-/// Each name in each row is looked up: with a letter more it isn't found.
+/// Each name in each row is looked up: with another letter appended it isn't found.
 #[test]
 fn every_name_of_the_inventory_is_read() {
     let known = known();
@@ -315,7 +314,7 @@ const SOUND: &str = "\
 | P1 | a | b | - | 3 | `fresnel.rs::schlick` |
 ";
 
-/// Each fault, and all that is said about it.
+/// Each error with its complaint, and no other complaint.
 #[test]
 fn faults_are_seen() {
     let known = small();
@@ -374,7 +373,7 @@ fn faults_are_seen() {
 fn the_whole_library_is_valid() {
     let found = PBR.is_valid();
     assert!(found.functions > 150 && found.entry_points > 20, "{found}");
-    // Where Tint is here it accepts each module; `cargo ci test` requires that it is.
+    // If Tint is installed, it accepts each module; `cargo ci test` requires it.
     let opinion = found.opinion;
     assert!(opinion.is_good(false) && opinion.shipped.is_empty(), "{:?}", opinion.remarks());
     assert!(opinion.unasked.is_some() || opinion.accepted == found.modules, "{opinion}");

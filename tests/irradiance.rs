@@ -1,5 +1,5 @@
-//! Diffuse light from an environment: constant, where all ways are exact; linear and a cosine
-//! lobe, which have closed forms; and all ways against each other.
+//! Tests diffuse light from an environment: a constant one, for which all methods are exact; a linear one and a cosine
+//! lobe, which have closed forms; and all methods against each other.
 
 use std::f64::consts::SQRT_2;
 
@@ -10,16 +10,15 @@ use shaders::{PBR, irradiance};
 
 use crate::drivers::{SINE, SWIFTSHADER};
 
-/// What smooth environments of about 1 may be off by when they are sampled.
+/// The error of sampling a smooth environment of about 1.
 ///
-/// 64 texels a side are 1/32 of the half face apart. Linear interpolation is off by at most 1/8 of
-/// that squared, times the curvature, at most 2: 2.5e-4. Weights have 8 bits, of a difference of
-/// 1/32 between texels: 6e-5. On GL, texels are half floats, 2.4e-4 off in 1..2, and the 3 % of
-/// directions within half a texel of a face's edge see their own face only, 1/64 off at the edge
-/// itself: both have either sign, and don't show in a mean.
+/// With 64 texels a side, texels are 1/32 of a half face apart. Linear interpolation is off by at most 1/8 of that
+/// squared, times the curvature, at most 2: 2.5e-4. Weights have 8 bits, of a difference of 1/32 between texels: 6e-5.
+/// On GL texels are half floats, 2.4e-4 off in 1..2, and the 3 % of directions within half a texel of a face's edge
+/// read only their own face, 1/64 off at the edge itself. Both errors have either sign, and don't show in a mean.
 const INTERPOLATION: f64 = 3e-4;
 
-/// Texels a side of the environments.
+/// Texels along a side of the environments.
 const SIZE: u32 = 64;
 
 fn in_environment(function: &str, environment: CubeMap) -> karat::check::Probe<'static> {
@@ -33,7 +32,7 @@ fn furnace(function: &str) -> karat::check::Probe<'static> {
     in_environment(function, CubeMap::constant(Vec3::ONE))
 }
 
-/// Radiance 1 on average, with another gradient for each colour: at most 1 long.
+/// Radiance 1 on average, with another gradient of at most 1 for each colour.
 fn sky(d: DVec3) -> DVec3 {
     DVec3::from_array(GRADIENTS.map(|gradient| 1.0 + gradient.dot(d)))
 }
@@ -46,7 +45,7 @@ fn below_sky(n: DVec3) -> DVec3 {
     DVec3::from_array(GRADIENTS.map(|gradient| irradiance::linear(n, 1.0, gradient)))
 }
 
-/// A lamp with a cosine's fall-off, about an axis in no face's middle.
+/// A lamp with a cosine fall-off, about an axis away from the middle of each face.
 fn lamp(d: DVec3) -> DVec3 {
     DVec3::splat(LAMP.dot(d).max(0.0))
 }
@@ -61,13 +60,13 @@ fn cube_map(radiance: impl Fn(DVec3) -> DVec3) -> CubeMap {
     CubeMap::from_fn(SIZE, |d| radiance(d.as_dvec3()).as_vec3())
 }
 
-/// What the sampler returns.
+/// The colour that the sampler returns.
 fn seen(map: &CubeMap) -> impl Fn(DVec3) -> DVec3 {
     move |d| map.sample_level(d, 0.0).truncate()
 }
 
-/// Centred points have the mean cosine 1/2 exactly where their number is a power of two; a sum of
-/// up to 1024 terms is rounded 1024 times.
+/// Centred points have a mean cosine of exactly 1/2 if their number is a power of two. A sum of up to 1024 terms is
+/// rounded 1024 times.
 #[test]
 fn a_white_furnace_returns_its_light() {
     furnace("irradiance::estimate")
@@ -87,7 +86,7 @@ fn it_agrees_with_the_estimator_in_its_general_form() {
         );
 }
 
-/// Whatever the level: the weight is 1, a sum of ones has no error, and a division 2.5 ulp.
+/// For any level: the weight is 1, a sum of ones is exact, and a division has 2.5 ulp.
 #[test]
 fn a_furnace_is_exact_at_every_level() {
     let sizes = OneOf(vec![1, 16, 2048_u32]);
@@ -115,14 +114,14 @@ fn a_furnace_is_exact_where_weights_are_divided_out() {
         .agrees_with(|_: DVec3, _: u32| DVec3::ONE, Abs(1e-5));
 }
 
-/// 1.0014 for a reason: its rings cover 6.3 and not 2 pi. 4032 terms, rounded as often.
+/// The result is 1.0014 because its rings cover 6.3 instead of 2 pi. It has 4032 terms, and as many roundings.
 #[test]
 fn the_loop_is_off_by_what_it_says() {
     furnace("irradiance::loop_corrected")
         .over(UnitVector)
         .cases(64)
-        // A weight is cos sin, off by sqrt(2) times what a sine is off; 4032 of them, each times
-        // 0.025 0.1 / pi, make 3.21.
+        // A weight is cos sin, with sqrt(2) times the error of a sine. 4032 of them, each times 0.025 0.1 / pi, make
+        // 3.21.
         .tolerance_on(SWIFTSHADER, Abs(3.21 * SQRT_2 * SINE))
         .agrees_with(|n: DVec3| irradiance::loop_corrected(n, |_| DVec3::ONE), Abs(2e-5));
     furnace("irradiance::loop_corrected")
@@ -131,16 +130,16 @@ fn the_loop_is_off_by_what_it_says() {
         .satisfies("is 1.0014", |_, light: Vec3| (light - 1.0014).abs().max_element() < 5e-5);
 }
 
-/// What the means of 64 directions and more may be off by: the last bit of weights of 8, of a
-/// difference of 1/32 between texels, with either sign.
+/// The error of means of at least 64 directions: the last of 8 bits of a weight, of a difference of 1/32 between
+/// texels, with either sign.
 const WEIGHTS: Abs = Abs(6e-5);
 
-/// What they may be off by on GL, if all of the 3 % that lie within
-/// half a texel of an edge are off by 1/64 in one direction.
+/// The error on GL if all of the 3 % of directions within half a texel of an edge are off by 1/64 in the same
+/// direction.
 const EDGES: Abs = Abs(5e-4);
 
-/// Sampled light against the same sums in f64 over the same cube map: only the filter of the
-/// sampler and the rounding of sums are between them.
+/// Sampled light against the same sums in f64 over the same cube map: they differ only by the sampler's filter and the
+/// rounding of sums.
 #[test]
 fn they_agree_with_their_twins() {
     let map = cube_map(sky);
@@ -167,8 +166,8 @@ fn they_agree_with_their_twins() {
         );
 }
 
-/// Few steps, where each counts: between texels the last bit of two weights of 8, of a difference
-/// of 1/32 each. On GL a step within half a texel of a face's edge is off by half a texel, 1/64.
+/// Few steps, so that each counts. Between texels the last bit of two weights of 8 bits counts, each of a difference of
+/// 1/32. On GL a step within half a texel of a face's edge is off by half a texel, 1/64.
 #[test]
 fn few_steps_agree_with_their_twin() {
     let map = cube_map(sky);
@@ -185,7 +184,7 @@ fn few_steps_agree_with_their_twin() {
         );
 }
 
-/// Few texels, where each counts: 6 to 96 of them. GL has half floats, up to 4.9e-4 off in 1..2.
+/// Few texels, 6 to 96, so that each counts. GL has half floats, up to 4.9e-4 off in 1..2.
 #[test]
 fn few_texels_agree_with_their_twin() {
     for size in [1, 2, 4_u32] {
@@ -203,23 +202,22 @@ fn few_texels_agree_with_their_twin() {
     }
 }
 
-/// Texel centres are sampled exactly; sums of 12,288 terms are rounded as often, to either side.
+/// Texel centres are sampled exactly. Sums of 12,288 terms have as many roundings, up or down.
 #[test]
 fn texel_sums_agree_with_their_twins() {
     in_environment("irradiance::texel_sum", cube_map(sky))
         .over((UnitVector, Just(SIZE)))
         .cases(64)
         .agrees_with(|n: DVec3, size: u32| irradiance::texel_sum(n, size, &sky), Abs(5e-5));
-    // Coarser texels have their centres where four finer ones meet. Half floats of GL, up to 4.9e-4
-    // off each, need many texels to make a good sum.
+    // Coarser texels have their centres where four finer ones meet. The half floats of GL, up to 4.9e-4 off each, need
+    // many texels for a good sum.
     let map = cube_map(sky);
     in_environment("irradiance::sh_project", map.clone())
         .over(OneOf(vec![16, SIZE]))
         .agrees_with(|size: u32| irradiance::sh_project(size, &seen(&map)), Abs(2e-4));
 }
 
-/// Light with something else in each of the nine harmonics, a third of its mean in all: radiance
-/// 0.7..=1.3.
+/// Light with a part in each of the nine harmonics, together a third of its mean: radiance 0.7..=1.3.
 const BANDS: [f64; 9] = [3.544907701811032, 0.1, -0.2, 0.15, 0.18, -0.12, 0.08, 0.13, -0.16];
 
 fn banded(d: DVec3) -> DVec3 {
@@ -227,7 +225,7 @@ fn banded(d: DVec3) -> DVec3 {
     DVec3::splat(terms.map(|(coefficient, basis)| coefficient * basis).sum())
 }
 
-/// Nine coefficients are all there is: no integral in the reference.
+/// The light has only nine coefficients, so the reference needs no integral.
 fn below_bands(n: DVec3) -> DVec3 {
     irradiance::sh_irradiance(BANDS.map(DVec3::splat), n)
 }
@@ -235,12 +233,12 @@ fn below_bands(n: DVec3) -> DVec3 {
 /// E / pi by the normal, in closed form.
 type Below = fn(DVec3) -> DVec3;
 
-/// Three environments and what is below each.
+/// Three environments, with the irradiance below each.
 fn environments() -> [(CubeMap, Below); 3] {
     [(cube_map(sky), below_sky), (cube_map(lamp), below_lamp), (cube_map(banded), below_bands)]
 }
 
-/// Centred Hammersley points are off by about log N / N, 1.5e-4 for 1024, and not by 1 / sqrt N.
+/// Centred Hammersley points are off by about log N / N, 1.5e-4 for 1024, instead of 1 / sqrt N.
 #[test]
 fn estimates_approach_the_closed_forms() {
     for (map, below) in environments() {
@@ -251,8 +249,7 @@ fn estimates_approach_the_closed_forms() {
     }
 }
 
-/// 32 rings are pi/64 apart: a midpoint rule is off by 1/24 of that squared, 1e-4, times the second
-/// derivative.
+/// 32 rings are pi/64 apart. A midpoint rule is off by 1/24 of that squared, 1e-4, times the second derivative.
 #[test]
 fn rings_approach_the_closed_forms() {
     for (map, below) in environments() {
@@ -263,7 +260,7 @@ fn rings_approach_the_closed_forms() {
     }
 }
 
-/// No interpolation: what is left is the midpoint rule of texels 1/32 wide, 4e-5 times the second
+/// Without interpolation, the error is that of the midpoint rule for texels 1/32 wide, 4e-5 times the second
 /// derivative, and rounding.
 #[test]
 fn texels_approach_the_closed_forms() {
@@ -275,8 +272,8 @@ fn texels_approach_the_closed_forms() {
     }
 }
 
-/// Projected and evaluated by the shader. The lamp has bands that nine coefficients leave out:
-/// 0.0052 in all, computed in the reference's tests.
+/// The shader projects and evaluates. The lamp has bands beyond nine coefficients: 0.0052 in all, as the reference's
+/// tests compute.
 #[test]
 fn harmonics_approach_the_closed_forms() {
     let text = "import library::irradiance::{sh_irradiance, sh_project};\n\n\
@@ -298,8 +295,8 @@ fn filtered(n: DVec3, samples: u32, size: u32, map: &CubeMap) -> DVec3 {
     irradiance::filtered_estimate(n, samples, size, light)
 }
 
-/// Each level holds its own number, so that the result is the mean level. Drivers quantise the
-/// weight between levels, most to 8 bits: 1/512, or 4e-3 on a driver that truncates.
+/// The colour of each level is its number, so that the result is the mean level. Drivers quantise the weight between
+/// levels, most to 8 bits: 1/512, or 4e-3 on a driver that truncates.
 #[test]
 fn filtered_directions_ask_for_the_right_levels() {
     let levels = (0..7_u16).map(|level| {
@@ -313,9 +310,9 @@ fn filtered_directions_ask_for_the_right_levels() {
         .agrees_with(|n: DVec3, k: u32, size: u32| filtered(n, k, size, &map), Abs(4e-3));
 }
 
-/// 1024 directions ask for texels that are 0.08 wide, 64 for 0.31. A box and a tent of width w turn
-/// light by w^2 / 4, which leaves 0.9985 and 0.975 of a gradient. On GL, where the coarse texels
-/// at the edges of faces are not filtered, a little less of it.
+/// 1024 directions need texels that are 0.08 wide, 64 directions 0.31. A box and a tent of width w turn light by w^2 /
+/// 4, which leaves 0.9985 and 0.975 of a gradient. On GL, which doesn't filter the coarse texels at the edges of faces,
+/// a little less remains.
 #[test]
 fn filtered_directions_blur_as_much_as_their_texels() {
     let map = cube_map(sky).with_mips();
@@ -327,9 +324,9 @@ fn filtered_directions_blur_as_much_as_their_texels() {
     }
 }
 
-/// The twin over the same levels: fractions of levels have 8 bits, between texels that differ by
-/// up to 1/4. On GL the texels at the edges of faces are not filtered: up to
-/// 1/8 off in a level of 8 texels a side, for a fourth of the directions, with either sign.
+/// The twin over the same levels. Fractions of levels have 8 bits, between texels that differ by up to 1/4. GL doesn't
+/// filter the texels at the edges of faces: up to 1/8 off in a level of 8 texels a side, for a quarter of the
+/// directions, with either sign.
 #[test]
 fn filtered_directions_agree_with_their_twin() {
     let map = cube_map(sky).with_mips();
@@ -340,14 +337,14 @@ fn filtered_directions_agree_with_their_twin() {
         .agrees_with(|n: DVec3, k: u32, size: u32| filtered(n, k, size, &map), Abs(2e-3));
 }
 
-/// A sun of radiance 50 in 0.05 sr, which lights by up to 0.8. 256 directions on the hemisphere,
-/// 0.025 sr each, hit it twice, or once, or four times.
+/// A sun of radiance 50 in 0.05 sr, which adds up to 0.8. Of 256 directions on the hemisphere, 0.025 sr each, two hit
+/// it, or one, or four.
 fn sun(d: DVec3) -> DVec3 {
     DVec3::splat(50.0 * (128.0 * (LAMP.dot(d) - 1.0)).exp())
 }
 
-/// As many directions, filtered and not, under the same bound, an eighth of the sun. What the
-/// filter leaves is its blur: texels of levels 2 and 3 are half as wide as the sun.
+/// As many directions, filtered and unfiltered, under the same bound, an eighth of the sun. The filter leaves its blur:
+/// texels of levels 2 and 3 are half as wide as the sun.
 #[test]
 fn a_filter_sees_what_lies_between_directions() {
     let map = cube_map(sun).with_mips();

@@ -1,4 +1,4 @@
-//! What drivers do wrong, declared: each of these is found as long as it lasts.
+//! Declares known faults of drivers. Each check fails once its fault is gone.
 
 use glam::{DVec3, Vec3};
 use karat::Path;
@@ -6,8 +6,8 @@ use karat::prelude::*;
 
 use crate::drivers::{NVIDIA, SWIFTSHADER};
 
-/// WGSL's `mix` is as accurate as x (1 - a) + y a, which is y at a = 1. (So the library's masks are
-/// written out: white over a bright base would show what rounding leaves of the base.)
+/// WGSL's `mix` is as accurate as x (1 - a) + y a, which is y at a = 1. (So the library writes out its masks: otherwise
+/// white over a bright base would show the rounding of the base.)
 #[test]
 fn mix_ends_at_its_second_value() {
     let module = "fn blend(x: f32, y: f32, a: f32) -> f32 { return mix(x, y, a); }";
@@ -20,8 +20,8 @@ fn mix_ends_at_its_second_value() {
         .agrees_with(|_: f64, y: f64, _: f64| y, Ulp(1.0));
 }
 
-/// Each face has its own direction for a colour, so a corner shows the mean of three. Vulkan 1.3,
-/// section 16.5.4, has Z win over Y and Y over X where components are equally large.
+/// Each face's colour is its own direction, so a corner shows the mean of three. In Vulkan 1.3, section 16.5.4, Z wins
+/// over Y and Y over X if components are equally large.
 #[test]
 fn a_corner_of_a_cube_belongs_to_a_face() {
     let module = "@group(0) @binding(0) var cube: texture_cube<f32>;
@@ -42,9 +42,9 @@ fn a_corner_of_a_cube_belongs_to_a_face() {
         .agrees_with(|d: DVec3| d / 3.0, Abs(3.0 / 512.0)); // weights of 8 bits
 }
 
-/// On wgpu's GL.
+/// The fault of wgpu's GL.
 pub(crate) const SEAMS: &str = "wgpu leaves desktop GL's seamless cube maps off: faces are clamped";
 
-/// On SwiftShader.
+/// The fault of SwiftShader.
 pub(crate) const CORNERS: &str = "where all three components are equally large no axis is the major one, \
                            and a point of the wrong face is sampled (`cubeFace` in SamplerCore.cpp)";

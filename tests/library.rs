@@ -1,5 +1,5 @@
-//! Tests of the shader library, a file for each module, and of the formulas as the source documents
-//! wrote them. One program: after an edit of the harness it is linked once.
+//! Tests of the shader library, a file for each module, and of the source documents' formulas. They are one program, so
+//! that an edit of the harness links only once.
 
 #[path = "as_written/main.rs"]
 mod as_written;

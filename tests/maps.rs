@@ -1,4 +1,4 @@
-//! Maps that are computed once and then looked up.
+//! Tests maps that are computed once and then looked up.
 
 use frames::open_paths;
 use glam::{UVec2, Vec3};
@@ -7,7 +7,7 @@ use karat::prelude::*;
 use shaders::maps::MapSettings;
 use shaders::{PBR, maps, specular};
 
-/// Each pixel of a frame of six faces: a division, and what `face_direction` does with it.
+/// Each pixel of a frame with six faces: a division, and the error of `face_direction`.
 #[test]
 fn texel_direction() {
     let pixels =
@@ -22,7 +22,7 @@ fn texel_direction() {
         .agrees_with(|side: u32, pixel: UVec2| maps::texel_direction(side, pixel), Abs(5e-7));
 }
 
-/// A face's texels are those that the hardware finds again in the same directions.
+/// The hardware finds a face's texels in the same directions.
 #[test]
 fn faces_become_the_cube_map_that_they_show() {
     let side = 16;
@@ -35,15 +35,14 @@ fn faces_become_the_cube_map_that_they_show() {
     let own = CubeMap::from_fn(side, color);
     let texels = |cube: &CubeMap| cube.texels(0).expect("a first level").concat();
     for (found, expected) in texels(&cube).into_iter().zip(texels(&own)) {
-        // Directions are rounded before they are normalised on the one side, after it on the other.
+        // One side rounds directions before it normalises them, the other side afterwards.
         assert!((found - expected).abs() <= 1e-6, "{found} for {expected}");
     }
 }
 
-/// Each entry of the table: scale and bias for the middle of its texel, in the channels that are
-/// read, and again in those that aren't. As in `specular.rs`, V.H is rounded to 1e-7 and divided by
-/// N.V, which is 1/32 at least. On GL a frame has half floats, which may be cut off: 2^-11 in
-/// 1/2..1.
+/// Each entry of the table: scale and bias for the centre of its texel, in the channels that are read, and again in the
+/// others. As in `specular.rs`, V.H is rounded to 1e-7 and divided by N.V, which is at least 1/32. On GL a frame has
+/// half floats, which may be cut off: 2^-11 in 1/2..1.
 #[test]
 fn split_sum_fragment() {
     const SIDE: u32 = 16;

@@ -1,11 +1,11 @@
-//! Materials: the lecture's table, roughness, masks and texels.
+//! Tests materials: the lecture's table, roughness, masks and texels.
 
 use glam::{DVec3, Vec3};
 use karat::prelude::*;
 use shaders::materials::{self, MATERIALS, Material, NAMES, ROUGHNESSES};
 use shaders::{PBR, fresnel};
 
-/// The same constants on both sides, so that they are equal to the bit; and past the table's end.
+/// Both sides have the same constants, so they are equal to the bit, also past the table's end.
 #[test]
 fn the_table_is_its_twin() {
     PBR.function("materials::material")
@@ -31,7 +31,7 @@ fn metals_have_no_diffuse_and_all_reflect() {
     );
 }
 
-/// What isn't reflected may be diffuse: both together never exceed what arrives.
+/// Light that isn't reflected may be diffuse: both together never exceed the incoming light.
 #[test]
 fn no_material_reflects_more_than_it_receives() {
     PBR.function("materials::material")
@@ -62,7 +62,7 @@ fn alpha_from_roughness() {
         .agrees_with(materials::alpha_from_roughness_squared, Ulp(1.0));
 }
 
-/// Three roundings of positive terms, and that of 1 - mask.
+/// Three roundings of positive terms, and the rounding of 1 - mask.
 #[test]
 fn masked_roughness() {
     PBR.function("materials::masked_roughness")
@@ -70,7 +70,7 @@ fn masked_roughness() {
         .agrees_with(materials::masked_roughness, Ulp(4.0).or(Abs(1e-30)));
 }
 
-/// A mask of 0 leaves a mirror a mirror, and one of 1 makes it one.
+/// A mask of 0 keeps a mirror a mirror, and a mask of 1 turns a surface into one.
 #[test]
 fn masks_are_exact_at_both_ends() {
     let kept = |roughness: f64, _: f64, _: f64| roughness;
@@ -83,8 +83,7 @@ fn masks_are_exact_at_both_ends() {
         .agrees_with(painted, Ulp(0.0));
 }
 
-/// A mask of one's own roughness paints nothing: 1 - mask and mask are 1 together but for two
-/// roundings.
+/// A mask with the surface's own roughness changes nothing: 1 - mask and mask add up to 1, within two roundings.
 #[test]
 fn painting_the_same_roughness_changes_nothing() {
     let same = (0.0..=1.0_f32, 0.0..=1.0_f32).map(|(roughness, mask)| (roughness, roughness, mask));
@@ -93,7 +92,7 @@ fn painting_the_same_roughness_changes_nothing() {
         .agrees_with(|roughness: f64, _: f64, _: f64| roughness, Ulp(3.0).or(Abs(1e-30)));
 }
 
-/// As `masked_roughness`.
+/// Like `masked_roughness`.
 #[test]
 fn material_from_texels() {
     PBR.function("materials::material_from_texels")
@@ -101,7 +100,7 @@ fn material_from_texels() {
         .agrees_with(materials::material_from_texels, Ulp(4.0).or(Abs(1e-30)));
 }
 
-/// Whatever a texture says, energy is conserved at normal incidence, and a metal isn't diffuse.
+/// For any texture, energy is conserved at normal incidence, and a metal isn't diffuse.
 #[test]
 fn materials_from_texels_conserve_energy() {
     PBR.function("materials::material_from_texels").over((UnitRgb, 0.0..=1.0)).satisfies(
@@ -121,8 +120,8 @@ fn materials_from_texels_conserve_energy() {
     );
 }
 
-/// More paint brings a surface to what is painted: up if that is rougher, down if it is smoother.
-/// Three roundings may be taken back.
+/// More paint brings a surface closer to the paint's roughness: up if that is rougher, down if it is smoother. Three
+/// roundings may go the other way.
 #[test]
 fn masks_go_one_way() {
     let over = |kept: std::ops::RangeInclusive<f32>, painted| {

@@ -1,4 +1,4 @@
-//! What a depth pre-pass does: each pixel is shaded once, and nothing else changes.
+//! Tests the effect of a depth pre-pass: each pixel is shaded once, and nothing else changes.
 
 use std::cmp::Reverse;
 
@@ -13,7 +13,7 @@ use shaders::{PBR, camera, overdraw, scene};
 
 const SIZE: (u32, u32) = (240, 180);
 
-/// The spheres one behind the other, the farthest drawn first.
+/// The spheres one behind the other. The farthest is drawn first.
 fn oblique(fragment: &str) -> Frame<'static> {
     let aspect = f64::from(SIZE.0) / f64::from(SIZE.1);
     grid("overdraw", fragment, scene::oblique_camera(aspect), SIZE)
@@ -23,7 +23,7 @@ fn render(frame: &Frame<'_>, path: Path) -> Image {
     frame.render(path).expect("the spheres are drawn")
 }
 
-/// How many fragments each pixel keeps.
+/// The number of fragments that each pixel keeps.
 fn counts(frame: Frame<'_>, path: Path) -> Vec<u32> {
     let image = render(&frame.blend(Blend::Add), path);
     let count = |[r, g, b, a]: &[f32; 4]| {
@@ -47,8 +47,8 @@ fn a_pre_pass_shades_each_pixel_once() {
     }
 }
 
-/// Fragments that discard or write their depth are tested late: with a pre-pass that does the
-/// same, the image stays the same.
+/// Fragments that discard or write their depth are tested late: with a pre-pass that does the same, the image doesn't
+/// change.
 #[test]
 fn fragments_that_change_depth_come_out_the_same() {
     for (fragment, depth) in [
@@ -63,7 +63,7 @@ fn fragments_that_change_depth_come_out_the_same() {
     }
 }
 
-/// The fault that the rule prevents: depth from triangles alone covers what the holes show.
+/// The fault that the rule prevents: depth from triangles alone covers what is visible through the holes.
 #[test]
 fn a_pre_pass_without_the_holes_changes_the_image() {
     for path in open_paths() {
@@ -74,7 +74,7 @@ fn a_pre_pass_without_the_holes_changes_the_image() {
     }
 }
 
-/// At an edge, four times the normal's Y may round to either side.
+/// At an edge, four times the Y of the normal may round either way.
 #[test]
 fn is_hole() {
     let away = UnitVector.filter(|n: &Vec3| overdraw::from_edge(n.as_dvec3()) > 1e-6);
@@ -91,7 +91,7 @@ fn stepped_depth() {
         .agrees_with(overdraw::stepped_depth, Ulp(0.0));
 }
 
-/// A number below 64 is exact; a product by 1/2 is, too, and a sum rounds once.
+/// A number below 64 is exact, and so is a product with 1/2; a sum rounds once.
 #[test]
 fn label() {
     PBR.function("overdraw::label")
@@ -99,19 +99,19 @@ fn label() {
         .agrees_with(overdraw::label, Abs(6e-8));
 }
 
-/// A front of a sphere that a pixel's ray meets.
+/// The front of a sphere where a pixel's ray meets it.
 struct Hit {
     instance: u32,
     normal: DVec3,
     depth: f64,
 }
 
-/// The middle of a facet, 5.6 degrees wide both ways, is this far from the sphere, and a normal
-/// that the mesh has there from the sphere's.
+/// The distance of the middle of a facet, 5.6 degrees wide both ways, from the sphere, and of the mesh's normal there
+/// from the sphere's normal.
 const FACET: f64 = 2.5e-3;
 
-/// What the ray through a pixel's middle meets, or `None` if it passes the rim of a sphere, where
-/// the mesh's outline decides.
+/// The hits of the ray through a pixel's middle, or `None` if it passes the rim of a sphere, where the outline of the
+/// mesh decides.
 fn hits(camera: &Camera, ndc: DVec2) -> Option<Vec<Hit>> {
     let (eye, matrix) = (camera.position.as_dvec3(), camera.view_projection.as_dmat4());
     let direction = camera::view_direction(matrix, ndc).normalize();
@@ -132,15 +132,15 @@ fn hits(camera: &Camera, ndc: DVec2) -> Option<Vec<Hit>> {
     Some(found)
 }
 
-/// The hits of each pixel whose ray passes no rim, in rows from the top left.
+/// The hits of each pixel, in rows from the top left; `None` for a ray that passes a rim.
 fn rays(camera: &Camera) -> Vec<Option<Vec<Hit>>> {
     let centre = |pixel: u32, size: u32| 2.0 * (f64::from(pixel) + 0.5) / f64::from(size) - 1.0;
     let pixels = (0..SIZE.1).flat_map(|y| (0..SIZE.0).map(move |x| (x, y)));
     pixels.map(|(x, y)| hits(camera, DVec2::new(centre(x, SIZE.0), -centre(y, SIZE.1)))).collect()
 }
 
-/// Whether a pixel shows a hit: the sphere, and the point of it. A facet's distance moves the point
-/// along the ray, which is at most 8 times as far across: the rim is 0.02 wide.
+/// Returns `true` if a pixel shows a hit: the right sphere, and the right point. The distance of a facet moves the
+/// point along the ray, and at most 8 times as far across it: the rim is 0.02 wide.
 fn shows(pixel: &[f32; 4], hit: Option<&Hit>) -> bool {
     let Some(hit) = hit else { return pixel[..3] == [0.0; 3] };
     let expected = overdraw::label(hit.instance, hit.normal).to_array();
@@ -148,8 +148,7 @@ fn shows(pixel: &[f32; 4], hit: Option<&Hit>) -> bool {
     off(0) == 0.0 && off(1).max(off(2)) < 8.0 * FACET && pixel[3] == 1.0
 }
 
-/// Judges each pixel for which `expected` knows a hit, or that there is none. On some, it isn't the
-/// nearest.
+/// Judges each pixel for which `expected` has a hit, or no hit. For some frames the hit isn't the nearest.
 fn judge(
     fragment: &str,
     camera: &dyn Fn() -> Camera,
@@ -173,7 +172,7 @@ fn judge(
     }
 }
 
-/// The nearest sphere that has no hole there. Not judged: where a facet's distance decides.
+/// The nearest sphere without a hole there. Leaves out pixels for which the distance of a facet decides.
 #[test]
 fn holes_show_the_next_sphere() {
     let camera = || scene::oblique_camera(f64::from(SIZE.0) / f64::from(SIZE.1));
@@ -192,9 +191,8 @@ fn holes_show_the_next_sphere() {
     });
 }
 
-/// The nearest step, and of the spheres on it the last. Seen from the other side, from where the
-/// last are the farthest. Not judged: where a facet's distance, which is 1e-3 of the depth range at
-/// most, decides between two steps.
+/// The nearest step, and of the spheres on it the last. From the other side the last ones are the farthest. Leaves out
+/// pixels for which the distance of a facet, at most 1e-3 of the depth range, decides between two steps.
 #[test]
 fn steps_show_the_last_sphere() {
     let camera = || {

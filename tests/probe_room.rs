@@ -1,4 +1,4 @@
-//! The article's spheres in their room.
+//! Tests the article's spheres in their room.
 
 use karat::prelude::*;
 use shaders::{PBR, probe_room};

@@ -1,4 +1,4 @@
-//! Quantities of light against their definitions.
+//! Tests quantities of light against their definitions.
 
 use std::f64::consts::PI;
 
@@ -11,10 +11,10 @@ use shaders::{PBR, radiometry};
 /// Results below the smallest normal f32, which WGSL may flush.
 const UNDERFLOW: Abs = Abs(1e-30);
 
-/// Light of any strength that isn't lost in f32: from starlight to the sun's 1e9 W/(m^2 sr).
+/// Light of any strength that f32 can hold: from starlight to the sun's 1e9 W/(m^2 sr).
 const LIGHT: std::ops::RangeInclusive<f32> = 0.0..=1e9;
 
-/// Cosines that may be divided by.
+/// Cosines that are large enough to divide by.
 const COSINE: std::ops::RangeInclusive<f32> = 1e-4..=1.0;
 
 /// From a millimetre to ten kilometres.
@@ -23,7 +23,7 @@ const DISTANCE: std::ops::RangeInclusive<f32> = 1e-3..=1e4;
 /// Up to the hemisphere.
 const SOLID_ANGLE: std::ops::RangeInclusive<f32> = 1e-8..=std::f32::consts::TAU;
 
-/// A module that calls the library: facts about several functions at once.
+/// A module that calls the library, to test facts about several functions at once.
 fn calling(functions: &str, wgsl: &str) -> Package {
     let text = format!("import pbr::radiometry::{{{functions}}};\n{wgsl}");
     Package::from_source("calling", text).depends_on("pbr", &PBR)
@@ -52,8 +52,8 @@ fn irradiance_from_intensity() {
         .agrees_with(radiometry::irradiance_from_intensity, Ulp(6.0).or(UNDERFLOW));
 }
 
-/// Twice as far needs four times the intensity, to the bit: these are powers of two. An intensity
-/// of 1e-20 is 1e-32 at the farthest and most grazing; what is darker may be flushed on one side.
+/// Twice the distance needs four times the intensity, to the bit: these are powers of two. An intensity of 1e-20 gives
+/// 1e-32 at the farthest and most grazing point; a smaller one may be flushed on one side.
 #[test]
 fn irradiance_falls_with_the_square_of_the_distance() {
     let light = LIGHT.filter(|light: &f32| *light == 0.0 || *light >= 1e-20);
@@ -88,8 +88,8 @@ fn irradiance_from_cap() {
         .agrees_with(radiometry::irradiance_from_cap, Ulp(9.0).or(UNDERFLOW));
 }
 
-/// Two divisions, of 2.5 ulp each, and three products. The first of these may be flushed: 1.2e-38 of
-/// area, from a millimetre away, of a radiance of 1e9, are 1.2e-23.
+/// Two divisions, of 2.5 ulp each, and three products. The first of these may be flushed: an area of 1.2e-38, a
+/// millimetre away, with a radiance of 1e9, contributes 1.2e-23.
 #[test]
 fn irradiance_from_patch() {
     PBR.function("radiometry::irradiance_from_patch")
@@ -132,7 +132,7 @@ fn cap_solid_angle() {
         .agrees_with(radiometry::cap_solid_angle, Ulp(9.0).or(UNDERFLOW));
 }
 
-/// Nested sums, each beside 1: the outer ones lose 2 ulp, the divisions below next to nothing.
+/// Nested sums, each beside 1: the outer ones lose 2 ulp, the divisions further in almost nothing.
 #[test]
 fn series_of_sine_and_arctangent() {
     PBR.function("radiometry::sine")
@@ -150,9 +150,8 @@ fn texels(most: u32) -> impl Domain<Value = (u32, u32, u32)> {
     })
 }
 
-/// Three square roots of 4.5 ulp, of which two thirds reach the divisor, a division, the squared
-/// width of the texel (5 ulp) and the rounding of its corners: nothing cancels, however small the
-/// texel.
+/// Three square roots of 4.5 ulp, two thirds of which reach the divisor, a division, the squared width of the texel (5
+/// ulp) and the rounding of its corners. Nothing cancels, however small the texel is.
 #[test]
 fn texel_solid_angle() {
     PBR.function("radiometry::texel_solid_angle")
@@ -160,7 +159,7 @@ fn texel_solid_angle() {
         .agrees_with(radiometry::texel_solid_angle, Ulp(16.0));
 }
 
-/// Faces are alike in both directions: only the diagonal that cuts the texel differs.
+/// A face is symmetric in both directions: only the diagonal that cuts the texel differs.
 #[test]
 fn texels_are_symmetric() {
     let size_texels = || texels(4096).filter(|(size, _, _)| *size > 1);
@@ -172,7 +171,7 @@ fn texels_are_symmetric() {
         .invariant_under(|(size, column, row)| (size, row, column), Ulp(16.0));
 }
 
-/// All texels of all six faces, summed in f64: 4 pi, to the mean error of a texel.
+/// All texels of all six faces, summed in f64, give 4 pi within the mean error of a texel.
 #[test]
 fn the_texels_of_a_cube_cover_the_sphere() {
     let probed =
@@ -195,8 +194,8 @@ fn the_texels_of_a_cube_cover_the_sphere() {
     }
 }
 
-/// I summed over the solid angles of a cube's texels. Up to 144 roundings of a growing sum, each
-/// half an ulp and of either sign, and the error of a texel.
+/// I summed over the solid angles of a cube's texels. A growing sum has up to 144 roundings, each of half an ulp with
+/// either sign, and the error of a texel.
 #[test]
 fn isotropic_intensity_integrates_to_the_flux() {
     let package = calling(
@@ -214,8 +213,8 @@ fn isotropic_intensity_integrates_to_the_flux() {
     holds(flux.unrecorded().try_agrees_with(|flux: f64, _: u32| flux, Ulp(32.0).or(UNDERFLOW)));
 }
 
-/// What a patch sends to a receiver at any distance, seen through the solid angle that it fills
-/// from there, is the radiance that left it. Five divisions.
+/// Light from a patch that arrives at a receiver at any distance, divided by the solid angle that the patch fills from
+/// there, is the radiance that left it. Five divisions.
 #[test]
 fn radiance_along_a_ray_is_constant() {
     let package = calling(
@@ -235,7 +234,7 @@ fn radiance_along_a_ray_is_constant() {
     ));
 }
 
-/// A mirror returns the radiance that arrives, through whatever small solid angle.
+/// A mirror returns the radiance that arrives, through any small solid angle.
 #[test]
 fn a_mirror_keeps_the_radiance() {
     let package = calling(

@@ -1,4 +1,4 @@
-//! Samplers against the formulas of the papers.
+//! Tests samplers against the formulas of the papers.
 
 use glam::{DVec2, Mat3, UVec2, UVec3, Vec2, Vec3};
 use karat::prelude::*;
@@ -11,8 +11,8 @@ fn unit_square() -> impl Domain<Value = Vec2> {
     (0.0..=1.0_f32, 0.0..=1.0_f32).map(|(x, y)| Vec2::new(x, y))
 }
 
-/// WGSL promises 2^-11 = 4.9e-4 for sin and cos on [-pi, pi], which is all that a portable shader
-/// can rely on; a factor of at most 1 scales it.
+/// WGSL allows sin and cos an error of 2^-11 = 4.9e-4 on [-pi, pi], so a portable shader can't rely on less. A factor
+/// of at most 1 scales it.
 const TRIGONOMETRIC: Abs = Abs(6e-4);
 
 #[test]
@@ -22,7 +22,7 @@ fn uniform_hemisphere() {
         .agrees_with(sampling::uniform_hemisphere, TRIGONOMETRIC);
 }
 
-/// What doesn't depend on sine and cosine is exact: the height.
+/// The height doesn't depend on sine and cosine, so it is exact.
 #[test]
 fn uniform_hemisphere_takes_its_height_from_u() {
     PBR.function("sampling::uniform_hemisphere")
@@ -30,9 +30,9 @@ fn uniform_hemisphere_takes_its_height_from_u() {
         .satisfies("has height u.y", |u, direction: Vec3| direction.z == u.y);
 }
 
-/// Means of the cosine and its square over the unit square. The height of a direction is exact for
-/// one sampler and a square root for the other, whose mean the midpoints of 256 rows find to
-/// 0.2 / 256^1.5 = 5e-5; the mean of a parabola to 1 / (12 * 256^2).
+/// Means of the cosine and its square over the unit square. The height of a direction is exact for one sampler and a
+/// square root for the other. The midpoints of 256 rows find the mean of the root within 0.2 / 256^1.5 = 5e-5, and that
+/// of a parabola within 1 / (12 * 256^2).
 #[test]
 fn moments_of_the_cosine() {
     let package = Package::from_source(
@@ -67,7 +67,7 @@ fn uniform_hemisphere_pdf() {
 
 #[test]
 fn ggx_normal() {
-    // Below 1e-4 (but for 0, the mirror) alpha^2 vanishes beside 1 in f32.
+    // Below 1e-4 (except for 0, the mirror) alpha^2 vanishes beside 1 in f32.
     let alpha = (1e-4..=1.0_f32).map(|alpha| if alpha < 2e-4 { 0.0 } else { alpha });
     PBR.function("sampling::ggx_normal")
         .over((alpha, unit_square()))
@@ -77,10 +77,10 @@ fn ggx_normal() {
 /// Widths of the distributions, from the smallest that f32 resolves to the widest.
 const ALPHA: std::ops::RangeInclusive<f32> = 1e-4..=1.0;
 
-/// Nothing below is ever seen, and WGSL may flush it.
+/// Anything smaller is never visible, and WGSL may flush it.
 const UNDERFLOW: Abs = Abs(1e-30);
 
-/// The number below 1, where every sequence of the library ends.
+/// The largest number below 1. Every sequence of the library ends there.
 const BELOW_ONE: f32 = 1.0 - f32::EPSILON / 2.0;
 
 /// Two numbers, the second below 1.
@@ -102,7 +102,7 @@ fn cosine_hemisphere() {
         .agrees_with(sampling::cosine_hemisphere, TRIGONOMETRIC);
 }
 
-/// A direction that is drawn has a density: what divides by it never divides by 0.
+/// A sampled direction has a positive density, so that no estimator divides by 0.
 #[test]
 fn cosine_hemisphere_stays_above_the_horizon() {
     PBR.function("sampling::cosine_hemisphere")
@@ -118,8 +118,8 @@ fn cosine_hemisphere_pdf() {
         .agrees_with(sampling::cosine_hemisphere_pdf, Ulp(4.0));
 }
 
-/// Normals as often as GGX has them, so that narrow lobes are tested where they are high, and in
-/// between others from all of the hemisphere and below.
+/// Normals distributed as GGX has them, so that narrow lobes are tested where they are high, and others from all of the
+/// hemisphere and below.
 fn normals() -> impl Domain<Value = (f32, Vec3)> {
     (ALPHA, unit_square(), UnitVector, Integers(0..=2_u32)).map(|(alpha, u, any, choice)| {
         let (widened, u) = (f64::from(alpha), u.as_dvec2());
@@ -128,8 +128,8 @@ fn normals() -> impl Domain<Value = (f32, Vec3)> {
     })
 }
 
-/// Nothing but the exponential's argument cancels: sums of squares (3 ulp), a division (2.5),
-/// squared, over pi, times the cosine.
+/// Only the argument of the exponential cancels: sums of squares (3 ulp), a division (2.5), squared, divided by pi,
+/// times the cosine.
 #[test]
 fn ggx_normal_pdf() {
     PBR.function("sampling::ggx_normal_pdf")
@@ -158,9 +158,8 @@ fn beckmann_normal() {
         .agrees_with(sampling::beckmann_normal, TRIGONOMETRIC);
 }
 
-/// log promises 2^-21 = 4.8e-7 near 1 and 3 ulp elsewhere: 4.5e-6 of the value at 0.105, where the
-/// series hands over. The series is as good as its division, whose quotient, half of x, may be
-/// flushed.
+/// log is within 2^-21 = 4.8e-7 near 1 and within 3 ulp elsewhere: 4.5e-6 of the value at 0.105, where the series takes
+/// over. The series is as exact as its division, whose quotient, half of x, may be flushed.
 #[test]
 fn minus_log_of_rest() {
     PBR.function("sampling::minus_log_of_rest")
@@ -177,8 +176,8 @@ fn seen_normals() -> impl Domain<Value = (f32, Vec3, Vec2)> {
     (ALPHA, Hemisphere, half_open_square())
 }
 
-/// How long the halfway vector is, in the space where the surface is a hemisphere, and there
-/// twice the cosine between view and normal.
+/// The length of the halfway vector, in the space in which the surface is a hemisphere. There it is twice the cosine
+/// between view and normal.
 fn halfway_length(alpha: f32, v: Vec3, u: Vec2) -> f64 {
     let (alpha, v, u) = (f64::from(alpha), v.as_dvec3(), u.as_dvec2());
     let h = sampling::ggx_visible_normal(alpha, v, u);
@@ -187,9 +186,8 @@ fn halfway_length(alpha: f32, v: Vec3, u: Vec2) -> f64 {
     2.0 * stretched.dot(unstretched)
 }
 
-/// The halfway vector moves by what sin and cos are off, 2^-11 times at most 1; the shorter it is,
-/// the more it turns. Normals that are seen at more than 83 degrees, one in 64, are left out
-/// here: the bound is 4.9e-4 over 1/4.
+/// The halfway vector moves by the error of sin and cos, at most 2^-11; the shorter it is, the more it turns. Leaves
+/// out normals seen at more than 83 degrees, one in 64: then the bound is 4.9e-4 / (1/4).
 #[test]
 fn ggx_visible_normal() {
     let domain = seen_normals().filter(|(alpha, v, u)| halfway_length(*alpha, *v, *u) > 0.25);
@@ -198,9 +196,9 @@ fn ggx_visible_normal() {
         .agrees_with(sampling::ggx_visible_normal, Abs(2e-3));
 }
 
-/// Also those that are left out above: grazing views and normals, narrow lobes. A halfway vector of
-/// length s has s^2 / 2 of the view in it, from which an error of sin and cos takes up to its own
-/// size, sqrt(2) 2^-11: where s is 0.04 or more, there is something left on each driver.
+/// Includes those that the test above leaves out: grazing views and normals, narrow lobes. A halfway vector of length s
+/// contains s^2 / 2 of the view. An error of sin and cos removes at most its own size, sqrt(2) 2^-11, so from s = 0.04
+/// on some of it remains on each driver.
 #[test]
 fn visible_normals_are_visible() {
     let visible = |(_, v, _): (f32, Vec3, Vec2), h: Vec3| {
@@ -215,7 +213,7 @@ fn visible_normals_are_visible() {
         .satisfies(statement, visible);
 }
 
-/// At normal incidence all facets are seen: the two samplers have the same map.
+/// At normal incidence all facets are visible, so both samplers have the same map.
 #[test]
 fn all_normals_are_visible_from_above() {
     let domain = (ALPHA, Just(Vec3::Z), half_open_square());
@@ -225,8 +223,8 @@ fn all_normals_are_visible_from_above() {
     );
 }
 
-/// V.H is rounded to 1e-7 of its terms: at 0.01 that is 1e-5 of it. What is turned away has
-/// density 0, what is almost turned away is left out.
+/// V.H is rounded to 1e-7 of its terms: at 0.01 that is a relative 1e-5. Normals facing away have density 0; those that
+/// nearly face away are left out.
 #[test]
 fn ggx_visible_normal_pdf() {
     let domain = (Hemisphere, normals())
@@ -266,13 +264,13 @@ fn radical_inverse() {
         .satisfies("lies in [0, 1)", |_, x: f32| (0.0..1.0).contains(&x));
 }
 
-/// `i < n`, for as many points as anyone draws.
+/// `i < n`, for as many points as a renderer might use.
 fn counters() -> impl Domain<Value = (u32, u32)> {
     (0.0..=1.0_f32, Integers(1..=1_u32 << 22))
         .map(|(share, n)| (((share * n as f32) as u32).min(n - 1), n))
 }
 
-/// One division (2.5 ulp); the radical inverse drops what is below 2^-24.
+/// One division (2.5 ulp). The radical inverse drops the bits below 2^-24.
 #[test]
 fn hammersley() {
     let tolerance = Ulp(4.0).or(Abs(2.0_f64.powi(-24)));
@@ -284,7 +282,7 @@ fn hammersley() {
         .agrees_with(sampling::hammersley_centred, tolerance);
 }
 
-/// The input is a unit vector to 1e-7 only; the basis can't be better.
+/// The input is a unit vector only within 1e-7, and the basis can't be better.
 #[test]
 fn orthonormal_basis() {
     PBR.function("sampling::orthonormal_basis")
@@ -292,7 +290,7 @@ fn orthonormal_basis() {
         .agrees_with(sampling::orthonormal_basis, Abs(1e-6));
 }
 
-/// Poles included: Duff et al. 2017 has no hole, where the older construction breaks at -Z.
+/// Includes the poles: the construction of Duff et al. 2017 has no hole, while the older one breaks at -Z.
 #[test]
 fn orthonormal_basis_is_a_rotation_onto_n() {
     PBR.function("sampling::orthonormal_basis").over(UnitVector).satisfies(
@@ -320,7 +318,7 @@ fn triples() -> impl Domain<Value = UVec3> {
     (any(), any(), any()).map(|(x, y, z)| UVec3::new(x, y, z))
 }
 
-/// Integers are equal or wrong; WGSL's wrap as the reference does.
+/// Integers are equal or wrong. WGSL's wrap like those of the reference.
 #[test]
 fn hashes() {
     PBR.function("sampling::pcg").over(Integers(0..=u32::MAX)).agrees_with(sampling::pcg, Ulp(0.0));
@@ -328,7 +326,7 @@ fn hashes() {
     PBR.function("sampling::stirred").over(triples()).agrees_with(sampling::stirred, Ulp(0.0));
 }
 
-/// 24 bits fit into an f32: equal, and below 1.
+/// 24 bits fit into an f32, so the results are equal, and below 1.
 #[test]
 fn random_numbers() {
     PBR.function("sampling::unit_float")
@@ -352,13 +350,12 @@ fn pow5() {
     PBR.function("math::pow5").over(-1.0..=1.0).agrees_with(math::pow5, Ulp(4.0));
 }
 
-/// Widths from the narrowest lobe that a sample of f32 resolves well to the widest.
+/// Widths from the narrowest lobe that f32 samples resolve well to the widest.
 fn widths() -> impl Domain<Value = f32> {
     OneOf(vec![0.01, 0.1, 0.5, 1.0])
 }
 
-/// Widths, and views from above to half a degree above the horizon, in directions that no
-/// symmetry favours.
+/// Widths, and views from above to half a degree above the horizon, in directions without symmetries.
 fn seen() -> impl Domain<Value = (f32, Vec3)> {
     let view = |degrees: f64| {
         let (sin, cos) = degrees.to_radians().sin_cos();
@@ -406,7 +403,7 @@ fn ggx_visible_normal_follows_its_pdf() {
         });
 }
 
-/// 2/3: cos is drawn with density 2 cos.
+/// The mean of cos is 2/3, because its density is 2 cos.
 #[test]
 fn cosine_hemisphere_has_its_mean() {
     let sampled =
@@ -415,7 +412,7 @@ fn cosine_hemisphere_has_its_mean() {
     sampled().has_distribution("cos", |l: Vec3| l.z.into(), |(), cos| cos * cos, 1e-6);
 }
 
-/// Directions are only known to the 5e-4 that WGSL grants sin and cos, which would hide a short pi.
+/// WGSL's error of sin and cos, 5e-4, would hide a pi with too few digits.
 #[test]
 fn constants() {
     use std::f64::consts::{PI, TAU};

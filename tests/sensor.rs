@@ -1,4 +1,4 @@
-//! Exposure, tone and the transfer function of sRGB against their standards.
+//! Tests exposure, tone mapping and the sRGB transfer function against their standards.
 
 use glam::{DVec3, UVec3, Vec3};
 use karat::check::{Agreement, Failure};
@@ -26,8 +26,8 @@ fn holds(result: Result<Agreement, Failure>) {
     }
 }
 
-/// WGSL: 3 ulp of a logarithm up to 24 in magnitude is 6e-6, 2^-21 where it is small; rounding
-/// the argument, 7 ulp at most, adds 1.2e-6.
+/// WGSL: 3 ulp of a logarithm with a magnitude of up to 24 are 6e-6, and 2^-21 if it is small. Rounding the argument,
+/// by 7 ulp at most, adds 1.2e-6.
 #[test]
 fn ev100_from_camera() {
     PBR.function("sensor::ev100_from_camera")
@@ -35,7 +35,7 @@ fn ev100_from_camera() {
         .agrees_with(sensor::ev100_from_camera, Abs(7e-6));
 }
 
-/// WGSL: exp2 is wrong by up to 3 + 2 |x| ulp, 45 at the brightest; and a division.
+/// WGSL: exp2 is off by up to 3 + 2 |x| ulp, 45 at the brightest; and a division.
 #[test]
 fn exposure_from_ev100() {
     PBR.function("sensor::exposure_from_ev100")
@@ -43,7 +43,7 @@ fn exposure_from_ev100() {
         .agrees_with(sensor::exposure_from_ev100, Ulp(48.0));
 }
 
-/// WGSL: exp2 is wrong by up to 3 + 2 |x| ulp, 23 here; and a product.
+/// WGSL: exp2 is off by up to 3 + 2 |x| ulp, 23 here; and a product.
 #[test]
 fn expose() {
     PBR.function("sensor::expose")
@@ -51,7 +51,7 @@ fn expose() {
         .agrees_with(sensor::expose, Ulp(24.0).or(UNDERFLOW));
 }
 
-/// Three products and two sums of what is positive. Each product may be flushed.
+/// Three products and two sums of positive terms. Each product may be flushed.
 #[test]
 fn luminance() {
     PBR.function("sensor::luminance")
@@ -59,7 +59,7 @@ fn luminance() {
         .agrees_with(sensor::luminance, Ulp(4.0).or(Abs(3.0 * f64::from(f32::MIN_POSITIVE))));
 }
 
-/// Two divisions, of 2.5 ulp each, and sums of what is positive.
+/// Two divisions, of 2.5 ulp each, and sums of positive terms.
 #[test]
 fn reinhard() {
     PBR.function("sensor::reinhard")
@@ -67,7 +67,7 @@ fn reinhard() {
         .agrees_with(sensor::reinhard, Ulp(9.0).or(UNDERFLOW));
 }
 
-/// `reinhard` with the error of the luminance, which enters both sides of the fraction.
+/// Like `reinhard`, with the error of the luminance in both sides of the fraction.
 #[test]
 fn tone_map() {
     PBR.function("sensor::tone_map")
@@ -75,8 +75,8 @@ fn tone_map() {
         .agrees_with(sensor::tone_map, Ulp(14.0).or(UNDERFLOW));
 }
 
-/// The square of such a white is below any f32, and all but black is beyond white. A channel that
-/// is 0 stays 0. With colours so dark that what they become is an f32.
+/// The square of such a white point is below any f32, so any colour except black is beyond white. A channel of 0 stays
+/// 0. Uses colours that are dark enough for the results to be f32.
 #[test]
 fn a_white_next_to_black() {
     // Channels that are 0, or large enough to stay normal.
@@ -99,8 +99,8 @@ fn a_white_next_to_black() {
         .agrees_with(sensor::tone_map, Ulp(14.0).or(UNDERFLOW));
 }
 
-/// Below, a bright colour becomes more than an f32 holds: infinite, but not NaN. No check takes an
-/// infinity for a result, so this one looks at the bits.
+/// For smaller white points, a bright colour exceeds f32: it becomes infinite, but not NaN. No check accepts infinity
+/// as a result, so this test examines the bits.
 #[test]
 fn no_white_makes_a_nan() {
     let package = calling(
@@ -124,7 +124,7 @@ fn no_white_makes_a_nan() {
     holds(bits);
 }
 
-/// What eq. 4 is for: white is 1, and nothing darker than white is brighter.
+/// The purpose of eq. 4: white becomes 1, and darker colours stay below.
 #[test]
 fn reinhard_ends_at_white() {
     let darker = (0.0..=1.0_f32, 0.1..=1e4_f32).map(|(share, white)| (share * white, white));
@@ -135,10 +135,9 @@ fn reinhard_ends_at_white() {
     PBR.function("sensor::reinhard").over(white).agrees_with(|_: f64, _: f64| 1.0, Ulp(9.0));
 }
 
-/// WGSL takes a power from exp2(y log2 x). On the curve's part of 0..=1, log2 x is at most 8.4 and
-/// wrong by 3 ulp, 2.9e-6 (2^-21 near 1), which y and ln 2 make 8.3e-7 of the power; exp2(3.5)
-/// adds 10 ulp, 1.2e-6, which 0.055 of 0.04 to 1 raises to 3e-6 in the darkest. Beyond 1, log2 and
-/// exponent are of the same size.
+/// WGSL computes a power as exp2(y log2 x). On the curve's part of 0..=1, log2 x is at most 8.4 and off by 3 ulp,
+/// 2.9e-6 (2^-21 near 1), which y and ln 2 turn into 8.3e-7 of the power. exp2(3.5) adds 10 ulp, 1.2e-6, and
+/// subtracting 0.055 raises that to 3e-6 for the darkest, from 0.04 on. Above 1, log2 and exponent have similar sizes.
 #[test]
 fn srgb_from_linear() {
     PBR.function("sensor::srgb_from_linear")
@@ -149,8 +148,8 @@ fn srgb_from_linear() {
         .agrees_with(sensor::srgb_from_linear, Rel(5e-6).or(UNDERFLOW));
 }
 
-/// As above: log2 is at most 3.5 in magnitude and wrong by 7.2e-7, which y = 2.4 and ln 2 make
-/// 1.2e-6; the rounding of the base adds 4 ulp times y, 1.2e-6, and exp2(8.3) 20 ulp, 2.4e-6.
+/// As above: log2 has a magnitude of at most 3.5 and is off by 7.2e-7, which y = 2.4 and ln 2 turn into 1.2e-6.
+/// Rounding the base adds 4 ulp times y, 1.2e-6, and exp2(8.3) adds 20 ulp, 2.4e-6.
 #[test]
 fn linear_from_srgb() {
     PBR.function("sensor::linear_from_srgb")
@@ -158,7 +157,7 @@ fn linear_from_srgb() {
         .agrees_with(sensor::linear_from_srgb, Rel(5e-6).or(UNDERFLOW));
 }
 
-/// The codes that textures hold, all of them; neighbours are 30 times as far apart as the error.
+/// All codes that textures can hold. Neighbours are 30 times as far apart as the error.
 #[test]
 fn linear_from_all_eight_bit_codes() {
     let codes = Integers(0..=255_u32).map(|code| Vec3::splat(code as f32 / 255.0));
@@ -167,7 +166,7 @@ fn linear_from_all_eight_bit_codes() {
         .agrees_with(sensor::linear_from_srgb, Rel(5e-6));
 }
 
-/// Beyond 0..=1 nothing is clamped, and nothing is NaN: negative light stays on the straight part.
+/// Outside 0..=1 nothing is clamped or NaN: negative light stays on the straight part.
 #[test]
 fn srgb_is_not_clamped() {
     let negative = (-1.0..=0.0_f32).map(Vec3::splat);
@@ -179,7 +178,7 @@ fn srgb_is_not_clamped() {
         .agrees_with(|color: DVec3| color / 12.92, Ulp(3.0));
 }
 
-/// All that happens to a preview and back: a code of eight bits survives, whichever it is.
+/// The whole way to a preview and back: each code of eight bits survives.
 #[test]
 fn eight_bit_codes_survive_a_round_trip() {
     let package = calling(
@@ -193,7 +192,7 @@ fn eight_bit_codes_survive_a_round_trip() {
     holds(codes.unrecorded().try_agrees_with(|code: u32| code, Ulp(0.0)));
 }
 
-/// The two errors above, one through the other's slope.
+/// The two errors above, one multiplied by the slope of the other function.
 #[test]
 fn colors_survive_a_round_trip() {
     let package = calling(

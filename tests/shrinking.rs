@@ -1,4 +1,4 @@
-//! Failing cases are reduced to the simplest that fail, remembered, and replayed.
+//! Tests that failing cases are simplified, remembered, and replayed.
 
 use std::path::{Path as FilePath, PathBuf};
 use std::process::Command;
@@ -18,7 +18,7 @@ fn disagreement(result: Result<Agreement, Failure>) -> Disagreement {
     }
 }
 
-/// The arguments of the simplest case of every path, which must be the same.
+/// The arguments of the simplest case, which must be the same on every path.
 #[track_caller]
 fn simplest(found: &Disagreement) -> Vec<String> {
     let mut all = found.paths.iter().map(|path| {
@@ -45,7 +45,7 @@ fn each_verb_reduces_its_worst_case() {
     let found = over().unrecorded().try_invariant_under(|(n, x, i)| (n, x, i.max(4)), Ulp(0.0));
     assert!(found.is_ok(), "i is made no smaller than 4");
     let found = over().unrecorded().try_invariant_under(|(n, x, i)| (n, x, i.max(5)), Ulp(0.0));
-    // The farthest one points down, and the simplest up. The last value is `i'`.
+    // The farthest one points down, the simplest one up. The last value is `i'`.
     assert_eq!(simplest(&disagreement(found)), ["(0, 0, 1)", "0.5", "0", "5"]);
     let sign = Package::from_source("planted", "fn f(x: f32) -> f32 { return abs(x); }");
     let found = sign.function("f").over(Just(-1.0_f32)).unrecorded();
@@ -57,7 +57,7 @@ fn each_verb_reduces_its_worst_case() {
     assert_eq!(simplest(&disagreement(found)), ["(0, 0, 1)", "0.5", "1", "5"]);
 }
 
-/// What is simplified is the value that was mapped, and a filter holds for each value tried.
+/// Simplification works on the value before the mapping, and a filter holds for each value that it tries.
 #[test]
 fn mapped_and_filtered_domains_are_reduced_within() {
     let wgsl = "fn f(l: vec3f, v: vec3f) -> f32 { return select(dot(l, v), 9.0, l.z < 0.7); }";
@@ -74,7 +74,7 @@ fn mapped_and_filtered_domains_are_reduced_within() {
     assert_eq!(simplest(&disagreement(found)), ["(0.8, 0, 0.6)", "(0, 0, 1)"]);
 }
 
-/// Draws from a half to one, and takes zero, one quarter and three quarters for simpler.
+/// Samples from a half to one, and counts zero, one quarter and three quarters as simpler.
 #[derive(Debug)]
 struct Upper;
 
@@ -88,7 +88,7 @@ impl Domain for Upper {
     }
 }
 
-/// Values for which the reference isn't finite are no verdict, and not the end either.
+/// Values for which the reference isn't finite give no verdict, and don't end the search.
 #[test]
 fn a_reference_that_fails_on_the_way_is_passed_over() {
     let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return 1.01 / x; }");
@@ -97,7 +97,7 @@ fn a_reference_that_fails_on_the_way_is_passed_over() {
     assert_eq!(simplest(&disagreement(found)), ["0.25"]);
 }
 
-/// The same case every time, whatever the threads do.
+/// The same case every time, whatever the order of the threads.
 #[test]
 fn reducing_is_deterministic() {
     let package = Package::from_source("planted", THREE);
@@ -110,7 +110,7 @@ fn reducing_is_deterministic() {
     assert_eq!(run(), run());
 }
 
-/// A check that passes evaluates its cases and nothing else.
+/// A check that passes evaluates only its cases.
 #[test]
 fn a_check_that_passes_tries_nothing_more() {
     use std::sync::atomic::{AtomicU64, Ordering};
@@ -123,7 +123,7 @@ fn a_check_that_passes_tries_nothing_more() {
     assert_eq!(calls.into_inner(), 65_536 * paths, "{:?}", start.elapsed());
 }
 
-/// Runs the planted check in a process of its own, which remembers below `folder`.
+/// Runs the planted check in its own process, which remembers inputs below `folder`.
 fn kept(folder: &FilePath, change: &str, environment: &[(&str, &str)]) -> (bool, String) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_planted"));
     for name in ["CI", "KARAT_PATHS", "KARAT_REQUIRE", "KARAT_RECORD", "KARAT_FAILURES"] {
@@ -160,7 +160,7 @@ fn replay<'a>(text: &'a str, title: &str) -> Vec<(&'a str, &'a str)> {
     words.map_while(|word| word.split_once('=')).collect()
 }
 
-/// The replay command runs the simplest case alone, and it is the same case.
+/// The replay command runs only the simplest case, and it is the same case.
 #[test]
 fn the_simplest_case_is_replayed() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -190,8 +190,8 @@ fn the_simplest_case_is_replayed() {
     assert!(!passed && text.contains("KARAT_INPUT needs KARAT_CASE"), "{text}");
 }
 
-/// What a verb draws besides the arguments, and cases that aren't words, are reduced, replayed and
-/// remembered with them.
+/// Samples that a verb adds to the arguments, and cases that aren't words, are simplified, replayed and remembered,
+/// too.
 #[test]
 fn properties_and_integrals_are_reduced_replayed_and_remembered() {
     for (fault, simplest, kept_line) in [
@@ -221,7 +221,7 @@ fn properties_and_integrals_are_reduced_replayed_and_remembered() {
         let [line] = &*kept_lines else { panic!("one line a failing input: {kept_lines:?}") };
         assert!(line.contains(kept_line), "{line}");
 
-        // The replay is of the same case, alone, and says how to repeat itself.
+        // The replay runs only the same case, and prints how to repeat it.
         let environment = replay(&text, title);
         let (passed, again) = kept(folder.path(), fault, &environment);
         assert!(!passed && again.contains("1 of 1 case fails"), "{again}");
@@ -231,7 +231,7 @@ fn properties_and_integrals_are_reduced_replayed_and_remembered() {
         let (passed, text) = kept(folder.path(), &format!("{fault}_mended"), &environment);
         assert!(passed, "{text}");
 
-        // It is tried again: on its own where another seed would not find the fault.
+        // It is tried again, alone if another seed wouldn't find the fault.
         let (passed, text) = kept(folder.path(), &format!("{fault}_mended"), &[]);
         assert!(passed && lines(folder.path()).len() == 1, "what passes stays: {text}");
         let (passed, text) = kept(folder.path(), fault, &[("KARAT_SEED", "7")]);
@@ -239,7 +239,7 @@ fn properties_and_integrals_are_reduced_replayed_and_remembered() {
     }
 }
 
-/// A remembered integral that no case draws fails because it is remembered.
+/// An integral that no seed samples fails because it is remembered.
 #[test]
 fn a_remembered_integral_fails_again() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -257,7 +257,7 @@ fn a_remembered_integral_fails_again() {
     assert!(passed && text.contains("(case = \"0.36\") is ignored"), "{text}");
 }
 
-/// A failing input is kept once, tried again, and stays when it passes.
+/// A failing input is stored once, tried again, and stays after it passes.
 #[test]
 fn failing_inputs_are_remembered() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -275,7 +275,7 @@ fn failing_inputs_are_remembered() {
     assert_eq!(lines(folder.path()).len(), 1, "what passes stays");
 }
 
-/// An input that no case draws fails because it is remembered, and only then.
+/// An input that no seed samples fails because it is remembered, and only then.
 #[test]
 fn a_remembered_input_fails_again() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -299,7 +299,7 @@ fn a_remembered_input_fails_again() {
     assert!(passed, "{text}");
 }
 
-/// What the function or the domain doesn't take any more is passed over with a note.
+/// An input that the function or the domain no longer accepts is skipped with a note.
 #[test]
 fn remembered_inputs_that_no_longer_fit_are_ignored() {
     for (first, then, note) in [
@@ -321,7 +321,7 @@ fn remembered_inputs_that_no_longer_fit_are_ignored() {
     }
 }
 
-/// CI and the `try_` forms write nothing, and a folder that can't be written is a note.
+/// CI and the `try_` forms write nothing. A folder that can't be written gives a note.
 #[test]
 fn nothing_is_written_where_it_is_not_wanted() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -340,7 +340,7 @@ karat::shareable! {
     struct Mixed mirrors MixedMirror { a: f32, v: Vec3, n: i32, flags: [u32; 2], on: bool }
 }
 
-/// Every type of argument arrives bit by bit from every source.
+/// Every type of argument arrives bit by bit from every domain.
 #[test]
 fn arguments_come_from_every_source() {
     let wgsl = "struct Mixed { a: f32, v: vec3f, n: i32, flags: array<u32, 2>, on: bool }\n\
@@ -372,7 +372,7 @@ fn arguments_come_from_every_source() {
     assert_eq!(names.len() % 3, 0, "{names:?}");
 }
 
-/// A fault that only some arguments show, from each source: named, reduced and replayed there.
+/// A fault that only some arguments show, from each domain: reported, simplified and replayed there.
 #[test]
 fn a_fault_is_found_from_every_source() {
     let package = Package::from_source("planted", THREE);
@@ -421,7 +421,7 @@ fn what_is_no_constant_is_refused() {
         .try_satisfies("is anything", |_, _: u32| true);
     let error = error.expect_err("NaN").to_string();
     assert!(error.starts_with("the arguments of `f` can't come from constant inputs: "), "{error}");
-    // Not by chance: whatever is drawn.
+    // Not by chance: it holds for any seed.
     for seed in 0..10 {
         let over = package.function("f").over(AnyF32::with_non_finite()).inputs(Inputs::Constant);
         let found = over.seed(seed).unrecorded().try_satisfies("is anything", |_, _: u32| true);

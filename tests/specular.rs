@@ -1,4 +1,4 @@
-//! Specular light from an environment.
+//! Tests specular light from an environment.
 
 use std::cell::Cell;
 
@@ -9,8 +9,8 @@ use shaders::{PBR, environment, fresnel, specular};
 
 use crate::drivers::{CUT_OFF, NVIDIA, SWIFTSHADER};
 
-/// What the azimuths of samples are off by shows in the mean over them. SwiftShader's sine and cosine
-/// are off by up to 1.9e-4, with either sign: half of that is found.
+/// The error of the samples' azimuths shows in the mean over them. SwiftShader's sine and cosine are off by up to
+/// 1.9e-4, with either sign; half of that was measured.
 const AZIMUTHS: Abs = Abs(2e-4);
 
 /// A normal, and a view on its side of the surface with N.V of at least `least`.
@@ -39,8 +39,8 @@ fn widths() -> impl Domain<Value = f32> {
     (1e-4..=1.0_f32).map(|alpha| if alpha < 2e-4 { 0.0 } else { alpha })
 }
 
-/// What a microfacet surface with f0 = 1 reflects of a furnace is what masking leaves: at most all.
-/// The quadrature by 64 normals is off by up to 5e-3.
+/// In a furnace, a microfacet surface with f0 = 1 reflects what masking leaves: at most everything. The quadrature by
+/// 64 normals is off by up to 5e-3.
 #[test]
 fn a_white_furnace_gives_no_more_than_its_light() {
     furnace()
@@ -54,9 +54,9 @@ fn a_white_furnace_gives_no_more_than_its_light() {
         });
 }
 
-/// Weights and directions of the shader's simplified sum against the general form with D in both
-/// f and pdf. N.V is the sum of three products, rounded to 1e-7, and divides the weights: so is
-/// their relative error 1e-7 / N.V, and their slope on the horizon, where samples are rejected.
+/// Compares weights and directions of the shader's simplified sum with the general form, which has D in both f and pdf.
+/// N.V is a sum of three products, rounded to 1e-7, and divides the weights: their relative error is 1e-7 / N.V, and so
+/// is their slope at the horizon, where samples are rejected.
 #[test]
 fn estimate() {
     for (least, tolerance) in [(0.1, Abs(1e-5)), (1e-3, Abs(5e-4))] {
@@ -72,7 +72,7 @@ fn estimate() {
     }
 }
 
-/// Width 0 is a mirror: Fresnel, and nothing else.
+/// Width 0 is a mirror: Fresnel only.
 #[test]
 fn a_mirror_reflects_by_fresnel_alone() {
     let domain = (UnitRgb, seen(1e-3)).map(|(f0, (n, v))| (f0, 0.0_f32, n, v, 1_u32));
@@ -84,31 +84,30 @@ fn a_mirror_reflects_by_fresnel_alone() {
 
 const SIZE: u32 = 64;
 
-/// An environment with a colour for each direction, smooth at the size of a texel.
+/// An environment with another colour for each direction, smooth at the size of a texel.
 fn colours() -> CubeMap {
     CubeMap::from_fn(SIZE, |d| 0.5 * (d + Vec3::ONE)).with_mips()
 }
 
-/// Light from a cube map as a linear sampler returns it.
+/// Light from a cube map, as a linear sampler returns it.
 fn from(cube_map: &CubeMap) -> impl Fn(DVec3, f64) -> DVec3 {
     move |d, level| cube_map.sample_level(d, level).truncate()
 }
 
-/// Whether a look-up at `level` stays on one face. wgpu's desktop GL clamps to the face.
+/// Returns `true` if a look-up at `level` stays on one face. wgpu's desktop GL clamps to the face.
 fn on_one_face(d: DVec3, level: f64) -> bool {
     let margin = 0.5 * level.ceil().exp2() / f64::from(SIZE);
     let uv = environment::face_point(d).uv;
     (uv - DVec2::splat(0.5)).abs().max_element() <= 0.5 - margin
 }
 
-/// Weights of filters have 8 bits, of a slope of half a texel (1/64), and are multiplied by those of
-/// samples, up to 2.
+/// Filter weights have 8 bits, over a slope of half a texel (1/64), and are multiplied by those of samples, up to 2.
 const COLOUR: Abs = Abs(2.0 * 3.0 / 512.0 / 64.0);
 
 /// On GL texels have 11 bits.
 const COLOUR_OF_HALVES: Abs = Abs(2.0 * (3.0 / 512.0 / 64.0 + 2.5e-4));
 
-/// Directions, weights and Fresnel of each sample: light that depends on the direction.
+/// Directions, weights and Fresnel of each sample: the light depends on the direction.
 #[test]
 fn estimate_of_colours() {
     let domain = (UnitRgb, widths(), seen(0.1), Integers(1..=32_u32))
@@ -159,8 +158,8 @@ fn filtered_estimate_of_colours() {
     );
 }
 
-/// Levels whose colour is their number: what returns is the mean level of the samples, over the
-/// whole sphere. Fractions of levels have 8 bits.
+/// The colour of each level is its number, so the result is the mean level of the samples, over the whole sphere.
+/// Fractions of levels have 8 bits.
 #[test]
 fn the_levels_of_filtered_estimate() {
     let levels = (0..7).map(|level| vec![[level as f32; 4]; 6 << (2 * (6 - level))]).collect();
@@ -179,7 +178,7 @@ fn the_levels_of_filtered_estimate() {
         );
 }
 
-/// Filtering changes nothing where the light is constant: the furnace of `estimate`.
+/// Filtering doesn't change constant light: the furnace of `estimate`.
 #[test]
 fn constant_light_is_exact_at_every_level() {
     let domain =
@@ -196,7 +195,7 @@ fn constant_light_is_exact_at_every_level() {
 
 #[test]
 fn split_sum_table() {
-    // The vector v, and with it V.H, is rounded to 1e-7; N.V divides it.
+    // The vector v, and with it V.H, is rounded to 1e-7, and N.V divides it.
     for (least, tolerance) in [(0.1, Abs(5e-6)), (1e-3, Abs(3e-4))] {
         PBR.function("specular::split_sum_table")
             .over((widths(), least..=1.0, Integers(1..=64_u32)))
@@ -206,7 +205,7 @@ fn split_sum_table() {
     }
 }
 
-/// Both numbers are shares, and so is their sum: what a furnace returns of f0 = 1.
+/// Both numbers are shares, and so is their sum: the light that f0 = 1 returns in a furnace.
 #[test]
 fn the_table_conserves_energy() {
     PBR.function("specular::split_sum_table")
@@ -217,8 +216,8 @@ fn the_table_conserves_energy() {
         });
 }
 
-/// One product more than the sum, all positive. Products and sum may be flushed, before and after the
-/// light multiplies them: (2 50 + 1) 1.2e-38.
+/// The sum and another product, all positive. Products and sum may be flushed, before and after the light multiplies
+/// them: (2 50 + 1) 1.2e-38.
 #[test]
 fn split_sum() {
     let table = (0.0..=1.0_f32, 0.0..=1.0_f32).map(|(x, y)| Vec2::new(x, y));
@@ -278,9 +277,8 @@ fn prefiltered_alpha() {
         .agrees_with(specular::prefiltered_alpha, Ulp(6.0));
 }
 
-/// Seen in the plane of the table, where both use the same samples, the split sum is the full
-/// estimator for constant light. N.V is exact here, but the view's length is not: V.H is off by
-/// 1e-7, over N.V.
+/// Seen in the plane of the table, both use the same samples, so the split sum is the full estimator for constant
+/// light. N.V is exact here, but the length of the view isn't: V.H is off by 1e-7 / N.V.
 #[test]
 fn the_split_sum_is_exact_for_constant_light() {
     for (least, tolerance) in [(0.1, Abs(1e-5)), (1e-3, Abs(5e-4))] {
@@ -298,10 +296,10 @@ fn the_split_sum_is_exact_for_constant_light() {
     }
 }
 
-/// Seen along the normal, where N = V = R holds, the split sum is within half of the full estimator
-/// for every normal in the studio. At N.V = 0.3 it isn't within a factor of 4: its lobe is round
-/// about the mirror direction and shows a lamp that the true one, stretched, spreads thin. (The
-/// mean difference is 8 and 41 % for alpha = 0.3: see the tests of the twin.)
+/// Seen along the normal, so that N = V = R, the split sum is within half of the full estimator for every normal in the
+/// studio. At N.V = 0.3 it isn't within a factor of 4: its lobe is round about the mirror direction and shows a lamp
+/// that the true lobe, which is stretched, spreads thinly. (For alpha = 0.3 the mean difference is 8 % and 41 %: see
+/// the tests of the twin.)
 #[test]
 fn the_split_sum_in_the_studio() {
     let cube_map = CubeMap::from_texels(SIZE, environment::cube_map(SIZE, environment::studio));
@@ -327,9 +325,9 @@ fn the_split_sum_in_the_studio() {
     let _ = found(0.3, Rel(0.75)).expect_err("the split sum is as close at grazing");
 }
 
-/// A sun of 4 degrees, seen in a surface of alpha = 0.3 by 32 samples, about 10 degrees apart.
-/// From higher levels its light is right to 40 %; from the first level a sample hits it or not,
-/// and the result is 0 or 2.5 times too bright.
+/// A sun of 4 degrees, seen in a surface of alpha = 0.3 by 32 samples, about 10 degrees apart. From higher levels its
+/// light is right within 40 %. From the first level a sample hits it or not, and the result is 0 or 2.5 times too
+/// bright.
 #[test]
 fn higher_levels_hold_a_small_sun() {
     let axis = DVec3::new(0.2, 0.3, 1.0).normalize();
@@ -362,8 +360,8 @@ fn higher_levels_hold_a_small_sun() {
         .expect_err("32 samples find a sun of 4 degrees");
 }
 
-/// What a narrowing lobe leaves is a mirror: (1 - F_c, F_c) in the table. 64 samples reach out to
-/// 11 alpha from the mirror direction, and what they lose there is in proportion to alpha.
+/// A narrowing lobe becomes a mirror: (1 - F_c, F_c) in the table. 64 samples reach up to 11 alpha from the mirror
+/// direction, and lose an amount proportional to alpha there.
 #[test]
 fn the_table_of_a_mirror() {
     let mirror = |_: f64, n_dot_v: f64, _: u32| {

@@ -1,8 +1,8 @@
-//! Statistical checks: what they find, how surely, and how rarely they are wrong.
+//! Tests statistical checks: the faults that they find, how reliably, and how rarely they reject a right sampler.
 //!
-//! Each planted fault is small: one that a few hundred samples would show proves little. How
-//! often a right sampler is rejected is counted on the host, over a thousand seeds, with the same
-//! tests that the checks use, and once more on a device over fewer.
+//! Each planted fault is small, because one that a few hundred samples would show proves little. The rate at which a
+//! right sampler is rejected is measured on the CPU, over a thousand seeds, with the tests that the checks use, and
+//! again on a device over fewer seeds.
 
 use std::f64::consts::TAU;
 
@@ -17,23 +17,23 @@ use karat::unstable::stats::{
 };
 use shaders::PBR;
 
-/// Samplers and densities of which one is wrong, beside those that are right.
+/// Samplers and densities: wrong ones and right ones.
 fn planted() -> Package {
     let text = "
         import pbr::sampling::{ggx_normal, ggx_normal_pdf, cosine_hemisphere, turned, ggx};
         import pbr::sampling::{ggx_visible_normal, ggx_visible_normal_pdf};
 
-        // Right, but for a scale.
+        // Right, except for a factor.
         fn scaled_pdf(alpha: f32, h: vec3f) -> f32 {
             return 1.05 * ggx_normal_pdf(alpha, h);
         }
 
-        // Of the right integral: 5 % more on one half, 5 % less on the other.
+        // With the right integral: 5 % more on one half, 5 % less on the other.
         fn tilted_pdf(alpha: f32, h: vec3f) -> f32 {
             return select(0.95, 1.05, h.x > 0.0) * ggx_normal_pdf(alpha, h);
         }
 
-        // Roughness where alpha is meant.
+        // Roughness in place of alpha.
         fn squared_pdf(alpha: f32, h: vec3f) -> f32 {
             return ggx_normal_pdf(alpha * alpha, h);
         }
@@ -55,7 +55,7 @@ fn planted() -> Package {
             return ggx_visible_normal_pdf(alpha, v, h) / (4.0 * dot(v, h));
         }
 
-        // Of directions, as if they were normals.
+        // The density of directions, in place of that of normals.
         fn without_jacobian_pdf(alpha: f32, v: vec3f, l: vec3f) -> f32 {
             return select(0.0, ggx_visible_normal_pdf(alpha, v, normalize(v + l)), l.z > 0.0);
         }
@@ -64,13 +64,13 @@ fn planted() -> Package {
             return cosine_hemisphere(u);
         }
 
-        // 8 by 8 strata, of which the last is never drawn.
+        // 8 by 8 strata. The last one is never sampled.
         fn stratum_missing(u: vec2f) -> vec3f {
             let last = u.x >= 0.875 && u.y >= 0.875;
             return cosine_hemisphere(select(u, u - 0.875, last));
         }
 
-        // The azimuth leans on the height, a little.
+        // The azimuth depends slightly on the height.
         fn correlated(u: vec2f) -> vec3f {
             return cosine_hemisphere(vec2f(mix(u.x, u.y, step(0.97, fract(u.x * 97.0))), u.y));
         }
@@ -91,7 +91,7 @@ fn planted() -> Package {
             return peak * falls * falls * max(h.z, 0.0);
         }
 
-        // More than 1 by less than rounding may add, and by more.
+        // Above 1 by less than rounding may add, and by more.
         fn full_cosine_pdf(l: vec3f) -> f32 {
             return 1.00019 * cosine_pdf(l);
         }
@@ -104,7 +104,7 @@ fn planted() -> Package {
             return 1.0005 * cosine_pdf(l);
         }
 
-        // One in 10,000 is below.
+        // One in 10,000 is below the horizon.
         fn falling(u: vec2f) -> vec3f {
             let l = cosine_hemisphere(u);
             return select(l, -l, u.x < 1e-4);
@@ -114,7 +114,7 @@ fn planted() -> Package {
             return 1.01 * cosine_hemisphere(u);
         }
 
-        // Half of the hemisphere, and the density of that.
+        // Half of the hemisphere, and its density.
         fn inner(u: vec2f) -> vec3f {
             let z = 0.5 + 0.5 * u.y;
             let phi = 6.2831853 * u.x;
@@ -125,7 +125,7 @@ fn planted() -> Package {
             return select(0.0, 1.0 / 3.14159265, l.z > 0.4999999);
         }
 
-        // The azimuth is forgotten.
+        // Without the azimuth.
         fn flat_cosine(u: vec2f) -> vec3f {
             let l = cosine_hemisphere(u);
             return vec3f(length(l.xy), 0.0, l.z);
@@ -224,7 +224,7 @@ fn rejected(result: Result<Fit, Failure>) -> Rejection {
     }
 }
 
-/// What is found, which is of the same kinds on each path.
+/// The findings, which have the same kinds on each path.
 #[track_caller]
 fn findings(result: Result<Fit, Failure>) -> Vec<Finding> {
     let kinds = |of: &[Finding]| of.iter().map(std::mem::discriminant).collect::<Vec<_>>();
@@ -236,7 +236,7 @@ fn findings(result: Result<Fit, Failure>) -> Vec<Finding> {
     first
 }
 
-/// The p-value of what is found by chi-square, and no other finding.
+/// The p-value of the chi-square finding, which has to be the only one.
 #[track_caller]
 fn chi_square_alone(result: Result<Fit, Failure>) -> f64 {
     match findings(result)[..] {
@@ -266,7 +266,7 @@ fn ggx_power(pdf: &str, samples: u64) -> f64 {
         .least
 }
 
-/// As [`planted`]'s samplers of two numbers against the cosine, or another density.
+/// Checks a sampler of [`planted`] against the cosine, or another density.
 fn cosine_against(sampler: &str, pdf: &str) -> Result<Fit, Failure> {
     let planted = planted();
     planted
@@ -284,8 +284,8 @@ fn a_pdf_of_the_wrong_scale_is_rejected() {
     assert_eq!(ggx_power("scaled_pdf", 1 << 18), 1.0);
 }
 
-/// A density that integrates to more than 1 leaves out less than nothing, which is no finding of its
-/// own; where it is more by rounding alone, samples that leave are too many.
+/// A density that integrates to more than 1 leaves out less than nothing, which isn't a finding of its own. If it
+/// exceeds 1 only by rounding, any sample that leaves is one too many.
 #[test]
 fn a_density_above_one_leaves_nothing_out() {
     let planted = planted();
@@ -301,8 +301,8 @@ fn a_density_above_one_leaves_nothing_out() {
     assert!(left > 10 && expected == 0.0, "{found:?}");
 }
 
-/// A lobe of alpha 0.01 whose peak is a texel: in half floats 3183.1 is 3184. The density is right
-/// on each path, whatever its textures are kept in; a peak that is off by more than that isn't.
+/// A lobe of alpha 0.01 whose peak is a texel: as a half float, 3183.1 is 3184. The density is right on each path,
+/// whatever the format of its textures is; a peak with a larger error isn't.
 #[test]
 fn a_sharp_lobe_from_a_texture_is_judged_by_the_texture() {
     let alpha = 0.01_f32;
@@ -326,7 +326,7 @@ fn a_sharp_lobe_from_a_texture_is_judged_by_the_texture() {
     assert!(matches!(found[..], [Finding::Mass { .. }]), "{found:?}");
 }
 
-/// Of all tests of a check together, a right sampler is rejected with the stated probability.
+/// All tests of a check together reject a right sampler with the stated probability.
 #[test]
 fn a_check_shares_its_significance_among_its_tests() {
     let planted = planted();
@@ -347,16 +347,16 @@ fn a_check_shares_its_significance_among_its_tests() {
     }
 }
 
-/// Noncentral by n 0.05^2 = 655 at 2^18 samples, twenty deviations of chi-square.
+/// The noncentrality is n 0.05^2 = 655 at 2^18 samples: twenty deviations of chi-square.
 #[test]
 fn a_pdf_that_is_five_percent_wrong_is_rejected() {
     assert!(chi_square_alone(ggx_against("tilted_pdf")) < 1e-12);
     assert!(ggx_power("tilted_pdf", 1 << 18) > 0.999_999);
-    // By its shape alone: the integral over the edge is exact enough for a few samples, too.
+    // By its shape only: the integral over the edge is exact enough for a few samples, too.
     assert!(ggx_power("tilted_pdf", 1024) < 0.1);
 }
 
-/// What is promised of power is what happens: half of the runs at half power, or thereabouts.
+/// The stated power is real: at half power about half of the runs detect the fault.
 #[test]
 fn power_is_what_it_is_said_to_be() {
     let (planted, samples) = (planted(), 45_000);
@@ -384,14 +384,14 @@ fn a_squared_alpha_is_rejected() {
     assert!(ggx_power("squared_pdf", 4096) > 0.999_999);
 }
 
-/// Both: its integral is 2 / (1 + alpha) or so, and its shape is wrong.
+/// Two faults: its integral is about 2 / (1 + alpha), and its shape is wrong.
 #[test]
 fn a_missing_cosine_is_rejected() {
     let found = findings(ggx_against("without_cosine_pdf"));
     assert!(matches!(found[..], [Finding::Mass { .. }, Finding::ChiSquare { .. }]), "{found:?}");
 }
 
-/// 1 / (4 V.H) is missing: the integral is 4 V.H on average, far above 1.
+/// 1 / (4 V.H) is missing: the integral is the mean of 4 V.H, far above 1.
 #[test]
 fn a_missing_jacobian_is_rejected() {
     let (planted, v) = (planted(), Vec3::new(0.6, 0.0, 0.8));
@@ -409,7 +409,7 @@ fn a_missing_jacobian_is_rejected() {
     let mass = found.iter().any(|f| matches!(f, Finding::Mass { integral, .. } if *integral > 2.0));
     let shape = found.iter().any(|f| matches!(f, Finding::ChiSquare { p, .. } if *p < 1e-12));
     assert!(mass && shape, "{found:?}");
-    // What leaves isn't declared: an outright failure.
+    // The check doesn't declare that samples may leave, so one that does is a failure.
     let strict = planted
         .function("reflected")
         .sampled_over(Just(0.3), move |&alpha, u: Vec2| (alpha, v, u))
@@ -446,7 +446,7 @@ fn what_cannot_be_is_rejected_outright() {
     assert!(matches!(found[0], Finding::NotFinite { .. }), "{found:?}");
 }
 
-/// No verdict without evidence.
+/// There is no verdict without evidence.
 #[test]
 fn what_proves_nothing_is_an_error() {
     let planted = planted();
@@ -459,7 +459,7 @@ fn what_proves_nothing_is_an_error() {
         let few = sampled("cosine").samples(samples).unrecorded().try_follows(pdf(), at);
         assert!(matches!(few, Err(Failure::Evidence { .. })), "{few:?}");
     }
-    // All samples in one cell: it expects fewer.
+    // All samples are in one cell, which expects fewer.
     assert!(chi_square_alone(sampled("constant").unrecorded().try_follows(pdf(), at)) < 1e-12);
     for significance in [0.0, 1.0, f64::NAN] {
         let none = sampled("cosine").significance(significance).unrecorded().try_follows(pdf(), at);
@@ -480,7 +480,7 @@ fn what_proves_nothing_is_an_error() {
         .unrecorded()
         .try_follows(pdf(), |_, l: Vec3| l);
     assert!(matches!(empty, Err(Failure::Domain { .. })), "{empty:?}");
-    // Points of another support, and random numbers that have no uniform distribution.
+    // Points outside the support, and random numbers without a uniform distribution.
     let disk = sampled("cosine").support(Support::Disk).unrecorded().try_follows(pdf(), at);
     assert!(matches!(disk, Err(Failure::Signature { .. })), "{disk:?}");
     let signs = planted
@@ -529,8 +529,8 @@ fn means_and_distributions_that_are_wrong_are_rejected() {
     assert!(matches!(found[..], [Finding::NotFinite { .. }]), "{found:?}");
 }
 
-/// A density that leaves out a part of what is to be estimated, as its samples do: each of both is
-/// right about the other, and the estimate is short of that part.
+/// A density that leaves out a part of the integrand, as do its samples: each is right about the other, but the
+/// estimate lacks that part.
 #[test]
 fn an_estimate_that_misses_a_part_is_rejected() {
     let planted = planted();
@@ -543,7 +543,7 @@ fn an_estimate_that_misses_a_part_is_rejected() {
     assert!((mean / expected - 0.75).abs() < 1e-3, "{mean} {expected}");
 }
 
-/// Cells are laid where samples are, and samples that coincide don't make them fewer.
+/// Cells are placed where samples are; coinciding samples don't reduce their number.
 #[test]
 fn a_sampler_that_has_lost_a_dimension_is_rejected() {
     let planted = planted();
@@ -590,7 +590,7 @@ fn a_die_has_the_distribution_of_a_die() {
     }
 }
 
-/// What is hardly ever seen is no evidence against its probability.
+/// Few observations of a rare event don't disprove its probability.
 #[test]
 fn the_mean_of_a_rare_event_is_no_verdict() {
     let planted = planted();
@@ -615,14 +615,14 @@ fn an_interval_of_no_length_is_refused() {
     }
 }
 
-/// A density of another scale gives a mean that is off by as much.
+/// A density with a wrong factor gives a mean that is off by the same factor.
 #[test]
 fn an_estimate_by_a_scaled_density_is_rejected() {
     let planted = planted();
     let sampled = || planted.function("cosine").sampled_over(Just(()), |(), u: Vec2| u);
     let pdf = || (planted.function("cosine_pdf"), |(): &(), l: Vec3| l);
     sampled().estimates((planted.function("grey"), |(): &(), l: Vec3| l), pdf());
-    // A density of the wrong scale and a mean that is off by as much.
+    // A density with a wrong factor, and a mean that is off by the same factor.
     let scaled = || (planted.function("scaled_cosine_pdf"), |(): &(), l: Vec3| l);
     let found = findings(
         sampled()
@@ -632,8 +632,8 @@ fn an_estimate_by_a_scaled_density_is_rejected() {
     assert!(found.iter().any(|f| matches!(f, Finding::Mean { .. })), "{found:?}");
 }
 
-/// A mean of equal weights is known to their rounding: off by five times that, it is rejected,
-/// although the density's own integral is granted more.
+/// The mean of equal weights is known up to their rounding: if it is off by five times that, it is rejected, although
+/// the density's own integral may be off by more.
 #[test]
 fn a_mean_is_granted_no_more_than_rounding() {
     let planted = planted();
@@ -676,7 +676,7 @@ fn a_rejection_names_its_files_and_how_to_replay_it() {
         assert!(file.is_file() && text.contains(&file.display().to_string()), "{text}");
     }
     let (image, _) = karat::Image::read_exr(&worst.pictures[0]).expect("an EXR file");
-    // Three panels: what is expected is 5 % off on each side of what is observed.
+    // Three panels: the expectation is 5 % off on each side of the observation.
     assert_eq!(image.width() % 3, 0);
     for part in [
         "fails follows: tilted_pdf on the hemisphere",
@@ -689,7 +689,7 @@ fn a_rejection_names_its_files_and_how_to_replay_it() {
     }
 }
 
-/// The text with `#` for each number.
+/// The text, with `#` in place of each number.
 fn shape(text: &str) -> String {
     let (mut shape, mut before) = (String::new(), ' ');
     let mut rest = text.trim_end().chars().peekable();
@@ -751,9 +751,9 @@ cargo test -p tests --test statistics -- --exact what_a_rejection_says";
     assert_eq!(text, expected, "{text}");
 }
 
-// Calibration: right samplers of the host, and the tests that the checks use.
+// Calibration: right samplers on the CPU, with the tests that the checks use.
 
-/// Seeds of each calibration.
+/// The number of seeds of each calibration.
 const SEEDS: u64 = 1000;
 
 /// Cosine-distributed coordinates on the hemisphere.
@@ -761,7 +761,7 @@ fn cosine_coordinates(source: &mut Source) -> [f64; 2] {
     [source.unit().sqrt().asin(), TAU * source.unit()]
 }
 
-/// What the cosine has in a cell.
+/// The mass of the cosine in a cell.
 fn cosine_masses(cells: &Cells) -> Vec<f64> {
     let mass = |cell| {
         let bounds = cells.rectangle(cell);
@@ -777,7 +777,7 @@ fn cosine_histogram(seed: u64, samples: u64) -> (Cells, Vec<u64>) {
     let cells = Cells::new(Support::Hemisphere, &pilot, 8, 16);
     let mut observed = vec![0; cells.len()];
     for sample in 0..samples {
-        // A stream a sample: the streams have to be independent, too.
+        // A stream for each sample: the streams have to be independent, too.
         let at = cosine_coordinates(&mut Source::new(seed, sample));
         let Place::Inside(at) = Support::Hemisphere.locate(Support::Hemisphere.point(at).0) else {
             panic!("{at:?} is on the hemisphere")
@@ -787,7 +787,7 @@ fn cosine_histogram(seed: u64, samples: u64) -> (Cells, Vec<u64>) {
     (cells, observed)
 }
 
-/// The rate, and the p-values' own distribution: uniform, if the approximation is good.
+/// The rate of rejections, and the distribution of the p-values, which is uniform if the approximation is good.
 fn calibrated(mut p_value: impl FnMut(u64) -> f64) -> (Rate, Rate, f64) {
     let mut p: Vec<f64> = (0..SEEDS).map(&mut p_value).collect();
     let rate = |significance| Rate {
@@ -845,7 +845,7 @@ fn means_reject_as_often_as_they_say() {
     assert!(uniform > 1e-3, "{uniform}");
 }
 
-/// Means and distributions see what is announced: half of the runs at half power.
+/// Means and distributions have the stated power: half of the runs detect the fault at half power.
 #[test]
 fn powers_of_means_and_distributions_are_what_they_are_said_to_be() {
     let cosine = |l: Vec3| f64::from(l.z);
@@ -880,14 +880,14 @@ fn powers_of_means_and_distributions_are_what_they_are_said_to_be() {
         let samples = samples(6000).seed(seed);
         samples.unrecorded().try_has_distribution("cos", cosine, |(), x| bent(x), 0.0).is_err()
     });
-    // What is said is the least: a distance elsewhere rejects as well.
+    // The stated power is a lower bound: a distance elsewhere is rejected as well.
     let least = said(6000);
     assert!((0.2..0.9).contains(&least), "{least}");
     assert!(rate.share() > least || accepts(binomial_tail(rate.rejected, rate.runs, least), 1e-3));
     assert!(rate.share() < 1.0, "{rate:?}");
 }
 
-/// Discrete, and so a little more forgiving than it says.
+/// Discrete, and so slightly more lenient than stated.
 #[test]
 fn binomial_tails_reject_no_more_often_than_they_say() {
     let (one, ten, _) = calibrated(|seed| {
@@ -925,7 +925,7 @@ fn power_is_calibrated_too() {
     assert!(accepts(chance, 1e-3), "{said:?}, but {rate:?}");
 }
 
-/// On a device, with all that a check does, several configurations each.
+/// On a device, with everything that a check does, in several configurations.
 #[test]
 fn checks_of_right_samplers_reject_as_often_as_they_say() {
     let widths = || OneOf(vec![0.2_f32, 0.8]);

@@ -1,4 +1,4 @@
-//! Karat in a project that isn't ours: its own workspace, outside this folder.
+//! Tests Karat in another project: with its own workspace, outside this folder.
 
 use std::io::{BufRead, BufReader};
 use std::path::{Path as FilePath, PathBuf};
@@ -16,7 +16,7 @@ const BRDF: &str = "import package::math::{PI, pow5};\n\n\
         return f0 + (1.0 - f0) * pow5(1.0 - cosine);\n}\n\n\
     fn lambert(albedo: f32, n_dot_l: f32) -> f32 {\n    return albedo / PI * n_dot_l;\n}\n";
 
-/// The fault is a pi that should divide.
+/// The fault: multiplying by pi instead of dividing.
 const FAULT: (&str, &str) = ("albedo / PI", "albedo * PI");
 
 const TESTS: &str = r#"
@@ -42,7 +42,7 @@ fn lambert() {
 }
 "#;
 
-/// What rustc should refuse, each in a way that tells what to write instead.
+/// Code that rustc should refuse, each with a message that says what to write instead.
 const MISFITS: &str = r#"
 use karat::prelude::*;
 
@@ -77,10 +77,9 @@ fn arguments_of_f64() {
 }
 "#;
 
-/// Features that the workspace has of common libraries. With them the libraries that Karat needs are
-/// those that were compiled for this test; without them most are compiled once more. `cargo tree -f "{p} [{f}]"`
-/// of both workspaces shows what differs. The project of `karat render`'s tests has the same, and Karat is compiled once
-/// for both.
+/// Features of common libraries in this workspace. With them the test reuses the libraries that were compiled for this
+/// program; without them most are compiled again. `cargo tree -f "{p} [{f}]"` in both workspaces shows the differences.
+/// The project of `karat render`'s tests has the same features, so Karat is compiled once for both.
 const SHARED: &str = "\
     clap = { version = \"4\", features = [\"derive\", \"env\", \"wrap_help\"] }\n\
     indexmap = \"2\"\n\
@@ -103,7 +102,7 @@ fn read(path: &FilePath) -> String {
     std::fs::read_to_string(path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
 }
 
-/// A Cargo project of two shader modules and a file of tests.
+/// A Cargo project with two shader modules and a file of tests.
 struct Project {
     folder: TempDir,
 }
@@ -111,10 +110,10 @@ struct Project {
 impl Project {
     fn new(name: &str, tests: &str) -> Self {
         let root = read(&repository().join("Cargo.toml"));
-        // With our profiles, our lock file and our features, Karat alone is compiled once more:
-        // without optimisation that takes 10 s instead of 40 s.
+        // With our profiles, our lock file and our features, only Karat is compiled again: without optimisation that
+        // takes 10 s instead of 40 s.
         let profiles = root.find("[profile.dev]").map(|at| &root[at..]).expect("it has profiles");
-        // The engine isn't what is tested: optimised as ours it takes longer than all the rest.
+        // The engine isn't tested here; optimising it as here would take longer than everything else.
         let engine = "[profile.dev.package.karat-engine]\nopt-level = 3\ncodegen-units = 1\n";
         assert!(profiles.contains(engine), "the profile of the engine has changed");
         let quick = "[profile.dev.package.karat-engine]\nopt-level = 1\n";
@@ -146,7 +145,7 @@ impl Project {
         std::fs::write(path, text).expect("written");
     }
 
-    /// Runs a program as a stranger would: in the project, knowing nothing of the run around it.
+    /// Runs a program in the project, as its user would, without the environment of the run around it.
     fn run(&self, program: &FilePath, arguments: &[&str]) -> Ran {
         let ran = self.command(program, arguments).output();
         Ran::of(ran.unwrap_or_else(|error| panic!("{}: {error}", program.display())))
@@ -162,9 +161,9 @@ impl Project {
                 command.env_remove(name);
             }
         }
-        // Our folder of intermediate output, where the libraries are; the records of the run go
-        // to the project's own `target`, not to those of the run around this one. Cargo has given
-        // its lock back before it runs a test.
+        // Our folder of intermediate output, with the compiled libraries. The records of the run go to the project's
+        // own `target`, separate from those of the run around this one. Cargo has released its lock before it runs a
+        // test.
         let built = FilePath::new(env!("CARGO_TARGET_TMPDIR")).parent().expect("in the output");
         command.env("CARGO_BUILD_BUILD_DIR", built).env("CARGO_NET_OFFLINE", "true");
         command.env("CARGO_TERM_COLOR", "never").env("NO_COLOR", "1");
@@ -205,8 +204,7 @@ fn cargo() -> PathBuf {
     std::env::var_os("CARGO").map_or_else(|| PathBuf::from("cargo"), PathBuf::from)
 }
 
-/// The command line, built from the sources as they are: `cargo test` of this package builds
-/// Karat's library only.
+/// The command line program, built from the current sources: `cargo test` of this package only builds Karat's library.
 fn karat() -> PathBuf {
     let folder = FilePath::new(env!("CARGO_BIN_EXE_planted")).parent().expect("in a folder");
     let profile = match folder.file_name().and_then(|name| name.to_str()) {
@@ -261,7 +259,7 @@ fn a_project_of_its_own() {
     ];
     failing.says(101, &parts);
 
-    // The command that the message tells to run, as it stands there.
+    // The command from the message, unchanged.
     if cfg!(unix) {
         let replay = failing.out.lines().find_map(|line| line.trim().strip_prefix("replay: "));
         let replay = replay.expect("it was found above");
@@ -291,7 +289,7 @@ fn a_project_of_its_own() {
         assert!(row(&listed.out, function).contains(&tested), "{}", listed.out);
     }
 
-    // A shader is read when a test runs: mending it compiles no Rust.
+    // A test reads shaders when it runs, so fixing one compiles no Rust.
     project.write("shaders/brdf.wgsl", BRDF);
     let mended = project.cargo(&["test", "--offline"]);
     mended.says(0, &["test schlick ... ok", "test lambert ... ok", "Finished"]);
@@ -311,23 +309,23 @@ fn mutants_are_tried(karat: &FilePath, project: &Project) {
     lambert.says(0, &["killed shaders/brdf.wgsl:8:", "by `brdf::lambert`", "score 100%"]);
     assert!(lambert.out.contains("killed by 2 tests on cpu"), "{}", lambert.out);
     assert!(!lambert.err.contains("Compiling"), "{}", lambert.err);
-    // A function that both tests use, and one that none does.
+    // A function that both tests use, and one that no test uses.
     let all = project.run(karat, &["mutate", "--fail-under", "0", "--all"]);
     all.says(0, &["by `brdf::schlick`", "by `brdf::lambert`", "in `math::pow5`"]);
-    // Tests that fail on purpose leave nothing to be tried first the next time.
+    // Tests that fail on purpose add nothing to the remembered inputs.
     assert_eq!(remembered(project), before);
-    // Nothing is built where there is nothing to try.
+    // Without a mutant to try, `karat mutate` builds nothing.
     let none = project.run(karat, &["mutate", "--only", "nosuch"]);
     none.says(2, &["there is no mutant of `nosuch`"]);
     assert!(!none.err.contains("building"), "{}", none.err);
-    // Where a test fails anyway nothing is known.
+    // If a test already fails, mutants have no verdict.
     project.write("shaders/brdf.wgsl", &BRDF.replace(FAULT.0, FAULT.1));
     let red = project.run(karat, &["mutate", "--only", "lambert"]);
     red.says(2, &["`brdf::lambert` fails without a mutant"]);
     project.write("shaders/brdf.wgsl", BRDF);
 }
 
-/// The inputs that tests have failed on, as they are kept.
+/// The stored inputs on which tests have failed.
 fn remembered(project: &Project) -> Vec<(PathBuf, String)> {
     let (mut folders, mut all) = (vec![project.folder.path().join(".karat")], Vec::new());
     while let Some(folder) = folders.pop() {
@@ -387,7 +385,7 @@ impl Drop for Watching {
     }
 }
 
-/// An edit of a shader runs the Rust tests that it concerns, and compiles nothing.
+/// An edit of a shader runs the Rust tests that depend on it, and compiles nothing.
 #[track_caller]
 fn edits_are_followed(karat: &FilePath, project: &Project) {
     let watching = Watching::start(karat, project);
@@ -406,7 +404,7 @@ fn edits_are_followed(karat: &FilePath, project: &Project) {
     watching.until("cpu (Rust): 2 tests pass; 1 ran");
     project.write("shaders/brdf.wgsl", &format!("// a comment\n{BRDF}"));
     watching.until("cpu (Rust): 2 tests pass; nothing changed in meaning");
-    // What a function calls concerns it: one of the two calls `pow5`.
+    // A function depends on those that it calls: one of the two calls `pow5`.
     project.write("shaders/math.wgsl", &MATH.replace("x2 * x2 * x", "x2 * x * x2"));
     watching.until("cpu (Rust): 2 tests pass; 1 ran");
     project.write("tests/brdf.rs", &TESTS.replace("fn lambert()", "fn lambert() -> "));
@@ -414,7 +412,7 @@ fn edits_are_followed(karat: &FilePath, project: &Project) {
     assert!(watching.until("--> tests/brdf.rs:").contains("error: "), "{broken}");
     project.write("tests/brdf.rs", &TESTS.replace("fn lambert()", "fn diffuse()"));
     watching.until("cpu (Rust): 2 tests pass; 2 ran");
-    // A frame isn't judged on this path, and what fails without a check fails.
+    // This path doesn't judge frames, and a test that fails without a check fails.
     let more = "#[test]\nfn drawn() {\n    let goldens = karat::goldens!(\"golden\");\n    \
                 SHADERS.frame(\"brdf\", 8, 8).fragment(\"fs\").matches(&goldens, \"drawn\");\n}\n\
                 #[test]\nfn panics() {\n    panic!(\"before its check\");\n}\n\

@@ -1,4 +1,4 @@
-//! `TESTPLAN.md` names tests: they exist.
+//! Tests that the tests named in `TESTPLAN.md` exist.
 
 use std::path::{Path, PathBuf};
 
@@ -10,7 +10,7 @@ fn named(plan: &str) -> Vec<(String, String)> {
     parts.map(|(file, test)| (format!("{file}.rs"), test.to_owned())).collect()
 }
 
-/// Whether a text has a test of this name.
+/// Returns `true` if a text has a test of this name.
 fn has_test(text: &str, test: &str) -> bool {
     let mut attributed = false;
     for line in text.lines().map(str::trim) {
@@ -44,7 +44,7 @@ fn each_named_test_exists() {
     assert!(missing.is_empty(), "the plan names tests that don't exist: {missing:#?}");
 }
 
-/// The row of a lesson says what proves it, or why nothing does yet.
+/// Each row of a lesson names its proof, or the reason why there is none yet.
 #[test]
 fn each_row_has_a_test_or_says_that_it_is_open() {
     let plan = include_str!("../TESTPLAN.md");
@@ -69,7 +69,7 @@ fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
     }
 }
 
-/// Tests that fail are declared with their reason, and run. `cargo ci full` alone runs the review's long ones.
+/// Tests that fail are declared with a reason, and run. Only `cargo ci full` runs the review's long ones.
 #[test]
 fn no_test_is_switched_off() {
     let full = include_str!("../ci/src/suite.rs");

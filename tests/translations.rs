@@ -1,5 +1,5 @@
-//! Every translation of the library: how far each function and entry point gets on each route is
-//! what `docs/translations.md` says. `cargo ci matrix` writes that page.
+//! Tests every translation of the library: each function and entry point reaches the status on each route that
+//! `docs/translations.md` shows. `cargo ci matrix` writes that page.
 
 use std::collections::BTreeMap;
 
@@ -11,7 +11,7 @@ use shaders::PBR;
 const COLUMNS: [&str; 8] =
     ["vulkan", "gl", "vulkan:wgsl", "vulkan:spirv", "vulkan:glsl", "vulkan:hlsl", "metal", "cpu"];
 
-/// Modules of the sample: rows of each kind, and each kind of what is known to fail. The others come with `SUITES=whole`.
+/// The modules of the sample: rows of each kind, and each kind of known failure. `SUITES=whole` adds the others.
 const SAMPLE: [&str; 7] = [
     "environment::",
     "fresnel::",
@@ -26,7 +26,7 @@ fn is_asked(row: &str) -> bool {
     frames::are_suites_whole() || SAMPLE.iter().any(|module| row.contains(module))
 }
 
-/// The words of a table: by row, those of its columns.
+/// The words of a table: by row, then by column.
 type Words = BTreeMap<String, BTreeMap<String, String>>;
 
 /// The words of the rows in a page.
@@ -45,7 +45,7 @@ fn words(page: &str) -> Words {
     .collect()
 }
 
-/// What differs between two tables, in the columns that both have.
+/// The differences between two tables, in their common columns.
 fn differences(written: &Words, made: &Words) -> Vec<String> {
     let mut found = Vec::new();
     for (row, words) in made {
@@ -86,7 +86,7 @@ fn matrix() -> Matrix {
     request.run().expect("the library is valid")
 }
 
-/// The columns of a page that were run on other drivers than those here, or on none.
+/// The columns of a page that ran on other drivers than those here, or on none.
 fn run_elsewhere(page: &str, matrix: &Matrix) -> Vec<String> {
     let elsewhere = matrix.columns.iter().filter(|column| {
         let line = page.lines().find(|line| line.starts_with(&format!("| {} |", column.name)));
@@ -104,7 +104,7 @@ fn run_elsewhere(page: &str, matrix: &Matrix) -> Vec<String> {
     }
 }
 
-/// Makes one word of those for what is valid and ran: how it ran depends on the driver.
+/// Replaces all words for valid rows that ran with one, because details depend on the driver.
 fn as_far_as_valid(words: &mut Words, columns: &[String]) {
     for (_, word) in words.values_mut().flatten().filter(|(column, _)| columns.contains(column)) {
         if ["valid", "executed", "agrees", "known"].contains(&word.as_str()) {
@@ -113,7 +113,7 @@ fn as_far_as_valid(words: &mut Words, columns: &[String]) {
     }
 }
 
-/// On other drivers than the page's a row gets as far as `valid` there, at least.
+/// On drivers other than the page's, a row reaches at least `valid` if it does on the page.
 #[cfg_attr(not(target_os = "linux"), ignore = "the page is that of Mesa's drivers")]
 #[test]
 fn each_row_gets_as_far_as_the_page_says() {
@@ -124,9 +124,9 @@ fn each_row_gets_as_far_as_the_page_says() {
     written.retain(|row, _| is_asked(row));
     let matrix = matrix();
     let elsewhere = run_elsewhere(&page, &matrix);
-    // What is wrong is declared in shaders/karat.toml.
+    // Failures are declared in shaders/karat.toml.
     matrix.expect_no_findings();
-    // Where a size is 0, naga's GLSL divides by it as it is.
+    // If a size is 0, naga's GLSL divides by it.
     let outside: Vec<(&str, &str)> = matrix
         .rows
         .iter()
@@ -158,7 +158,7 @@ fn each_row_gets_as_far_as_the_page_says() {
     );
 }
 
-/// A page that says something else is seen, in each way.
+/// Differences from a page are reported, in each form.
 #[test]
 fn another_page_is_seen() {
     let page =
@@ -177,15 +177,15 @@ fn another_page_is_seen() {
     }
 }
 
-/// What naga's translation of a module does wrong on a column is declared by row: it doesn't get to
-/// this status, the other rows do.
+/// Checks a fault of naga's translation on a column: this row doesn't reach the status, the other rows of the module
+/// do.
 fn naga_fails(column: &str, status: Status, module: &str, row: &str, reason: &str) {
     let package = Package::from_modules("bugs", [("bugs", module)]);
     let columns = ["vulkan", column].map(|name| name.parse().expect("a column"));
     let matrix = karat_inspect::matrix(&package).columns(columns).run().expect("it is valid");
     matrix.expect("vulkan", Status::Valid);
     if column == "vulkan:glsl" {
-        // GLSL leaves values undefined that may be right here; those of the other rows have to be.
+        // GLSL leaves values undefined that may be right here; those of the other rows have to be right.
         matrix.expect(column, Status::Executed);
         let cells = matrix.rows.iter().filter(|other| other.name != row).flat_map(|row| &row.cells);
         assert!(cells.clone().count() > 0 && cells.clone().all(|cell| cell.status == Some(status)));
@@ -194,13 +194,13 @@ fn naga_fails(column: &str, status: Status, module: &str, row: &str, reason: &st
     matrix.expect_but(column, status, &[(row, reason)]);
 }
 
-/// A path that runs naga's GLSL: not each machine has GL.
+/// A path that runs naga's GLSL. Not each machine has GL.
 fn glsl_path() -> &'static str {
     if karat::unstable::path::adapter(karat::Path::GL).is_ok() { "gl" } else { "vulkan:glsl" }
 }
 
-/// GLSL lets outputs be invariant and nothing else. naga writes the word for the position that a
-/// fragment shader takes, too, where both stages share a structure. Mesa takes it.
+/// GLSL only allows outputs to be invariant. If both stages share a structure, naga also writes the word for the
+/// position that a fragment shader receives. Mesa accepts it.
 #[test]
 fn positions_of_fragments_are_invariant_in_glsl() {
     let module = "struct Shared { @invariant @builtin(position) at: vec4f }\n\
@@ -216,9 +216,9 @@ fn positions_of_fragments_are_invariant_in_glsl() {
     );
 }
 
-/// A texel of unsigned coordinates, with its index restricted: naga clamps them with a vector of
-/// `u32` whose components are `i32` (`OpConstantComposite %v2uint %int_1 %int_1`). `spirv-val` 2023.1
-/// and Mesa take it; naga doesn't take it back.
+/// A texel at unsigned coordinates, with restricted indices: naga clamps them with a vector of `u32` whose components
+/// are `i32` (`OpConstantComposite %v2uint %int_1 %int_1`). `spirv-val` 2023.1 and Mesa accept it; naga can't read it
+/// back.
 #[test]
 fn unsigned_texel_coordinates_are_clamped_by_signed_ones() {
     let module = "@group(0) @binding(0) var image: texture_2d<f32>;\n\
@@ -233,8 +233,8 @@ fn unsigned_texel_coordinates_are_clamped_by_signed_ones() {
     );
 }
 
-/// GLSL leaves `%` of negative operands undefined, and division by 0. naga guards both in other
-/// languages, and neither in GLSL: Mesa's GL has other values there.
+/// GLSL leaves `%` of negative operands and division by 0 undefined. naga guards both in other languages, but not in
+/// GLSL: Mesa's GL has other values there.
 #[cfg_attr(not(target_os = "linux"), ignore = "another driver's GL may have the right values")]
 #[test]
 fn remainders_of_negative_integers_differ_in_glsl() {
@@ -249,9 +249,8 @@ fn remainders_of_negative_integers_differ_in_glsl() {
     );
 }
 
-/// WGSL clamps a float that no integer has: -1 is 0 as a `u32`. naga does that in SPIR-V, HLSL and MSL,
-/// and writes GLSL's conversion as it is, which is undefined there. Bevy's clusters and `kludgine` come
-/// upon it.
+/// WGSL clamps a float outside an integer's range: -1 becomes 0 as a `u32`. naga does so in SPIR-V, HLSL and MSL, but
+/// writes a plain conversion in GLSL, which is undefined there. Bevy's clusters and `kludgine` are affected.
 #[cfg_attr(not(target_os = "linux"), ignore = "another driver's GL may have the right values")]
 #[test]
 fn floats_out_of_range_become_other_integers_in_glsl() {

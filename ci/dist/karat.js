@@ -1,5 +1,5 @@
 #!/usr/bin/env node
-// Runs the program of this machine, which is in a package of its own: nothing is downloaded when this is installed.
+// Runs the program for this machine, which has its own package: installing this package downloads nothing.
 "use strict";
 const { spawn } = require("node:child_process");
 

@@ -8,20 +8,20 @@ use anyhow::{Context, Result, ensure};
 
 use crate::command;
 
-/// Where `--page` writes what was measured.
+/// The page that `--page` writes.
 const PAGE: &str = "docs/speed.md";
 
-/// Runs the benchmarks, handing `arguments` to them.
+/// Runs the benchmarks, and passes `arguments` to them.
 pub(crate) fn run(arguments: &[String], page: bool) -> Result<()> {
-    // What is measured as a program: `karat watch`.
+    // Some benchmarks run the program: `karat watch`.
     command::run(&mut command::cargo(&["build", "--workspace", "--locked", "--bin", "karat"]))?;
-    // The profile of `cargo test`: its speed is what an author waits for. The loops that it is compared with stand in the
-    // benchmark itself, and are optimised as the library's own are.
+    // The profile of `cargo test`, because that is what an author waits for. The loops that it is compared with are in
+    // the benchmark itself, and are optimised like the library's own.
     const OPTIMISED: &str = "profile.dev.package.tests.opt-level=2";
     let karat = ["bench", "--workspace", "--locked", "--profile", "dev", "--bench", "karat"];
     let mut bench = command::cargo(&karat);
     bench.args(["--config", OPTIMISED]);
-    // With it wgpu takes a backtrace wherever it locks something, in this profile.
+    // With it, wgpu in this profile takes a backtrace at each lock.
     bench.env_remove("RUST_BACKTRACE");
     let target = std::env::var_os("CARGO_TARGET_DIR").unwrap_or_else(|| "target".into());
     bench.env("MESA_SHADER_CACHE_DIR", empty_cache(&command::root().join(target))?);
@@ -36,7 +36,7 @@ pub(crate) fn run(arguments: &[String], page: bool) -> Result<()> {
     let mut measured = String::new();
     for line in BufReader::new(stdout).lines() {
         let line = line.context("the benchmark's output ended early")?;
-        // Measuring takes minutes: whoever waits sees it come.
+        // Measuring takes minutes, so print each line at once.
         writeln!(std::io::stdout(), "{line}").context("nobody reads the output any more")?;
         measured += &line;
         measured.push('\n');
@@ -55,8 +55,7 @@ pub(crate) fn run(arguments: &[String], page: bool) -> Result<()> {
         .with_context(|| format!("can't write `{PAGE}`"))
 }
 
-/// An empty folder for what drivers compile. The user's own has the shaders of earlier runs, whose edits
-/// are the same.
+/// An empty folder for compiled shaders. The user's own cache has those of earlier runs, with the same edits.
 fn empty_cache(target: &Path) -> Result<PathBuf> {
     let folder = target.join("bench-driver-cache");
     let shown = folder.display();
@@ -67,7 +66,7 @@ fn empty_cache(target: &Path) -> Result<PathBuf> {
     Ok(folder)
 }
 
-/// What it was measured on.
+/// The machine of the measurement.
 fn machine() -> String {
     let read = |file: &str, name: &str| {
         let text = std::fs::read_to_string(file).ok()?;

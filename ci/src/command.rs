@@ -1,4 +1,4 @@
-//! Child processes: started in the workspace's root, with their output going straight to ours.
+//! Child processes: they start in the workspace's root, and write directly to this program's output.
 
 use std::error::Error;
 use std::ffi::{OsStr, OsString};
@@ -8,25 +8,25 @@ use std::process::{Command, ExitStatus};
 
 use anyhow::{Context, Result};
 
-/// The workspace's root, where every child runs.
+/// The workspace's root, in which every child runs.
 pub(crate) fn root() -> PathBuf {
     let package = PathBuf::from(env!("CARGO_MANIFEST_DIR"));
     package.parent().map_or_else(|| package.clone(), PathBuf::from)
 }
 
-/// A `cargo` command, run by the very cargo that runs us where it says who it is.
+/// A `cargo` command. Uses the cargo that runs this program, if the environment names it.
 pub(crate) fn cargo(arguments: &[&str]) -> Command {
     let program = std::env::var_os("CARGO").unwrap_or_else(|| OsString::from("cargo"));
     let mut command = Command::new(program);
     command.args(arguments).current_dir(root());
-    // What nobody will edit is compiled sooner without what the next edit would need.
+    // CI never compiles a second edit, so it doesn't need incremental data.
     if std::env::var_os("CI").is_some() && std::env::var_os("CARGO_INCREMENTAL").is_none() {
         command.env("CARGO_INCREMENTAL", "0");
     }
     command
 }
 
-/// The `karat` program, which the build step has put beside ours.
+/// The `karat` program, which the build step has put beside this one.
 pub(crate) fn karat(arguments: &[&str]) -> Result<Command> {
     let program = std::env::current_exe()
         .context("could not find out where cargo puts its programs; run `cargo karat` instead")?
@@ -36,8 +36,8 @@ pub(crate) fn karat(arguments: &[&str]) -> Result<Command> {
     Ok(command)
 }
 
-/// Runs a command to its end; its output streams to ours. Failing is an error that carries
-/// the exit status: see [`exit_code`].
+/// Runs a command to its end, with its output going to this program's. If it fails, the error has its exit status: see
+/// [`exit_code`].
 pub(crate) fn run(command: &mut Command) -> Result<()> {
     let line = describe(command);
     let status = command.status().with_context(|| {
@@ -46,17 +46,17 @@ pub(crate) fn run(command: &mut Command) -> Result<()> {
     if status.success() { Ok(()) } else { Err(Failure { line, status }.into()) }
 }
 
-/// [`run`], with what the command prints on stdout going to stderr.
+/// Does the same as [`run`], with the command's stdout going to stderr.
 pub(crate) fn run_aside(command: &mut Command) -> Result<()> {
     run(command.stdout(std::io::stderr()))
 }
 
-/// Whether a command runs and succeeds; what it prints is dropped.
+/// Returns `true` if a command runs and succeeds. Drops its output.
 pub(crate) fn succeeds(command: &mut Command) -> bool {
     command.output().is_ok_and(|output| output.status.success())
 }
 
-/// The command as one would type it, with the variables it is given.
+/// The command as you would type it, with its environment variables.
 pub(crate) fn describe(command: &Command) -> String {
     let variables = command.get_envs().filter_map(|(name, value)| {
         Some(format!("{}={}", name.display(), quoted(&value?.to_string_lossy())))
@@ -75,7 +75,7 @@ fn quoted(word: &str) -> String {
     if !word.is_empty() && word.chars().all(plain) { word.to_owned() } else { format!("'{word}'") }
 }
 
-/// The exit code to leave with for an error: the failing child's own, or 1.
+/// The exit code of this program for an error: that of the failing child, or 1.
 pub(crate) fn exit_code(error: &anyhow::Error) -> u8 {
     error
         .downcast_ref::<Failure>()

@@ -1,5 +1,5 @@
-//! `cargo ci corpus` and `cargo ci found`: shaders of published crates, which cargo fetches and doesn't
-//! compile.
+//! `cargo ci corpus` and `cargo ci found`: checks of shaders of published crates. cargo fetches the crates, and doesn't
+//! compile them.
 
 use std::path::PathBuf;
 use std::process::{Command, Stdio};
@@ -8,7 +8,7 @@ use anyhow::{Context, Result, ensure};
 
 use crate::{command, setup};
 
-/// What stands above the table in the documentation.
+/// The text above the table in the documentation.
 const HEAD: &str = "\
 # Shaders that others wrote
 
@@ -23,7 +23,7 @@ Where a crate's Rust puts its text together, the list has the `karat.toml` that 
 
 ";
 
-/// What stands above the table of translations.
+/// The text above the table of translations.
 const ROUTES_HEAD: &str = "\
 # Shaders that others wrote, on each route
 
@@ -47,7 +47,7 @@ such as ray queries; the others don't run in Chrome, and nothing in them says th
 
 ";
 
-/// Asks both compilers about the shaders of a list.
+/// Runs both compilers on the shaders of a list.
 pub(crate) fn run_compilers(list: Option<PathBuf>) -> Result<()> {
     setup::install_tint()?;
     table(list, "corpus_compilers", None, ("docs/corpus-compilers.md", COMPILERS_HEAD))
@@ -58,7 +58,7 @@ pub(crate) fn run_routes(list: Option<PathBuf>, json: Option<PathBuf>) -> Result
     table(list, "corpus_matrix", json, ("docs/corpus-translations.md", ROUTES_HEAD))
 }
 
-/// One of the programs of `ci/corpus`.
+/// A program of `ci/corpus`.
 pub(crate) fn program(name: &str) -> Command {
     command::cargo(&["run", "--locked", "--bin", name, "--"])
 }
@@ -102,7 +102,7 @@ pub(crate) fn run_found() -> Result<()> {
     Ok(())
 }
 
-/// Reads the shaders of a list.
+/// Checks the shaders of a list.
 pub(crate) fn run(list: Option<PathBuf>, json: Option<PathBuf>) -> Result<()> {
     table(list, "corpus", json, ("docs/corpus.md", HEAD))
 }

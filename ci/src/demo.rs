@@ -1,5 +1,5 @@
-//! `cargo ci demo`: from a fresh clone to verdicts on every execution path. The first of them comes by one program of tests,
-//! while the command line isn't built yet.
+//! `cargo ci demo`: from a fresh clone to verdicts on every execution path. The first verdicts come from a program of
+//! tests, before the command line is built.
 
 use std::process::ExitCode;
 
@@ -7,7 +7,7 @@ use crate::setup::{self, PATHS};
 use crate::step::Steps;
 use crate::{command, suite};
 
-/// Sets up, builds, opens the paths and runs the shader tests; stops at the first failure.
+/// Sets up, builds, opens the paths and runs the shader tests. Stops at the first failure.
 pub(crate) fn run() -> ExitCode {
     let mut steps = Steps::new("cargo ci demo");
     let _ = steps.run("setup", setup::install_missing)
@@ -20,7 +20,7 @@ pub(crate) fn run() -> ExitCode {
     steps.finish()
 }
 
-/// Sets up, and opens the paths for real: what `setup` alone can't, as it needs the harness built.
+/// Sets up and then opens the paths, which needs the harness, so `setup` alone can't do it.
 pub(crate) fn set_up() -> ExitCode {
     let mut steps = Steps::new("cargo ci setup");
     let _ = steps.run("setup", setup::install_missing)
@@ -32,8 +32,8 @@ pub(crate) fn set_up() -> ExitCode {
     steps.finish()
 }
 
-/// The demo's programs, built by one command for the whole workspace: for fewer packages, or without tests,
-/// Cargo would choose other features of shared dependencies, and compile them twice.
+/// Builds the demo's programs by one command for the whole workspace. For fewer packages, or without tests, Cargo would
+/// choose other features of shared dependencies, and compile them twice.
 pub(crate) const BUILD: &[&str] = &[
     "build",
     "--workspace",
@@ -50,12 +50,12 @@ pub(crate) fn build() -> anyhow::Result<()> {
     command::run(&mut command::cargo(BUILD))
 }
 
-/// The part of the demo's build that the first verdict waits for, with the same features.
+/// Builds the part that the first verdict needs, with the same features.
 fn build_library() -> anyhow::Result<()> {
     command::run(&mut command::cargo(&["build", "--workspace", "--locked", LIBRARY]))
 }
 
-/// Tests of one module by Rust's own test runner. A path that doesn't open fails them.
+/// Runs the tests of one module with Rust's own test runner. A path that doesn't open fails them.
 fn first_verdict() -> anyhow::Result<()> {
     let mut test = command::cargo(&["test", "--workspace", "--locked", LIBRARY, FIRST]);
     command::run(test.env("KARAT_PATHS", "all").env("KARAT_REQUIRE", PATHS))
@@ -65,7 +65,7 @@ fn first_verdict() -> anyhow::Result<()> {
 const LIBRARY: &str = "--test=library";
 const FRAMES: &str = "--test=golden";
 
-/// The module whose tests are the first.
+/// The module whose tests run first.
 const FIRST: &str = "fresnel::";
 
 fn shader_tests(which: &[&str]) -> anyhow::Result<()> {
@@ -77,7 +77,7 @@ fn shader_tests(which: &[&str]) -> anyhow::Result<()> {
 mod tests {
     use super::*;
 
-    /// The demo isn't part of the tests, and nothing else would notice.
+    /// The demo isn't part of the tests, so only this test notices.
     #[test]
     fn the_demo_names_programs_that_are_there() {
         let manifest = std::fs::read_to_string(command::root().join("tests/Cargo.toml"));

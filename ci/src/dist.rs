@@ -1,4 +1,4 @@
-//! `cargo ci dist`: packages for people without Rust, and a walk with them where there is none.
+//! `cargo ci dist`: builds packages for people without Rust, and tries them where Rust isn't installed.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -12,10 +12,10 @@ use crate::{command, setup, suite};
 /// The glibc of Debian 10 and RHEL 8. A static program couldn't open Vulkan.
 const GLIBC: &str = "2.28";
 
-/// The program and the archive, at most: what a person downloads in a few seconds.
+/// The largest sizes of the program and of the archive, for a download within seconds.
 const MOST_BYTES: [u64; 2] = [28_000_000, 11_000_000];
 
-/// The shells that have completions, and the names of these files.
+/// The shells with completions, and the names of the completion files.
 const SHELLS: [(&str, &str); 4] = [
     ("bash", "karat.bash"),
     ("zsh", "_karat"),
@@ -32,7 +32,7 @@ pub(crate) fn run(target: Option<&str>) -> Result<()> {
     let binary = build(target, &folder)?;
     let completions = folder.join("completions");
     fs::create_dir_all(&completions)?;
-    // They are the same on each target, and this one's program may not run here.
+    // They are the same on each target, and the program of another target may not run here.
     let program = if target == host { binary.clone() } else { own()? };
     for (shell, file) in SHELLS {
         let said = Command::new(&program).args(["completions", shell]).output()?;
@@ -54,7 +54,7 @@ pub(crate) fn run(target: Option<&str>) -> Result<()> {
         let bytes = fs::metadata(file)?.len();
         ensure!(bytes <= most, "`{}` has {bytes} bytes, more than {most}", file.display());
     }
-    // The names of npm's and Python's programs are others on Windows, where nothing of this was ever run.
+    // On Windows npm's and Python's programs have other names, and none of this was ever run there.
     if target == host && cfg!(unix) { walk(&packages) } else { Ok(()) }
 }
 
@@ -80,7 +80,7 @@ fn expect_library(target: &str) -> Result<()> {
     Ok(())
 }
 
-/// The program, in the profile `dist`.
+/// Builds the program in the profile `dist`.
 fn build(target: &str, folder: &Path) -> Result<PathBuf> {
     let linux = target.contains("-linux-");
     let mut cargo = if linux { zigbuild(folder)? } else { command::cargo(&["build"]) };
@@ -91,7 +91,7 @@ fn build(target: &str, folder: &Path) -> Result<PathBuf> {
     Ok(command::root().join("target").join(target).join("dist").join(name))
 }
 
-/// `cargo zigbuild`, of tools that are kept below `target`.
+/// `cargo zigbuild`, with tools that are kept below `target`.
 fn zigbuild(folder: &Path) -> Result<Command> {
     let tools = folder.join("tools");
     let bin = tools.join("bin");
@@ -149,7 +149,7 @@ fn without_rust() -> Result<std::ffi::OsString> {
     Ok(std::env::join_paths(all)?)
 }
 
-/// In an empty folder, with no cargo in PATH: what a person types who has npm or Python.
+/// Types the commands of a person with npm or Python, in an empty folder and without cargo in `PATH`.
 fn walk(packages: &Path) -> Result<()> {
     let path = without_rust()?;
     let all = files(packages, |name| name.ends_with(".tgz"))?;
@@ -160,7 +160,7 @@ fn walk(packages: &Path) -> Result<()> {
     let (plugins, tgz): (Vec<PathBuf>, Vec<PathBuf>) = all.into_iter().partition(is_plugin);
     let wheel = files(packages, |name| name.ends_with(".whl"))?;
     let wheel = wheel.first().context("no wheel was made")?;
-    // Outside of this repository, whose manifest would make it one of its folders.
+    // Outside this repository: its manifest would make the folder part of it.
     let place = std::env::temp_dir().join(format!("karat-dist-{}", std::process::id()));
     for way in ["npm", "python"] {
         let folder = place.join(way);
@@ -169,7 +169,7 @@ fn walk(packages: &Path) -> Result<()> {
         let step = |line: &str, command: &mut Command| {
             let own = Instant::now();
             command.current_dir(&folder).env("PATH", &path).env_remove("CARGO");
-            // On their own machine, where a first test is written.
+            // Authors write a first test on their own machine, without `CI`.
             command.env_remove("CI");
             command::run(command).with_context(|| format!("`{line}` fails"))?;
             eprintln!("{way}: {line}: {:.1} s", own.elapsed().as_secs_f32());
@@ -201,7 +201,7 @@ fn walk(packages: &Path) -> Result<()> {
     fs::remove_dir_all(place).context("can't remove the folders of the walk")
 }
 
-/// Runs the commands of `docs/guide/web.md`, from an empty folder to a green test and a red one.
+/// Runs the commands of `docs/guide/web.md`: from an empty folder to a green test and a red one.
 fn web(folder: &Path, packages: &[PathBuf], path: &std::ffi::OsStr) -> Result<()> {
     let page = fs::read_to_string(command::root().join("docs/guide/web.md"))?;
     let files = [
@@ -228,7 +228,7 @@ fn web(folder: &Path, packages: &[PathBuf], path: &std::ffi::OsStr) -> Result<()
             .env_remove("CI");
         command
     };
-    // Of the current vitest and the one before it the one that this machine's Node runs.
+    // The current vitest or the one before it, whichever this machine's Node can run.
     let node = PathBuf::from("node");
     let is_new = setup::node_version(&node).is_some_and(|version| version >= suite::VITEST_NODE);
     let vitest = if is_new { "vitest@5" } else { "vitest@4" };
@@ -251,13 +251,13 @@ fn web(folder: &Path, packages: &[PathBuf], path: &std::ffi::OsStr) -> Result<()
     Ok(())
 }
 
-/// The first block of code of a language on a page.
+/// The first code block of a language on a page.
 fn block<'p>(page: &'p str, language: &str) -> Result<&'p str> {
     let found =
         page.split_once(&format!("```{language}\n")).and_then(|(_, rest)| rest.split_once("```"));
     found.map(|(text, _)| text).with_context(|| format!("the page has no block of {language}"))
 }
 
-/// A shader as a web developer may have it.
+/// A shader such as a web developer may have.
 const SHADER: &str = "/// Reinhard's curve.\nfn reinhard(luminance: f32) -> f32 {\n    \
                       return luminance / (1.0 + luminance);\n}\n";

@@ -1,8 +1,8 @@
 //! `cargo ci full`: the suites that are too long for each change.
 //!
-//! `cargo ci test` runs a sample of them: on SwiftShader, the tests of five of the shader library's modules; of the second
-//! opinion some pixels, of the translations some modules, of the faults in the shader library a quarter, and the quick
-//! tests of the review.
+//! `cargo ci test` runs a sample of them: the tests of five of the shader library's modules on SwiftShader, some pixels
+//! of the second opinion, some modules of the translations, a quarter of the faults in the shader library, and the
+//! quick tests of the review.
 
 use std::fmt::Write as _;
 use std::io::{BufRead, BufReader, Write};
@@ -13,13 +13,13 @@ use anyhow::{Context, Result, bail, ensure};
 use crate::step::Steps;
 use crate::{command, dist, glams, matrix, setup, suite, swiftshader};
 
-/// Where the last result is kept.
+/// The page with the last result.
 const PAGE: &str = "docs/swiftshader.md";
 
 /// Vulkan alone, with SwiftShader as its only driver.
 const PATHS: &str = "vulkan";
 
-/// Runs every test on SwiftShader alone, and writes down how that ended.
+/// Runs every test on SwiftShader alone, and writes the result.
 pub(crate) fn run() -> ExitCode {
     let mut steps = Steps::new("cargo ci full");
     let _ = steps.run("setup", setup::install_missing)
@@ -79,7 +79,7 @@ fn on_swiftshader() -> Result<()> {
     let alone = |command: &mut Command| {
         command
             .env("VK_DRIVER_FILES", &manifest)
-            // A list of no vendor: EGL finds no driver.
+            // An empty list of vendors: EGL finds no driver.
             .env("__EGL_VENDOR_LIBRARY_FILENAMES", "/dev/null")
             .env("KARAT_PATHS", PATHS)
             .env("KARAT_REQUIRE", PATHS);
@@ -106,13 +106,13 @@ fn on_swiftshader() -> Result<()> {
         .with_context(|| format!("{}", page.display()))?;
     match (status.success(), sum.failed.len()) {
         (true, 0) => Ok(()),
-        // A program that crashes, or is ended by the deadline, names no test.
+        // A program that crashes, or that the deadline ends, names no test.
         (_, 0) => bail!("`cargo test` ended with {status} on SwiftShader alone"),
         (_, failed) => bail!("{failed} tests failed on SwiftShader alone; {PAGE} names them"),
     }
 }
 
-/// The counts of libtest's lines, of all test programs together.
+/// The counts from libtest's lines, for all test programs together.
 #[derive(Debug, Default, PartialEq)]
 pub(crate) struct Sum {
     pub(crate) passed: u64,
@@ -121,7 +121,7 @@ pub(crate) struct Sum {
 }
 
 impl Sum {
-    /// Adds a line: `test NAME ... FAILED`, or the closing one of a program.
+    /// Adds a line: `test NAME ... FAILED`, or the last line of a program.
     pub(crate) fn read(&mut self, line: &str) {
         if let Some(name) =
             line.strip_prefix("test ").and_then(|rest| rest.strip_suffix(" ... FAILED"))

@@ -1,4 +1,5 @@
-//! `cargo ci glams`: a project on each glam that karat has a feature for, and one on mint, with a test of its own types.
+//! `cargo ci glams`: tests a project on each glam that karat has a feature for, and one on mint, each with its own
+//! types.
 
 use std::fmt::Write as _;
 
@@ -6,10 +7,10 @@ use anyhow::{Context, Result};
 
 use crate::command;
 
-/// Versions, as features and packages name them.
+/// The versions, as in the names of features and packages.
 const VERSIONS: [&str; 5] = ["029", "030", "031", "032", "033"];
 
-/// Writes the project below `target`, and runs its tests.
+/// Writes each project below `target`, and runs its tests.
 pub(crate) fn run() -> Result<()> {
     let root = command::root();
     let folder = root.join("target/glams");
@@ -34,14 +35,14 @@ pub(crate) fn run() -> Result<()> {
     };
     write("Cargo.toml", &manifest)?;
     write("src/lib.rs", &tests)?;
-    // The same versions as here, of all that both have.
+    // The same versions as here, for all crates that both use.
     std::fs::copy(root.join("Cargo.lock"), folder.join("Cargo.lock"))?;
     let mut test = command::cargo(&["test", "--manifest-path"]);
     test.arg(folder.join("Cargo.toml")).env("KARAT_PATHS", "cpu");
     command::run(&mut test)
 }
 
-/// An engine's own vectors, in and out: those of a domain, and what a reference takes and gives.
+/// An engine's own vectors: in a domain, and as arguments and results of a reference.
 const TEST: &str = r#"
 #[cfg(test)]
 mod glam_VERSION_is_the_engines {

@@ -1,8 +1,7 @@
-//! Licences and origins of every crate in the resolved graph, for all targets.
+//! Checks the licences and origins of every crate in the resolved graph, for all targets.
 //!
-//! The licences we accept are in `licences.txt`, each with its reason. Both directions are
-//! checked: a crate that the list doesn't satisfy is refused, and so is a line of the list
-//! that no crate needs.
+//! The accepted licences are in `licences.txt`, each with its reason. The check works both ways: it refuses a crate
+//! whose licence isn't in the list, and a line of the list that no crate needs.
 
 use anyhow::{Context, Result, bail, ensure};
 use cargo_metadata::{Metadata, MetadataCommand};
@@ -12,10 +11,10 @@ use crate::command;
 
 const ALLOWED: &str = include_str!("../licences.txt");
 
-/// Registry crates from before SPDX write `MIT/Apache-2.0`; all else stays strict.
+/// Registry crates from before SPDX write `MIT/Apache-2.0`. The rest stays strict.
 const MODE: ParseMode = ParseMode { allow_slash_as_or_operator: true, ..ParseMode::STRICT };
 
-/// Checks the workspace's whole graph and says how many crates it holds.
+/// Checks the workspace's whole graph, and prints its number of crates.
 pub(crate) fn check() -> Result<()> {
     let metadata = MetadataCommand::new()
         .current_dir(command::root())
@@ -36,7 +35,7 @@ pub(crate) fn check() -> Result<()> {
     Ok(())
 }
 
-/// What the check needs to know about a crate.
+/// The facts about a crate that the check needs.
 struct Crate {
     /// Name and version, as messages show them.
     name: String,
@@ -45,7 +44,7 @@ struct Crate {
 }
 
 enum Origin {
-    /// One of our own.
+    /// A crate of this workspace.
     Workspace,
     CratesIo,
     /// A git repository, another registry, or a folder outside the workspace.
@@ -87,7 +86,7 @@ fn allow_list(text: &str) -> Result<Vec<Licensee>> {
     Ok(allowed)
 }
 
-/// One message for each thing that is wrong.
+/// A message for each problem.
 fn problems(crates: &[Crate], allowed: &[Licensee]) -> Vec<String> {
     let mut problems = Vec::new();
     let mut needed = vec![false; allowed.len()];
@@ -107,7 +106,7 @@ fn problems(crates: &[Crate], allowed: &[Licensee]) -> Vec<String> {
             Err(reason) => problems.push(format!("{name} {reason}")),
         }
     }
-    // A refused crate may be the one that needs a line, so lines are judged only without one.
+    // The refused crate may be the one that needs a line, so check the lines only if none is refused.
     if problems.is_empty() {
         for (licensee, needed) in allowed.iter().zip(needed) {
             if !needed {
@@ -120,7 +119,7 @@ fn problems(crates: &[Crate], allowed: &[Licensee]) -> Vec<String> {
     problems
 }
 
-/// The crate's licence expression, if the list satisfies it; otherwise what to do.
+/// The crate's licence expression if the list satisfies it; otherwise the remedy.
 fn judge(licence: Option<&str>, allowed: &[Licensee]) -> Result<Expression, String> {
     let Some(licence) = licence else {
         return Err("declares no licence in its manifest; replace the crate".to_owned());
@@ -138,7 +137,7 @@ fn judge(licence: Option<&str>, allowed: &[Licensee]) -> Result<Expression, Stri
     }
 }
 
-/// Whether the list, less one line if asked, satisfies an expression.
+/// Returns `true` if the list, less one line if asked, satisfies an expression.
 fn satisfied(expression: &Expression, allowed: &[Licensee], skipped: Option<usize>) -> bool {
     expression.evaluate(|requirement| {
         let mut lines = allowed.iter().enumerate().filter(|(line, _)| Some(*line) != skipped);
@@ -169,7 +168,8 @@ mod tests {
         assert_eq!(refusal(Some("(MIT OR Apache-2.0) AND MIT")), None);
         assert!(refusal(Some("(MIT OR Apache-2.0) AND Unicode-3.0")).is_some());
         assert!(refusal(Some("GPL-3.0-only")).is_some());
-        // An exception widens a licence, but it is another licence, so the list must name it.
+        // A licence with an exception is another licence, so the list must name it, although the exception only widens
+        // it.
         assert!(refusal(Some("Apache-2.0 WITH LLVM-exception")).is_some());
     }
 

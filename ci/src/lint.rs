@@ -1,4 +1,4 @@
-//! `cargo ci lint`: formatting, Clippy, documentation, licences and what packages hold.
+//! `cargo ci lint`: checks formatting, Clippy, documentation, licences and the content of packages.
 
 use std::path::Path;
 use std::process::{Command, ExitCode};
@@ -30,7 +30,7 @@ fn format() -> Result<()> {
         .context("run `cargo fmt --all` to format")
 }
 
-/// Clippy's arguments beyond the lints of the workspace: a warning is an error.
+/// Clippy's arguments in addition to the workspace's lints: warnings are errors.
 const LINTS: [&str; 2] = ["-D", "warnings"];
 
 fn clippy() -> Result<()> {
@@ -39,9 +39,9 @@ fn clippy() -> Result<()> {
     command::run(command::cargo(&clippy).args(LINTS))
 }
 
-/// Has Cargo take what Clippy has checked: documentation needs the same metadata of the workspace's libraries, which Cargo
-/// keeps by the program that made it and by that one's arguments, which `cargo clippy` hands over in these two variables.
-/// Where they are others, the libraries are checked once more, and nothing else changes.
+/// Makes Cargo reuse what Clippy has checked. Documentation needs the same metadata of the workspace's libraries. Cargo
+/// files it by the program that made it and by that program's arguments, which `cargo clippy` passes in these two
+/// variables. If they differ, Cargo only checks the libraries again.
 fn after_clippy(doc: &mut Command) {
     let sysroot = Command::new("rustc").args(["--print", "sysroot"]).output();
     let sysroot = sysroot
@@ -54,9 +54,8 @@ fn after_clippy(doc: &mut Command) {
     }
 }
 
-/// Programs first, and libraries behind them: the program `karat` and the library of that name
-/// have one folder, which `cargo` removes before it writes either. Side by side one of them fails
-/// now and then.
+/// Documents programs first, then libraries. The program `karat` and the library with that name share a folder, which
+/// `cargo` removes before it writes either. Side by side, one of them sometimes fails.
 fn documentation() -> Result<()> {
     for targets in ["--bins", "--lib"] {
         let mut doc = command::cargo(&["doc", "--workspace", "--no-deps", "--locked", targets]);
@@ -66,7 +65,7 @@ fn documentation() -> Result<()> {
     Ok(())
 }
 
-/// Makes sure of a toolchain component, which a minimal toolchain lacks.
+/// Checks for a toolchain component, which a minimal toolchain lacks.
 fn component(name: &str, subcommand: &str) -> Result<()> {
     if command::succeeds(&mut command::cargo(&[subcommand, "--version"])) {
         return Ok(());

@@ -1,8 +1,8 @@
 //! `cargo ci`: everything that CI runs, run the same way on any machine.
 //!
 //! Each command is a list of steps with a name, a wall time and a verdict; see [`step`].
-//! This package stays small on purpose: `cargo ci setup` has to compile and run before the
-//! graphics libraries that the harness needs are there.
+//! This package stays small on purpose: `cargo ci setup` has to compile and run before the graphics libraries that the
+//! harness needs are installed.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -59,11 +59,11 @@ No GPU is needed: Mesa's lavapipe (Vulkan) and llvmpipe (GL) run on the processo
 enum Task {
     /// Find the execution paths, and install Mesa's software drivers where one is missing.
     ///
-    /// On Linux both Vulkan and GL must be loadable, in software or hardware. Debian, Fedora
-    /// and Arch (and their relatives) get the missing packages; elsewhere the names are printed.
-    /// macOS and Windows bring Metal and DX12 along, so nothing is installed there. The tests of
-    /// the review page need a Chromium; it is installed, too, and so is Tint, by npm, outside of the
-    /// working tree. Then the harness is built, and opens each path.
+    /// On Linux both Vulkan and GL must be loadable, in software or hardware. On Debian, Fedora
+    /// and Arch (and their relatives) it installs missing packages; elsewhere it prints their names.
+    /// macOS and Windows include Metal and DX12, so nothing is installed there. It also installs a
+    /// Chromium, which the tests of the review page need, and Tint, by npm, outside the working tree.
+    /// Then it builds the harness, which opens each path.
     Setup {
         /// Only report: install nothing, and fail if a path is missing.
         #[arg(long)]
@@ -71,30 +71,30 @@ enum Task {
     },
     /// Set up, build, and run the shader tests on every path; stop at the first failure.
     Demo,
-    /// All that CI runs: set up, lint, then every test. Later steps run even if one fails.
+    /// Run all of CI: set up, lint, then every test. Later steps run even if one fails.
     Test,
-    /// The suites that are too long for each change: every test on SwiftShader alone.
+    /// Run the suites that are too long for each change: every test on SwiftShader alone.
     ///
     /// The result goes to docs/swiftshader.md. `cargo ci test` runs a sample.
     Full,
-    /// Formatting, Clippy, documentation and licences: CI without the tests.
+    /// Check formatting, Clippy, documentation and licences: CI without the tests.
     Lint,
-    /// Check that the README's two commands compile nothing to code with two sets of features.
+    /// Check that the README's two commands compile each crate with only one set of features.
     Once,
     /// Run the checks that find faults of released shaders
     ///
-    /// Each has to fail as its crate was released, and to pass with the change that mends it. The pages
+    /// Each has to fail on the released crate, and to pass with the change that repairs it. The pages
     /// go to docs/found.
     Found,
     /// Test a project on each glam that karat has a feature for, and one on mint
     Glams,
-    /// Ask each path for each operator and builtin function, and write what it computes otherwise
+    /// Test each operator and builtin function on each path, and write pages of the differences
     ///
-    /// The pages go to docs/divergences; those of drivers that aren't here stay as they are.
+    /// The pages go to docs/divergences; those of drivers that aren't on this machine stay unchanged.
     Divergences,
-    /// Read the shaders of published crates: what opens, links, validates and can be called.
+    /// Check the shaders of published crates: whether they open, link, validate and can be called.
     ///
-    /// The crates are fetched by cargo and not compiled. The table goes to docs/corpus.md.
+    /// Cargo fetches the crates, and doesn't compile them. The table goes to docs/corpus.md.
     Corpus {
         /// The list of crates and folders [default: ci/corpus.toml]
         list: Option<PathBuf>,
@@ -105,13 +105,13 @@ enum Task {
         /// Ask naga and Tint about each module, instead; the table goes to docs/corpus-compilers.md
         #[arg(long, conflicts_with_all = ["routes", "json"])]
         compilers: bool,
-        /// Write the rows as JSON, too; of routes, into a folder
+        /// Write the rows as JSON, too; with --routes, into a folder
         #[arg(long, value_name = "FILE")]
         json: Option<PathBuf>,
     },
     /// Run the benchmarks; arguments after `--` go to them.
     Bench {
-        /// Write `docs/speed.md` of what was measured, with the machine's description.
+        /// Write the measurements to `docs/speed.md`, with the machine's description.
         #[arg(long)]
         page: bool,
         /// Arguments for the benchmarks.
@@ -125,14 +125,14 @@ enum Task {
     ///
     /// Cargo takes each from the unpacked folders in place of the registry. This takes minutes.
     Package,
-    /// Run tests by cargo-nextest, whole and in three parts, and compare the reports of both.
+    /// Run tests with cargo-nextest, once whole and once in three parts, and compare the reports.
     Nextest,
     /// Test the npm packages `karat-vitest` and `karat-playwright`, with each vitest that this machine's Node runs.
     Npm,
-    /// Build the packages for people without Rust, and use them where there is none
+    /// Build the packages for people without Rust, and try them without Rust
     ///
     /// An archive with its checksum, npm packages and a Python wheel, in target/dist/packages. Needs python3 with
-    /// `venv`; of this machine's own target also npm.
+    /// `venv`, and for this machine's own target also npm.
     Dist {
         /// Another target than this machine's, such as aarch64-unknown-linux-gnu
         #[arg(long, value_name = "TRIPLE")]
@@ -156,12 +156,12 @@ enum Task {
     },
     /// Measure the harness: lines, public items, and over how many files an idea is spread.
     Size {
-        /// A revision whose numbers stand beside those of the working tree.
+        /// A revision to compare the working tree with.
         revision: Option<String>,
     },
-    /// Make every mutant of the shader library, and see whether its tests kill it; this takes hours.
+    /// Try every mutant of the shader library, and check that its tests kill it; this takes hours.
     ///
-    /// Runs `karat mutate`, of which `cargo ci test` tries a few. What became of which is written to
+    /// Runs `karat mutate`, of which `cargo ci test` tries a few mutants. The fate of each is written to
     /// `target/karat/mutation.json`.
     Mutants {
         /// Only these: a module, a function, or the id of a mutant, such as `brdf`, `brdf::schlick` or `b778d00e`.

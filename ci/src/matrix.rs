@@ -1,10 +1,10 @@
-//! `cargo ci matrix`: every translation of the shader library, as the documentation has it.
+//! `cargo ci matrix`: writes the documentation's table of translations of the shader library.
 
 use anyhow::{Context, Result, ensure};
 
 use crate::{command, corpus, demo, setup, swiftshader};
 
-/// Where the table goes.
+/// The page with the table.
 const PAGE: &str = "docs/translations.md";
 
 pub(crate) fn run() -> Result<()> {
@@ -17,7 +17,7 @@ pub(crate) fn run() -> Result<()> {
     Ok(())
 }
 
-/// Asks the usual paths, and SwiftShader, for each operator and builtin function.
+/// Tests each operator and builtin function on the usual paths, and on SwiftShader.
 pub(crate) fn divergences() -> Result<()> {
     setup::install_missing()?;
     setup::install_browser()?;

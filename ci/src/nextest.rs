@@ -1,4 +1,4 @@
-//! `cargo ci nextest`: tests by another runner, whole and in parts, whose reports are the same.
+//! `cargo ci nextest`: runs tests with another runner, whole and in parts, and compares the reports.
 
 use std::io::Write;
 use std::process::Command;
@@ -10,7 +10,7 @@ use crate::command;
 const TOOL: &str =
     "cargo-nextest is missing; https://nexte.st has it, or `cargo install cargo-nextest --locked`";
 
-/// What is run: enough tests for each part to have some, and few enough to take seconds.
+/// The tests to run: enough for each part to have some, and few enough to take seconds.
 const TESTS: &str = "test(/^fresnel::/)";
 
 /// Runs tests at once and in three parts, and compares their reports.
@@ -42,7 +42,7 @@ pub(crate) fn run() -> Result<()> {
         .context("nobody reads the output any more")
 }
 
-/// What a report prints, but for where its records are and how long they took.
+/// The table of a report, without the paths of its records and the times.
 fn table(report: &mut Command) -> Result<String> {
     let output = report.output().context("the report can't be made")?;
     ensure!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));

@@ -1,8 +1,8 @@
-//! A check that code is compiled once: no dependency or library lies in two files.
+//! Checks that code is compiled once: each dependency and library lies in one file.
 //!
-//! Cargo compiles a crate again for each set of its features, and again where that is so of a crate below it, such as
-//! a macro. Which features it chooses depends on the packages and targets that a command names. The commands below
-//! are those that people, `cargo ci demo` and `cargo ci test` run, so that what one compiles the next ones find.
+//! Cargo compiles a crate again for each set of its features, and again if it does so for a crate below it, such as a
+//! macro. The features depend on the packages and targets that a command names. The commands below are those that
+//! people, `cargo ci demo` and `cargo ci test` run, so that each can reuse the output of those before it.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -12,9 +12,9 @@ use cargo_metadata::{Artifact, Message, Metadata, MetadataCommand, PackageId};
 
 use crate::command;
 
-/// The commands that compile to code, as they are run; `--no-run` stands for running the tests.
+/// The commands that compile code, as they are run. `--no-run` stands for running the tests.
 const COMMANDS: [&[&str]; 6] = [
-    // `cargo ci` itself, and `cargo karat`, by their aliases.
+    // `cargo ci` itself, and `cargo karat`, as their aliases do.
     &["build", "--bin", "ci"],
     &["build", "--bin", "karat"],
     crate::demo::BUILD,
@@ -23,10 +23,10 @@ const COMMANDS: [&[&str]; 6] = [
     &["test", "--workspace", "--locked", "--no-run"],
 ];
 
-/// Packages, and of each the files of its library with the features that it was compiled with.
+/// For each package, the files of its library, with the features that each was compiled with.
 type Compiled = BTreeMap<String, BTreeMap<Utf8PathBuf, Vec<String>>>;
 
-/// Reads Cargo's build messages of each command, and names what was compiled to code more than once.
+/// Reads Cargo's build messages for each command, and names the code that was compiled more than once.
 pub(crate) fn check() -> Result<()> {
     let metadata = MetadataCommand::new().current_dir(command::root()).exec();
     let hosts = hosts(&metadata.context("can't read the workspace")?);
@@ -52,7 +52,7 @@ pub(crate) fn check() -> Result<()> {
     Ok(())
 }
 
-/// Packages that build scripts and macros use, which run on the host and have features of their own there.
+/// Packages that build scripts and macros use. They run on the host, with their own features.
 fn hosts(metadata: &Metadata) -> BTreeSet<PackageId> {
     use cargo_metadata::DependencyKind;
     let Some(resolve) = &metadata.resolve else { return BTreeSet::new() };
@@ -108,12 +108,12 @@ fn note(
     Ok(())
 }
 
-/// True if it was compiled for build scripts and macros: `[profile.dev.build-override]` has level 0.
+/// Returns `true` if it was compiled for build scripts and macros: `[profile.dev.build-override]` has level 0.
 fn is_for_host(artifact: &Artifact, hosts: &BTreeSet<PackageId>) -> bool {
     hosts.contains(&artifact.package_id) && artifact.profile.opt_level == "0"
 }
 
-/// A line for each library in more than one file: what its features differ in.
+/// A line for each library in more than one file, with the difference in features.
 fn twice(compiled: &Compiled) -> Vec<String> {
     let several = compiled.iter().filter(|(_, files)| files.len() > 1);
     let line = |(package, files): (&String, &BTreeMap<Utf8PathBuf, Vec<String>>)| {
@@ -167,10 +167,10 @@ mod tests {
             artifact("wgpu", "lib", "/t/libwgpu-2.rlib", &["vulkan", "gles"], "1", false),
             artifact("naga", "lib", "/t/libnaga-1.rlib", &["wgsl-in"], "1", false),
             artifact("naga", "lib", "/t/libnaga-1.rlib", &["wgsl-in"], "1", false),
-            // Over two versions of `serde`, say.
+            // For example, above two versions of `serde`.
             artifact("toml", "lib", "/t/libtoml-1.rlib", &["parse"], "1", false),
             artifact("toml", "lib", "/t/libtoml-2.rlib", &["parse"], "1", false),
-            // Metadata alone, a test harness, and what runs on the host.
+            // Metadata alone, a test harness, and code for the host.
             artifact("naga", "lib", "/t/libnaga-3.rmeta", &[], "1", false),
             artifact("naga", "lib", "/t/naga-4.rlib", &[], "1", true),
             artifact("syn", "lib", "/t/libsyn-1.rlib", &["full"], "0", false),

@@ -1,5 +1,5 @@
-//! What is published: that each package says what a registry wants to know and holds what belongs in it,
-//! and `cargo ci package`, which builds and tests the packages away from the repository.
+//! Checks that each published package has the fields that a registry needs, and the right files. `cargo ci package`
+//! also builds and tests the packages away from the repository.
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -11,16 +11,16 @@ use cargo_metadata::{Metadata, MetadataCommand, Package};
 use crate::command;
 use crate::step::Steps;
 
-/// Each package has a copy, since a registry shows nothing else. A link would be a text file on Windows.
+/// Each package has a copy, since a registry shows no files outside it. On Windows a link would be a text file.
 const LICENCES: [&str; 2] = ["LICENSE-APACHE", "LICENSE-MIT"];
 
-/// crates.io takes no more.
+/// The limit of crates.io.
 const MOST_KEYWORDS: usize = 5;
 
-/// Members that stay here, each for its reason.
+/// Members that aren't published, each with its reason.
 const PRIVATE: [&str; 3] = ["ci", "shaders", "tests"];
 
-/// Files that a run leaves behind, by parts of their names.
+/// Files that a run leaves, by parts of their names.
 const STRAY: [&str; 8] = [
     ".new.exr",
     ".new.csv",
@@ -45,7 +45,7 @@ fn published(metadata: &Metadata) -> Vec<&Package> {
     metadata.workspace_packages().iter().filter(may).copied().collect()
 }
 
-/// Checks the packages as they would be published, and says how many.
+/// Checks the packages as they would be published, and prints their number.
 pub(crate) fn check() -> Result<()> {
     let metadata = workspace()?;
     let packages = published(&metadata);
@@ -71,7 +71,7 @@ pub(crate) fn check() -> Result<()> {
     Ok(())
 }
 
-/// Where the extension for VS Code has another version than the program that it starts.
+/// Checks that the extension for VS Code has the same version as the program that it starts.
 fn extension() -> Result<Vec<String>> {
     const FILES: [&str; 2] = ["package.json", "package-lock.json"];
     let mut problems = Vec::new();
@@ -86,7 +86,7 @@ fn extension() -> Result<Vec<String>> {
     Ok(problems)
 }
 
-/// What the manifest doesn't say.
+/// The fields that the manifest lacks.
 fn untold(package: &Package) -> Vec<String> {
     let is_library = package.targets.iter().any(|target| target.is_lib());
     let said = [
@@ -104,7 +104,7 @@ fn untold(package: &Package) -> Vec<String> {
     missing.map(|(what, _)| format!("its manifest has no `{what}`, or too many")).collect()
 }
 
-/// Copies of licences that aren't those of the repository.
+/// The copies of licences that differ from the repository's.
 fn unlike_ours(package: &Package) -> Result<Vec<String>> {
     let folder = package.manifest_path.parent().context("a manifest has a folder")?;
     let mut problems = Vec::new();
@@ -129,7 +129,7 @@ fn listed(name: &str) -> Result<Vec<String>> {
         .collect())
 }
 
-/// What the files of a package lack, and what doesn't belong there.
+/// The files that a package lacks, and files that don't belong in it.
 fn misplaced(files: &[String]) -> Vec<String> {
     let wanted = LICENCES.iter().chain(&["README.md", "Cargo.toml"]);
     let lacks = wanted.filter(|name| !files.iter().any(|file| file == *name));
@@ -168,12 +168,12 @@ fn target() -> PathBuf {
     command::root().join(target)
 }
 
-/// Outside of the repository's folders a package can't read what it doesn't have.
+/// A folder outside the repository, where a package can't read files that it doesn't contain.
 fn unpacked() -> PathBuf {
     target().join("package").join("unpacked")
 }
 
-/// A workspace of the packages, each of which stands for the one in the registry.
+/// A workspace of the packages, each in place of the one in the registry.
 fn unpack() -> Result<()> {
     let folder = unpacked();
     if folder.exists() {
@@ -185,7 +185,7 @@ fn unpack() -> Result<()> {
     for (name, version) in names()? {
         let member = format!("{name}-{version}");
         let file = target().join("package").join(format!("{member}.crate"));
-        // As files of now: those in the archive have one date for ever, by which Cargo would take a package
+        // With the current time: the files in the archive always have the same date, so Cargo would mistake a package
         // for the one of the last run.
         command::run(Command::new("tar").arg("-xzmf").arg(&file).arg("-C").arg(&folder))?;
         patches.push_str(&format!("{name} = {{ path = \"{member}\" }}\n"));
@@ -202,7 +202,7 @@ fn unpack() -> Result<()> {
     Ok(())
 }
 
-/// The profiles of a manifest, so that what both builds share is compiled once.
+/// The profiles of a manifest, so that crates that both builds share are compiled once.
 fn profiles(manifest: &str) -> String {
     let mut found = String::new();
     let mut within = false;
@@ -219,7 +219,7 @@ fn profiles(manifest: &str) -> String {
 }
 
 fn test() -> Result<()> {
-    // The examples of `karat-core` are for users of `karat`, which a package of it can't depend on.
+    // The examples of `karat-core` use `karat`, which itself depends on that package.
     const CORE: &str = "karat-core";
     let all = ["test", "--workspace", "--no-fail-fast", "--exclude", CORE];
     let core = ["test", "--package", CORE, "--lib"];

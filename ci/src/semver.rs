@@ -1,7 +1,7 @@
-//! `cargo ci semver`: whether the libraries' public interfaces changed more than their versions say.
+//! `cargo ci semver`: checks that the libraries' public interfaces changed no more than their versions say.
 //!
-//! cargo-semver-checks judges, and has no lint for types in signatures. So what it made of both sides is compared
-//! item by item, too, for a person to read: which of these changes break users nobody else tells.
+//! cargo-semver-checks judges, but has no lint for types in signatures. So both interfaces are also compared item by
+//! item, for a person to decide which of these changes break users.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -13,16 +13,16 @@ use serde_json::Value;
 
 use crate::command;
 
-/// Where the revision is named that interfaces are compared with before there is a release.
+/// The file with the revision to compare interfaces with before there is a release.
 const FILE: &str = "ci/baseline.txt";
 const BASELINE: &str = include_str!("../baseline.txt");
 
-/// Libraries whose users are promised something. The others are Karat's own parts.
+/// The libraries with stable interfaces. The others are internal parts of Karat.
 const PROMISED: [&str; 3] = ["karat", "karat-gallery", "karat-suite"];
 
 const TOOLS: [&str; 2] = ["cargo-semver-checks", "cargo-public-api"];
 
-/// Compares with a revision, or else with the newest release, or else with what `ci/baseline.txt` names.
+/// Compares with a revision, otherwise with the newest release, otherwise with the revision in `ci/baseline.txt`.
 pub(crate) fn run(revision: Option<String>) -> Result<()> {
     for tool in TOOLS {
         let name = tool.trim_start_matches("cargo-");
@@ -46,7 +46,7 @@ pub(crate) fn run(revision: Option<String>) -> Result<()> {
         check.args(["--package", name]);
     }
     let began = SystemTime::now();
-    // Signatures are told in either case.
+    // List the signatures in either case.
     let judged = command::run(&mut check);
     for name in PROMISED {
         let [old, new] = interfaces(name, began)?.map(|file| published(&file));
@@ -73,7 +73,7 @@ fn baseline(text: &str) -> &str {
     lines.find(|line| !line.is_empty() && !line.starts_with('#')).unwrap_or_default()
 }
 
-/// Refuses a revision that this repository doesn't have, and says what to do.
+/// Refuses a revision that this repository doesn't have, with the remedy.
 fn expect_there(revision: &str, origin: &str) -> Result<()> {
     let commit = format!("{revision}^{{commit}}");
     if !git(&["rev-parse", "--verify", "--quiet", "--end-of-options", &commit]).is_empty() {
@@ -92,7 +92,7 @@ fn expect_there(revision: &str, origin: &str) -> Result<()> {
     )
 }
 
-/// The lines that git answers with; none if it fails.
+/// The lines that git prints; empty if it fails.
 fn git(arguments: &[&str]) -> Vec<String> {
     let output = Command::new("git").args(arguments).current_dir(command::root()).output();
     let answer = output.ok().filter(|output| output.status.success());
@@ -100,7 +100,7 @@ fn git(arguments: &[&str]) -> Vec<String> {
     text.unwrap_or_default().lines().map(str::to_owned).collect()
 }
 
-/// What cargo-semver-checks has made of a library since then: at the baseline, and now.
+/// The descriptions of a library that cargo-semver-checks has written since then: of the baseline, and of now.
 fn interfaces(name: &str, since: SystemTime) -> Result<[PathBuf; 2]> {
     let folder = command::root().join("target/semver-checks");
     let crate_name = name.replace('-', "_");
@@ -127,7 +127,7 @@ fn interfaces(name: &str, since: SystemTime) -> Result<[PathBuf; 2]> {
     Ok([old, new])
 }
 
-/// The same without what isn't public, which cargo-semver-checks has rustdoc describe, too: a file beside it.
+/// The same without private items, which cargo-semver-checks also makes rustdoc describe. Writes a file beside it.
 fn published(file: &Path) -> Result<PathBuf> {
     let text = std::fs::read(file).with_context(|| format!("can't read `{}`", file.display()))?;
     let mut described = serde_json::from_slice(&text).context("rustdoc wrote no JSON")?;
@@ -138,13 +138,13 @@ fn published(file: &Path) -> Result<PathBuf> {
     Ok(public)
 }
 
-/// Takes what isn't public out of the lists of what modules, types and `impl`s hold. It stays described, since it
-/// may be reexported.
+/// Removes private items from the lists of modules, types and `impl`s. Their descriptions stay, since they may be
+/// reexported.
 fn leave_public(described: &mut Value) {
     const LISTS: [&str; 3] =
         ["/inner/module/items", "/inner/impl/items", "/inner/struct/kind/plain/fields"];
     let Some(index) = described["index"].as_object_mut() else { return };
-    // What a trait has says `default`.
+    // Items of a trait have the visibility `default`.
     let is_public =
         |item: &Value| item["visibility"] == "public" || item["visibility"] == "default";
     let hidden = index.iter().filter(|(_, item)| !is_public(item));
@@ -158,7 +158,7 @@ fn leave_public(described: &mut Value) {
     }
 }
 
-/// What is in a folder.
+/// The files below a folder.
 fn below(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     entries.map(|entry| entry.path()).collect()
@@ -206,7 +206,7 @@ mod tests {
 
     #[test]
     fn a_revision_that_is_gone_says_what_to_do() {
-        // Object names are never all zeros.
+        // An object name is never all zeros.
         let gone = "0".repeat(40);
         let why = expect_there(&gone, FILE).expect_err("there is none").to_string();
         assert!(why.contains("names `000") && why.contains("git fetch --unshallow"), "{why}");

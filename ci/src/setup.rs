@@ -1,7 +1,7 @@
-//! `cargo ci setup`: makes sure that the execution paths the tests require can load.
+//! `cargo ci setup`: checks that the execution paths that the tests require can load.
 //!
-//! This step looks at files only, so it takes milliseconds and needs nothing from the harness.
-//! `karat doctor` opens the paths for real; the commands that build it run it afterwards.
+//! This step only looks at files, so it takes milliseconds and doesn't need the harness. `karat doctor` opens the
+//! paths; the commands that build it run it afterwards.
 
 use anyhow::{Result, bail};
 
@@ -18,8 +18,8 @@ mod npm;
 mod validators;
 mod vulkan;
 
-/// The paths that every test must have run on: on Linux both that Mesa offers in software,
-/// elsewhere the one that comes with the system.
+/// The paths that every test must have run on: on Linux the two that Mesa offers in software, elsewhere the one that
+/// the system has.
 pub(crate) const PATHS: &str = if cfg!(target_os = "macos") {
     "metal"
 } else if cfg!(windows) {
@@ -28,7 +28,7 @@ pub(crate) const PATHS: &str = if cfg!(target_os = "macos") {
     "vulkan,gl"
 };
 
-/// Installs what is missing, and fails if it is missing still.
+/// Installs missing drivers, and fails if some are still missing.
 pub(crate) fn install_missing() -> Result<()> {
     if came_with_the_system() {
         return Ok(());
@@ -47,8 +47,8 @@ pub(crate) fn install_missing() -> Result<()> {
     )
 }
 
-/// Installs the browser that the tests of the review page drive, if there is none. Not a part of
-/// [`install_missing`]: the demo needs no browser, and it is a large package.
+/// Installs the browser that the tests of the review page drive, if there is none. Not a part of [`install_missing`]:
+/// the demo needs no browser, and it is a large package.
 pub(crate) fn install_browser() -> Result<()> {
     let host = Host::current();
     if browser::find(&host).is_none() {
@@ -61,7 +61,7 @@ pub(crate) fn install_browser() -> Result<()> {
     Ok(())
 }
 
-/// Installs the validators of naga's translations, if one is missing. The demo needs none.
+/// Installs the validators of naga's translations, if one is missing. The demo doesn't need them.
 pub(crate) fn install_validators() -> Result<()> {
     let host = Host::current();
     if !validators::missing(&host).is_empty() {
@@ -78,7 +78,7 @@ pub(crate) fn install_validators() -> Result<()> {
     Ok(())
 }
 
-/// Installs Tint, Chrome's compiler of WGSL, where it isn't. The demo needs none.
+/// Installs Tint, Chrome's WGSL compiler, if it is missing. The demo doesn't need it.
 pub(crate) fn install_tint() -> Result<()> {
     npm::install_tint()
 }
@@ -88,10 +88,10 @@ pub(crate) fn browser() -> Option<std::path::PathBuf> {
     browser::find(&Host::current())
 }
 
-/// Installs what the tests of Karat's npm packages use, where it isn't.
+/// Installs the packages that the tests of Karat's npm packages use, if they are missing.
 pub(crate) use npm::{install_web, node_and_modules, version as node_version};
 
-/// Only reports; a missing path is an error that says how to install it.
+/// Only reports. A missing path is an error with instructions to install it.
 pub(crate) fn check() -> Result<()> {
     if came_with_the_system() {
         return Ok(());
@@ -113,7 +113,7 @@ fn came_with_the_system() -> bool {
     true
 }
 
-/// Prints one line a path. True if both are there.
+/// Prints one line for each path. Returns `true` if all are there.
 fn report(host: &Host) -> bool {
     let mut complete = true;
     for (path, finding) in [("vulkan", vulkan::find(host)), ("gl", gl::find(host))] {

@@ -1,5 +1,5 @@
-//! `cargo ci size`: how large the harness is, and how many files its ideas are spread over, as numbers that two
-//! revisions can be compared by. It reads text alone, so that it measures any revision.
+//! `cargo ci size`: measures the size of the harness, and the number of files that each of its ideas is spread over,
+//! for comparing two revisions. It reads only text, so it works for any revision.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
@@ -10,20 +10,20 @@ use anyhow::{Context, Result, ensure};
 
 use crate::command;
 
-/// The sources that are measured: those of the packages, and none of their tests.
+/// The measured sources: those of the packages, without their tests.
 const HARNESS: &str = "harness";
 
-/// A verb, a path and a subcommand that have no other word in them. Another one touches as many files.
+/// A verb, a path and a subcommand whose names occur only in their own words. A new one touches as many files.
 const SPREAD: [(&str, &str, &str); 3] = [
     ("files of a verb", "harness", "is_unit"),
     ("files of a path", "harness/src", "Api::Dx12"),
     ("files of a subcommand", "harness/cli", "unreferenced::"),
 ];
 
-/// Lines of a function that a reader has on one screen with its documentation, and a half.
+/// The most lines of a function: about one and a half screens with its documentation.
 const LONG: usize = 80;
 
-/// Methods by which a text is read. Of naga, Tint, OpenEXR and TOML nothing but a message is known.
+/// Methods that read a text. naga, Tint, OpenEXR and TOML report errors only as text.
 const READS: [&str; 8] = [
     "contains",
     "starts_with",
@@ -161,13 +161,13 @@ fn examples(lines: &[String]) -> usize {
     lines.iter().filter(is_example).count()
 }
 
-/// The path of a source below the library's, which is two crates, or below that of what needs no test.
+/// The path of a source below the library's folder, which has two crates, or below that of the parts that need no test.
 fn in_library(path: &str) -> Option<&str> {
     let folders = ["harness/core/src/", "harness/src/", "harness/inspect/src/"];
     folders.iter().find_map(|folder| path.strip_prefix(folder))
 }
 
-/// Public items that documentation shows.
+/// The number of public items in the documentation.
 fn public_items(lines: &[String]) -> usize {
     let is_shown = |at: usize| at == 0 || lines[at - 1].trim() != "#[doc(hidden)]";
     (0..lines.len()).filter(|at| is_public(lines[*at].trim()) && is_shown(*at)).count()
@@ -178,7 +178,7 @@ fn is_public(line: &str) -> bool {
     words.iter().any(|word| line.starts_with(word))
 }
 
-/// True of a line that reads the text of a message: `message.contains(..)`.
+/// Returns `true` for a line that reads the text of a message: `message.contains(..)`.
 fn reads_message(line: &str) -> bool {
     line.match_indices("message").any(|(at, word)| {
         let rest = &line[at + word.len()..];
@@ -188,9 +188,9 @@ fn reads_message(line: &str) -> bool {
     })
 }
 
-/// Groups of modules of a room that use one another in a circle: `check: sample, session`.
+/// Groups of modules in a room that use each other in a cycle: `check: sample, session`.
 fn circles(all: &[Source]) -> Vec<String> {
-    // `check/integral/sum.rs` is of the module `integral` of the room `check`.
+    // `check/integral/sum.rs` belongs to the module `integral` of the room `check`.
     let mut rooms: BTreeMap<&str, BTreeMap<&str, BTreeSet<String>>> = BTreeMap::new();
     for source in all {
         let Some(below) = in_library(&source.path) else { continue };
@@ -229,7 +229,7 @@ fn circles(all: &[Source]) -> Vec<String> {
     rooms.iter().flat_map(of_room).collect()
 }
 
-/// The names that a path goes on with: one, or those of its braces.
+/// The next names of a path: one, or those in its braces.
 fn first_names(text: &str) -> Vec<String> {
     let Some(inner) = text.strip_prefix('{') else { return vec![word(text)] };
     let (mut depth, mut names, mut begins) = (0_usize, Vec::new(), true);
@@ -250,7 +250,7 @@ fn first_names(text: &str) -> Vec<String> {
     names
 }
 
-/// The functions that have more lines than fit, with their count: `harness/src/a.rs: f, 81`.
+/// The functions that are too long, with their number of lines: `harness/src/a.rs: f, 81`.
 fn long_functions(all: &[Source]) -> Vec<String> {
     let of = |source: &Source| {
         let lines = &source.lines;
@@ -259,11 +259,11 @@ fn long_functions(all: &[Source]) -> Vec<String> {
             let words = ["pub ", "pub(crate) ", "pub(super) ", "const ", "async ", "unsafe "];
             let bare =
                 words.iter().fold(line, |line, word| line.strip_prefix(word).unwrap_or(line));
-            // WGSL in a text doubles its braces.
+            // WGSL in a format string doubles its braces.
             bare.starts_with("fn ") && !line.ends_with(['}', ';']) && !line.ends_with("{{")
         };
         let long = |at: usize| {
-            // As it is formatted, a function ends where it begins.
+            // In formatted code a function ends at the indentation at which it begins.
             let indent = lines[at].len() - lines[at].trim_start().len();
             let ends = |line: &String| line.trim_start() == "}" && line.len() == indent + 1;
             let count = lines[at..].iter().position(ends)? + 1;
@@ -284,7 +284,7 @@ fn word(text: &str) -> String {
 mod tests {
     use super::*;
 
-    /// Functions above [`LONG`] lines that are left: split one before you write another.
+    /// The number of functions above [`LONG`] lines. Split one before you write another.
     const MOST_LONG: usize = 60;
 
     /// The lines of code of each room: a folder of the library's sources, or a package beside it.
@@ -330,7 +330,8 @@ mod tests {
         assert_eq!(circles(&circle), ["a: b, c, d"]);
     }
 
-    /// The lines that ARCHITECTURE.md allows each room: who needs more writes the new number, and why, in the same commit.
+    /// The lines that ARCHITECTURE.md allows each room. If you need more, write the new number and the reason in the
+    /// same commit.
     #[test]
     fn no_room_is_above_its_budget() {
         let page = std::fs::read_to_string(command::root().join("ARCHITECTURE.md")).expect("it is");

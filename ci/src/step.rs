@@ -1,6 +1,6 @@
-//! Steps: named pieces of work with a heading, a wall time and a verdict.
+//! Steps: pieces of work, each with a name, a heading, a wall time and a verdict.
 //!
-//! Headings and verdicts go to stderr, so that stdout holds only what the children print.
+//! Headings and verdicts go to stderr, so that stdout has only the output of the children.
 
 use std::process::ExitCode;
 use std::time::{Duration, Instant};
@@ -23,13 +23,13 @@ struct Step {
 }
 
 impl Steps {
-    /// No steps yet; `task` names the command in the closing line.
+    /// An empty list. `task` names the command in the last line.
     pub(crate) fn new(task: &'static str) -> Self {
         Self { task, started: Instant::now(), done: Vec::new() }
     }
 
-    /// Runs one step and keeps its verdict. True if it passed: a command that should stop at
-    /// the first failure chains its steps with `&&`.
+    /// Runs one step, and keeps its verdict. Returns `true` if it passed, so that a command can stop at the first
+    /// failure by chaining steps with `&&`.
     pub(crate) fn run(&mut self, name: &'static str, work: impl FnOnce() -> Result<()>) -> bool {
         eprintln!("== {name}");
         let started = Instant::now();
@@ -44,7 +44,7 @@ impl Steps {
         passed
     }
 
-    /// Runs steps while others run, and keeps the verdicts of both. What they print is mixed.
+    /// Runs steps beside others, and keeps the verdicts of both. Their output is mixed.
     pub(crate) fn beside(
         &mut self,
         others: impl FnOnce(&mut Self) + Send,
@@ -59,20 +59,20 @@ impl Steps {
         self.done.append(&mut apart.done);
     }
 
-    /// Prints the closing lines. The exit code is that of the first step that failed.
+    /// Prints the last lines. The exit code is that of the first step that failed.
     pub(crate) fn finish(self) -> ExitCode {
         eprintln!("{}", summary(self.task, &self.done, self.started.elapsed()));
         let failed = self.done.iter().find_map(|step| step.outcome.as_ref().err());
         match failed {
             Some(error) => ExitCode::from(command::exit_code(error)),
-            // No verdict without evidence: a run of no steps proves nothing.
+            // A run without steps proves nothing, so it fails.
             None if self.done.is_empty() => ExitCode::FAILURE,
             None => ExitCode::SUCCESS,
         }
     }
 }
 
-/// The exit code for work that is a single step, after its error has been printed.
+/// The exit code of work that is a single step. Prints its error first.
 pub(crate) fn verdict(outcome: Result<()>) -> ExitCode {
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
@@ -83,7 +83,7 @@ pub(crate) fn verdict(outcome: Result<()>) -> ExitCode {
     }
 }
 
-/// Failed steps with their errors, a line each; then one line with every step's wall time.
+/// The failed steps with their errors, a line each; then a line with the wall times of all steps.
 fn summary(task: &str, steps: &[Step], wall: Duration) -> String {
     let mut lines = Vec::new();
     let mut times = Vec::new();

@@ -11,12 +11,11 @@ use crate::setup::{self, PATHS};
 use crate::step::Steps;
 use crate::{command, lint, once, swiftshader};
 
-/// Runs every step, whatever became of those before it. What comes after the tests prints to stderr,
-/// so that the test runner's closing lines are the last thing on stdout; but GitHub's annotations
-/// belong there.
+/// Runs every step, even after failures. The steps after the tests print to stderr, so that the last lines of stdout
+/// are the test runner's; but GitHub's annotations have to go to stdout.
 pub(crate) fn run() -> ExitCode {
     let mut steps = Steps::new("cargo ci test");
-    // Packages come from a network while lints, which need none of them, keep the processor busy.
+    // Installing packages waits for the network, so run the lints meanwhile, which don't need them.
     let packages = |steps: &mut Steps| {
         steps.run("setup", setup::install_missing);
         steps.run("browser", setup::install_browser);
@@ -29,7 +28,7 @@ pub(crate) fn run() -> ExitCode {
     steps.run("compiled once", once::check);
     steps.run("paths", open_paths);
     steps.run("both compilers", both_compilers);
-    // Before the tests, whose last lines on stdout are those that readers of a log want.
+    // Before the tests: readers of a log look for the tests' last lines on stdout.
     if swiftshader::manifest().is_some() {
         steps.run("swiftshader", second_driver);
         steps.run("dawn and chromium", web);
@@ -44,9 +43,9 @@ pub(crate) fn run() -> ExitCode {
     steps.finish()
 }
 
-/// Builds with the features that `cargo test` will ask for: with `--package karat` some
-/// dependencies would lack features that other members turn on, and be compiled twice. Not `--bins`: this
-/// program runs, and Windows doesn't replace what runs.
+/// Builds with the features that `cargo test` will need. With `--package karat` some dependencies would lack features
+/// that other members enable, and be compiled twice. Without `--bins`: this program is running, and Windows can't
+/// replace a running program.
 pub(crate) const BUILD: &[&str] =
     &["build", "--workspace", "--locked", "--bin", "karat", "--bin", "planted", "--tests"];
 
@@ -66,22 +65,22 @@ pub(crate) fn open_paths() -> Result<()> {
     command::run(&mut command::karat(&["doctor", "--require", PATHS])?)
 }
 
-/// naga and Tint accept the whole library. Tests ask Tint where it is here; this step wants it to be.
+/// Checks that naga and Tint accept the whole library. Tests use Tint if it is installed; this step requires it.
 fn both_compilers() -> Result<()> {
     let mut check = command::karat(&["check", "--shaders", "shaders", "--require", "tint"])?;
     command::run_aside(&mut check)
 }
 
-/// Every test, with its verdicts recorded where `karat` looks for the record of the last run.
+/// Runs every test. `karat` finds the recorded verdicts as the last run.
 fn test() -> Result<()> {
     let records = output().join("record");
     let running = Running::begin(&records)
         .with_context(|| format!("can't keep a record in `{}`", records.display()))?;
     let record = running.folder();
     let mut test = command::cargo(&["test", "--workspace", "--locked", "--no-fail-fast"]);
-    // A path that doesn't open must fail the run: a test skipped there would prove nothing.
+    // A path that doesn't open must fail the run, because skipped tests would prove nothing.
     test.env("KARAT_PATHS", "all").env("KARAT_REQUIRE", PATHS).env("KARAT_RECORD", record);
-    // Tests of programs wait for them, and leave a core to another one.
+    // Tests that start programs mostly wait, so another test can use their core.
     if std::env::var_os("RUST_TEST_THREADS").is_none() {
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
         test.env("RUST_TEST_THREADS", (cores + 1).to_string());
@@ -93,8 +92,8 @@ fn test() -> Result<()> {
         .and(outcome)
 }
 
-/// A sample of `cargo ci full`, which has all tests: functions of five modules of the shader library on a Vulkan driver
-/// that they weren't tuned for, SwiftShader, which the browser of the review's tests brings along.
+/// A sample of `cargo ci full`, which runs all tests: functions of five modules of the shader library on SwiftShader, a
+/// Vulkan driver that they weren't tuned for. The browser of the review's tests includes it.
 fn second_driver() -> Result<()> {
     let manifest = swiftshader::manifest().context("SwiftShader is gone")?;
     let mut test = command::cargo(&["test", "--workspace", "--locked", "--no-fail-fast"]);
@@ -105,7 +104,7 @@ fn second_driver() -> Result<()> {
     command::run_aside(&mut test)
 }
 
-/// Jobs with known answers, and functions of the library, on the paths of the web.
+/// Runs jobs with known answers, and functions of the library, on the paths of the web.
 fn web() -> Result<()> {
     for path in ["dawn", "chromium"] {
         command::run_aside(&mut command::karat(&["doctor", "--executor", path])?)?;
@@ -113,7 +112,7 @@ fn web() -> Result<()> {
         test.args(["--test", "library", "--", "fresnel::"]);
         test.env("KARAT_PATHS", path).env("KARAT_REQUIRE", path);
         command::run_aside(&mut test)?;
-        // Textures and buffers of each kind; WebGPU has no immediates yet.
+        // Textures and buffers of each kind. WebGPU has no immediates yet.
         let mut test = command::cargo(&["test", "--workspace", "--locked", "--no-fail-fast"]);
         test.args(["--test", "strangers", "--", "resources::", "--skip", "immediates_are_set"]);
         test.env("KARAT_PATHS", path).env("KARAT_REQUIRE", path);
@@ -136,7 +135,7 @@ pub(crate) fn npm() -> ExitCode {
 /// The oldest Node of the current vitest.
 pub(crate) const VITEST_NODE: (u32, u32) = (22, 12);
 
-/// Tests of Karat's own npm packages, with the newest vitest that this machine's Node runs, or with all that it does.
+/// Tests Karat's own npm packages, with the newest vitest that this machine's Node can run, or with all such versions.
 pub(crate) fn npm_packages(all: bool) -> Result<()> {
     let root = command::root();
     let folder = root.join("harness/npm/tests");
@@ -166,7 +165,7 @@ pub(crate) fn npm_packages(all: bool) -> Result<()> {
     Ok(())
 }
 
-/// A sample of the mutants of one of the library's modules: its tests see 97 in 100 of them.
+/// Tries a sample of the mutants of a module of the library. Its tests kill 97 of 100.
 fn mutants() -> Result<()> {
     let sample = [
         "--tests",
@@ -181,8 +180,8 @@ fn mutants() -> Result<()> {
     command::run_aside(command::karat(&["mutate"])?.args(sample))
 }
 
-/// A sample of `cargo ci full`: functions of the shader library by the engine in another process; and resources,
-/// passes and frames of every kind by a driver in another process.
+/// A sample of `cargo ci full`: functions of the shader library on the engine in another process; and resources, passes
+/// and frames of every kind on a driver in another process.
 fn behind_a_pipe() -> Result<()> {
     for (mut test, least) in [(piped(&["fresnel::", "geometry::"]), 10), (strangers(), 50)] {
         let output = test.output().context("can't run `cargo`")?;
@@ -191,16 +190,16 @@ fn behind_a_pipe() -> Result<()> {
         said.lines().for_each(|line| sum.read(line));
         let told = || format!("{said}{}", String::from_utf8_lossy(&output.stderr));
         ensure!(output.status.success(), "tests fail in another process:\n{}", told());
-        // Filters that fit no test pass without one.
+        // A filter that matches no test would pass.
         ensure!(sum.passed >= least, "only {} tests ran:\n{}", sum.passed, told());
     }
     Ok(())
 }
 
-/// Tests of the shader library, those of these modules, on Karat's engine in another process.
+/// Tests of these modules of the shader library, on Karat's engine in another process.
 pub(crate) fn piped(modules: &[&str]) -> Command {
     let mut test = in_another_process("library", "cpu");
-    // Frames need a driver, and so does a fault of a driver's `pow`.
+    // Frames need a driver, and so does the fault of a driver's `pow`.
     test.args(modules);
     test.args(["--skip", "overdraw::", "--skip", "split_sum_fragment", "--skip", "pow_is_less"]);
     test
@@ -209,7 +208,7 @@ pub(crate) fn piped(modules: &[&str]) -> Command {
 /// Tests of resources, passes and frames on Vulkan in another process.
 fn strangers() -> Command {
     let mut test = in_another_process("strangers", "vulkan");
-    // Derivatives need a quad that is drawn.
+    // Derivatives need a drawn quad.
     for quads in [
         "derivatives_over_quads",
         "implicit_levels_of_detail",
@@ -222,19 +221,19 @@ fn strangers() -> Command {
     test
 }
 
-/// The suites of which `cargo ci test` runs a sample, whole.
+/// The whole suites of which `cargo ci test` runs a sample.
 pub(crate) fn long() -> Command {
     let mut test = command::cargo(&["test", "--workspace", "--locked", "--no-fail-fast"]);
     test.args(["--test", "mutants", "--test", "second_opinion", "--test", "translations"]);
     test.args(["--test", "spec", "--test", "published"]);
     test.args(["--test", "review"]);
-    // The review's pictures, and its long tests.
+    // The review's images, and its long tests.
     test.args(["--", "--include-ignored"]);
     test.env("SUITES", "whole").env("KARAT_PATHS", "all").env("KARAT_REQUIRE", PATHS);
     test
 }
 
-/// Runs a test program whose path is another one in a process of its own.
+/// Runs a test program with a path that runs another program.
 fn in_another_process(program: &str, path: &str) -> Command {
     let mut test = command::cargo(&["test", "--workspace", "--locked", "--no-fail-fast"]);
     test.args(["--test", program, "--"]);
@@ -246,8 +245,8 @@ fn in_another_process(program: &str, path: &str) -> Command {
     test
 }
 
-/// JUnit and, on GitHub, annotations and the job's summary. A check that failed has failed the tests already, and isn't
-/// counted a second time; if it hasn't, a test that wants a failure has left it in the record.
+/// Writes JUnit and, on GitHub, annotations and the job's summary. Doesn't count failed checks: they have failed their
+/// tests already, except those that a test expects to fail.
 fn report(passed: bool) -> Result<()> {
     let junit = output().join("junit.xml");
     let mut report = command::karat(&["report", "--junit"])?;
@@ -259,18 +258,18 @@ fn report(passed: bool) -> Result<()> {
     }
 }
 
-/// A golden that no test compares is dead weight, or its test is gone.
+/// Checks that a test compares each golden: an unused golden is useless, or its test is missing.
 fn unreferenced() -> Result<()> {
     command::run_aside(&mut command::karat(&["unreferenced"])?)
 }
 
-/// Where what runs leave behind goes, as `karat` has it.
+/// The folder for output of runs, as in `karat`.
 fn output() -> PathBuf {
     let target = std::env::var_os("CARGO_TARGET_DIR").unwrap_or_else(|| "target".into());
     command::root().join(target).join("karat")
 }
 
-/// The facts of a run that `karat` reads (`karat::unstable::record::Run`): no test was left out.
+/// The facts of a run for `karat` (`karat::unstable::record::Run`): no test was left out.
 fn ending(passed: bool) -> String {
     serde_json::json!({ "schema": 5, "selected": [], "passed": passed }).to_string()
 }

@@ -1,5 +1,5 @@
 // @ts-check
-// Where npm puts the program. It is packed into each package that runs it.
+// The place where npm puts the program. Each package that runs the program includes this file.
 
 import { createRequire } from "node:module";
 import path from "node:path";
@@ -11,7 +11,7 @@ import path from "node:path";
 export function installed(root) {
   const own = `karat-${process.platform}-${process.arch}`;
   const file = process.platform === "win32" ? "karat.exe" : "karat";
-  // It is a dependency of the package `karat`, and package managers may keep it beside that alone.
+  // It is a dependency of the package `karat`, and a package manager may put it in a place that only that package sees.
   for (const from of [path.join(root, "package.json"), import.meta.url]) {
     try {
       const main = createRequire(from).resolve("karat/package.json");

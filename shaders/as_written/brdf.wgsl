@@ -1,5 +1,5 @@
 // Reflectances as the sources print them. `shaders/brdf.wgsl` has the corrected ones, with the same
-// arguments: directions in the local frame, results without the cosine, unless told otherwise.
+// arguments: directions in the local frame, results without the cosine, unless a comment says otherwise.
 
 import package::brdf::microfacet_eval;
 import package::distribution::{beckmann_from_vectors, ggx, ggx_from_vectors};
@@ -11,22 +11,22 @@ const N: vec3f = vec3f(0.0, 0.0, 1.0);
 
 /// P1. PV227 lecture 11, "what we use in shaders": max(0, N.L) C, with the cosine.
 ///
-/// pi times f cos. It isn't wrong if what is called the light's colour is E / pi; then nothing
-/// beside it may keep its 1 / pi.
+/// The result is pi times f cos. That is right if the light's
+/// colour means E / pi; then no other term may keep its 1 / pi.
 fn lambert(albedo: vec3f, n: vec3f, l: vec3f) -> vec3f {
     return max(0.0, dot(n, l)) * albedo;
 }
 
-/// P1. What comes of mixing: the diffuse part without its 1 / pi, the specular part with. A white
-/// furnace returns more than pi.
+/// P1. A mixture: the diffuse part without its 1 / pi, the
+/// specular part with it. A white furnace returns more than pi.
 fn lambert_and_microfacet(albedo: vec3f, f0: vec3f, alpha: f32, v: vec3f, l: vec3f) -> vec3f {
     return albedo + microfacet_eval(f0, alpha, v, l);
 }
 
 /// E9. Cook and Torrance 1982 as PV227 lecture 11 quotes it: F / pi D G / (N.L N.V).
 ///
-/// With D normalised to the integral of D cos = 1, as everywhere today, the factor is 1/4: this is
-/// 4 / pi too bright.
+/// With D normalised so that the integral of D cos is 1, as everywhere
+/// today, the factor is 1/4: this form is 4 / pi too bright.
 fn cook_torrance(f0: vec3f, alpha: f32, v: vec3f, l: vec3f) -> vec3f {
     let h = normalize(v + l);
     let d = beckmann_from_vectors(alpha, N, h);
@@ -55,17 +55,17 @@ fn tri_ace_bracket(albedo: vec3f, f0: vec3f, n: f32, v: vec3f, l: vec3f) -> vec3
     return albedo / PI * (diffuse + specular);
 }
 
-/// The microfacet BRDF without G, as in many a first version. Nothing hides anything: at
-/// alpha = 1 a white furnace returns 1 / (2 N.V), 57 at 89.5 degrees.
+/// The microfacet BRDF without G, as in many first versions. No facet is hidden:
+/// at alpha = 1 a white furnace returns 1 / (2 N.V), which is 57 at 89.5 degrees.
 fn microfacet_without_g(f0: vec3f, alpha: f32, v: vec3f, l: vec3f) -> vec3f {
     let h = normalize(v + l);
     return schlick(f0, dot(v, h)) * (ggx_from_vectors(alpha, N, h) / (4.0 * l.z * v.z));
 }
 
-/// PV227 lecture 11: "clamp them to be non-zero, e.g. not less than 0.001". All dot products are.
+/// PV227 lecture 11: "clamp them to be non-zero, e.g. not less than 0.001". Clamps all dot products.
 ///
-/// Nothing is divided by 0, but light from below the horizon is reflected as if it came from just
-/// above. The BRDF has to be 0 there.
+/// There is no division by 0, but light from below the horizon is
+/// reflected as if it came from just above. The BRDF has to be 0 there.
 fn microfacet_of_clamped_dots(f0: vec3f, alpha: f32, v: vec3f, l: vec3f) -> vec3f {
     let h = normalize(v + l);
     let n_dot_v = max(dot(N, v), 0.001);

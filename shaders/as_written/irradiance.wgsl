@@ -1,5 +1,5 @@
-// Irradiance as the lecture and the article compute it, kept to show that tests notice. The
-// library's functions are in `irradiance.wgsl`.
+// Irradiance as the lecture and the article compute it, kept to show that
+// tests find the mistakes. The library's functions are in `irradiance.wgsl`.
 
 import package::environment::radiance;
 import package::math::PI;
@@ -21,13 +21,13 @@ fn estimate(colour: vec3f, n: vec3f, samples: u32) -> vec3f {
     return color;
 }
 
-/// The article's shader: phi from 0 below 6.283 and theta from 0 below 1.57 in these steps (0.025
-/// and 0.1 there), times pi over the number of terms.
+/// The article's shader: phi from 0 below 6.283 and theta from 0 below 1.57
+/// in these steps (0.025 and 0.1 there), times pi over the number of terms.
 ///
-/// Wrong: the terms are not Monte Carlo samples (E17), their mean takes 1.6 for pi/2 and counts
+/// Wrong: the terms are not Monte Carlo samples (E17), their mean uses 1.6 for pi/2, and counts
 /// theta = 0, whose weight is 0, as a whole term (E18): a white furnace returns 0.9805. Finer
-/// steps don't mend it as samples would. For normals along Y, `right_of` is NaN (E20), which doesn't
-/// even show: sampled in the direction NaN, a texture returns one of its texels.
+/// steps don't reduce the error as more samples would. For normals along Y, `right_of` is NaN
+/// (E20), which doesn't show: sampled in the direction NaN, a texture returns some texel.
 fn nested_loop(n: vec3f, phi_step: f32, theta_step: f32) -> vec3f {
     let right = right_of(n);
     let up = cross(n, right);
@@ -47,8 +47,8 @@ fn nested_loop(n: vec3f, phi_step: f32, theta_step: f32) -> vec3f {
 
 /// The article's `right`, of unit length and at right angles to the normal and to Y.
 ///
-/// Wrong (E20): along Y the product vanishes, and normalised it is 0 / 0. Such are the normals at
-/// the middle of two faces, which every cube map with an odd side has a texel for.
+/// Wrong (E20): along Y the product is 0, and normalising gives 0 / 0. The normals at the
+/// middle of two faces are such, and every cube map with an odd side has a texel there.
 fn right_of(n: vec3f) -> vec3f {
     let up = vec3f(0.0, 1.0, 0.0);
     return normalize(cross(up, n));
@@ -57,8 +57,8 @@ fn right_of(n: vec3f) -> vec3f {
 /// The article, "Lambert": L(p, w_o) = texCUBE(lambertCubemap, w_o), with the irradiance map bound
 /// as `environment`, for a surface with normal `n` seen from `v`.
 ///
-/// Wrong (E7): a Lambertian looks the same from everywhere. What lights it depends on its normal,
-/// by which the article's own map is computed.
+/// Wrong (E7): a Lambertian looks the same from everywhere. Its light
+/// depends on its normal, and the article's own map is computed by normal.
 fn lambert_lookup_by_outgoing(colour: vec3f, n: vec3f, v: vec3f) -> vec3f {
     return colour * radiance(v);
 }
@@ -66,8 +66,8 @@ fn lambert_lookup_by_outgoing(colour: vec3f, n: vec3f, v: vec3f) -> vec3f {
 /// The article calls what its map stores irradiance; a Lambertian's radiance is colour / pi times
 /// irradiance.
 ///
-/// Wrong together (E8): the map's sums are divided by pi already, since pi / N is pi^2 / N over pi.
-/// A reader who takes the name at its word loses a factor of pi: 0.3183 for a white furnace.
+/// Both together are wrong (E8): the map's sums are divided by pi already, since pi / N is pi^2
+/// / N over pi. Taking the name literally loses a factor of pi: 0.3183 for a white furnace.
 fn lambert(colour: vec3f, irradiance: vec3f) -> vec3f {
     return colour / PI * irradiance;
 }

@@ -1,4 +1,4 @@
-// Specular light from an environment, as PV227 lecture 11 and others have it.
+// Specular light from an environment, as PV227 lecture 11 and others compute it.
 
 import package::environment::{mip_level, radiance, radiance_level};
 import package::fresnel::schlick;
@@ -9,8 +9,8 @@ import package::sampling::{ggx_normal, hammersley_centred, orthonormal_basis};
 /// "For better result, clamp them to be non-zero, e.g. not less than 0.001."
 const LEAST: f32 = 0.001;
 
-/// E15. All dot products clamped, and no sample rejected: directions below the surface, from which
-/// no light arrives, count with N.L = 0.001.
+/// E15. Clamps all dot products and rejects no sample: directions below
+/// the surface, from which no light arrives, count with N.L = 0.001.
 ///
 /// The furnace of f0 = 1 exceeds 1 at grazing: at 89.9 degrees it is 1.25 to 1.43 (alpha from 0.01
 /// to 1), at 89.95 degrees 1.47 to 1.75.
@@ -30,21 +30,21 @@ fn estimate(f0: vec3f, alpha: f32, n: vec3f, v: vec3f, samples: u32) -> vec3f {
     return sum / f32(samples);
 }
 
-/// E15. L = norm(2 (V.H) H - V) with V.H clamped like all dot products: where V.H < 0 the result is
-/// about -V, not V mirrored at H. V and L make different angles with H.
+/// E15. L = norm(2 (V.H) H - V) with V.H clamped like all dot products: for V.H < 0 the
+/// result is about -V instead of V mirrored at H, so V and L make different angles with H.
 ///
 /// With V.H = -0.6, L.H is 0.6.
 fn reflected(v: vec3f, h: vec3f) -> vec3f {
     return normalize(2.0 * max(dot(v, h), LEAST) * h - v);
 }
 
-/// Filtered samples with the density in the wrong frame: N.H is taken to be the third component of
-/// H after H was turned into world space. A mistake of engines, not of the lecture, which only
-/// proposes to sample higher levels.
+/// Filtered samples with the density in the wrong frame: N.H is read as the
+/// third component of H after H was turned into world space. A mistake of
+/// engines, not of the lecture, which only proposes to sample higher levels.
 ///
-/// Right for normals along +Z. For alpha = 0.1 and a normal along +X, densities of up to 8 become
-/// about 1e-4, and each of 16 samples is taken from level 6, the last of a map of 64 texels a
-/// side, where the mean should be 3.3.
+/// Right for normals along +Z. For alpha = 0.1 and a normal along +X, densities
+/// of up to 8 become about 1e-4, and each of 16 samples comes from level 6, the
+/// last of a map of 64 texels a side. The mean level should be 3.3.
 fn filtered_estimate(
     f0: vec3f,
     alpha: f32,

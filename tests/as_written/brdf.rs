@@ -1,4 +1,4 @@
-//! Reflectances as the sources print them.
+//! Tests reflectances as the sources print them.
 
 use std::f64::consts::{FRAC_1_PI, FRAC_PI_4, PI};
 
@@ -16,7 +16,7 @@ fn caught<T: std::fmt::Debug>(result: Result<T, Failure>) -> Disagreement {
     }
 }
 
-/// Directions at least 6 degrees above the horizon: what is tested here is no edge.
+/// Directions at least 6 degrees above the horizon, so that edges don't matter here.
 fn above() -> impl Domain<Value = Vec3> {
     Hemisphere.filter(|direction: &Vec3| direction.z > 0.1)
 }
@@ -79,7 +79,7 @@ fn mixed_conventions_return_more_than_pi() {
     furnace().agrees_with(|view| DVec3::splat(PI + specular(view)), Abs(1e-4));
 }
 
-/// E9: exactly 4 / pi, 1.27 in a white furnace.
+/// E9: too bright by exactly 4 / pi, so 1.27 in a white furnace.
 #[test]
 fn cook_torrance_as_quoted_is_too_bright() {
     let quoted = || PBR.function("as_written::brdf::cook_torrance");
@@ -87,15 +87,15 @@ fn cook_torrance_as_quoted_is_too_bright() {
     caught(
         quoted().over(domain()).unrecorded().try_agrees_with(brdf::cook_torrance_eval, Rel(0.27)),
     );
-    // The corrected one has 2e-4; V.H and H of rounded vectors, with 1e-7 of error, are 2e-6 of a
-    // tangent at N.H = 0.1, which an exponent of up to 87 takes twice.
+    // The corrected form has an error of 2e-4. V.H and H come from rounded vectors: their error of 1e-7 is 2e-6 of a
+    // tangent at N.H = 0.1, which an exponent of up to 87 doubles.
     quoted().over(domain()).agrees_with(
         |f0: DVec3, alpha: f64, v: DVec3, l: DVec3| {
             brdf::cook_torrance_eval(f0, alpha, v, l) / FRAC_PI_4
         },
         Rel(5e-4).or(Abs(1e-20)),
     );
-    // A narrow lobe from above: nothing is hidden, all comes back, and 27 % more.
+    // A narrow lobe from above: nothing is hidden, so all light should return; 27 % more does.
     let furnace = || quoted().integral(Just((0.05_f32, Vec3::Z)), white);
     caught(furnace().unrecorded().try_is_at_most(|_| 1.0, 0.27));
     furnace().agrees_with(|_| DVec3::splat(FRAC_PI_4.recip()), Abs(1e-4));
@@ -108,7 +108,7 @@ fn tri_ace(
     (UnitRgb, reflectance(), exponent, above(), above())
 }
 
-/// E10: infinite at n = 2; at n = 4 the highlight is -7/8 of the right one, at n = 100 nothing.
+/// E10: infinite at n = 2. At n = 4 the highlight is -7/8 of the right one, at n = 100 nearly 0.
 #[test]
 fn tri_ace_s_printed_normalisation_has_a_pole() {
     let printed = || PBR.function("as_written::brdf::tri_ace_normalisation");
@@ -141,7 +141,7 @@ fn tri_ace_s_printed_normalisation_has_a_pole() {
     );
 }
 
-/// E11: a black surface has no highlight, a white one 1 / pi of it.
+/// E11: a black surface has no highlight; a white one has 1 / pi of the right one.
 #[test]
 fn tri_ace_s_printed_bracket_takes_the_highlight() {
     let printed = || PBR.function("as_written::brdf::tri_ace_bracket");
@@ -154,19 +154,19 @@ fn tri_ace_s_printed_bracket_takes_the_highlight() {
     printed()
         .over(tri_ace(0.0..=100.0).map(|(_, f0, n, v, l)| (Vec3::ZERO, f0, n, v, l)))
         .satisfies("is black", |_, f: Vec3| f == Vec3::ZERO);
-    // White f0 leaves nothing to the diffuse part.
+    // A white f0 leaves no light for the diffuse part.
     printed()
         .over(tri_ace(0.0..=100.0).map(|(_, _, n, v, l)| (Vec3::ONE, Vec3::ONE, n, v, l)))
         .agrees_with(
             |albedo: DVec3, f0: DVec3, n: f64, v: DVec3, l: DVec3| {
                 FRAC_1_PI * brdf::tri_ace_eval(albedo, f0, n, v, l)
             },
-            // An exponent of 100 takes 100 times the 1e-6 that N.H is off at 0.1, and pow's own.
+            // An exponent of 100 multiplies the error of N.H, 1e-6 at 0.1, by 100, and adds the error of `pow`.
             Rel(5e-4).or(Abs(1e-20)),
         );
 }
 
-/// 1 / (2 N.V): 57.3 at 89.5 degrees, where a closed form exists.
+/// 1 / (2 N.V): 57.3 at 89.5 degrees, where the sum has a closed form.
 #[test]
 fn without_g_grazing_views_glow() {
     let without = || PBR.function("as_written::brdf::microfacet_without_g");
@@ -179,8 +179,8 @@ fn without_g_grazing_views_glow() {
     furnace().agrees_with(|_| DVec3::splat(expected), Rel(1e-4));
 }
 
-/// Light from below arrives: at alpha = 1, from above, 1 / (2 pi (1 + 0.001)) = 0.159, and the same
-/// for each direction down to the normal's opposite.
+/// Light from below contributes: at alpha = 1 and seen from above, 1 / (2 pi (1 + 0.001)) = 0.159, for each direction
+/// down to the normal's opposite.
 #[test]
 fn clamped_dots_reflect_light_from_below() {
     let clamped = || PBR.function("as_written::brdf::microfacet_of_clamped_dots");
@@ -194,7 +194,7 @@ fn clamped_dots_reflect_light_from_below() {
         |_: DVec3, _: f64, _: DVec3, _: DVec3| DVec3::splat(0.5 / (1.001 * PI)),
         Rel(1e-5),
     );
-    // Above the clamps nothing is wrong with it.
+    // Above the clamps it is correct.
     clamped()
         .over((reflectance(), WIDE, above(), above()))
         .agrees_with(brdf::microfacet_eval, Rel(2e-4));

@@ -1,4 +1,4 @@
-//! Distributions in forms that lose their digits.
+//! Tests distributions in forms that lose digits.
 
 use glam::{DVec3, Vec3};
 use karat::check::Failure;
@@ -14,7 +14,7 @@ fn caught<T: std::fmt::Debug>(result: Result<T, Failure>) -> Disagreement {
     }
 }
 
-/// 2.6 % at alpha = 1e-3.
+/// Off by 2.6 % at alpha = 1e-3.
 #[test]
 fn ggx_loses_alpha_beside_one() {
     let ggx = || PBR.function("as_written::distribution::ggx");
@@ -25,7 +25,7 @@ fn ggx_loses_alpha_beside_one() {
             .unrecorded()
             .try_agrees_with(distribution::ggx, Ulp(14.0)),
     );
-    // alpha^2 = 1e-6 is rounded to 17 * 2^-24, and squared.
+    // alpha^2 = 1e-6 is rounded to 17 * 2^-24, and then squared.
     let rounded = 17.0 * 2.0_f64.powi(-24);
     let share = (1e-6 / rounded).powi(2);
     assert!((share - 0.974).abs() < 5e-4, "{share}");
@@ -50,8 +50,7 @@ fn ggx_divides_by_zero() {
     }
 }
 
-/// Half vectors within four widths of +Z, so that the dot product is a component: rounding it is
-/// the only error.
+/// Half vectors within four widths of +Z. There the dot product is a component, and its rounding is the only error.
 fn narrow() -> impl Domain<Value = (f32, Vec3, Vec3)> {
     (Just(0.0025_f32), 0.0..=0.01_f32).map(|(alpha, sin)| {
         let cos = (1.0 - f64::from(sin).powi(2)).sqrt();
@@ -59,7 +58,7 @@ fn narrow() -> impl Domain<Value = (f32, Vec3, Vec3)> {
     })
 }
 
-/// 1.9 % at alpha = 0.0025, of the right form of D.
+/// Off by 1.9 % at alpha = 0.0025, though the form of D is right.
 #[test]
 fn cosines_lose_narrow_lobes() {
     let of_dot = || PBR.function("as_written::distribution::ggx_of_dot_product").over(narrow());

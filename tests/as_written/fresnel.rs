@@ -1,4 +1,4 @@
-//! Schlick's formula by `pow`.
+//! Tests Schlick's formula with `pow`.
 
 use glam::Vec3;
 use karat::check::{Agreement, Failure};
@@ -16,7 +16,7 @@ fn caught<T>(result: Result<T, Failure>) -> Disagreement {
     }
 }
 
-/// The disagreement, if any driver can show it: those of `families` don't.
+/// The disagreement, if a driver can show it. Drivers of these `families` can't.
 fn caught_but_on(families: &[&str], result: Result<Agreement, Failure>) -> Option<Disagreement> {
     let may_agree = |adapter: &Adapter| families.contains(&adapter.family().as_str());
     match result {
@@ -29,12 +29,11 @@ fn caught_but_on(families: &[&str], result: Result<Agreement, Failure>) -> Optio
     }
 }
 
-/// The half vector is the view vector where a mirror is seen at normal incidence. A fifth of
-/// vectors that were normalised in f32 have a product with themselves that rounds to above 1, and
-/// there the power is NaN: 20 % of the cases.
+/// The half vector equals the view vector if a mirror is seen at normal incidence. For a fifth of the vectors that were
+/// normalised in f32, the dot product with themselves rounds to above 1, and the power is NaN: in 20 % of the cases.
 #[test]
 fn pow_of_a_cosine_above_one() {
-    // Normalised in f32, as a shader does it.
+    // Normalised in f32, as in a shader.
     let unit = (UnitVector, 0.1..=10.0_f32).map(|(v, distance)| (distance * v).normalize());
     let seen = unit.map(|v| (Vec3::splat(0.04), v, v));
     let result = PBR
@@ -42,8 +41,8 @@ fn pow_of_a_cosine_above_one() {
         .over(seen)
         .unrecorded()
         .try_agrees_with(|f0: glam::DVec3, _: glam::DVec3, _: glam::DVec3| f0, Abs(1e-6));
-    // The power of a negative number is undefined in WGSL. SwiftShader and NVIDIA have a small one, so
-    // this mistake doesn't show there.
+    // In WGSL the power of a negative number is undefined. SwiftShader and NVIDIA return a small number, so this
+    // mistake doesn't show there.
     let Some(found) = caught_but_on(&["swiftshader", "nvidia"], result) else { return };
     for path in &found.paths {
         let share = path.census.nan as f64 / path.census.cases as f64;
@@ -52,11 +51,11 @@ fn pow_of_a_cosine_above_one() {
     }
 }
 
-/// Where the power exists it is less accurate, by 81 ulp where multiplications lose 6: the product
-/// of exponent and logarithm is rounded before it becomes a power.
+/// Where the power is defined it is less accurate, with an error of 81 ulp instead of the 6 ulp of multiplications: the
+/// product of exponent and logarithm is rounded before it becomes a power.
 #[test]
 fn pow_is_less_accurate() {
-    // V.H is the z of H.
+    // V.H is the z component of H.
     let seen = (UnitRgb, Hemisphere).map(|(f0, h)| (f0, Vec3::Z, h));
     let schlick = |f0, _: glam::DVec3, h: glam::DVec3| fresnel::schlick(f0, h.z);
     let result = PBR
@@ -64,7 +63,7 @@ fn pow_is_less_accurate() {
         .over(seen)
         .unrecorded()
         .try_agrees_with(schlick, Ulp(11.0));
-    // NVIDIA multiplies where the exponent is a constant; the engine rounds what f64 has.
+    // NVIDIA multiplies if the exponent is a constant; the engine rounds the result of `f64`.
     let Some(found) = caught_but_on(&["nvidia", "karat"], result) else { return };
     for path in &found.paths {
         let (actual, expected) = (f32::from_bits(path.worst.actual), path.worst.expected);

@@ -1,5 +1,5 @@
-//! The mistakes of the source documents, each caught by an ordinary check, with the number that it
-//! produces. The functions are in `shaders/as_written/`.
+//! The mistakes of the source documents. An ordinary check catches each, with the number that the mistake produces. The
+//! functions are in `shaders/as_written/`.
 
 mod brdf;
 mod distribution;

@@ -1,4 +1,4 @@
-//! Sampling as it is written.
+//! Tests sampling as the sources write it.
 
 use std::f64::consts::{PI, TAU};
 
@@ -17,13 +17,13 @@ fn caught<T>(result: Result<T, Failure>) -> Disagreement {
     }
 }
 
-/// The share of cases that fail, the same on each path.
+/// The share of failing cases, which is the same on each path.
 fn share(found: &Disagreement) -> f64 {
     let census = &found.paths[0].census;
     census.failures as f64 / census.cases as f64
 }
 
-/// P6. Half of the azimuths are beyond pi.
+/// P6. Half of the azimuths are above pi.
 #[test]
 fn azimuths_leave_the_range_of_sine_and_cosine() {
     let uniform = (0..4096_u16).map(|i| (f32::from(i) + 0.5) / 4096.0);
@@ -39,7 +39,7 @@ fn azimuths_leave_the_range_of_sine_and_cosine() {
         .agrees_with(|u: f64| TAU * u, Ulp(1.0));
 }
 
-/// P3. At m = 0 and R.w = 1: the library's function returns the normal, this one 0 / 0.
+/// P3. At m = 0 and R.w = 1 the library's function returns the normal, this one 0 / 0.
 #[test]
 fn a_mirror_has_no_normal() {
     let edge = || (Just(0.0_f32), Just(Vec2::new(0.5, 1.0)));
@@ -54,13 +54,13 @@ fn a_mirror_has_no_normal() {
     PBR.function("sampling::ggx_normal").over(edge()).agrees_with(normal, Ulp(0.0));
 }
 
-/// The tangent that the sampler should return, of which the sine loses all digits.
+/// The tangent that the sampler should return; the sine loses all of its digits.
 fn smooth() -> impl Domain<Value = (f32, Vec2)> {
-    // Well inside the lobe, along -X, so that sine and cosine of the azimuth are as good as exact.
+    // Well inside the lobe, along -X, so that sine and cosine of the azimuth are nearly exact.
     (1e-4..=1e-3_f32, (0.0..=0.0_f32, 0.1..=0.9_f32).map(|(x, y)| Vec2::new(x, y)))
 }
 
-/// P4. Relative to the sine, which is 5e-5 to 3e-3 here.
+/// P4. The error is relative to the sine, which is 5e-5 to 3e-3 here.
 #[test]
 fn sines_of_smooth_surfaces_are_lost() {
     let sine = |alpha: f64, u: DVec2| (alpha * u.y.sqrt()).atan2((1.0 - u.y).sqrt()).sin();
@@ -83,11 +83,11 @@ fn sines_of_smooth_surfaces_are_lost() {
             .try_agrees_with(sine, Rel(1e-3)),
     );
     assert!(share(&found) > 0.9, "{found}");
-    // All digits: the sine is 0.
+    // All digits are lost: the sine is 0.
     let lost = |path: &karat::unstable::check::PathDisagreement| {
         path.worst.expected.is_some_and(|expected| {
             let actual = f64::from(f32::from_bits(path.worst.actual));
-            // NVIDIA takes the root of a number below 0.
+            // On NVIDIA the root of a negative number is NaN.
             let is_nan = actual.is_nan() && path.adapter.family() == "nvidia";
             is_nan || (actual - expected).abs() >= 0.9 * expected
         })
@@ -100,8 +100,7 @@ fn sines_of_smooth_surfaces_are_lost() {
         .agrees_with(sine, Rel(1e-6));
 }
 
-/// E14. Half of GGX's normals stay below tan = alpha: the lecture's lobe is wider than Karis' by
-/// 1 / roughness.
+/// E14. Half of GGX's normals have a tangent below alpha: the lecture's lobe is wider than Karis' by 1 / roughness.
 #[test]
 fn roughness_is_not_squared() {
     let median = || PBR.function("as_written::sampling::median_tangent").over(0.05..=0.9);
@@ -111,7 +110,7 @@ fn roughness_is_not_squared() {
     median().agrees_with(|roughness: f64| roughness, Rel(1e-4));
 }
 
-/// One, where the lowest 25 bits are set: reversed, they leave less than half an ulp to 1.
+/// The result is 1 if the lowest 25 bits are set: reversed, they are less than half an ulp below 1.
 #[test]
 fn a_radical_inverse_returns_one() {
     let inverse = || PBR.function("as_written::sampling::radical_inverse");
@@ -124,7 +123,7 @@ fn a_radical_inverse_returns_one() {
     );
     assert_eq!(share(&found), 1.0);
     inverse().over(OneOf(ends)).agrees_with(|_: u32| 1.0, Ulp(0.0));
-    // Below 2^24 nothing is rounded: a counter that stays there is safe.
+    // Below 2^24 nothing is rounded, so a counter that stays below is safe.
     inverse()
         .over(Integers(0..=(1_u32 << 24) - 1))
         .agrees_with(sampling::radical_inverse, Ulp(1.0));
@@ -140,13 +139,13 @@ fn plain_points_are_dark() {
     furnace().agrees_with(|n: u32| 1.0 - 1.0 / f64::from(n), Abs(1e-6));
 }
 
-/// How far a basis is from being orthonormal: the largest entry of its Gram matrix less 1.
+/// The error of a basis: the largest entry of its Gram matrix minus the identity.
 fn defect(basis: Mat3) -> f32 {
     let difference = basis.transpose() * basis - Mat3::IDENTITY;
     difference.to_cols_array().into_iter().fold(0.0, |worst, entry| worst.max(entry.abs()))
 }
 
-/// Outside of the special case of Frisvad's paper, down to where its divisor is 2^-23.
+/// Outside the special case of Frisvad's paper, down to a divisor of 2^-23.
 fn near_the_lower_pole() -> impl Domain<Value = Vec3> {
     let around = (4.5e-4..=0.02_f32, 0.0..=1.0_f32).map(|(sine, turn)| {
         let (sine, phi) = (f64::from(sine), TAU * f64::from(turn));
@@ -166,8 +165,8 @@ fn a_basis_breaks_at_the_lower_pole() {
             .try_satisfies("is orthonormal", |_, basis: Mat3| defect(basis) <= 1e-6),
     );
     assert!(found.paths.iter().all(|path| path.census.nan + path.census.infinite == 1), "{found}");
-    // Where a divisor of 2^-23 is a quarter off: 1 - 2 (5/4) = -1.48 for -1, and 1.2 for 0 when
-    // squared and less 1.
+    // A divisor of 2^-23 is off by about a quarter here: an entry is about 1 - 2 (5/4) = -1.48 in place of -1, and its
+    // square minus 1 is 1.2 in place of 0.
     let near = |most: f32| {
         frisvad()
             .over(near_the_lower_pole())
@@ -179,6 +178,6 @@ fn a_basis_breaks_at_the_lower_pole() {
     PBR.function("sampling::orthonormal_basis")
         .over(near_the_lower_pole())
         .satisfies("is orthonormal", |_, basis: Mat3| defect(basis) <= 1e-6);
-    // In the upper half it is the same basis.
+    // In the upper half both bases are equal.
     frisvad().over(Hemisphere).agrees_with(sampling::orthonormal_basis, Abs(1e-6));
 }

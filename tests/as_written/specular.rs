@@ -1,4 +1,4 @@
-//! Specular light that exceeds a furnace, comes from the wrong direction or from the wrong level.
+//! Tests specular light that exceeds a furnace, or comes from the wrong direction or level.
 
 use glam::{DVec3, Vec3};
 use karat::check::Failure;
@@ -45,7 +45,7 @@ fn clamped_cosines_exceed_a_furnace() {
         Abs(0.2),
     );
     let _ = caught(found);
-    // The library's function keeps to it (`a_white_furnace_gives_no_more_than_its_light`).
+    // The library's function never exceeds 1 (`a_white_furnace_gives_no_more_than_its_light`).
     for (alpha, degrees, expected) in [
         (0.01, 89.9, 1.25),
         (0.3, 89.9, 1.32),
@@ -71,7 +71,7 @@ fn a_clamped_cosine_gives_no_mirror_direction() {
     reflected().over(facing(1.0)).agrees_with(mirrored, Abs(1e-6));
     let found = reflected().over(facing(-1.0)).unrecorded().try_agrees_with(mirrored, Abs(1e-3));
     assert!(caught(found).paths.iter().all(|path| path.census.failures == path.census.cases));
-    // L is -V, but for 0.002 H: L.H = -V.H.
+    // L is -V up to 0.002 H, so L.H = -V.H.
     let found = reflected()
         .over(facing(-1.0))
         .unrecorded()
@@ -113,7 +113,7 @@ fn a_density_in_world_space_takes_the_last_level() {
     };
     let _ = found(|_| Vec3::Z).expect("it is right for upward normals");
     let _ = caught(found(|d| d));
-    // Each sample is from level 6; on average level 3.3 is right.
+    // Each sample reads level 6. The right average is level 3.3.
     probe("as_written::specular::filtered_estimate", numbered(size))
         .over(Just((Vec3::ONE, 0.1_f32, Vec3::X, Vec3::X, 16_u32, size)))
         .agrees_with(

@@ -1,9 +1,9 @@
-//! What one would write without Karat: a wgpu loop for one function, by hand.
+//! The same work without Karat: a hand-written wgpu loop for one function.
 
 use glam::DVec2;
 use shaders::sampling;
 
-/// The function under test with its kernel, as one would copy them together.
+/// The function under test and its kernel, as an author would copy them into one file.
 const WGSL: &str = include_str!("bare.wgsl");
 
 /// An opened device.
@@ -30,7 +30,7 @@ impl Bare {
         Self { device, queue }
     }
 
-    /// From source to verdict: the largest absolute error over `cases` cases.
+    /// Runs from source to verdict, and returns the largest absolute error over `cases` cases.
     pub(crate) fn run(&self, cases: u32) -> f64 {
         let inputs = Self::inputs(cases);
         self.call(&inputs, |outputs| {
@@ -61,7 +61,7 @@ impl Bare {
         inputs.iter().map(|input| expected(*input)[2]).sum()
     }
 
-    /// From source to results: upload, dispatch and read-back.
+    /// Runs from source to results: upload, dispatch and read-back.
     pub(crate) fn call<T>(&self, inputs: &[[f32; 3]], read: impl FnOnce(&[[f32; 3]]) -> T) -> T {
         let Self { device, queue } = self;
         let cases = u32::try_from(inputs.len()).expect("a dispatch of them");

@@ -1,4 +1,4 @@
-//! The verdict of both compilers on the whole library.
+//! Times the verdict of both compilers on the whole library.
 
 use shaders::PBR;
 
@@ -24,7 +24,7 @@ pub(super) fn run() {
     println!("  ratio          {}", Spread::of(ratios));
 }
 
-/// Validates the library, and says what Tint does.
+/// Validates the library, and prints Tint's verdict.
 pub(super) fn child() {
     print!("{}", PBR.is_valid().opinion);
 }

@@ -1,4 +1,4 @@
-//! The engine, path `cpu`, beside lavapipe on the same cores.
+//! Times the engine, path `cpu`, beside lavapipe on the same cores.
 
 use std::time::Instant;
 
@@ -8,11 +8,11 @@ use shaders::{PBR, fresnel, sampling};
 
 use super::{STARTS, Spread, spawn};
 
-/// Checks of one process: as many as a small library has functions, and a large one.
+/// The checks of a process: as many as a small library has functions, and as a large one has.
 const FEW: usize = 10;
 const CHECKS: usize = 110;
 
-/// Runs a child's task on a path, with driver caches of its own if `cold`.
+/// Runs a child's task on a path, with empty driver caches of its own if `cold`.
 fn on(path: &str, task: &str, cold: bool) -> (f64, f64) {
     let cache = tempfile::tempdir().expect("a temporary folder");
     let folder = cache.path().display().to_string();
@@ -59,7 +59,7 @@ pub(super) fn run() {
     }
 }
 
-/// The sanitizer and other orders of invocations, beside the pass alone.
+/// Times the sanitizer and other orders of invocations, relative to a plain pass.
 pub(super) fn sanitizer() {
     println!(
         "\na pass of 65,536 invocations in the engine: the part beside a plain run [ratio of times]"
@@ -79,11 +79,11 @@ pub(super) fn sanitizer() {
     println!("  in another order, each     {}", Spread::of(order));
 }
 
-/// Orders that the benchmark asks for.
+/// The number of orders that the benchmark runs.
 const ORDERS: &str = "6";
 
-/// A tile of 64 words a workgroup, which its invocations sum up in turn; each then takes a ticket, so that its order
-/// matters.
+/// A tile of 64 words for each workgroup, which its invocations sum up in turn. Each invocation then takes a ticket, so
+/// that the order matters.
 const TILES: &str = "@group(0) @binding(0) var<storage, read> input: array<u32>;
     @group(0) @binding(1) var<storage, read_write> sums: array<u32>;
     @group(0) @binding(2) var<storage, read_write> tickets: atomic<u32>;
@@ -97,7 +97,7 @@ const TILES: &str = "@group(0) @binding(0) var<storage, read> input: array<u32>;
         sums[id.x] = sum + atomicAdd(&tickets, 1u);
     }";
 
-/// The times of a pass that is looked through, and of a test of it, as ratios to that of a plain run.
+/// The times of a pass with the sanitizer, and of a test of it, as ratios to a plain run.
 fn passes() -> [f64; 2] {
     const WORDS: u32 = 1 << 16;
     let package = Package::from_source("tiles", TILES);
@@ -123,14 +123,14 @@ fn passes() -> [f64; 2] {
         once();
         start.elapsed().as_secs_f64()
     };
-    // By turns, so that what slows the machine slows each of them. The first turn warms up.
+    // In turns, so that noise of the machine affects all. The first turn warms up.
     let turns: Vec<[f64; 3]> =
         (0..6).map(|_| [timed(&plain), timed(&looked), timed(&test)]).collect();
     let median = |at: usize| Spread::of(turns[1..].iter().map(|turn| turn[at]).collect()).0[0];
     [1, 2].map(|at| median(at) / median(0))
 }
 
-/// What a child does; `false`: it is no task of this benchmark.
+/// Runs a child's task. Returns `false` if the task isn't one of this benchmark.
 pub(super) fn child(task: &str) -> bool {
     match task {
         "few_checks" => checks(FEW, 1_000),
@@ -149,7 +149,7 @@ pub(super) fn child(task: &str) -> bool {
     true
 }
 
-/// Millions of cases a second, once everything is warm.
+/// Millions of cases a second after warming up.
 fn steady(cases: u64, check: fn(u64)) -> f64 {
     check(cases);
     let start = Instant::now();
@@ -187,7 +187,7 @@ fn ggx(cases: u64) {
         .agrees_with(sampling::ggx_normal, Abs(6e-4));
 }
 
-/// A sum over 64 filtered samples of a cube map. No reference: what is measured is the path.
+/// A sum over 64 filtered samples of a cube map. It has no reference: this measures the path.
 fn estimate(cases: u64) {
     PBR.function("specular::estimate")
         .with("environment", CubeMap::from_fn(32, |direction| 1.0 + 0.5 * direction))

@@ -1,8 +1,7 @@
 //! Karat's benchmark: `cargo ci bench`.
 //!
-//! Built in the profile that `cargo test` uses, as that is what an author waits for. Machines are
-//! noisy: what is compared is measured alternately in one run, and each figure is a median with
-//! its spread.
+//! It is built in the profile of `cargo test`, because that is what an author waits for. Machines are noisy, so
+//! compared tasks are measured alternately in one run, and each figure is a median with its spread.
 
 #![expect(clippy::print_stdout, reason = "a benchmark prints its figures")]
 
@@ -21,10 +20,10 @@ use shaders::{PBR, fresnel, sampling};
 
 use self::bare::Bare;
 
-/// Repetitions of what starts a process.
+/// Repetitions of tasks that start a process.
 const STARTS: usize = 9;
 
-/// What is measured, by name.
+/// The benchmarks by name.
 const BENCHMARKS: [(&str, fn()); 11] = [
     ("starts", starts),
     ("throughput", throughput),
@@ -44,7 +43,7 @@ fn main() {
     if arguments.first().is_some_and(|first| first == "--child") {
         return child(&arguments[1]);
     }
-    // Cargo itself adds `--bench`.
+    // Cargo adds `--bench`.
     let parts: Vec<&String> = arguments.iter().filter(|part| !part.starts_with('-')).collect();
     let asked = |name: &str| parts.is_empty() || parts.iter().any(|part| name.contains(*part));
     let chosen: Vec<_> = BENCHMARKS.into_iter().filter(|(name, _)| asked(name)).collect();
@@ -57,7 +56,7 @@ fn main() {
     }
 }
 
-/// A process of its own does one thing and ends.
+/// Runs one task in its own process.
 fn child(task: &str) {
     match task {
         "schlick" => {
@@ -90,7 +89,7 @@ fn ggx(cases: u64) {
         .agrees_with(sampling::ggx_normal, Abs(6e-4));
 }
 
-/// Median, smallest and largest.
+/// The median, the smallest and the largest value.
 struct Spread([f64; 3]);
 
 impl Spread {
@@ -164,7 +163,7 @@ fn throughput() {
     }
 }
 
-/// Where the time of many cases goes.
+/// Measures how the time of many cases is spent.
 fn costs() {
     const CASES: u32 = 1_000_000;
     println!("\nsampling::ggx_normal with 1,000,000 cases: where the time goes [ns a case]");
@@ -202,8 +201,7 @@ fn costs() {
     }
 }
 
-/// A sampler with its density: the pilot, the integrals of 512 cells, the samples, and the density
-/// of each.
+/// Times a sampler with its density: the pilot, the integrals of 512 cells, the samples, and the density of each.
 fn samplers() {
     println!("\nsampling::ggx_visible_normal against its density, one configuration [s]");
     let v = glam::Vec3::new(0.6, 0.0, 0.8);
@@ -225,7 +223,7 @@ fn samplers() {
     }
 }
 
-/// The largest resident size of this process so far, in MB; 0 where the system doesn't tell.
+/// The largest resident size of this process so far, in MB; 0 if the system doesn't report it.
 fn peak_memory() -> f64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let line = status.lines().find(|line| line.starts_with("VmHWM:"));

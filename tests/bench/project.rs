@@ -1,5 +1,5 @@
-//! A project that isn't ours, as the guide makes one: its first `cargo test` from nothing, and from an
-//! edit of its Rust test to the verdict.
+//! Times a user's project, made as in the guide: its first `cargo test` from nothing, and the time from an edit of its
+//! Rust test to the verdict.
 
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use super::Spread;
 
-/// Edits of which the median is told.
+/// The number of edits. The benchmark prints the median.
 const EDITS: usize = 7;
 
 pub(super) fn run() {
@@ -25,7 +25,7 @@ pub(super) fn run() {
 const SHADER: &str = "fn pow5(x: f32) -> f32 { let y = x * x; return y * y * x; }\n\
     fn schlick(f0: f32, x: f32) -> f32 { return f0 + (1.0 - f0) * pow5(1.0 - x); }\n";
 
-/// As the guide's first page has it.
+/// Writes the project of the guide's first page.
 fn write_project(folder: &Path) {
     let repository = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("it is in one");
     let karat = repository.join("harness");
@@ -38,7 +38,7 @@ fn write_project(folder: &Path) {
          [dev-dependencies]\nkarat = {{ path = {karat:?} }}\n\n{profiles}"
     );
     write(folder, "Cargo.toml", &manifest);
-    // The versions that are on this machine.
+    // The versions that this machine already has.
     let lock = std::fs::read_to_string(repository.join("Cargo.lock")).expect("it is there");
     write(folder, "Cargo.lock", &lock);
     write(folder, "src/lib.rs", "//! An application.\n");
@@ -58,7 +58,7 @@ fn test(folder: &Path, edit: usize) -> f64 {
     cargo_test(folder)
 }
 
-/// How long `cargo test` takes, which has to pass.
+/// The time of `cargo test`, which has to pass.
 fn cargo_test(folder: &Path) -> f64 {
     let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     for (name, _) in std::env::vars_os() {

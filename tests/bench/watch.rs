@@ -1,4 +1,4 @@
-//! `karat watch`: from a file's change to the verdict, in a library of a hundred tested functions.
+//! Times `karat watch` from a change of a file to the verdict, in a library of a hundred tested functions.
 
 use std::fmt::Write as _;
 use std::io::{BufRead, BufReader};
@@ -9,16 +9,16 @@ use std::time::{Duration, Instant};
 
 use super::Spread;
 
-/// Functions, each with a test.
+/// The number of functions, each with a test.
 const FUNCTIONS: usize = 100;
 
-/// Modules of tests.
+/// The number of test modules.
 const MODULES: usize = 10;
 
-/// Edits of which the median is told.
+/// The number of edits. The benchmark prints the median.
 const EDITS: usize = 20;
 
-/// Far more than a verdict takes.
+/// A time limit that is far longer than a verdict takes.
 const PATIENCE: Duration = Duration::from_secs(120);
 
 pub(super) fn run() {
@@ -29,7 +29,7 @@ pub(super) fn run() {
     println!(
         "\nkarat watch: edit of one of {FUNCTIONS} tested functions to its verdict, median of {EDITS} [ms]"
     );
-    // The driver's cache is the benchmark's own: the user's has the edits of an earlier run.
+    // The benchmark has its own driver cache: the user's has the edits of an earlier run.
     let cache = tempfile::tempdir().expect("a temporary folder");
     let own = Some(cache.path());
     let runs = [
@@ -48,7 +48,7 @@ pub(super) fn run() {
     }
 }
 
-/// The command line of the same build.
+/// The command line program of the same build.
 fn karat() -> Option<PathBuf> {
     let own = std::env::current_exe().ok()?;
     let profile = own.ancestors().find(|folder| folder.join("deps").is_dir())?;
@@ -99,7 +99,7 @@ struct Watch {
 }
 
 impl Watch {
-    /// With the driver's cache in a folder, or with none.
+    /// Starts it with a folder for the driver's cache, or without one.
     fn start(program: &Path, folder: &Path, path: &str, cache: Option<&Path>) -> Self {
         let mut command = Command::new(program);
         command.arg("watch").arg(folder).args(["--paths", path, "--lines"]);
@@ -121,7 +121,7 @@ impl Watch {
         Self { child, lines }
     }
 
-    /// Waits for the path's verdict, which has to be that all tests pass. How long that took, in ms.
+    /// Waits for the path's verdict, which has to be that all tests pass. Returns the time in ms.
     fn verdict(&mut self, path: &str) -> f64 {
         let (began, start) = (Instant::now(), format!("{path}: "));
         loop {
@@ -134,7 +134,7 @@ impl Watch {
     }
 
     fn edit(&mut self, folder: &Path, path: &str, edit: usize) -> f64 {
-        // The burst before is over.
+        // Wait until the events of the last edit are over.
         std::thread::sleep(Duration::from_millis(200));
         let saved = folder.join("saved.tmp");
         std::fs::write(&saved, library(edit + 1)).expect("written");

@@ -1,5 +1,5 @@
-//! The frames of the shader library: what `golden.rs` compares with the goldens, what
-//! `second_opinion` computes again in `f64`, and what `karat render` draws.
+//! The frames of the shader library: `golden.rs` compares them with the goldens, `second_opinion` computes them again
+//! in `f64`, and `karat render` draws them.
 
 use std::error::Error;
 
@@ -15,21 +15,21 @@ use shaders::{PBR, environment, probe_room, specular};
 
 /// Texels along a face of the environment: the sun is 10 texels wide.
 pub const ENVIRONMENT: u32 = 128;
-/// Texels along a face of the irradiance map, as in the article.
+/// Texels along a side of the irradiance map's faces, as in the article.
 pub const IRRADIANCE: u32 = 32;
 /// Pixels along a face in the frame of the environment.
 pub const FACE: u32 = 96;
 /// Texels along a side of the split sum's table.
 pub const TABLE: u32 = 128;
-/// Mip levels of the prefiltered environment: the last one has faces of 4 texels a side.
+/// Mip levels of the prefiltered environment. The faces of the last one have 4 texels a side.
 pub const PREFILTERED_LEVELS: u32 = 6;
 /// Normals for each texel of a prefiltered level, and for each entry of the table.
 const PREFILTERED_SAMPLES: u32 = 1024;
-/// Bands and segments of a sphere: facets of 5.6 degrees.
+/// Bands and segments of a sphere: its facets have 5.6 degrees.
 const SPHERE: (u32, u32) = (32, 64);
 
-/// Whether long suites run whole, as under `cargo ci full`: otherwise they take a sample. A name that begins with `KARAT_`
-/// would be the harness's.
+/// Returns `true` if long suites run whole, as under `cargo ci full`; otherwise they run a sample. The variable doesn't
+/// begin with `KARAT_`, because those belong to the harness.
 ///
 /// # Panics
 ///
@@ -43,7 +43,7 @@ pub fn are_suites_whole() -> bool {
     }
 }
 
-/// Name and description of each frame; the name is also that of its golden.
+/// The name and the description of each frame. The name is also that of its golden.
 pub const FRAMES: [(&str, &str); 14] = [
     ("scene", "diffuse and specular light of the studio on 8 materials x 8 roughnesses"),
     ("diffuse", "the diffuse term alone: metals are black"),
@@ -61,23 +61,23 @@ pub const FRAMES: [(&str, &str); 14] = [
     ("split_sum", "the scene with Karis' split sum in place of the specular estimator"),
 ];
 
-/// How a frame is drawn.
+/// The settings for drawing a frame.
 #[derive(Clone, Debug)]
 pub struct Shot {
-    /// Pixels across and down; of a cube map's six faces, the frame takes what it needs.
+    /// Pixels across and down. A map uses those that its six faces need.
     pub size: Option<(u32, u32)>,
-    /// Directions for each term at each pixel, in place of the frame's own number.
+    /// The number of directions for each term at each pixel, in place of the frame's own.
     pub samples: Option<u32>,
-    /// What lights the scene, with mip levels; `None`: the studio.
+    /// The light of the scene, with mip levels; `None` for the studio.
     pub environment: Option<CubeMap>,
-    /// Where maps are computed that the frame looks up.
+    /// The path that computes the maps of the frame.
     pub path: Path,
-    /// Whether depth is drawn first.
+    /// `true` to draw depth first.
     pub prepass: bool,
 }
 
 impl Shot {
-    /// The frame as its golden shows it, with maps computed on `path`.
+    /// The frame of the golden, with maps computed on `path`.
     #[must_use]
     pub fn golden(path: Path) -> Self {
         Self { size: None, samples: None, environment: None, path, prepass: true }
@@ -94,18 +94,18 @@ impl Shot {
         self.environment.clone().unwrap_or_else(studio)
     }
 
-    /// How many directions a frame gathers light from.
+    /// The number of directions from which a frame gathers light.
     fn samples(&self, usual: Samples) -> Samples {
         self.samples.map_or(usual, |samples| Samples { diffuse: samples, specular: samples })
     }
 }
 
-/// The paths that open, in the order in which tests take them: those of each API, and those that the
-/// environment names besides, such as a second driver.
+/// The paths that open, in the order of tests: those of each API, and further ones that the environment names, such as
+/// a second driver.
 ///
 /// # Panics
 ///
-/// If there is none: then nothing would be checked.
+/// If there is none, because then nothing would be checked.
 #[must_use]
 pub fn open_paths() -> Vec<Path> {
     let open = Path::ALL.into_iter().filter(|path| karat::unstable::path::adapter(*path).is_ok());
@@ -119,9 +119,9 @@ pub fn open_paths() -> Vec<Path> {
     open
 }
 
-/// Whether a driver puts vertices on 16ths of a pixel, as SwiftShader does: its
-/// `subPixelPrecisionBits` is 4, the least that Vulkan allows, where Mesa's is 8. What a pixel shows
-/// is a mean of what vertices show, and so it is moved by as much as they, 1/32 of a pixel at most.
+/// Returns `true` if a driver snaps vertices to 16ths of a pixel, as SwiftShader does: its `subPixelPrecisionBits` is
+/// 4, the least that Vulkan allows; Mesa's is 8. A pixel interpolates its vertices, so it moves with them, by at most
+/// 1/32 of a pixel.
 ///
 /// # Panics
 ///
@@ -139,7 +139,7 @@ pub fn studio() -> CubeMap {
     CubeMap::from_texels(ENVIRONMENT, texels).with_mips()
 }
 
-/// The room of the article's frames as its probe sees it.
+/// The room of the article's frames, as its probe sees it.
 #[must_use]
 pub fn room() -> CubeMap {
     CubeMap::from_texels(ENVIRONMENT, environment::cube_map(ENVIRONMENT, probe_room::walls))
@@ -155,7 +155,7 @@ pub fn sphere() -> (Vec<Vec3>, Vec<u32>) {
 ///
 /// # Errors
 ///
-/// If there is none of that name, or a map that it looks up can't be drawn.
+/// If there is none with this name, or a map that it uses can't be drawn.
 pub fn frame(name: &str, shot: &Shot) -> Result<Frame<'static>, Box<dyn Error>> {
     let painted = scene::spheres();
     let usual = Samples::DEFAULT;
@@ -194,11 +194,10 @@ pub fn frame(name: &str, shot: &Shot) -> Result<Frame<'static>, Box<dyn Error>> 
     })
 }
 
-/// Large enough to tell the materials apart, small enough for a software rasteriser.
+/// Large enough to distinguish the materials, small enough for a software rasteriser.
 const SMALL: (u32, u32) = (480, 270);
 
-/// The 64 spheres, drawn through the depth pre-pass with one of the scene's fragment functions,
-/// and the light behind them.
+/// The 64 spheres, drawn after a depth pre-pass with one of the scene's fragment functions, and the light behind them.
 fn spheres(
     shot: &Shot,
     fragment: &str,
@@ -293,7 +292,7 @@ pub fn irradiance_cube(light: &CubeMap, path: Path) -> Result<CubeMap, Box<dyn E
     Ok(CubeMap::from_faces(&maps::faces(&faces, IRRADIANCE))?)
 }
 
-/// The environment, filtered for the width that each mip level stands for.
+/// The environment, filtered for the width of each mip level.
 ///
 /// # Errors
 ///

@@ -25,7 +25,7 @@ fn shot(options: &RenderOptions) -> Result<Shot, Box<dyn Error>> {
     })
 }
 
-/// A panorama of latitude and longitude, or six faces in a row or a column.
+/// Reads a panorama of latitude and longitude, or six faces in a row or a column.
 fn environment(file: &FilePath) -> Result<CubeMap, Box<dyn Error>> {
     let (image, _) = Image::read_exr(file)?;
     let cube = CubeMap::from_image(&image, ENVIRONMENT)?;

@@ -1,4 +1,4 @@
-//! Fixtures and the variables that they stand behind.
+//! Tests fixtures against the variables that they are bound to.
 
 use karat::prelude::*;
 
@@ -40,8 +40,8 @@ fn fixtures_of_another_type() {
     }
 }
 
-/// Two variables of a frame may have one binding number, in draws of their own: each draw reads its
-/// own fixture. In one draw they can't.
+/// Two variables of a frame may have the same binding number in different draws: each draw reads its own fixture. In
+/// one draw they can't.
 #[test]
 fn a_fixture_that_another_one_hides() {
     let wgsl = "@group(0) @binding(0) var<uniform> near: vec4f;\n\

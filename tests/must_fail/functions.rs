@@ -1,4 +1,4 @@
-//! Functions against references.
+//! Tests functions against references.
 
 use glam::{DVec3, UVec3, Vec3};
 use karat::Goldens;
@@ -53,7 +53,7 @@ fn swapped_arguments() {
     disagreement(coat);
 }
 
-/// 65,536 inputs, one of which gives NaN (or an infinity): found under the loosest tolerance.
+/// One of 65,536 inputs gives NaN or an infinity: found even with the loosest tolerance.
 #[test]
 fn one_bad_result_of_65536() {
     for (bits, nan, infinite) in [("0x7fc00000u", 1, 0), ("0x7f800000u", 0, 1)] {
@@ -75,7 +75,7 @@ fn one_bad_result_of_65536() {
     }
 }
 
-/// The same in the last of three components, of floats and of integers: the first ones are right everywhere.
+/// The same in the last of three components, of floats and of integers. The first two are right everywhere.
 #[test]
 fn one_bad_component_of_65536() {
     let floats = "fn f(i: u32) -> vec3f { return vec3f(1.0, 1.0, select(1.0, 2.0, i == 54321u)); }";
@@ -100,7 +100,7 @@ fn one_bad_component_of_65536() {
     }
 }
 
-/// The tolerance of the last component counts: only `z` is wrong, and only `z` is strict.
+/// The tolerance of the last component counts: only `z` is wrong, and only `z` has a strict one.
 #[test]
 fn a_fault_in_the_last_component() {
     let wgsl = "fn f(x: f32) -> vec3f { return vec3f(x, x, x * 1.001); }";
@@ -166,7 +166,7 @@ fn nothing_to_compare() {
     assert_eq!(error, "the domain of `g` is empty: the range of `alpha` ends at NaN");
 }
 
-/// A transformation that changes nothing, and bounds that bound nothing.
+/// A transformation without an effect, and bounds that exclude no value.
 #[test]
 fn a_check_that_could_not_fail() {
     let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return x; }");
@@ -190,8 +190,8 @@ fn a_check_that_could_not_fail() {
     }
 }
 
-/// A shader's own functions are called, also where they are named as WGSL's that the kernel uses: what
-/// they return is seen.
+/// A shader's own functions are called, even if they have the names of builtins that the kernel uses: the check sees
+/// their results.
 #[test]
 fn shaders_that_redefine_what_the_kernel_uses() {
     let shadows = [
@@ -212,7 +212,7 @@ fn shaders_that_redefine_what_the_kernel_uses() {
     }
 }
 
-/// What a case writes is seen by no other case: each has its resources and its workgroup to itself.
+/// No case sees what another case writes: each has its own resources and its own workgroup.
 #[test]
 fn functions_that_would_share_state_between_cases() {
     let shared = [
@@ -254,8 +254,8 @@ fn functions_that_would_share_state_between_cases() {
     }
 }
 
-/// Functions that are NaN or infinite only where two arguments meet, off the axes and inside of
-/// ranges: like components of a tuple do.
+/// Functions that are NaN or infinite only where two arguments are equal, away from the axes and inside ranges.
+/// Components of a tuple that have the same type meet.
 #[test]
 fn arguments_that_meet() {
     let slanted = "all(abs(a) > vec3f(0.1))";
@@ -296,7 +296,7 @@ fn arguments_that_meet() {
     let found =
         package.function("f").over(upper()).unrecorded().try_satisfies("is bounded", bounded);
     let found = disagreement(found);
-    // Reduced together, or they would not meet.
+    // The arguments are simplified together; otherwise they would no longer be equal.
     for path in &found.paths {
         let simplest = path.simplest.as_ref().unwrap_or_else(|| panic!("it is reduced: {found}"));
         let arguments = &simplest.failure.arguments;
@@ -426,7 +426,7 @@ fn every_edge_of_a_tuple_is_tried() {
     }
 }
 
-/// What may be flushed is no relative error, and what bounds nothing no tolerance.
+/// A flushed result isn't a relative error, and a tolerance has to bound something.
 #[test]
 fn bounds_near_zero() {
     let package = Package::from_source("planted", "fn f(x: f32, y: f32) -> f32 { return x * y; }");
@@ -445,7 +445,7 @@ fn bounds_near_zero() {
     assert!(matches!(none, Err(Failure::Signature { .. })), "{none:?}");
 }
 
-/// Where every result may be flushed to 0, and its reference, too, nothing is compared.
+/// If every result and its reference may be flushed to 0, nothing is compared.
 #[test]
 fn results_that_may_all_be_flushed() {
     let package = Package::from_source("s", "fn f(d: f32) -> f32 { return exp(-2.0 * d); }");
@@ -460,8 +460,8 @@ fn results_that_may_all_be_flushed() {
     assert!(matches!(check(0.5, Rel(1e-3).into()), Err(Failure::Disagreement(_))));
 }
 
-/// What a driver flushes may be flushed by the shader itself, which is the same on each driver:
-/// `flush` takes what is nearer to 0 than `least` for 0.
+/// The shader may flush as a driver would, which is the same on each driver: `flush` replaces numbers closer to 0 than
+/// `least` with 0.
 fn flushing(least: &str, body: &str) -> Package {
     let wgsl = format!(
         "fn flush(x: f32) -> f32 {{\n    let size = bitcast<u32>(x) & 0x7fffffffu;\n    \
@@ -472,16 +472,16 @@ fn flushing(least: &str, body: &str) -> Package {
     Package::from_source("planted", &wgsl)
 }
 
-/// Bits of the least normal f32, and of the next one.
+/// The bits of the least normal f32.
 const SUBNORMAL: &str = "0x800000u";
 const ONE_NORMAL: &str = "0x800001u";
 
-/// A step at 0, and a second argument that is kept.
+/// A step at 0; the second argument is returned with it.
 fn step(x: f64, y: f64) -> f64 {
     if x > 0.0 { 1.0 + y } else { y }
 }
 
-/// Subnormal arguments may be zeros, each by itself; nothing else may.
+/// Subnormal arguments may be zeros, each on its own. Nothing else may.
 #[test]
 fn only_subnormal_arguments_may_be_flushed() {
     let numbers = || (Edges::f32(), OneOf(vec![0.0_f32, 1e-45, 0.5]));
@@ -507,7 +507,7 @@ fn only_subnormal_arguments_may_be_flushed() {
     }
 }
 
-/// The same of statements, and of limits.
+/// The same for statements and limits.
 #[test]
 fn statements_and_limits_may_be_those_of_flushed_arguments() {
     let holds = |x: f32, result: f32| f64::from(result) == step(f64::from(x), 0.0);
@@ -531,8 +531,7 @@ fn statements_and_limits_may_be_those_of_flushed_arguments() {
     disagreement(limit(ONE_NORMAL));
 }
 
-/// A reference that has no value at 0 is no excuse: the result is that of the argument as given,
-/// or wrong.
+/// A reference without a value at 0 is no excuse: the result is that of the given argument, or wrong.
 #[test]
 fn nothing_is_excused_where_the_flushed_argument_has_no_reference() {
     let check = |result: &str| {

@@ -1,4 +1,4 @@
-//! Frames and goldens.
+//! Tests frames and goldens.
 
 use karat::Path;
 use karat::image::Precision;
@@ -14,7 +14,7 @@ pub(crate) fn golden_fault(folder: &FilePath, environment: &[(&str, &str)]) -> (
     (output.status.success(), text)
 }
 
-/// Renders, accepts, agrees; then the golden is damaged in each way there is.
+/// Renders, accepts, agrees; then the test damages the golden in each possible way.
 #[test]
 fn goldens_that_are_missing_shifted_resized_or_corrupt() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -68,13 +68,13 @@ fn goldens_that_are_missing_shifted_resized_or_corrupt() {
     assert!(!agrees && text.contains("isn't a readable OpenEXR image"), "{text}");
     assert_eq!(std::fs::metadata(&golden).expect("there").len(), bytes.len() as u64 / 2);
 
-    // The frame that was pending was compared with another golden than this one.
+    // The pending frame was compared with another golden.
     plant(&shifted);
     original.write_exr(&golden, Precision::Half, metadata.as_deref()).expect("written");
     assert!(accept("stale").is_err_and(|error| error.to_string().contains("has changed since")));
 }
 
-/// A frame with NaN is never right: not as a frame, and not as a golden.
+/// A frame with NaN never passes, neither as a frame nor as a golden.
 #[test]
 fn a_frame_with_nan_is_not_accepted() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -113,7 +113,7 @@ fn ci_leaves_the_folder_of_goldens_alone() {
 #[test]
 fn accepting_off_the_canonical_rasteriser_is_refused() {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    // Lavapipe is Vulkan; without GL this machine's Vulkan is another one.
+    // Lavapipe is a Vulkan driver. Without GL, this machine's Vulkan is another driver.
     let path = if karat::unstable::path::adapter(Path::GL).is_ok() { "gl" } else { "vulkan" };
     let (_, text) = golden_fault(folder.path(), &[("KARAT_PATHS", path), ("KARAT_REQUIRE", path)]);
     assert!(text.contains("has no golden"), "{text}");
@@ -125,7 +125,7 @@ fn accepting_off_the_canonical_rasteriser_is_refused() {
     assert!(error.to_string().contains("goldens are made on lavapipe"), "{error}");
 }
 
-/// A rasteriser with other vectors, as another machine has: the golden holds there, too.
+/// A rasteriser with another vector width, as on another machine: the golden holds there, too.
 #[test]
 fn a_golden_holds_at_another_vector_width() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -144,7 +144,7 @@ fn a_golden_holds_at_another_vector_width() {
     let narrow = [("LP_NATIVE_VECTOR_WIDTH", "128")];
     let (agrees, text) = golden_fault(folder.path(), &narrow);
     assert!(agrees, "{text}");
-    // That the variable works shows in the name of the adapter, which a frame that is new has.
+    // The adapter's name in a new frame shows that the variable works.
     let other = tempfile::tempdir().expect("a temporary folder");
     golden_fault(other.path(), &narrow);
     let pending = Goldens::open(other.path()).select("gradient").expect("it is pending").frames;

@@ -1,4 +1,4 @@
-//! Integrals.
+//! Tests integrals.
 
 use glam::{DVec3, Vec3};
 use karat::check::Failure;
@@ -8,8 +8,8 @@ use std::f64::consts::{PI, TAU};
 use crate::disagreement;
 use crate::processes::planted;
 
-/// The midpoint rule in the squared sine and the azimuth, where the cosine is in the measure: the
-/// directions of a hemisphere about +Z and the weights of an integral of `f cos`.
+/// The midpoint rule in the squared sine and the azimuth, with the cosine in the measure: the directions of a
+/// hemisphere about +Z, and the weights of an integral of `f cos`.
 pub(crate) fn hemisphere(size: u16) -> Vec<(Vec3, f64)> {
     let at = |index: u16| (f64::from(index) + 0.5) / f64::from(size);
     let node = |row: u16, column: u16| {
@@ -21,7 +21,7 @@ pub(crate) fn hemisphere(size: u16) -> Vec<(Vec3, f64)> {
     (0..size).flat_map(|row| (0..size).map(move |column| node(row, column))).collect()
 }
 
-/// A diffuse BRDF whose factor is planted.
+/// A diffuse BRDF with a planted factor.
 pub(crate) fn diffuse(factor: &str) -> Package {
     let wgsl = format!(
         "fn eval(albedo: vec3f, l: vec3f) -> vec3f {{ return albedo * select(0.0, {factor}, l.z > 0.0); }}"
@@ -33,7 +33,7 @@ pub(crate) fn albedo_rule(albedo: &Vec3) -> Vec<((Vec3, Vec3), f64)> {
     hemisphere(16).into_iter().map(|(l, weight)| ((*albedo, l), weight)).collect()
 }
 
-/// Rounding of `albedo / pi` and of the planted constant: two steps of `f32`.
+/// The rounding of `albedo / pi` and of the planted constant: two steps of `f32`.
 const ALBEDO: Rel = Rel(1.2e-7);
 
 #[test]
@@ -102,7 +102,7 @@ fn an_integral_above_its_bound() {
     assert!(text.contains(part), "`{part}` is missing in:\n{text}");
     integral().unrecorded().try_is_at_most(|_| 0.75, 0.036).expect("the excess is 0.0354");
     integral().unrecorded().try_is_at_most(|_| 0.786, 0.0).expect("the bound is larger");
-    // A bound for each component: only that of the last one is exceeded.
+    // A bound for each component. Only that of the last one is exceeded.
     let found =
         disagreement(integral().unrecorded().try_is_at_most(|_| DVec3::new(1.0, 1.0, 0.7), 0.0));
     assert!(found.paths.iter().all(|path| path.worst.component == ".z"), "{found}");
@@ -114,7 +114,7 @@ fn an_integral_above_its_bound() {
     disagreement(integral().unrecorded().try_is_at_most(|_| 0.25_f64.next_down(), 0.0));
 }
 
-/// 100,000 nodes in two dispatches, one of which gives NaN or an infinity, at any weight.
+/// 100,000 nodes in two dispatches. One gives NaN or an infinity, with any weight.
 #[test]
 fn one_bad_node_of_an_integral() {
     for (bits, nan, infinite) in [("0x7fc00000u", 3, 0), ("0xff800000u", 0, 3)] {
@@ -151,7 +151,7 @@ fn one_bad_node_of_an_integral() {
     }
 }
 
-/// A rule without nodes, with weights that aren't numbers, and expectations that aren't.
+/// A rule without nodes, with weights that aren't finite, and expectations that aren't.
 #[test]
 fn an_integral_of_nothing() {
     let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return x; }");
@@ -258,7 +258,7 @@ fn an_integral_of_other_types() {
     whole().unrecorded().try_is_at_most(|_| 1.0, 0.0).expect("a bound for both components");
 }
 
-/// The replay command takes the failing integral alone; the record counts integrals and nodes.
+/// The replay command runs only the failing integral. The record counts integrals and nodes.
 #[test]
 fn an_integral_is_replayed_and_recorded() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -285,7 +285,7 @@ fn an_integral_is_replayed_and_recorded() {
     assert_eq!(shown(&text), shown(&again));
 }
 
-/// A wrong constant; a lobe that falls between the rings, where no rule tells the integral.
+/// A wrong constant; and a lobe between the rings, for which no rule finds the integral.
 #[test]
 fn an_integral_over_directions() {
     let check = |body: &str, directions, expected: f64| {
@@ -322,8 +322,7 @@ fn an_integral_over_directions() {
     let (equal, below) = check("0.999 * l.z / radians(180.0)", Directions::hemisphere(), 1.0);
     disagreement(equal);
     below.expect("it is less");
-    // Both rules are far from what is expected, and farther than from each other: a failure, which
-    // shows both.
+    // Both rules are far from the expected value, and farther than from each other: a failure that shows both.
     let lobe = "1e5 * exp(1e3 * (l.z - 1.0))";
     let coarse = Directions::hemisphere().rings(32);
     for found in <[_; 2]>::from(check(lobe, coarse, 1.0)) {
@@ -339,7 +338,7 @@ fn an_integral_over_directions() {
         assert!(text.contains("     control = "), "{text}");
         assert!(text.contains("so that more `rings` may be needed"), "{text}");
     }
-    // What fails is a verdict, although other cases have none.
+    // A failing case is a verdict, even if other cases have none.
     let mixed =
         "select(2.0 * l.z / radians(180.0), exp(1e3 * (l.z - 1.0)) / 6.2831853e-3, k < 1.0)";
     for found in <[_; 2]>::from(check(mixed, coarse, 1.0)) {
@@ -362,7 +361,7 @@ fn an_integral_over_directions() {
     }
     let (equal, _) = check("sqrt(l.z)", Directions::sphere(), 1.0);
     assert!(disagreement(equal).paths.iter().all(|path| path.census.nan > 0));
-    // No arguments but the direction.
+    // The direction is the only argument.
     let package = Package::from_source("planted", "fn f(l: vec3f) -> f32 { return 0.25; }");
     let found = package.function("f").over(()).unrecorded().try_integrates_to(
         Directions::sphere(),

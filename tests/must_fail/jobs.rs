@@ -1,4 +1,4 @@
-//! Programs that run jobs: an honest one agrees, and one that doesn't do its work is found out.
+//! Tests programs that run jobs: an honest one agrees, and each faulty one is detected.
 
 use std::collections::BTreeMap;
 use std::process::Command;
@@ -7,7 +7,7 @@ use karat::unstable::job::{Answer, Job, Problem, Reply};
 use karat::unstable::path::{Ability, Greeting};
 use serde_json::{Value, json};
 
-/// The output of `planted pipe` with `planted executor` as their path, on a path of its own and with a
+/// The output of `planted pipe` on a path whose program is `planted executor`, itself with a path of its own and a
 /// fault.
 fn piped(path: &str, fault: &str) -> String {
     let executor = format!("mine={} executor {path} {fault}", env!("CARGO_BIN_EXE_planted"));
@@ -22,7 +22,7 @@ fn told(executors: &str, paths: &str, environment: &[(&str, &str)]) -> String {
     String::from_utf8(output.stderr).expect("it is text")
 }
 
-/// The engine behind a pipe calls functions and dispatches passes as it does here, and refuses frames.
+/// The engine behind a pipe calls functions and dispatches passes as in this process, and refuses frames.
 #[test]
 fn the_engine_behind_a_pipe_is_a_path() {
     let text = piped("cpu", "");
@@ -47,7 +47,7 @@ fn a_driver_behind_a_pipe_draws_frames() {
     assert!(text.contains("frame: agrees"), "{text}");
 }
 
-/// Evidence is looked at above the executor, whichever it is.
+/// The checks of evidence work above any executor.
 #[test]
 fn a_program_that_does_not_do_its_work_is_found_out() {
     for (fault, function, pass) in [
@@ -56,7 +56,7 @@ fn a_program_that_does_not_do_its_work_is_found_out() {
             "the kernel of `half` wrote no result for 4096 of 4096 cases on path `process@mine`",
             "`data` after `add` fails",
         ),
-        // The pass leaves its first word as it was, and two rotated words of two are themselves.
+        // The pass keeps its first word, and two of two rotated words stay the same.
         ("dropped", "never wrote 1 of 4096 result words", "pass: agrees"),
         ("shifted", "wrote no result for", "pass: agrees"),
         ("wrong", "`half` fails agrees_with", "`data` after `add` fails"),
@@ -92,10 +92,10 @@ fn a_program_that_does_not_do_its_work_is_found_out() {
     }
 }
 
-/// A program that hangs is ended by the deadline, and the check fails with the setting's name.
+/// The deadline ends a program that hangs, and the check fails with the setting's name.
 #[test]
 fn a_program_that_hangs_is_ended() {
-    // The second one takes no job at all, and its pipe is full. They are waited for beside each other.
+    // The second one reads no job, so its pipe is full. The test waits for both at once.
     let is_ended = |fault: &str| {
         let executor = format!("mine={} executor cpu {fault}", env!("CARGO_BIN_EXE_planted"));
         let text = told(&executor, "process@mine", &[("KARAT_TIMEOUT", "0.5")]);
@@ -107,7 +107,7 @@ fn a_program_that_hangs_is_ended() {
     });
 }
 
-/// A line too many, a reply to another job and a place that is none are errors, and no verdict is another job's.
+/// An extra line, a reply to another job and an invalid place are errors. No job gets another job's verdict.
 #[test]
 fn a_line_belongs_to_its_job() {
     let text = piped("cpu", "noisy");
@@ -115,7 +115,7 @@ fn a_line_belongs_to_its_job() {
         text.contains("function: the driver of path `process@mine` reports: it wrote a line that isn't an answer"),
         "{text}"
     );
-    // Another process is started, and it is noisy, too.
+    // Another process is started, and it is faulty, too.
     assert_eq!(
         text.matches("it wrote a line that isn't an answer: by the way").count(),
         4,
@@ -129,7 +129,7 @@ fn a_line_belongs_to_its_job() {
     assert_eq!(text.matches("look there").count(), 4, "{text}");
 }
 
-/// Another program doesn't open, and the reason says why.
+/// Another program doesn't open, and the reason explains it.
 #[test]
 fn what_runs_no_jobs_does_not_open() {
     let planted = env!("CARGO_BIN_EXE_planted");
@@ -173,7 +173,7 @@ fn what_runs_no_jobs_does_not_open() {
     }
 }
 
-/// A check that needs more than a program says that it can is refused before anything runs.
+/// If a check needs an ability that the program doesn't report, it is refused before anything runs.
 #[test]
 fn a_check_that_needs_more_is_refused() {
     let text = piped("cpu", "plain");
@@ -185,7 +185,7 @@ fn a_check_that_needs_more_is_refused() {
     assert!(text.contains("function: agrees"), "{text}");
 }
 
-/// The answers of a program to jobs with known answers, by name; its exit code says whether all are right.
+/// The answers of a program to jobs with known answers, by name. Its exit code says whether all are right.
 fn conformed(path: &str, fault: &str) -> BTreeMap<String, Value> {
     let executor = format!("mine={} executor {path} {fault}", env!("CARGO_BIN_EXE_planted"));
     let mut command = Command::new(env!("CARGO_BIN_EXE_planted"));
@@ -200,7 +200,7 @@ fn conformed(path: &str, fault: &str) -> BTreeMap<String, Value> {
     answers
 }
 
-/// Honest programs answer each job that they are asked as expected. What the engine can't do isn't asked.
+/// Honest programs answer each job as expected. Jobs beyond the engine's abilities aren't asked.
 #[test]
 fn honest_programs_conform() {
     for (path, unasked) in [("cpu", &["nearest", "pixels"][..]), ("vulkan", &[])] {
@@ -217,7 +217,7 @@ fn honest_programs_conform() {
     }
 }
 
-/// Each lie is found by the jobs that are about it, and the reason says what came back.
+/// Each lie is found by the jobs about it, and the reason shows the reply.
 #[test]
 fn lies_do_not_conform() {
     for (fault, name, reason) in [
@@ -241,15 +241,15 @@ fn lies_do_not_conform() {
         let told = one["why"].as_str().expect("it has a reason");
         assert!(told.contains(reason), "{fault}: {told}");
     }
-    // No question is answered by the words that it begins with.
+    // No question can be answered by its initial words.
     let idle = conformed("cpu", "idle");
     assert!(idle.values().all(|one| one["answer"] != "right"), "{idle:?}");
-    // It says that it has buffers alone, and is asked for no more.
+    // It reports only buffers, and so gets only such jobs.
     let plain = conformed("cpu", "plain");
     assert_eq!(plain.values().filter(|one| one["answer"] == "right").count(), 12, "{plain:?}");
 }
 
-/// What a schema says of a value, as far as `jobs.schema.json` uses the language; the first thing that doesn't fit.
+/// The first part of a value that violates a schema, as far as `jobs.schema.json` uses the language.
 fn misfit(all: &Value, schema: &Value, value: &Value) -> Option<String> {
     if let Some(name) = schema["$ref"].as_str() {
         let name = name.strip_prefix("#/$defs/").expect("a definition of this file");
@@ -306,7 +306,7 @@ fn misfit(all: &Value, schema: &Value, value: &Value) -> Option<String> {
     })
 }
 
-/// Jobs, the greeting and answers are as the published schema has them, and it asks for no member that isn't there.
+/// Jobs, greeting and answers follow the published schema, and each required member exists.
 #[test]
 fn jobs_are_as_the_schema_says() {
     let schema = include_str!("../../docs/guide/jobs.schema.json");
@@ -321,7 +321,7 @@ fn jobs_are_as_the_schema_says() {
     assert!(jobs.len() >= 21, "{} jobs", jobs.len());
     for job in &jobs {
         assert_eq!(misfit(&schema, &schema["$defs"]["job"], job), None);
-        // The schema requires what Karat's own reader does.
+        // The schema requires the same members as Karat's own reader.
         for name in job.as_object().expect("a job").keys() {
             let mut less = job.clone();
             less.as_object_mut().expect("a job").remove(name);

@@ -1,4 +1,4 @@
-//! What is declared to fail, and what holds on one path.
+//! Tests declared failures, and tolerances of single paths.
 
 use karat::Goldens;
 use karat::Path;
@@ -20,12 +20,12 @@ pub(crate) fn selected() -> Vec<Path> {
     paths.collect::<Result<_, _>>().expect("a path has its own name")
 }
 
-/// Whether what is declared for a path holds on another: `vulkan` is Vulkan with each driver.
+/// Returns `true` if a declaration for one path covers another: `vulkan` is Vulkan with any driver.
 fn covers(declared: Path, path: Path) -> bool {
     declared.api() == path.api() && declared.driver().is_none_or(|own| path.driver() == Some(own))
 }
 
-/// What is declared to fail, fails, and isn't counted among the paths that agree.
+/// A declared failure has to fail, and isn't counted among the paths that agree.
 #[test]
 fn a_known_issue_is_no_agreement() {
     let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return x + 1.0; }");
@@ -42,7 +42,7 @@ fn a_known_issue_is_no_agreement() {
         assert_eq!((&*issue.reason, issue.cases, issue.failures), ("bug 1", 65_536, 65_536));
     }
     assert!(agreement.to_string().contains("fails 65536 as declared: bug 1"), "{agreement}");
-    // Other paths are judged as ever.
+    // Other paths are judged as usual.
     for path in &paths {
         let found =
             over().fails_on(*path, "bug 1").unrecorded().try_agrees_with(|x: f64| x, Abs(0.5));
@@ -85,8 +85,7 @@ fn an_issue_that_is_gone_or_has_no_reason() {
     );
 }
 
-/// A frame that is declared to differ from its golden must differ, and no declaration makes up for
-/// a golden that is missing.
+/// A frame that is declared to differ from its golden must differ, and no declaration replaces a missing golden.
 #[test]
 fn a_frame_that_is_declared_to_fail() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -105,17 +104,17 @@ fn a_frame_that_is_declared_to_fail() {
     let error = frame().fails_on(paths[0], "").unrecorded().try_matches(&goldens, "gradient");
     assert!(error.expect_err("no reason").to_string().contains("has no reason"));
 
-    // A frame of another size has no values that could be compared.
+    // A frame with another size has no comparable values.
     let mut small = pictures.frame("", 16, 16).fullscreen("corners", "gradient");
     small = paths.iter().fold(small, |frame, path| frame.fails_on(*path, "bug 1"));
     let error = small.unrecorded().try_matches(&goldens, "gradient").expect_err("another size");
     assert!(error.to_string().contains("16 x 16"), "{error}");
-    // Not a constant: WGSL refuses those.
+    // Not a constant, because WGSL refuses those.
     let nan = include_str!("../planted/gradient.wgsl").replace("0.5, 1.0)", "sqrt(-at.x), 1.0)");
     let nan = Package::from_source("gradient", nan);
     let nan = nan.frame("", 32, 16).fullscreen("corners", "gradient").tolerance(1e-3);
     let nan = paths.iter().fold(nan, |frame, path| frame.fails_on(*path, "bug 1"));
-    // NaN is a value, of frames as of functions and passes.
+    // NaN is a value, in frames as in functions and passes.
     let agreement =
         nan.unrecorded().try_matches(&goldens, "gradient").expect("it fails as declared");
     assert_eq!((agreement.paths.len(), agreement.known_issues.len()), (0, paths.len()));
@@ -128,8 +127,8 @@ fn a_frame_that_is_declared_to_fail() {
     assert!(agreement.known_issues.iter().all(|issue| (issue.cases, issue.failures) == (512, 1)));
 }
 
-/// A loop without an end and a workgroup that no device takes give no values, so that nothing declared covers
-/// them: neither `fails_on` nor `refused_on`.
+/// An endless loop, or a workgroup that no device accepts, gives no values, so no declaration covers it: neither
+/// `fails_on` nor `refused_on`.
 #[test]
 fn what_stops_passes_is_no_known_issue() {
     let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
@@ -153,7 +152,7 @@ fn what_stops_passes_is_no_known_issue() {
     assert_eq!(known.len(), selected().len());
     let error = declared("wrong", true).expect_err("it runs").to_string();
     assert!(error.contains("remove its `refused_on`"), "{error}");
-    // Lavapipe ends an endless loop; another driver hangs, and the deadline ends the process.
+    // Lavapipe ends an endless loop. Another driver hangs, and the deadline ends the process.
     let ends = selected().iter().all(|path| {
         karat::unstable::path::adapter(*path).is_ok_and(|adapter| adapter.family() == "llvmpipe")
     });
@@ -166,7 +165,7 @@ fn what_stops_passes_is_no_known_issue() {
     }
 }
 
-/// Samples and means may be declared to fail, and have to, then.
+/// Samples and means may be declared to fail, and then have to.
 #[test]
 fn samples_and_means_that_are_declared_to_fail() {
     let wgsl = "fn same(u: f32) -> f32 { return u; }\nfn squared(u: f32) -> f32 { return u * u; }\n\
@@ -197,7 +196,7 @@ fn samples_and_means_that_are_declared_to_fail() {
     assert!(error.to_string().contains("where it is declared to fail: bug 1"), "{error}");
 }
 
-/// The record says what is known, and doesn't call it a pass.
+/// The record says that the issue is known, and doesn't count it as a pass.
 #[test]
 fn known_issues_are_recorded() {
     for (fault, verdict) in [
@@ -219,7 +218,7 @@ fn known_issues_are_recorded() {
         for path in &record.paths {
             assert_eq!(path.known_issue.as_deref(), Some("bug 1234"));
             assert_eq!(path.failures > 0, fault == "known_issue");
-            // What reports show of it: errors above the bound, and where.
+            // Reports show errors above the bound, and their places.
             let errors = path.errors.as_ref().expect("it is judged case by case");
             let above: u64 = errors.powers.range(1..).map(|(_, count)| count).sum();
             assert_eq!(above + errors.not_finite > 0, path.failures > 0, "{errors:?}");
@@ -234,10 +233,10 @@ fn known_issues_are_recorded() {
     }
 }
 
-/// A verb that returns its failure records it, too, unless its author leaves it out.
+/// A verb that returns its failure also records it, unless its author disables that.
 #[test]
 fn what_is_returned_is_recorded_unless_it_is_left_out() {
-    // Without frames, the one that is recorded isn't drawn.
+    // Without frames, the recorded one isn't drawn.
     let runs = [("recorded", "on", 5, 5), ("unrecorded", "on", 5, 0)];
     let without = [("recorded", "off", 4, 4), ("unrecorded", "off", 5, 0)];
     for (fault, frames, failures, expected) in runs.into_iter().chain(without) {
@@ -255,7 +254,7 @@ fn what_is_returned_is_recorded_unless_it_is_left_out() {
     }
 }
 
-/// Every verdict under an overlay says so in the record: of values, samples and frames.
+/// Every verdict under an overlay says so in the record: for values, samples and frames.
 #[test]
 fn records_name_the_overlay() {
     let (folder, overlay) = (tempfile::tempdir(), tempfile::tempdir());
@@ -273,7 +272,7 @@ fn records_name_the_overlay() {
     }
 }
 
-/// A path's own tolerance is its own, and as strict as any.
+/// A path's own tolerance applies only to it, and is as strict as any.
 #[test]
 fn a_tolerance_of_one_path() {
     let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return x + 0.25; }");

@@ -1,4 +1,4 @@
-//! Proof that each kind of check can fail: a fault is planted, and must be seen.
+//! Proves that each kind of check can fail: the tests plant faults, and the checks must find them.
 
 mod fixtures;
 mod functions;
@@ -21,7 +21,7 @@ use karat::prelude::*;
 use karat::unstable::check::Disagreement;
 use shaders::{PBR, fresnel};
 
-/// The shader library with one text replaced in one module.
+/// The shader library with a text replaced in one module.
 pub(crate) fn mutant(module: &str, original: &str, fault: &str) -> Package {
     let mut modules = Vec::new();
     for name in PBR.modules().expect("the library is readable") {

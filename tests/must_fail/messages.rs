@@ -1,11 +1,11 @@
-//! What a failure says.
+//! Tests the messages of failures.
 
 use karat::prelude::*;
 use karat::unstable::check::Disagreement;
 
 use crate::{disagreement, mutant, schlick};
 
-/// What a failure says, with what differs between machines taken out.
+/// The message of a failure, without the parts that differ between machines.
 #[test]
 fn the_message_shows_line_inputs_values_error_census_and_replay() {
     let fault = "abs(1.0 - v_dot_h) * 1.01";
@@ -35,7 +35,7 @@ fn the_message_shows_line_inputs_values_error_census_and_replay() {
     }
 }
 
-/// Paths with the same values share one text with one command that replays it; another path has its own.
+/// Paths with equal values share one text with one replay command. Another path has its own.
 #[test]
 fn paths_that_fail_alike_are_told_together() {
     let package = Package::from_source("planted", "fn f(x: u32) -> u32 { return x + 1u; }");
@@ -50,7 +50,7 @@ fn paths_that_fail_alike_are_told_together() {
     assert_eq!((shown(&found, "worst ("), shown(&found, "replay: ")), (2, 2), "{found}");
 }
 
-/// A function that is checked twice by one verb: each has its own cases, name and replay.
+/// A function that is checked twice by one verb: each check has its own cases, name and replay.
 #[test]
 fn two_checks_of_one_function_are_told_apart() {
     let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return sqrt(x); }");

@@ -1,10 +1,10 @@
-//! Results that depend on the order of invocations, found by default, and such that don't.
+//! Tests that passes whose results depend on the order of invocations are found by default, and that others aren't.
 
 use karat::check::HazardKind;
 use karat::compute::ComputeError;
 use karat::prelude::*;
 
-/// Dispatches `main` over words `a` of atomics, words `d` and a flag `out`, and asserts what is left of `out`.
+/// Dispatches `main` over words `a` of atomics, words `d` and a flag `out`, and asserts the final `out`.
 fn left(body: &str, size: u32, groups: u32, expected: u32) -> Result<(), ComputeError> {
     let text = format!(
         "@group(0) @binding(0) var<storage, read_write> a: array<atomic<u32>, 8>;
@@ -27,7 +27,7 @@ var<workgroup> shared_count: atomic<u32>;
     after.try_agrees_with([expected], Abs(0.0)).map(drop)
 }
 
-/// Each holds in the usual order.
+/// Each assertion holds in the usual order.
 #[test]
 fn results_of_an_order() {
     for (name, body, size, groups, expected) in [
@@ -115,7 +115,7 @@ fn results_of_an_order() {
     }
 }
 
-/// What each order leaves alike, late stores included.
+/// Results that are equal in each order, late stores included.
 #[test]
 fn results_of_no_order() {
     for (name, body, size, groups, expected) in [
@@ -178,7 +178,7 @@ fn results_of_no_order() {
     }
 }
 
-/// Races that only one order of three workgroups has, or an invocation that stalls.
+/// Races that need a certain order of three workgroups, or an invocation that stalls.
 #[test]
 fn races_of_an_order() {
     for (name, body, size, groups) in [
@@ -211,14 +211,14 @@ fn races_of_an_order() {
     }
 }
 
-/// A subgroup operation in a workgroup of each size, over which its result doesn't depend on the size of subgroups.
+/// A subgroup operation in workgroups of all sizes up to which its result doesn't depend on the size of subgroups.
 #[test]
 fn subgroups_in_workgroups_of_each_size() {
     for size in [1_u32, 2, 3, 5, 16, 31, 32, 33, 48, 63, 64, 96, 128, 256] {
         for (operation, expected) in [
             ("subgroupAdd(1u) * 0u + i", Some(size - 1)),
             ("subgroupMax(i) * 0u + u32(subgroupAny(true))", Some(1)),
-            // The size of a subgroup of which this is the first.
+            // The size of the subgroup that begins here.
             ("subgroupAdd(1u)", None),
         ] {
             let text = format!(
@@ -233,7 +233,7 @@ fn subgroups_in_workgroups_of_each_size() {
             let after = passes.dispatch("main", [1, 1, 1]).after("out").unrecorded();
             let seen = after.try_agrees_with([expected.unwrap_or(size.min(32))], Abs(0.0));
             match expected {
-                // A device with subgroups of one invocation isn't one of WebGPU's.
+                // WebGPU has no devices with subgroups of one invocation.
                 None if size > 4 => {
                     let Err(ComputeError::Order(order)) = seen else { panic!("{size}: {seen:?}") };
                     assert!(order.swap.starts_with("subgroups have "), "{size}: {order}");
@@ -244,7 +244,7 @@ fn subgroups_in_workgroups_of_each_size() {
     }
 }
 
-/// A read accesses all of its memory view, used or not.
+/// A read accesses its whole memory view, used or not.
 #[test]
 fn what_is_read_and_not_used_races() {
     let races = |body: &str| {
@@ -298,14 +298,14 @@ fn what_is_read_and_not_used_races() {
         assert!(found.first().is_some_and(|own| own.starts_with(element)), "{body}: {found:?}");
     }
     for body in [
-        // A member, and not the whole.
+        // A member, and not the whole structure.
         "pairs[i].count = i; let other = pairs[next].kept; out[i] = other;",
         "deep[i].list[1] = i; out[i] = deep[next].list[0];",
         "v[i].w = 1.0; let other = v[next].x; out[i] = u32(other);",
-        // Its own, and behind a barrier.
+        // Its own element, and after a barrier.
         "pairs[i].count = i; let other = pairs[i]; out[i] = other.kept;",
         "pairs[i].count = i; storageBarrier(); let other = pairs[next]; out[i] = other.kept;",
-        // Nobody writes it.
+        // No invocation writes it.
         "let other = given[next]; out[i] = other.kept;",
         "_ = pairs[next];",
     ] {

@@ -1,4 +1,4 @@
-//! What is asked of many functions: a fault that each verb is for is seen, and so is what it can't judge.
+//! Tests the common verbs: each finds the faults that it is for, and refuses what it can't judge.
 
 use glam::{Vec2, Vec3};
 use karat::check::Failure;
@@ -10,7 +10,7 @@ fn package(function: &str) -> Package {
     Package::from_source("o", function.to_owned())
 }
 
-/// Why a check has no verdict.
+/// The reason why a check has no verdict.
 #[track_caller]
 fn unsuited<T>(result: Result<T, Failure>) -> String {
     match result {
@@ -45,11 +45,11 @@ fn results_outside_of_their_range() {
     let over = || cosine.function("f").over(-1.0..=1.0);
     over().stays_within(0.0..=1.0);
     over().stays_within(0.0..);
-    // One component, by one value of many.
+    // One component, at one value of many.
     let found = disagreement(over().unrecorded().try_stays_within(0.0..=0.999_999));
     assert_eq!((found.check, &*found.assertion), ("stays_within", "lies in 0..=0.999999"));
     disagreement(over().unrecorded().try_stays_within(1e-6..=1.0));
-    // What is meant by 2 pi is the float nearest to it, which is more.
+    // The float nearest to 2 pi stands for it, and is larger.
     let turn = package("fn f(x: f32) -> f32 { return 6.2831855 + x; }");
     turn.function("f").over(Just(0.0)).stays_within(0.0..=std::f64::consts::TAU);
     let next = turn.function("f").over(Just(4.8e-7));
@@ -67,7 +67,7 @@ fn results_outside_of_their_range() {
     unsuited(truth.function("f").over(-1.0..=1.0).unrecorded().try_stays_within(0.0..=1.0));
 }
 
-/// A range without its end: no result may be what it only rounds to.
+/// A range without its end: no result may round to the end.
 #[test]
 fn results_at_the_end_of_a_half_open_range() {
     let part = package(
@@ -95,9 +95,9 @@ fn results_at_the_end_of_a_half_open_range() {
     nth().stays_within(0.0..8.0);
     let half = part.function("half").over((0.0..=1.0, 0.0..=1.0)).stays_within(0.0..1.0);
     let wide = part.function("half").over((0.0..=1.0, 0.0..=1.0)).stays_within(0.0..=0.625);
-    // About an integer, `x - floor(x)` has bounds from -1 to 1: they don't know that both are one x.
+    // Around an integer, `x - floor(x)` has bounds from -1 to 1: intervals don't know that both are the same x.
     assert_eq!([half.proved, wide.proved, closed.proved, cell.proved], [true, true, false, false]);
-    // No case is 0.3333, and it is seen.
+    // No case is 0.3333, but the check finds it.
     let peak = part.function("peak").over(0.0..=1.0).stays_within(0.0..=1.0);
     assert!(!peak.proved);
     disagreement(nth().unrecorded().try_stays_within(0.0..7.0));
@@ -111,7 +111,7 @@ fn results_at_the_end_of_a_half_open_range() {
     // A smooth peak.
     let hill = part.function("hill").over((0.0..=1.0, 0.0..=1.0)).unrecorded();
     disagreement(hill.try_stays_within(0.0..1.0));
-    // A range from 0 has no -0, of which this is -pi.
+    // A range from 0 doesn't contain -0, for which the result is -pi.
     let angle = part.function("angle").over(0.0..=1.0).unrecorded().try_stays_within(0.0..3.2);
     angle.expect("from 0 on it is pi");
     // Every u32 is below 2^32.
@@ -141,7 +141,7 @@ fn vectors_of_another_length() {
     assert!(reason.contains("f32, which isn't a vector of floats"), "{reason}");
 }
 
-/// A basis around `n`, with faults in place of its sign and of what is added to its tangent.
+/// A basis around `n`, with a planted sign and a planted addition to its tangent.
 fn basis(sign: &str, lean: &str) -> Package {
     package(&format!(
         "struct Frame {{ t: vec3f, b: vec3f, n: vec3f }}
@@ -172,13 +172,13 @@ fn frames_of_the_other_hand_and_vectors_that_lean() {
     assert_eq!(found.paths[0].census.failures, 65_536, "each leans by 1e-2");
     let found = disagreement(over(leaning, "frame").unrecorded().try_is_right_handed_frame());
     assert_eq!(found.check, "is_right_handed_frame");
-    // A mirrored frame has unit vectors at right angles, too.
+    // A mirrored frame also has unit vectors at right angles.
     let left: &Package = Box::leak(Box::new(basis("-1.0", "0.0")));
     for name in ["frame", "columns"] {
         let found = disagreement(over(left, name).unrecorded().try_is_right_handed_frame());
         assert_eq!(found.paths[0].census.failures, 65_536, "each is mirrored");
     }
-    // A vector of zeros is perpendicular to everything, and no direction.
+    // A zero vector is perpendicular to everything, but isn't a direction.
     let scaled = right.function("none").over((0.0..=1.0, UnitVector));
     let found = disagreement(scaled.unrecorded().try_is_perpendicular_to("n"));
     assert!(found.paths[0].census.failures < 65_536, "some are scaled by another number");
@@ -216,7 +216,7 @@ fn functions_that_are_not_their_other_form() {
     );
     let error = compared(&text("1.0"), "exakt").expect_err("there is none").to_string();
     assert!(error.contains("did you mean `exact`?"), "{error}");
-    // Textures that are parameters are the same by their order.
+    // Textures that are parameters are matched by position.
     let image = |factor: &str| {
         package(&format!(
             "fn f(a: texture_2d<f32>, b: texture_2d<f32>, x: f32) -> f32 {{
@@ -234,7 +234,7 @@ fn functions_that_are_not_their_other_form() {
     };
     textures(&image("1.0")).expect("the same");
     disagreement(textures(&image("1.01")));
-    // The reference is evaluated in f64, and so it isn't what the driver makes of the same text.
+    // The reference is evaluated in f64, so it differs from the driver's result for the same text.
     let body = "(x: vec2f) -> f32 { return x.x * x.x - x.y * x.y; }";
     let same = package(&format!("fn f{body}\nfn g{body}"));
     let same = || {
@@ -242,7 +242,7 @@ fn functions_that_are_not_their_other_form() {
         same.function("f").over(squares)
     };
     disagreement(same().unrecorded().try_agrees_with_function("g", Rel(1e-7)));
-    // No mistake in a function could be seen by itself; whether a driver keeps to WGSL can.
+    // A function compared with itself can't show a mistake of its own, only a driver's violation of WGSL.
     let reason = unsuited(same().unrecorded().try_agrees_with_function("f", Rel(1e-7)));
     assert!(reason.contains("is compared with itself"), "{reason}");
     same()
@@ -264,7 +264,7 @@ fn what_grazes_is_left_out() {
     assert_eq!(Hemisphere.above(1.0).edges(), [Vec3::Z]);
 }
 
-/// Hazards of some kinds alone, and those that are meant.
+/// Only some kinds of hazards, and accepted ones.
 #[test]
 fn hazards_of_a_kind() {
     use karat::check::HazardKind as Kind;
@@ -276,7 +276,7 @@ fn hazards_of_a_kind() {
     let level = || package.function("level").over(Integers(0..=3_u32)).unrecorded();
     let found = disagreement(capped().try_has_none_of([Kind::Infinite]));
     assert_eq!((found.check, &*found.assertion), ("has_none_of", "nothing inside is infinite"));
-    // Of the kinds that it has, those that are asked for are shown.
+    // Of its kinds of hazards, only the requested ones are shown.
     assert!(!found.to_string().contains("unbounded at"), "{found}");
     disagreement(capped().try_has_none_of([Kind::Nan, Kind::Infinite]));
     capped().try_has_none_of([Kind::Nan, Kind::OutOfRange]).expect("it has others");
@@ -288,7 +288,7 @@ fn hazards_of_a_kind() {
     let both = || capped().accept_hazard("1.0  /  x", meant).accept_hazard("pow(x, 5.0)", meant);
     both().try_has_no_hazards().expect("both are meant");
     for (reason, part) in [
-        // An operation that isn't there, a kind that isn't asked for, no reason, and no place for it.
+        // A missing operation, a kind that isn't requested, no reason, and a place that takes none.
         (unsuited(both().accept_hazard("2.0 / x", meant).try_has_no_hazards()), "isn't needed"),
         (unsuited(both().try_has_none_of([Kind::Infinite])), "`pow(x, 5.0)`, which isn't needed"),
         (unsuited(both().try_has_none_of([Kind::Nan])), "isn't needed: remove it"),

@@ -1,9 +1,9 @@
-//! Reads outside of arrays that matter by what else WGSL lets them give, and others that don't.
+//! Tests reads outside arrays: those that matter, because WGSL allows other results for them, and those that don't.
 
 use karat::check::HazardKind;
 use karat::prelude::*;
 
-/// The lines that read or write outside so that it matters, of one workgroup of four over `d`, which holds these words.
+/// The lines with reads or writes outside that matter, for one workgroup of four invocations over `d` with these words.
 fn lines(body: &str, words: &[u32]) -> Vec<usize> {
     let text = format!(
         "@group(0) @binding(0) var<storage, read_write> d: array<u32>;
@@ -31,7 +31,7 @@ const table = array<u32, 3>(5u, 6u, 7u);
 #[test]
 fn reads_outside_that_matter() {
     let all: &[(&str, &[u32], &[usize])] = &[
-        // The write of the other site puts the word back that the read has lost.
+        // The write of the other line restores the word that the read has lost.
         (
             "for (var k = 0u; k < 8u; k++) {
     let a = 2u * i + (k & 1u);
@@ -43,26 +43,26 @@ fn reads_outside_that_matter() {
             &[7, 2, 3, 4, 6, 5, 1, 8],
             &[4],
         ),
-        // Two reads that matter together, of which the second is made if the first is 0.
+        // Two reads that only matter together. The second runs if the first is 0.
         ("if d[i + 1u] == 0u && d[i + 2u] == 0u { out[i] = 1u; }", &[1, 1, 1, 1], &[1]),
-        // Two reads that matter together, and that are both made.
+        // Two reads that only matter together, and both run.
         (
             "let x = d[i + 1u];\nlet y = d[i + 2u];\nif x + y == 0u { out[i] = 1u; }",
             &[1, 1, 1, 1],
             &[1],
         ),
-        // Three of them.
+        // Three such reads.
         (
             "let x = d[i + 1u];\nlet y = d[i + 2u];\nlet z = d[i + 3u];\nif x + y + z == 0u { out[i] = 1u; }",
             &[2, 2, 2, 2],
             &[1],
         ),
-        // A branch that isn't taken where the read is clamped.
+        // A branch that isn't taken if the read is clamped.
         ("if i < 3u && d[i ^ 1u] < d[i] { out[i] = 1u; }", &[2, 3, 4], &[1]),
-        // An element that only some index finds.
+        // An element that only some index reaches.
         ("if d[i + 4u] == 7u { out[i] = 1u; }", &[1, 1, 7, 1], &[1]),
         ("if d[i + 4u] == 8u { out[i] = 1u; }", &[1, 8, 1, 1], &[1]),
-        // A sum, a minimum, an index by what is read.
+        // A sum, a minimum, and a result of the read as an index.
         ("out[i] = d[i] + d[i + 1u];", &[1, 2, 3, 4], &[1]),
         ("out[i] = min(d[i], d[i + 1u]);", &[1, 2, 3, 4], &[1]),
         (
@@ -73,7 +73,7 @@ fn reads_outside_that_matter() {
         // Of workgroup memory, of a variable, of a constant.
         ("var own = array<u32, 3>(1u, 2u, 3u);\nout[i] = own[i];", &[0; 4], &[2]),
         ("out[i] = table[i];", &[0; 4], &[1]),
-        // A write matters always, even of the word that is there.
+        // A write always matters, even of the same word.
         ("if i == 3u { d[i + 1u] = 4u; }", &[1, 2, 3, 4], &[1]),
     ];
     for (body, words, expected) in all {
@@ -84,17 +84,17 @@ fn reads_outside_that_matter() {
 #[test]
 fn reads_outside_that_do_not_matter() {
     let all: &[(&str, &[u32])] = &[
-        // The word is given up, or has no weight.
+        // The word is dropped, or has no weight.
         ("out[i] = select(0u, d[i + 1u], i < 3u);", &[1, 2, 3, 4]),
         ("out[i] = d[i] + 0u * d[i + 1u];", &[1, 2, 3, 4]),
         ("let x = d[i + 1u];\nif i < 3u { out[i] = x; }", &[1, 2, 3, 4]),
-        // What is read decides nothing: no element, and no zero, is above 9.
+        // The read doesn't affect the condition: no element, and no zero, is above 9.
         ("if d[i + 1u] > 9u { out[i] = 1u; }", &[1, 2, 3, 4]),
         // A number that no element has, and that isn't zero.
         ("if d[i + 1u] == 47u { out[i] = 1u; }", &[1, 2, 3, 4]),
-        // Two reads, of which one is given up.
+        // Two reads; one is dropped.
         ("out[i] = select(0u, d[i + 1u] + d[i + 2u], i < 2u);", &[1, 2, 3, 4]),
-        // All elements are zero already.
+        // All elements are zero anyway.
         ("out[i] = d[i + 1u];", &[0, 0, 0, 0]),
         ("out[i] = max(d[i + 1u], 4u);", &[1, 2, 3, 4]),
         ("out[i] = table[min(i, 2u)];", &[0; 4]),
@@ -105,7 +105,7 @@ fn reads_outside_that_do_not_matter() {
     }
 }
 
-/// A pass with more lines that read outside than there are runs for says how many weren't tried.
+/// A pass with more lines that read outside than there are runs reports how many weren't tried.
 #[test]
 fn lines_that_are_not_tried_are_counted() {
     let many: String =

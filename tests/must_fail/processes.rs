@@ -1,4 +1,4 @@
-//! Faults that need a process of their own: hangs, missing adapters, replays, settings.
+//! Tests faults that need their own process: hangs, missing adapters, replays, settings.
 
 use karat::Path;
 use std::process::{Command, Output};
@@ -6,7 +6,7 @@ use std::time::{Duration, Instant};
 
 use crate::goldens::golden_fault;
 
-/// Runs a planted fault in a process of its own.
+/// Runs a planted fault in its own process.
 pub(crate) fn planted(fault: &[&str], environment: &[(&str, &str)]) -> (Output, String) {
     let mut command = Command::new(env!("CARGO_BIN_EXE_planted"));
     for name in ["CI", "KARAT_PATHS", "KARAT_REQUIRE", "KARAT_RECORD"] {
@@ -28,7 +28,7 @@ fn no_fault_succeeds() {
     assert!(output.status.success(), "{text}");
 }
 
-/// A check that doesn't fit its function has the function's place in the record, and names what differs.
+/// A check that doesn't fit its function is recorded at the function's place, and names the difference.
 #[test]
 fn a_signature_that_does_not_fit_is_recorded_where_it_stands() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -44,7 +44,7 @@ fn a_signature_that_does_not_fit_is_recorded_where_it_stands() {
     assert_eq!(location, "<planted>:2:1");
 }
 
-/// That a package is valid as a whole is a check, which a record has like others.
+/// The validity of a whole package is a check, which the record lists like others.
 #[test]
 fn that_a_package_is_valid_is_recorded() {
     for (fault, verdict, failures) in [
@@ -72,8 +72,8 @@ fn that_a_package_is_valid_is_recorded() {
     }
 }
 
-/// A replay that replays nothing is red, and says which check was likely meant. One that replays
-/// the second check of a program is not.
+/// A replay that matches nothing fails, and names the check that was probably meant. One that replays the second check
+/// of a program passes.
 #[test]
 fn a_replay_of_nothing() {
     let (output, text) = planted(&["two"], &[("KARAT_CASE", "g/agrees_with/3")]);
@@ -93,7 +93,7 @@ fn a_replay_of_nothing() {
     }
     let (output, text) = planted(&["two"], &[("KARAT_CASE", "g/agrees_with/65536")]);
     assert!(!output.status.success() && text.contains("none with index 65536"), "{text}");
-    // One case that a transformation leaves as it is says nothing of the others.
+    // A case that a transformation doesn't change proves nothing about the others.
     for case in ["f/invariant_under/0", "f/invariant_under/1"] {
         let (output, text) = planted(&["mirrored"], &[("KARAT_CASE", case)]);
         assert!(output.status.success(), "{text}");
@@ -122,7 +122,7 @@ fn a_test_that_replays_nothing() {
         let output = command.output().expect("it runs");
         (output.status.success(), String::from_utf8_lossy(&output.stderr).into_owned())
     };
-    // The test wants all cases, so it fails by itself where one is replayed.
+    // The test expects all cases, so replaying one makes it fail by itself.
     let (passed, text) = run("fresnel::schlick/agrees_with/7");
     assert!(!passed && !text.contains("replays nothing"), "{text}");
     let (passed, text) = run("fresnel::schlik/agrees_with/7");
@@ -156,7 +156,7 @@ fn settings_with_a_slip() {
     }
 }
 
-/// A fault that is seen on the last path alone is reduced on that path.
+/// A fault that shows only on the last path is simplified on that path.
 #[test]
 fn a_fault_of_the_last_path_is_reduced_there() {
     let (output, text) = planted(&["one_path"], &[("KARAT_PATHS", "all")]);
@@ -169,7 +169,7 @@ fn a_fault_of_the_last_path_is_reduced_there() {
     assert_eq!(agree, open - 1, "{text}");
 }
 
-/// The replay command runs the failing case alone, with the same inputs.
+/// The replay command runs only the failing case, with the same inputs.
 #[test]
 fn replay() {
     let (_, text) = planted(&["too_large"], &[]);
@@ -190,7 +190,7 @@ fn replay() {
     assert!(!output.status.success() && text.contains("none with index 99999999"), "{text}");
 }
 
-/// Mesa and the loader find no driver: what is required must run, and something must run at all.
+/// Mesa and the loader find no driver: a required path must run, and at least one path must.
 #[test]
 fn no_adapter() {
     let hidden = [
@@ -204,7 +204,7 @@ fn no_adapter() {
     let (output, text) = planted(&["none"], &[("KARAT_ADAPTER", "no such adapter")]);
     assert!(!output.status.success(), "{text}");
     assert!(text.contains("no execution path opens on this machine"), "{text}");
-    // Where nobody asks for a driver and there is none, the engine runs functions, and no frame.
+    // If no driver is required and none exists, the engine runs functions, but no frame.
     let mut bare = vec![("__EGL_VENDOR_LIBRARY_FILENAMES", "/dev/null"), ("KARAT_REQUIRE", "")];
     bare.extend([hidden[0], hidden[1], ("KARAT_PATHS", "")]);
     let (_, text) = planted(&["too_large"], &bare);
@@ -223,7 +223,7 @@ fn no_adapter() {
     assert!(!output.status.success() && text.contains("did you mean `vulkan`?"), "{text}");
 }
 
-/// A shader that never ends is reported within the deadline, and nothing stays behind.
+/// A shader that never ends is reported within the deadline, and leaves no process behind.
 #[test]
 fn an_endless_loop() {
     let open = Path::ALL.into_iter().filter(|path| karat::unstable::path::adapter(*path).is_ok());
@@ -234,7 +234,7 @@ fn an_endless_loop() {
         let environment = [("KARAT_TIMEOUT", "1.5"), ("KARAT_PATHS", path.name())];
         let (output, text) = planted(&["endless_loop"], &environment);
         assert!(!output.status.success(), "{text}");
-        // A driver that makes rounds fast is ended by their number, and the engine then finds the loop.
+        // On a fast driver the number of rounds ends the loop, and then the engine finds it.
         let driver = format!("`endless` (<planted>:1:1) on path {path}");
         let by_driver = text.contains(&driver) && text.contains("did not finish within 1.5 s");
         let engine =
@@ -242,7 +242,7 @@ fn an_endless_loop() {
         let slow = karat::unstable::path::adapter(path)
             .is_ok_and(|adapter| adapter.family() == "llvmpipe");
         assert!(by_driver || !slow && text.contains(engine), "{text}");
-        // Collecting its output has waited for the process: it is gone, not a zombie.
+        // Collecting its output has waited for the process, so it is gone and not a zombie.
         assert!(start.elapsed() < Duration::from_secs(30), "on {path}: {:?}", start.elapsed());
     }
 }

@@ -1,4 +1,4 @@
-//! Compute passes whose result depends on what WGSL doesn't order or define, which a driver may hide.
+//! Tests compute passes whose results depend on something that WGSL doesn't order or define. A driver may hide that.
 
 use karat::check::HazardKind;
 use karat::compute::ComputeError;
@@ -12,7 +12,7 @@ var<workgroup> tile: array<u32, 64>;
     @builtin(global_invocation_id) id: vec3u, @builtin(workgroup_id) group: vec3u) {
 ";
 
-/// Violations of a body, dispatched over so many workgroups.
+/// The violations of a body, dispatched over so many workgroups.
 fn races(body: &str, groups: u32) -> Vec<Violation> {
     let package = Package::from_source("races", format!("{HEAD}{body}\n}}\n"));
     let mut passes = package.compute().with("data", Storage::new((0..64 * groups).map(|i| i + 1)));
@@ -39,7 +39,7 @@ fn races(body: &str, groups: u32) -> Vec<Violation> {
     }
 }
 
-/// The first race: its kind, element, both lines of the body and invocations of the first workgroup.
+/// The first race: its kind, its element, both lines of the body, and invocations of the first workgroup.
 fn first(body: &str, groups: u32) -> (HazardKind, String, [String; 2]) {
     let races = races(body, groups);
     let race = races.first().unwrap_or_else(|| panic!("the fault was not seen:\n{body}"));
@@ -55,7 +55,7 @@ fn first(body: &str, groups: u32) -> (HazardKind, String, [String; 2]) {
     (race.kind, race.element.clone(), [access(0), access(1)])
 }
 
-/// Blelloch's sum of a workgroup in a tree, without one of the barriers of a round.
+/// Blelloch's sum of a workgroup in a tree, with one barrier of a round missing.
 #[test]
 fn a_scan_without_its_second_barrier() {
     let scan = |second: &str| {
@@ -76,7 +76,7 @@ data[id.x] = tile[i];"
     assert_eq!((kind, &*element), (HazardKind::Race, "tile[0]"));
     assert_eq!(one, "4 local (1) of workgroup (0) reads 1");
     assert!(other.starts_with("6 local (0) of workgroup (0) writes "), "{other}");
-    // The barrier at the end is the one that is missing, though one stands between both lines.
+    // Only the barrier at the end of the round is missing, though there is one between both lines.
     let late = scan("workgroupBarrier();").replace("left;\n    workgroupBarrier();", "left;");
     let package = Package::from_source("races", format!("{HEAD}{late}\n}}\n"));
     let compute = package.compute().with("data", Storage::new((0..64_u32).map(|i| i + 1)));
@@ -96,7 +96,7 @@ if i == 0u { for (var k = 0u; k < 64u; k++) { sums[0] += tile[k]; } }";
     assert!(races(&reduce.replace("sums[0]", "sums[group.x]"), 2).is_empty());
 }
 
-/// One invocation of each workgroup acts upon a counter that another one may have changed since.
+/// One invocation of each workgroup uses a counter that another one may have changed since.
 #[test]
 fn a_count_that_another_workgroup_changes_meanwhile() {
     let package = |takes: &str, fills: &str| {
@@ -131,16 +131,16 @@ fn a_count_that_another_workgroup_changes_meanwhile() {
             && race.accesses[0].invocation != race.accesses[1].invocation,
         "{found}"
     );
-    // Without the list nothing races, and the count is too low.
+    // Without the list there is no race, but the count is too low.
     let error = counted(&package(stale, "atomicStore(&count, n + 1u);"), false);
     let Err(ComputeError::Order(order)) = error else { panic!("{error:?}") };
     assert_eq!(order.swap, "the invocations take turns, each to its next atomic");
     assert!(order.to_string().contains("`atomicLoad(&count)` gives local (0, 0, 0)"), "{order}");
-    // Each of the six loads and stores, in the order in which they went wrong.
+    // Each of the six loads and stores, in the order of the failing run.
     assert_eq!(order.turns[0].matches("`atomic").count(), 12, "{order}");
 }
 
-/// A flag is set before the word that it announces: another invocation may look between both atomics.
+/// A flag is set before the word that it announces: another invocation may read between the two atomics.
 #[test]
 fn a_word_that_is_published_before_it_is_written() {
     let head = "@group(0) @binding(0) var<storage, read_write> flag: atomic<u32>;
@@ -151,7 +151,7 @@ fn a_word_that_is_published_before_it_is_written() {
         format!("{first} {second}")
     };
     let (publish, write) = ("atomicStore(&flag, 1u);", "atomicStore(&value, 42u);");
-    // One workgroup publishes and another one reads, and so do two invocations of one.
+    // One workgroup publishes and another one reads; or two invocations of one workgroup do.
     let entries = |writes: &str| {
         let reads = "got[0] = 42u; if atomicLoad(&flag) == 1u { got[0] = atomicLoad(&value); }";
         format!(
@@ -165,7 +165,7 @@ fn a_word_that_is_published_before_it_is_written() {
                 {last}
             }}",
             last = match writes.starts_with(publish) {
-                // Counts itself before its part is there.
+                // Counts itself before its part is written.
                 true =>
                     "let n = atomicAdd(&flag, 1u); atomicAdd(&value, w.x + 1u); if n == 3u { got[0] = 32u + atomicLoad(&value); }",
                 false =>
@@ -187,7 +187,7 @@ fn a_word_that_is_published_before_it_is_written() {
             let Err(ComputeError::Order(order)) = wrong else { panic!("{entry}: {wrong:?}") };
             let operation = order.operation.as_deref().expect("a load gives something else");
             assert!(operation.starts_with("`atomic"), "{entry}: {operation}");
-            // In the right order it fails all the same: WGSL has no atomic that orders others.
+            // Even in the right order it fails: WGSL has no atomic that orders others.
             let told = order.to_string();
             assert_eq!(told.contains("WGSL's atomics are relaxed"), is_relaxed, "{entry}: {told}");
             let late = "take effect late";
@@ -250,7 +250,7 @@ fn barriers_that_some_invocations_miss() {
     assert_eq!(other, "1 local (0) of workgroup (0) goes another way here");
     let behind = |parts: &str| format!("{parts}\n\nworkgroupBarrier();\ndata[id.x] += 1u;");
     let inside = |parts: &str| format!("{parts}\ndata[id.x] += 1u;");
-    // The line of what parted them, however far it is from the barrier.
+    // The line at which they went different ways, however far it is from the barrier.
     for (body, line) in [
         (behind("if i > 3u { return; }"), 2),
         (behind("if i > 3u {\ndata[id.x] = 1u;\n} else {\nreturn; }"), 5),
@@ -275,7 +275,7 @@ fn barriers_that_some_invocations_miss() {
     }
 }
 
-/// Workgroup memory that is read too early is a hazard, in each workgroup anew, and fails no test.
+/// Reading workgroup memory too early is a hazard, in each workgroup separately, but fails no test.
 #[test]
 fn workgroup_memory_that_is_read_before_it_is_written() {
     let text = "var<workgroup> tile: array<vec2f, 8>;
@@ -317,7 +317,7 @@ fn workgroup_memory_that_is_read_before_it_is_written() {
     assert_eq!(found("right").len(), 0);
 }
 
-/// A blur that reads the buffer which it writes.
+/// A blur that reads the buffer that it writes.
 #[test]
 fn a_ping_pong_buffer_used_as_one() {
     let blur = |to: &str| {
@@ -330,8 +330,8 @@ fn a_ping_pong_buffer_used_as_one() {
     assert!(races(&blur("sums"), 1).is_empty());
 }
 
-/// `w[i] = d[i]; d[i] = w[63 - i];` is right on the engine, whose invocations run in lockstep, and on no driver for
-/// sure.
+/// `w[i] = d[i]; d[i] = w[63 - i];` gives the right result on the engine, whose invocations run in lockstep, but not
+/// reliably on any driver.
 #[test]
 fn a_reversal_without_a_barrier() {
     let text =
@@ -341,11 +341,11 @@ fn a_reversal_without_a_barrier() {
     assert_eq!(accesses[0], "1 local (63) of workgroup (0) writes 64");
     assert_eq!(accesses[1], "3 local (0) of workgroup (0) reads 64");
     assert!(races(&text("workgroupBarrier();"), 1).is_empty());
-    // A barrier of another address space orders nothing here.
+    // A barrier for another address space orders nothing here.
     assert_eq!(first(&text("storageBarrier();"), 1).1, "tile[63]");
 }
 
-/// A blur that reads one element beyond the end, and one that gives up what it reads there.
+/// A blur that reads one element beyond the end, and one that drops what it reads there.
 #[test]
 fn an_index_one_beyond_the_end() {
     let blur = |right: &str| format!("let right = {right};\nsums[id.x] = data[id.x] + right;");
@@ -360,10 +360,10 @@ fn an_index_one_beyond_the_end() {
     assert_eq!(accesses[0].does, "has index 128, and `data` has 128 elements");
     assert!(accesses[0].place.starts_with(&format!("<races>:{}:", HEAD.lines().count() + 1)));
     assert!(races(&blur("select(0u, data[id.x + 1u], id.x < 127u)"), 2).is_empty());
-    // A kind of element, which only one number means.
+    // The element decides about the result only if it is a certain number.
     let kind = races(&blur("select(1u, 2u, data[id.x + 1u] == 3u)"), 2);
     assert_eq!(kind[0].kind, HazardKind::OutOfRange);
-    // A write that is dropped on one driver, and lands in the last element on another one.
+    // One driver drops the write, another one writes the last element.
     let tail = "if id.x == 5u { data[id.x + 123u] = 7u; }";
     assert_eq!(races(tail, 2)[0].kind, HazardKind::OutOfRange);
     assert!(races("if id.x == 5u { data[id.x + 122u] = 7u; }", 2).is_empty());
@@ -371,7 +371,7 @@ fn an_index_one_beyond_the_end() {
         let seen = races(&format!("if id.x == 5u {{ data[{constant}] = 7u; }}"), 2);
         assert_eq!(seen.iter().map(|one| one.kind).collect::<Vec<_>>(), kinds, "{constant}");
     }
-    // A tail whose writes clamp to the value that is there already.
+    // Writes in the tail are clamped to an element that already has the value.
     let tail = "data[min(id.x, 200u) + 64u] = 7u;";
     let kinds: Vec<_> = races(tail, 2).iter().map(|one| (one.kind, one.count)).collect();
     assert_eq!(kinds, [(HazardKind::OutOfRange, 64)]);
@@ -379,7 +379,7 @@ fn an_index_one_beyond_the_end() {
     assert_eq!(reading.len(), 1, "one statement has one violation: {reading:?}");
 }
 
-/// A product that goes beyond 32 bits, and finds an element all the same.
+/// A product that exceeds 32 bits, and still reaches an element of the array.
 #[test]
 fn an_index_that_wraps_around() {
     let row = |stride: &str| {
@@ -397,7 +397,7 @@ fn an_index_that_wraps_around() {
     assert!(races(&row("0u"), 2).is_empty());
 }
 
-/// A workgroup whose size is an override has invocations by that size.
+/// An override gives the size of the workgroup, and so the number of invocations.
 #[test]
 fn a_size_that_is_an_override() {
     let text = "override WIDTH = 64u;
@@ -414,7 +414,7 @@ fn a_size_that_is_an_override() {
     assert_eq!(who, "local (1, 0, 0) of workgroup (0, 0, 0)");
 }
 
-/// An invocation that waits for another one never ends, and the sanitizer finds the race all the same.
+/// An invocation that waits for another one never ends, but the sanitizer still finds the race.
 #[test]
 fn a_loop_that_waits_hides_no_race() {
     let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
@@ -431,7 +431,7 @@ fn a_loop_that_waits_hides_no_race() {
     assert!(waits.to_string().contains("has a race on `data[0]`: two writes"), "{waits}");
 }
 
-/// The message about a body whose races are accepted so; empty if it passes.
+/// The message for a body with these accepted races; empty if it passes.
 fn accepting(how: &str, body: &str) -> String {
     let package = Package::from_source("races", format!("{HEAD}{body}\n}}\n"));
     let passes = package.compute().with("data", Storage::new(vec![0_u32; 64]));
@@ -448,7 +448,7 @@ fn accepting(how: &str, body: &str) -> String {
     any.err().map_or_else(String::new, |error| error.to_string())
 }
 
-/// A race that is accepted has to be there, with a reason, and no other race is accepted.
+/// An accepted race has to occur, needs a reason, and covers no other race.
 #[test]
 fn races_that_are_accepted() {
     assert_eq!(accepting("race", "data[0] = i + 1u;"), "");
@@ -471,7 +471,7 @@ fn races_that_are_accepted() {
     }
 }
 
-/// Elements that an atomic counter appends come in another order on each driver.
+/// Elements appended with an atomic counter have another order on each driver.
 #[test]
 fn an_append_whose_order_matters() {
     let text = "@group(0) @binding(0) var<storage, read_write> count: atomic<u32>;
@@ -518,7 +518,7 @@ fn an_append_whose_order_matters() {
     assert!(seen.swap.ends_with("the last one first"), "{}", seen.swap);
     let holds = |found: &[u32]| found.is_sorted();
     order(after("groups", 8, "found").try_satisfies("rises", holds));
-    // Side by side both invocations have counted before either one looks, behind a barrier as before it.
+    // Side by side, both invocations have counted before either one reads, with a barrier or without.
     let text = "var<workgroup> count: atomic<u32>;
                 @group(0) @binding(1) var<storage, read_write> found: array<u32>;
                 @compute @workgroup_size(8) fn free(@builtin(local_invocation_index) i: u32) {
@@ -550,17 +550,17 @@ fn an_append_whose_order_matters() {
         assert!(seen.swap.contains("one after the other"), "{entry}: {}", seen.swap);
     }
     counted("ordered").expect("a barrier lies between them");
-    // A set has no order, and neither has a sum.
+    // A set has no order, and neither does a sum.
     after("invocations", 1, "found").up_to_order().agrees_with(thirds, Abs(0.0));
     after("groups", 8, "found").up_to_order().agrees_with(all, Abs(0.0));
     after("sum", 1, "count").agrees_with([28_u32], Abs(0.0));
     after("sum", 1, "found").agrees_with(all, Abs(0.0));
-    // Sets differ all the same.
+    // But different sets still differ.
     let other = after("groups", 8, "found").up_to_order().try_agrees_with([1_u32; 8], Abs(0.0));
     assert!(matches!(other, Err(ComputeError::Differs(_))));
 }
 
-/// Of any two invocations that write one atomic, in statements of their own, each may come last.
+/// Of two invocations that write one atomic, in different statements, either may come last.
 #[test]
 fn an_order_of_two_invocations_that_matters() {
     for (first, second) in [(31, 32), (32, 31), (0, 63), (63, 0), (5, 40), (40, 6), (17, 18)] {
@@ -600,7 +600,7 @@ fn faults_of_another_order_alone() {
             if i == 3u { out[own - 3u] = 42u; } else { out[i + 1u] = 42u; }
         }
         @compute @workgroup_size(4) fn stack(@builtin(local_invocation_index) i: u32) {
-            // In lockstep all look before one has published.
+            // In lockstep all read before one has published.
             if atomicLoad(&flag) > 0u { out[0] = word; } else { out[i] = 42u; }
             if i == 2u { word = 42u; atomicStore(&flag, 1u); }
         }
@@ -639,8 +639,8 @@ fn faults_of_another_order_alone() {
     seen("in_order", 1, &["flag"]).expect("barriers order it in each order");
 }
 
-/// A driver may leave what is asserted where the engine doesn't: it rounds otherwise, or its subgroups are of another
-/// size. Orders have to leave the same nevertheless.
+/// A driver may give the asserted result where the engine doesn't, because it rounds differently, or its subgroups have
+/// another size. All orders have to give the same result anyway.
 #[test]
 fn an_order_that_matters_where_the_usual_one_fails() {
     let text = "@group(0) @binding(0) var<storage, read_write> count: atomic<u32>;
@@ -662,7 +662,7 @@ fn an_order_that_matters_where_the_usual_one_fails() {
         };
         passes.dispatch(name, [1, 1, 1])
     };
-    // No path leaves this, as a driver with an arithmetic of its own would.
+    // No path gives this result, as if a driver had its own arithmetic.
     let others = (0..8_u8).map(|i| 0.5 * f64::from(i) + 0.25);
     let seen = passes("append").after("out").unrecorded().try_agrees_with(others.clone(), Abs(0.0));
     let Err(ComputeError::Order(order)) = seen else { panic!("{seen:?}") };
@@ -676,12 +676,12 @@ fn an_order_that_matters_where_the_usual_one_fails() {
         .unrecorded()
         .try_satisfies("is 8", |count: &[u32]| count == [8]);
     assert!(matches!(seen, Err(ComputeError::Order(_))), "it holds in one order: {seen:?}");
-    // A result that no order changes differs by its numbers alone.
+    // If no order changes a result, it differs only in its numbers.
     let seen = passes("own").after("out").unrecorded().try_agrees_with(others, Abs(0.0));
     assert!(matches!(seen, Err(ComputeError::Differs(_))), "{seen:?}");
 }
 
-/// A device has subgroups of its own size, and a shader that counts on 32 is right by chance.
+/// A device has its own subgroup size, so a shader that relies on 32 is right by chance.
 #[test]
 fn a_reduction_that_assumes_subgroups_of_32() {
     let text = "@group(0) @binding(0) var<storage, read_write> sums: array<u32>;
@@ -746,7 +746,7 @@ fn a_reduction_that_assumes_subgroups_of_32() {
     }
 }
 
-/// A dispatch that rounds down leaves the tail as it was, which equal values hide.
+/// A dispatch that rounds down leaves the tail unchanged, which equal values hide.
 #[test]
 fn a_tail_that_no_invocation_writes() {
     let text = "enable f16;
@@ -793,7 +793,7 @@ fn a_tail_that_no_invocation_writes() {
     }
 }
 
-/// A pass over a texture whose guard is one too strict, and a buffer that nothing writes.
+/// A pass over a texture whose guard is too strict by one, and a buffer that nothing writes.
 #[test]
 fn texels_that_no_invocation_writes() {
     let text = "@group(0) @binding(0) var image: texture_storage_2d<rgba16float, write>;
@@ -824,7 +824,7 @@ fn texels_that_no_invocation_writes() {
     }
 }
 
-/// A blur within one texture: the value that is read and the one that is written, by the texel's own numbers.
+/// A blur within one texture: the report has the read and the written value, in the texel's own type.
 #[test]
 fn texels_that_race_have_their_values() {
     let text = "@group(0) @binding(0) var image: texture_storage_2d<r32float, read_write>;
@@ -850,7 +850,7 @@ fn texels_that_race_have_their_values() {
     assert_eq!(does, expected, "{found}");
 }
 
-/// The neighbour of the last texel: its coordinate and the texture's size, of numbers and of whole ones.
+/// The neighbour of the last texel: its coordinate and the texture's size, for floats and for integers.
 #[test]
 fn a_texel_beyond_the_edge() {
     let cpu = karat::unstable::executor::of(karat::Path::CPU).expect("it is always there");
@@ -880,7 +880,7 @@ fn a_texel_beyond_the_edge() {
     }
 }
 
-/// The message of two passes names the one whose order matters, with its place.
+/// The message about two passes names the one whose order matters, with its place.
 #[test]
 fn one_pass_of_several_depends_on_its_order() {
     let text = "@group(0) @binding(0) var<storage, read_write> last: atomic<u32>;
@@ -901,7 +901,7 @@ fn one_pass_of_several_depends_on_its_order() {
     assert!(order.location.starts_with("<two>:3:"), "{order}");
 }
 
-/// A function above the entry point that calls it is no loop: a barrier between both lines orders them.
+/// A function that is written above its caller isn't a loop: a barrier between both lines orders them.
 #[test]
 fn a_race_with_a_function_above() {
     let load = "fn load(i: u32) -> u32 { return tile[i]; }";

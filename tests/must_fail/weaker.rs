@@ -1,4 +1,4 @@
-//! Checks that would see less than they say, and checks that couldn't fail.
+//! Tests that checks refuse to claim more than they can see, and that checks that couldn't fail are errors.
 
 use std::collections::HashSet;
 use std::sync::Mutex;
@@ -19,7 +19,7 @@ fn package(text: &str) -> Package {
     Package::from_source("weaker", text)
 }
 
-/// Steps down that only neighbours show.
+/// Steps down that only neighbouring arguments show.
 #[test]
 fn a_function_that_falls_in_short_steps() {
     let text = "fn f(x: f32) -> f32 { return x - 2e-5 * f32(u32(x * 65536.0) & 1u); }";
@@ -29,13 +29,13 @@ fn a_function_that_falls_in_short_steps() {
         check.unrecorded().try_is_monotone_in("x", Trend::Increasing, Abs(1e-6))
     };
     for path in disagreement(rises(1)).paths {
-        // Steps of 2e-5 and less fall. The nearest of 32 draws is hardly ever so near: one pair in 2,000.
+        // Steps of 2e-5 or less fall. The nearest of 32 samples is rarely that near: in one of 2,000 pairs.
         let share = path.census.failures * 200;
         assert!(share > path.census.cases, "{} of {}", path.census.failures, path.census.cases);
     }
 }
 
-/// Two rules that agree on the first component alone.
+/// Two rules that agree only in the first component.
 #[test]
 fn rules_of_an_integral_that_differ_in_the_second_component() {
     let lobe = "exp(1e3 * (l.x - 1.0))";
@@ -70,7 +70,7 @@ fn integers_have_an_upper_bound_too() {
     disagreement(signed(-9.0, 10.0));
 }
 
-/// What WGSL allows reaches far from the reference on one side alone: above it, or below.
+/// The range that WGSL allows reaches far on only one side of the reference: above it, or below.
 #[test]
 fn an_allowed_interval_is_wide_at_either_end() {
     for (function, side) in [("max", 1.0), ("min", -1.0)] {
@@ -89,7 +89,7 @@ fn an_allowed_interval_is_wide_at_either_end() {
     }
 }
 
-/// No case is another one again, however many there are.
+/// No two cases are equal, however many there are.
 #[test]
 fn cases_beyond_the_first_dispatch_are_new() {
     let package = package("fn f(x: f32) -> f32 { return x; }");
@@ -120,7 +120,7 @@ fn the_floor_of_a_gate() {
     let gate = FrameTolerance::gate(1e-2);
     let passes =
         |dark: f32, alpha: f32| gate.compare(&image(0.0, 0.0), &image(dark, alpha), None).is_ok();
-    // 1e-2 of a ten-thousandth of the key, which is 1; of alpha, of a hundredth.
+    // 1e-2 of a ten-thousandth of the key, which is 1; for alpha, of a hundredth.
     assert!(passes(0.9e-6, 0.9e-4), "less than the floor");
     assert!(!passes(1.5e-6, 0.0), "more than the floor of a colour");
     assert!(!passes(0.0, 1.5e-4), "more than the floor of alpha");
@@ -135,7 +135,7 @@ fn an_edit_of_one_ulp_is_a_change() {
     assert!(matches!(change, Change::Changed { .. }), "{change:?}");
 }
 
-/// Whichever case it is that looks outside of an array.
+/// Any case may be the one that reads outside an array.
 #[test]
 fn each_case_that_is_out_of_range_is_told() {
     let text = "fn f(i: u32) -> f32 { var a = array<f32, 3>(1.0, 2.0, 3.0); return a[i]; }";
@@ -151,7 +151,7 @@ fn each_case_that_is_out_of_range_is_told() {
     }
 }
 
-/// Bounds that nothing exceeds, and ranges that hold all there is.
+/// Bounds that no value can exceed, and ranges that contain all values.
 #[test]
 fn bounds_that_nothing_exceeds_are_refused() {
     let package = package("fn f(x: f32) -> f32 { return x; }\nfn u(i: u32) -> u32 { return i; }");
@@ -174,7 +174,7 @@ fn bounds_that_nothing_exceeds_are_refused() {
     all(f64::from(u32::MAX) - 1.0).expect("they do");
 }
 
-/// Passes that leave everything as it was show nothing, whatever is said of it.
+/// Passes that leave everything unchanged prove nothing, whatever is asserted.
 #[test]
 fn passes_that_change_no_word() {
     let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
@@ -199,12 +199,12 @@ fn passes_that_change_no_word() {
         .unrecorded()
         .try_satisfies("is in order", in_order)
         .expect("it is sorted");
-    // What fails has shown something.
+    // A failure does prove something.
     let found = after("idle", [2, 1]).unrecorded().try_satisfies("is in order", in_order);
     assert!(!unchanged(&found.expect_err("it isn't in order")));
 }
 
-/// A mesh that lies wholly outside of the frame leaves what the frame was cleared to.
+/// A mesh completely outside the frame leaves the clear colour.
 #[test]
 fn a_draw_that_touches_no_pixel() {
     let text = "struct Out { @builtin(position) at: vec4f }
@@ -225,17 +225,17 @@ fn a_draw_that_touches_no_pixel() {
         let found = frame.clone().unrecorded().try_matches(&goldens, "mesh");
         (found.map_err(|error| error.to_string()), frame.render(path))
     };
-    // With a golden of nothing, and without one.
+    // With an empty golden, and without one.
     let (without, empty) = compared("8.0");
     assert!(without.expect_err("nothing is drawn").contains("no draw touches a pixel"));
     let empty = empty.expect("it is drawn");
     empty.write_exr(&folder.path().join("mesh.exr"), Precision::Float, None).expect("written");
     assert!(compared("8.0").0.expect_err("nothing is drawn").contains("no draw touches a pixel"));
-    // What differs from its golden says more.
+    // A difference from the golden is the better message.
     assert!(compared("0.0").0.expect_err("it is drawn").contains("differs from its golden"));
 }
 
-/// One of two fixtures of a variable would be ignored.
+/// If a variable had two fixtures, one would be ignored.
 #[test]
 fn a_variable_is_given_once() {
     let text = "@group(0) @binding(0) var<uniform> gain: f32;

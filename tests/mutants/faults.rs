@@ -1,4 +1,4 @@
-//! The faults: each a text that stands once in a module, and what is put in its place.
+//! The faults: each is a text that occurs once in a module, and its replacement.
 
 use std::fmt;
 
@@ -6,35 +6,35 @@ use std::fmt;
 pub(crate) struct Fault {
     pub(crate) module: &'static str,
     pub(crate) kind: Kind,
-    /// Stands once in the module.
+    /// Occurs once in the module.
     pub(crate) original: &'static str,
     pub(crate) replacement: &'static str,
     /// The test that catches it: `file::name`.
     pub(crate) test: &'static str,
 }
 
-/// What kind of slip a fault is.
+/// The kind of mistake.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Kind {
-    /// Something kept within bounds that has none.
+    /// A missing clamp.
     Clamp,
     Comparison,
     Constant,
-    /// Roughness, alpha or its square; where angles begin.
+    /// Roughness, alpha or its square; the origin of angles.
     Convention,
-    /// The same on paper, but f32 loses digits.
+    /// Equal on paper, but f32 loses digits.
     Digits,
     DroppedTerm,
-    /// World or local, stretched or not.
+    /// World or local space, stretched or not.
     Frame,
-    /// Something missing that keeps rare arguments out.
+    /// A missing guard against rare arguments.
     Guard,
     /// A Jacobian or a cosine.
     Measure,
     OffByOne,
     Pi,
     Sign,
-    /// Arguments or operands.
+    /// Exchanged arguments or operands.
     Swapped,
 }
 
@@ -75,7 +75,7 @@ const fn fault(
     Fault { module, kind, original, replacement, test }
 }
 
-/// Each is caught by the test that it names.
+/// The test that each names catches it.
 pub(crate) const FAULTS: &[Fault] = &[
     fault("math", Kind::DroppedTerm, "x2 * x2 * x;", "x2 * x2;", "sampling::pow5"),
     fault(
@@ -955,7 +955,7 @@ pub(crate) const FAULTS: &[Fault] = &[
         "environment",
         Kind::Guard,
         "if (from_axis > 0.0)",
-        // Not `>= 0.0`: WGSL lets atan2(0, 0) be 0, and on some drivers it is.
+        // Not `>= 0.0`: WGSL allows atan2(0, 0) to be 0, and on some drivers it is.
         "if (from_axis > 0.5)",
         "environment::equirectangular_uv",
     ),
@@ -1339,7 +1339,7 @@ pub(crate) const FAULTS: &[Fault] = &[
     ),
 ];
 
-/// Faults that no test can see, each with the reason.
+/// Faults that no test can detect, each with the reason.
 pub(crate) const SURVIVORS: &[(Fault, &str)] = &[(
     fault(
         "fresnel",

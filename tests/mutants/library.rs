@@ -1,4 +1,4 @@
-//! The library's own tests as processes, with a fault in place of a module.
+//! Runs the library's own tests as processes, with a fault in place of a module.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path as FilePath, PathBuf};
@@ -15,13 +15,13 @@ pub(crate) struct Library {
     binaries: BTreeMap<String, PathBuf>,
 }
 
-/// What the tests made of a fault.
+/// The outcome of the tests for a fault.
 pub(crate) enum Outcome {
     /// These checks failed: at least one.
     Caught(Vec<Caught>),
     /// The tests passed.
     Survived,
-    /// The fault is none, or the run doesn't show what it should.
+    /// The fault changes nothing, or the run doesn't prove what it should.
     Broken(String),
 }
 
@@ -31,15 +31,15 @@ pub(crate) struct Caught {
     pub(crate) test: String,
     /// Function and verb: `fresnel::schlick agrees_with`.
     pub(crate) check: String,
-    /// How many of its cases: `12 of 65536`.
+    /// The number of its failing cases: `12 of 65536`.
     pub(crate) failing: String,
     /// The largest error.
     pub(crate) worst: String,
-    /// What was asserted: the tolerance, or the statement.
+    /// The assertion: the tolerance, or the statement.
     pub(crate) asserted: String,
 }
 
-/// A module as it is.
+/// A module's own text.
 pub(crate) fn text(module: &str) -> String {
     let path = PBR.root().join(format!("{module}.wgsl"));
     std::fs::read_to_string(&path).unwrap_or_else(|error| panic!("{}: {error}", path.display()))
@@ -51,13 +51,13 @@ impl Library {
         Self::of(&targets())
     }
 
-    /// Compiles files of tests, unless they are, as this one was compiled.
+    /// Compiles files of tests, in the same way as this program, unless they are compiled already.
     pub(crate) fn of(targets: &BTreeSet<&str>) -> Self {
         let folder = FilePath::new(env!("CARGO_BIN_EXE_planted")).parent().expect("in a folder");
         let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
         let mut command = Command::new(cargo);
-        // Of the whole workspace, as this one is: for one package Cargo would choose other features
-        // of shared dependencies, and compile most of them once more.
+        // For the whole workspace, like this program: for one package Cargo would choose other features of shared
+        // dependencies, and compile most of them again.
         command.args(["test", "--no-run", "--offline", "--workspace"]);
         command.args(["--message-format", "json-render-diagnostics"]);
         match folder.file_name().and_then(|name| name.to_str()) {
@@ -81,7 +81,7 @@ impl Library {
         Self { binaries }
     }
 
-    /// Runs all tests that should catch a fault with overlays that change nothing.
+    /// Runs all tests that should catch a fault, with overlays that change nothing.
     pub(crate) fn control(&self, faults: &[&Fault]) -> Result<(), String> {
         let modules: BTreeSet<&str> = faults.iter().map(|fault| fault.module).collect();
         let texts: Vec<_> = modules.into_iter().map(|module| (module, text(module))).collect();
@@ -136,7 +136,7 @@ impl Library {
         output.unwrap_or_else(|error| panic!("{:?}: {error}", command.get_program()))
     }
 
-    /// Tests of a file as a process, with the overlay in a folder.
+    /// A process that runs tests of a file, with the overlay in a folder.
     fn command(&self, target: &str, names: &[&str], folder: &TempDir) -> Command {
         let program = program(target);
         let binary = self.binaries.get(program).unwrap_or_else(|| panic!("no tests `{program}`"));
@@ -147,7 +147,7 @@ impl Library {
                 command.env_remove(name); // of the run around this one, and its paths: one will do
             }
         }
-        // As many processes as cores, each with one.
+        // As many processes as cores, with one thread each.
         command.env("RAYON_NUM_THREADS", "1").arg("--test-threads=1");
         command.env("KARAT_OVERLAY", folder.path().join("overlay"));
         command.env("KARAT_RECORD", folder.path().join("record"));
@@ -155,7 +155,7 @@ impl Library {
         if !names.is_empty() {
             command.arg("--exact").args(names.iter().map(|name| full(target, name)));
         } else if program != target {
-            // The formulas as the source documents wrote them have tests of the same names.
+            // The tests of the source documents' formulas have the same names.
             command.arg(full(target, "")).args(["--skip", "as_written::"]);
         }
         command.current_dir(env!("CARGO_MANIFEST_DIR"));
@@ -179,12 +179,12 @@ fn program(target: &str) -> &str {
     if target == "golden" { target } else { "library" }
 }
 
-/// The name that a test of a file has in its program.
+/// The full name of a test in its program.
 fn full(target: &str, name: &str) -> String {
     if program(target) == target { name.to_owned() } else { format!("{target}::{name}") }
 }
 
-/// What a run shows, or why it shows nothing.
+/// The result of a run, or the reason why it proves nothing.
 fn judge(
     output: &Output,
     records: &[Record],
@@ -206,7 +206,7 @@ fn judge(
     if let Some(missing) = names.iter().find(|name| !ran.contains(&***name)) {
         return Err(format!("test `{missing}` isn't there, or records no check"));
     }
-    // A check that came to no verdict is no proof: the fault may not compile.
+    // A check without a verdict proves nothing: the fault may not compile.
     if let Some(record) = records.iter().find(|record| record.verdict == Verdict::Error) {
         let message = record.message.as_deref().unwrap_or_default();
         return Err(format!("`{}` can't be checked: {message}", record.test));
@@ -231,7 +231,7 @@ fn caught(record: &Record) -> Caught {
     let (failing, worst) = path.map_or_else(Default::default, |path| {
         (format!("{} of {}", path.failures, path.cases), path.worst.clone())
     });
-    // Without its file, which the table has.
+    // Without its file, which the table shows.
     let test = record.test.rsplit("::").next().unwrap_or_default().to_owned();
     Caught { test, check, failing, worst, asserted }
 }
@@ -240,7 +240,7 @@ fn mutated(fault: &Fault) -> String {
     text(fault.module).replacen(fault.original, fault.replacement, 1)
 }
 
-/// The files of tests that the table names.
+/// The files of the tests that the table names.
 fn targets() -> BTreeSet<&'static str> {
     let faults = FAULTS.iter().chain(SURVIVORS.iter().map(|(fault, _)| fault));
     faults.filter_map(|fault| fault.test.split("::").next()).collect()

@@ -1,10 +1,10 @@
-//! Faults planted in the shader library, and which of its own tests sees each.
+//! Plants faults in the shader library, and checks that its own tests catch each.
 //!
-//! A test suite is worth what it catches. Here each fault is one change of one module, given to the
-//! library's tests as an overlay (`KARAT_OVERLAY`), and an ordinary check has to fail: the record
-//! says which. The table is written to `target/karat/mutants.md`.
+//! A test suite is worth the faults that it catches. Each fault here is one change of one module, given to the
+//! library's tests as an overlay (`KARAT_OVERLAY`), and an ordinary check has to fail; the record says which. The table
+//! is written to `target/karat/mutants.md`.
 //!
-//! These are picked by hand (`faults.rs`). `cargo ci mutants` has those that a program makes.
+//! These faults are picked by hand (`faults.rs`). `cargo ci mutants` runs generated ones.
 
 mod faults;
 mod library;
@@ -17,7 +17,7 @@ use faults::{FAULTS, Fault, SURVIVORS};
 use library::{Caught, Library, Outcome};
 use rayon::prelude::*;
 
-/// Modules with functions that tests call, each of which needs a fault that is seen.
+/// Modules with functions that tests call. Each needs a fault that is caught.
 const MODULES: [&str; 15] = [
     "brdf",
     "camera",
@@ -52,21 +52,21 @@ fn the_table_is_well_formed() {
     assert!(FAULTS.len() >= 50, "{} faults", FAULTS.len());
 }
 
-/// The faults that are tried: in a sample the first of each module, and each fourth one.
+/// The faults to try: in a sample, the first of each module and every fourth one.
 fn tried() -> Vec<&'static Fault> {
     const APART: usize = 4;
     let whole = frames::are_suites_whole();
     let mut modules = BTreeSet::new();
     let is_tried = |(at, fault): &(usize, &Fault)| {
-        // Of each fault the module is noted.
+        // The module of every fault is noted.
         let is_first = modules.insert(fault.module);
         whole || is_first || at % APART == 0
     };
     FAULTS.iter().enumerate().filter(is_tried).map(|(_, fault)| fault).collect()
 }
 
-/// Every fault is seen by the test that the table names, every survivor survives all tests of its
-/// module, and without a fault all of these tests pass.
+/// The test in the table catches its fault, every survivor survives all tests of its module, and without a fault all of
+/// these tests pass.
 #[test]
 fn every_fault_is_caught_by_an_ordinary_check() {
     let start = Instant::now();
@@ -120,7 +120,7 @@ fn every_fault_is_caught_by_an_ordinary_check() {
     assert!(problems.is_empty(), "\n{}", problems.join("\n"));
 }
 
-/// A row of the table: the check whose worst error is shown is the first that failed.
+/// A row of the table. It shows the worst error of the first check that failed.
 fn row(fault: &Fault, checks: &[Caught]) -> String {
     let names: Vec<String> = checks.iter().map(|caught| format!("`{}`", caught.check)).collect();
     let Caught { failing, worst, asserted, test, .. } = &checks[0];
@@ -143,7 +143,7 @@ fn change(fault: &Fault) -> String {
     format!("{} → {}", code(fault.original), code(fault.replacement))
 }
 
-/// Writes the table where the records of `karat test` are, and shows it, also if the test passes.
+/// Writes the table to the folder of `karat test`'s records, and prints it, even if the test passes.
 fn publish(table: &str, summary: &str) {
     let path = output().join("karat/mutants.md");
     let text = format!("# Faults and the checks that catch them\n\n{table}\n{summary}");

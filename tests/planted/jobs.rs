@@ -1,4 +1,4 @@
-//! A program that runs jobs, with a fault planted, and what it is asked for.
+//! A program that runs jobs with a planted fault, and the jobs for it.
 
 use std::io::Write;
 
@@ -11,7 +11,7 @@ use karat::unstable::path::Ability;
 use karat::unstable::path::Adapter;
 use karat_inspect::conform;
 
-/// Runs jobs on the path that the second argument names, with the fault that the third one names.
+/// Runs jobs on the path in the second argument, with the fault in the third.
 pub(crate) fn serve() -> Result<String, String> {
     let mut arguments = std::env::args().skip(2);
     let path: Path =
@@ -36,12 +36,12 @@ pub(crate) fn serve() -> Result<String, String> {
     served.map(|()| "its input has ended".to_owned()).map_err(|error| error.to_string())
 }
 
-/// Writes a line that isn't the protocol's.
+/// Writes a line that doesn't belong to the protocol.
 fn say(line: &str) -> Result<(), String> {
     writeln!(std::io::stdout(), "{line}").map_err(|error| error.to_string())
 }
 
-/// Writes answers with the number of another job.
+/// Writes answers with another job's number.
 struct OfAnother<W>(W);
 
 impl<W: Write> Write for OfAnother<W> {
@@ -82,7 +82,7 @@ impl Executor for Faulty {
             _ => Vec::new(),
         };
         let problem = |message: &str| Problem { message: message.to_owned(), pass: 0, bytes: None };
-        // The words of the function or the entry point in the text.
+        // The words of the function or the entry point, for faults that depend on its name.
         let named = |text: &str| {
             let at = text.find("fn ").unwrap_or(0);
             Problem { bytes: Some(at..at + 2), ..problem("it is too beautiful") }
@@ -94,12 +94,12 @@ impl Executor for Faulty {
         Ok(match &*self.fault {
             // It runs nothing.
             "idle" => Reply::Done(job.outputs.iter().map(before).collect()),
-            // It drops a write: that of the first result.
+            // It drops a write: the one of the first result.
             "dropped" => {
                 outputs[0][0] = before(&job.outputs[0])[0];
                 Reply::Done(outputs)
             }
-            // Each result is another case's.
+            // Each result belongs to another case.
             "shifted" => {
                 outputs.iter_mut().for_each(|words| words.rotate_left(2));
                 Reply::Done(outputs)
@@ -113,7 +113,7 @@ impl Executor for Faulty {
                 Reply::Done(outputs)
             }
             "few" => Reply::Done(Vec::new()),
-            // Each job is kept in the file that the next argument names.
+            // It writes each job to the file in the next argument.
             "keeps" => {
                 let file = std::env::args().nth(4).expect("it names a file");
                 let line = serde_json::to_string(job).expect("a job is plain data");
@@ -121,14 +121,14 @@ impl Executor for Faulty {
                 writeln!(kept.as_mut().expect("it opens"), "{line}").expect("it is written");
                 Reply::Done(outputs)
             }
-            // A line of its own, before the first reply alone.
+            // An extra line, only before the first reply.
             "noisy" => {
                 static SAID: std::sync::Once = std::sync::Once::new();
                 SAID.call_once(|| say("by the way").expect("the pipe is open"));
                 Reply::Done(outputs)
             }
             "late" => {
-                // The reply to the job before.
+                // The reply to the previous job.
                 static LAST: std::sync::Mutex<Vec<Vec<u32>>> = std::sync::Mutex::new(Vec::new());
                 let mut last = LAST.lock().expect("no thread panics");
                 Reply::Done(std::mem::replace(&mut *last, outputs))
@@ -155,7 +155,7 @@ impl Executor for Faulty {
     }
 }
 
-/// The answers of a program to jobs with known answers, as JSON; an error if one is wrong.
+/// The answers of a program to jobs with known answers, as JSON. Returns an error if one is wrong.
 pub(crate) fn conform() -> Result<String, String> {
     let path = "process@mine".parse::<Path>().map_err(|error| error.to_string())?;
     let report = conform::conform(path, &mut |_| {}).map_err(|error| error.to_string())?;

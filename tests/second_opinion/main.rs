@@ -1,11 +1,10 @@
-//! A second opinion on every frame: chosen pixels computed again in `f64`, by rays in place of
-//! rasterisation and by the references in place of the shaders. A golden that passes is not only
-//! as before but right, as far as the references are.
+//! A second opinion on every frame: computes chosen pixels again in `f64`, with rays in place of rasterisation, and
+//! with the references in place of the shaders. A golden that passes is not only unchanged but also right, as far as
+//! the references are.
 //!
-//! Two questions are asked of each pixel. Is it what the formulas give for the very same samples?
-//! Then only rounding is left. And is it, within the error of the samples, the integral that they
-//! estimate? That error is known from the same points moved at random (Cranley and Patterson
-//! 1976), and the integral is estimated by other densities.
+//! Each pixel gets two questions. Does it equal the result of the formulas for the same samples? Then only rounding may
+//! differ. And does it equal the integral that the samples estimate, within their error? That error comes from the same
+//! points moved at random (Cranley and Patterson 1976), and the integral from samples with other densities.
 
 mod shade;
 mod trace;
@@ -28,36 +27,35 @@ static GOLDEN: Goldens = karat::goldens!("../golden");
 /// Copies of the sample points, each moved differently.
 const COPIES: usize = 128;
 
-/// Standard deviations by which a pixel may be off. Where errors are normal, five are exceeded by
-/// chance in 6 of 10^7 cases; a frame has about 200 values.
+/// The standard deviations by which a pixel may be off. If errors are normal, 6 of 10^7 cases exceed five by chance; a
+/// frame has about 200 values.
 const DEVIATIONS: f64 = 5.0;
 
-/// The errors of narrow lobes are not normal: one normal more that reflects the sun brightens a
-/// pixel by half, and only one copy in a hundred has it. So a pixel may also be off by this many
-/// times the largest error of a copy.
+/// The errors of narrow lobes are not normal: one more normal that reflects the sun brightens a pixel by half, and only
+/// one copy in a hundred has it. So a pixel may also be off by this multiple of the largest error of a copy.
 const RARE: f64 = 1.5;
 
-/// What `f32` makes of sums of 512 terms and of directions that are off by 1e-6 in front of edges
-/// of lights, relative; and where the golden is stored as half floats, 4.9e-4 more.
+/// The relative error in `f32` of sums of 512 terms, with directions that are off by 1e-6 in front of edges of lights.
+/// A golden stored as half floats adds 4.9e-4.
 const ROUNDING: f64 = 1.5e-3;
 
-/// On wgpu's GL here texels and frames are half floats, off by 4.9e-4 each; so are roughness and
-/// f0, on which lobes and their samples depend.
+/// On wgpu's GL here texels and frames are half floats, off by 4.9e-4 each. So are roughness and f0, which lobes and
+/// their samples depend on.
 const GL_ROUNDING: f64 = 1e-2;
 
-/// By how much what a pixel shows is moved where vertices are snapped: see `frames::is_snapped`.
+/// The distance in pixels by which the content of a pixel moves if vertices are snapped: see `frames::is_snapped`.
 const SNAPPED: f64 = 1.0 / 32.0;
 
-/// Points across the square in which a snapped pixel is looked for, a side.
+/// The points along a side of the square that is searched for a snapped pixel's content.
 const PLACES: i32 = 5;
 
-/// Where the second opinion comes from for a frame of the 64 spheres.
+/// The sources of the second opinion on a frame of the 64 spheres.
 struct Spheres {
     scene: Scene,
     painted: Vec<Painted>,
     mask: Texture,
     light: CubeMap,
-    /// Maps that the frame looks up, from where it does.
+    /// The maps that the frame uses, computed by the same path as the frame's.
     table: Option<Texture>,
     prefiltered: Option<CubeMap>,
 }
@@ -95,14 +93,14 @@ impl Spheres {
         }
     }
 
-    /// Pixels to be computed again, and what they show: three on each sphere, one of them as near
-    /// to its outline as the middle of a pixel comes.
+    /// The pixels to compute again, with their surfaces: three on each sphere. One of them is as near to the outline as
+    /// the middle of a pixel can be.
     fn pixels(&self) -> Vec<((u32, u32), Surface)> {
         let of_sphere = |instance: u32| {
             let angle = f64::from(instance); // another part of the outline for each sphere
             let outline = 0.9999 * DVec2::from_angle(angle);
             [DVec2::new(0.3, 0.2), DVec2::new(-0.75, 0.45), outline].map(|at| {
-                // The middle of a pixel may miss what its corner shows: further in, it doesn't.
+                // The middle of a pixel may miss a surface that its corner shows; further inwards it doesn't.
                 let inward = (0..32).map(|step| 0.99_f64.powi(step) * at);
                 let seen = inward.map(|at| self.shown(instance, at)).find_map(|found| found);
                 seen.expect("the camera sees the sphere")
@@ -111,8 +109,7 @@ impl Spheres {
         (0..scene::SIDE * scene::SIDE).flat_map(of_sphere).collect()
     }
 
-    /// The pixel that shows the point of a sphere with this normal, seen from the front, and the
-    /// surface there.
+    /// The pixel that shows the point of a sphere with this normal, seen from the front, and the surface there.
     fn shown(&self, instance: u32, at: DVec2) -> Option<((u32, u32), Surface)> {
         let normal = at.extend((1.0 - at.length_squared()).sqrt());
         let pixel = self.scene.pixel_of(scene::sphere_centre(instance) + normal);
@@ -122,7 +119,7 @@ impl Spheres {
         Some((pixel, Surface::new(painted, &self.mask, hit, ray)))
     }
 
-    /// The values that a pixel may have if what it shows is moved by a fraction of a pixel.
+    /// The range of values that a pixel may have if its content moves by a fraction of a pixel.
     fn snapped(&self, pixel: (u32, u32), shaded: impl Fn(&Surface) -> DVec3) -> (DVec3, DVec3) {
         range(|by| {
             let ray = self.scene.ray_beside(pixel, by);
@@ -155,12 +152,12 @@ fn seen(image: &Image, (x, y): (u32, u32)) -> DVec3 {
     DVec3::new(r.into(), g.into(), b.into())
 }
 
-/// Where `golden.rs` has maps computed.
+/// The path on which `golden.rs` computes maps.
 fn first_path() -> Path {
     open_paths()[0]
 }
 
-/// The least and the largest of the values over the square in which a snapped pixel is.
+/// The least and the largest value over the square that contains a snapped pixel's content.
 fn range(value: impl Fn(DVec2) -> DVec3) -> (DVec3, DVec3) {
     let at = |step: i32| SNAPPED * (2.0 * f64::from(step) / f64::from(PLACES - 1) - 1.0);
     let places = (0..PLACES * PLACES).map(|i| DVec2::new(at(i % PLACES), at(i / PLACES)));
@@ -173,7 +170,7 @@ fn range(value: impl Fn(DVec2) -> DVec3) -> (DVec3, DVec3) {
 
 /// An image to be judged.
 struct Exhibit {
-    /// What drew it; `None`: it is the golden.
+    /// The path that drew it; `None` for the golden.
     path: Option<Path>,
     image: Image,
 }
@@ -184,20 +181,19 @@ impl Exhibit {
         self.path != Some(Path::GL)
     }
 
-    /// Whether outlines and interpolated values are where they are to 1/32 of a pixel only.
+    /// Returns `true` if outlines and interpolated values are only exact to 1/32 of a pixel.
     fn is_snapped(&self) -> bool {
         self.path.is_some_and(frames::is_snapped)
     }
 
-    /// By how much a value may be off that is computed from the same samples.
+    /// The largest error of a value that is computed from the same samples.
     fn rounding(&self, value: DVec3) -> DVec3 {
         let relative = if self.is_seamless() { ROUNDING } else { GL_ROUNDING };
         relative * (value + DVec3::splat(0.01)) // of black, a hundredth of white
     }
 }
 
-/// The golden, and the frame as each open path draws it: smaller, unless its size is that of what
-/// it shows.
+/// The golden, and the frame as each open path draws it: smaller, unless a given size depends on the content.
 fn exhibits(name: &str, size: Option<(u32, u32)>) -> Vec<Exhibit> {
     let mut exhibits = vec![golden(name)];
     for path in open_paths() {
@@ -210,8 +206,8 @@ fn exhibits(name: &str, size: Option<(u32, u32)>) -> Vec<Exhibit> {
     exhibits
 }
 
-/// The size of the frames of spheres that are drawn here. Drawing costs in proportion to their pixels, and the same
-/// places are asked of each size.
+/// The size of the frames of spheres for this test. Drawing costs in proportion to their pixels, and each size is
+/// checked at the same places.
 fn size() -> (u32, u32) {
     if frames::are_suites_whole() { (240, 135) } else { (160, 90) }
 }
@@ -222,8 +218,7 @@ fn golden(name: &str) -> Exhibit {
     Exhibit { path: None, image }
 }
 
-/// Copies of the centred Hammersley set of `count` points, each moved by another vector of the
-/// unit square.
+/// Copies of the centred Hammersley set of `count` points, each moved by another vector of the unit square.
 fn copies(count: u32) -> Vec<Vec<DVec2>> {
     let copy = |seed| {
         let mut random = rand_pcg::Pcg64::seed_from_u64(seed);
@@ -234,7 +229,7 @@ fn copies(count: u32) -> Vec<Vec<DVec2>> {
     (0..COPIES as u64).map(copy).collect()
 }
 
-/// Mean and standard deviation of one copy.
+/// The mean and the standard deviation of one copy.
 fn statistics(values: &[DVec3]) -> (DVec3, DVec3) {
     let count = values.len() as f64;
     let mean = values.iter().sum::<DVec3>() / count;
@@ -242,7 +237,7 @@ fn statistics(values: &[DVec3]) -> (DVec3, DVec3) {
     (mean, (squares / (count - 1.0)).map(f64::sqrt))
 }
 
-/// What is wrong with a channel, if anything.
+/// The error in a channel, if there is one.
 fn complaint(
     what: &str,
     pixel: (u32, u32),
@@ -256,22 +251,22 @@ fn complaint(
     (!good).then(|| format!("{what} {pixel:?}: {seen} for {expected}, {bound} allowed"))
 }
 
-/// What is wrong with a channel that isn't within the range in which a snapped pixel is.
+/// The error in a channel outside the range of a snapped pixel.
 fn snapped_complaint(
     exhibit: &Exhibit,
     pixel: (u32, u32),
     seen: DVec3,
     (low, high): (DVec3, DVec3),
 ) -> Option<String> {
-    // Between the places where it is computed it may be a little lower or higher.
+    // Between the computed places it may be slightly lower or higher.
     let between = (high - low) / f64::from(PLACES - 1);
     let (below, above) = (between + exhibit.rounding(low), between + exhibit.rounding(high));
     let good = seen.cmpge(low - below).all() && seen.cmple(high + above).all();
     (!good).then(|| format!("snapped {pixel:?}: {seen}, which isn't in {low} to {high}"))
 }
 
-/// Complaints about the pixels of a frame of the 64 spheres, or in a sample of every third sphere: by formula, and for the
-/// golden, as it takes longer, a third of them by integral.
+/// Complaints about the pixels of a frame of the 64 spheres; in a sample, of every third sphere. Checks each by
+/// formula, and a third of the golden's pixels also by integral, which takes longer.
 fn complaints(name: &str, exhibit: &Exhibit, whole: bool) -> Vec<String> {
     let image = &exhibit.image;
     let spheres = Spheres::new(name, (image.width(), image.height()));
@@ -281,9 +276,9 @@ fn complaints(name: &str, exhibit: &Exhibit, whole: bool) -> Vec<String> {
     let seamless = exhibit.is_seamless();
     let apart = if whole { 1 } else { 3 };
     let pixels: Vec<_> = spheres.pixels().chunks(3).step_by(apart).flatten().copied().collect();
-    // One of the three pixels on each sphere, each in turn.
+    // One of the three pixels on each sphere, in turn.
     let asked = |index: usize| index % 3 == index / 3 % 3;
-    // What these estimate isn't the integral: it is blurred, or a product of two.
+    // These frames don't estimate the integral: it is blurred, or a product of two.
     let unbiased = !filtered && name != "split_sum";
     let of_sphere = |(index, (pixel, surface)): (usize, &((u32, u32), Surface))| {
         let shaded = |gather| {
@@ -371,7 +366,7 @@ second_opinions!(
     split_sum,
 );
 
-/// Every pixel of a frame of six faces, from the direction that its texel stands for.
+/// Checks every pixel of a frame of six faces, by the direction of its texel.
 fn faces(name: &str, side: u32, expected: impl Fn(bool, DVec3) -> DVec3 + Sync) {
     for exhibit in exhibits(name, None) {
         let (width, height) = (exhibit.image.width(), exhibit.image.height());
@@ -410,8 +405,7 @@ fn irradiance() {
     });
 }
 
-/// The map's sum is, but for its steps, the integral: the sum of all texels, weighted by the solid
-/// angles.
+/// The map's sum is the integral, except for its steps: the sum of all texels, weighted by their solid angles.
 #[test]
 fn the_irradiance_map_holds_the_integral() {
     let studio = frames::studio();
@@ -422,15 +416,14 @@ fn the_irradiance_map_holds_the_integral() {
         let n = maps::texel_direction(frames::IRRADIANCE, UVec2::from(pixel)).normalize();
         let light = |l: DVec3| look_up(&studio, true, l, 0.0);
         let integral = irradiance::texel_sum(n, frames::ENVIRONMENT, &light);
-        // A step of 0.05 through the sun, whose light falls off over 0.28, is off by (0.05 /
-        // 0.28)^2 / 24 of it.
+        // A step of 0.05 through the sun, whose light falls off over 0.28, has an error of (0.05 / 0.28)^2 / 24 of it.
         let bound = 2e-3 * integral;
         assert_eq!(complaint("integral", pixel, seen(&frame, pixel), integral, bound), None);
     }
 }
 
-/// The article's objects, from the irradiance map that they look up; and from the light itself,
-/// which the map of 32 texels a side blurs.
+/// The article's objects, from the irradiance map that they use, and from the light itself, which the map of 32 texels
+/// a side blurs.
 fn lambert_objects(name: &str, corrected: bool) {
     let room = frames::room();
     let map = frames::irradiance_cube(&room, first_path()).expect("the map is drawn");
@@ -451,7 +444,7 @@ fn lambert_objects(name: &str, corrected: bool) {
             }
         };
         let seamless = exhibit.is_seamless();
-        // Primes that divide neither width nor height, so that no column is left out.
+        // Primes that divide neither the width nor the height, so that each column has pixels.
         let step = if frames::are_suites_whole() { 29 } else { 89 };
         let of_pixel = |index: u32| {
             let pixel = (index * step % width, index * step / width);
@@ -464,7 +457,7 @@ fn lambert_objects(name: &str, corrected: bool) {
                 let along = direction(hit.position, hit.normal.normalize());
                 (along, probe_room::COLOUR * look_up(&map, seamless, along, 0.0))
             };
-            // Where the pixel's own ray doesn't explain it, one beside it may.
+            // If the pixel's own ray doesn't explain it, a neighbouring ray may.
             let unexplained = |complaint: Option<String>| match complaint {
                 Some(_) if exhibit.is_snapped() => {
                     let range = range(|by| {
@@ -511,7 +504,7 @@ fn lambert_parallax() {
     lambert_objects("lambert_parallax", true);
 }
 
-/// A golden of a frame with something wrong in it.
+/// A golden with a planted error.
 fn tampered(name: &str, change: impl Fn(&mut Image)) -> Vec<String> {
     let mut exhibit = golden(name);
     change(&mut exhibit.image);
@@ -524,8 +517,8 @@ fn scaled(image: &mut Image, factor: f32) {
     }
 }
 
-/// What the lecture's estimator forgets, half of the light, is neither the formula nor within the
-/// error of the samples; half a percent is seen by the formula alone; a NaN by both.
+/// The lecture's estimator loses half of the light, which violates both the formula and the error of the samples. Only
+/// the formula detects half a percent; both detect a NaN.
 #[test]
 fn faults_are_seen() {
     let count = |found: &[String], what: &str| {
@@ -541,7 +534,7 @@ fn faults_are_seen() {
     assert_eq!(count(&not_a_number, "integral"), 64);
 }
 
-/// Outlines are looked at, where the mistakes at grazing act.
+/// Outlines are checked, because mistakes at grazing angles show there.
 #[test]
 fn some_pixels_graze() {
     let spheres = Spheres::new("scene", size());
@@ -550,7 +543,7 @@ fn some_pixels_graze() {
     assert!(below(0.2) >= 10 && below(0.1) >= 2, "{} and {}", below(0.2), below(0.1));
 }
 
-/// A frame that is shifted by a pixel: mirrors and edges tell.
+/// A frame shifted by a pixel shows at mirrors and edges.
 #[test]
 fn a_shifted_pixel_is_seen() {
     let found = tampered("specular", |image| image.pixels_mut().rotate_right(1));

@@ -1,5 +1,4 @@
-//! What the fragment functions of `scene.wgsl` compute, in `f64`, with light gathered in a way of
-//! one's choice.
+//! Computes the fragment functions of `scene.wgsl` in `f64`, with a choice of ways to gather light.
 
 use glam::{DVec2, DVec3};
 use karat::{CubeMap, Texture};
@@ -10,7 +9,7 @@ use shaders::{
 
 use super::trace::{Hit, Ray};
 
-/// What is known of the point that a pixel shows.
+/// The surface at the point that a pixel shows.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Surface {
     diffuse: DVec3,
@@ -27,7 +26,7 @@ impl Surface {
         let metallic = f64::from(painted.metallic);
         let normal = hit.normal.normalize();
         let v = -ray.direction;
-        // As `facing_normal`: turned towards v where interpolation turned it away.
+        // As in `facing_normal`: turned towards v if interpolation turned it away.
         let missing = 1e-3 - normal.dot(v);
         let n = if missing > 0.0 { (normal + missing * v).normalize() } else { normal };
         let coordinate = DVec2::new(0.5 * (1.0 + normal.x), 0.5 * (1.0 - normal.y));
@@ -51,24 +50,24 @@ impl Surface {
     }
 }
 
-/// How light is gathered.
+/// The way of gathering light.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Gather<'a> {
     /// With the samples of the shader.
     Same(&'a Samples),
     /// From mip levels, with the samples of the shader.
     Filtered(&'a Samples),
-    /// With the shader's densities, but at these points of the unit square.
+    /// With the shader's densities, at these points of the unit square.
     Moved { diffuse: &'a [DVec2], specular: &'a [DVec2] },
     /// With other densities than the shader's: cosine, and visible normals.
     Independent { points: &'a [DVec2] },
 }
 
-/// The light of a scene, and how it is gathered.
+/// The light of a scene, and the way of gathering it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Light<'a> {
     pub(crate) map: &'a CubeMap,
-    /// Whether the path filters across the edges of faces.
+    /// `true` if the path filters across the edges of faces.
     pub(crate) seamless: bool,
     pub(crate) gather: Gather<'a>,
 }
@@ -137,7 +136,7 @@ impl Light<'_> {
     }
 }
 
-/// A look-up in a cube map as a path does it.
+/// A look-up in a cube map, as a path does it.
 pub(crate) fn look_up(map: &CubeMap, seamless: bool, direction: DVec3, level: f64) -> DVec3 {
     let texel = if seamless {
         map.sample_level(direction, level)
@@ -151,8 +150,8 @@ fn mean(points: &[DVec2], term: impl Fn(DVec2) -> DVec3) -> DVec3 {
     points.iter().map(|u| term(*u)).sum::<DVec3>() / points.len() as f64
 }
 
-/// f L cos / pdf for a normal `h` of this density, in the local frame: Walter et al. 2007, eq. 20
-/// and 14, with the lecture's G.
+/// f L cos / pdf for a normal `h` with this density, in the local frame: Walter et al. 2007, eq. 20 and 14, with the
+/// lecture's G.
 fn frame_sample(
     s: &Surface,
     v: DVec3,
@@ -196,7 +195,7 @@ fn diffuse(s: &Surface, light: &Light<'_>) -> DVec3 {
     if s.diffuse == DVec3::ZERO { DVec3::ZERO } else { s.diffuse * light.diffuse(s.n) }
 }
 
-/// The colour with the energy that single reflections lose, from the table of the split sum.
+/// The colour with compensation for the energy that single reflections lose, from the table of the split sum.
 pub(crate) fn compensated(s: &Surface, light: &Light<'_>, table: &Texture) -> DVec3 {
     let entry = s.entry(table);
     let specular = light.specular(s);

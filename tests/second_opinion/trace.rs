@@ -1,4 +1,4 @@
-//! What a pixel shows, found by a ray instead of a rasteriser, from the same triangles.
+//! Finds the surface at a pixel with a ray instead of a rasteriser, from the same triangles.
 
 use glam::{DMat4, DVec2, DVec3, Vec3};
 use shaders::camera::Camera;
@@ -9,7 +9,7 @@ pub(crate) struct Scene {
     camera: DMat4,
     eye: DVec3,
     size: (u32, u32),
-    /// Corners of triangles on the unit sphere: their positions are their normals.
+    /// The vertices of triangles on the unit sphere, so that positions equal normals.
     triangles: Vec<[DVec3; 3]>,
     centres: Vec<DVec3>,
     radius: f64,
@@ -20,12 +20,12 @@ pub(crate) struct Scene {
 pub(crate) struct Hit {
     pub(crate) instance: u32,
     pub(crate) position: DVec3,
-    /// Interpolated between the corners, and so shorter than 1.
+    /// Interpolated between the vertices, and so shorter than 1.
     pub(crate) normal: DVec3,
     distance: f64,
 }
 
-/// Where a pixel looks.
+/// The ray of a pixel.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Ray {
     pub(crate) origin: DVec3,
@@ -105,7 +105,7 @@ fn intersect(origin: DVec3, direction: DVec3, [a, b, c]: &[DVec3; 3]) -> Option<
     let (ab, ac) = (b - a, c - a);
     let p = direction.cross(ac);
     let determinant = ab.dot(p);
-    // Positive where the corners are counter-clockwise; others are culled.
+    // Positive if the vertices are counter-clockwise; other triangles are culled.
     if determinant <= 0.0 {
         return None;
     }

@@ -1,4 +1,4 @@
-//! The list of crates and folders whose shaders are read.
+//! The list of crates and folders to read shaders from.
 
 use std::collections::BTreeMap;
 use std::io;
@@ -21,11 +21,12 @@ pub(crate) struct Wanted {
     krate: Option<String>,
     folder: Option<String>,
     root: Option<String>,
-    /// The text of a `karat.toml` beside its modules, as a user of the crate writes it: a copy of the modules is read.
+    /// The text of a `karat.toml` beside the modules, as a user of the crate would write it. With one, a copy of the
+    /// modules is read.
     pub(crate) karat: Option<String>,
     #[serde(default)]
     features: BTreeMap<String, Value>,
-    /// More features of single modules, which mean nothing without them.
+    /// Further features of single modules that need them.
     #[serde(default)]
     pub(crate) with: BTreeMap<String, Vec<String>>,
 }
@@ -38,7 +39,7 @@ enum Value {
 }
 
 impl List {
-    /// Reads the file; or what is wrong with it.
+    /// Reads the file, or returns its error.
     pub(crate) fn read(file: &str) -> Result<Vec<Wanted>, String> {
         let text = std::fs::read_to_string(file).map_err(|error| format!("`{file}`: {error}"))?;
         let list: Self = toml::from_str(&text).map_err(|error| format!("`{file}`: {error}"))?;
@@ -69,7 +70,7 @@ impl Wanted {
     }
 }
 
-/// A copy of modules below `target`, with a `karat.toml` in which `{ci}` is the folder of the list.
+/// Copies modules below `target`, with a `karat.toml` in which `{ci}` is the folder of the list.
 fn copied(from: &Path, name: &str, text: &str) -> PathBuf {
     let ci = std::env::current_dir().unwrap_or_default().join("ci");
     let to = Path::new("target/corpus").join(name);

@@ -1,19 +1,19 @@
-//! Why functions of published crates are refused: a closed list, each reason with its argument.
+//! The reasons why functions of published crates are refused: a closed list, each with an explanation.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-/// Whose limit a reason is.
+/// The cause of a limit.
 #[derive(Clone, Copy, PartialEq)]
 enum Whose {
-    /// The shader's own: no harness could call it as it stands.
+    /// The shader itself: no harness could call it unchanged.
     Nature,
     Karat,
 }
 
 use Whose::{Karat, Nature};
 
-/// A reason of the link or of a probe, whose limit it is, and why.
+/// A reason from the linker or a probe, the cause of the limit, and the explanation.
 const ARGUED: &[(&str, Whose, &str)] = &[
     (
         "names of another file",
@@ -64,12 +64,12 @@ const ARGUED: &[(&str, Whose, &str)] = &[
     ("not probed otherwise", Karat, "another form of argument"),
 ];
 
-/// True if the list has a reason.
+/// Returns `true` if the list has a reason.
 pub(crate) fn is_argued(reason: &str) -> bool {
     ARGUED.iter().any(|(known, ..)| *known == reason)
 }
 
-/// Of all functions those that are callable or refused by nature, and each reason with its argument.
+/// The share of functions that are callable or refused by nature, and each reason with its explanation.
 pub(crate) fn told(functions: usize, callable: usize, reasons: &BTreeMap<String, usize>) -> String {
     let of = |whose: Whose| {
         let own = ARGUED.iter().filter(move |(_, known, _)| *known == whose);

@@ -1,4 +1,4 @@
-//! A Chromium, for the tests of the review page. They look in the same places.
+//! Finds a Chromium for the tests of the review page. The tests look in the same places.
 
 use std::path::PathBuf;
 
@@ -15,7 +15,7 @@ const NAMES: [&str; 7] = [
     "chrome.exe",
 ];
 
-/// Where its program is: as `KARAT_BROWSER` says, or where programs are.
+/// The path of its program: from `KARAT_BROWSER`, or in the usual folders.
 pub(crate) fn find(host: &Host) -> Option<PathBuf> {
     if let Some(named) = host.listed("KARAT_BROWSER") {
         return named.into_iter().find(|program| program.is_file());

@@ -1,4 +1,4 @@
-//! GL: EGL without a display, a vendor behind it, and a driver behind that.
+//! Finds GL: EGL without a display, a vendor library, and a driver.
 
 use std::path::PathBuf;
 
@@ -7,7 +7,7 @@ use anyhow::{Context, Result, bail};
 use super::host::{self, Host};
 use super::manifest;
 
-/// The drivers to expect, in words; an error says what is missing.
+/// The expected drivers in words; or an error that names the missing part.
 pub(crate) fn find(host: &Host) -> Result<String> {
     host.library("libEGL.so.1").context("EGL, libEGL.so.1")?;
     // Either variable replaces the usual folders.

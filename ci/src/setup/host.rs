@@ -1,22 +1,22 @@
-//! The machine as setup sees it: environment variables, folders and shared libraries.
+//! The machine that setup examines: environment variables, folders and shared libraries.
 //!
-//! Everything is looked up below a root folder, so that tests can make up a machine.
+//! All lookups are below a root folder, so that tests can make up a machine.
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// A machine, or a test's idea of one.
+/// A machine, or one that a test makes up.
 pub(crate) struct Host {
     root: PathBuf,
     variables: BTreeMap<OsString, OsString>,
-    /// What `ldconfig -p` prints: it knows of the folders that only `/etc/ld.so.conf.d` names.
+    /// The output of `ldconfig -p`. It also lists folders that only `/etc/ld.so.conf.d` names.
     ldconfig: String,
 }
 
 impl Host {
-    /// The machine we run on, as of now.
+    /// The machine that this program runs on.
     pub(crate) fn current() -> Self {
         // Debian keeps /sbin out of the PATH of ordinary users.
         let ldconfig = ["ldconfig", "/sbin/ldconfig"].into_iter().find_map(|program| {
@@ -26,7 +26,7 @@ impl Host {
         Self {
             root: PathBuf::from("/"),
             variables: std::env::vars_os().collect(),
-            // Without it (musl has none), the usual folders are searched all the same.
+            // Without it (musl has none), the usual folders are still searched.
             ldconfig: ldconfig.unwrap_or_default(),
         }
     }
@@ -37,7 +37,7 @@ impl Host {
         self.root.join(absolute.strip_prefix("/").unwrap_or(absolute))
     }
 
-    /// The folders or files that a variable lists; nothing if it is unset or empty.
+    /// The folders or files that a variable lists; `None` if it is unset or empty.
     pub(crate) fn listed(&self, variable: &str) -> Option<Vec<PathBuf>> {
         let value = self.variables.get(&OsString::from(variable))?;
         let paths: Vec<PathBuf> = std::env::split_paths(value)
@@ -47,7 +47,7 @@ impl Host {
         (!paths.is_empty()).then_some(paths)
     }
 
-    /// Where `name` may lie below a data folder: XDG's first, then the system's.
+    /// The places of `name` below the data folders: XDG's first, then the system's.
     pub(crate) fn data_folders(&self, name: &str) -> Vec<PathBuf> {
         let home = self.listed("XDG_DATA_HOME").or_else(|| {
             let homes = self.listed("HOME")?;
@@ -79,15 +79,15 @@ impl Host {
         listed.into_iter().chain(system.iter().map(|folder| self.path(folder))).collect()
     }
 
-    /// A shared library by the name that the dynamic linker would be given.
+    /// A shared library, by the name that the dynamic linker gets.
     pub(crate) fn library(&self, name: &str) -> Option<PathBuf> {
         let cached = cached_libraries(&self.ldconfig, name, std::env::consts::ARCH);
         let usual = self.library_folders().into_iter().map(|folder| folder.join(name));
         cached.map(|path| self.path(path)).chain(usual).find(|path| path.is_file())
     }
 
-    /// Whether there is a GPU that a hardware driver could open. Distributions install the
-    /// drivers of every maker at once, so that a driver's presence says nothing.
+    /// Returns `true` if there is a GPU that a hardware driver could open. Distributions install the drivers of every
+    /// maker at once, so that the presence of a driver proves nothing.
     pub(crate) fn has_gpu(&self) -> bool {
         let nodes = ["/dev/nvidiactl", "/dev/dxg", "/dev/kgsl-3d0", "/dev/mali0"];
         nodes.iter().any(|node| self.path(node).exists())
@@ -95,7 +95,7 @@ impl Host {
     }
 }
 
-/// A folder's entries, sorted by name; none if it can't be read.
+/// The entries of a folder, sorted by name; empty if it can't be read.
 pub(crate) fn files(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).into_iter().flatten();
     let mut files: Vec<PathBuf> = entries.filter_map(|entry| Some(entry.ok()?.path())).collect();
@@ -108,14 +108,14 @@ pub(crate) fn name(path: &Path) -> String {
     path.file_name().unwrap_or_default().to_string_lossy().into_owned()
 }
 
-/// Paths that `ldconfig -p` knows for a library, of the architecture asked for.
+/// The paths of a library in the output of `ldconfig -p`, for the given architecture.
 fn cached_libraries<'a>(
     ldconfig: &'a str,
     name: &'a str,
     architecture: &'a str,
 ) -> impl Iterator<Item = &'a str> {
-    // `\tlibEGL.so.1 (libc6,x86-64) => /lib/x86_64-linux-gnu/libEGL.so.1`; an entry of the
-    // 32-bit sibling has no tag or another one.
+    // `\tlibEGL.so.1 (libc6,x86-64) => /lib/x86_64-linux-gnu/libEGL.so.1`; an entry for 32 bits has no tag or another
+    // one.
     let tag = match architecture {
         "x86_64" => "x86-64",
         "aarch64" => "AArch64",
@@ -132,7 +132,7 @@ fn cached_libraries<'a>(
 pub(crate) mod tests {
     use super::*;
 
-    /// A machine in a temporary folder, empty but for the files it is given.
+    /// A machine in a temporary folder with only the given files.
     pub(crate) struct Machine {
         folder: tempfile::TempDir,
         variables: BTreeMap<OsString, OsString>,
@@ -152,7 +152,7 @@ pub(crate) mod tests {
             self
         }
 
-        /// A driver's manifest as the Vulkan loader and GLVND read it.
+        /// Adds a driver's manifest for the Vulkan loader or GLVND.
         pub(crate) fn manifest(self, path: &str, library: &str) -> Self {
             self.file(path, &format!(r#"{{ "ICD": {{ "library_path": "{library}" }} }}"#))
         }

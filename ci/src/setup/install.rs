@@ -1,5 +1,5 @@
-//! Installing Mesa's software drivers, a browser, validators of translations and Node, with the
-//! distribution's own package manager.
+//! Installs Mesa's software drivers, a browser, validators of translations and Node, with the distribution's own
+//! package manager.
 
 use std::process::Command;
 
@@ -8,16 +8,16 @@ use anyhow::{Context, Result, bail};
 use super::host::Host;
 use crate::command;
 
-/// What can be installed.
+/// The parts that can be installed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Wanted {
     /// Mesa's software drivers, for the execution paths.
     Drivers,
     /// Chromium, for the tests of the review page.
     Browser,
-    /// What judges and compiles naga's translations.
+    /// The programs that check and compile naga's translations.
     Validators,
-    /// Node with npm, or what brings them.
+    /// Node with npm, or the package that provides them.
     Node,
 }
 
@@ -27,7 +27,7 @@ pub(crate) enum Family {
     Debian,
     Fedora,
     Arch,
-    /// One that we can't install on, by the name it gives itself.
+    /// A distribution without support, by its own name.
     Other(String),
 }
 
@@ -40,8 +40,7 @@ impl Family {
         Self::from_os_release(&text)
     }
 
-    /// Reads `os-release`: `ID` names the distribution, `ID_LIKE` those it descends from,
-    /// the closest first.
+    /// Reads `os-release`: `ID` names the distribution, `ID_LIKE` its ancestors, the closest first.
     fn from_os_release(text: &str) -> Self {
         let value = |key: &str| {
             let mut lines = text.lines().filter_map(|line| line.trim().split_once('='));
@@ -67,7 +66,7 @@ impl Family {
         let install = |manager: &str| fatal(format!("{manager} {}", self.packages(wanted)));
         match self {
             Self::Debian => vec![
-                // A stale or broken list of one repository need not concern our packages: the install decides.
+                // A stale or broken list of another repository may not matter: the installation decides.
                 Package { failing: Failing::Tolerated, line: format!("{APT} update") },
                 install(&format!("{APT} install -y --no-install-recommends")),
             ],
@@ -95,7 +94,7 @@ impl Family {
             (Self::Fedora | Self::Arch, Wanted::Validators) => {
                 "spirv-tools glslang spirv-cross lcov"
             }
-            // Debian's own Node is too old, and its npm is 350 packages: pip brings both in one.
+            // Debian's own Node is too old, and its npm has 350 packages. pip installs both in one package.
             (Self::Debian, Wanted::Node) => "python3-pip",
             (Self::Fedora | Self::Arch, Wanted::Node) => "nodejs npm",
         }
@@ -116,7 +115,7 @@ enum Failing {
     Tolerated,
 }
 
-/// How the package manager can be run.
+/// The privilege for running the package manager.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Privilege {
     Root,
@@ -125,7 +124,7 @@ pub(crate) enum Privilege {
 }
 
 impl Privilege {
-    /// What we have here.
+    /// The privilege on this machine.
     pub(crate) fn current() -> Self {
         let id = Command::new("id").arg("-u").output();
         if id.is_ok_and(|output| output.stdout.trim_ascii() == b"0") {
@@ -140,7 +139,7 @@ impl Privilege {
     /// A package manager's command, run with it.
     fn command(self, line: &str) -> Command {
         let mut words = line.split_whitespace();
-        // sudo drops most variables, so this one goes by way of `env`.
+        // sudo drops most variables, so `env` sets this one.
         let quiet = "DEBIAN_FRONTEND=noninteractive";
         let mut command = match self {
             Self::Sudo => {
@@ -159,7 +158,7 @@ impl Privilege {
     }
 }
 
-/// Installs it, streaming the package manager's output.
+/// Installs it, and shows the output of the package manager.
 pub(crate) fn run(family: &Family, privilege: Privilege, wanted: Wanted) -> Result<()> {
     let commands = family.commands(wanted);
     if commands.is_empty() || privilege == Privilege::Lacking {
@@ -184,7 +183,7 @@ pub(crate) fn run(family: &Family, privilege: Privilege, wanted: Wanted) -> Resu
     Ok(())
 }
 
-/// What to type by hand.
+/// The commands to type by hand.
 pub(crate) fn advice(family: &Family, wanted: Wanted) -> String {
     if let Family::Other(name) = family {
         let what = match wanted {
@@ -218,7 +217,7 @@ mod tests {
         assert_eq!(Family::from_os_release(rocky), Family::Fedora);
         assert_eq!(Family::from_os_release("ID_LIKE='arch'\nID=manjaro"), Family::Arch);
         assert_eq!(Family::from_os_release("ID=alpine"), Family::Other("alpine".to_owned()));
-        // `VERSION_ID` and a comment must not be taken for `ID`.
+        // `VERSION_ID` and a comment must not be mistaken for `ID`.
         let decoys = "VERSION_ID=debian\n# ID=arch\nID=nixos\n";
         assert_eq!(Family::from_os_release(decoys), Family::Other("nixos".to_owned()));
     }

@@ -1,4 +1,4 @@
-//! Driver manifests: the JSON files that tell the Vulkan loader and GLVND of a driver.
+//! Driver manifests: the JSON files that describe a driver to the Vulkan loader and GLVND.
 
 use std::path::{Path, PathBuf};
 
@@ -7,16 +7,16 @@ use serde_json::Value;
 
 use super::host::{self, Host};
 
-/// A driver whose library is there.
+/// A driver whose library exists.
 pub(crate) struct Driver {
     pub(crate) manifest: PathBuf,
     pub(crate) library: PathBuf,
 }
 
-/// What a search through manifests came to.
+/// The result of a search through manifests.
 pub(crate) struct Search {
     pub(crate) drivers: Vec<Driver>,
-    /// Why a manifest named no usable driver, a line each.
+    /// The reasons why manifests name no usable driver, a line each.
     pub(crate) rejected: Vec<String>,
 }
 
@@ -53,7 +53,7 @@ fn library(host: &Host, manifest: &Path) -> Result<PathBuf> {
         .with_context(|| format!("its library `{named}` is not installed"))
 }
 
-/// The library that a manifest names, be it a path or a name for the dynamic linker.
+/// The library that a manifest names: a path, or a name for the dynamic linker.
 fn library_path(text: &str) -> Result<String> {
     let manifest: Value = serde_json::from_str(text).context("is not JSON")?;
     let driver = &manifest["ICD"];

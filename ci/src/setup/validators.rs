@@ -1,14 +1,14 @@
-//! Programs that judge and compile naga's translations. `karat` looks in the same places.
+//! Programs that check and compile naga's translations. `karat` looks in the same places.
 
 use std::path::PathBuf;
 
 use super::host::Host;
 
-/// What the tests of translations run.
+/// The programs that the tests of translations run.
 pub(crate) const NAMES: [&str; 5] =
     ["spirv-val", "spirv-dis", "spirv-as", "spirv-cross", "glslangValidator"];
 
-/// Those that aren't here.
+/// The programs that are missing.
 pub(crate) fn missing(host: &Host) -> Vec<&'static str> {
     let mut folders = host.listed("PATH").unwrap_or_default();
     let sdk = host.listed("VULKAN_SDK").unwrap_or_default();

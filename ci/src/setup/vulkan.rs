@@ -1,11 +1,11 @@
-//! Vulkan: the loader, and at least one driver that it would find.
+//! Finds Vulkan: the loader, and at least one driver that it can load.
 
 use anyhow::{Context, Result, bail};
 
 use super::host::{self, Host};
 use super::manifest::{self, Driver};
 
-/// The drivers to expect, in words; an error says what is missing.
+/// The expected drivers in words; or an error that names the missing part.
 pub(crate) fn find(host: &Host) -> Result<String> {
     host.library("libvulkan.so.1").context("the Vulkan loader, libvulkan.so.1")?;
     // Either variable replaces the usual folders; the second is the older name of the first.

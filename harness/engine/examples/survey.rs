@@ -1,7 +1,7 @@
-//! Which functions of a WGSL file the engine executes, and why not the others.
+//! The functions of a WGSL file that the engine executes, and the reason why it refuses each other one.
 //!
-//! `cargo run --example survey -- file.wgsl`: each function that lowers is called with 64 rows of
-//! made-up arguments, in each arithmetic, and each compute entry point is lowered.
+//! `cargo run --example survey -- file.wgsl` calls each function that lowers with 64 rows of generated arguments, in
+//! each arithmetic, and lowers each compute entry point.
 #![expect(clippy::print_stdout, reason = "a program for the terminal")]
 
 use karat_engine::{F32, F64, Intervals, Options, Program, Resources, Scalar, Settings, Stop};

@@ -1,56 +1,56 @@
-//! How exact built-in functions are on one adapter, by measurement.
+//! The accuracy of built-in functions, measured on one adapter.
 //!
-//! The specification bounds some built-in functions loosely, as the sine by an absolute 2^-11 and only
-//! between -pi and pi. An adapter is measured once, and what it did is doubled.
+//! The specification bounds some built-in functions loosely: the sine by an absolute error of 2^-11, and only between
+//! -pi and pi. Karat measures an adapter once, and allows twice the measured error.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use crate::interval::{Interval, ulp};
 use crate::rules::{Exponential, FloatRule, Trigonometry};
 
-/// How much further off an adapter may be than it was measured to be: between two measured arguments
-/// the error may be greater.
+/// The factor of the measured error that is allowed. Between two measured arguments the error may be larger than at
+/// either.
 const SAFETY: f64 = 2.0;
 
-/// Arguments of each sign and exponent that are measured.
+/// Measured arguments for each sign and exponent.
 const PER_EXPONENT: u32 = 256;
 
-/// Of these, arguments near which a sine, a cosine or a tangent is 0: the error stays as large there as it is
-/// elsewhere, and the result's ulp doesn't.
+/// Of these, the arguments near which a sine, a cosine or a tangent is 0. There the absolute error stays as large as
+/// elsewhere, but the ulp of the result shrinks.
 const NEAR_ZEROS: u32 = 8;
 
-/// Ulps near a zero above which an error is one that doesn't shrink with the result. Who reduces the argument with
-/// enough digits is off by a few there, and who doesn't by thousands.
+/// Above this many ulps near a zero, the error counts as one that doesn't shrink with the result. A driver that reduces
+/// the argument with enough digits is off by a few ulps there; others are off by thousands.
 const NEAR_ZERO_ULPS: f32 = 256.0;
 
-/// A sign and an exponent each.
+/// The buckets of measured arguments: one for each sign and exponent.
 const BUCKETS: usize = 512;
 
-/// How a function's values lie between those of two arguments.
+/// The shape of a function: the way its values lie between those at two arguments.
 #[derive(Clone, Copy, Debug)]
 enum Shape {
     Monotonic,
-    /// The least value is that of 0.
+    /// The least value is the one at 0.
     Even,
-    /// The greatest value 1 is that of this argument, and of those a turn further.
+    /// The greatest value, 1, is at this argument and at those a whole number of turns away.
     Wave(f64),
     /// Rising between poles at odd quarters of a turn.
     Tangent,
 }
 
-/// A function of one number that is measured.
+/// A measured function of one number.
 #[derive(Debug)]
 struct Function {
     text: &'static str,
     rule: FloatRule,
     exact: fn(f64) -> f64,
     shape: Shape,
-    /// Where it is defined.
+    /// The arguments for which it is defined.
     domain: (f64, f64),
 }
 
 const ALL: (f64, f64) = (f64::NEG_INFINITY, f64::INFINITY);
-/// Above zero, and of a magnitude that isn't flushed.
+/// Numbers above zero that aren't subnormal, so that no driver flushes them.
 const ABOVE_ZERO: (f64, f64) = (f32::MIN_POSITIVE as f64, f64::INFINITY);
 const UNIT: (f64, f64) = (-1.0, 1.0);
 
@@ -89,8 +89,8 @@ const LOG2: usize = 3;
 const POW: FloatRule = FloatRule::Exponential(Exponential::Pow);
 
 impl Function {
-    /// The distance between arguments where it is 0; of a sine and a cosine those where it is 1, too. Of a tangent
-    /// every other quarter turn is a pole.
+    /// The distance between arguments where the function is 0. For a sine and a cosine it includes those where it is 1;
+    /// for a tangent every second quarter turn is a pole.
     fn between_zeros(&self) -> Option<f64> {
         match self.shape {
             Shape::Wave(_) => Some(FRAC_PI_2),
@@ -99,15 +99,15 @@ impl Function {
         }
     }
 
-    /// The least and the greatest value of the arguments between two; `None` where it has none, or
-    /// a pole.
+    /// The least and the greatest value between two arguments; `None` if the function isn't defined on all of them, or
+    /// has a pole there.
     fn image(&self, lo: f64, hi: f64) -> Option<(f64, f64)> {
         if !(self.domain.0 <= lo && lo <= hi && hi <= self.domain.1) {
             return None;
         }
         let ends = [(self.exact)(lo), (self.exact)(hi)];
         let (least, greatest) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
-        // Whether an argument, or one that is some turns further, lies between the two.
+        // Tests for an argument between the two: `x`, or `x` a whole number of turns further.
         let holds = |x: f64| x + TAU * ((lo - x) / TAU).ceil() <= hi;
         match self.shape {
             Shape::Monotonic => Some((least, greatest)),
@@ -125,7 +125,7 @@ impl Function {
     }
 }
 
-/// What was seen for arguments of a sign and an exponent: no result was further off than by both.
+/// The largest errors measured for a sign and an exponent. Each result was within one of the two.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Error {
     ulps: f32,
@@ -140,24 +140,24 @@ impl Error {
         Self { ulps: self.ulps.max(other.ulps), absolute: self.absolute.max(other.absolute) }
     }
 
-    /// How far off a result near `y` may be.
+    /// The allowed error of a result near `y`.
     fn of(self, y: f64) -> f64 {
         SAFETY * (f64::from(self.ulps) * ulp(y)).min(f64::from(self.absolute))
     }
 }
 
-/// How exact an adapter's built-in functions are.
+/// The accuracy of an adapter's built-in functions.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Accuracy {
-    /// For each function, by sign and exponent of the argument.
+    /// The errors of each function, by sign and exponent of the argument.
     functions: Vec<Vec<Error>>,
-    /// Whether `pow` was as exact as `exp2(y * log2(x))` of the measured functions.
+    /// `true` if `pow` was as exact as `exp2(y * log2(x))` of the measured functions.
     powers: bool,
-    /// Whether 0 to each power above zero was 0.
+    /// `true` if 0 to each power above zero was 0.
     powers_of_zero: bool,
 }
 
-/// `pow`, which is measured last.
+/// `pow`, which is measured last because its bounds use the others.
 const POWER: &str = "pow(a, b)";
 
 impl Default for Accuracy {
@@ -167,19 +167,19 @@ impl Default for Accuracy {
 }
 
 impl Accuracy {
-    /// Nothing is known yet: all bounds are the specification's.
+    /// An adapter that hasn't been measured: all bounds are the specification's.
     #[must_use]
     pub fn new() -> Self {
         let functions = vec![vec![Error::UNKNOWN; BUCKETS]; FUNCTIONS.len()];
         Self { functions, powers: false, powers_of_zero: false }
     }
 
-    /// What to measure, in this order: expressions of `a`, or of `a` and `b`.
+    /// The expressions to measure, in this order: of `a`, or of `a` and `b`.
     pub fn functions() -> impl Iterator<Item = &'static str> {
         FUNCTIONS.iter().map(|function| function.text).chain([POWER])
     }
 
-    /// The arguments to measure one with: rows of one number, or of two for an expression of `b`.
+    /// The arguments to measure an expression with: rows of one number, or of two if it has a `b`.
     #[must_use]
     pub fn arguments(function: &str) -> Vec<f32> {
         // The fractional parts of multiples of an irrational number fill a range evenly.
@@ -228,8 +228,8 @@ impl Accuracy {
             .collect()
     }
 
-    /// Takes the results of [`arguments`](Self::arguments), one a row. Other functions and other
-    /// numbers of results are ignored.
+    /// Takes the results of [`arguments`](Self::arguments), one a row. Ignores an unknown function and a wrong number
+    /// of results.
     pub fn take(&mut self, function: &str, results: &[f32]) {
         let arguments = Self::arguments(function);
         if function == POWER && arguments.len() == 2 * results.len() {
@@ -243,7 +243,7 @@ impl Accuracy {
         let mut measured = vec![None; BUCKETS];
         for (&x, &result) in arguments.iter().zip(results) {
             let Some((exact, _)) = function.image(f64::from(x), f64::from(x)) else { continue };
-            // What overflows has no bound anyway.
+            // A result that overflows has no bound anyway.
             if !(exact.abs() <= f64::from(f32::MAX)) {
                 continue;
             }
@@ -261,7 +261,7 @@ impl Accuracy {
         for (row, &result) in arguments.chunks_exact(2).zip(results) {
             let (x, y) = (row[0], row[1]);
             if x == 0.0 {
-                // The specification has 0 to a power at or below zero as anything.
+                // The specification allows any result for 0 to a power at or below zero.
                 self.powers_of_zero &= y <= 0.0 || result == 0.0;
                 continue;
             }
@@ -270,7 +270,7 @@ impl Accuracy {
         }
     }
 
-    /// Bounds of one operation on this adapter: never wider than `allowed`, where that is finite.
+    /// The bounds of one operation on this adapter: within `allowed`, if that is finite.
     pub(crate) fn narrow(&self, rule: FloatRule, x: &[Interval], allowed: Interval) -> Interval {
         let bound = match x {
             [x, y] if rule == POW && self.powers => self.power(*x, *y),
@@ -283,7 +283,7 @@ impl Accuracy {
         allowed.meet(bound)
     }
 
-    /// Whether [`narrow`](Self::narrow) knows something of a rule.
+    /// Returns `true` if [`narrow`](Self::narrow) can narrow the results of a rule.
     pub(crate) fn knows(rule: FloatRule) -> bool {
         rule == POW || FUNCTIONS.iter().any(|function| function.rule == rule)
     }
@@ -296,10 +296,10 @@ impl Accuracy {
         let errors = &self.functions[index];
         let mut error = buckets(x.lo(), x.hi()).fold(Error::NONE, |all, one| all.join(errors[one]));
         if FUNCTIONS[index].between_zeros().is_some() && error.ulps > NEAR_ZERO_ULPS {
-            // Nearer to a zero there are more of them.
+            // Closer to a zero, the same error is more ulps.
             error.ulps = f32::INFINITY;
         }
-        // Where an ulp doubles between the two ends.
+        // An ulp doubles somewhere between the two ends.
         let wider = if least == greatest { 1.0 } else { 2.0 };
         Interval::outwards(least - wider * error.of(least), greatest + wider * error.of(greatest))
     }
@@ -319,7 +319,7 @@ impl Accuracy {
         product.exp2().meet(self.bound(EXP2, product))
     }
 
-    /// All that was measured, to be kept.
+    /// All measurements as words, to save.
     #[must_use]
     pub fn words(&self) -> Vec<u32> {
         let flags = [u32::from(self.powers), u32::from(self.powers_of_zero)];
@@ -330,7 +330,7 @@ impl Accuracy {
             .collect()
     }
 
-    /// What [`words`](Self::words) gave; `None` if these are others.
+    /// The measurements that [`words`](Self::words) saved; `None` if these aren't such words.
     #[must_use]
     pub fn from_words(words: &[u32]) -> Option<Self> {
         let (flags, errors) = words.split_at_checked(2)?;
@@ -354,7 +354,7 @@ fn bucket(x: f32) -> usize {
     (x.to_bits() >> 23) as usize
 }
 
-/// One of [`NEAR_ZEROS`] multiples of a number among the numbers of a bucket, as far as it has so many.
+/// The `nth` multiple of a number in a bucket, one of [`NEAR_ZEROS`]; `None` if the bucket has fewer.
 fn multiple(of: f64, bucket: u32, nth: u32) -> Option<f32> {
     let least = f32::from_bits(bucket << 23);
     let size = f64::from(least.abs());
@@ -366,7 +366,7 @@ fn multiple(of: f64, bucket: u32, nth: u32) -> Option<f32> {
     (first >= 1.0 && turn <= last && x.is_finite()).then(|| x.copysign(least))
 }
 
-/// The buckets of all numbers between two.
+/// The buckets of all numbers between two numbers.
 fn buckets(lo: f32, hi: f32) -> impl Iterator<Item = usize> {
     const NEGATIVE: usize = BUCKETS / 2;
     let negative = if lo < 0.0 {
@@ -379,13 +379,13 @@ fn buckets(lo: f32, hi: f32) -> impl Iterator<Item = usize> {
     negative.chain(positive)
 }
 
-/// How far a result is off. Infinity and NaN are off by anything.
+/// The error of a result. Infinity and NaN have an infinite error.
 fn error(exact: f64, result: f32) -> Error {
     let distance = (f64::from(result) - exact).abs();
     if !distance.is_finite() {
         return Error::UNKNOWN;
     }
-    // Rounded up, so that a bound isn't a little too tight.
+    // Rounded up, so that the bound isn't slightly too tight.
     let up = |x: f64| (x as f32).next_up();
     Error { ulps: up(distance / ulp(exact)), absolute: up(distance) }
 }
@@ -394,7 +394,7 @@ fn error(exact: f64, result: f32) -> Error {
 mod tests {
     use super::*;
 
-    /// Measures functions that are rounded correctly, but one that is off by so many ulps.
+    /// Measures functions that are rounded correctly, except one that is off by so many ulps.
     fn measured(wrong: &str, ulps: f64) -> Accuracy {
         let mut accuracy = Accuracy::new();
         for function in &FUNCTIONS {
@@ -428,7 +428,7 @@ mod tests {
         assert!((38.0..=46.0).contains(&wide), "{wide}");
     }
 
-    /// An error that doesn't shrink with the result is seen as such.
+    /// An error that doesn't shrink with the result is recognized.
     #[test]
     fn a_sine_may_be_off_near_its_zeros_as_elsewhere() {
         let mut accuracy = Accuracy::new();
@@ -445,7 +445,7 @@ mod tests {
         }
         let rounded = measured("", 0.0).narrow(sine, &[Interval::point(44.0)], Interval::UNBOUNDED);
         assert!(width_in_ulps(rounded) <= 4.0, "{rounded:?}");
-        // A tangent that is far off next to its poles, as each driver's, is known elsewhere.
+        // Each driver's tangent is far off next to its poles; another bound covers that.
         let off = |x: &f32| ((libm::sin(f64::from(*x)) + 1e-6) / libm::cos(f64::from(*x))) as f32;
         let results: Vec<f32> = Accuracy::arguments("tan(a)").iter().map(off).collect();
         accuracy.take("tan(a)", &results);
@@ -463,7 +463,7 @@ mod tests {
         let rule = FloatRule::Exponential(Exponential::Exp);
         let x = Interval::point(0.3);
         assert_eq!(off.narrow(rule, &[x], x.exp()), x.exp());
-        // A driver that leaves what is allowed gives nothing that both hold.
+        // If a driver's result is outside what WGSL allows, the two bounds have nothing in common.
         let elsewhere = Interval::point(5.0);
         assert_eq!(measured("", 0.0).narrow(rule, &[x], elsewhere), elsewhere);
     }
@@ -492,7 +492,7 @@ mod tests {
         let mut nan = measured("", 0.0);
         nan.take("exp(a)", &vec![f32::NAN; Accuracy::arguments("exp(a)").len()]);
         assert!(!nan.narrow(rule, &[x], Interval::UNBOUNDED).is_bounded());
-        // Powers that are off aren't what logarithms and powers of two promise.
+        // These powers are further off than the errors of the logarithm and of `exp2` explain.
         let rows = Accuracy::arguments(POWER).len() / 2;
         nan.take(POWER, &vec![0.5; rows]);
         assert!(!nan.powers && !nan.powers_of_zero);

@@ -1,8 +1,7 @@
-//! What isn't needed is removed, and values that don't live at the same time share a register.
+//! Removes unused operations, and lets values that aren't alive at the same time share a register.
 //!
-//! The program is one list in which control only goes forward, but for the ends of loops. So a value
-//! lives from its first to its last place in the list, and to the end of each loop that it is used
-//! in but not defined in.
+//! The program is one list. Control only goes forward in it, except at the ends of loops. So a value lives from its
+//! first to its last place in the list, and to the end of each loop that uses it without defining it.
 
 use crate::code::{Code, Op, Shape};
 use crate::scalar::File;
@@ -12,9 +11,9 @@ use crate::scalar::File;
 struct Life {
     first: u32,
     last: u32,
-    /// How often it is written.
+    /// The number of writes.
     writes: u32,
-    /// How often it is read.
+    /// The number of reads.
     reads: u32,
 }
 
@@ -44,13 +43,13 @@ pub(crate) fn operands(shape: Shape, start: u32) -> impl Iterator<Item = Operand
     })
 }
 
-/// Removes what isn't used, forwards copies and assigns registers.
+/// Removes unused operations, forwards copies and assigns registers.
 pub(crate) fn allocated(mut code: Code) -> Code {
     if !code.statements.is_empty() {
         let needed = crate::coverage::needed(&code);
         for statement in &mut code.statements {
             let own = &needed[statement.start as usize..statement.end as usize];
-            // One that computes nothing, such as a new name for a value, is no gap.
+            // A statement that emits no operation, such as a new name for a value, counts as needed.
             statement.needed = own.is_empty() || own.contains(&true);
         }
     }
@@ -60,7 +59,7 @@ pub(crate) fn allocated(mut code: Code) -> Code {
     code
 }
 
-/// Per file and register.
+/// A value for each file and register.
 type Table<T> = [Vec<T>; 3];
 
 fn table<T: Clone>(code: &Code, value: &T) -> Table<T> {
@@ -119,7 +118,7 @@ impl Loops {
         Self { of, loops }
     }
 
-    /// The last place at which a value of `defined` is needed that is used at `used`.
+    /// The last place at which a value is needed that is defined at `defined` and used at `used`.
     fn needed(&self, defined: u32, used: u32) -> u32 {
         let mut last = used;
         let mut inner = self.of[used as usize];
@@ -141,13 +140,13 @@ fn is_pinned(code: &Code, file: File, register: u32) -> bool {
         .any(|&(pinned, base, count)| pinned == file && (base..base + count).contains(&register))
 }
 
-/// Reads of a copy become reads of what it copies, where that isn't written meanwhile.
+/// Replaces reads of a copy with reads of its source, if the source isn't written in between.
 fn forward_copies(code: &mut Code) {
     let lives = lives(code);
     let loops = Loops::of(code);
-    // Where each register is written, in order.
+    // The places at which each register is written, in order.
     let mut writes: Table<Vec<u32>> = table(code, &Vec::new());
-    // Until where each register's value is needed, by where it is first written.
+    // The last place at which each register's value is needed, by the place where it is first written.
     let mut needed: Table<u32> = table(code, &0);
     for (place, instruction) in code.instructions.iter().enumerate() {
         if let Op::Scatter(file, _) = instruction.op {
@@ -180,7 +179,7 @@ fn forward_copies(code: &mut Code) {
         let Op::Move(file) = instruction.op else { continue };
         let [to, from] = [0, 1].map(|k| code.pool[instruction.at as usize + k]);
         let f = file as usize;
-        // What is copied may be a copy itself.
+        // The source of a copy may be a copy itself.
         let from = renamed[f][from as usize].unwrap_or(from);
         let life = lives[f][to as usize];
         if life.writes != 1 || is_pinned(code, file, to) {
@@ -212,7 +211,7 @@ fn forward_copies(code: &mut Code) {
     }
 }
 
-/// Whether an operation does nothing but write its results.
+/// Returns `true` if the only effect of an operation is to write its results.
 fn is_pure(op: Op) -> bool {
     matches!(
         op,
@@ -261,7 +260,7 @@ fn remove_unused(code: &mut Code) {
         }
     }
     let mut removed = vec![false; code.instructions.len()];
-    // A variable may be read before the place at which it is written, so once isn't enough.
+    // A loop may read a variable before the place that writes it, so one pass isn't enough.
     loop {
         let mut changed = false;
         for place in (0..code.instructions.len()).rev() {
@@ -318,7 +317,7 @@ fn remove_unused(code: &mut Code) {
     }
 }
 
-/// Gives each register that occurs one of as few as possible.
+/// Assigns as few registers as possible.
 fn assign(code: &mut Code) {
     let mut lives = lives(code);
     let loops = Loops::of(code);
@@ -334,7 +333,7 @@ fn assign(code: &mut Code) {
         counts[file as usize] += 1;
         counts[file as usize] - 1
     };
-    // Constants and what is found by index keep theirs for good.
+    // Constants and registers that are found by index keep their registers for good.
     for &(file, base, count) in &code.pinned {
         for register in base..base + count {
             assigned[file as usize][register as usize] = Some(fresh(file));
@@ -359,7 +358,7 @@ fn assign(code: &mut Code) {
         let mut free: Vec<u32> = Vec::new();
         for register in order {
             let life = lives[f][register as usize];
-            // Not at its last place itself: there results are written beside it.
+            // Its register is still taken at its last place: the results there are written beside it.
             while let Some(&std::cmp::Reverse((last, old))) = active.peek()
                 && last < life.first
             {

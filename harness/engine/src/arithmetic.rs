@@ -5,10 +5,10 @@ use std::fmt::Debug;
 use crate::interval::{Interval, Range, Truth};
 use crate::rules::Half;
 
-/// What numbers are while a program runs: [`F32`], [`F64`] or [`Intervals`].
+/// The representation of numbers while a program runs: [`F32`], [`F64`] or [`Intervals`].
 ///
-/// The trait is sealed: each builtin has one rule for each arithmetic, side by side in the folder
-/// `rules`, and a fourth arithmetic would need a fourth rule everywhere.
+/// The trait is sealed. Each builtin has one rule for each arithmetic, side by side in the folder `rules`; a fourth
+/// arithmetic would need a fourth rule in each.
 pub trait Arithmetic: Rules {}
 
 /// IEEE single precision, rounded to nearest: a conforming GPU.
@@ -39,7 +39,7 @@ pub trait FloatRule<const I: usize, const O: usize> {
 
 /// One rule from integers to an integer. Words are the bits of an `i32` or a `u32`.
 pub trait IntRule<const I: usize> {
-    /// Whether the result is an `i32`.
+    /// `true` if the result is an `i32`.
     const SIGNED: bool;
     /// In [`F32`] and [`F64`].
     fn exact(x: [u32; I]) -> u32;
@@ -49,7 +49,7 @@ pub trait IntRule<const I: usize> {
 
 /// One rule from floats to an integer.
 pub trait ToIntRule<const I: usize> {
-    /// Whether the result is an `i32`.
+    /// `true` if the result is an `i32`.
     const SIGNED: bool;
     /// In [`F32`].
     fn single(x: [f32; I]) -> u32;
@@ -79,16 +79,16 @@ pub trait MixedRule {
     fn interval(x: Interval, i: Range) -> Interval;
 }
 
-/// What an integer may be: the first and the last, as its type reads them.
+/// The first and the last value that an integer may have, as its type reads them.
 pub(crate) type Bounds = (i64, i64);
 
 pub(crate) mod sealed {
     use super::*;
 
-    /// What the interval of a result becomes, by those of the arguments.
+    /// Narrows the interval of a result, given those of the arguments.
     pub(crate) type Narrow<'n> = &'n dyn Fn(&[Interval], Interval) -> Interval;
 
-    /// What the machine asks of an arithmetic.
+    /// The operations that the machine needs of an arithmetic.
     pub trait Rules: Copy + Debug + Send + Sync + 'static {
         /// A float of any width.
         type Float: Copy + Default + Debug + Send + Sync;
@@ -97,12 +97,11 @@ pub(crate) mod sealed {
         /// A boolean, which is also what masks are made of.
         type Bool: Copy + Default + Debug + Send + Sync + PartialEq;
 
-        /// Whether a boolean may be undecided, so that masks within a loop are relative to its
-        /// entry.
+        /// `true` if a boolean may be undecided, so that masks within a loop are relative to its entry.
         const UNDECIDED: bool;
 
         fn float(x: f32) -> Self::Float;
-        /// Any number that is rounded to this one, if it was likely written as a decimal.
+        /// Bounds of the numbers that round to this one, if its author probably wrote a decimal.
         fn decimal(x: f32, half: bool) -> Self::Float {
             let _ = half;
             Self::float(x)
@@ -113,7 +112,7 @@ pub(crate) mod sealed {
         fn float_rule<R: FloatRule<I, O>, const I: usize, const O: usize>(
             x: [Self::Float; I],
         ) -> [Self::Float; O];
-        /// The result of a rule, narrowed where it is an interval.
+        /// The result of a rule. Intervals narrow it.
         fn narrow(_: Narrow<'_>, _: &[Self::Float], y: Self::Float) -> Self::Float {
             y
         }
@@ -131,14 +130,14 @@ pub(crate) mod sealed {
         fn and(a: Self::Bool, b: Self::Bool) -> Self::Bool;
         fn or(a: Self::Bool, b: Self::Bool) -> Self::Bool;
         fn not(a: Self::Bool) -> Self::Bool;
-        /// Whether it may be true.
+        /// Returns `true` if the boolean may be true.
         fn possible(a: Self::Bool) -> bool;
-        /// A boolean that is neither, where there is one: what joins values.
+        /// An undecided boolean, in an arithmetic that has one: the join of true and false.
         fn undecided() -> Self::Bool;
-        /// Whether it may be false.
+        /// Returns `true` if the boolean may be false.
         fn avoidable(a: Self::Bool) -> bool;
 
-        /// `yes` where `c` holds, `no` where it doesn't, what holds both where it is undecided.
+        /// `yes` where `c` is true, `no` where it is false, and the join of both where it is undecided.
         fn select_float(c: Self::Bool, yes: Self::Float, no: Self::Float) -> Self::Float;
         fn select_int(c: Self::Bool, yes: Self::Int, no: Self::Int) -> Self::Int;
         fn select_bool(c: Self::Bool, yes: Self::Bool, no: Self::Bool) -> Self::Bool;
@@ -146,45 +145,44 @@ pub(crate) mod sealed {
         /// The values that an index may have. `signed` says how its bits are read.
         fn bounds(i: Self::Int, signed: bool) -> Bounds;
 
-        /// The value rounded to half precision, which the shadow leaves as it is. Intervals hold what may become of a
-        /// result that is as exact as this.
+        /// The value rounded to half precision; the shadow doesn't round it. Intervals hold each value that rounding a
+        /// result of this exactness may give.
         fn to_half(x: Self::Float, half: Half) -> Self::Float;
         /// The value with subnormals flushed to zero.
         fn flush(x: Self::Float) -> Self::Float;
-        /// Whether it is anything at all, of which the cause is noted.
+        /// Returns `true` if the float is unbounded. Its cause is then noted.
         fn is_unknown(x: Self::Float) -> bool;
-        /// Notes which operation made a value unbounded: the earliest that `inputs` know of, or
-        /// `site`.
+        /// Notes the operation that made a value unbounded: the earliest cause among `inputs`, or else `site`.
         fn note(
             x: Self::Float,
             inputs: &mut dyn Iterator<Item = Self::Float>,
             site: u32,
         ) -> Self::Float;
-        /// Whether `note` does anything.
+        /// `true` if `note` has an effect.
         const NOTES: bool;
-        /// Any value at all, because of operation `site`; `None` where there is no such value.
+        /// An unbounded float, caused by operation `site`; `None` in an arithmetic without such values.
         fn unknown_float(site: u32) -> Option<Self::Float>;
         /// Any integer at all.
         fn unknown_int(signed: bool) -> Option<Self::Int>;
         /// Either boolean.
         fn unknown_bool() -> Option<Self::Bool>;
 
-        /// The float as memory holds it: the nearest `f32`, or the middle of an interval.
+        /// The float as memory stores it: the nearest `f32`, or the middle of an interval.
         fn float_word(x: Self::Float) -> u32;
-        /// The integer as memory holds it, the least of a range.
+        /// The integer as memory stores it: the least of a range.
         fn int_word(x: Self::Int) -> u32;
-        /// The boolean as memory holds it: 0, or 1 where it may be true.
+        /// The boolean as memory stores it: 1 if it may be true, otherwise 0.
         fn bool_word(x: Self::Bool) -> u32 {
             u32::from(Self::possible(x))
         }
 
-        /// A weighted sum of texels, which each lie in `hull`: the value that a filter gives.
+        /// A filter's result: a weighted sum of texels that all lie in `hull`.
         fn filtered(sum: f64, hull: (f32, f32)) -> Self::Float;
-        /// A channel of a normalised format, which was an integer.
+        /// A channel of a normalised format, converted from its integer.
         fn normalized(x: f32) -> Self::Float {
             Self::float(x)
         }
-        /// The coordinate as filters compute with it.
+        /// The coordinate that filters compute with.
         fn coordinate(x: Self::Float) -> f64;
     }
 }
@@ -325,7 +323,7 @@ impl Rules for F32 {
         x.to_bits()
     }
     fn filtered(sum: f64, _: (f32, f32)) -> f32 {
-        // Weights of a 2D filter are products of two f32; GPUs have fewer bits.
+        // The weights of a 2D filter are products of two `f32`. GPUs compute them with fewer bits.
         sum as f32
     }
     fn coordinate(x: f32) -> f64 {
@@ -385,9 +383,9 @@ impl Rules for Intervals {
         Interval::point(x)
     }
     fn decimal(x: f32, half: bool) -> Interval {
-        /// A fraction of this many bits is one that an author writes exactly, such as 0.625.
+        /// The most bits of a fraction that an author writes exactly, such as 0.625.
         const SHORT: u32 = 12;
-        /// The same of half precision, which has 11.
+        /// The same for half precision, which has 11 bits.
         const SHORT_HALF: u32 = 6;
         let digits = if half { SHORT_HALF } else { SHORT };
         let short = x.to_bits() & ((1 << (24 - digits)) - 1) == 0;
@@ -516,12 +514,12 @@ impl Rules for Intervals {
         x.lo() as u32
     }
     fn filtered(_: f64, hull: (f32, f32)) -> Interval {
-        /// At most 16 texels (eight of each of two levels) are weighted by products of four numbers and
-        /// added: that is 20 roundings of less than 2^-23 of the largest texel each.
+        /// A filter weights at most 16 texels (eight of each of two levels) by products of four numbers, and adds them.
+        /// That is 20 roundings of less than 2^-23 of the largest texel each.
         const SLACK: f64 = 1.0 / 262_144.0; // 2^-18
-        // Neither WGSL nor WebGPU says how exact a filter is. Each is a weighted mean of texels, whatever
-        // its weights are, so that it lies between the least and the greatest; but weights are rounded,
-        // and add up to a little more or less than 1. No mean of what has one sign has the other.
+        // Neither WGSL nor WebGPU bounds the error of a filter. Its result is a weighted mean of texels, with any
+        // weights, so it lies between the least and the greatest texel. But weights are rounded, so they add up to a
+        // little more or less than 1. The mean of texels with one sign has that sign.
         let [lo, hi] = [hull.0, hull.1].map(f64::from);
         let size = lo.abs().max(hi.abs());
         let below = if lo >= 0.0 { lo } else { size };

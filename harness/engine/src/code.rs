@@ -13,7 +13,7 @@ pub(crate) struct Reg {
     pub(crate) index: u32,
 }
 
-/// How two numbers compare. The converses are lowered with their operands exchanged.
+/// A comparison of two numbers. Lowering exchanges the operands for the converses.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Compare {
     Equal,
@@ -22,8 +22,8 @@ pub(crate) enum Compare {
     LessEqual,
 }
 
-/// A lane of a quad, seen from one of its lanes. They are the upper left pixel, the one to its right, and
-/// the two below.
+/// A lane of a quad, seen from another of its lanes. The lanes are the upper left pixel, the one to its right, and the
+/// two below.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Neighbour {
     Left,
@@ -43,7 +43,7 @@ impl Neighbour {
     }
 }
 
-/// What an operation does. Its registers are in [`Code::pool`], results first.
+/// An operation. Its registers are in [`Code::pool`], results first.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Op {
     Float(FloatRule),
@@ -51,89 +51,90 @@ pub(crate) enum Op {
     ToInt(ToInt),
     FromInt(FromInt),
     Scale(Scale),
-    /// Rounds to half precision a result that is as exact as this.
+    /// Rounds to half precision. The argument says how exact the result must be.
     ToHalf(Half),
-    /// What another lane of the quad has.
+    /// The value of another lane of the quad.
     Neighbour(Neighbour),
     CompareFloat(Compare),
     CompareInt(Compare, bool),
     And,
     Or,
     Not,
-    /// Whether two booleans differ.
+    /// Exclusive or of two booleans.
     Differ,
-    /// Whether a float is NaN, or infinite.
+    /// Tests a float for NaN, or for infinity.
     IsNan,
     IsInf,
-    /// Result; condition, value where it holds, value where it doesn't.
+    /// Registers: the result, the condition, the value if it is true, the value if it is false.
     Select(File),
-    /// Copies for all lanes.
+    /// Copies in all lanes.
     Move(File),
-    /// Copies for active lanes.
+    /// Copies in active lanes.
     Store(File),
-    /// Result; first register of a range; indices. Which of them is in [`Code::walks`].
+    /// Registers: the result, the first one of a range, indices. [`Code::walks`] describes the indexing.
     Gather(File, u32),
-    /// First register of a range; value; indices.
+    /// Registers: the first one of a range, the value, indices.
     Scatter(File, u32),
-    /// Result; that many candidates; index. `true` when the index is signed.
+    /// Registers: the result, that many candidates, the index. `true` if the index is signed.
     Pick(File, u32, bool),
-    /// Result; index into the constants of a table.
+    /// Registers: the result, the index into the constants of a table.
     Table(File, u32),
-    /// Result; indices. The walk is in bytes of a buffer.
+    /// Registers: the result, indices. The walk counts bytes of a buffer.
     Load(Scalar, u32),
-    /// Value; indices.
+    /// Registers: the value, indices.
     Write(Scalar, u32),
-    /// Result (u32); indices.
+    /// Registers: the result, a `u32`, and indices.
     ArrayLength(u32),
-    /// Result (or none); value; compared value (or none); indices.
+    /// Registers: the result (or none), the value, the compared value (or none), indices.
     Atomic(u32),
-    /// Results; operands. Which are in [`Code::images`].
+    /// Registers: results, operands. [`Code::images`] describes them.
     Image(u32),
-    /// Operands: floats, coordinates and layer, integers.
+    /// Registers: floats, coordinates and layer, integers.
     ImageStore(u32),
-    /// An index, and the registers that it is computed of. Tells where it has wrapped. Which are in [`Code::wraps`].
+    /// Registers: an index, and those that it is computed from. Reports where it has wrapped. [`Code::wraps`] describes
+    /// the computation.
     Wrap(u32),
 
-    /// Condition. Jumps when it holds nowhere.
+    /// Register: the condition. Jumps if it holds in no lane.
     If,
-    /// Condition of its `If`. Jumps when it holds everywhere.
+    /// Register: the condition of its `If`. Jumps if it holds in all lanes.
     Else,
-    /// Jumps to the end of what encloses it when no lane is left, as do the other ends.
+    /// Jumps to the end of the enclosing construct if no lane is left. The other ends do so, too.
     EndIf,
     Switch,
-    /// Condition; whether lanes come from the case before.
+    /// Register: the condition. `true` if lanes fall through from the case before.
     Case(bool),
     EndSwitch,
     Loop,
-    /// A round begins: fuel is spent.
+    /// Begins a round of a loop, which costs fuel.
     Round,
     Continuing,
-    /// Condition.
+    /// Register: the condition.
     BreakIf,
-    /// Jumps back while a lane is active.
+    /// Jumps back while some lane is active.
     EndLoop,
-    /// Jumps when no lane is left.
+    /// Jumps if no lane is left.
     Skip,
     Call,
     EndCall,
-    /// How many frames it leaves, without its target.
+    /// The number of frames that it leaves, not counting its target.
     Break(u32),
     Continue(u32),
     Return(u32),
-    /// A named value is complete: its registers, of the three files in order, are in the pool.
+    /// A named value is complete. Its registers are in the pool, by file.
     Mark(u32),
-    /// Result; operands. Which are in [`Code::subgroups`].
+    /// Registers: the result, operands. [`Code::subgroups`] describes them.
     Subgroup(u32),
     /// Active lanes become helpers.
     Discard,
-    /// The address spaces that it orders.
+    /// A barrier that orders accesses of these address spaces.
     Barrier(naga::Barrier),
     Halt,
 }
 
 impl Op {
-    /// True of the ends of parts of a branch, a loop or a call. They run, and have the place of an operation before them, which
-    /// may not have run.
+    /// Returns `true` for the ends of the parts of a branch, a loop or a call. They run even if the operation before
+    /// them, whose place they have, didn't.
     pub(crate) fn is_an_end(self) -> bool {
         matches!(
             self,
@@ -150,19 +151,19 @@ impl Op {
     }
 }
 
-/// One operation, where its registers are, where it jumps to and where it comes from.
+/// One operation: its registers, its jump target and its origin.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Instruction {
     pub(crate) op: Op,
     /// Its first register in the pool.
     pub(crate) at: u32,
-    /// How many registers it has there, once registers are assigned.
+    /// The number of its registers there, once registers are assigned.
     pub(crate) count: u32,
     pub(crate) target: u32,
     pub(crate) site: u32,
 }
 
-/// How far an index moves, and how many values it may have.
+/// The step of an index, and the number of its valid values.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Step {
     pub(crate) stride: u32,
@@ -170,11 +171,11 @@ pub(crate) struct Step {
     pub(crate) signed: bool,
 }
 
-/// How many elements there are.
+/// The number of elements.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Count {
     Fixed(u32),
-    /// As many as fit into the buffer after this many bytes, with this stride.
+    /// As many elements of this stride as fit into the buffer after this many bytes.
     Runtime {
         offset: u32,
         stride: u32,
@@ -184,15 +185,15 @@ pub(crate) enum Count {
 /// A whole number that may wrap around: an index, or a difference that becomes a float.
 #[derive(Clone, Debug)]
 pub(crate) struct Wrap {
-    /// Where the elements are, if they are in a buffer.
+    /// The buffer that has the elements, if one does.
     pub(crate) buffer: Option<u32>,
-    /// The array that it is an index of; `None`: it becomes a float.
+    /// The array that it indexes; `None` for a difference that becomes a float.
     pub(crate) step: Option<Step>,
-    /// How it is computed, operands first.
+    /// The computation, operands first.
     pub(crate) terms: Vec<Term>,
 }
 
-/// A term of a number that is computed without an end.
+/// A term of a number that is computed without wrapping.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Term {
     /// The next register.
@@ -204,41 +205,41 @@ pub(crate) enum Term {
     ShiftLeft,
 }
 
-/// How indices find a register, or bytes of a buffer.
+/// The way from indices to a register, or to bytes of a buffer.
 #[derive(Clone, Debug)]
 pub(crate) struct Walk {
     pub(crate) buffer: u32,
     pub(crate) offset: u32,
     pub(crate) steps: Vec<Step>,
     pub(crate) atomic: Option<AtomicOp>,
-    /// False of an atomic, whose accesses don't race.
+    /// `false` for an atomic, whose accesses don't race.
     pub(crate) plain: bool,
 }
 
-/// What an atomic does to a word.
+/// The effect of an atomic on a word.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct AtomicOp {
     pub(crate) function: AtomicFunction,
     pub(crate) scalar: Scalar,
     pub(crate) result: bool,
-    /// True if something reads what it returns.
+    /// `true` if something reads the word that it returns.
     pub(crate) used: bool,
 }
 
-/// Where an operation comes from.
+/// The origin of an operation.
 #[derive(Clone, Debug)]
 pub struct Site {
-    /// Its number among those of the program.
+    /// Its number in the program.
     pub number: usize,
     /// The function that the author wrote it in.
     pub function: String,
-    /// The handle of the expression in that function, where it is one.
+    /// The expression in that function, if it comes from one.
     pub expression: Option<naga::Handle<naga::Expression>>,
-    /// The name of the let-binding, where it is one.
+    /// The name of the let-binding, if it comes from one.
     pub name: Option<String>,
     /// Its bytes in the source.
     pub span: Span,
-    /// True if it gives floats of half precision.
+    /// `true` if its results are floats of half precision.
     pub half: bool,
 }
 
@@ -249,7 +250,7 @@ pub(crate) struct Constant {
     pub(crate) word: u32,
 }
 
-/// How many registers of each file an operation has: results, then arguments.
+/// The number of registers of each file that an operation has: results, then arguments.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Shape {
     pub(crate) outs: [u32; 3],
@@ -262,28 +263,28 @@ pub(crate) struct BufferSlot {
     pub(crate) binding: Binding,
     pub(crate) name: String,
     pub(crate) span: Span,
-    /// The least size that the type needs, in bytes.
+    /// The least size of its type, in bytes.
     pub(crate) least: u32,
     pub(crate) written: bool,
 }
 
 impl BufferSlot {
-    /// The bytes that it takes of the workgroup's memory.
+    /// The bytes of workgroup memory that it takes.
     pub(crate) fn workgroup_bytes(&self) -> u64 {
         if self.binding == Binding::Workgroup { u64::from(self.least) } else { 0 }
     }
 }
 
-/// What a buffer's bytes are.
+/// The owner of a buffer's bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Binding {
-    /// Of the caller's resources.
+    /// A resource of the caller.
     Resource { group: u32, binding: u32 },
-    /// Of the workgroup, zero at its start.
+    /// Memory of the workgroup, zero at its start.
     Workgroup,
 }
 
-/// All of a lowered program.
+/// A whole lowered program.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Code {
     pub(crate) instructions: Vec<Instruction>,
@@ -294,32 +295,32 @@ pub(crate) struct Code {
     pub(crate) tables: Vec<(Vec<Constant>, bool)>,
     pub(crate) images: Vec<ImageOp>,
     pub(crate) subgroups: Vec<SubgroupOp>,
-    /// The first operation of a subgroup.
+    /// The first subgroup operation.
     pub(crate) subgroup: Option<Span>,
     pub(crate) buffers: Vec<BufferSlot>,
     pub(crate) textures: Vec<HandleSlot>,
     pub(crate) samplers: Vec<HandleSlot>,
-    /// Registers with one value for all lanes, for good.
+    /// Registers that keep one value for all lanes.
     pub(crate) constants: Vec<(Reg, Constant)>,
     pub(crate) registers: [u32; 3],
-    /// Invocations of a workgroup, of an entry point.
+    /// The invocations of a workgroup, for an entry point.
     pub(crate) workgroup: [u32; 3],
     pub(crate) parameters: Vec<(Reg, Scalar)>,
     pub(crate) results: Vec<(Reg, Scalar)>,
     /// Shapes of named values.
     pub(crate) marks: Vec<[u32; 3]>,
-    /// The first operation in half precision that has no bounds.
+    /// The first operation of half precision whose result has no bounds.
     pub(crate) half: Option<Span>,
-    /// Registers that are stored to, which worlds of a lane differ in.
+    /// Registers that are stored to: only these differ between the worlds of a lane.
     pub(crate) mutable: [Vec<u32>; 3],
     /// Statements, if they are listed.
     pub(crate) statements: Vec<Statement>,
-    /// Ranges of registers that are found by index, which stay together.
+    /// Ranges of registers that are found by index, so that they stay together.
     pub(crate) pinned: Vec<(File, u32, u32)>,
 }
 
 impl Code {
-    /// True if an access of a word that a walk finds may race with another one.
+    /// Returns `true` if an access through this walk may race with another access.
     pub(crate) fn may_race(&self, walk: u32) -> bool {
         let walk = &self.walks[walk as usize];
         let slot = self.buffers.get(walk.buffer as usize);
@@ -331,7 +332,7 @@ impl Code {
 #[derive(Clone, Debug)]
 pub(crate) struct HandleSlot {
     pub(crate) written: bool,
-    /// What a texture must be.
+    /// The dimension and the kind that a texture must have.
     pub(crate) image: Option<(naga::ImageDimension, naga::ScalarKind)>,
     pub(crate) group: u32,
     pub(crate) binding: u32,
@@ -350,15 +351,15 @@ pub(crate) struct ImageOp {
     pub(crate) kind: ImageKind,
     pub(crate) coordinates: u32,
     pub(crate) arrayed: bool,
-    /// Which integer operands are signed, a bit each.
+    /// One bit for each integer operand: 1 if it is signed.
     pub(crate) signed: u32,
-    /// Whether its texels are signed integers.
+    /// `true` if its texels are signed integers.
     pub(crate) signed_texels: bool,
     pub(crate) outs: [u32; 3],
     pub(crate) ins: [u32; 3],
 }
 
-/// What an operation on a texture does.
+/// The kind of an operation on a texture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum ImageKind {
     Sample { detail: Detail, compare: bool, gather: Option<u8>, clamp: bool },
@@ -380,7 +381,7 @@ pub(crate) struct SubgroupOp {
 /// The kind of a subgroup operation. Operands: a value, and an index where it has one.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum SubgroupKind {
-    /// One of the four words of a ballot; a condition.
+    /// One of the four words of a ballot. Operand: a condition.
     Ballot(u32),
     Collective(naga::SubgroupOperation, naga::CollectiveOperation),
     Gather(From),
@@ -389,17 +390,17 @@ pub(crate) enum SubgroupKind {
 /// The lane that another one takes a value from.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum From {
-    /// The first active one.
+    /// The first active lane.
     First,
-    /// That of the index.
+    /// The lane with this index.
     Lane,
-    /// As far above as the index says, or below.
+    /// The lane that is this many lanes above, or below.
     Above,
     Below,
     Xor,
-    /// Of the four lanes of a quad that of the index.
+    /// The lane with this index in the quad.
     OfQuad,
-    /// The one whose number differs by these bits.
+    /// The lane whose number differs in these bits.
     Swap(u32),
 }
 
@@ -412,7 +413,7 @@ impl SubgroupKind {
     }
 }
 
-/// Where a sample has its level of detail from.
+/// The source of a sample's level of detail.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Detail {
     Zero,
@@ -421,12 +422,12 @@ pub(crate) enum Detail {
 }
 
 impl Code {
-    /// True if a lane asks what another one of its quad has.
+    /// Returns `true` if a lane reads a value of another lane of its quad.
     pub(crate) fn has_neighbours(&self) -> bool {
         self.instructions.iter().any(|one| matches!(one.op, Op::Neighbour(_)))
     }
 
-    /// How many registers an operation has.
+    /// The number of registers of an operation.
     pub(crate) fn shape(&self, op: Op) -> Shape {
         let one = |file: File| {
             let mut counts = [0; 3];

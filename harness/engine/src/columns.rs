@@ -1,11 +1,10 @@
-//! Registers: a column of lanes each.
+//! Registers: each is a column of lanes.
 
 /// All registers of one kind. A register is a column with a value for each lane.
 #[derive(Debug)]
 pub(crate) struct Columns<T> {
     columns: Vec<Box<[T]>>,
-    /// What results are written into before they take a register's place, so that a result may
-    /// replace one of its arguments.
+    /// Columns for results. Each then takes the place of a register, so that a result may replace one of its arguments.
     spares: [Box<[T]>; 4],
     width: usize,
 }
@@ -30,7 +29,7 @@ impl<T: Copy + Default> Columns<T> {
         &mut self.columns[register as usize]
     }
 
-    /// `f` of each lane: `registers` are those of the results and then those of the arguments.
+    /// Applies `f` to each lane. `registers` has the results first, then the arguments.
     #[inline(always)]
     pub(crate) fn map<const I: usize, const O: usize>(
         &mut self,

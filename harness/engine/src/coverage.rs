@@ -1,8 +1,8 @@
-//! Coverage: how often each statement runs, and which ways its branches take.
+//! Coverage: the number of times that each statement runs, and the ways that its branches take.
 //!
-//! Between two operations that change the mask all lanes stay, so one counter a straight line is enough, and nothing is counted
-//! inside of it. [`Settings::statements`](crate::Settings::statements) lists the statements, [`Options::counts`](crate::Options)
-//! has the counters.
+//! Between two operations that change the mask, the active lanes stay the same. So one counter for each straight line
+//! is enough, and nothing is counted inside it. [`Settings::statements`](crate::Settings::statements) lists the
+//! statements, [`Options::counts`](crate::Options) has the counters.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -14,20 +14,21 @@ use crate::arithmetic::sealed::Rules;
 use crate::code::{Binding, Code, Op, Walk};
 use crate::lower::STACK;
 
-/// A statement of a program. One of a function that is called in two places is there twice.
+/// A statement of a program. A statement of a function with two calls is listed twice.
 #[derive(Clone, Debug)]
 pub struct Statement {
-    /// The function that it stands in.
+    /// The function that contains it.
     pub function: String,
-    /// The number of the call that brings that function here.
+    /// The number of the call that inlines that function here.
     pub call: usize,
     /// Its bytes in the source.
     pub span: Span,
     /// Its kind.
     pub kind: StatementKind,
-    /// True if a result depends on it, what it writes, whether it ends, or what the sanitizer sees.
+    /// `true` if a test can see its effect: on a result, on written memory, on whether a loop ends, or through the
+    /// sanitizer.
     pub needed: bool,
-    /// Its operations, from the first to behind the last.
+    /// Its operations: the index of the first, and the index after the last.
     pub(crate) start: u32,
     pub(crate) end: u32,
 }
@@ -35,34 +36,34 @@ pub struct Statement {
 /// The kind of a statement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StatementKind {
-    /// One without branches: a let-binding, an assignment, a call, a jump.
+    /// A statement without branches: a let-binding, an assignment, a call, a jump.
     Plain,
-    /// `switch`, whose clauses are listed apart.
+    /// `switch`. Its clauses are statements of their own.
     Switch,
-    /// `if`, `&&` or `||`. Its ways: the condition holds, or not. naga asks the opposite for `||`.
+    /// `if`, `&&` or `||`. Its ways: the condition holds, or not. For `||`, naga tests the opposite.
     If,
     /// `select`, an expression. Its ways: the condition holds, or not.
     Select,
     /// A clause of a `switch`, by its number. It has one way.
     Clause(usize),
-    /// A loop. Its ways: it is left in the first round, in the second, or later.
+    /// A loop. Its ways: it is left in the first round, in the second, or in a later one.
     Loop,
-    /// The condition of `for` or `while`, whose ways the loop has.
+    /// The condition of `for` or `while`. Its ways are those of the loop.
     Exit,
 }
 
-/// The most ways that a statement has.
+/// The most ways of a statement.
 const WAYS: usize = 3;
 
-/// The counters of a program's operations, which all runs add to.
+/// The counters of a program's operations. All runs add to them.
 #[derive(Debug)]
 pub struct Counts(Vec<Counter>);
 
 #[derive(Debug, Default)]
 struct Counter {
-    /// Lanes that came.
+    /// Lanes that reached the operation.
     lanes: AtomicU64,
-    /// The first case that came, and one more; 0: none.
+    /// 1 + the first case that reached it; 0 if none did.
     first: AtomicU64,
     ways: [AtomicU64; WAYS],
 }
@@ -70,16 +71,16 @@ struct Counter {
 /// The counts of a statement.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Count {
-    /// How many lanes came to it.
+    /// The number of lanes that reached it.
     pub lanes: u64,
-    /// The first case that did.
+    /// The first case that reached it.
     pub first: Option<usize>,
-    /// How many lanes took each of its ways.
+    /// The number of lanes that took each of its ways.
     pub ways: [u64; WAYS],
 }
 
 impl Counts {
-    /// Lanes come to the straight line that begins at an operation.
+    /// Counts lanes that reach the straight line beginning at an operation.
     pub(crate) fn come<A: Rules>(&self, at: usize, case: usize, lanes: &[A::Bool]) {
         let Some(counter) = self.0.get(at) else { return };
         let count = count::<A>(lanes);
@@ -100,7 +101,7 @@ impl Counts {
         self.0[at].ways[way].fetch_add(lanes, Ordering::Relaxed);
     }
 
-    /// Lanes begin a round of a loop, its first one being 1. Until one more begins they leave in this one.
+    /// Counts lanes that begin a round of a loop; rounds count from 1. A lane leaves in the last round that it begins.
     pub(crate) fn round<A: Rules>(&self, at: usize, round: u64, lanes: &[A::Bool]) {
         let ways = &self.0[at].ways;
         let Ok(way) = usize::try_from(round - 1) else { return };
@@ -113,7 +114,7 @@ impl Counts {
         }
     }
 
-    /// Lanes select by a condition. Once both ways were taken the counts stay.
+    /// Counts lanes that select by a condition. Once both ways were taken, the counts stay.
     pub(crate) fn select<A: Rules>(&self, at: usize, condition: &[A::Bool], lanes: &[A::Bool]) {
         let ways = &self.0[at].ways;
         if ways[..2].iter().any(|way| way.load(Ordering::Relaxed) == 0) {
@@ -125,12 +126,12 @@ impl Counts {
     }
 }
 
-/// How many lanes may be active.
+/// The number of lanes that may be active.
 pub(crate) fn count<A: Rules>(lanes: &[A::Bool]) -> u64 {
     lanes.iter().map(|lane| u64::from(A::possible(*lane))).sum()
 }
 
-/// The operations behind which other lanes may be active.
+/// Returns `true` for an operation that may change which lanes are active.
 fn parts(op: Op) -> bool {
     matches!(
         op,
@@ -169,7 +170,7 @@ impl crate::Program {
         counts: &'p Counts,
     ) -> impl Iterator<Item = (&'p Statement, Count)> {
         let code = self.code();
-        // The first operation of the straight line that each is in.
+        // The first operation of the straight line that contains each statement.
         let mut lines: Vec<usize> = Vec::with_capacity(code.instructions.len() + 1);
         let mut line = 0;
         for (at, instruction) in code.instructions.iter().enumerate() {
@@ -195,7 +196,7 @@ impl crate::Program {
 }
 
 impl Statement {
-    /// The operation that counts its ways.
+    /// The operation that counts the ways of a statement.
     fn branch(&self, code: &Code) -> Option<usize> {
         let (start, end) = (self.start as usize, self.end as usize);
         let mut own = (start..end).map(|at| (at, code.instructions[at].op));
@@ -211,7 +212,7 @@ impl Statement {
     }
 }
 
-/// The statements of all functions and entry points of a module, whether or not something runs them.
+/// All statements of all functions and entry points of a module.
 #[must_use]
 pub fn statements(module: &Module) -> Vec<Statement> {
     let functions = module.functions.iter();
@@ -254,7 +255,7 @@ fn list_block(block: &Block, list: &mut dyn FnMut(Span, StatementKind)) {
                     list_block(continuing, list);
                 }
                 naga::Statement::Switch { cases, .. } => {
-                    // A clause of several values is several cases, of which the last has the statements.
+                    // A clause with several values is several cases. The last case has the statements.
                     for (clause, case) in cases.iter().filter(|case| !case.fall_through).enumerate()
                     {
                         list(*span, StatementKind::Clause(clause));
@@ -268,7 +269,7 @@ fn list_block(block: &Block, list: &mut dyn FnMut(Span, StatementKind)) {
 }
 
 impl StatementKind {
-    /// `None` of what isn't listed.
+    /// The kind of a statement; `None` if it isn't listed.
     pub(crate) fn of(statement: &naga::Statement) -> Option<Self> {
         let leaves = |block: &Block| matches!(block.last(), Some(naga::Statement::Break));
         Some(match statement {
@@ -327,7 +328,7 @@ pub(crate) fn needed(code: &Code) -> Vec<bool> {
 
 struct Needed<'c> {
     code: &'c Code,
-    /// For each branch, loop and call its enclosing one, and true if something in it is needed.
+    /// For each branch, loop and call: the enclosing one, and `true` if something in it is needed.
     frames: Vec<(Option<usize>, bool)>,
     registers: [Vec<bool>; 3],
     buffers: Vec<bool>,
@@ -341,7 +342,7 @@ impl Needed<'_> {
             self.registers[file as usize][self.code.pool[at] as usize]
         };
         match instruction.op {
-            // A jump decides about all that stands behind it in what it leaves.
+            // A jump decides about everything behind it in the construct that it leaves.
             Op::Break(depth) | Op::Continue(depth) | Op::Return(depth) => {
                 let mut target = frame;
                 for _ in 0..depth {
@@ -386,7 +387,7 @@ impl Needed<'_> {
         }
         match instruction.op {
             Op::Gather(file, _) => {
-                // Its results come first, the range behind them.
+                // The results come first, then the range.
                 let ranges: Vec<usize> = self.range(file, instruction.at + 1).collect();
                 ranges.into_iter().for_each(|own| self.registers[file as usize][own] = true);
             }
@@ -406,7 +407,7 @@ impl Needed<'_> {
         &self.code.walks[walk as usize]
     }
 
-    /// The registers that stay together with one in the pool.
+    /// The registers of the range that contains one in the pool.
     fn range(&self, file: crate::scalar::File, at: u32) -> impl Iterator<Item = usize> + use<> {
         let base = self.code.pool[at as usize];
         let is_own = |&&(pinned, first, count): &&(crate::scalar::File, u32, u32)| {

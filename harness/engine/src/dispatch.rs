@@ -1,5 +1,5 @@
-//! Compute entry points: invocations of a workgroup are the lanes of one chunk. And fragment entry points, whose workgroups
-//! are tiles of pixels.
+//! Runs compute entry points, with the invocations of a workgroup as the lanes of one chunk, and fragment entry points,
+//! with tiles of pixels for workgroups.
 
 use std::collections::HashMap;
 use std::time::Instant;
@@ -19,14 +19,14 @@ use crate::resources::Resources;
 use crate::runs::Runs;
 use crate::schedule::{Actor, ByPriority, Priorities, Schedule, Stores, Turns, shuffled};
 
-/// WebGPU's limit is 256 invocations; devices may offer this many.
+/// The most invocations of a workgroup. WebGPU's limit is 256; devices may offer this many.
 const MOST_INVOCATIONS: u32 = 1024;
 
-/// What an entry point is given, and how many invocations a workgroup has.
+/// The inputs of an entry point, and the size of its workgroups.
 #[derive(Debug)]
 pub(crate) struct Entry {
     size: [u32; 3],
-    /// True of a fragment entry point: workgroups are tiles, and invocations the pixels of their quads.
+    /// `true` for a fragment entry point: its workgroups are tiles, its invocations pixels in quads.
     drawn: bool,
     /// For each scalar of the parameters, the builtin and its component.
     inputs: Vec<(BuiltIn, usize)>,
@@ -87,22 +87,22 @@ impl Entry {
     }
 }
 
-/// Pixels of a tile, across and down. Four lanes in a row are a quad.
+/// Pixels of a tile, across and down. Four successive lanes are a quad.
 const TILE: [u32; 3] = [8, 8, 1];
 
-/// The place of an invocation of a tile in it.
+/// The place in its tile of an invocation.
 fn place_in_tile(index: u32) -> [u32; 3] {
     let (quad, pixel) = (index / 4, index % 4);
     let across = TILE[0] / 2;
     [quad % across * 2 + pixel % 2, quad / across * 2 + pixel / 2, 0]
 }
 
-/// The tiles of a draw over so many pixels across and down.
+/// The tiles of a draw of so many pixels across and down.
 fn tiles(pixels: [u32; 3]) -> [u32; 3] {
     [pixels[0].div_ceil(TILE[0]), pixels[1].div_ceil(TILE[1]), 1]
 }
 
-/// The pixel of an invocation, by its number and the pixels of the draw across.
+/// The pixel of an invocation, by its number and the width of the draw in pixels.
 #[must_use]
 pub fn pixel_of(invocation: usize, across: u32) -> [u32; 2] {
     let of_tile = TILE[0] * TILE[1];
@@ -112,7 +112,7 @@ pub fn pixel_of(invocation: usize, across: u32) -> [u32; 2] {
     [tile % columns * TILE[0] + x, tile / columns * TILE[1] + y]
 }
 
-/// True of a builtin value whose meaning depends on the size of subgroups.
+/// Returns `true` for a builtin value whose meaning depends on the size of subgroups.
 fn is_of_subgroups(builtin: BuiltIn) -> bool {
     matches!(
         builtin,
@@ -123,7 +123,7 @@ fn is_of_subgroups(builtin: BuiltIn) -> bool {
     )
 }
 
-/// The inputs that all invocations of a workgroup have alike.
+/// The inputs that all invocations of a workgroup share.
 struct Given {
     id: [u32; 3],
     workgroups: [u32; 3],
@@ -143,7 +143,7 @@ impl Entry {
         let global = |k: usize| id[k].wrapping_mul(self.size[k]).wrapping_add(local[k]);
         match builtin {
             BuiltIn::Position { .. } if k < 2 => (global(k) as f32 + 0.5).to_bits(),
-            // The depth of the near side, and 1/w.
+            // The depth of the near plane, and 1/w.
             BuiltIn::Position { .. } => [0.0_f32, 1.0][k - 2].to_bits(),
             BuiltIn::GlobalInvocationId => global(k),
             BuiltIn::LocalInvocationId => local[k],
@@ -159,28 +159,28 @@ impl Entry {
     }
 }
 
-/// A workgroup that runs, in room that is used again by the next one.
+/// A running workgroup. The next one reuses its allocations.
 struct Room<'p, 'm, A: Arithmetic> {
     machines: Vec<Machine<'p, A>>,
     /// The number of its first unit, and of its first invocation.
     unit: u32,
     first: usize,
-    /// Machines that haven't ended, and those that wait at a barrier, each with its site.
+    /// Machines that haven't ended, and machines that wait at a barrier, each with its site.
     open: usize,
     held: Vec<(usize, u32)>,
-    /// Stores that have yet to take effect.
+    /// Stores that haven't taken effect yet.
     stores: usize,
-    /// Machines at a barrier whose stores have yet to.
+    /// Machines at a barrier with stores that haven't taken effect yet.
     draining: Vec<(usize, u32)>,
-    /// Machines before an atomic of a word that a store of theirs has yet to change.
+    /// Machines before an atomic on a word that a pending store of theirs will change.
     blocked: Vec<usize>,
-    /// Its workgroup memory, by its slots, and the detector's knowledge of it, while another one runs.
+    /// While another workgroup runs: its workgroup memory by slot, and what the detector knows about it.
     own: Vec<(usize, Buffer<'m, A>)>,
     known: OfGroup,
 }
 
 impl<'p, 'm, A: Arithmetic> Room<'p, 'm, A> {
-    /// Room for workgroups of so many invocations, of which so many share a machine.
+    /// Allocates a workgroup of so many `invocations`. So many `lanes` of them share a machine.
     fn new(code: &'p Code, options: &'p Options, invocations: usize, lanes: usize) -> Self {
         let machine =
             |first: usize| Machine::<A>::new(code, options, lanes.min(invocations - first));
@@ -203,7 +203,7 @@ impl<'p, 'm, A: Arithmetic> Room<'p, 'm, A> {
         }
     }
 
-    /// Swaps its memory, and the detector's knowledge of it, with what is in use.
+    /// Exchanges its memory, and what the detector knows about it, with those in use.
     fn exchange(&mut self, memory: &mut Memory<'m, A>, detector: &mut Option<Box<Detector>>) {
         for (slot, buffer) in &mut self.own {
             std::mem::swap(&mut memory.buffers[*slot], buffer);
@@ -214,35 +214,35 @@ impl<'p, 'm, A: Arithmetic> Room<'p, 'm, A> {
     }
 }
 
-/// An atomic of a run whose order is asked for.
+/// An atomic of a run that records the order of its atomics.
 #[derive(Clone, Debug)]
 pub struct Turn {
-    /// The invocation, by its number in the dispatch; of several side by side the first.
+    /// The number of the invocation in the dispatch; the first, if several run side by side.
     pub invocation: usize,
-    /// Where the author wrote it.
+    /// Its place in the source.
     pub site: Site,
-    /// The word that it returned, or else the one that it wrote.
+    /// The word that it returned, or else wrote.
     pub word: u32,
-    /// True if it returned one that something uses.
+    /// `true` if it returned a word that something uses.
     pub reads: bool,
-    /// Of a store that took effect late, the atomic behind it that others could see before.
+    /// For a store that took effect late: a later atomic of its invocation that others could see earlier.
     pub behind: Option<Site>,
 }
 
-/// What is asked of a run besides what it leaves.
+/// Requests about a run, besides its results.
 pub(crate) struct Watch<'w> {
-    /// The workgroups that run; `None`: each.
+    /// The workgroups to run; `None` for all.
     groups: Option<&'w [usize]>,
     explorer: Option<&'w mut Explorer>,
 }
 
-/// The order of atomics, as far as it is asked for.
+/// The order of atomics, if it is recorded.
 struct Order {
-    /// Each with its word, and of a store when its invocation came to it.
+    /// Each atomic with its word and, for a store, the turn in which its invocation reached it.
     taken: Option<Vec<(Turn, Done)>>,
 }
 
-/// Turns that are kept of a run. The first difference comes early.
+/// The most recorded turns of a run. Two orders differ early if they differ.
 const MOST_TURNS: usize = 1 << 12;
 
 impl Order {
@@ -250,7 +250,7 @@ impl Order {
         self.taken.as_ref().map_or(0, Vec::len)
     }
 
-    /// Atomics of invocations, of which the first lane is this one.
+    /// Adds atomics of invocations; the first lane has this number.
     fn add(&mut self, code: &Code, first: usize, done: impl Iterator<Item = Done>) {
         let Some(taken) = self.taken.as_mut().filter(|all| all.len() < MOST_TURNS) else { return };
         for one in done {
@@ -261,7 +261,7 @@ impl Order {
         }
     }
 
-    /// The atomic behind a store in its invocation that another one could see before the store.
+    /// The atomic behind a store in its invocation that another invocation could see before the store.
     fn behind(
         taken: &[(Turn, Done)],
         invocation: usize,
@@ -279,11 +279,11 @@ impl Order {
     }
 }
 
-/// Rooms for workgroups at least, and the invocations that they may have together.
+/// The least number of rooms, and the most invocations that they have together.
 const LEAST_ROOMS: usize = 4;
 const ROOMY: usize = 4096;
 
-/// Brings the memory of a workgroup, and the detector's knowledge of it, into use.
+/// Makes a workgroup's memory, and what the detector knows about it, current.
 fn enter<'m, A: Arithmetic>(
     here: &mut Option<usize>,
     next: Option<usize>,
@@ -299,8 +299,8 @@ fn enter<'m, A: Arithmetic>(
     }
 }
 
-/// Turns in a row in which all that runs only waits, until it is taken to wait for ever; of invocations that go side by side
-/// fewer, as they may wait for each other.
+/// Turns in a row in which all units only wait; after that many they count as waiting forever. Invocations that run
+/// side by side get fewer, as they may wait for each other.
 const WAITS: usize = 1 << 14;
 const WAITS_TOGETHER: usize = 1 << 10;
 
@@ -308,18 +308,18 @@ const WAITS_TOGETHER: usize = 1 << 10;
 const TURNS: usize = 1024;
 
 impl Program {
-    /// Runs a compute entry point, one workgroup after the other: that is one of the orders that
-    /// the specification allows. Storage that it writes is changed in `resources`.
+    /// Runs a compute entry point, one workgroup after the other: one of the orders that the specification allows.
+    /// Changes the storage that it writes in `resources`.
     ///
-    /// Of a fragment entry point `workgroups` are the pixels of a draw across and down, and the case of an invocation is the
-    /// number that [`pixel_of`] takes. It is given its position and nothing else.
+    /// For a fragment entry point, `workgroups` is the size of a draw in pixels, across and down, and the case of an
+    /// invocation is the number that [`pixel_of`] takes. Its position is its only input.
     ///
-    /// In intervals nothing can be written; such a program is stopped.
+    /// Intervals can't be written to memory: a program that writes is stopped.
     ///
     /// # Errors
     ///
-    /// When a resource is missing, or an invocation spends its fuel; its case is then the index of
-    /// the invocation among all, workgroup after workgroup.
+    /// A missing resource, or an invocation that spends its fuel. The case of the error is then the number of the
+    /// invocation in the dispatch, workgroup after workgroup.
     pub fn dispatch<A: Runs>(
         &self,
         workgroups: [u32; 3],
@@ -330,12 +330,12 @@ impl Program {
         A::dispatch(self, workgroups, resources, options, observer)
     }
 
-    /// Runs a compute entry point as [`dispatch`](Self::dispatch) does in `f32`, and says which accesses race and
-    /// which barriers weren't reached by all. Of the workgroups, counted from 0, these run; `None`: each.
+    /// Runs a compute entry point as [`dispatch`](Self::dispatch) does in `f32`, and reports the accesses that race and
+    /// the barriers that not all invocations reached. Runs the given workgroups, counted from 0; `None` for all.
     ///
     /// # Errors
     ///
-    /// As [`dispatch`](Self::dispatch), but for loops that take too long: then the findings until there have the stop.
+    /// As [`dispatch`](Self::dispatch), except for loops that take too long: the findings so far then carry the stop.
     pub fn observe_races(
         &self,
         workgroups: [u32; 3],
@@ -347,7 +347,7 @@ impl Program {
         self.run_workgroups::<F32, false>(workgroups, resources, options, &(), watch)
     }
 
-    /// The same in the next order that an explorer has not tried, in place of the schedule's. All workgroups run.
+    /// Does the same in the explorer's next order, instead of the schedule's. Runs all workgroups.
     ///
     /// # Errors
     ///
@@ -364,7 +364,7 @@ impl Program {
         self.run_workgroups::<F32, false>(workgroups, resources, options, &(), watch)
     }
 
-    /// True if the order of invocations may decide what they leave, though none of their accesses race: they have
+    /// Returns `true` if the order of invocations may change the results even without a race: if the program has
     /// atomics.
     #[must_use]
     pub fn has_atomics(&self) -> bool {
@@ -372,23 +372,24 @@ impl Program {
         code.instructions.iter().any(|one| code.is_atomic(one.op))
     }
 
-    /// Invocations of a workgroup in each direction; 1 of a draw, whose pixels are its workgroups. `None` of a function.
+    /// The invocations of a workgroup in each direction; 1 for a draw, whose workgroups are pixels. `None` for a
+    /// function.
     #[must_use]
     pub fn workgroup_size(&self) -> Option<[u32; 3]> {
         self.entry.as_ref().map(|entry| if entry.drawn { [1; 3] } else { entry.size })
     }
 
-    /// True of an entry point whose results may depend on the size of subgroups.
+    /// Returns `true` for an entry point whose results may depend on the size of subgroups.
     #[must_use]
     pub fn has_subgroups(&self) -> bool {
         let given = |entry: &Entry| entry.inputs.iter().any(|(one, _)| is_of_subgroups(*one));
         self.code().subgroup.is_some() || self.entry.as_ref().is_some_and(given)
     }
 
-    /// [`dispatch`](Self::dispatch), compiled once for each arithmetic.
+    /// Implements [`dispatch`](Self::dispatch), compiled once for each arithmetic.
     ///
-    /// Invocations that go side by side wait for ever for each other. Where that happens in the usual order, they go one
-    /// by one.
+    /// Invocations that run side by side may wait for each other forever. If that happens in the usual order, they run
+    /// one by one.
     pub(crate) fn run_workgroups<A: Arithmetic, const SEEN: bool>(
         &self,
         workgroups: [u32; 3],
@@ -463,7 +464,7 @@ impl Program {
             let mut memory = self.memory::<A>(resources)?;
             let [across, down, deep] = workgroups.map(|count| count as usize);
             let all = across * down * deep;
-            // Of more than fit into memory some run before the deadline.
+            // If not all fit into memory, run some before the deadline.
             let mut groups: Box<dyn Iterator<Item = usize>> = match (some, schedule.priorities) {
                 (Some(some), _) => Box::new(some.iter().copied()),
                 (None, Priorities::ByNumber | Priorities::InTurn) => Box::new(0..all),
@@ -487,17 +488,17 @@ impl Program {
                 watch_is_on.then(|| Box::new(Detector::new(code, invocations, blank)));
             let mut order = Order { taken: options.shows_order.then(Vec::new) };
             let (mut stopped, mut work, mut count) = (None, options.work, 0_usize);
-            // Turns in a row of units that only wait, and the number after which they are taken to wait for ever.
+            // Turns in a row of units that only wait, and the number at which they count as waiting forever.
             let mut idle = 0;
             let for_ever = if lanes > 1 { WAITS_TOGETHER } else { WAITS };
             let for_ever = for_ever.max(2 * rooms.len() * units);
             let mut room_of: HashMap<u32, usize> = HashMap::new();
-            // What a machine does in its next turn, if turns ask for it.
+            // The next turn of a machine, if turns ask for it.
             let step = |machine: &Machine<'_, A>, memory: &Memory<'_, A>, group, asks| match asks {
                 true => machine.next_step(memory, group),
                 false => Step::atomic(Vec::new()),
             };
-            // The room whose memory is in use.
+            // The workgroup whose memory is current.
             let mut here: Option<usize> = None;
             let mut free: Vec<usize> = (0..rooms.len()).rev().collect();
             loop {
@@ -653,7 +654,7 @@ impl Program {
                 let turns = count as u64;
                 observed = Observed { stopped, rounds, turns, order, ..detector.end(code) };
                 if entry.drawn {
-                    // Of the last tiles some are helpers.
+                    // The last tiles have helpers.
                     let pixels = pixels.iter().map(|count| *count as usize).product();
                     observed.invocations = observed.invocations.min(pixels);
                 }

@@ -1,8 +1,8 @@
-//! All orders of the atomics of a dispatch, but for those that lead to the same.
+//! Explores the orders of a dispatch's atomics, one of each class of equivalent orders.
 //!
-//! Two orders lead to the same if they differ by neighbours that commute: accesses of different words, two reads, two
-//! sums whose results nothing uses. One of each class is run: *source sets* say which turns have to be taken instead
-//! of one that was taken, *sleep sets* which lead to a class that was run (Abdulla et al. 2014, *Optimal dynamic
+//! Two orders are equivalent if they differ only in neighbours that commute: accesses of different words, two reads,
+//! two additions whose results nothing uses. One order of each class runs. *Source sets* hold the turns to try instead
+//! of one that was taken, *sleep sets* those that lead to a class that has run (Abdulla et al. 2014, *Optimal dynamic
 //! partial order reduction*, algorithm 1).
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -12,21 +12,21 @@ use naga::AtomicFunction;
 
 use crate::schedule::{Actor, Turns};
 
-/// A word that invocations share: its variable, the workgroup whose memory it is in, its byte.
+/// A word that invocations share: its variable, the workgroup whose memory it is in, its offset in bytes.
 pub(crate) type Word = (u32, u32, u32);
 
-/// The kind of an atomic, as far as others notice it.
+/// The kind of an atomic, as other invocations see it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(crate) enum Access {
     Reads,
-    /// Changes the word in a way that commutes with itself, and nothing uses what it returns.
+    /// Changes the word in a way that commutes with itself. Nothing uses the word that it returns.
     Adds,
     Ands,
     Ors,
     Xors,
     Mins,
     Maxes,
-    /// Any other.
+    /// Any other access.
     Changes,
 }
 
@@ -44,13 +44,13 @@ impl Access {
         }
     }
 
-    /// True if two of these on one word lead to the same in both orders.
+    /// Returns `true` if two such accesses of one word have the same effect in both orders.
     pub(crate) fn commutes(self, other: Self) -> bool {
         self == other && self != Self::Changes
     }
 }
 
-/// An actor's next access of words that others see: none of the actor that begins or has passed a barrier.
+/// The accesses of shared words in an actor's next turn. An actor that begins or has passed a barrier has none.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Step {
     atomic: bool,
@@ -58,7 +58,7 @@ pub(crate) struct Step {
 }
 
 impl Step {
-    /// An atomic, with what it accesses if turns ask for that.
+    /// An atomic, with its accesses if turns ask for them.
     pub(crate) fn atomic(touches: Vec<(Word, Access)>) -> Self {
         Self { atomic: true, touches }
     }
@@ -79,7 +79,7 @@ impl Step {
     }
 }
 
-/// For each actor, by its number, how many of its turns come before.
+/// For each actor, by number: how many of its turns come before.
 type Clock = Vec<u32>;
 
 fn join(to: &mut Clock, from: &[u32]) {
@@ -92,47 +92,48 @@ fn join(to: &mut Clock, from: &[u32]) {
 struct Taken {
     actor: Actor,
     step: Step,
-    /// Its actor's number, that of the turn among those of its actor, and all that comes before it, itself included.
+    /// The number of its actor, its number among the actor's turns, and the clock of all that comes before it, itself
+    /// included.
     own: usize,
     number: u32,
     clock: Clock,
 }
 
 impl Taken {
-    /// True if it comes before all that has this clock.
+    /// Returns `true` if it comes before everything with this clock.
     fn is_before(&self, clock: &[u32]) -> bool {
         clock.get(self.own).is_some_and(|count| *count >= self.number)
     }
 }
 
-/// A place at which an actor's turn was chosen.
+/// A point at which an actor was chosen for the next turn.
 #[derive(Debug)]
 struct Node {
     ready: BTreeMap<Actor, Step>,
     chosen: Actor,
-    /// Those whose turn it has to be here in some order.
+    /// The actors that have to go next here in some order.
     wanted: BTreeSet<Actor>,
-    /// Those whose turn here leads to what was run.
+    /// The actors whose turn here leads to an order that has run.
     asleep: BTreeMap<Actor, Step>,
 }
 
-/// Turns that an order may have: of more there are too many orders, or it has no end.
+/// The most turns of an explored order. A longer one has too many orders, or no end.
 const MOST_TURNS: usize = 512;
 
 /// Explores the orders of dispatches, run by run.
 #[derive(Debug, Default)]
 pub struct Explorer {
     nodes: Vec<Node>,
-    /// Of the run: the turns taken, who can go on, and who waits for a word to change.
+    /// The current run: the turns taken, the actors that can go on, and those that wait for a word to change.
     taken: Vec<Taken>,
     ready: BTreeMap<Actor, Step>,
     waiting: BTreeMap<Actor, Step>,
     clocks: BTreeMap<Actor, Clock>,
     /// The numbers of actors.
     numbers: BTreeMap<Actor, usize>,
-    /// Pairs of turns that were looked at, in all runs.
+    /// Pairs of turns compared, in all runs.
     work: u64,
-    /// All that has come before the dispatch that runs.
+    /// Everything before the current dispatch.
     base: Clock,
     /// The first turn of each dispatch.
     begins: Vec<usize>,
@@ -145,7 +146,7 @@ pub struct Explorer {
 }
 
 impl Explorer {
-    /// Begins the next run. `false`: no order is left.
+    /// Begins the next run. Returns `false` if no order is left.
     pub fn begin(&mut self) -> bool {
         if std::mem::replace(&mut self.has_begun, true) {
             loop {
@@ -169,7 +170,7 @@ impl Explorer {
         true
     }
 
-    /// Begins a dispatch of the run, which is behind all that has run.
+    /// Begins a dispatch, which comes after everything that has run.
     pub(crate) fn begin_dispatch(&mut self) {
         let clocks = std::mem::take(&mut self.clocks);
         clocks.values().for_each(|clock| join(&mut self.base, clock));
@@ -181,25 +182,25 @@ impl Explorer {
         self.begins.push(self.taken.len());
     }
 
-    /// True if the run was ended, as it leads to the same as one before.
+    /// Returns `true` if the run was cut short because it is equivalent to an earlier one.
     #[must_use]
     pub fn is_cut(&self) -> bool {
         self.cut
     }
 
-    /// True if an invocation waited in a loop for others: it may have gone on, in orders that weren't tried.
+    /// Returns `true` if an invocation waited in a loop for others. In orders that weren't tried it may have gone on.
     #[must_use]
     pub fn has_waited(&self) -> bool {
         self.has_waited
     }
 
-    /// True if a run had too many turns to explore its orders.
+    /// Returns `true` if a run had too many turns to explore.
     #[must_use]
     pub fn is_too_long(&self) -> bool {
         self.too_long
     }
 
-    /// Pairs of turns that were looked at, in all runs so far: what they cost.
+    /// Pairs of turns compared in all runs so far: the cost of exploring.
     #[must_use]
     pub fn work(&self) -> u64 {
         self.work
@@ -219,7 +220,7 @@ impl Explorer {
         let step = self.ready.remove(&actor)?;
         let base = &self.base;
         let mut clock = self.clocks.get(&actor).cloned().unwrap_or_else(|| base.clone());
-        // All that doesn't commute with it and was before.
+        // All earlier turns that don't commute with it.
         let before = clock.clone();
         for taken in &self.taken {
             if !taken.step.commutes(&step) {
@@ -243,7 +244,7 @@ impl Explorer {
         Some(actor)
     }
 
-    /// Where a turn races with one before, wants an actor to go first there that leads to the other outcome.
+    /// If a turn races with an earlier one, asks for an actor to go first there, so that the other outcome occurs.
     fn want_otherwise(&mut self, actor: Actor, step: &Step, before: &[u32]) {
         let mut racing: Vec<usize> = Vec::new();
         let mut dependent: Vec<usize> = Vec::new();
@@ -252,7 +253,7 @@ impl Explorer {
             if one.actor == actor || one.step.commutes(step) || one.is_before(before) {
                 continue;
             }
-            // Nothing between both orders them.
+            // Race: no turn in between orders the two.
             if !dependent.iter().any(|between| one.is_before(&self.taken[*between].clock)) {
                 racing.push(at);
             }
@@ -260,7 +261,7 @@ impl Explorer {
         }
         for at in racing {
             let one = &self.taken[at];
-            // All behind it that doesn't depend on it, and then this turn.
+            // All turns behind it that don't depend on it, and then this turn.
             let mut firsts: Vec<Actor> = Vec::new();
             let mut seen: Vec<&Taken> = Vec::new();
             let free = self.taken[at + 1..].iter().filter(|other| !one.is_before(&other.clock));
@@ -288,7 +289,7 @@ impl Explorer {
 
 impl Turns for Explorer {
     fn ready(&mut self, actor: Actor, step: Step) {
-        // A store that has yet to take effect comes behind what its invocation has done.
+        // A pending store comes after everything that its invocation has done.
         if actor.store > 0 {
             let unit = Actor { store: 0, ..actor };
             let clock = self.clocks.get(&unit).unwrap_or(&self.base).clone();
@@ -299,7 +300,7 @@ impl Turns for Explorer {
     }
 
     fn next(&mut self) -> Option<Actor> {
-        // What others don't see is no turn.
+        // A step that others can't see is no turn.
         if let Some(actor) =
             self.ready.iter().find(|(_, step)| !step.atomic).map(|(actor, _)| *actor)
         {
@@ -308,7 +309,7 @@ impl Turns for Explorer {
             return Some(actor);
         }
         if self.ready.is_empty() {
-            // Those that wait, wait for nobody: a loop may end by itself.
+            // The rest wait for each other. They may go on: a loop may end by itself.
             self.ready.append(&mut self.waiting);
         }
         let at = self.taken.len();

@@ -8,25 +8,25 @@ use std::fmt;
 
 use chain::{Chain, Ends};
 
-/// What a float may be, by the WGSL specification: every `f32` from `lo` to `hi`, or anything at
-/// all, NaN included, when it is unbounded.
+/// The values that WGSL allows a float: every `f32` from `lo` to `hi`. An unbounded interval allows anything, NaN
+/// included.
 ///
-/// A result that overflows, or whose accuracy the specification doesn't bound, is unbounded, and so
-/// is all that is computed from it: an implementation may assume that neither infinities nor NaN
-/// occur. Bounds are rounded outwards to `f32`.
+/// A result is unbounded if it overflows, or if the specification doesn't bound its accuracy, and so is everything
+/// computed from it: an implementation may assume that neither infinities nor NaN occur. Bounds are rounded outwards to
+/// `f32`.
 ///
-/// A sum or a product holds what each order of its operations gives, through bindings, variables and
-/// calls: it remembers its terms or factors.
+/// A sum or a product covers each order of its operations, across bindings, variables and calls: it remembers its terms
+/// or factors.
 #[derive(Clone, Copy)]
 pub struct Interval {
     lo: f32,
     hi: f32,
-    /// One more than the site that made it unbounded, 0 when there is none; and [`REORDERED`].
+    /// 1 + the site that made it unbounded, or 0; and the bit [`REORDERED`].
     cause: u32,
     chain: Chain,
 }
 
-/// The bit of a cause that says that the operation is bounded in the order in which it is written.
+/// The bit of a cause that is set if the operation is bounded in the order in which it is written.
 const REORDERED: u32 = 1 << 31;
 
 impl fmt::Debug for Interval {
@@ -42,7 +42,7 @@ impl Default for Interval {
 }
 
 impl PartialEq for Interval {
-    /// Compares bounds, not what made them infinite.
+    /// Compares bounds, and ignores the causes of unbounded ones.
     fn eq(&self, other: &Self) -> bool {
         self.lo == other.lo && self.hi == other.hi
     }
@@ -53,13 +53,13 @@ impl Interval {
     pub const UNBOUNDED: Self =
         Self { lo: f32::NEG_INFINITY, hi: f32::INFINITY, cause: 0, chain: Chain::Single };
 
-    /// One float, or anything when it isn't finite.
+    /// One float; unbounded if it isn't finite.
     #[must_use]
     pub fn point(x: f32) -> Self {
         Self::between(x, x)
     }
 
-    /// Every float from `lo` to `hi`, or anything when a bound isn't finite.
+    /// Every float from `lo` to `hi`; unbounded if an end isn't finite.
     #[must_use]
     pub fn between(lo: f32, hi: f32) -> Self {
         if lo.is_finite() && hi.is_finite() && lo <= hi {
@@ -81,26 +81,26 @@ impl Interval {
         self.hi
     }
 
-    /// Whether both bounds are finite.
+    /// Returns `true` if both bounds are finite.
     #[must_use]
     pub fn is_bounded(self) -> bool {
         self.lo.is_finite() && self.hi.is_finite()
     }
 
-    /// Whether it allows `x`. Unbounded, it allows NaN and infinities, too.
+    /// Returns `true` if it contains `x`. An unbounded one contains NaN and infinities, too.
     #[must_use]
     pub fn contains(self, x: f64) -> bool {
         !self.is_bounded() || (f64::from(self.lo) <= x && x <= f64::from(self.hi))
     }
 
-    /// True if it is bounded but for another order of some operations, which WGSL allows (15.7.5): there
-    /// an intermediate result may overflow, or become a divisor that has no bound.
+    /// Returns `true` if only another order of some operations, which WGSL allows (15.7.5), makes it unbounded: there
+    /// an intermediate result may overflow, or become a divisor without bounds.
     #[must_use]
     pub fn is_reordered(self) -> bool {
         self.cause & REORDERED != 0
     }
 
-    /// The site of the operation that made it unbounded, where it is.
+    /// The site of the operation that made it unbounded, if it is.
     pub(crate) fn cause(self) -> Option<u32> {
         (self.cause & !REORDERED).checked_sub(1)
     }
@@ -109,12 +109,12 @@ impl Interval {
         Self { cause: (self.cause & REORDERED) | (site + 1), ..self }
     }
 
-    /// Unbounded as what it was computed of.
+    /// Unbounded, with the cause of its operand.
     pub(crate) fn caused_as(self, other: Self) -> Self {
         Self { cause: other.cause, ..self }
     }
 
-    /// This, which is of any order, where the written order is bounded.
+    /// This interval, which covers any order, marked if the written order is bounded.
     fn unless_written(self, written: Self) -> Self {
         match (self.is_bounded(), written.is_bounded()) {
             (true, true) => self,
@@ -123,7 +123,7 @@ impl Interval {
         }
     }
 
-    /// Unbounded, of two values of which one is.
+    /// Unbounded, with the cause of the operand that is unbounded.
     fn lost(self, other: Self) -> Self {
         Self { cause: (self.cause | other.cause) & REORDERED, ..Self::UNBOUNDED }
     }
@@ -140,13 +140,13 @@ impl Interval {
         }
     }
 
-    /// From exact bounds: outwards to `f32`, and with zero where a subnormal may be flushed.
+    /// Rounds exact bounds outwards to `f32`, and includes zero if a subnormal may be flushed.
     pub(crate) fn outwards(lo: f64, hi: f64) -> Self {
         if !(lo.abs() <= f64::from(f32::MAX) && hi.abs() <= f64::from(f32::MAX) && lo <= hi) {
             return Self::UNBOUNDED;
         }
         let (low, high) = (lo as f32, hi as f32);
-        // Without branches, of which each second one would be mispredicted.
+        // Without branches: every second one would be mispredicted.
         let low = stepped(low, -i32::from(f64::from(low) > lo));
         let high = stepped(high, i32::from(f64::from(high) < hi));
         if !(low.is_finite() && high.is_finite()) {
@@ -155,13 +155,13 @@ impl Interval {
         Self { lo: low, hi: high, ..Self::UNBOUNDED }.flushed()
     }
 
-    /// These bounds of what is left of it without its whole part, which a sum takes off in another order.
+    /// These bounds for the rest of it after a sum takes off its whole part, in any order.
     pub(crate) fn with_slack(self, lo: f64, hi: f64) -> Self {
         let slack = self.chained().map_or(0.0, |(ends, chain)| chain.slack(ends));
         Self::outwards(lo - slack, hi + slack)
     }
 
-    /// With zero where one of its values is subnormal.
+    /// Includes zero if one of its values is subnormal.
     pub(crate) fn flushed(self) -> Self {
         let tiny = f32::MIN_POSITIVE;
         let mut flushed = self;
@@ -174,7 +174,7 @@ impl Interval {
         flushed
     }
 
-    /// What holds both.
+    /// The least interval that contains both.
     pub(crate) fn join(self, other: Self) -> Self {
         if let (Some(ends), Some(others)) = (self.bounds(), other.bounds()) {
             let chain = self.chain.join(ends, other.chain, others);
@@ -184,8 +184,8 @@ impl Interval {
         Self { cause: if self.cause == 0 { other.cause } else { self.cause }, ..Self::UNBOUNDED }
     }
 
-    /// What both hold: `other` where this one isn't bounded, this one where the other isn't or where
-    /// they have nothing in common.
+    /// The intersection: `other` if this one is unbounded; this one if the other is unbounded or the two have nothing
+    /// in common.
     pub(crate) fn meet(self, other: Self) -> Self {
         match (self.is_bounded(), other.is_bounded()) {
             (_, false) => self,
@@ -197,13 +197,13 @@ impl Interval {
         }
     }
 
-    /// Bounds in `f64`, subnormals flushed or not.
+    /// The bounds in `f64`, with subnormals flushed or not.
     pub(crate) fn bounds(self) -> Option<(f64, f64)> {
         let flushed = self.flushed();
         self.is_bounded().then(|| (f64::from(flushed.lo), f64::from(flushed.hi)))
     }
 
-    /// `f` of both bounds, for a monotonic function whose results are exact to `error`.
+    /// Applies a monotonic `f` to both bounds and widens them by `error`.
     pub(crate) fn monotonic(self, f: impl Fn(f64) -> f64, error: impl Fn(f64, f64) -> f64) -> Self {
         let Some((lo, hi)) = self.bounds() else { return Self::UNBOUNDED };
         let mut ends = [(lo, f(lo)), (hi, f(hi))];
@@ -237,7 +237,7 @@ impl Interval {
         }
     }
 
-    /// x * x, which is never negative.
+    /// `x * x`, which is never negative.
     pub(crate) fn square(self) -> Self {
         match self.chained() {
             Some(x) => chain::multiply(x, x, true),
@@ -245,7 +245,7 @@ impl Interval {
         }
     }
 
-    /// 2.5 ulp for divisors of magnitude 2^-126 to 2^126.
+    /// The quotient, within 2.5 ulp for divisors of magnitude 2^-126 to 2^126.
     pub(crate) fn div(self, other: Self) -> Self {
         let (Some(x), Some(y)) = (self.chained(), other.chained()) else {
             return self.lost(other);
@@ -261,8 +261,8 @@ impl Interval {
         }
         let quotients = [a / c, a / d, b / c, b / d];
         let (lo, hi) = (least(&quotients), greatest(&quotients));
-        // No implementation gives a quotient the wrong sign, though 2.5 ulp of 0 would allow it: then
-        // `sqrt(0 / x)` had no bound.
+        // No implementation gives a quotient the wrong sign, though 2.5 ulp around 0 would allow it: `sqrt(0 / x)`
+        // would then have no bound.
         let (below, above) = widened(lo, hi, |_, y| 2.5 * ulp(y));
         let (below, above) = match (lo >= 0.0, hi <= 0.0) {
             (true, true) => (lo, hi),
@@ -273,7 +273,7 @@ impl Interval {
         chain::divide(x, y, Self::outwards(below, above))
     }
 
-    /// Exact: either argument, as they are ordered.
+    /// Exact: one of the arguments.
     pub(crate) fn min(self, other: Self) -> Self {
         self.both(other, f32::min)
     }
@@ -282,8 +282,8 @@ impl Interval {
         self.both(other, f32::max)
     }
 
-    /// The float that an integer of a normalised format reads as: 3 ulp about the exact quotient, which is the bound
-    /// of `unpack4x8unorm` and its like (15.7.4). 0 has nothing to be rounded.
+    /// The float that an integer of a normalised format reads as: within 3 ulp of the exact quotient, which is the
+    /// bound of `unpack4x8unorm` and its like (15.7.4). 0 is exact.
     pub(crate) fn normalized(exact: f64) -> Self {
         let error = 3.0 * ulp(exact);
         match exact == 0.0 {
@@ -300,7 +300,7 @@ impl Interval {
         Self { lo: f(a.lo, b.lo), hi: f(a.hi, b.hi), ..Self::UNBOUNDED }
     }
 
-    /// 2 ulp, for what is above zero.
+    /// Within 2 ulp, for arguments above zero.
     pub(crate) fn inverse_sqrt(self) -> Self {
         match self.bounds() {
             Some((lo, _)) if lo > 0.0 => self.monotonic(|x| 1.0 / x.sqrt(), |_, y| 2.0 * ulp(y)),
@@ -308,7 +308,7 @@ impl Interval {
         }
     }
 
-    /// 1 / inverseSqrt(x), and 0 for what is 0.
+    /// `1 / inverseSqrt(x)`, and 0 for 0.
     pub(crate) fn sqrt(self) -> Self {
         let Some((lo, hi)) = self.bounds() else { return Self::UNBOUNDED };
         if lo < 0.0 {
@@ -319,15 +319,15 @@ impl Interval {
         }
         let one = Self::point(1.0);
         if lo == 0.0 {
-            // What is subnormal may be taken for 0, of which there is no inverse root; the root of the least
-            // normal number is above its own.
+            // A subnormal argument may be flushed to 0, which has no inverse root. The root of the least normal number
+            // is larger than its own.
             let hi = (hi as f32).max(f32::MIN_POSITIVE);
             return one.div(Self::point(hi).inverse_sqrt()).join(Self::point(0.0));
         }
         one.div(self.inverse_sqrt())
     }
 
-    /// Absolute 2^-11 on [-pi, pi], for sin and cos. `offset` is 0 for sin, 1/4 turn for cos.
+    /// Within an absolute 2^-11 on [-pi, pi], for `sin` and `cos`. `offset` is 0 for `sin`, 1/4 turn for `cos`.
     pub(crate) fn wave(self, cosine: bool) -> Self {
         let Some((lo, hi)) = self.bounds() else { return Self::UNBOUNDED };
         // The domain's end is the f32 nearest to pi, which is a little above it.
@@ -353,7 +353,7 @@ impl Interval {
         self.monotonic(f64::exp, |x, y| (3.0 + 2.0 * x.abs()) * ulp(y))
     }
 
-    /// Logarithms: absolute 2^-21 on [0.5, 2], 3 ulp elsewhere above zero.
+    /// Logarithms: within an absolute 2^-21 on [0.5, 2], elsewhere above zero within 3 ulp.
     pub(crate) fn logarithm(self, f: impl Fn(f64) -> f64) -> Self {
         match self.bounds() {
             Some((lo, hi)) if lo > 0.0 => {
@@ -365,7 +365,7 @@ impl Interval {
                     }
                 };
                 let mut all = self.monotonic(&f, error);
-                // Inside, the error may be greater than at either end.
+                // Inside the interval the error may be larger than at either end.
                 for edge in [0.5, 2.0] {
                     if lo < edge && edge < hi {
                         all = all.join(Self::point(edge as f32).monotonic(&f, error));
@@ -399,11 +399,11 @@ impl Interval {
     }
 }
 
-/// 2^-126 and 2^126, between which the specification bounds division.
+/// 2^-126 and 2^126. The specification bounds division for divisors between them.
 const LEAST_DIVISOR: f64 = f32::MIN_POSITIVE as f64;
 const GREATEST_DIVISOR: f64 = 1.0 / LEAST_DIVISOR;
 
-/// The least distance between two `f32` about `x`. Of a power of two the neighbour below is nearer.
+/// The least distance between two `f32` near `x`. Below a power of two the neighbour is nearer than above it.
 pub(crate) fn ulp(x: f64) -> f64 {
     /// The exponent of the least normal `f32`, 2^-126, as `f64` has it.
     const LEAST: u64 = 1023 - 126;
@@ -420,16 +420,16 @@ enum End {
     Most,
 }
 
-/// A range of exact results, widened by their errors: of one that is near an end.
+/// A range of exact results, widened by their errors.
 ///
-/// An ulp doubles where a power of two is crossed. Just behind the first one the error may reach further
-/// than at the end nearer to zero. What else an error depends on changes by less than 2^-20 on the way to
-/// a power that is so near that this matters.
+/// The larger error isn't always at an end: an ulp doubles at a power of two, so just behind the first power in the
+/// range the error may reach further than at the end nearer to zero. The other parts of an error change by less than
+/// 2^-20 between the end and a power that is near enough to matter.
 fn widened(least: f64, most: f64, error: impl Fn(End, f64) -> f64) -> (f64, f64) {
     const ELSEWHERE: f64 = 1.0 + 1.0 / 1_048_576.0;
     let mut below = least - error(End::Least, least);
     let mut above = most + error(End::Most, most);
-    // One end's error may exceed the other's by more than there is between them.
+    // The error at one end may reach beyond the other end.
     below = below.min(most - error(End::Most, most));
     above = above.max(least + error(End::Least, least));
     if least > 0.0 && power_above(least) < most {
@@ -443,14 +443,14 @@ fn widened(least: f64, most: f64, error: impl Fn(End, f64) -> f64) -> (f64, f64)
     (below, above)
 }
 
-/// The least power of two that isn't below a number above zero, and at least 2^-126.
+/// The least power of two that is at least this number above zero, and at least 2^-126.
 fn power_above(x: f64) -> f64 {
-    // Its exponent alone.
+    // The exponent alone.
     let floor = f64::from_bits(x.to_bits() & 0x7FF << 52).max(f64::from(f32::MIN_POSITIVE));
     if floor < x { 2.0 * floor } else { floor }
 }
 
-/// What a sum in `f64` lost to rounding, exactly. Knuth, TAOCP 4.2.2, theorem B.
+/// The exact rounding error of a sum in `f64`. Knuth, TAOCP 4.2.2, theorem B.
 fn lost(a: f64, b: f64, sum: f64) -> f64 {
     let part = sum - a;
     (a - (sum - part)) + (b - part)
@@ -466,9 +466,9 @@ fn upper_sum(a: f64, b: f64) -> f64 {
     if lost(a, b, sum) > 0.0 { sum.next_up() } else { sum }
 }
 
-/// The float `by` places further, of which zero has two.
+/// The float that is `by` floats away; zero counts twice.
 fn stepped(x: f32, by: i32) -> f32 {
-    // Bits of negative floats count downwards; turned, all count upwards.
+    // The bits of negative floats count downwards. Turned, all count upwards.
     let turned = |bits: i32| bits ^ ((bits >> 31) & i32::MAX);
     let place = turned(x.to_bits().cast_signed()).wrapping_add(by);
     f32::from_bits(turned(place).cast_unsigned())
@@ -484,7 +484,7 @@ fn greatest(of: &[f64; 4]) -> f64 {
     more(more(of[0], of[1]), more(of[2], of[3]))
 }
 
-/// What an integer may be: every one from `lo` to `hi`, as its type reads them.
+/// The values of an integer: each one from `lo` to `hi`, as its type reads them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Range {
     lo: i64,
@@ -492,13 +492,13 @@ pub struct Range {
 }
 
 impl Range {
-    /// Every integer from `lo` to `hi`, which are `i32` or `u32`.
+    /// Every integer from `lo` to `hi`, each an `i32` or a `u32`.
     pub(crate) fn between(lo: i64, hi: i64) -> Self {
         debug_assert!(lo <= hi, "{lo} to {hi}");
         Self { lo, hi }
     }
 
-    /// `lo` to `hi`, or any integer of the type when they leave it.
+    /// `lo` to `hi`, or every integer of the type if an end is outside the type.
     pub(crate) fn or_full(lo: i64, hi: i64, signed: bool) -> Self {
         let full = Self::full(signed);
         if full.lo <= lo && lo <= hi && hi <= full.hi { Self { lo, hi } } else { full }
@@ -529,7 +529,7 @@ impl Range {
         self.hi
     }
 
-    /// Its only word, where there is one.
+    /// Its only word, if it has one value.
     pub(crate) fn word(self) -> Option<u32> {
         (self.lo == self.hi).then_some(self.lo as u32)
     }
@@ -556,7 +556,7 @@ pub enum Truth {
     False,
     /// Yes.
     True,
-    /// Either, within what the specification allows.
+    /// Either: the specification allows both.
     Undecided,
 }
 
@@ -599,7 +599,7 @@ impl Truth {
 mod tests {
     use super::*;
 
-    /// A subnormal number may be taken for 0, and has a root either way.
+    /// A subnormal number may be flushed to 0, and has a root either way.
     #[test]
     fn roots_of_subnormal_numbers_are_bounded() {
         for x in [f32::from_bits(1), 1e-38, 1e-40] {
@@ -615,7 +615,7 @@ mod tests {
             let bounds = Interval::outwards(x, x);
             let (lo, hi) = (f64::from(bounds.lo()), f64::from(bounds.hi()));
             assert!(lo <= x && x <= hi, "{x}: {bounds:?}");
-            // No float lies between, but for zero, to which a subnormal may be flushed.
+            // No other float lies between, except zero, to which a subnormal may be flushed.
             let near = bounds.lo() == bounds.hi() || bounds.lo().next_up() == bounds.hi();
             assert!(near || lo == 0.0 || hi == 0.0, "{x}: {bounds:?}");
         }

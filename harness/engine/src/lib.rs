@@ -25,45 +25,42 @@
 //!
 //! # How it is cut
 //!
-//! **Lowering** (`lower`) turns expressions into operations over scalar registers: a `vec3f` is
-//! three of them, a matrix, a struct or an array as many as it has scalars. Calls are inlined, so
-//! that pointers, textures and samplers are known while lowering and don't exist at run time.
-//! Swizzles, composites and constant indices cost nothing. What the engine doesn't execute is a
-//! [`Refusal`] with its place, found here and never at run time. Each operation keeps its [`Site`].
+//! **Lowering** (`lower`) turns expressions into operations over scalar registers: a `vec3f` is three of them, a
+//! matrix, a struct or an array as many as it has scalars. Calls are inlined, so that pointers, textures and samplers
+//! are known while lowering and don't exist at run time. Swizzles, composites and constant indices cost nothing.
+//! Lowering finds what the engine can't execute, and returns a [`Refusal`] with its place: run time has no such errors.
+//! Each operation keeps its [`Site`].
 //!
-//! **Allocation** (`allocate`) forwards copies, removes what isn't used and lets values that don't
-//! live at the same time share a register.
+//! **Allocation** (`allocate`) forwards copies, removes unused operations, and lets values that aren't alive at the
+//! same time share a register.
 //!
-//! **Domains** (`arithmetic`). An [`Arithmetic`] says what a float, an integer and a boolean are.
-//! In intervals an integer is a [`Range`] and a boolean a [`Truth`], which may be undecided.
+//! **Domains** (`arithmetic`). An [`Arithmetic`] defines floats, integers and booleans. In intervals an integer is a
+//! [`Range`] and a boolean a [`Truth`], which may be undecided.
 //!
-//! **The machine** (`machine`) runs a chunk of 256 cases: a register is a column of lanes
-//! (`columns`), and an operation one loop over them. Chunks run on all cores. A value costs its
-//! arithmetic, and a share of finding the operation.
+//! **The machine** (`machine`) runs a chunk of 256 cases: a register is a column of lanes (`columns`), and an operation
+//! one loop over them. Chunks run on all cores. Finding the operation costs once a chunk; each value costs its
+//! arithmetic.
 //!
-//! **Control flow.** A mask says which lanes are active (`machine/masks`). Operations without effects
-//! run for all lanes, stores blend by the mask, and loops go round until no lane is active. Where a
-//! condition is undecided (`machine/worlds`), a lane follows both ways with its variables as they
-//! were, and what arrives where they meet is joined. A loop whose exit stays undecided for too long
-//! makes the lane's results unbounded.
+//! **Control flow.** A mask says which lanes are active (`machine/masks`). Operations without effects run in all lanes,
+//! stores blend by the mask, and a loop goes round until no lane is active. Where a condition is undecided
+//! (`machine/worlds`), a lane takes both ways, each with its own copy of the variables, and joins the values where the
+//! ways meet. If the exit of a loop stays undecided for too long, the lane's results become unbounded.
 //!
-//! **Memory** (`machine/memory`). Variables are registers; those that are indexed at run time are
-//! ranges of registers. Buffers are bytes in the layout that naga gives; where they are written, a
-//! float that isn't an `f32` is kept beside its rounded word. An index that leaves its array is
-//! clamped, and an [`Observer`] is told.
+//! **Memory** (`machine/memory`). Variables are registers; those that are indexed at run time are ranges of registers.
+//! Buffers are bytes in naga's layout; in a written buffer, a float that isn't an `f32` is kept beside its rounded
+//! word. An index outside its array is clamped, and reported to the [`Observer`].
 //!
-//! **Textures** (`texture`) are data. The specification bounds no filter, so the interval of a
-//! sample goes from the least texel to the greatest, and a little further: any weighted mean lies in it.
+//! **Textures** (`texture`) are data. The specification doesn't bound filters, so the interval of a sample goes from
+//! the least texel to the greatest, and a little further: any weighted mean lies in it.
 //!
 //! **Accuracy** (`accuracy`). Where the specification is loose or silent, [`Options::accuracy`] narrows
 //! the bounds of built-in functions to twice what was measured on an adapter.
 //!
 //! # Adding a builtin
 //!
-//! A rule stands in one place, in the file of its family in `rules`: its name, how many numbers it
-//! takes and gives, the builtin of naga that it is, and what it computes in `f32`, in `f64` and in
-//! intervals. A builtin that works by component needs no more than that. One that doesn't also
-//! needs its line in `lower/math.rs`, which says which registers it takes.
+//! A rule stands in one place, in the file of its family in `rules`: its name, the number of its arguments and results,
+//! naga's name of the builtin, and its computation in `f32`, in `f64` and in intervals. A builtin that works by
+//! component needs nothing else. Others also need a line in `lower/math.rs` that says which registers they take.
 //!
 //! # What to know about the numbers
 //!
@@ -71,8 +68,8 @@
 //!   computes with the rounded ones: `0.1` is the nearest `f32` in each arithmetic.
 //! - In the shadow a bitcast of a float rounds it to `f32` first, and half precision isn't rounded.
 //! - `pow(x, y)` is NaN for each x below zero, as `exp2(y * log2(x))` is.
-//! - Integers wrap, division by zero gives the dividend and its remainder 0, distances of shifts
-//!   count modulo 32, and floats become integers by saturation, as naga's back ends have it.
+//! - Integers wrap, division by zero gives the dividend and remainder 0, shifts count modulo 32, and conversions from
+//!   floats to integers saturate, as in naga's back ends.
 //! - In intervals a subnormal may be flushed, and what overflows is unbounded, and so is all that is
 //!   computed from it. [`Program::cause`] says which operation made it so.
 //! - The invocations of a workgroup are the lanes of one chunk, so all of them are at a barrier at once, unless a

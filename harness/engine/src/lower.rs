@@ -1,7 +1,7 @@
 //! From naga's IR to a [`Code`]: calls are inlined, values become registers.
 //!
-//! Inlining makes pointers, textures and samplers that are passed to functions known while lowering,
-//! so that neither exists at run time. What it costs is bounded by [`MOST_OPERATIONS`].
+//! After inlining, pointers, textures and samplers that are passed to functions are known, so they don't exist at run
+//! time. [`MOST_OPERATIONS`] bounds its cost.
 
 mod control;
 mod derivative;
@@ -28,49 +28,49 @@ use crate::refusal::Refusal;
 use crate::scalar::{Counts, File, Layouts, Scalar};
 use memory::Place;
 
-/// Once calls are inlined, a program has at most this many operations: some ten times what the
-/// largest shaders of engines have, and few enough to be lowered in a second.
+/// The most operations of a program with inlined calls: about ten times those of the largest shaders of engines, and
+/// few enough to lower in a second.
 const MOST_OPERATIONS: usize = 1 << 20;
 
-/// WebGPU's limit is 16 KiB, and devices have few times as much.
+/// The most bytes of workgroup memory. WebGPU's limit is 16 KiB; devices have a few times as much.
 const MOST_WORKGROUP_BYTES: u64 = 1 << 20;
 
-/// What is kept free of the stack for one level of nesting, and how much is added when less is.
+/// The bytes of stack that each level of nesting needs free, and the bytes to add if fewer are.
 pub(crate) const STACK: (usize, usize) = (128 << 10, 2 << 20);
 
 /// Values of overrides, by name or by id in decimal.
 pub type Overrides = HashMap<String, f64>;
 
-/// How a program is lowered.
+/// Settings for lowering a program.
 #[derive(Clone, Debug, Default)]
 pub struct Settings {
     /// Values of overrides, by name, or by id in decimal where they have one.
     pub overrides: Overrides,
-    /// Whether `a * b + c` is rounded once, as many GPUs do.
+    /// `true` if `a * b + c` is rounded once, as many GPUs do.
     pub contract: bool,
     /// Observers are shown the let-bindings whose names begin with one of these. Tests look at them, as they do at results.
     pub named: &'static [&'static str],
     /// Whether four cases after one another are a quad of pixels: the upper left one, the one to its
     /// right, and the two below. Only then are there derivatives.
     pub quads: bool,
-    /// True for programs that are to be compared: operations that give one number by an identity are one (`x * 2` is `x + x`),
+    /// `true` for programs that are compared: operations that an identity makes equal become one (`x * 2` is `x + x`),
     /// and private variables are results.
     pub identities: bool,
-    /// True if statements are listed, whose runs can then be counted.
+    /// `true` to list the statements, so that their runs can be counted.
     pub statements: bool,
 }
 
-/// What an expression stands for.
+/// The value of an expression.
 #[derive(Clone, Debug)]
 pub(crate) enum Value {
-    /// One register a scalar, in order.
+    /// One register for each scalar, in order.
     Flat(Rc<[Reg]>),
     Place(Rc<Place>),
     Texture(u32, Handle<naga::Type>),
     Sampler(u32),
 }
 
-/// Expressions of a function, or of the module, and what they are.
+/// The expressions of a function, or of the module, and their values.
 pub(crate) struct Scope<'m> {
     name: String,
     /// The number of the call.
@@ -81,10 +81,10 @@ pub(crate) struct Scope<'m> {
     values: Vec<Option<Value>>,
     arguments: Vec<Value>,
     locals: HashMap<Handle<naga::LocalVariable>, Rc<Place>>,
-    /// Where returns store their value; `None` when the only one is at the end.
+    /// The registers that returns store into; `None` if the only return is at the end.
     result: Option<Rc<[Reg]>>,
     returned: Option<Value>,
-    /// Whether it returns from elsewhere than its end, and so has a frame.
+    /// `true` if it returns elsewhere than at its end, which needs a frame.
     early: bool,
 }
 
@@ -104,7 +104,7 @@ enum Frame {
 
 struct Open {
     frame: Frame,
-    /// Operations that jump to the end of what is open when no lane is left.
+    /// Operations that jump to the end of the open construct if no lane is left.
     skips: Vec<usize>,
 }
 
@@ -116,19 +116,19 @@ pub(crate) struct Lower<'m> {
     code: Code,
     constants: HashMap<(Constant, File), Reg>,
     words: HashMap<Reg, Constant>,
-    /// How integer registers are computed whose results may wrap.
+    /// The computations of integer registers whose results may wrap.
     computed: HashMap<Reg, wrap::Computed>,
     globals: HashMap<Handle<naga::GlobalVariable>, Value>,
     overrides: HashMap<Handle<Override>, Value>,
     constant_values: HashMap<Handle<naga::Constant>, Value>,
     open: Vec<Open>,
-    /// Calls that have begun.
+    /// The number of calls so far.
     calls: usize,
-    /// Sizes of a workgroup that are override expressions.
+    /// The dimensions of a workgroup that are override expressions.
     sizes: Option<[Option<Handle<Expression>>; 3]>,
-    /// Whether the program is an entry point, whose invocations share memory.
+    /// `true` if the program is an entry point, whose invocations share memory.
     shared: bool,
-    /// True of a fragment entry point, whose invocations are the pixels of quads.
+    /// `true` for a fragment entry point, whose invocations are the pixels of quads.
     drawn: bool,
     site: u32,
     span: Span,
@@ -191,7 +191,7 @@ impl<'m> Lower<'m> {
         if let Some(constant) = self.words.get(&register) {
             return Ok(*constant);
         }
-        // What computes it has been lowered, so it is run.
+        // Its operations have been lowered, so run them.
         let scalar = match register.file {
             File::Float => Scalar::F32,
             File::Int => Scalar::U32,
@@ -243,7 +243,7 @@ impl<'m> Lower<'m> {
         let result = self.inline(function, info, name, arguments)?;
         if let (Some(Value::Flat(registers)), Some(result)) = (result, &function.result) {
             let scalars = self.scalars(self.layouts.inner(result.ty))?;
-            // Results are registers of their own, so that each is written by an operation.
+            // Results are registers of their own, so that an operation writes each.
             for (register, scalar) in registers.iter().zip(scalars) {
                 let own = self.fresh(register.file);
                 self.emit(Op::Move(register.file), &[own], &[*register])?;
@@ -257,7 +257,7 @@ impl<'m> Lower<'m> {
         Ok(self.code)
     }
 
-    /// Private variables as results: who calls the function sees what it leaves in them.
+    /// Makes private variables results: the caller of the function sees the values that it leaves in them.
     fn private_results(&mut self) -> Lowered<()> {
         let module = self.module;
         for (handle, variable) in module.global_variables.iter() {
@@ -329,7 +329,7 @@ impl<'m> Lower<'m> {
         variable: &'m naga::GlobalVariable,
         scope: &mut Scope<'m>,
     ) -> Lowered<Value> {
-        // A variable that stands for a pointer of a caller has none.
+        // A variable that replaces a pointer of a caller has no name.
         let name = variable.name.clone().unwrap_or_default();
         let span = self.module.global_variables.get_span(handle);
         let inner = self.layouts.inner(variable.ty);
@@ -406,7 +406,7 @@ impl<'m> Lower<'m> {
         inner: &TypeInner,
     ) -> Value {
         let least = match *inner {
-            // Its length may be an override's, which naga doesn't know here.
+            // An override may give its length, which naga doesn't know here.
             TypeInner::Array { size, stride, .. } => match self.layouts.length(size) {
                 Ok(Some(length)) => length.saturating_mul(stride),
                 _ => 0,
@@ -475,7 +475,7 @@ impl<'m> Lower<'m> {
         Reg { file, index: *index - 1 }
     }
 
-    /// The register that holds a constant. Floats of half precision are given by their `f32`.
+    /// The register of a constant. A float of half precision is given as an `f32`.
     fn constant(&mut self, scalar: Scalar, word: u32) -> Reg {
         let constant = Constant { scalar, word };
         let key = (constant, scalar.file());
@@ -493,7 +493,7 @@ impl<'m> Lower<'m> {
         self.constant(Scalar::F32, x.to_bits())
     }
 
-    /// Appends an operation. Registers are in the order of the files, as `Code::shape` has them.
+    /// Appends an operation. The registers are ordered by file, as in `Code::shape`.
     fn emit(&mut self, op: Op, outs: &[Reg], ins: &[Reg]) -> Lowered<usize> {
         if self.code.instructions.len() >= MOST_OPERATIONS {
             return Err(self.refuse(format!(
@@ -512,7 +512,7 @@ impl<'m> Lower<'m> {
         Ok(self.code.instructions.len() - 1)
     }
 
-    /// Lists a statement, whose operations begin at one and end with the last one.
+    /// Lists a statement: its operations go from `start` to the last one so far.
     fn list(&mut self, scope: &Scope<'m>, span: Span, kind: StatementKind, start: usize) {
         if self.settings.statements && span.is_defined() {
             let end = self.code.instructions.len() as u32;
@@ -532,7 +532,7 @@ impl<'m> Lower<'m> {
     }
 }
 
-/// What a texture's type asks of the texture.
+/// The dimension and the kind that a texture's type requires.
 fn image_of(inner: &TypeInner) -> Option<(naga::ImageDimension, naga::ScalarKind)> {
     let TypeInner::Image { dim, class, .. } = *inner else { return None };
     let kind = match class {
@@ -543,7 +543,7 @@ fn image_of(inner: &TypeInner) -> Option<(naga::ImageDimension, naga::ScalarKind
     Some((dim, kind))
 }
 
-/// The word of an override's value, which is given as `f64`.
+/// The word of an override's value, given as `f64`.
 fn override_word(scalar: Scalar, given: f64) -> u32 {
     match scalar {
         Scalar::F32 => (given as f32).to_bits(),

@@ -33,13 +33,13 @@ pub(crate) use turns::Done;
 use turns::Late;
 use worlds::Worlds;
 
-/// A loop that ran for too long, and the lane that did.
+/// A loop that ran for too long, and its lane.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Spent {
     pub(crate) span: Span,
     pub(crate) lane: usize,
     pub(crate) by: Limit,
-    /// The most rounds of one of the loops that are open.
+    /// The most rounds of any open loop.
     pub(crate) own: u64,
 }
 
@@ -62,72 +62,72 @@ impl Spent {
     }
 }
 
-/// The registers and masks of one thread.
+/// The registers and masks of a thread.
 pub(crate) struct Machine<'p, A: Rules> {
     code: &'p Code,
     options: &'p Options,
     pub(crate) floats: Columns<A::Float>,
     pub(crate) ints: Columns<A::Int>,
     pub(crate) bools: Columns<A::Bool>,
-    /// The masks where each condition is decided.
+    /// The masks of an arithmetic in which each condition is decided.
     masks: Masks<A>,
-    /// The masks where one may not be.
+    /// The masks of an arithmetic in which conditions may be undecided.
     worlds: Worlds<'p, A>,
-    /// Loop rounds that each lane has left.
+    /// The loop rounds that each lane has left.
     fuel: Vec<u64>,
-    /// Rounds that all of them have left.
+    /// The rounds that all lanes together have left.
     pub(crate) work: u64,
-    /// Rounds of loops, for looking at the clock.
+    /// Rounds of loops since the clock was read.
     rounds: u64,
-    /// Rounds for which each lane's exit has been undecided.
+    /// The rounds for which each lane's exit has been undecided.
     undecided: Vec<u64>,
-    /// Where a lane's results became anything, as a site: a loop whose exit stayed undecided, or an index
-    /// that left its array.
+    /// The site at which a lane's results became unbounded: a loop whose exit stayed undecided, or an index outside its
+    /// array.
     lost: Vec<Option<u32>>,
-    /// The lanes whose index has left its array in the operation that runs.
+    /// The lanes whose index is outside its array in the current operation.
     strayed: Vec<usize>,
-    /// The lanes that spent their fuel and were left out, with the loops they were in.
+    /// The lanes that were removed because they spent their fuel, with their loops.
     pub(crate) long: Vec<(usize, Span)>,
-    /// Rounds of the loops that are open, the outermost first.
+    /// The rounds of the open loops, the outermost first.
     open: Vec<u64>,
-    /// The number that an index has that wraps, in the first of them.
+    /// The value without wrapping of an index that wraps, in the first such lane.
     meant: i64,
-    /// The operation that runs next.
+    /// The next operation.
     at: usize,
-    /// The site of the operation that runs.
+    /// The site of the current operation.
     site: u32,
     width: usize,
-    /// The places of the lanes of one load, for the detector: here so that none is allocated for each.
+    /// The places that the lanes of one load access, for the detector. Kept here, so that loads don't allocate.
     places: Vec<(usize, bool)>,
-    /// For each lane, the site at which it became inactive last; kept for the detector, and for derivatives.
+    /// For each lane, the site at which it last became inactive. Kept for the detector, and for derivatives.
     parted: Vec<Option<u32>>,
-    /// Of a draw, the lanes whose effects nothing sees; empty otherwise.
+    /// In a draw, the helper lanes, whose effects are invisible; otherwise empty.
     helpers: Vec<bool>,
-    /// Finds races of the invocations of a workgroup, if it is asked to.
+    /// Finds races between the invocations of a workgroup, if asked to.
     pub(crate) detector: Option<Box<Detector>>,
-    /// True if it stops before each atomic, too, and whether it stands before one.
+    /// `true` if it stops before each atomic, too, and whether it has stopped before one.
     pub(crate) yields: bool,
     paused: bool,
-    /// True if stores of atomics take effect when they are told to.
+    /// `true` if stores of atomics wait for a turn of their own to take effect.
     pub(crate) relaxes: bool,
     pub(crate) stores: Vec<Late>,
-    /// Those that it came to since it was asked last, and how many there have been.
+    /// The stores that it reached since the last request, and their number.
     pub(crate) issued: Vec<u32>,
     numbered: u32,
     /// The number of the turn.
     pub(crate) turn: usize,
     /// The atomics of the turn.
     pub(crate) done: Vec<Done>,
-    /// What atomics read since one of them changed a word, and how often.
+    /// The words that atomics have read since one of them changed a word, and how often.
     seen: HashMap<u64, u32>,
-    /// True if it waits in a loop for another one to change what it reads.
+    /// `true` if it loops until another invocation changes the word that it reads.
     pub(crate) waits: bool,
 }
 
-/// Where a machine stops.
+/// The places where a machine stops.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Pause {
-    /// Before an atomic, if it stops there.
+    /// Before an atomic, if it stops at atomics.
     Atomic,
     /// At a barrier, with its site.
     Barrier(u32),
@@ -202,7 +202,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         }
     }
 
-    /// Has a register hold its values, those of other words, and all between.
+    /// Widens a register, so that it holds its values, those of other words, and all between.
     pub(crate) fn widen(
         &mut self,
         register: u32,
@@ -250,7 +250,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         }
     }
 
-    /// Runs an operation, and narrows its result to what was measured.
+    /// Runs an operation, and narrows its result to the measured bounds.
     fn run_measured(&mut self, accuracy: &Accuracy, rule: FloatRule, registers: &[u32]) {
         let (outs, ins) = registers.split_at(rule.arity().1);
         // The result may take the register of an argument.
@@ -300,7 +300,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         self.lost.fill(None);
     }
 
-    /// Runs on to where it waits, or to the end. The first lane is `case`.
+    /// Runs on to the next stop, or to the end. The first lane is `case`.
     pub(crate) fn resume<const SEEN: bool>(
         &mut self,
         case: usize,
@@ -514,7 +514,7 @@ impl<'p, A: Rules> Machine<'p, A> {
                 }
                 Op::Image(image) => {
                     self.image(image, registers, memory);
-                    // A sample's layer that isn't there is the last one.
+                    // For a sample, a layer outside becomes the last one.
                     if !matches!(code.images[image as usize].kind, ImageKind::Sample { .. }) {
                         self.estrange(instruction, registers);
                     }
@@ -624,14 +624,14 @@ impl<'p, A: Rules> Machine<'p, A> {
         Ok(Pause::End)
     }
 
-    /// How many lanes come to an operation that parts them, if that is counted.
+    /// The number of lanes that reach an operation that parts them, if that is counted.
     #[inline]
     fn counted(&self, op: Op) -> Option<u64> {
         self.options.counts.as_ref()?;
         Some(if op == Op::If { count::<A>(&self.acting()) } else { 0 })
     }
 
-    /// Counts the lanes that go on behind an operation at which so many came.
+    /// Counts the lanes that continue behind an operation that `came` lanes reached.
     fn count(&self, came: u64, (op, next): (Op, usize), case: usize, target: Option<u32>) {
         let Some(counts) = &self.options.counts else { return };
         let lanes = self.acting();
@@ -647,7 +647,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         counts.come::<A>(target.map_or(next, |target| target as usize), case, &lanes);
     }
 
-    /// Keeps where those lanes went that were active before and aren't any more.
+    /// Notes where lanes went that were active before and aren't any more.
     fn note_parting(&mut self, before: &[A::Bool]) {
         let now = if A::UNDECIDED { self.worlds.active() } else { self.masks.active() };
         for (parted, (before, now)) in self.parted.iter_mut().zip(before.iter().zip(now)) {
@@ -662,10 +662,10 @@ impl<'p, A: Rules> Machine<'p, A> {
         if A::UNDECIDED { self.worlds.active() } else { self.masks.active() }
     }
 
-    /// Runs an operation on floats, of which `outs` registers are results, and flushes what WGSL lets it flush: "Any
-    /// inputs or outputs of operations listed in 15.7.4 Floating Point Accuracy may be flushed to zero", and "other
-    /// operations are required to preserve subnormal numbers" (15.7.2). So what is loaded, stored, selected, swizzled,
-    /// passed, returned or reinterpreted keeps its bits, and what is computed doesn't.
+    /// Runs an operation on floats with `outs` result registers, and flushes what WGSL lets it flush: "Any inputs or
+    /// outputs of operations listed in 15.7.4 Floating Point Accuracy may be flushed to zero", and "other operations
+    /// are required to preserve subnormal numbers" (15.7.2). So computed results are flushed; values that are loaded,
+    /// stored, selected, swizzled, passed, returned or reinterpreted keep their bits.
     fn flushing(&mut self, registers: &[u32], outs: usize, run: impl FnOnce(&mut Self)) {
         if !self.options.flush {
             return run(self);
@@ -691,7 +691,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         self.floats.get_mut(register).iter_mut().for_each(|x| *x = A::flush(*x));
     }
 
-    /// Notes what became unbounded.
+    /// Notes results that became unbounded.
     #[inline]
     fn note_unbounded(
         &mut self,
@@ -701,7 +701,7 @@ impl<'p, A: Rules> Machine<'p, A> {
     ) {
         let (ins, outs) = arity;
         if A::NOTES {
-            // No result has taken the place of an argument: allocation keeps them apart.
+            // No result has the register of an argument: allocation keeps them apart.
             let (results, args) = registers.split_at(outs);
             for (&out, lane) in
                 results.iter().flat_map(|out| (0..self.width).map(move |k| (out, k)))
@@ -716,7 +716,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         }
     }
 
-    /// Shows floats that the instruction before `next` gave, rounded to half precision where they are next.
+    /// Shows the floats that the instruction before `next` computed; rounded to half precision, if that comes next.
     fn show(
         &self,
         observer: &dyn Observer<A>,
@@ -756,7 +756,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         });
     }
 
-    /// Shows a result that isn't a new float, with the floats that it was computed from.
+    /// Shows a result that isn't a new float, with the floats that it comes from.
     #[inline]
     fn show_other<const SEEN: bool>(
         &self,
@@ -786,7 +786,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         });
     }
 
-    /// Operations whose result is a boolean.
+    /// Runs operations with a boolean result.
     fn decide(&mut self, op: Op, registers: &[u32]) {
         match op {
             Op::CompareFloat(compare) => self.flushing(&registers[1..], 0, |machine| {
@@ -820,7 +820,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         &self.code.sites[instruction.site as usize]
     }
 
-    /// Reports each lane whose index left its array.
+    /// Reports each lane whose index is outside its array.
     #[inline]
     fn report<const SEEN: bool>(
         &mut self,
@@ -865,7 +865,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         self.strayed.clear();
     }
 
-    /// The kind of array that the index of an operation is of. An array with a length within one without counts as fixed.
+    /// The kind of array that an operation indexes. A fixed-size array inside a runtime-sized one counts as fixed.
     fn bounds(&self, op: Op) -> Bounds {
         let is_runtime = |walk: u32| {
             let steps = &self.code.walks[walk as usize].steps;
@@ -883,8 +883,8 @@ impl<'p, A: Rules> Machine<'p, A> {
         }
     }
 
-    /// True of operations on textures of which WGSL says what an index outside does: a store there writes nothing, and
-    /// the layer of a sample is the nearest one.
+    /// Returns `true` for operations on textures with a defined result for an index outside: a store writes nothing,
+    /// and a sample takes the nearest layer.
     fn defines_outside(&self, op: Op) -> bool {
         match op {
             Op::ImageStore(_) => true,
@@ -914,7 +914,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         }
     }
 
-    /// Reports each active lane of which a neighbour in its quad isn't.
+    /// Reports each active lane with an inactive neighbour in its quad.
     fn report_missing(
         &self,
         observer: &dyn Observer<A>,
@@ -936,7 +936,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         }
     }
 
-    /// Reports lanes in which an operation on floats has its edges in the wrong order.
+    /// Reports lanes in which an operation on floats, such as `clamp`, gets its edges in the wrong order.
     fn report_order(
         &self,
         observer: &dyn Observer<A>,
@@ -957,7 +957,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         });
     }
 
-    /// Reports lanes whose float the integer type can't hold.
+    /// Reports lanes with a float outside the range of the integer type.
     fn report_conversion(
         &self,
         observer: &dyn Observer<A>,
@@ -976,7 +976,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         });
     }
 
-    /// Gives what was read outside of an array or a texture the number that stands there, if one does.
+    /// Replaces values read outside an array or a texture with the number that stands for them, if there is one.
     #[inline]
     fn estrange(&mut self, instruction: &Instruction, registers: &[u32]) {
         if self.strayed.is_empty() {
@@ -997,7 +997,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         }
     }
 
-    /// What lanes returned that are lost is anything at all.
+    /// Makes the results of lost lanes unbounded.
     fn forget_lost(&mut self) {
         for lane in 0..self.width {
             let Some(site) = self.lost[lane] else { continue };

@@ -1,4 +1,4 @@
-//! What watches a run.
+//! Observers of a run.
 
 use std::borrow::Cow;
 use std::sync::{Mutex, PoisonError};
@@ -7,67 +7,67 @@ use crate::arithmetic::Arithmetic;
 use crate::code::Site;
 use karat_core::hazard::Kind;
 
-/// Values of all lanes at one operation.
+/// The values of all lanes at one operation.
 #[derive(Debug)]
 pub struct Lanes<'a, A: Arithmetic> {
-    /// Where the author wrote it.
+    /// The place of the operation in the source.
     pub site: &'a Site,
-    /// The case that the first lane is.
+    /// The case of the first lane.
     pub case: usize,
     /// Its floats: a slice of lanes for each.
     pub floats: &'a [&'a [A::Float]],
-    /// The floats that an operation computed them from; none for let-bindings, texels and conversions.
+    /// The floats that an operation computed them from; empty for let-bindings, texels and conversions.
     pub operands: &'a [&'a [A::Float]],
     /// Its integers.
     pub ints: &'a [&'a [A::Int]],
     /// Its booleans.
     pub bools: &'a [&'a [A::Bool]],
-    /// Which lanes are here; values of others mean nothing.
+    /// The active lanes. Values of the others don't matter.
     pub active: &'a [A::Bool],
 }
 
 impl<A: Arithmetic> Lanes<'_, A> {
-    /// The case that a lane is.
+    /// The case of a lane.
     #[must_use]
     pub fn case_of(&self, lane: usize) -> usize {
         self.case + lane
     }
 }
 
-/// What goes wrong at an operation in one case.
+/// An operation that goes wrong in a case.
 #[derive(Debug)]
 pub struct Wrong<'a> {
     /// Its kind.
     pub kind: Kind,
-    /// Where the author wrote the operation.
+    /// The place of the operation in the source.
     pub site: &'a Site,
     /// The case.
     pub case: usize,
-    /// Of a derivative the pixel that isn't there: WGSL leaves open what it is (15.2, *derivative_uniformity*).
+    /// For a derivative, the pixel that is missing. WGSL leaves the result open (15.2, *derivative_uniformity*).
     pub missing: Option<Missing<'a>>,
 }
 
-/// A pixel that doesn't come to a derivative.
+/// A pixel that doesn't reach a derivative.
 #[derive(Clone, Copy, Debug)]
 pub struct Missing<'a> {
     /// Its case.
     pub case: usize,
-    /// The condition, or the jump, where it went another way.
+    /// The condition or the jump at which it went another way.
     pub parted: Option<&'a Site>,
 }
 
-/// The lanes that come to an operation.
+/// The lanes that reach an operation.
 pub struct Here<'a, A: Arithmetic> {
-    /// The place of the operation, as the author wrote it.
+    /// The place of the operation in the source.
     pub site: &'a Site,
-    /// The case that the first lane is.
+    /// The case of the first lane.
     pub case: usize,
-    /// Gives the lanes; few observers ask.
+    /// Computes the lanes; few observers need them.
     pub(crate) lanes: &'a dyn Fn() -> Cow<'a, [A::Bool]>,
 }
 
 impl<A: Arithmetic> Here<'_, A> {
-    /// True for each lane that comes.
+    /// `true` for each lane that reaches the operation.
     #[must_use]
     pub fn lanes(&self) -> Cow<'_, [A::Bool]> {
         (self.lanes)()
@@ -80,16 +80,16 @@ impl<A: Arithmetic> std::fmt::Debug for Here<'_, A> {
     }
 }
 
-/// The lanes that come to each operation of a program. It stands here so that it is compiled with this crate's
-/// optimisation: each operation of a run is added.
+/// The lanes that reach each operation of a program. It stands here so that it is compiled with this crate's
+/// optimisation: a run adds each of its operations.
 #[derive(Debug, Default)]
 pub struct Reach {
-    /// By the number of the site, a bit for each case.
+    /// One bit for each case, by the number of the site.
     by_site: Mutex<Vec<Vec<u64>>>,
 }
 
 impl Reach {
-    /// Adds the lanes that come to an operation, whose site has this number.
+    /// Adds the lanes that reach the operation with this site number.
     pub fn add<A: Arithmetic<Bool = bool>>(&self, site: usize, here: &Here<'_, A>) {
         let lanes = here.lanes();
         let mut all = self.by_site.lock().unwrap_or_else(PoisonError::into_inner);
@@ -101,7 +101,7 @@ impl Reach {
         if own.len() < words {
             own.resize(words, 0);
         }
-        // Cases of a run begin at a multiple of its width, so that most words are whole.
+        // A run begins at a multiple of its width, so most words are whole.
         let mut at = here.case;
         let mut rest = &*lanes;
         while !rest.is_empty() {
@@ -116,7 +116,7 @@ impl Reach {
         }
     }
 
-    /// The cases that came to each operation, by the number of its site, where some did.
+    /// The cases that reached each operation, by the number of its site. Leaves out operations that no case reached.
     #[must_use]
     pub fn cases(self) -> Vec<(usize, Vec<usize>)> {
         let all = self.by_site.into_inner().unwrap_or_else(PoisonError::into_inner);
@@ -131,40 +131,39 @@ impl Reach {
     }
 }
 
-/// Sees what a run computes. All methods do nothing by default, and `()` observes nothing at no
-/// cost. Chunks run on several threads at once.
+/// Observes the values that a run computes. All methods do nothing by default, and `()` observes nothing at no cost.
+/// Chunks run on several threads at once.
 ///
-/// Runs take it as `dyn`: the machine is compiled here, with this crate's optimisation, and not in each crate
-/// that observes.
+/// Runs take it as `dyn`, so that the machine is compiled here, with this crate's optimisation, and not in each crate
+/// with an observer.
 pub trait Observer<A: Arithmetic>: Sync {
-    /// Whether it is called at all.
+    /// Returns `true` if the observer wants calls.
     fn is_active(&self) -> bool {
         true
     }
 
-    /// An operation gave floats: one for each result.
+    /// Receives the floats of an operation, one for each result.
     fn floats(&self, lanes: &Lanes<'_, A>) {
         let _ = lanes;
     }
 
-    /// An operation gave something else than new floats: integers, booleans, or what a condition
-    /// selected.
+    /// Receives other results of an operation: integers, booleans, or floats that a condition selected.
     fn others(&self, lanes: &Lanes<'_, A>) {
         let _ = lanes;
     }
 
-    /// A let-binding got its value; only in programs lowered with [`named`](crate::Settings::named).
-    /// Scalars are sorted: floats, integers, booleans.
+    /// Receives the value of a let-binding, in programs lowered with [`named`](crate::Settings::named). Scalars are
+    /// sorted: floats, integers, booleans.
     fn named(&self, lanes: &Lanes<'_, A>) {
         let _ = lanes;
     }
 
-    /// Some lane comes to an operation.
+    /// Receives an operation that some lane reaches.
     fn reached(&self, here: &Here<'_, A>) {
         let _ = here;
     }
 
-    /// An operation goes wrong: called for each case of each such operation.
+    /// Receives an operation that goes wrong, once for each case.
     fn wrong(&self, one: &Wrong<'_>) {
         let _ = one;
     }

@@ -1,4 +1,4 @@
-//! How a program runs.
+//! Options of a run.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -7,23 +7,23 @@ use crate::accuracy::Accuracy;
 use crate::coverage::Counts;
 use crate::schedule::Schedule;
 
-/// The element that an index outside of its array finds. WGSL allows a read there to give any element, or zero
-/// (6.4.4, *Out of Bounds Access*).
+/// The element that a read with an index outside its array gives. WGSL allows any element, or zero (6.4.4, *Out of
+/// Bounds Access*).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Elsewhere {
     /// The nearest.
     #[default]
     Clamped,
-    /// The one of this number, modulo that of elements.
+    /// The element with this number, modulo the number of elements.
     Nth(u32),
-    /// The one that the index is modulo the number of elements.
+    /// The element at the index modulo the number of elements.
     Wrapped,
-    /// None: it reads this number. WGSL allows zero, and any that an element may hold.
+    /// No element: the read gives this number. WGSL allows zero, and any value that an element may have.
     Number(u8),
 }
 
 impl Elsewhere {
-    /// The element of an index, of so many.
+    /// The element for an index, if `last` is the last one.
     pub(crate) fn find(self, index: i64, last: i64) -> i64 {
         match self {
             _ if (0..=last).contains(&index) => index,
@@ -34,57 +34,57 @@ impl Elsewhere {
     }
 }
 
-/// What indices outside of their arrays read and write.
+/// The effect of reads and writes with an index outside their array.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Choice {
-    /// What is read.
+    /// The effect of a read.
     pub reads: Elsewhere,
-    /// True if nothing is written there; else the nearest element is.
+    /// `true` if such a write has no effect; otherwise it goes to the nearest element.
     pub drops: bool,
 }
 
-/// How a program runs.
+/// Options of a run.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// Rounds of all loops together that a case may run: 2^20 by default, far above what a pixel
-    /// can afford and some seconds at most until a loop without end is found.
+    /// The rounds of all its loops together that a case may run: 2^20 by default. That is far more than a pixel can
+    /// afford, and finds an endless loop within seconds.
     pub fuel: u64,
-    /// True if a call leaves out a case that spends its fuel, where it would stop: the results say which. Intervals stop.
+    /// `true` if a call leaves out a case that spends its fuel, and the results list it; otherwise the call stops.
+    /// Intervals always stop.
     pub leaves: bool,
-    /// Rounds of all loops of all cases together that a dispatch may run; all that there are by default.
+    /// The rounds of all loops that all cases of a dispatch may run together; unlimited by default.
     pub work: u64,
-    /// When a run ends that is still in a loop; `None`: never.
+    /// The time at which a run that is still in a loop ends; `None` for no limit.
     pub deadline: Option<Instant>,
-    /// Rounds for which the exit of a loop may be undecided before its results are unbounded, in
-    /// intervals: 256 by default. Bounds that haven't converged by then rarely do.
+    /// In intervals, the rounds for which the exit of a loop may stay undecided before its results become unbounded:
+    /// 256 by default. Bounds that haven't converged by then rarely do.
     pub undecided: u64,
-    /// Whether subnormals are flushed to zero, in `f32`: operands and results of each operation that WGSL lets do so
-    /// (15.7.2), but nothing that is only moved.
+    /// `true` to flush subnormals to zero, in `f32`: operands and results of each operation for which WGSL allows it
+    /// (15.7.2), but no value that is only moved.
     pub flush: bool,
-    /// Whether a constant stands for each decimal that is rounded to it, in intervals: `0.1` is then
-    /// all between its neighbours, as whoever computes with another type has another 0.1. Integers
-    /// and short binary fractions such as 0.75 are what they are.
+    /// In intervals, `true` if a constant stands for each decimal that rounds to it. `0.1` is then the interval between
+    /// its neighbours, because 0.1 in another type is another number. Integers and short binary fractions such as 0.75
+    /// are exact.
     pub decimals: bool,
-    /// What was measured of an adapter, whose bounds are then asked for in place of the
-    /// specification's, in intervals.
+    /// In intervals, the measurements of an adapter. They narrow the specification's bounds.
     pub accuracy: Option<Arc<Accuracy>>,
-    /// What indices outside of their arrays read and write. What differs between two such runs depends on what WGSL
-    /// leaves open.
+    /// The effect of indices outside their arrays. If two runs with different choices differ, the result depends on
+    /// something that WGSL leaves open.
     pub outside: Choice,
-    /// One operation that reads elsewhere than the others, by its site.
+    /// An operation, by its site, that reads another element than `outside` says.
     pub outside_at: Option<(u32, Elsewhere)>,
     /// The order in which workgroups and invocations of a dispatch run.
     pub schedule: Schedule,
-    /// Turns that a dispatch may have: all that there are by default.
+    /// The turns that a dispatch may have; unlimited by default.
     pub most_turns: usize,
-    /// True if a dispatch returns the order of its atomics.
+    /// `true` to return the order of a dispatch's atomics.
     pub shows_order: bool,
-    /// Counts what runs, in `f32`.
+    /// Counters of statements and branches, in `f32`.
     pub counts: Option<Arc<Counts>>,
 }
 
 impl Options {
-    /// Invocations of a subgroup. A ballot has a bit for each of 128.
+    /// The invocations of a subgroup, at most 128: a ballot has that many bits.
     pub(crate) fn subgroup(&self) -> u32 {
         self.schedule.subgroup.clamp(1, 128)
     }

@@ -1,4 +1,4 @@
-//! Work on all cores.
+//! Runs work on all cores.
 
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -7,10 +7,10 @@ use karat_core::panics;
 /// The next task; `None` when all are taken.
 pub(crate) type Next<'n> = &'n (dyn Fn() -> Option<usize> + Sync);
 
-/// Runs workers, here and on other cores, until they have taken all tasks; a worker may find none.
+/// Runs workers, here and on other cores, until all tasks are taken. A worker may get none.
 ///
-/// A thread that only waited for as many workers as there are cores would leave them to the system's
-/// scheduler, which often wakes two of them on one core while another idles.
+/// The calling thread works, too. If it only waited for one worker per core, the system's scheduler would often wake
+/// two of them on one core while another core idles.
 pub(crate) fn run(tasks: usize, worker: &(dyn Fn(Next<'_>) + Sync)) {
     let taken = AtomicUsize::new(0);
     let next = || Some(taken.fetch_add(1, Ordering::Relaxed)).filter(|task| *task < tasks);

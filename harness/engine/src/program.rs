@@ -1,4 +1,4 @@
-//! A program: made once of a module, run often.
+//! A program: lowered once from a module, run often.
 
 use std::borrow::Cow;
 use std::sync::OnceLock;
@@ -20,20 +20,22 @@ use crate::results::Results;
 use crate::runs::Runs;
 use crate::scalar::{File, Scalar};
 
-/// Lanes of a chunk: a column of floats is then 1 KiB, so that some thirty are in a cache of the
-/// first level, and what finding an operation costs is shared by 256 cases.
+/// The lanes of a chunk. A column of floats is then 1 KiB: about thirty columns fit into a first-level cache, and 256
+/// cases share the cost of finding an operation.
 const LANES: usize = 256;
 
-/// So many cases share what finding an operation costs with twice as many, and still keep all cores busy.
+/// From this many cases on, chunks are twice as wide: more cases share the cost of finding an operation, and all cores
+/// are still busy.
 const MANY: usize = 16_384;
 
-/// Twice what the largest variable may have: 32 MiB of floats a thread, and twice that for many cases.
+/// The most registers of a program: twice those of the largest variable. That is 32 MiB of floats a thread, and twice
+/// that for many cases.
 const MOST_REGISTERS: u32 = 1 << 15;
 
-/// Columns are as wide as the cases need, in steps of this many lanes: two vectors of AVX.
+/// Columns are as wide as the cases need, in steps of this many lanes: two AVX vectors.
 const STEP: usize = 16;
 
-/// A function or an entry point, lowered.
+/// A lowered function or entry point.
 #[derive(Debug)]
 pub struct Program {
     code: Code,
@@ -45,7 +47,7 @@ impl Program {
     ///
     /// # Errors
     ///
-    /// The first thing in it that the engine doesn't execute.
+    /// Names the first thing in it that the engine doesn't execute.
     pub fn function(
         module: &Module,
         info: &ModuleInfo,
@@ -69,7 +71,7 @@ impl Program {
     ///
     /// # Errors
     ///
-    /// The first thing in it that the engine doesn't execute.
+    /// Names the first thing in it that the engine doesn't execute.
     pub fn entry_point(
         module: &Module,
         info: &ModuleInfo,
@@ -103,38 +105,39 @@ impl Program {
         Ok(Self { code, entry })
     }
 
-    /// What a row of arguments is made of.
+    /// The scalars of a row of arguments.
     #[must_use]
     pub fn parameters(&self) -> Vec<Scalar> {
         self.code.parameters.iter().map(|(_, scalar)| *scalar).collect()
     }
 
-    /// What a row of results is made of.
+    /// The scalars of a row of results.
     #[must_use]
     pub fn results(&self) -> Vec<Scalar> {
         self.code.results.iter().map(|(_, scalar)| *scalar).collect()
     }
 
-    /// Where the operations come from; what makes an interval unbounded is one of them.
+    /// The sites of its operations. The cause of an unbounded interval is one of them.
     #[must_use]
     pub fn sites(&self) -> &[Site] {
         &self.code.sites
     }
 
-    /// The sites of operations, of which [`Observer::reached`](crate::Observer::reached) may tell: some come again. Other sites
-    /// have a constant.
+    /// The sites of the operations that [`Observer::reached`](crate::Observer::reached) may report; a site may occur
+    /// twice. The other sites are those of constants.
     pub fn operations(&self) -> impl Iterator<Item = &Site> {
         let all = self.code.instructions.iter().filter(|one| !one.op.is_an_end());
         all.map(|one| &self.code.sites[one.site as usize])
     }
 
-    /// Where an interval became unbounded, when this program computed it.
+    /// The site at which an interval became unbounded that this program computed.
     #[must_use]
     pub fn cause(&self, interval: crate::Interval) -> Option<&Site> {
         self.code.sites.get(interval.cause()? as usize)
     }
 
-    /// True if both compute the same by the same operations, wherever these stand. What nothing uses is in neither.
+    /// Returns `true` if both programs compute the same with the same operations, wherever these stand. Ignores unused
+    /// code.
     #[must_use]
     pub fn is_same(&self, other: &Self) -> bool {
         let without_places = |code: &Code| {
@@ -160,7 +163,7 @@ impl Program {
         without_places(&self.code) == without_places(&other.code)
     }
 
-    /// How many operations it has, and how many registers of floats, integers and booleans.
+    /// The number of its operations, and of its registers of floats, integers and booleans.
     #[must_use]
     pub fn size(&self) -> (usize, [u32; 3]) {
         (self.code.instructions.len(), self.code.registers)
@@ -174,7 +177,7 @@ impl Program {
     ///
     /// # Errors
     ///
-    /// When the rows aren't whole, a resource is missing, or a case spends its fuel.
+    /// Incomplete rows, a missing resource, or a case that spends its fuel.
     pub fn call<A: Runs>(
         &self,
         cases: usize,
@@ -186,7 +189,7 @@ impl Program {
         A::call(self, &Call { cases, rows, to: None, resources, options }, observer)
     }
 
-    /// Calls the function in intervals, each for all arguments from those of a row to those of another one.
+    /// Calls the function in intervals, each from the arguments of one row to those of another row.
     ///
     /// # Errors
     ///
@@ -206,7 +209,7 @@ impl Program {
         Intervals::call(self, &Call { cases, rows, to: Some(to), resources, options }, observer)
     }
 
-    /// [`call`](Self::call), compiled once for each arithmetic.
+    /// Implements [`call`](Self::call), compiled once for each arithmetic.
     pub(crate) fn run<A: Arithmetic, const SEEN: bool>(
         &self,
         call: &Call<'_>,
@@ -225,7 +228,7 @@ impl Program {
         let scalars = self.results();
         let most = if cases < MANY { LANES } else { 2 * LANES };
         let chunks = cases.div_ceil(most);
-        // Chunks behind the first one that failed needn't run; those before it may fail earlier.
+        // After a failed chunk, later chunks needn't run; an earlier one may still fail, which counts first.
         let failed = AtomicUsize::new(usize::MAX);
         let lanes = most.min(cases.next_multiple_of(STEP));
         let run = |state: &mut (Machine<'_, A>, Memory<'_, A>), chunk: usize| {
@@ -306,7 +309,7 @@ impl Program {
         }
     }
 
-    /// Whether this arithmetic has a rule for all of it.
+    /// Checks that this arithmetic has a rule for each operation.
     pub(crate) fn has_rules<A: Arithmetic>(&self) -> Result<(), Stop> {
         match (self.code.half, self.code.subgroup) {
             (Some(span), _) if A::UNDECIDED => {
@@ -358,12 +361,12 @@ impl Program {
     }
 }
 
-/// What a call is of.
+/// The input of a call.
 #[derive(Debug)]
 pub struct Call<'c> {
     pub(crate) cases: usize,
     pub(crate) rows: &'c [u32],
-    /// The other ends of intervals that begin with `rows`.
+    /// The other ends of the intervals that begin at `rows`.
     pub(crate) to: Option<&'c [u32]>,
     pub(crate) resources: &'c Resources,
     pub(crate) options: &'c Options,
@@ -384,7 +387,7 @@ impl crate::code::HandleSlot {
     }
 }
 
-/// Rows of the first `active` lanes of columns.
+/// The rows of the first `active` lanes, from columns.
 fn interleaved<T: Copy>(columns: &[&[T]], active: usize) -> Vec<T> {
     let mut rows = Vec::with_capacity(columns.len() * active);
     for lane in 0..active {

@@ -1,16 +1,16 @@
-//! Races: accesses of one element by two invocations, one of which writes, and which nothing orders.
+//! Finds races: two invocations access one element, at least one of them writes, and nothing orders the accesses.
 //!
-//! WGSL orders little (its specification, 15.4 *Memory model* and 17.11 *Synchronization built-in functions*). A
-//! barrier orders the invocations of its workgroup, and the address spaces that its name says. Nothing orders two
-//! workgroups of a dispatch. Atomic accesses don't race with each other, and WGSL has no other access of an atomic.
+//! WGSL orders few accesses (15.4 *Memory model*, 17.11 *Synchronization built-in functions*). A barrier orders the
+//! invocations of its workgroup, for the address spaces that its name says. Nothing orders two workgroups of a
+//! dispatch. Atomic accesses don't race with each other, and WGSL has no other way to access an atomic.
 //!
-//! The machine runs invocations in lockstep, so a race shows in no result. Instead each element remembers accesses that a
-//! later one could race with:
+//! The machine runs invocations in lockstep, so a race doesn't show in the results. Instead each element remembers
+//! accesses that a later one could race with:
 //!
-//! - the last write, and the last one by another invocation. If a write of this epoch isn't by the invocation that
-//!   accesses now, one of these two isn't;
+//! - the last write, and the last write by another invocation. If the current epoch has a write by an invocation other
+//!   than the current one, it is one of these two;
 //! - the last write by an earlier workgroup;
-//! - the last write of another word, which tells equal writes from others;
+//! - the last write of another word, which tells equal writes from unequal ones;
 //! - two reads of different invocations since the last barrier, and one by an earlier workgroup.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
@@ -22,24 +22,25 @@ use crate::dispatch::Turn;
 use crate::explore::{Access as Touch, Word};
 use crate::refusal::Stop;
 
-/// Bytes, or texels, whose elements are remembered together. Most of a large buffer may never be accessed.
+/// The bytes, or texels, whose elements are allocated together. Most of a large buffer may never be accessed.
 const PAGE: usize = 1024;
 
-/// Elements that one dispatch remembers, in 116 bytes each: 116 MiB. Accesses of others are counted.
+/// The most elements that a dispatch remembers, at 116 bytes each: 116 MiB. Accesses of further elements are only
+/// counted.
 const MOST_CELLS: usize = 1 << 20;
 const _: () = assert!(size_of::<Cell>() == 116);
 
-/// Races that are kept of a variable, each of another pair of lines: equal writes, and others. A loop over a buffer
-/// has one for each of its elements, by the same lines.
+/// The most races to keep for a variable, each with another pair of lines; equal writes and other races count apart. A
+/// loop over a buffer may have a race for each element, all with the same lines.
 const MOST_RACES: usize = 64;
 
 /// No invocation.
 const NONE: u32 = u32::MAX;
 
-/// The place of an element, which is a scalar, in its variable.
+/// The place of an element, a scalar, in its variable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Place {
-    /// The byte at which it begins in its variable.
+    /// The offset in bytes in its variable.
     Byte(u32),
     /// The texel.
     Texel([u32; 3]),
@@ -48,25 +49,25 @@ pub enum Place {
 /// An access of an element.
 #[derive(Clone, Debug)]
 pub struct Access {
-    /// Where the author wrote it.
+    /// The place of the access in the source.
     pub site: Site,
-    /// The invocation, counted over all of the dispatch: workgroup after workgroup, and in a workgroup by
+    /// The number of the invocation in the dispatch: workgroup after workgroup, and within one by
     /// `local_invocation_index`.
     pub invocation: usize,
-    /// True of a write.
+    /// `true` for a write.
     pub writes: bool,
     /// The word that it writes or reads.
     pub word: u32,
-    /// Of a texel its channels, as far as they are kept.
+    /// For a texel, its channels, if they were kept.
     pub texel: Option<[u32; 4]>,
 }
 
 /// Two accesses of an element that nothing orders.
 #[derive(Clone, Debug)]
 pub struct Race {
-    /// The variable's name in the module.
+    /// The name of the variable in the module.
     pub variable: String,
-    /// The variable's group and binding; `None` of a variable in workgroup memory.
+    /// The group and binding of the variable; `None` for workgroup memory.
     pub binding: Option<(u32, u32)>,
     /// The element.
     pub place: Place,
@@ -74,96 +75,96 @@ pub struct Race {
     pub first: Access,
     /// The other one.
     pub second: Access,
-    /// True if their invocations are in one workgroup, so that a barrier could order them.
+    /// `true` if their invocations are in one workgroup, so that a barrier could order them.
     pub one_workgroup: bool,
-    /// How many elements have a race of these two accesses, this one included.
+    /// The number of elements with a race between these two accesses, this one included.
     pub elements: u64,
 }
 
 impl Race {
-    /// True if both write, and write the same.
+    /// Returns `true` if both write, and write the same.
     #[must_use]
     pub fn writes_equally(&self) -> bool {
         self.first.writes && self.second.writes && self.first.word == self.second.word
     }
 }
 
-/// A barrier that some invocations of a workgroup didn't reach together, or a subgroup operation that some of a
-/// subgroup didn't.
+/// A barrier that not all invocations of a workgroup reached together, or such an operation of a subgroup.
 #[derive(Clone, Debug)]
 pub struct Divergence {
     /// The barrier.
     pub site: Site,
     /// An invocation that reached it.
     pub reached: usize,
-    /// The first that didn't.
+    /// The first invocation that didn't.
     pub missing: usize,
-    /// How many didn't.
+    /// The number of invocations that didn't.
     pub count: usize,
-    /// True of a subgroup operation.
+    /// `true` for a subgroup operation.
     pub subgroup: bool,
-    /// The condition, or the jump, where that one went another way; `None` if it never came to a part of the code that
-    /// leads to the barrier.
+    /// The condition or the jump at which that invocation went another way; `None` if it never reached a part of the
+    /// code that leads to the barrier.
     pub parted: Option<Site>,
 }
 
-/// Reads of an element that nothing has written: of workgroup memory, which WGSL begins at zero, or of a blank buffer.
+/// Reads of an element that nothing has written: of workgroup memory, which WGSL initializes to zero, or of a blank
+/// buffer.
 #[derive(Clone, Debug)]
 pub struct Unwritten {
     /// The first of these reads.
     pub access: Access,
-    /// The variable's name in the module.
+    /// The name of the variable in the module.
     pub variable: String,
-    /// True of workgroup memory.
+    /// `true` for workgroup memory.
     pub own: bool,
-    /// The byte at which the first element begins in its variable.
+    /// The offset in bytes of the first such element in its variable.
     pub byte: u32,
-    /// How many reads by the same line are of such an element.
+    /// The number of reads of such elements by the same line.
     pub count: u64,
 }
 
-/// The kind of what an index leaves.
+/// The kind of object that an index is outside of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Bounds {
-    /// An array whose length the program says.
+    /// An array with a fixed length.
     Fixed,
-    /// An array as long as its buffer.
+    /// A runtime-sized array.
     Runtime,
     /// A texture.
     Texture,
-    /// A subgroup: there is no such invocation, or it isn't active.
+    /// A subgroup without such an invocation, or in which it isn't active.
     Subgroup,
-    /// Nothing: it is one of the array, but only because a sum or a product has wrapped around.
+    /// None: the index is inside the array, but only because a sum or a product has wrapped around.
     Wrapped,
 }
 
-/// Indices of an operation that leave their array.
+/// Indices of an operation that are outside their array.
 #[derive(Clone, Debug)]
 pub struct Outside {
     /// The operation.
     pub site: Site,
-    /// The first invocation of which it is so.
+    /// The first invocation with such an index.
     pub invocation: usize,
-    /// How often it is so.
+    /// The number of such indices.
     pub count: u64,
-    /// True of a write or an atomic.
+    /// `true` for a write or an atomic.
     pub writes: bool,
-    /// The kind of what it leaves.
+    /// The kind of object that it is outside of.
     pub bounds: Bounds,
-    /// The buffer, the workgroup's variable or the texture that the array is or is in; `None`: a variable of the invocation.
+    /// The buffer, workgroup variable or texture with the array; `None` for a variable of the invocation.
     pub variable: Option<String>,
-    /// True of an array within others, or within a structure.
+    /// `true` for an array inside another array or a structure.
     pub nested: bool,
-    /// The index of that invocation, and the elements of the array, if it is in a buffer; of an index that wraps the
-    /// number that it is without an end, and the one that it is.
+    /// The index in that invocation, and the number of elements, if the array is in a buffer. For an index that wraps:
+    /// its value without wrapping, and its value.
     pub index: Option<(i64, u64)>,
-    /// How often the operation ran.
+    /// The number of times that the operation ran.
     pub of: u64,
-    /// The number by which [`Options::outside_at`](crate::Options::outside_at) names the operation.
+    /// The number that [`Options::outside_at`](crate::Options::outside_at) takes for the operation.
     pub number: u32,
 }
 
-/// An index of an operation that leaves its array.
+/// An index of an operation that is outside its array.
 #[derive(Clone, Copy)]
 pub(crate) struct Beyond<'c> {
     pub(crate) writes: bool,
@@ -176,45 +177,45 @@ pub(crate) struct Beyond<'c> {
 /// The findings of a dispatch.
 #[derive(Clone, Debug, Default)]
 pub struct Observed {
-    /// Races, of each pair of accesses the first; reads and writes before equal writes.
+    /// Races, the first of each pair of lines. Races of reads or unequal writes come before equal writes.
     pub races: Vec<Race>,
-    /// Barriers that weren't reached by all, each once.
+    /// Barriers that not all invocations reached, each once.
     pub divergences: Vec<Divergence>,
-    /// Operations whose indices leave their arrays or textures, each once.
+    /// Operations with indices outside their arrays or textures, each once.
     pub outside: Vec<Outside>,
-    /// Reads of workgroup memory, and of blank buffers, before they are written, each line once.
+    /// Reads of unwritten workgroup memory and blank buffers, one for each line.
     pub unwritten: Vec<Unwritten>,
-    /// Of storage buffers and storage textures that the program may write, by group and binding: which of their words, or
-    /// texels, it wrote.
+    /// The words, or texels, that the program wrote in each storage buffer or storage texture that it may write, by
+    /// group and binding.
     pub written: BTreeMap<(u32, u32), Touched>,
-    /// Why the dispatch ended before all of it had run.
+    /// The reason why the dispatch ended early.
     pub stopped: Option<Stop>,
-    /// Invocations that ran.
+    /// The number of invocations that ran.
     pub invocations: usize,
-    /// Rounds of loops, of all of them together.
+    /// The rounds of all loops in all invocations.
     pub rounds: u64,
-    /// Turns that its invocations had.
+    /// The turns of all invocations.
     pub turns: u64,
     /// Its atomics.
     pub atomics: Atomics,
-    /// The order of the atomics, if it was asked for.
+    /// The order of the atomics, if it was requested.
     pub order: Vec<Turn>,
-    /// Accesses of elements beyond those that are remembered.
+    /// The number of accesses of elements that aren't remembered.
     pub unwatched: u64,
 }
 
-/// The atomics of a dispatch, as far as the number of their orders depends on them.
+/// The atomics of a dispatch, as needed to estimate the number of their orders.
 #[derive(Clone, Debug, Default)]
 pub struct Atomics {
-    /// How many each invocation has, by its number.
+    /// The number of atomics of each invocation.
     pub of_invocation: Vec<u32>,
-    /// Those of each word: their kinds as bits, and how many the invocations have.
+    /// For each word, the kinds of its atomics as bits, and their number by invocation.
     words: HashMap<Word, (u32, BTreeMap<usize, u32>)>,
     count: usize,
 }
 
 impl Atomics {
-    /// Atomics whose orders are counted: of more there are too many to try each.
+    /// The most atomics whose orders are counted. More than this have too many orders to try.
     const COUNTED: usize = 1 << 12;
 
     fn add(&mut self, invocation: usize, word: Word, kind: Touch) {
@@ -230,8 +231,8 @@ impl Atomics {
         }
     }
 
-    /// The binary logarithm of a number that the orders, but for those that lead to the same, don't exceed: words are
-    /// taken to be independent of each other.
+    /// The binary logarithm of an upper bound of the number of orders, equivalent ones counted once. Treats words as
+    /// independent of each other.
     #[must_use]
     pub fn most_orders(&self) -> f64 {
         let commute = |kinds: u32| kinds.count_ones() == 1 && kinds != 1 << Touch::Changes as u32;
@@ -248,8 +249,8 @@ impl Atomics {
     }
 }
 
-/// An access that an element remembers: its invocation, how many barriers of the element's address space its workgroup had
-/// passed, where, and the word.
+/// An access that an element remembers: its invocation, the number of barriers of the element's address space that its
+/// workgroup had passed, its site, and the word.
 #[derive(Clone, Copy, Debug)]
 struct Who {
     invocation: u32,
@@ -263,17 +264,17 @@ const NONE_YET: Who = Who { invocation: NONE, epoch: 0, site: 0, word: 0 };
 #[derive(Clone, Copy, Debug)]
 struct Cell {
     write: Who,
-    /// The last write by another invocation than that of `write`.
+    /// The last write by another invocation than the one of `write`.
     other: Who,
-    /// The last write of another word than `write` has.
+    /// The last write of another word than the one of `write`.
     unequal: Who,
-    /// The last write by a workgroup before that of `write`.
+    /// The last write by a workgroup before the one of `write`.
     earlier_write: Who,
     /// Two invocations that read it since the last barrier.
     reads: [Who; 2],
     /// A read by an earlier workgroup.
     earlier_read: Who,
-    /// How many of `reads`, since the last write, raced with no write.
+    /// The number of `reads` since the last write that raced with no write.
     clean: u8,
 }
 
@@ -287,12 +288,12 @@ const EMPTY: Cell = Cell {
     clean: 0,
 };
 
-/// A set of the bytes at which elements of a variable begin; of a texture, of the numbers of texels, row after row.
+/// A set of elements of a variable, by offset in bytes; for a texture, by number of the texel, row after row.
 #[derive(Clone, Debug, Default)]
 pub struct Touched(Vec<u64>);
 
 impl Touched {
-    /// True if the element that begins at this byte is in the set, or the texel of this number.
+    /// Returns `true` if the set has the element at this offset, or the texel with this number.
     #[must_use]
     pub fn contains(&self, at: usize) -> bool {
         self.0.get(at / 64).is_some_and(|bits| bits >> (at % 64) & 1 == 1)
@@ -309,22 +310,23 @@ impl Touched {
 /// The elements of a variable.
 #[derive(Debug, Default)]
 struct Shadow {
-    /// True if some instruction writes it.
+    /// `true` if some instruction writes it.
     written: bool,
-    /// True of a variable in workgroup memory.
+    /// `true` for a variable in workgroup memory.
     own: bool,
-    /// True of a buffer that may hold anything until it is written.
+    /// `true` for a buffer with unknown contents until it is written.
     blank: bool,
-    /// Words of a variable in workgroup memory, which each workgroup begins anew.
+    /// The words of a variable in workgroup memory, which each workgroup begins anew.
     words: usize,
-    /// Elements by the byte of a word at which they begin: 16-bit floats begin at the third one, too, and booleans at
+    /// Elements by the byte of a word at which they begin: 16-bit floats also begin at the third byte, booleans at
     /// each.
     pages: [Vec<Option<Box<[Cell]>>>; 4],
-    /// Elements that were written: in workgroup memory by this workgroup, in blank buffers by earlier passes, too.
+    /// The written elements: in workgroup memory those of this workgroup; in blank buffers those of earlier passes,
+    /// too.
     touched: Touched,
 }
 
-/// A detector's knowledge of one workgroup.
+/// The state of a detector for one workgroup.
 #[derive(Debug, Default)]
 pub(crate) struct OfGroup {
     first: u32,
@@ -334,21 +336,21 @@ pub(crate) struct OfGroup {
     own: Vec<Shadow>,
 }
 
-/// A variable, whether its race is one of equal writes, both sites, and whether one workgroup has it.
+/// A variable, `true` for a race of equal writes, both sites, and `true` if both are in one workgroup.
 type Key = (u32, bool, (u32, u32), bool);
 
 /// Finds races while a dispatch runs.
 #[derive(Debug)]
 pub(crate) struct Detector {
-    /// Invocations of a workgroup.
+    /// The number of invocations of a workgroup.
     width: u32,
-    /// The first invocation of each workgroup that has run, of which not all may run.
+    /// The first invocation of each workgroup that has run; others may have been left out.
     starts: Vec<usize>,
-    /// The number of the first invocation of the workgroup that runs, among those that run.
+    /// The number of the current workgroup's first invocation, among those that run.
     first: u32,
-    /// Barriers that it has passed, of workgroup memory, storage and textures.
+    /// The barriers that the workgroup has passed, for workgroup memory, storage and textures.
     epochs: [u32; 3],
-    /// The first lane of those that run, and the address spaces that the barriers name at which the others wait.
+    /// The first current lane, and the address spaces of the barriers at which the others wait.
     base: u32,
     waiting: [bool; 3],
     buffers: Vec<Shadow>,
@@ -359,9 +361,9 @@ pub(crate) struct Detector {
     divergences: BTreeMap<u32, Divergence>,
     outside: BTreeMap<u32, Outside>,
     unwritten: BTreeMap<u32, Unwritten>,
-    /// The channels of texels, by the words that stand for them.
+    /// The channels of texels, by their hashes.
     texels: HashMap<u32, [u32; 4]>,
-    /// How often the operations of each site that have an index ran.
+    /// The number of times that the operations with an index ran, by site.
     ran: Vec<u64>,
     atomics: Atomics,
 }
@@ -372,13 +374,13 @@ pub(crate) struct Accessed {
     pub(crate) lane: usize,
     pub(crate) site: u32,
     pub(crate) place: Place,
-    /// The number of the element, of those that begin at such a place.
+    /// The number of the element among those that begin at the same byte of a word.
     pub(crate) index: usize,
     pub(crate) word: u32,
 }
 
 impl Detector {
-    /// One of workgroups of so many invocations, with the elements that blank buffers have.
+    /// A detector for workgroups of so many invocations, with the written elements of blank buffers.
     pub(crate) fn new(
         code: &Code,
         invocations: usize,
@@ -417,12 +419,12 @@ impl Detector {
         }
     }
 
-    /// So many lanes run an operation that has an index.
+    /// Counts the lanes that run an operation with an index.
     pub(crate) fn run(&mut self, site: u32, lanes: usize) {
         self.ran[site as usize] += lanes as u64;
     }
 
-    /// A workgroup begins, whose first invocation is this one.
+    /// Begins the workgroup with this first invocation.
     pub(crate) fn begin(&mut self, first: usize) {
         self.first = self.starts.len() as u32 * self.width;
         self.starts.push(first);
@@ -433,7 +435,7 @@ impl Detector {
         }
     }
 
-    /// Another workgroup goes on: its knowledge for that of the one that stops.
+    /// Continues another workgroup: exchanges the state of the two.
     pub(crate) fn exchange(&mut self, of: &mut OfGroup) {
         std::mem::swap(&mut self.first, &mut of.first);
         std::mem::swap(&mut self.epochs, &mut of.epochs);
@@ -448,24 +450,24 @@ impl Detector {
         }
     }
 
-    /// The number that an invocation has in the whole dispatch.
+    /// The number of an invocation in the whole dispatch.
     fn invocation(&self, number: u32) -> usize {
         let (group, lane) = (number / self.width, number % self.width);
         self.starts[group as usize] + lane as usize
     }
 
-    /// That of a lane of those that run.
+    /// The number of a current lane in the whole dispatch.
     fn of_lane(&self, lane: usize) -> usize {
         self.invocation(self.first + self.base + lane as u32)
     }
 
-    /// Lanes of the workgroup go on, of which this is the first.
+    /// Continues lanes of the workgroup, beginning with this one.
     pub(crate) fn goes_on(&mut self, base: usize) {
         self.base = base as u32;
     }
 
-    /// All invocations of the workgroup that haven't ended have come to a barrier: the first of each machine, with the
-    /// barrier's site, and how many share one.
+    /// Releases all invocations of the workgroup that haven't ended from a barrier. `held` has the first invocation of
+    /// each machine with the site of its barrier; `lanes` invocations share a machine.
     pub(crate) fn release(&mut self, code: &Code, held: &[(usize, u32)], lanes: usize) {
         for (epoch, waiting) in self.epochs.iter_mut().zip(&mut self.waiting) {
             *epoch += u32::from(std::mem::take(waiting));
@@ -487,19 +489,18 @@ impl Detector {
         });
     }
 
-    /// True if accesses of a buffer can race, or reads of it come before a write.
+    /// Returns `true` if accesses of a buffer can race, or can read unwritten elements.
     pub(crate) fn watches_buffer(&self, slot: u32) -> bool {
         let Shadow { written, own, blank, .. } = self.buffers[slot as usize];
         written || own || blank
     }
 
-    /// True if accesses of a texture can race.
+    /// Returns `true` if accesses of a texture can race.
     pub(crate) fn watches_texture(&self, slot: u32) -> bool {
         self.textures[slot as usize].written
     }
 
-    /// The workgroup meets a barrier, with the invocations of `active`; the others parted from them where `parted`
-    /// says.
+    /// Notes a barrier that the invocations of `active` reach. `parted` says where the others went another way.
     pub(crate) fn barrier(
         &mut self,
         code: &Code,
@@ -514,8 +515,8 @@ impl Detector {
         self.meet(code, site, (0, false), (parted, active));
     }
 
-    /// Invocations that should all meet an operation: the first of these lanes, whether they are a subgroup, where the
-    /// lanes of the workgroup parted, and which of these do.
+    /// Notes an operation that all invocations should reach together: the first of these lanes, whether they are a
+    /// subgroup, where other lanes went another way, and the lanes that reach it.
     pub(crate) fn meet(
         &mut self,
         code: &Code,
@@ -538,7 +539,7 @@ impl Detector {
         }
     }
 
-    /// An element of a buffer is read, written or both, by an atomic or not.
+    /// Notes an access of an element of a buffer: a read, a write or both, atomic or not.
     #[inline]
     pub(crate) fn touch(
         &mut self,
@@ -569,13 +570,13 @@ impl Detector {
         }
     }
 
-    /// A lane has an atomic at a byte of a buffer.
+    /// Notes an atomic of a lane at an offset of a buffer.
     pub(crate) fn atomic(&mut self, lane: usize, (slot, at): (u32, usize), kind: Touch) {
         let group = if self.buffers[slot as usize].own { self.first + 1 } else { 0 };
         self.atomics.add(self.of_lane(lane), (slot, group, at as u32), kind);
     }
 
-    /// The index of a lane leaves its array.
+    /// Notes an index of a lane that is outside its array.
     pub(crate) fn leaves(&mut self, code: &Code, site: u32, lane: usize, beyond: Beyond<'_>) {
         let Beyond { writes, bounds, variable, nested, index } = beyond;
         let invocation = self.of_lane(lane);
@@ -594,7 +595,7 @@ impl Detector {
         self.outside.entry(site).or_insert_with(new).count += 1;
     }
 
-    /// An element of a buffer is read or written. True if its workgroup has written it.
+    /// Notes a read or a write of an element. Returns `true` if its workgroup has written it.
     #[inline]
     pub(crate) fn buffer(
         &mut self,
@@ -607,7 +608,7 @@ impl Detector {
         self.access(code, (slot, space), accessed, writes)
     }
 
-    /// A texel with these channels is read or written.
+    /// Notes a read or a write of a texel with these channels.
     pub(crate) fn texture(
         &mut self,
         code: &Code,
@@ -615,7 +616,7 @@ impl Detector {
         accessed: Accessed,
         (texel, writes): ([u32; 4], bool),
     ) {
-        /// Texels that are kept for a message: a megabyte of them.
+        /// The most texels to keep for messages: a megabyte of them.
         const MOST: usize = 1 << 16;
         if self.texels.len() < MOST {
             self.texels.insert(accessed.word, texel);
@@ -658,7 +659,8 @@ impl Detector {
                 && (!here(*other) || other.epoch == who.epoch)
         };
         let is_read_now = here(cell.reads[0]) && cell.reads[0].epoch == who.epoch;
-        // A write in this epoch would race with one of two readers, so a third one races with none.
+        // A write in this epoch would have raced with one of the two readers, so a third reader can't race with it
+        // either.
         if !writes && is_read_now && cell.clean == 2 {
             return here(cell.write);
         }
@@ -698,7 +700,7 @@ impl Detector {
         is_written
     }
 
-    /// An access races with one of those before it.
+    /// Notes a race between an access and an earlier one.
     #[cold]
     fn raced(
         &mut self,
@@ -716,7 +718,7 @@ impl Detector {
                 && other.invocation != who.invocation
                 && (!here(**other) || other.epoch == who.epoch)
         };
-        // Two writes of one word show less than a read beside one of them, or a write of another word.
+        // Two writes of one word are weaker evidence than a read beside a write, or writes of different words.
         let differs = |other: &&Who| !writes || other.word != word;
         let racing = || before.iter().filter(races);
         let found = racing().find(differs).map(|other| (*other, true));
@@ -803,7 +805,7 @@ impl Detector {
 }
 
 impl Shadow {
-    /// An element; `None`: there are too many.
+    /// The state of an element; `None` if there are too many.
     fn cell(&mut self, plane: usize, index: usize, cells: &mut usize) -> Option<&mut Cell> {
         let pages = &mut self.pages[plane];
         let page = index / PAGE;

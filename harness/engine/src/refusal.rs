@@ -1,15 +1,15 @@
-//! Why a program isn't lowered, and why a run stops.
+//! The reasons why a program can't be lowered, and why a run stops.
 
 use naga::Span;
 use thiserror::Error;
 
-/// What the engine doesn't execute, and where it stands.
+/// A construct that the engine doesn't execute, and its place.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[error("the engine doesn't execute {what}")]
 pub struct Refusal {
-    /// What it is.
+    /// The construct.
     pub what: String,
-    /// Its bytes in the source, undefined where naga has none.
+    /// Its bytes in the source, undefined if naga has none.
     pub span: Span,
 }
 
@@ -19,7 +19,7 @@ impl Refusal {
     }
 }
 
-/// Why a run ended before all results were there.
+/// The reason why a run ended before all results were there.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum Stop {
     /// A loop ran for more rounds than the options allow.
@@ -27,12 +27,11 @@ pub enum Stop {
     Fuel {
         /// The loop.
         span: Span,
-        /// The first case that needed more.
+        /// The first case that ran out of rounds.
         case: usize,
-        /// What was allowed.
+        /// The rounds that were allowed.
         rounds: u64,
-        /// Rounds of the loop that had gone round most often since it began: few of it are many loops, and no loop without
-        /// an end.
+        /// The rounds of the open loop with the most rounds. A small number means many loops, but no endless one.
         own: u64,
     },
     /// A loop was still running at the deadline.
@@ -40,15 +39,15 @@ pub enum Stop {
     Late {
         /// The loop.
         span: Span,
-        /// A case that was in it.
+        /// A case in that loop.
         case: usize,
     },
-    /// Each invocation that runs reads the same words in loops, and none changes any more.
+    /// Each running invocation reads the same words in a loop, and none of them changes a word.
     #[error("case {case} waits in a loop for a word that nothing changes any more")]
     Waits {
         /// A read in such a loop.
         span: Span,
-        /// A case that was in it.
+        /// A case in that loop.
         case: usize,
     },
     /// The loops of all cases together ran for more rounds than the options allow.
@@ -62,17 +61,17 @@ pub enum Stop {
     /// The words aren't whole rows.
     #[error("{found} words aren't {cases} rows of {width}")]
     Rows {
-        /// How many words there are.
+        /// The number of words.
         found: usize,
         /// Words a row.
         width: usize,
-        /// How many rows there should be.
+        /// The number of rows that were expected.
         cases: usize,
     },
-    /// The caller's resources lack one, or have another kind.
+    /// A resource of the caller is missing, or has another kind.
     #[error("no {kind} `{name}` in group {group}, binding {binding}")]
     Missing {
-        /// `buffer`, `texture` or `sampler`, or what of it doesn't fit.
+        /// `buffer`, `texture` or `sampler`, or the property of it that doesn't fit.
         kind: &'static str,
         /// Its name in the module.
         name: String,
@@ -90,18 +89,18 @@ pub enum Stop {
         name: String,
         /// Its size in bytes.
         found: usize,
-        /// What the type needs.
+        /// The size that its type needs, in bytes.
         needed: usize,
     },
-    /// Something that this arithmetic has no rule for.
+    /// This arithmetic has no rule for something.
     #[error("{what} has no rule in intervals")]
     NoRule {
-        /// What it is.
+        /// The operation or type without a rule.
         what: &'static str,
-        /// Where it stands.
+        /// Its place in the source.
         span: Span,
     },
-    /// A function was dispatched, or an entry point called.
+    /// An attempt to dispatch a function, or to call an entry point.
     #[error("{0}")]
     Misuse(&'static str),
 }

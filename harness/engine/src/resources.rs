@@ -1,4 +1,4 @@
-//! What the caller binds.
+//! Resources that the caller binds.
 
 use std::collections::BTreeMap;
 
@@ -11,18 +11,18 @@ pub struct Resources {
     pub(crate) buffers: BTreeMap<(u32, u32), Vec<u8>>,
     pub(crate) textures: BTreeMap<(u32, u32), Texture>,
     pub(crate) samplers: BTreeMap<(u32, u32), Sampler>,
-    /// Of buffers that hold anything until they are written, the elements that have been.
+    /// For buffers with unknown contents until they are written: the written elements.
     pub(crate) blank: BTreeMap<(u32, u32), Touched>,
 }
 
 impl Resources {
-    /// None at all.
+    /// No resources.
     #[must_use]
     pub fn new() -> Self {
         Self::default()
     }
 
-    /// Binds what others have under a group and a binding, under another group and binding.
+    /// Binds a resource of `others` from one group and binding to another group and binding.
     pub fn take_from(&mut self, others: &Self, from: [u32; 2], to: [u32; 2]) {
         let (from, to) = ((from[0], from[1]), (to[0], to[1]));
         if let Some(bytes) = others.buffers.get(&from) {
@@ -39,7 +39,7 @@ impl Resources {
         }
     }
 
-    /// The group and the binding under which the bytes of `var<immediate>` are bound, which has neither.
+    /// The group and the binding that stand for `var<immediate>`, which has neither.
     pub const IMMEDIATE: [u32; 2] = [u32::MAX; 2];
 
     /// Binds a buffer: bytes in the layout of its type, little-endian.
@@ -53,12 +53,12 @@ impl Resources {
         self.buffers.get(&(group, binding)).map(Vec::as_slice)
     }
 
-    /// Says that a buffer may hold anything until it is written.
+    /// Declares that the contents of a buffer are unknown until it is written.
     pub fn set_blank(&mut self, group: u32, binding: u32) {
         self.blank.insert((group, binding), Touched::default());
     }
 
-    /// The elements of such a buffer that have been written.
+    /// The written elements of such a buffer.
     #[must_use]
     pub fn blank(&self, group: u32, binding: u32) -> Option<&Touched> {
         self.blank.get(&(group, binding))

@@ -1,4 +1,4 @@
-//! What a call returns.
+//! Results of a call.
 
 use naga::Span;
 
@@ -20,7 +20,7 @@ pub enum Lane<F, I, B> {
 /// A scalar of a result in arithmetic `A`.
 pub type LaneOf<A> = Lane<<A as Rules>::Float, <A as Rules>::Int, <A as Rules>::Bool>;
 
-/// Results of all cases, one row a case.
+/// The results of all cases, one row a case.
 #[derive(Debug)]
 pub struct Results<A: Arithmetic> {
     pub(crate) scalars: Vec<Scalar>,
@@ -32,26 +32,26 @@ pub struct Results<A: Arithmetic> {
 }
 
 impl<A: Arithmetic> Results<A> {
-    /// The cases that were left out, as [`Options::leaves`](crate::Options::leaves) wants it, and the loops in which they
-    /// spent their fuel. Their rows mean nothing.
+    /// The cases that [`Options::leaves`](crate::Options::leaves) left out, each with the loop in which it spent its
+    /// fuel. Their rows are meaningless.
     #[must_use]
     pub fn long(&self) -> &[(usize, Span)] {
         &self.long
     }
 
-    /// How many rows there are.
+    /// The number of rows.
     #[must_use]
     pub fn cases(&self) -> usize {
         self.cases
     }
 
-    /// Which scalars of a row are of half precision.
+    /// `true` for each scalar of a row that has half precision.
     #[must_use]
     pub fn halves(&self) -> Vec<bool> {
         self.scalars.iter().map(|scalar| *scalar == Scalar::F16).collect()
     }
 
-    /// How many scalars a row has.
+    /// The number of scalars of a row.
     #[must_use]
     pub fn width(&self) -> usize {
         self.scalars.len()
@@ -65,11 +65,11 @@ impl<A: Arithmetic> Results<A> {
         counts
     }
 
-    /// One case's row.
+    /// The row of a case.
     ///
     /// # Panics
     ///
-    /// When there is no such case.
+    /// If the case doesn't exist.
     #[must_use]
     pub fn row(&self, case: usize) -> Vec<LaneOf<A>> {
         assert!(case < self.cases, "case {case} of {}", self.cases);
@@ -87,8 +87,8 @@ impl<A: Arithmetic> Results<A> {
         self.scalars.iter().map(lane).collect()
     }
 
-    /// All rows as words, as parameters are given. Floats are rounded to `f32` or `f16`, and the
-    /// middle of an interval stands for it.
+    /// All rows as words, in the format of parameters. Floats are rounded to `f32` or `f16`; an interval becomes its
+    /// middle.
     #[must_use]
     pub fn words(&self) -> Vec<u32> {
         let mut words = Vec::with_capacity(self.cases * self.scalars.len());

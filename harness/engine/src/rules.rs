@@ -1,8 +1,8 @@
-//! What each operation does, in each arithmetic: one file a family.
+//! The computation of each operation in each arithmetic, one file for each family.
 //!
-//! A rule stands in one place: its name, how many numbers it takes and gives, the builtin of naga
-//! that it is, and what it computes in `f32`, in `f64` and in intervals. The macros below make of a
-//! family an enum, which programs hold, and a function that finds the loop for each of them.
+//! A rule stands in one place: its name, the number of its arguments and results, naga's name of the builtin, and its
+//! computation in `f32`, in `f64` and in intervals. The macros below turn a family into an enum, which programs hold,
+//! and a function that selects the loop for each rule.
 
 mod arithmetic;
 mod conversion;
@@ -53,11 +53,11 @@ macro_rules! float_rules {
         })*
 
         impl $family {
-            /// All of the family.
+            /// All rules of the family.
             #[cfg(test)]
             pub(crate) const ALL: &[Self] = &[$(Self::$name,)*];
 
-            /// How many floats it takes, and how many it gives.
+            /// The number of floats that it takes, and that it gives.
             pub(crate) fn arity(self) -> (usize, usize) {
                 match self { $(Self::$name => ($i, $o),)* }
             }
@@ -84,8 +84,8 @@ macro_rules! float_rules {
 }
 pub(crate) use float_rules;
 
-/// A family of rules from integers to an integer. The signedness is that of the result, and of the
-/// arguments where they matter to a range.
+/// A family of rules from integers to an integer. The signedness is that of the result, and also of the arguments if a
+/// range depends on it.
 macro_rules! integer_rules {
     ($(#[$meta:meta])* $family:ident {
         $($(#[$doc:meta])* $name:ident [$i:literal] $signed:literal $(= $math:ident)? {
@@ -106,7 +106,7 @@ macro_rules! integer_rules {
             #[inline(always)]
             fn exact($x: [u32; $i]) -> u32 { $exact }
             fn range(x: [crate::interval::Range; $i]) -> crate::interval::Range {
-                // One integer each has one result, whatever the rule.
+                // If each argument is a single integer, so is the result, for any rule.
                 let words = x.map(|x| x.word());
                 if words.iter().all(|word| word.is_some()) {
                     let word = Self::exact(words.map(|word| word.expect("each has one")));
@@ -118,7 +118,7 @@ macro_rules! integer_rules {
         })*
 
         impl $family {
-            /// How many integers it takes.
+            /// The number of integers that it takes.
             pub(crate) fn arity(self) -> usize {
                 match self { $(Self::$name => $i,)* }
             }
@@ -158,19 +158,18 @@ pub(crate) enum FloatRule {
     Trigonometry(Trigonometry),
 }
 
-/// Which operands of an operation are its edges, the low one first.
+/// The operands of an operation that are its edges, the low one first.
 pub(crate) struct Edges {
     pub(crate) low: usize,
     pub(crate) high: usize,
-    /// True if equal edges are a fault, too.
+    /// `true` if equal edges are a fault, too.
     pub(crate) distinct: bool,
 }
 
 impl FloatRule {
-    /// The operands that have an order, of what has such operands. WGSL 17.5 lets `clamp` of floats be
-    /// "either min(max(e, low), high), or the median of the three values", which differ where low is above
-    /// high. `smoothstep` divides by high - low, and the languages below WGSL leave it undefined unless low is
-    /// below high.
+    /// The operands of an operation that have to be in order, if it has any. WGSL 17.5 lets `clamp` of floats be
+    /// "either min(max(e, low), high), or the median of the three values", which differ if low is above high.
+    /// `smoothstep` divides by high - low, and the languages below WGSL leave it undefined unless low is below high.
     pub(crate) fn edges(self) -> Option<Edges> {
         match self {
             Self::Basic(Basic::Clamp) => Some(Edges { low: 1, high: 2, distinct: false }),
@@ -216,7 +215,7 @@ mod tests {
     use crate::arithmetic::Intervals;
     use crate::interval::Interval;
 
-    /// Numbers from a seed, as SplitMix64 has them.
+    /// Random numbers from a seed, by SplitMix64.
     struct Random(u64);
 
     impl Random {
@@ -232,13 +231,13 @@ mod tests {
             self.next() % end
         }
 
-        /// Between two floats, by their order and not by their size.
+        /// A float between two floats, chosen by rank, not by size.
         fn between(&mut self, lo: f32, hi: f32) -> f32 {
             let (lo, hi) = (place(lo), place(hi));
             from_place(lo + i64::try_from(self.below((hi - lo + 1) as u64)).expect("32 bits"))
         }
 
-        /// An interval near a power of two, near one, or anywhere; a point, narrow or wide.
+        /// An interval near a power of two, near one, or anywhere: a point, narrow or wide.
         fn interval(&mut self) -> Interval {
             let power = (self.below(9) as f32 - 4.0).exp2();
             let size = match self.below(4) {
@@ -260,7 +259,7 @@ mod tests {
         }
     }
 
-    /// The place of a float in the order of all.
+    /// The rank of a float among all floats.
     fn place(x: f32) -> i64 {
         let bits = i64::from(x.to_bits() & 0x7fff_ffff);
         if x.is_sign_negative() { -bits } else { bits }
@@ -283,8 +282,8 @@ mod tests {
         (0..outs as u32).map(|out| columns.get(out)[0]).collect()
     }
 
-    /// Whatever numbers the arguments are, their bounds lie in the bounds of the intervals that hold
-    /// them: else a result that is allowed would be outside.
+    /// For any numbers in the argument intervals, the bounds of their result lie within the bounds for the intervals.
+    /// Otherwise an allowed result could lie outside.
     #[test]
     fn wider_arguments_have_wider_results() {
         let families: [Vec<FloatRule>; 5] = [

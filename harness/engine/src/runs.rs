@@ -1,4 +1,4 @@
-//! The machine in each arithmetic, compiled in this crate and not where it is called.
+//! Instantiates the machine in each arithmetic, so that it is compiled in this crate and not in its callers.
 
 use crate::arithmetic::{Arithmetic, F32, F64, Intervals};
 use crate::observer::Observer;
@@ -8,7 +8,7 @@ use crate::refusal::Stop;
 use crate::resources::Resources;
 use crate::results::Results;
 
-/// An arithmetic that programs run in: each of them. Sealed, as [`Arithmetic`] is.
+/// Any of the arithmetics that programs run in. Sealed, like [`Arithmetic`].
 pub trait Runs: Arithmetic {
     /// [`Program::call`] in this arithmetic.
     #[doc(hidden)]

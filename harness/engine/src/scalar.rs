@@ -1,16 +1,16 @@
-//! Scalars, and how types are made of them.
+//! Scalars, and the scalars of types.
 
 use std::cell::RefCell;
 use std::collections::HashMap;
 
 use naga::{ArraySize, Handle, Module, ScalarKind, Type, TypeInner, VectorSize};
 
-/// What one word of a row holds.
+/// The contents of one word of a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Scalar {
     /// An `f32`, as its bits.
     F32,
-    /// An `f16`, as its sixteen bits.
+    /// An `f16`, as its 16 bits.
     F16,
     /// An `i32`, as its bits.
     I32,
@@ -20,7 +20,7 @@ pub enum Scalar {
     Bool,
 }
 
-/// Which registers hold a scalar.
+/// The file of registers that holds a scalar.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(crate) enum File {
     Float = 0,
@@ -41,7 +41,7 @@ impl Scalar {
         self == Self::I32
     }
 
-    /// The scalar that naga means, or what it is called when there is none here.
+    /// The scalar for naga's scalar, or the name of one that the engine lacks.
     pub(crate) fn of(scalar: naga::Scalar) -> Result<Self, String> {
         match (scalar.kind, scalar.width) {
             (ScalarKind::Float, 4) => Ok(Self::F32),
@@ -59,21 +59,21 @@ impl Scalar {
     }
 }
 
-/// How many registers of each file a type takes.
+/// The number of registers of each file that a type takes.
 pub(crate) type Counts = [u32; 3];
 
-/// The same before it is known to be few.
+/// The same, before it is checked to be small enough.
 type Wide = Result<[u64; 3], String>;
 
-/// More scalars than this aren't held by a value or a variable: 2^14 columns of 256 lanes are
-/// 16 MiB a thread. WGSL lets variables of a function have 2^11 scalars in all.
+/// The most scalars of a value or a variable: 2^14 columns of 256 lanes are 16 MiB a thread. WGSL limits all variables
+/// of a function together to 2^11 scalars.
 pub(crate) const MOST_SCALARS: u64 = 1 << 14;
 
 /// Types of a module as scalars.
 #[derive(Debug)]
 pub(crate) struct Layouts<'m> {
     pub(crate) module: &'m Module,
-    /// Lengths of arrays that an override gives.
+    /// The lengths of arrays that overrides give.
     pub(crate) lengths: HashMap<Handle<naga::Override>, u32>,
     cache: RefCell<HashMap<Handle<Type>, Wide>>,
 }
@@ -87,7 +87,7 @@ impl<'m> Layouts<'m> {
         &self.module.types[ty].inner
     }
 
-    /// The number of elements, `None` for a runtime-sized array.
+    /// The number of elements; `None` for a runtime-sized array.
     pub(crate) fn length(&self, size: ArraySize) -> Result<Option<u32>, String> {
         match size {
             ArraySize::Constant(count) => Ok(Some(count.get())),
@@ -136,7 +136,7 @@ impl<'m> Layouts<'m> {
         counts
     }
 
-    /// The registers that a value of this type takes.
+    /// The number of registers that a value of this type takes.
     pub(crate) fn counts(&self, inner: &TypeInner) -> Result<Counts, String> {
         let counts = self.wide(inner)?;
         let total = counts.iter().fold(0u64, |sum, n| sum.saturating_add(*n));
@@ -186,7 +186,7 @@ impl<'m> Layouts<'m> {
         Ok(())
     }
 
-    /// The type of component `index`, with the registers of those before it.
+    /// The type of component `index`, and the number of registers before it.
     pub(crate) fn component(
         &self,
         inner: &TypeInner,
@@ -210,7 +210,7 @@ impl<'m> Layouts<'m> {
         }
     }
 
-    /// The type of each element, and how many there are (`None`: as many as fit).
+    /// The type of each element, and the number of elements (`None` for a runtime-sized array).
     pub(crate) fn element(&self, inner: &TypeInner) -> Result<(TypeInner, Option<u32>), String> {
         match *inner {
             TypeInner::Vector { size, scalar } => {
@@ -226,7 +226,7 @@ impl<'m> Layouts<'m> {
         }
     }
 
-    /// The same in bytes: the type of component `index` and its offset, as buffers have it.
+    /// The same in bytes, for buffers: the type of component `index`, and its offset.
     pub(crate) fn component_bytes(
         &self,
         inner: &TypeInner,
@@ -251,7 +251,7 @@ impl<'m> Layouts<'m> {
 pub(crate) fn stride_bytes(inner: &TypeInner) -> u32 {
     match *inner {
         TypeInner::Vector { scalar, .. } => u32::from(scalar.width),
-        // A column of three takes the room of four.
+        // A column of three takes the space of four.
         TypeInner::Matrix { rows, scalar, .. } => {
             let rows = if rows == VectorSize::Tri { 4 } else { rows as u32 };
             rows * u32::from(scalar.width)
@@ -261,7 +261,7 @@ pub(crate) fn stride_bytes(inner: &TypeInner) -> u32 {
     }
 }
 
-/// What a type is called in a refusal.
+/// The name of a type in a refusal.
 pub(crate) fn kind(inner: &TypeInner) -> &'static str {
     match inner {
         TypeInner::Scalar(_) => "scalar",

@@ -1,75 +1,74 @@
-//! Orders of the invocations of a dispatch: WGSL promises none.
+//! Orders of the invocations of a dispatch. WGSL guarantees no order.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeSet, BinaryHeap, HashMap};
 
 use crate::explore::Step;
 
-/// Invocations of a workgroup that run from operation to operation side by side, or one of their stores that has
-/// yet to take effect.
+/// Invocations of a workgroup that run side by side, operation by operation; or one of their pending stores.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Actor {
-    /// The number of the invocations' unit, workgroup after workgroup.
+    /// The number of the unit, workgroup after workgroup.
     pub(crate) unit: u32,
-    /// 0: the invocations themselves; else their store of this number, counted from 1.
+    /// 0 for the invocations themselves, otherwise the number of their store, counted from 1.
     pub(crate) store: u32,
 }
 
-/// Which of those that can go on does so, up to its next atomic.
+/// The rule that chooses which actor goes on, up to its next atomic.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Priorities {
-    /// The first by number.
+    /// The one with the lowest number.
     #[default]
     ByNumber,
-    /// The last by number.
+    /// The one with the highest number.
     Backwards,
-    /// The one that waits longest: each has its turn after all others.
+    /// The one that has waited longest, so that each goes on once all others have.
     InTurn,
-    /// One by a seed.
+    /// A random one, by a seed.
     Shuffled(u64),
 }
 
-/// When atomic stores take effect. WGSL's atomics are relaxed: nothing but a barrier orders two of them that access
-/// different words (15.4, *Memory model*).
+/// The time at which atomic stores take effect. WGSL's atomics are relaxed: only a barrier orders two of them that
+/// access different words (15.4, *Memory model*).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Stores {
     /// At once.
     #[default]
     AtOnce,
-    /// Some of them, by a seed, when all else has ended or waits; never behind a barrier, or behind an access of
-    /// the same word, by their invocation.
+    /// Some of them, chosen by a seed, after everything else has ended or waits. A store never takes effect after a
+    /// later barrier of its invocation, or after its later access of the same word.
     Late(u64),
 }
 
 /// An order of the invocations of a dispatch.
 ///
-/// Each runs to its next atomic, and then the one of the highest priority goes on. One that waits in a loop for
-/// others, or comes to an atomic where it is to stall, has the lowest priority from then on. Such orders find with a
-/// known chance each failure that few changes of turn make (Burckhardt et al. 2010, *A randomized scheduler with
-/// probabilistic guarantees of finding bugs*).
+/// Each invocation runs to its next atomic; then the one with the highest priority goes on. An invocation gets the
+/// lowest priority when it waits in a loop for others, or reaches an atomic at which it is to stall. Such orders find
+/// each failure that needs few changes of turn, with a known probability (Burckhardt et al. 2010, *A randomized
+/// scheduler with probabilistic guarantees of finding bugs*).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Schedule {
-    /// Which of them goes on.
+    /// The rule that chooses the next one.
     pub priorities: Priorities,
-    /// Turns of invocations that wait in loops, before they have the lowest priority: a loop may end by itself.
+    /// The turns of an invocation that waits in a loop before it gets the lowest priority: the loop may end by itself.
     pub patience: u32,
-    /// Invocations that stall before their n-th atomic, counted from 1.
+    /// Invocations that stall before their n-th atomic; n counts from 1.
     pub stalls: Vec<(usize, u32)>,
-    /// The turns before priorities decide: those of an order that was explored.
+    /// Turns of an explored order. They come before priorities decide.
     pub turns: Vec<Actor>,
-    /// When atomic stores take effect.
+    /// The time at which atomic stores take effect.
     pub stores: Stores,
-    /// Neighbours of a workgroup that go from operation to operation side by side.
+    /// The number of neighbours in a workgroup that run side by side, operation by operation.
     pub together: usize,
-    /// Invocations of a subgroup: WebGPU has devices of 4 to 128 (*subgroupMinSize*).
+    /// The invocations of a subgroup. WebGPU has devices with 4 to 128 (*subgroupMinSize*).
     pub subgroup: u32,
 }
 
 impl Schedule {
-    /// Invocations of a subgroup where no schedule says another number: most GPUs have 32.
+    /// The invocations of a subgroup without a schedule's own number: most GPUs have 32.
     pub const SUBGROUP: u32 = 32;
 
-    /// The one by numbers in which the invocations of a workgroup run one by one.
+    /// The order in which the invocations of a workgroup run one by one, by number.
     #[must_use]
     pub fn one_by_one() -> Self {
         Self { together: 1, ..Self::default() }
@@ -77,7 +76,7 @@ impl Schedule {
 }
 
 impl Default for Schedule {
-    /// The usual order: workgroup after workgroup, the invocations of each side by side.
+    /// The usual order: workgroup after workgroup, with the invocations of each side by side.
     fn default() -> Self {
         Self {
             priorities: Priorities::ByNumber,
@@ -93,49 +92,50 @@ impl Default for Schedule {
 
 /// Decides whose turn it is.
 pub(crate) trait Turns {
-    /// An actor can go on. What it does then to words that others see is `step`.
+    /// Announces an actor that can go on. `step` has its next accesses of shared words.
     fn ready(&mut self, actor: Actor, step: Step);
 
-    /// The actor whose turn it is, which isn't ready any more. `None`: none is, or the run isn't worth its end.
+    /// Chooses the actor for the next turn, which then isn't ready any more. `None` if none is ready, or the run isn't
+    /// worth finishing.
     fn next(&mut self) -> Option<Actor>;
 
-    /// The actor that had its turn last waits for another one to change what it reads.
+    /// Announces that the last actor waits for another one to change the word that it reads.
     fn waits(&mut self);
 
-    /// All that these actors have done comes before all that they do from now on.
+    /// Orders everything that these actors have done before everything that they do from now on.
     fn joined(&mut self, units: std::ops::Range<u32>);
 
-    /// True if it asks what actors do next.
+    /// Returns `true` if it needs the next step of each actor.
     fn asks(&self) -> bool {
         false
     }
 }
 
-/// Turns in a row, after which others have theirs: a loop may wait for them in a way that looks like work.
+/// The most turns in a row. Then others run: a loop may wait for them although it looks like work.
 const MOST_IN_A_ROW: u32 = 1 << 12;
 
 /// Turns by priorities.
 pub(crate) struct ByPriority<'s> {
     schedule: &'s Schedule,
-    /// Units that stall, each before the atomic of this number.
+    /// The units that stall, each with the number of the atomic before which it does.
     stalls: Vec<(u32, u32)>,
     heap: BinaryHeap<(i64, Reverse<Actor>)>,
-    /// Of an order that was explored: what changes nothing that others see, which isn't a turn there.
+    /// In an explored order: actors whose next step changes nothing that others see. That isn't a turn there.
     eager: BTreeSet<Actor>,
-    /// Priorities that aren't those of the schedule any more.
+    /// The changed priorities of units.
     changed: HashMap<u32, i64>,
     atomics: HashMap<u32, u32>,
     lowest: i64,
-    /// Turns that are left to those that wait.
+    /// The turns left to units that wait.
     patience: u32,
     last: Actor,
-    /// The turns that it has had in a row.
+    /// The turns that the current unit has had in a row.
     row: u32,
     turns: std::slice::Iter<'s, Actor>,
 }
 
 impl<'s> ByPriority<'s> {
-    /// Of workgroups of so many invocations, of which so many are a unit.
+    /// Turns for workgroups of so many `invocations`, with so many `lanes` in a unit.
     pub(crate) fn new(schedule: &'s Schedule, invocations: usize, lanes: usize) -> Self {
         let units = invocations.div_ceil(lanes);
         let unit_of = |invocation: usize| {
@@ -150,7 +150,7 @@ impl<'s> ByPriority<'s> {
             eager: BTreeSet::new(),
             changed: HashMap::new(),
             atomics: HashMap::new(),
-            // Below each number of a unit.
+            // Lower than the number of any unit.
             lowest: -(1 << 62),
             patience: schedule.patience,
             last: Actor::default(),
@@ -177,7 +177,7 @@ impl<'s> ByPriority<'s> {
         }
     }
 
-    /// A priority below each that there is.
+    /// A priority lower than all others.
     fn below_all(&mut self) -> i64 {
         self.lowest -= 1;
         self.lowest
@@ -215,7 +215,7 @@ impl Turns for ByPriority<'_> {
             self.last = actor;
             return Some(actor);
         }
-        // What an explored order didn't come to has no turn in it.
+        // An atomic that the explored order didn't reach has no turn in it.
         if let Some(wanted) = self.turns.next()
             && self.heap.iter().any(|(_, actor)| actor.0 == *wanted)
         {
@@ -248,7 +248,7 @@ pub(crate) fn shuffled(count: usize, seed: u64) -> Vec<usize> {
     all
 }
 
-/// A number by a seed, for an actor.
+/// A random number for an actor, by a seed.
 fn chance(seed: u64, actor: Actor) -> u64 {
     let mut state = seed ^ (u64::from(actor.unit) << 32 | u64::from(actor.store)).rotate_left(17);
     next(&mut state);

@@ -1,4 +1,4 @@
-//! Textures and samplers, as data, and how WebGPU filters them.
+//! Textures and samplers as data, and WebGPU's filters.
 
 mod cube;
 mod format;
@@ -11,23 +11,23 @@ use thiserror::Error;
 pub(crate) use format::stored;
 pub(crate) use sample::{Level, Many, Mean, Place, TOGETHER};
 
-/// How coordinates find texels.
+/// The coordinates that find a texel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dimension {
-    /// By one coordinate.
+    /// One coordinate.
     D1,
-    /// By two, and a layer.
+    /// Two coordinates, and a layer.
     D2,
-    /// By three.
+    /// Three coordinates.
     D3,
-    /// By a direction, and a layer. Faces are layers in the order +X, -X, +Y, -Y, +Z, -Z.
+    /// A direction, and a layer. Faces are layers in the order +X, -X, +Y, -Y, +Z, -Z.
     Cube,
 }
 
 /// The texels of one mip level: rows, then slices or layers. Samples of a texel are neighbours.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Texels {
-    /// Four channels of `f32`, as formats that hold fewer read: 0, 0, 0, 1 where there is none.
+    /// Four channels of `f32`. A format with fewer channels reads 0, 0, 0, 1 for those that it lacks.
     Float(Vec<[f32; 4]>),
     /// Four channels of `i32`.
     Sint(Vec<[i32; 4]>),
@@ -48,20 +48,20 @@ impl Texels {
     }
 }
 
-/// Why texels are no texture.
+/// The reason why texels can't be a texture.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum TextureError {
     /// A level has too few texels, or too many.
     #[error("level {level} has {found} texels, its size needs {needed}")]
     Level {
-        /// Which level.
+        /// The level.
         level: usize,
-        /// How many texels it has.
+        /// The number of texels that it has.
         found: usize,
-        /// How many it needs.
+        /// The number of texels that it needs.
         needed: u64,
     },
-    /// A size of zero, no level at all, faces that aren't square or six.
+    /// A size of zero, no level, faces that aren't square, or a number of faces other than six.
     #[error("{0}")]
     Shape(&'static str),
 }
@@ -73,21 +73,21 @@ pub struct Texture {
     size: [u32; 3],
     samples: u32,
     levels: Vec<Texels>,
-    /// Of a cube of floats, its levels once more with what lies beyond the edges of each face, once it is filtered.
+    /// For a cube of floats, once it is filtered: its levels, with the texels beyond the edges of each face.
     framed: OnceLock<Vec<Vec<[f32; 4]>>>,
     /// The least and the greatest value of each channel.
     hull: [(f32, f32); 4],
-    /// True if channels are integers that read as numbers from -1 to 1.
+    /// `true` if the channels are integers that read as numbers from -1 to 1.
     normalized: bool,
 }
 
 impl Texture {
-    /// A texture of `size` texels (width, height, and depth or layers; six layers a cube), with its
-    /// mip levels from the largest. `samples` is 1 unless it is multisampled.
+    /// A texture of `size` texels (width, height, and depth or layers; a cube has six layers), with its mip levels, the
+    /// largest first. `samples` is 1 unless it is multisampled.
     ///
     /// # Errors
     ///
-    /// When sizes and texels don't fit.
+    /// If sizes and texels don't match.
     pub fn new(
         dimension: Dimension,
         size: [u32; 3],
@@ -125,14 +125,14 @@ impl Texture {
         Ok(texture)
     }
 
-    /// The same in a format such as `rgba8unorm`. WGSL gives its value as `v / 255` (6.5.1), and no accuracy;
-    /// bounds are those of `unpack4x8unorm`, which computes the same.
+    /// The same texture in a format such as `rgba8unorm`. WGSL defines its value as `v / 255` (6.5.1), without an
+    /// accuracy. The bounds are those of `unpack4x8unorm`, which computes the same.
     #[must_use]
     pub fn normalized(self) -> Self {
         Self { normalized: true, ..self }
     }
 
-    /// A channel, by its word.
+    /// A channel, from its word.
     pub(crate) fn channel<A: crate::arithmetic::sealed::Rules>(&self, word: u32) -> A::Float {
         let x = f32::from_bits(word);
         if self.normalized { A::normalized(x) } else { A::float(x) }
@@ -141,7 +141,7 @@ impl Texture {
     fn hull_of(&self, channel: usize) -> (f32, f32) {
         let mut hull = (f32::INFINITY, f32::NEG_INFINITY);
         let mut add = |x: f32| {
-            // NaN leaves no bounds at all.
+            // A NaN makes the channel unbounded.
             hull = if x.is_nan() { (f32::NAN, f32::NAN) } else { (hull.0.min(x), hull.1.max(x)) };
         };
         for texels in &self.levels {
@@ -154,7 +154,7 @@ impl Texture {
         hull
     }
 
-    /// Whether it is what a variable's type asks for.
+    /// Returns `true` if it fits the type of a variable.
     pub(crate) fn is(&self, (dimension, kind): (naga::ImageDimension, naga::ScalarKind)) -> bool {
         let dimension = match dimension {
             naga::ImageDimension::D1 => Dimension::D1,
@@ -174,31 +174,31 @@ impl Texture {
         self.hull[channel]
     }
 
-    /// How coordinates find its texels.
+    /// The coordinates that find its texels.
     #[must_use]
     pub fn dimension(&self) -> Dimension {
         self.dimension
     }
 
-    /// Width, height, and depth or layers of the largest level.
+    /// The width, the height, and the depth or layers of the largest level.
     #[must_use]
     pub fn size(&self) -> [u32; 3] {
         self.size
     }
 
-    /// How many mip levels it has.
+    /// The number of mip levels.
     #[must_use]
     pub fn levels(&self) -> u32 {
         self.levels.len() as u32
     }
 
-    /// How many samples a texel has.
+    /// The number of samples of a texel.
     #[must_use]
     pub fn samples(&self) -> u32 {
         self.samples
     }
 
-    /// The size of one level. Layers stay as many as they are.
+    /// The size of a level. All levels have the same number of layers.
     #[must_use]
     pub fn level_size(&self, level: u32) -> [u32; 3] {
         let level = level.min(31);
@@ -242,36 +242,36 @@ impl Texture {
         }
     }
 
-    /// Its texels, by level.
+    /// Its texels, level by level.
     #[must_use]
     pub fn texels(&self) -> &[Texels] {
         &self.levels
     }
 }
 
-/// What coordinates beyond the edge find.
+/// The texel for coordinates beyond the edge.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Address {
-    /// The texel at the edge.
+    /// The nearest texel at the edge.
     #[default]
     ClampToEdge,
-    /// The texture again.
+    /// The texture, repeated.
     Repeat,
-    /// The texture again, mirrored each other time.
+    /// The texture, repeated and mirrored every second time.
     MirrorRepeat,
 }
 
-/// Which texels count.
+/// The texels that a filter reads.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Filter {
     /// The nearest.
     #[default]
     Nearest,
-    /// Those about the coordinates, by distance.
+    /// The texels around the coordinates, weighted by distance.
     Linear,
 }
 
-/// How a reference compares with a depth.
+/// The comparison of a reference with a depth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Comparison {
     /// Never.
@@ -307,22 +307,22 @@ impl Comparison {
     }
 }
 
-/// A sampler; WebGPU's default one unless something is changed.
+/// A sampler. All fields have WebGPU's defaults unless you change them.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sampler {
-    /// For each coordinate.
+    /// The address mode of each coordinate.
     pub address: [Address; 3],
-    /// Where a texel is larger than a pixel.
+    /// The filter if a texel is larger than a pixel.
     pub mag: Filter,
-    /// Where it is smaller.
+    /// The filter if a texel is smaller than a pixel.
     pub min: Filter,
-    /// Between mip levels.
+    /// The filter between mip levels.
     pub mip: Filter,
     /// The least level of detail.
     pub lod_min: f32,
     /// The greatest level of detail.
     pub lod_max: f32,
-    /// Of a comparison sampler.
+    /// The comparison of a comparison sampler.
     pub compare: Option<Comparison>,
 }
 

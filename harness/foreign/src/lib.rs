@@ -1,13 +1,12 @@
-//! Shaders that go to a driver as they are, without wgpu's checks or translation.
+//! Passes shaders to a driver unchanged, without wgpu's checks or translation.
 //!
-//! It is the only crate of Karat with `unsafe` code, and small so that it can be read whole.
+//! This is the only crate of Karat with `unsafe` code. It is small, so that you can read all of it.
 
-/// A shader module of SPIR-V that another compiler made. wgpu neither reads nor changes it.
+/// A shader module from SPIR-V that another compiler made. wgpu neither reads nor changes the SPIR-V.
 ///
-/// The SPIR-V comes from a compiler that was given naga's translation of a shader that naga found
-/// valid, with its checks of bounds in it. If that compiler is wrong, the driver may crash, or read
-/// and write what belongs to the process. Karat runs it because it wants to know: whoever asks for a
-/// path such as `vulkan:hlsl` tests that compiler, too.
+/// That compiler's input was naga's translation of a shader that naga found valid, with naga's bounds checks in it. If
+/// the compiler has a bug, the driver may crash, or read and write other memory of the process. Karat runs it all the
+/// same: a path such as `vulkan:hlsl` exists to test that compiler, too.
 #[must_use]
 #[expect(unsafe_code, reason = "wgpu has no other way to hand SPIR-V to a driver unchanged")]
 pub fn spirv_as_it_is(
@@ -24,8 +23,8 @@ pub fn spirv_as_it_is(
         spirv: Some(words.into()),
         ..Default::default()
     };
-    // SAFETY: wgpu asks that the code be valid for the driver and keep within its buffers. A compiler
-    // made it of naga's translation, which checks bounds; that this compiler is right is what the
-    // caller wants to test, and can't be known before.
+    // SAFETY: wgpu requires that the code is valid for the driver and stays within its buffers. A compiler made it from
+    // naga's translation, which checks bounds. The caller wants to test whether that compiler is right, so it can't be
+    // known before.
     unsafe { device.create_shader_module_passthrough(descriptor) }
 }

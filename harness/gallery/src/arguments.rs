@@ -1,5 +1,5 @@
-//! The arguments of `karat render` and of galleries: read from a command line, and written again
-//! for the gallery that `karat render` runs.
+//! The arguments of `karat render` and of galleries: parsed from a command line, and written again for the gallery that
+//! `karat render` runs.
 
 use std::ffi::OsString;
 use std::path::PathBuf;
@@ -9,10 +9,10 @@ use clap::builder::{PathBufValueParser, TypedValueParser};
 use super::RenderOptions;
 use karat::path::Path;
 
-/// Longest side of a frame, in pixels: as of images that are read.
+/// The longest side of a frame in pixels, which is also the limit of images that Karat reads.
 const LONGEST_SIDE: u32 = 16_384;
 
-/// What to render, how, and where to.
+/// The frames to render, and the settings.
 #[derive(clap::Args, Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct RenderArguments {
@@ -32,27 +32,27 @@ pub struct RenderArguments {
     pub(super) drawn: DrawArguments,
     #[command(flatten)]
     pub(super) exposure: ExposureArguments,
-    /// Values to tell in place of the frame: see `karat tap`
+    /// Values to print in place of the frame: see `karat tap`
     #[arg(long, hide = true, value_name = "VALUE", num_args = 0..=1)]
     pub(super) tap: Option<Vec<String>>,
-    /// The time that a pixel computes them
+    /// The number of the round in which a pixel computes them
     #[arg(long, hide = true, value_name = "N", requires = "tap")]
     pub(super) round: Option<u32>,
-    /// Draw the frame's colours beside them
+    /// Also draw the frame's colours
     #[arg(long, hide = true, requires = "tap")]
     pub(super) beside: bool,
-    /// A pixel at which the engine's value stands beside the driver's
+    /// A pixel for which to print the engine's value, too
     #[arg(long, hide = true, value_name = "X,Y", value_parser = pixel, requires = "tap")]
     pub(super) at: Vec<(u32, u32)>,
-    /// A pixel whose steps are printed as JSON: see `karat trace`
+    /// A pixel whose steps to print as JSON: see `karat trace`
     #[arg(long, hide = true, value_name = "X,Y", value_parser = pixel, conflicts_with = "tap")]
     pub(super) trace: Option<(u32, u32)>,
-    /// The draw that is traced there, from the one that shows
+    /// The draw to trace there, counted from the visible one
     #[arg(long, hide = true, value_name = "N", requires = "trace")]
     pub(super) layer: Option<u32>,
 }
 
-/// How frames are drawn, and where to.
+/// The settings for drawing frames, and the folder for the images.
 #[derive(clap::Args, Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct DrawArguments {
@@ -77,7 +77,7 @@ pub struct DrawArguments {
     pub path: Option<Path>,
 }
 
-/// How bright a preview is.
+/// The brightness of a preview.
 #[derive(clap::Args, Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct ExposureArguments {
@@ -95,14 +95,15 @@ pub struct ExposureArguments {
 }
 
 impl RenderArguments {
-    /// Sets the folder to write into, unless one is set already.
+    /// Sets the folder to write into, unless it is set already.
     #[must_use]
     pub fn out_or(mut self, folder: PathBuf) -> Self {
         self.drawn.out.get_or_insert(folder);
         self
     }
 
-    /// Those of values of a frame, with the engine's at some pixels; without a value it lists what the frame has.
+    /// Arguments that print values of a frame, with the engine's values at some pixels. Without a value, they list the
+    /// values of the frame.
     #[must_use]
     pub fn tapping(
         frame: &str,
@@ -114,17 +115,17 @@ impl RenderArguments {
         Self { frames, tap, round, beside, at, drawn, ..Self::default() }
     }
 
-    /// Those of a pixel of a frame.
+    /// Arguments that trace a pixel of a frame.
     #[must_use]
     pub fn tracing(frame: &str, pixel: (u32, u32), layer: u32, drawn: DrawArguments) -> Self {
         let (frames, trace, layer) = (vec![frame.to_owned()], Some(pixel), Some(layer));
         Self { frames, trace, layer, drawn, ..Self::default() }
     }
 
-    /// The same arguments, as a command line has them.
+    /// The same arguments as words of a command line.
     #[must_use]
     pub fn words(&self) -> Vec<OsString> {
-        // All fields are named, so that none is forgotten.
+        // Names all fields, so that none is forgotten.
         let Self {
             frames,
             first,
@@ -143,7 +144,7 @@ impl RenderArguments {
         let mut words: Vec<OsString> = Vec::new();
         let flags = [("--first", first), ("--list", list), ("--all", all), ("--beside", beside)];
         words.extend(flags.iter().filter(|(_, on)| **on).map(|(flag, _)| flag.into()));
-        // One word each, so that no value is taken for an option.
+        // One word each, so that a value can't be mistaken for an option.
         let mut option = |name: &str, value: OsString| {
             let mut word = OsString::from(format!("--{name}="));
             word.push(value);
@@ -185,17 +186,17 @@ impl RenderArguments {
         words
     }
 
-    /// What a frame is told of it.
+    /// The options that a frame gets.
     pub(super) fn options(&self, path: Path) -> RenderOptions {
         let DrawArguments { size, samples, environment, .. } = self.drawn.clone();
         RenderOptions { size, samples, environment, path }
     }
 }
 
-/// A pixel by its column and its row, from 0.
+/// Parses a pixel: its column and its row, from 0.
 ///
 /// # Errors
-/// If it is none.
+/// If the text isn't a pixel.
 pub fn pixel(text: &str) -> Result<(u32, u32), String> {
     let found = text
         .split_once(',')
@@ -211,7 +212,7 @@ fn size(text: &str) -> Result<(u32, u32), String> {
         if digits.is_empty() || !digits.bytes().all(|digit| digit.is_ascii_digit()) {
             return Err(form());
         }
-        // Digits that overflow are too many, too.
+        // Digits that overflow are out of range, too.
         match digits.parse() {
             Ok(side) if (1..=LONGEST_SIDE).contains(&side) => Ok(side),
             _ => Err(format!("a side of {digits} pixels; a side has 1 to {LONGEST_SIDE} pixels")),

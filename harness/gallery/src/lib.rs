@@ -1,8 +1,7 @@
 //! Frames of a project by name, and the command line that renders them.
 //!
-//! A frame is described in Rust, so only a binary of the project can know its frames. A
-//! [`Gallery`] is all that such a binary holds, and `karat render` builds and runs it. Both take
-//! the same arguments, which are defined once, in `arguments.rs`.
+//! Frames are described in Rust, so only a binary of the project can know them. Such a binary contains only a
+//! [`Gallery`]; `karat render` builds and runs it. Both take the same arguments, which `arguments.rs` defines once.
 
 mod arguments;
 mod steps;
@@ -39,19 +38,18 @@ use karat::unstable::path;
 const BAD: Style = Style::BAD;
 const HEAD: Style = Style::HEAD;
 
-/// How a frame should be rendered. A frame may ignore what it has no use for.
+/// The settings for rendering a frame. A frame may ignore some of them.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct RenderOptions {
-    /// Width and height in pixels, each in 1..=16384; `None`: the frame's own.
+    /// Width and height in pixels, each in 1..=16384; `None` for the frame's own size.
     pub size: Option<(u32, u32)>,
-    /// Number of samples, per pixel or as the frame defines it, at least 1; `None`: the frame's
-    /// own.
+    /// The number of samples, per pixel or as the frame defines it, at least 1; `None` for the frame's own number.
     pub samples: Option<u32>,
-    /// A file with the light around the scene, such as an EXR panorama. It existed when the
-    /// options were read. `None`: the frame's own.
+    /// A file with the light around the scene, such as an EXR panorama. It existed when the options were read. `None`
+    /// for the frame's own light.
     pub environment: Option<PathBuf>,
-    /// The path that the frame will be drawn on. It is open.
+    /// The path to draw the frame on. It is open.
     pub path: Path,
 }
 
@@ -62,13 +60,13 @@ impl RenderOptions {
         Self { size: None, samples: None, environment: None, path }
     }
 
-    /// The requested size, or else this one.
+    /// The requested size, or this one if none is.
     #[must_use]
     pub fn size_or(&self, width: u32, height: u32) -> (u32, u32) {
         self.size.unwrap_or((width, height))
     }
 
-    /// The requested number of samples, or else this one.
+    /// The requested number of samples, or this one if none is.
     #[must_use]
     pub fn samples_or(&self, samples: u32) -> u32 {
         self.samples.unwrap_or(samples)
@@ -83,7 +81,7 @@ struct Entry {
     describe: Box<Describe>,
 }
 
-/// The frames of a project, to be rendered from the command line.
+/// The frames of a project, for rendering from the command line.
 ///
 /// ```no_run
 /// // frames/main.rs, a [[bin]] named `gallery`
@@ -111,7 +109,7 @@ pub struct Gallery {
     entries: Vec<Entry>,
 }
 
-/// Why a gallery couldn't do its work. A frame that can't be rendered isn't among the reasons.
+/// The reason why a gallery failed. A single frame that can't be rendered isn't such a reason.
 #[derive(Debug, thiserror::Error)]
 enum GalleryError {
     #[error("the gallery has no frame; add one with `.frame(...)`")]
@@ -140,7 +138,7 @@ enum GalleryError {
     Output(#[from] io::Error),
 }
 
-/// The gallery's own command line.
+/// The command line of the gallery.
 #[derive(Parser)]
 #[command(
     name = "gallery",
@@ -172,26 +170,26 @@ impl Gallery {
         self
     }
 
-    /// Does what the process's arguments say. Returns 0 when all is well, 1 when a frame can't be
-    /// rendered or has values that are not finite, 2 when nothing could be done.
+    /// Does the work that the process's arguments request. Returns 0 if all is well, 1 if a frame can't be rendered or
+    /// has values that are not finite, 2 if the gallery couldn't start.
     #[must_use = "return it from `main`"]
     pub fn main(self) -> ExitCode {
         let Standalone { arguments } = Standalone::parse();
         let (mut out, mut err) = (Output::stdout(), Output::stderr());
-        // What was written is part of the work; that nobody reads it changes nothing.
+        // A closed output doesn't affect the frames.
         let result = self.run(&arguments, &mut out, &mut err);
         match result.and_then(|failed| Ok(out.finish().map(|()| failed)?)) {
             Ok(failed) if failed.is_empty() => ExitCode::SUCCESS,
             Ok(_) => ExitCode::from(1),
             Err(error) => {
-                // There is nowhere left to report that stderr is closed.
+                // If stderr is closed, the error can't be reported.
                 drop(report(&mut err, "", &error));
                 ExitCode::from(2)
             }
         }
     }
 
-    /// The names of the frames that aren't as they should be.
+    /// Runs the gallery. Returns the names of the frames with a problem.
     fn run(
         &self,
         arguments: &RenderArguments,
@@ -265,7 +263,7 @@ impl Gallery {
         Ok(failed)
     }
 
-    /// Names are file names, and a name means one frame.
+    /// Checks that each name is a valid file name, and names one frame.
     fn check_names(&self) -> Result<(), GalleryError> {
         let sound = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_');
         for (index, Entry { name, .. }) in self.entries.iter().enumerate() {
@@ -288,7 +286,7 @@ impl Gallery {
         self.entries.iter().map(line).collect()
     }
 
-    /// The frames that are asked for, in the gallery's order. Never empty.
+    /// The requested frames, in the gallery's order. At least one.
     fn select(&self, arguments: &RenderArguments) -> Result<Vec<&Entry>, GalleryError> {
         if arguments.all {
             return Ok(self.entries.iter().collect());
@@ -331,7 +329,7 @@ fn traced<'e>(
         |frame: Frame<'static>| Ok(Traced::from(frame.trace_layer(options.path, pixel, layer)?));
     match entry.described(options, trace) {
         Ok(traced) => {
-            // In one piece, since what is written is looked through for its last line end.
+            // In one piece, because a reader looks for the last line end.
             let line = serde_json::json!(traced).to_string() + "\n";
             out.write_all(line.as_bytes())?;
             Ok(Vec::new())
@@ -343,7 +341,7 @@ fn traced<'e>(
     }
 }
 
-/// Tells values of frames. The names of the frames that have one of them not.
+/// Prints values of frames. Returns the names of the frames that lack one of them.
 fn tapped<'e>(
     selected: &[&'e Entry],
     options: &RenderOptions,
@@ -365,14 +363,13 @@ fn tapped<'e>(
 }
 
 impl Entry {
-    /// Describes the frame, and makes something of it.
+    /// Describes the frame, and applies `make` to it.
     fn described<T>(
         &self,
         options: &RenderOptions,
         make: impl FnOnce(Frame<'static>) -> Result<T, Box<dyn Error>>,
     ) -> Result<T, Box<dyn Error>> {
-        // A panic is about this frame, too: the others are still rendered. The hook has printed
-        // its message.
+        // A panic concerns only this frame: the others are still rendered. The hook has printed its message.
         catch_unwind(AssertUnwindSafe(|| make((self.describe)(options)?)))
             .unwrap_or_else(|_| Err("it panicked, see above".into()))
     }
@@ -382,7 +379,7 @@ impl Entry {
     }
 }
 
-/// The path that is asked for, or the first one of those that checks run on.
+/// The requested path, or the first path that checks run on.
 ///
 /// # Errors
 /// If it doesn't open.
@@ -394,8 +391,8 @@ pub fn open(asked: Option<Path>) -> Result<Path, PathError> {
     path::required(path).map(|_| path)
 }
 
-/// Where frames go when nothing else is said: into Cargo's target folder, which it marks for
-/// backup programs, or below the working directory if Cargo didn't build this program.
+/// The default folder for frames: Cargo's target folder, which Cargo excludes from backups, or a folder below the
+/// working directory if Cargo didn't build this program.
 fn output() -> PathBuf {
     build_output().join("karat/frames")
 }
@@ -408,7 +405,7 @@ fn prepare(folder: &FilePath) -> io::Result<()> {
     std::fs::remove_file(&probe)
 }
 
-/// Prints an error with those of its causes that its own text doesn't tell already.
+/// Prints an error, with those causes that its text doesn't mention.
 fn report(err: &mut dyn Write, what: &str, error: &dyn Error) -> io::Result<()> {
     let mut text = error.to_string();
     let mut cause = error.source();
@@ -419,7 +416,7 @@ fn report(err: &mut dyn Write, what: &str, error: &dyn Error) -> io::Result<()> 
         }
         cause = error.source();
     }
-    // A diagnostic has its own head and is shown below.
+    // A diagnostic has its own head, and is printed below.
     match (what.is_empty(), text.starts_with("error")) {
         (true, true) => writeln!(err, "{text}"),
         (true, false) => writeln!(err, "{BAD}error{BAD:#}: {text}"),

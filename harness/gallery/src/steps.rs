@@ -1,13 +1,13 @@
-//! The steps of a call as people read them: a row for each operation, with its values in three arithmetics.
+//! The steps of a call as a table: a row for each operation, with its values in three arithmetics.
 
 use karat::unstable::trace::{Step, Value};
 use karat::unstable::value::format_f32;
 use serde::{Deserialize, Serialize};
 
-/// A value that differs from the shadow by more than this has lost half of its digits.
+/// The relative difference from the shadow above which a value has lost half of its digits.
 const LOST: f64 = 1.0 / 4096.0;
 
-/// Of an arithmetic in which a condition turned out otherwise, so that the operation wasn't run.
+/// The text for an arithmetic that didn't run the operation, because a condition had another result there.
 const ELSEWHERE: &str = "another way";
 
 /// An operation of a call.
@@ -17,7 +17,7 @@ pub struct Row {
     pub file: String,
     /// The line, from 1.
     pub line: usize,
-    /// The operation as the author wrote it, with the name that a `let` gives it.
+    /// The operation in the author's words, with the name of its `let`.
     pub operation: String,
     /// Its values in `f32`.
     pub single: String,
@@ -25,9 +25,9 @@ pub struct Row {
     pub double: String,
     /// The range that WGSL allows.
     pub allowed: String,
-    /// True if an `f32` isn't finite.
+    /// `true` if an `f32` value isn't finite.
     pub is_strange: bool,
-    /// True if half of the digits are lost, or WGSL allows anything.
+    /// `true` if half of the digits are lost, or WGSL allows anything.
     pub has_lost: bool,
 }
 
@@ -69,7 +69,7 @@ fn has_lost(step: &Step) -> bool {
     step.single.iter().zip(&step.double).any(lost)
 }
 
-/// The values of a step in `f32`, in `f64`, and what is allowed.
+/// The values of a step in `f32` and in `f64`, and the allowed range.
 fn columns(step: &Step, bounded: bool) -> [String; 3] {
     let joined = |values: Vec<String>, otherwise: &str| match values.as_slice() {
         [] => otherwise.to_owned(),
@@ -100,13 +100,13 @@ fn format(value: &Value) -> String {
     }
 }
 
-/// An operation as the author wrote it, with the name that a `let` gives it.
+/// The operation in the author's words, with the name of its `let`.
 fn operation(step: &Step) -> String {
     let text = one_line(&step.text);
     step.name.as_ref().map_or_else(|| text.clone(), |name| format!("{name} = {text}"))
 }
 
-/// A number to 12 significant digits, more than half of what `f64` has beyond `f32`.
+/// A number to 12 significant digits: more than half of the digits that `f64` has in excess of `f32`.
 fn format_f64(x: f64) -> String {
     let rounded: f64 = format!("{x:.11e}").parse().unwrap_or(x);
     match rounded.abs() {

@@ -1,4 +1,4 @@
-//! Values of a frame or of passes, and the engine's beside them.
+//! Prints values of a frame or of passes, with the engine's values beside them.
 
 use std::error::Error;
 use std::io::Write;
@@ -14,28 +14,28 @@ use crate::taps::write_tapped;
 
 /// An owner of values: a frame, or passes.
 pub trait Tappable {
-    /// Those that have names, a line each.
+    /// The values with names, a line each.
     ///
     /// # Errors
     /// If it isn't valid.
     fn values(&self, path: Path) -> Result<Vec<String>, Box<dyn Error>>;
 
-    /// The places of lines that print.
+    /// The places of the lines that print.
     ///
     /// # Errors
     /// If it isn't valid.
     fn prints(&self, path: Path) -> Result<Vec<String>, Box<dyn Error>>;
 
-    /// Those that are asked for.
+    /// The requested values.
     ///
     /// # Errors
-    /// If there is none of one, or it can't run there.
+    /// If one of them doesn't exist, or the frame can't run there.
     fn taps(&self, path: Path, taps: &[Tap]) -> Result<Vec<Tapped>, Box<dyn Error>>;
 
-    /// The engine's value at a pixel or an invocation, in words.
+    /// The engine's value at a pixel or an invocation, as text.
     ///
     /// # Errors
-    /// If the engine doesn't run it.
+    /// If the engine can't run it.
     fn engine(
         &self,
         path: Path,
@@ -92,7 +92,7 @@ impl Tappable for Frame<'_> {
                 ));
             }
         };
-        // Steps have the components that a result needs.
+        // Skip steps with another number of components than the result.
         if step.single.len() != tapped.shape.lanes().len() {
             return Ok(format!(
                 "the engine computes {} of its components: see `karat trace`",
@@ -136,10 +136,11 @@ impl Tappable for Compute<'_> {
     }
 }
 
-/// Writes values of a frame or of passes, each with the engine's value at some pixels or invocations, or lists what there is.
+/// Writes values of a frame or of passes, each with the engine's value at some pixels or invocations, or lists the
+/// values.
 ///
 /// # Errors
-/// If there is no such value, it can't run, or an image can't be written.
+/// If a value doesn't exist, it can't run, or an image can't be written.
 pub fn tap(
     subject: &dyn Tappable,
     name: &str,
@@ -189,7 +190,7 @@ fn index(tapped: &Tapped, (x, y): (u32, u32)) -> usize {
     (y * tapped.size.0 + x) as usize
 }
 
-/// A value at a pixel or an invocation, in words.
+/// A value at a pixel or an invocation, as text.
 fn value(tapped: &Tapped, at: (u32, u32)) -> String {
     let (index, width) = (index(tapped, at), tapped.shape.lanes().len());
     match tapped.told.get(index) {

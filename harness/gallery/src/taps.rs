@@ -1,4 +1,4 @@
-//! Values of frames as pictures: EXR with the numbers, PNG to look at, and a summary in words.
+//! Writes values of frames as images: EXR with the numbers, PNG to look at, and a summary in words.
 
 use std::error::Error;
 use std::fmt::Write as _;
@@ -14,29 +14,29 @@ use karat::unstable::metric::ErrorMap;
 use karat::unstable::output::{Style, counted};
 use karat::unstable::value::{Scalar, Shape, format_f32, format_lane};
 
-/// NaN and infinities, as in previews of frames.
+/// The colour of NaN and infinities, as in previews of frames.
 const NAN: [u8; 4] = [255, 0, 255, 255];
 const INFINITE: [u8; 4] = [255, 255, 0, 255];
 
-/// A vector whose squared length is as near to 1 as this is a direction: `normalize` may be off by some steps of f32, and
-/// f16 has three digits.
+/// The largest distance from 1 of a direction's squared length: `normalize` may be off by some steps of `f32`, and
+/// `f16` has three digits.
 const UNIT: f64 = 4e-3;
 
-/// How numbers become colours.
+/// The mapping from numbers to colours.
 enum Mapping {
     /// Black is false, white is true.
     Truth,
-    /// One number: magma from the least to the largest.
+    /// One number: the colours of magma, from the least to the largest.
     Range([f64; 2]),
-    /// One number of both signs: blue below 0, red above, black is 0; as bright as the largest of either sign.
+    /// One number of both signs: blue below 0, black at 0, red above. The brightest is the largest of either sign.
     Signed(f64),
-    /// Three numbers of length 1: red, green and blue are half of 1 + x, y, z.
+    /// Three numbers of length 1: red, green and blue are half of 1 + x, 1 + y and 1 + z.
     Direction,
-    /// Two to four numbers: red, green, blue from the least to the largest of all.
+    /// Two to four numbers: red, green, blue, from the least to the largest of all.
     Channels([f64; 2]),
 }
 
-/// Writes a value's images into a folder as `<frame>.<value>.exr` and `.png`, and says what they show.
+/// Writes the images of a value into a folder, as `<frame>.<value>.exr` and `.png`, and describes them.
 ///
 /// # Errors
 /// If a file can't be written.
@@ -97,7 +97,7 @@ pub(crate) fn write_tapped(
     Ok(())
 }
 
-/// A part of a value that is no picture itself; `None`: it is one.
+/// The part of a value to ask for, if the value can't be an image; `None` if it can.
 fn part_of(shape: &Shape) -> Option<String> {
     match shape {
         Shape::Scalar(_) | Shape::Vector { .. } => None,
@@ -115,7 +115,7 @@ fn with_ending(stem: &FilePath, ending: &str) -> PathBuf {
     name.into()
 }
 
-/// A number to six digits, as of f32.
+/// A number to the six digits of an `f32`.
 fn digits(x: f64) -> String {
     let rounded: f64 = format!("{x:.5e}").parse().unwrap_or(x);
     format_f32(to_f32(rounded))
@@ -126,9 +126,9 @@ fn to_f32(x: f64) -> f32 {
     x as f32
 }
 
-/// A name for files: letters and digits stay.
+/// A name for files, from letters and digits.
 fn file_name(title: &str) -> String {
-    /// More would be unwieldy.
+    /// The longest name.
     const MOST: usize = 48;
     let mut name = String::new();
     for c in title.chars().take(MOST) {
@@ -141,7 +141,7 @@ fn file_name(title: &str) -> String {
     name.trim_matches('-').to_owned()
 }
 
-/// The values as a table, empty where there is none.
+/// The values as a table; empty if they don't fit into one.
 fn table(tapped: &Tapped, width: usize) -> String {
     let mut text = String::from("invocation,times");
     let names = tapped.shape.lane_names();
@@ -169,7 +169,7 @@ fn lane_of(tapped: &Tapped, width: usize, lane: usize) -> impl Iterator<Item = (
     rows.filter(|(_, (_, told))| **told).map(move |(pixel, (lanes, _))| (pixel, lanes[lane]))
 }
 
-/// The least and the largest value of a lane, their pixels, the mean, and what isn't finite.
+/// The least and the largest value of a lane with their pixels, the mean, and the values that aren't finite.
 fn summary(tapped: &Tapped, scalars: &[Scalar], lane: usize, name: &str) -> String {
     let scalar = scalars[lane];
     let of_lane = || lane_of(tapped, scalars.len(), lane);
@@ -179,14 +179,14 @@ fn summary(tapped: &Tapped, scalars: &[Scalar], lane: usize, name: &str) -> Stri
     };
     let mut text = if name.is_empty() { String::new() } else { format!("{name}: ") };
     let finite = || of_lane().filter(|(_, word)| scalar.decode(*word).is_finite());
-    // Of equal ones the first pixel is named.
+    // Of equal values, the first pixel.
     let by = |a: &(usize, u32), b: &(usize, u32)| scalar.decode(a.1).total_cmp(&scalar.decode(b.1));
     match (finite().min_by(by), finite().max_by(|a, b| by(a, b).then(b.0.cmp(&a.0)))) {
         (Some(least), Some(most)) => {
             let shown = |(pixel, word): (usize, u32)| {
                 format!("{} at {}", format_lane(scalar, word), at(pixel))
             };
-            // Each sum is of as many numbers as an image has pixels, which f64 holds to 9 digits.
+            // Each sum has as many terms as an image has pixels, which keeps 9 digits in `f64`.
             #[expect(
                 clippy::cast_precision_loss,
                 reason = "an image has far fewer pixels than 2^53"
@@ -248,7 +248,7 @@ fn notes(tapped: &Tapped) -> Vec<String> {
     notes
 }
 
-/// The numbers as an image, transparent where there is none.
+/// The numbers as an image, transparent where there is no value.
 fn image(tapped: &Tapped, scalars: &[Scalar]) -> Image {
     let rows = tapped.lanes.chunks_exact(scalars.len()).zip(&tapped.told);
     let pixel = |(lanes, told): (&[u32], &bool)| {
@@ -264,7 +264,7 @@ fn image(tapped: &Tapped, scalars: &[Scalar]) -> Image {
     Image::new(tapped.size.0, tapped.size.1, rows.map(pixel).collect())
 }
 
-/// The numbers of each pixel that has the value.
+/// The numbers of each pixel with the value.
 fn numbers<'t>(tapped: &'t Tapped, scalars: &'t [Scalar]) -> impl Iterator<Item = Vec<f64>> + 't {
     let rows = tapped.lanes.chunks_exact(scalars.len()).zip(&tapped.told);
     let told = rows.filter(|(_, told)| **told);

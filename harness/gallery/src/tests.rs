@@ -31,7 +31,7 @@ fn arguments(words: &[&str]) -> RenderArguments {
     Standalone::try_parse_from(words).expect("good").arguments
 }
 
-/// What a run gives, with both outputs, without their colours.
+/// The result of a run, and both outputs without colours.
 fn run(gallery: &Gallery, words: &[&str]) -> (Result<Vec<String>, String>, String, String) {
     let text = |bytes: Vec<u8>| {
         let plain = anstream::adapter::strip_bytes(&bytes).into_vec();
@@ -116,7 +116,7 @@ fn a_gallery_that_makes_no_sense_is_an_error() {
     }
 }
 
-/// A writer whose reader is gone.
+/// A writer whose reader has closed.
 struct Closed;
 
 impl Write for Closed {

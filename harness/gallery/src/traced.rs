@@ -1,4 +1,4 @@
-//! A traced pixel as text that one process gives to another.
+//! A traced pixel as text, for another process.
 
 use karat::unstable::frame::TracedPixel;
 use karat::unstable::value::format_f32;
@@ -9,7 +9,7 @@ use crate::steps::{Row, rows};
 /// A pixel, its inputs and its steps.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Traced {
-    /// The fragment function of the draw that it shows.
+    /// The fragment function of the draw that shows there.
     pub function: String,
     /// Its arguments.
     pub arguments: Vec<(String, String)>,
@@ -17,7 +17,7 @@ pub struct Traced {
     pub steps: Vec<Row>,
     /// Its result in the engine.
     pub engine: String,
-    /// The pixel as the driver drew it.
+    /// The driver's pixel.
     pub driver: String,
     /// Notes on the values.
     pub notes: Vec<String>,

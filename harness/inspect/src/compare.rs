@@ -1,12 +1,13 @@
-//! What an edit changed: every function of a package before and after it, with no test written.
+//! Compares every function of a package before and after an edit, without any test.
 //!
-//! Functions and entry points whose linked text is the same aren't run. Other functions are called with arguments of their
-//! types: three in four lie where their names say, one in four anywhere. Both sides get one input: an entry point's inputs
-//! are matched by their attributes, resources by their names or bindings. Compute passes are dispatched over made-up
-//! resources. The comparison is bit by bit; all NaNs are one value. A function without a result isn't judged. Where each
-//! result is the same, the comparison lists lines of the edit that no input covers: their results are unknown.
+//! Functions and entry points whose linked text is the same aren't run. Other functions are called with arguments of
+//! their types: three in four lie in the range that their names suggest, one in four anywhere. Both sides get the same
+//! inputs: an entry point's inputs are matched by their attributes, resources by their names or bindings. Compute
+//! passes are dispatched over generated resources. The comparison is bit by bit; all NaNs are one value. A function
+//! without a result isn't judged. If all results are the same, the comparison lists lines of the edit that no input
+//! covers: their results are unknown.
 //!
-//! Text under a condition that doesn't hold is compared under the fewest features that make it live.
+//! Code that conditions leave out is compared under the fewest features that include it.
 //!
 //! ```no_run
 //! use karat::Package;
@@ -53,10 +54,10 @@ use rayon::prelude::*;
 
 pub use karat::unstable::interpret::{Missed, Uncovered};
 
-/// Inputs of each function: what runs in a moment on any path.
+/// Inputs of each function: they run within a moment on any path.
 const CASES: usize = 4096;
 
-/// Two packages, of which one is an edit of the other.
+/// Two packages. One is an edited version of the other.
 ///
 /// ```
 /// use karat::Package;
@@ -85,46 +86,46 @@ pub struct Request {
 pub struct Compared {
     /// `fresnel::schlick`
     pub function: String,
-    /// `file:line:column`, after the edit where it is there.
+    /// `file:line:column`, after the edit if the function still exists.
     pub location: String,
-    /// Features that are off, and that the edit needs to be live: both sides have them on.
+    /// Features that are off by default and that include the edit: both sides have them on.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub under: Vec<String>,
-    /// What the edit did.
+    /// The effect of the edit.
     #[serde(flatten)]
     pub change: Change,
-    /// Resources that a host has to supply in another way, a sentence each: another `@binding`, another place of a
+    /// Resources that a host has to supply differently, a sentence each: another `@binding`, another offset of a
     /// buffer's member.
     pub interface: Vec<String>,
-    /// The ranges that arguments and members were drawn from; empty where nothing was run.
+    /// The ranges that arguments and members were sampled from; empty if nothing ran.
     pub drawn: Drawn,
-    /// Inputs that weren't run, because they are too much work.
+    /// Inputs that weren't run because they cost too much.
     pub cut: usize,
-    /// Invocations in each direction of a compute pass, whose cases are the words that it leaves.
+    /// The workgroup size of a compute pass. Its cases are the words that it leaves.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub dispatched: Option<[u32; 3]>,
-    /// Violations that a compute pass, or the pixels of a draw that write storage, have after the edit, and hadn't before it.
+    /// Violations of a compute pass, or of the pixels of a draw that write storage, that exist only after the edit.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub violations: Vec<Violation>,
-    /// The same the other way round: what the edit takes away.
+    /// Violations that exist only before the edit.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub mended: Vec<Violation>,
-    /// Where nothing changed: lines of the edit, before it or after it, that no input came to, and conditions that each input
-    /// decided alike. Of these nothing is known.
+    /// If nothing changed: lines of the edit, old or new, that no input reached, and conditions that each input decided
+    /// alike. The results there are unknown.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub uncovered: Vec<Uncovered>,
 }
 
-/// What an edit did to a function.
+/// The effect of an edit on a function.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "change", rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum Change {
-    /// Neither it nor what it uses was edited, but for comments and blanks.
+    /// Neither the function nor anything that it uses was edited, except comments and blanks.
     Untouched,
-    /// It was edited, and each result has the same bits.
+    /// The function was edited, and each result has the same bits.
     Same {
-        /// Inputs that were tried on each path.
+        /// Inputs tried on each path.
         cases: usize,
     },
     /// Some results changed.
@@ -132,62 +133,61 @@ pub enum Change {
         /// Each path with a change.
         paths: Vec<PathChange>,
     },
-    /// It takes or returns something else.
+    /// The types of its parameters or of its result changed.
     Signature {
-        /// As it was.
+        /// The old signature.
         before: String,
-        /// As it is.
+        /// The new signature.
         after: String,
     },
-    /// It is new.
+    /// The function is new.
     Added,
-    /// It is gone.
+    /// The function no longer exists.
     Removed,
-    /// It can't be compared.
+    /// The function can't be compared.
     Unjudged {
-        /// Why.
+        /// The reason.
         reason: String,
     },
 }
 
-/// How results changed on one path.
+/// The change of results on one path.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PathChange {
     /// The path.
     pub path: String,
-    /// Inputs whose results changed, of how many.
+    /// The number of inputs whose results changed, and the number of inputs.
     pub cases: (usize, usize),
-    /// The largest change in `f32` steps; `None` where something became NaN or ceased to be it, or
-    /// isn't a float.
+    /// The largest change in `f32` steps; `None` if a value became NaN, was NaN, or isn't a float.
     pub ulp: Option<u64>,
-    /// The largest change relative to the value before; `None` likewise.
+    /// The largest change relative to the value before; `None` in the same cases.
     pub relative: Option<f64>,
-    /// The simplest arguments found whose result shows the change as well: plain numbers that differ by a thousandth, else NaN,
-    /// else a digit. Behind them the members of buffers that aren't elements of arrays. Arguments and members that change
-    /// nothing there are left out.
+    /// The simplest arguments found that show the change: preferably with plain numbers that differ by at least a
+    /// thousandth, otherwise with a NaN, otherwise with a last digit. Then the members of buffers that aren't elements
+    /// of arrays. Leaves out arguments and members that don't affect the change.
     pub arguments: Vec<(String, String)>,
-    /// All arguments there, of a function.
+    /// All arguments of that case, for a function.
     #[serde(skip)]
     pub given: Vec<(String, String)>,
-    /// The result for these before the edit.
+    /// The result of that case before the edit.
     pub before: String,
-    /// And after it.
+    /// The result after the edit.
     pub after: String,
     #[serde(skip)]
     clarity: Clarity,
-    /// Of a compute pass: the first word that changed of each resource, the one that `before` and `after` are about first.
+    /// For a compute pass: the first changed word of each resource, beginning with the one of `before` and `after`.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub words: Vec<WordChange>,
 }
 
-/// A word of a resource that a compute pass leaves in another way.
+/// A word of a resource that a compute pass leaves with another value.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct WordChange {
     /// The resource's name.
     pub resource: String,
-    /// The word by its name, before the edit: `counts[3] = 1`.
+    /// The word and its value before the edit: `counts[3] = 1`.
     pub before: String,
-    /// Its value after it.
+    /// The value after the edit.
     pub after: String,
 }
 
@@ -213,18 +213,18 @@ impl Compared {
 }
 
 impl Request {
-    /// Compares a package with an edited one, on the path `cpu` unless others are named.
+    /// Compares a package with an edited one, on the path `cpu` unless you name others.
     pub fn new(before: Package, after: Package) -> Self {
         let (only, paths, overrides) = (Vec::new(), vec![Path::CPU], Overrides::new());
         Self { before, after, only, cases: CASES, paths, overrides }
     }
 
-    /// Only functions whose name contains one of these.
+    /// Restricts the comparison to functions whose name contains one of these.
     pub fn only<'n>(self, names: impl IntoIterator<Item = &'n str>) -> Self {
         Self { only: names.into_iter().map(str::to_owned).collect(), ..self }
     }
 
-    /// Inputs of each function, 4,096 unless it is said.
+    /// Sets the number of inputs of each function, 4,096 by default.
     pub fn cases(self, cases: usize) -> Self {
         Self { cases, ..self }
     }
@@ -240,7 +240,7 @@ impl Request {
         self
     }
 
-    /// Compares, in the order of names.
+    /// Compares all functions, in the order of their names.
     ///
     /// # Errors
     /// If a package can't be read, or an override is declared that neither side has.
@@ -248,7 +248,8 @@ impl Request {
         self.run_with(&|_, _, _| {})
     }
 
-    /// [`run`](Self::run), which tells each verdict as soon as all before it are there, with their count, and of how many.
+    /// Does the same as [`run`](Self::run), and reports each verdict as soon as all before it exist, with its number
+    /// and the total.
     ///
     /// # Errors
     /// As [`run`](Self::run).
@@ -261,7 +262,7 @@ impl Request {
             let reason = format!("{wrong}{}", place_of_override(&self.after, &name));
             return Err(PackageError::Manifest { file: "karat.toml".to_owned(), reason });
         }
-        // A feature that conditions compare with a number has one on both sides, or nothing can be read.
+        // A feature that conditions compare with a number gets one on both sides; otherwise nothing could be read.
         let values = [&self.before, &self.after].map(values_of);
         let mut both = values[0].clone();
         for (name, own) in &values[1] {
@@ -274,7 +275,7 @@ impl Request {
             known.map(|(name, all)| format!("{name}={}", all[0])).collect()
         };
         let (before, after) = (featured(&self.before, &first(0)), featured(&self.after, &first(1)));
-        // A declared value is held, as a given one.
+        // A declared override is fixed, like one given to the request.
         let overrides = declared.into_iter().chain(self.overrides.clone()).collect();
         let shown: BTreeSet<String> = first(0).into_iter().chain(first(1)).collect();
         let valued = Self { before, after, overrides, ..self.clone() };
@@ -296,7 +297,7 @@ impl Request {
                 let open: Vec<String> = open.cloned().collect();
                 one.under.extend(open);
             }
-            // In the order of names, so that the same verdicts are the same text.
+            // Sorted by name, so that equal verdicts are equal texts.
             let mut done = done.lock().unwrap_or_else(PoisonError::into_inner);
             let (next, waiting) = &mut *done;
             waiting.insert(at, one.clone());
@@ -309,7 +310,7 @@ impl Request {
         Ok(compared.collect())
     }
 
-    /// All functions of both sides, by their names. A module that can't be read on a side stands for its functions.
+    /// All functions of both sides, by name. A module that can't be read on a side stands for its functions.
     fn pairs(
         &self,
         values: &[Values; 2],
@@ -326,7 +327,7 @@ impl Request {
         for module in modules {
             let has = [before.contains(module), after.contains(module)];
             let texts = [0, 1].map(|side| words_of(sides[side], module));
-            // Files that can't be read aren't the same.
+            // Files that can't be read don't count as the same.
             let is_same = match &texts {
                 [Some(before), Some(after)] => before.0 == after.0,
                 _ => false,
@@ -358,17 +359,17 @@ impl Request {
                 let there = Pair::There(old.get(name).copied(), new.get(name).copied());
                 all.insert(name.clone(), there);
             }
-            // Text under a condition that doesn't hold is no function's.
+            // Code that a condition leaves out belongs to no function.
             if is_same {
                 continue;
             }
-            // A module that came or went is told by its functions.
+            // A module that was added or removed shows by its functions.
             let overrides =
                 if has == [true; 2] { self.overrides_of(module) } else { Ok(Vec::new()) };
             match overrides {
                 Ok(overrides) if overrides.is_empty() => {}
                 Ok(overrides) => drop(all.insert(name_of(module), Pair::Overrides(overrides))),
-                // A module that isn't valid has its functions compared all the same, but not what a host sees of it.
+                // The functions of an invalid module are compared all the same, but not its interface to the host.
                 Err(reasons) => {
                     if overrides_in(&words[0].0) != overrides_in(&words[1].0) {
                         let [was, is] = reasons;
@@ -380,12 +381,12 @@ impl Request {
             let open: Vec<String> = open.into_iter().chain(others).cloned().collect();
             let mut edited = BTreeSet::new();
             for features in subsets(&open) {
-                // A side is asked about those that it knows.
+                // Each side gets the features that it knows.
                 let of = |side: usize| asked(&features, &values[side], &words[side].1);
                 let own = [of(0), of(1)];
                 let (old, new) = match (items(0, &own[0]), items(1, &own[1])) {
                     (Ok(old), Ok(new)) => (old, new),
-                    // Features that can't be on together say nothing.
+                    // Skip features that exclude each other.
                     (Err(_), Err(_)) => continue,
                     _ if own[0] != own[1] => continue,
                     (old, new) => {
@@ -421,7 +422,7 @@ impl Request {
         Ok(all)
     }
 
-    /// True if a function's text is the same on both sides with these features on.
+    /// Returns `true` if a function's text is the same on both sides with these features on.
     fn is_untouched_under(&self, name: &str, features: &[Vec<String>; 2]) -> bool {
         let (module, own) = name.rsplit_once("::").unwrap_or(("", name));
         let linked = |side: &Package, features: &[String]| {
@@ -429,13 +430,13 @@ impl Request {
         };
         match (linked(&self.before, &features[0]), linked(&self.after, &features[1])) {
             (Some(before), Some(after)) => before.normalized_text() == after.normalized_text(),
-            // Features that can't be on together say nothing.
+            // Skip features that exclude each other.
             (None, None) => features.iter().any(|own| !own.is_empty()),
             _ => false,
         }
     }
 
-    /// The overrides of a module that no function uses, as a host sees them; or why a side isn't valid.
+    /// The overrides of a module that no function uses, as a host sees them; or the reason why a side is invalid.
     fn overrides_of(&self, module: &str) -> Result<Vec<String>, [Option<String>; 2]> {
         let whole = |side| Program::of_module(side, module);
         let (before, after) = match (whole(&self.before), whole(&self.after)) {
@@ -466,7 +467,8 @@ impl Request {
         Ok(all.into_iter().filter(is_open).collect())
     }
 
-    /// A verdict; of a function whose results are the same the one under another value of a feature, if they differ there.
+    /// The verdict on a function. If its results are the same, the verdict under another value of a feature under which
+    /// they differ.
     fn verdict_under(
         &self,
         name: &str,
@@ -542,7 +544,7 @@ impl Request {
 
     fn compare(&self, name: &str, stage: Option<Stage>) -> Compared {
         let compared = |change| Compared::of(name, change);
-        // What can't be called may be untouched all the same.
+        // A function that can't be called may still be untouched.
         let (module, own) = name.rsplit_once("::").unwrap_or(("", name));
         let linked = |package: &Package| Program::of_items(package, module, &[own]);
         let (mut host, mut settings) = (Vec::new(), vec![BTreeMap::new()]);
@@ -585,7 +587,7 @@ impl Request {
                 paths.iter_mut().for_each(|path| path.arguments.extend(shown.clone()));
             }
             match &mut one {
-                // Private variables that can't be given leave the verdict open; other overrides may have been wrong ones.
+                // Private variables that can't be set leave the verdict open: other overrides may have been wrong.
                 Some(one)
                     if matches!(next.change, Change::Unjudged { .. }) && !state[0].is_empty() =>
                 {
@@ -608,8 +610,9 @@ impl Request {
         one
     }
 
-    /// The private variables by which a function gets something of others, or leaves them something, of each side: those that
-    /// both sides declare, and those that have another name after the edit. No other function sees those of one side alone.
+    /// The private variables of each side through which a function receives values from others, or passes values to
+    /// them: those that both sides declare, and those that the edit renamed. No other function sees those that only one
+    /// side has.
     fn state_of(&self, name: &str) -> Stateful {
         let sides = [&self.before, &self.after];
         let programs = sides.map(|side| Program::of_function(side, name).ok());
@@ -638,7 +641,7 @@ impl Request {
                 }),
             }
         }
-        // Renamed ones stand at one place among all.
+        // Renamed variables have the same position among all.
         let gone: Vec<_> = old.iter().filter(|(path, _)| declared(1, path).is_none()).collect();
         let came: Vec<_> = new.iter().filter(|(path, _)| declared(0, path).is_none()).collect();
         if let ([(was, variable)], [(is, other)]) = (&*gone, &*came)
@@ -652,8 +655,8 @@ impl Request {
         all
     }
 
-    /// Values of the overrides that the request leaves open, as a host may give them: in the first setting one for each override that has
-    /// none, and in each other one another value of an override that both sides have.
+    /// Values for the overrides that the request leaves open, as a host might give them. The first setting has a value
+    /// for each override without a default; each further one changes one override that both sides have.
     fn settings(&self, before: &Program, after: &Program) -> Vec<BTreeMap<String, f64>> {
         let declared = |side: &Program| side.declared_overrides().into_iter().map(|(name, _)| name);
         let is_bool = |side: &Program, name: &str| side.override_type(name) == Some(Scalar::Bool);
@@ -677,7 +680,7 @@ impl Request {
         all
     }
 
-    /// Compares what was edited; attributes are those of both sides.
+    /// Compares an edited function. `attributes` are those of both sides.
     fn compare_linked(
         &self,
         name: &str,
@@ -707,7 +710,7 @@ impl Request {
             (Err(error), _) => return unjudged(&format!("before: {error}")),
             (_, Err(error)) => return unjudged(&format!("after: {error}")),
         };
-        // An edit may have brought derivatives in, or taken them away.
+        // An edit may have added derivatives, or removed them.
         let (before, after) = match (before.takes_derivatives(), after.takes_derivatives()) {
             (true, false) => (before, after.varying()),
             (false, true) => (before.varying(), after),
@@ -727,7 +730,7 @@ impl Request {
             let renamed = renamed(Side::of(&before), Side::of(&after));
             match self.brought_to_pixels(name, &renamed) {
                 Ok(brought) => (violations, mended) = brought,
-                // A change says more than that pixels can't be run beside each other.
+                // A change says more than a note that pixels couldn't run beside each other.
                 Err(reason) if matches!(change, Change::Same { .. }) => change = unseen(reason),
                 Err(_) => {}
             }
@@ -751,62 +754,63 @@ impl Request {
 }
 
 impl Compared {
-    /// True of results that are the same so far: another setting may show more.
+    /// Returns `true` if the results are the same so far: another setting may show more.
     fn is_open(&self) -> bool {
         matches!(self.change, Change::Same { .. }) && self.violations.is_empty()
     }
 
-    /// Takes the verdict of another setting if it shows more; if both are the same, inputs of either cover a line.
+    /// Takes the verdict of another setting if it shows more. If both are the same, a line counts as covered if either
+    /// covers it.
     fn take(&mut self, next: Self) {
         match next.change {
             Change::Same { .. } if next.violations.is_empty() => {
                 self.uncovered.retain(|line| next.uncovered.contains(line));
             }
             Change::Same { .. } | Change::Changed { .. } => *self = next,
-            // A value that a text doesn't take says nothing.
+            // A value that the text doesn't accept proves nothing.
             _ => {}
         }
     }
 }
 
-/// Private variables of a function: its inputs and its results.
+/// The private variables of a function, as inputs and results.
 #[derive(Default)]
 struct Stateful {
     sides: [State; 2],
-    /// True if nothing else shows what it does on some side.
+    /// `true` if on some side they are the function's only visible effect.
     is_needed: bool,
-    /// One that is too large to be compared, with its numbers.
+    /// A variable that is too large to compare, with the number of its scalars.
     large: Option<(String, usize)>,
 }
 
 /// The two sides of a name.
 #[derive(Debug)]
 enum Pair {
-    /// A function with its stage, on either side.
+    /// A function on each side, with its stage.
     There(Option<Option<Stage>>, Option<Option<Stage>>),
-    /// The same with some features on, which the edit needs to be live.
+    /// A function under some features that the edit needs.
     Under(Under, Option<Option<Stage>>, Option<Option<Stage>>),
     /// Overrides that no function uses, as a host sees them.
     Overrides(Vec<String>),
     /// A module that can't be read, with the reason on either side.
     Broken(Option<String>, Option<String>),
-    /// A module that can't be read, with one text on both sides.
+    /// A module that can't be read, with the same text on both sides.
     Same,
-    /// A module whose edit no features that were tried make live, of these.
+    /// A module whose edit none of the tried features include; these are its features.
     Hidden(Vec<String>),
 }
 
-/// Features that an edit needs, and those of them that each side asks about.
+/// Features that an edit needs, and those of them that each side's conditions use.
 #[derive(Debug)]
 struct Under {
     features: Vec<String>,
     own: [Vec<String>; 2],
 }
 
-/// Values of the features that conditions compare with one.
+/// The values of features that conditions compare with a number.
 type Values = BTreeMap<String, Vec<Feature>>;
 
-/// Each value of each such feature but its first.
+/// All values of each such feature, except its first.
 fn other_values(values: &Values) -> Vec<String> {
     let of = |(name, all): (&String, &Vec<Feature>)| {
         all[1..].iter().map(|value| format!("{name}={value}")).collect::<Vec<_>>()
@@ -814,12 +818,12 @@ fn other_values(values: &Values) -> Vec<String> {
     values.iter().flat_map(of).collect()
 }
 
-/// The name of a feature, in front of its value.
+/// The name of a feature, without its value.
 fn name_of(feature: &str) -> &str {
     feature.split_once('=').map_or(feature, |(name, _)| name)
 }
 
-/// Those of some features that a side asks about, as values or as conditions.
+/// The features that a side's conditions use, as values or as names.
 fn asked(features: &[String], values: &Values, conditions: &[String]) -> Vec<String> {
     let asks = |name: &&String| match name.split_once('=') {
         Some((name, _)) => values.contains_key(name),
@@ -828,7 +832,7 @@ fn asked(features: &[String], values: &Values, conditions: &[String]) -> Vec<Str
     features.iter().filter(asks).cloned().collect()
 }
 
-/// A package with some features on, or with a value that stands behind a name.
+/// A package with some features on. A feature may have a value after its name.
 fn featured(package: &Package, features: &[String]) -> Package {
     features.iter().fold(package.clone(), |package, feature| match feature.split_once('=') {
         Some((name, value)) => match value.parse::<i64>() {
@@ -839,8 +843,9 @@ fn featured(package: &Package, features: &[String]) -> Package {
     })
 }
 
-/// Sets of features, the smaller ones first, in none of which one has two values: each set of few; of more none, each, two of them, and
-/// all with the first other value of each, then with the second. Of many the pairs are left out.
+/// Sets of features, the smaller ones first. No set gives one name two values. Of few features, all sets. Of more: the
+/// empty set, each feature, each pair, all features with the first other value of each, and all with the second. Of
+/// many features, no pairs.
 fn subsets(all: &[String]) -> Vec<Vec<String>> {
     let chosen = |at: Vec<usize>| at.into_iter().map(|at| all[at].clone()).collect::<Vec<_>>();
     let of_mask = |mask: usize| chosen((0..all.len()).filter(|at| mask >> at & 1 == 1).collect());
@@ -853,7 +858,7 @@ fn subsets(all: &[String]) -> Vec<Vec<String>> {
         let pairs =
             (0..all.len()).flat_map(|at| (at + 1..all.len()).map(move |other| vec![at, other]));
         let pairs = pairs.filter(|_| all.len() <= PAIRED_FEATURES);
-        // Of one name its other values stand one behind the other.
+        // The other values of one name are neighbours.
         let number =
             |at: usize| (0..at).filter(|one| name_of(&all[*one]) == name_of(&all[at])).count();
         let most = (0..all.len()).map(number).max().unwrap_or_default();
@@ -869,7 +874,7 @@ fn subsets(all: &[String]) -> Vec<Vec<String>> {
     sets
 }
 
-/// The first line of an error with the place in its excerpt, and what to do where a feature has no value.
+/// The first line of an error with its place, and the remedy if a feature has no value.
 fn with_place(error: &str) -> String {
     let place = error.lines().find_map(|line| line.trim_start().strip_prefix("┌─ "));
     let place = place.map_or_else(String::new, |place| format!(" ({})", place.trim()));
@@ -879,7 +884,7 @@ fn with_place(error: &str) -> String {
     format!("{line}{place}{hint}")
 }
 
-/// The first line of an error, without the word.
+/// The first line of an error, without the word `error`.
 fn first_line(error: &str) -> String {
     let reason = error.replacen("error: ", "", 1);
     reason.lines().next().unwrap_or_default().to_owned()
@@ -889,11 +894,11 @@ fn first_line(error: &str) -> String {
 #[derive(Default)]
 struct Both {
     sides: [Coverage; 2],
-    /// True if a result depends on an index outside after the edit, and doesn't before it.
+    /// `true` if a result depends on an index outside after the edit, and doesn't before it.
     strays: bool,
-    /// The first run of each side in the engine, or why there was none; other paths may have values.
+    /// The first run of each side in the engine, or the reason why it failed; later runs may have values.
     measured: [Option<Result<(), String>>; 2],
-    /// Why it isn't known whether results depend on an index outside.
+    /// The reason why it is unknown whether results depend on an index outside.
     unknown: Option<String>,
 }
 
@@ -901,7 +906,7 @@ struct Both {
 fn overrides_in(words: &[String]) -> Vec<&[String]> {
     let begins = (0..words.len()).filter(|at| words[*at] == "override");
     let whole = |at: usize| {
-        // Attributes such as `@id(7)` stand before the word.
+        // Attributes such as `@id(7)` precede the keyword.
         let before = words[..at].iter().rposition(|word| word == ";" || word == "}");
         let behind = words[at..].iter().position(|word| word == ";");
         &words[before.map_or(0, |before| before + 1)..at + behind.unwrap_or(words.len() - at)]
@@ -909,7 +914,7 @@ fn overrides_in(words: &[String]) -> Vec<&[String]> {
     begins.map(whole).collect()
 }
 
-/// Keeps that something was measured, or else why the first thing wasn't.
+/// Notes a measurement, or otherwise the first reason why there is none.
 fn note(measured: &mut Option<Result<(), String>>, one: Result<(), String>) {
     if one.is_ok() || measured.is_none() {
         *measured = Some(one);
@@ -939,7 +944,7 @@ impl Both {
             (Ok(before), Ok(after)) => {
                 self.strays = after.iter().zip(&before).any(|(after, before)| *after && !before);
             }
-            // It ran with the usual values: others from outside decide whether a loop of it ends.
+            // It ran with the usual values: values read outside now decide whether one of its loops ends.
             (Ok(_), Err(ProbeError::Rounds { .. })) if ran[1] => self.strays = true,
             (Err(error), _) | (_, Err(error)) => self.unknown = Some(error.to_string()),
         }
@@ -952,7 +957,7 @@ impl Both {
         }
     }
 
-    /// The lines of an edit that no input covers. `place` is that of the function.
+    /// The lines of an edit that no input covers. `place` is the place of the function.
     fn uncovered(&self, place: &str) -> Vec<Uncovered> {
         let stopped = self.measured.iter().flatten().find_map(|one| one.as_ref().err());
         if let Some(reason) = stopped.or(self.unknown.as_ref()) {
@@ -963,7 +968,7 @@ impl Both {
         [after.uncovered_beside(before), before.uncovered_beside(after)].concat()
     }
 
-    /// The index outside that an edit brings to a function, and that its results depend on.
+    /// An index outside that an edit adds to a function, if the results depend on it.
     fn outside(&self, function: &str) -> Option<Violation> {
         let [before, after] = &self.sides;
         let place = after.outside_beside(before).into_iter().next().filter(|_| self.strays)?;
@@ -978,12 +983,12 @@ impl Both {
 }
 
 impl PathChange {
-    /// How well it shows the edit: of several the greatest is shown.
+    /// How clearly it shows the edit. The largest one is shown.
     fn shows(&self) -> (Clarity, u64) {
         (self.clarity, self.ulp.unwrap_or(u64::MAX))
     }
 
-    /// Adds what the same edit did over other contents of buffers. What shows it better is the one that is shown.
+    /// Adds the effect of the same edit over other contents of buffers. Shows the clearer of the two.
     fn add(&mut self, other: Self) {
         let cases = self.cases.0 + other.cases.0;
         let (ulp, relative) = (self.ulp.zip(other.ulp), self.relative.zip(other.relative));
@@ -994,7 +999,7 @@ impl PathChange {
         self.cases.0 = cases;
         self.ulp = ulp.map(|(one, other)| one.max(other));
         self.relative = relative.map(|(one, other)| one.max(other));
-        // Other contents may show another resource.
+        // Other contents may change another resource.
         for one in less.words {
             if self.words.iter().all(|known| known.resource != one.resource) {
                 self.words.push(one);
@@ -1034,7 +1039,7 @@ mod tests {
         assert!(untouched.iter().all(|(_, change)| *change == Change::Untouched), "{untouched:?}");
     }
 
-    /// Of a function, and of one that writes what others see.
+    /// Coverage of a function, and of one that writes memory.
     #[test]
     fn lines_that_no_argument_comes_to_are_told() {
         let before = "@group(0) @binding(0) var<storage, read_write> seen: array<f32>;
@@ -1065,7 +1070,7 @@ mod tests {
         all.pop().expect("a function")
     }
 
-    /// A condition that each input decides alike says nothing of its other way.
+    /// If each input decides a condition alike, its other way isn't covered.
     #[test]
     fn conditions_that_each_input_decides_alike_are_told() {
         let text = "fn key(x: u32, y: u32) -> u32 {
@@ -1083,7 +1088,8 @@ mod tests {
         assert_eq!(ways("x > 3u", "3u < x"), []);
     }
 
-    /// Where an index leaves its array the engine reads as drivers may: the last element, which a guard chose, too.
+    /// With an index outside its array, the engine reads what drivers may read: for example the last element, which a
+    /// guard would have chosen, too.
     #[test]
     fn an_index_outside_that_an_edit_brings_is_told() {
         let of = |value: &str| {
@@ -1100,7 +1106,7 @@ mod tests {
         assert_eq!(brought.kind, Kind::OutOfRange);
         assert_eq!(brought.accesses[0].place, "<p>:3:28", "{brought:?}");
         assert!(compared(&bare, &guarded).violations.is_empty(), "an edit may mend it");
-        // An element outside that is given up matters to no result.
+        // If the element outside is dropped, no result depends on it.
         let given_up = compared(
             &of("select(0.0, all[min(i, 3u)], i < 4u)"),
             &of("select(0.0, all[i], i < 4u)"),
@@ -1108,7 +1114,7 @@ mod tests {
         assert!(given_up.violations.is_empty(), "{given_up:?}");
     }
 
-    /// A length that a result shows is that of one buffer, whichever side may write it.
+    /// A length that a result shows is that of one buffer, even if only one side writes the buffer.
     #[test]
     fn a_buffer_that_one_side_may_write_is_as_long_on_both() {
         let of = |access: &str| {
@@ -1127,7 +1133,7 @@ mod tests {
             assert!(matches!(one.change, Change::Same { .. }), "{one:?}");
             assert_eq!(one.interface, [told]);
         }
-        // What both read has other lengths, and so has a function that takes one for another.
+        // Buffers that both sides read have different lengths, so exchanging two of them shows.
         let one = compared(&read, &read.replace("arrayLength(&other)", "64u"));
         assert!(matches!(one.change, Change::Changed { .. }), "{one:?}");
     }
@@ -1149,7 +1155,7 @@ mod tests {
         }
     }
 
-    /// Over several contents the largest change is shown, each resource has its first word, and cases add up.
+    /// Over several contents, the largest change is shown, each resource shows its first word, and cases add up.
     #[test]
     fn changes_over_several_contents_add_up() {
         let change = |ulp: Option<u64>, resource: &str, after: &str| {
@@ -1190,7 +1196,7 @@ mod tests {
         assert_eq!((sum.cases.0, words), (10, vec!["c", "b", "a"]));
     }
 
-    /// Each input and output that has another attribute is told, and no other one.
+    /// The comparison reports each input and output whose attribute changed, and no other.
     #[test]
     fn each_attribute_that_changes_is_told() {
         let of = |all: &[(&str, &str)]| {
@@ -1272,12 +1278,12 @@ mod tests {
             let Change::Changed { paths } = change else { panic!("{name}: {change:?}") };
             assert!(paths[0].after.contains("discarded: true"), "{name}: {paths:?}");
         }
-        // The value of a pixel that is discarded is none.
+        // The value of a discarded pixel doesn't count.
         let dead = before.replace("return vec4f(x);", "return vec4f(select(x, 7.0, x < 0.5));");
         let all = changes(before, &dead);
         let fs = all.iter().find(|(name, _)| name.ends_with("fs")).expect("it was edited");
         assert!(matches!(fs.1, Change::Same { .. }), "{all:?}");
-        // A write before the statement stays.
+        // A write before the statement counts.
         let writes = "@group(0) @binding(0) var<storage, read_write> n: atomic<u32>;\n\
                       @fragment fn fs(@location(0) x: f32) { if x < 0.5 { discard; } atomicAdd(&n, 1u); }\n";
         let edited =
@@ -1316,7 +1322,7 @@ mod tests {
         }
     }
 
-    /// The results are the same, and the host has to supply its resources otherwise.
+    /// The results are the same, but the host has to supply resources differently.
     #[test]
     fn other_bindings_and_layouts_are_told() {
         let package = |text: &str| Package::from_source("p", text);
@@ -1349,15 +1355,15 @@ mod tests {
         );
         let space = interface(buffer, "var<storage>", "var<storage, read_write>");
         assert_eq!(space.len(), 1, "{space:?}");
-        // Another name says nothing to the host, and holds the same.
+        // A new name doesn't concern the host, and the resource has the same contents.
         let renamed = buffer.replace("d: array", "data: array").replace("d[i]", "data[i]");
         assert_eq!(interface(buffer, buffer, &renamed), [""; 0]);
         let renamed = aligned.replace("> p:", "> params:").replace("p.y", "params.y");
         assert_eq!(interface(aligned, aligned, &renamed), [""; 0]);
     }
 
-    /// Textures differ in size and levels, numbers are those that `karat.toml` declares, and cosines round
-    /// above 1.
+    /// Textures differ in size and levels, numbers have the ranges declared in `karat.toml`, and cosines round to a
+    /// little above 1.
     #[test]
     fn what_is_made_up_tells_edits_apart() {
         let textures = "@group(0) @binding(0) var t: texture_2d<f32>;\n\
@@ -1412,7 +1418,7 @@ mod tests {
         let compared = Request::new(open(&before), open(&after)).run().expect("it reads").remove(0);
         assert!(matches!(compared.change, Change::Same { .. }), "{compared:?}");
         assert_eq!(compared.drawn.to_string(), "from 1 to 2: x");
-        // The declared value of an override is held, and an override that neither side has is refused.
+        // The declared value of an override is kept. An override that neither side has is an error.
         let text = "override GAIN: f32 = 1.0;\nfn f(x: f32) -> f32 { return x * GAIN; }";
         let (before, after) = (folder(text), folder(&text.replace("return x", "return 2.0 * x")));
         for (declared, is_same) in
@@ -1435,7 +1441,8 @@ mod tests {
         assert_eq!((&*paths[0].before, &*paths[0].after), ("[3] = 1", "[3] = 2"));
     }
 
-    /// Loops in each other cost more than a function gets: fewer inputs run, evenly drawn, and what is left out is counted.
+    /// Nested loops cost more than the work allowed to a function: fewer inputs run, evenly sampled, and the comparison
+    /// counts those left out.
     #[test]
     fn the_work_of_a_function_is_bounded() {
         let text = |rounds: &str, step: &str| {
@@ -1447,7 +1454,7 @@ mod tests {
                 }}"
             )
         };
-        // As many rounds before and behind the edit.
+        // The same number of rounds before and after the edit.
         let one = compared(&text("64u", "x * f32(j)"), &text("64u", "f32(j) * x"));
         assert!(
             matches!(one.change, Change::Same { cases } if (64..1024).contains(&cases)),
@@ -1458,17 +1465,17 @@ mod tests {
         let changed = compared(&text("64u", "x * f32(j)"), &text("64u", "x * f32(j + 1u)"));
         let Change::Changed { paths } = &changed.change else { panic!("{changed:?}") };
         assert_eq!(paths[0].cases.1 + changed.cut, CASES);
-        // What is short runs whole.
+        // A short loop runs with all inputs.
         let short = compared(&text("2u", "x * f32(j)"), &text("2u", "f32(j) * x"));
         assert_eq!((short.change, short.cut), (Change::Same { cases: CASES }, 0));
-        // So few inputs are no verdict, but a change among them is one.
+        // Too few inputs ran for the verdict "same". A change among them still counts.
         let one = compared(&text("900u", "x * f32(j)"), &text("900u", "f32(j) * x"));
         let Change::Unjudged { reason } = &one.change else { panic!("{one:?}") };
         assert!(reason.starts_with("not looked at whole: "), "{reason}");
         assert!(reason.contains(" inputs of 4096 give the same results"), "{reason}");
         let changed = compared(&text("900u", "x * f32(j)"), &text("900u", "x + f32(j)"));
         assert!(matches!(changed.change, Change::Changed { .. }) && changed.cut > 0, "{changed:?}");
-        // A loop that doesn't end after the edit is told as before.
+        // A loop that no longer ends after the edit is reported as before.
         let endless = compared(&text("2u", "x"), &text("2u", "x").replace("i++", "i += 0u"));
         let Change::Unjudged { reason } = &endless.change else { panic!("{endless:?}") };
         assert_eq!(
@@ -1511,7 +1518,7 @@ mod tests {
         }
     }
 
-    /// A parameter is signed for a reason, whatever it is called, and a colour may be above 1.
+    /// A parameter with a signed type may be negative, whatever its name says, and a colour may be above 1.
     #[test]
     fn no_name_narrows_what_is_compared() {
         for (text, from, to) in [
@@ -1544,7 +1551,7 @@ mod tests {
         }
     }
 
-    /// Text under a condition is compared under the fewest features that make it live.
+    /// Code under a condition is compared under the fewest features that include it.
     #[test]
     fn edits_under_a_condition_are_compared_under_it() {
         let text = "@if(A) fn f(x: f32) -> f32 { return x; }
@@ -1586,7 +1593,7 @@ mod tests {
             (vec![of("f", "A")], 2)
         );
         assert_eq!(under("2.0 * x", "3.0 * x"), (vec![of("g", "B C")], 1));
-        // A condition that is the other way round is no edit, and one that only one side has is.
+        // A reversed condition isn't an edit of the code; a condition that only one side has is one.
         let swap =
             "fn f(x: f32) -> f32 {\n#ifdef A\n return 2.0 * x;\n#else\n return 3.0 * x;\n#endif\n}";
         let other = "fn f(x: f32) -> f32 {\n#ifndef A\n return 3.0 * x;\n#else\n return 2.0 * x;\n#endif\n}";
@@ -1598,7 +1605,7 @@ mod tests {
             assert!(matches!(one.change, Change::Changed { .. }), "{one:?}");
             assert_eq!(one.under, ["NEW"]);
         }
-        // An edit that no set of many features makes live isn't silent.
+        // If no tried set of many features includes an edit, the comparison says so.
         let never = "@if(A && B && C && D && !E && !F) fn f(x: f32) -> f32 { return x; }\nfn g() -> f32 { return 1.0; }";
         let [before, after] = [never, &never.replace("return x", "return 2.0 * x")]
             .map(|text| Package::from_source("p", text));
@@ -1607,7 +1614,7 @@ mod tests {
         assert!(matches!(hidden.change, Change::Unjudged { .. }), "{all:?}");
     }
 
-    /// Attributes match the inputs of entry points, and the comparison names each part that a host supplies.
+    /// Inputs of entry points are matched by attributes, and the comparison names each part that a host supplies.
     #[test]
     fn entry_points_are_compared_by_their_attributes() {
         let text = "struct I { @location(0) uv: vec2f, @location(1) n: vec3f }
@@ -1637,7 +1644,7 @@ mod tests {
         assert_eq!(lost, ["`q` at @group(0) @binding(3) isn't used any more"]);
     }
 
-    /// A structure's members may change their order or their names, and it its own name.
+    /// A structure and its members may be renamed, and the members may change their order.
     #[test]
     fn structures_are_compared_by_their_members() {
         let text = "struct Tmp { a: f32, b: vec2f }
@@ -1689,7 +1696,7 @@ mod tests {
             let one = compared(texels, &texels.replace(from, to));
             assert!(matches!(one.change, Change::Changed { .. }), "{to}: {one:?}");
         }
-        // An entry point begins anew.
+        // Each call of an entry point starts anew.
         let entry = "var<private> n: u32;
             @fragment fn f() -> @location(0) vec4f { n += 1u; return vec4f(f32(n)); }";
         let one = compared(entry, &entry.replace("n += 1u", "n = 1u"));
@@ -1706,7 +1713,7 @@ mod tests {
             }";
         let one = compared(wanted, &wanted.replace("= N;", "= N + 1u;"));
         assert!(matches!(one.change, Change::Changed { .. }), "{one:?}");
-        // A call with a `return` behind a discard is reached.
+        // A call of a function with a `return` after a discard is reached.
         let call = "fn a_pick(p: f32) -> f32 { if p > 0.0 { return 1.0; } return p; }
             @fragment fn fs(@location(0) x: f32) -> @location(0) vec4f {
                 if x < 0.5 { discard; }
@@ -1717,7 +1724,7 @@ mod tests {
         assert!(matches!(one.change, Change::Same { .. }) && one.uncovered.is_empty(), "{one:?}");
     }
 
-    /// The comparison shows overrides as hosts see them, and runs them with other values than their own.
+    /// The comparison shows overrides as hosts see them, and runs them with values besides their defaults.
     #[test]
     fn overrides_are_compared() {
         let text = "@id(3) override A: f32 = 1.0;\nfn f(x: f32) -> f32 { return A * x; }";
@@ -1745,7 +1752,7 @@ mod tests {
         assert!(matches!(all[0].change, Change::Changed { .. }), "{all:?}");
     }
 
-    /// A module that can't be read leaves the others their verdicts.
+    /// The other modules keep their verdicts if one can't be read.
     #[test]
     fn a_broken_module_is_told_and_the_others_are_compared() {
         let package =
@@ -1764,7 +1771,7 @@ mod tests {
             assert!(all[0].function == "bad" && reason.starts_with(side), "{all:?}");
             assert!(matches!(all[1].change, Change::Changed { .. }), "{all:?}");
         }
-        // A module that can't be read or linked, and has its old text, is no edit.
+        // A module that can't be read or linked, and has the same text on both sides, isn't an edit.
         let all = Request::new(package(bad, good), package(bad, good)).run().expect("they read");
         assert!(all.iter().all(|one| one.change == Change::Untouched), "{all:?}");
         let lacks = "fn f() -> f32 { return missing(); }";
@@ -1773,7 +1780,7 @@ mod tests {
         assert_eq!(all[0].change, Change::Untouched, "{all:?}");
     }
 
-    /// The values that functions leave in private variables are inputs of others, and results of their own.
+    /// The values that functions leave in private variables are inputs of other functions, and results of this one.
     #[test]
     fn private_state_is_an_input_and_a_result() {
         let left = "var<private> n: u32;\nvar<private> all: array<f32, 2>;
@@ -1791,7 +1798,7 @@ mod tests {
         }
         let same = changes(left, &left.replace("n = 1u", "n = 3u - 2u"));
         assert!(same.iter().all(|(_, change)| matches!(change, Change::Same { .. })), "{same:?}");
-        // A variable that nothing writes keeps its first value, and a first call finds that, too.
+        // A variable that nothing writes keeps its first value, and a first call reads that value, too.
         let table = "var<private> table: array<f32, 3> = array(1.0, 2.0, 4.0);
             fn at(i: u32) -> f32 { return table[i % 3u]; }";
         let one = compared(table, &table.replace("4.0", "5.0"));
@@ -1801,7 +1808,7 @@ mod tests {
         let one = compared(seed, &seed.replace("7u", "8u"));
         let Change::Changed { paths } = &one.change else { panic!("{one:?}") };
         assert_eq!((&*paths[0].before, &*paths[0].after), ("36", "41"));
-        // An override decides which branch is taken, a private variable the other one: neither leaves a line out.
+        // An override decides one branch, a private variable the other: both branches are covered.
         let both =
             "var<private> on: bool;\nfn f(x: f32) -> f32 { if on { return x; } return x + 1.0; }";
         let one = compared(both, &both.replace("return x; }", "return 1.0 * x; }"));
@@ -1824,7 +1831,7 @@ mod tests {
         ));
     }
 
-    /// A feature that conditions compare with a number has that number, and its neighbours where the edit needs them.
+    /// A feature that conditions compare with a number gets that number, and if the edit needs them, its neighbours.
     #[test]
     fn features_without_a_value_get_one() {
         let text = "#if LIGHTS > 2\nfn f(x: f32) -> f32 { return x + 1.0; }\n#else\n\
@@ -1851,7 +1858,7 @@ mod tests {
         assert!(matches!(same[0].1, Change::Same { .. }), "{same:?}");
     }
 
-    /// A setting that can't be judged covers no line, and one that finds a violation is the verdict.
+    /// A setting that can't be judged covers no line. If a setting finds a violation, that is the verdict.
     #[test]
     fn other_settings_hide_no_line() {
         let line = || Uncovered {
@@ -1873,7 +1880,7 @@ mod tests {
         assert!(one.is_open() && one.uncovered.is_empty());
     }
 
-    /// Edits under several conditions, each of which wants another number, are found; one name has one value on both sides.
+    /// Edits under several conditions that need different numbers are found; a name has the same value on both sides.
     #[test]
     fn conditions_with_several_numbers_are_met_together() {
         let package =
@@ -1904,7 +1911,7 @@ mod tests {
         assert!(matches!(all[0].change, Change::Changed { .. }), "{all:?}");
     }
 
-    /// A private variable that one side alone declares, one that has another name, and one that is too large.
+    /// Private variables that only one side declares, that were renamed, or that are too large.
     #[test]
     fn private_variables_come_go_and_are_large() {
         let scratch = "var<private> t: f32;\nfn f(x: f32) -> f32 { t = x * 2.0; return t + 1.0; }";
@@ -1930,7 +1937,7 @@ mod tests {
         let one = compared(large, &large.replace("i %", "(i + 9u) %"));
         let Change::Unjudged { reason } = &one.change else { panic!("{one:?}") };
         assert!(reason.contains("`a`: 5000 numbers are too many"), "{reason}");
-        // Of two with one name each has its path.
+        // If two have the same name, each is known by its path.
         let modules = |a: &str| {
             let b = "var<private> s: u32;\nfn g() -> u32 { s = s + 1u; return s; }";
             Package::from_modules("p", [("a", a), ("b", b)])
@@ -1946,7 +1953,7 @@ mod tests {
         assert!(matches!(one.change, Change::Signature { .. }), "{one:?}");
     }
 
-    /// Where the engine runs nothing it isn't known which lines inputs come to, and no silence says that all of them do.
+    /// If the engine runs nothing, coverage is unknown, and the comparison says so.
     #[test]
     fn what_is_not_measured_is_told() {
         let mut both = Both::default();
@@ -1960,12 +1967,12 @@ mod tests {
         note(&mut both.measured[after], Ok(()));
         note(&mut both.measured[after], Err("another content".to_owned()));
         assert!(both.uncovered("f.wgsl:1:1").is_empty(), "some of each side was");
-        // If the engine stopped early, finding no index outside proves nothing.
+        // The engine stopped early, so an index outside may still occur.
         both.unknown = Some("it ran too long".to_owned());
         assert_eq!(both.uncovered("f.wgsl:1:1")[0].missed, Missed::Unmeasured);
     }
 
-    /// Text that can't be read, under a condition or in a module that isn't valid, must not count as unchanged.
+    /// Text that can't be read, under a condition or in an invalid module, must not count as unchanged.
     #[test]
     fn edits_that_cannot_be_read_are_unjudged() {
         let of = |before: &str, after: &str| {
@@ -1978,7 +1985,7 @@ mod tests {
         let sound = "fn f(x: f32) -> f32 { return x; }\n#ifdef SHADOWS\nfn g() -> f32 { return 1.0; }\n#endif\n";
         let told = of(sound, &sound.replace("1.0; }", "1.0;"));
         assert!(told.contains("m: ") && told.contains("after: with SHADOWS: "), "{told}");
-        // A function that isn't valid hides what a host sees of the module.
+        // An invalid function hides the module's interface to the host.
         let invalid = "@id(3) override size: u32 = 4u;\nfn broken() -> f32 { return missing; }\n";
         for (from, to) in [("4u", "8u"), ("@id(3)", "@id(4)")] {
             let told = of(invalid, &invalid.replace(from, to));
@@ -1986,7 +1993,7 @@ mod tests {
         }
     }
 
-    /// A pixel that is discarded comes to nothing behind the statement that anybody sees.
+    /// A discarded pixel reaches no later statement with a visible effect.
     #[test]
     fn lines_behind_a_discard_are_not_reached() {
         let text = "fn cut(x: f32) { if x * x >= 0.0 { discard; } }
@@ -2006,7 +2013,7 @@ mod tests {
         );
     }
 
-    /// Plain numbers are shown, and no input that changes nothing.
+    /// Shows plain numbers, and no input that has no effect.
     #[test]
     fn the_evidence_is_what_people_would_look_at() {
         let text = "struct P { scale: f32, unused: f32 }

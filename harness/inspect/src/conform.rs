@@ -1,8 +1,7 @@
-//! Jobs with known answers, for people who write a program that runs jobs.
+//! Runs jobs with known answers, for authors of programs that run jobs.
 //!
-//! Each question is about one rule of the protocol, so that a failure names what to mend. A path's program is asked
-//! through [`Executor::run`], as tests ask it. Drivers and the engine of this
-//! process can be asked, too.
+//! Each question checks one rule of the protocol, so that a failure names the part to fix. Karat asks a path's program
+//! through [`Executor::run`], as tests do. It can also ask drivers, and the engine of this process.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -23,7 +22,7 @@ use karat::unstable::settings;
 use karat::{Package, Path, Sampler, Storage, Texture, Uniform};
 use serde::Serialize;
 
-/// What a path's program answered.
+/// The answers of a path's program.
 ///
 /// ```
 /// use karat::Path;
@@ -35,14 +34,14 @@ use serde::Serialize;
 /// ```
 #[derive(Clone, Debug, Serialize)]
 pub struct Report {
-    /// What runs behind the path, by its greeting.
+    /// The adapter behind the path, from its greeting.
     pub adapter: Adapter,
-    /// Every question, in their order.
+    /// Every question, in order.
     pub answers: Vec<Answered>,
 }
 
 impl Report {
-    /// The number of questions that were answered so.
+    /// The number of questions with this answer.
     #[must_use]
     pub fn count(&self, answer: Answer) -> usize {
         self.answers.iter().filter(|one| one.answer == answer).count()
@@ -52,31 +51,31 @@ impl Report {
 /// A question and its answer.
 #[derive(Clone, Debug, Serialize)]
 pub struct Answered {
-    /// A word for it: `untouched`.
+    /// A word for the question: `untouched`.
     pub name: &'static str,
-    /// The rule that it is about.
+    /// The rule that it checks.
     pub rule: &'static str,
-    /// How it was answered.
+    /// The result.
     pub answer: Answer,
-    /// Why, unless it is right.
+    /// The reason, unless the answer is right.
     pub why: String,
 }
 
-/// How a question was answered.
+/// The result of a question.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Answer {
     /// As expected.
     Right,
-    /// Otherwise, or not at all.
+    /// Another answer than expected, or none.
     Wrong,
-    /// The program takes no such shader, and says so: a test of one needs `refused_on`.
+    /// The program doesn't support such a shader, and says so. A test with such a shader needs `refused_on`.
     Refused,
-    /// The greeting doesn't have the ability, or the program hung before.
+    /// The greeting lacks the ability, or the program hung before.
     NotAsked,
 }
 
-/// Why a question has no right answer.
+/// The reason why a question has no right answer.
 enum Stop {
     /// The program refuses the shader.
     Refused(String),
@@ -89,13 +88,13 @@ impl<T: Into<String>> From<T> for Stop {
     }
 }
 
-/// Questions that may take all of their time. A program that hangs in more isn't asked again.
+/// The most questions that may time out. After that, the program isn't asked again.
 const MOST_HUNG: usize = 2;
 
-/// Asks the path's program every question, and tells each answer as soon as it is there.
+/// Asks the path's program every question, and reports each answer as soon as it arrives.
 ///
 /// # Errors
-/// If the path doesn't open: then nothing was asked.
+/// If the path doesn't open: then no question was asked.
 pub fn conform(path: Path, tell: &mut dyn FnMut(&Answered)) -> Result<Report, PathError> {
     let executor = executor::of(path)?;
     let (mut answers, mut hung) = (Vec::new(), 0);
@@ -114,7 +113,7 @@ pub fn conform(path: Path, tell: &mut dyn FnMut(&Answered)) -> Result<Report, Pa
                 match (asked, needs) {
                     (Ok(()), _) => (Answer::Right, String::new()),
                     (Err(Stop::Refused(why)), Some(_)) => (Answer::Refused, why),
-                    // Every program runs passes over buffers.
+                    // Every program has to run passes over buffers.
                     (Err(Stop::Refused(why) | Stop::Wrong(why)), _) => (Answer::Wrong, why),
                 }
             }
@@ -125,7 +124,7 @@ pub fn conform(path: Path, tell: &mut dyn FnMut(&Answered)) -> Result<Report, Pa
     Ok(Report { adapter: executor.adapter(), answers })
 }
 
-/// A name, the ability that it needs, the rule that it is about, and what asks it.
+/// A question: its name, the ability that it needs, the rule that it checks, and the function that asks it.
 type Question =
     (&'static str, Option<Ability>, &'static str, fn(&dyn Executor) -> Result<(), Stop>);
 
@@ -188,7 +187,7 @@ const QUESTIONS: [Question; 21] = [
     ("nearest", Some(Ability::Frames), "of two draws the nearer one is seen", nearest),
 ];
 
-/// Passes with what they are to leave in `out`.
+/// Passes, with the expected words of `out`.
 struct Passes<'a> {
     wgsl: &'a str,
     with: Vec<(&'a str, Fixture)>,
@@ -197,7 +196,7 @@ struct Passes<'a> {
 }
 
 impl<'a> Passes<'a> {
-    /// Passes over `out`, which begins as these words.
+    /// Passes over `out`, which begins with these words.
     fn over(wgsl: &'a str, out: Vec<u32>, dispatches: &'a [(&'a str, [u32; 3])]) -> Self {
         Self { wgsl, with: vec![("out", Storage::new(out).into())], overrides: &[], dispatches }
     }
@@ -230,7 +229,7 @@ impl<'a> Passes<'a> {
     }
 }
 
-/// The first that differs, if one does.
+/// Compares words, and reports the first difference.
 fn same(what: &str, words: &[u32], expected: &[u32]) -> Result<(), String> {
     if words.len() != expected.len() {
         return Err(format!("{} {what}s came back, not {}", words.len(), expected.len()));
@@ -357,7 +356,7 @@ fn function(executor: &dyn Executor) -> Result<(), Stop> {
     Ok(same("lane", &rows, &(0..1000_u16).flat_map(pair).collect::<Vec<_>>())?)
 }
 
-/// A job of passes as it is, each with the same bindings.
+/// A job of the given passes, each with the same bindings.
 fn job(texts: &[&str], resources: &[&[u32]], outputs: &[usize]) -> Job {
     let shader = |wgsl: &str| Shader {
         wgsl: wgsl.to_owned(),
@@ -376,7 +375,7 @@ fn job(texts: &[&str], resources: &[&[u32]], outputs: &[usize]) -> Job {
     Job::new(Work::Passes(passes), held, outputs.to_vec())
 }
 
-/// A reply as its program wrote it.
+/// A reply, as its program wrote it.
 fn shown(reply: &Reply) -> String {
     serde_json::to_string(reply).expect("it is plain data")
 }
@@ -428,7 +427,7 @@ fn refusal(executor: &dyn Executor) -> Result<(), Stop> {
     }
 }
 
-/// A texture of 4 by 2 texels whose texels are numbered from the top left.
+/// A texture of 4 x 2 texels, numbered from the top left.
 fn numbered() -> Texture {
     Texture::from_fn(4, 2, |x, y| (x + 4 * y) as f32)
 }
@@ -458,7 +457,7 @@ fn sampling(executor: &dyn Executor) -> Result<(), Stop> {
             out[1] = u32(2.0 * textureSampleLevel(image, linear, vec2f(2.0, 0.25), 0.0).x);
             out[2] = u32(2.0 * textureSampleLevel(same, nearest, vec2f(2.0, 0.75), 0.0).x);
         }";
-    // Halfway between texels 1 and 2; of 3 and 0, as the image repeats; the edge's texel of the second row.
+    // Halfway between texels 1 and 2; between 3 and 0, as the image repeats; the texel at the edge of the second row.
     Passes::over(wgsl, vec![0; 3], &[("look", [1, 1, 1])])
         .with("image", numbered())
         .with("linear", Sampler::LINEAR.repeat())
@@ -529,7 +528,7 @@ const CORNERS: &str = "fn corner(i: u32, z: f32) -> vec4f {
     @vertex fn near(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f { return corner(i, 0.25); }
     @vertex fn far(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f { return corner(i, 0.75); }";
 
-/// The bits of the pixels that a frame has.
+/// The bits of the pixels of a frame.
 fn image(frame: &karat::Frame<'_>, executor: &dyn Executor) -> Result<Vec<u32>, Stop> {
     let image = frame.render(executor.path()).map_err(|error| match &error {
         FrameError::Draw(DrawError::Path(PathError::Refused { message, .. })) => {

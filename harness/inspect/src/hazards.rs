@@ -1,14 +1,14 @@
-//! What can go wrong inside of functions, without a single test: values that become NaN or infinite,
-//! digits that are lost, indices that leave their array, and operations that WGSL doesn't bound.
+//! Finds hazards inside functions without a test: values that become NaN or infinite, lost digits, indices outside
+//! their array, and operations that WGSL doesn't bound.
 //!
-//! Karat's engine runs each function of a package in `f32`, in `f64` and in intervals, over arguments
-//! that declarations, names and types suggest (see [`made_up`](mod@crate::made_up)). A finding stands
-//! where it is born: at the operation whose operands were still good.
+//! Karat's engine runs each function of a package in `f32`, in `f64` and in intervals, over arguments that
+//! declarations, names and types suggest (see [`made_up`](mod@crate::made_up)). A finding is reported where it begins:
+//! at the operation whose operands were still good.
 //!
-//! Running decides what a finding is. Hold the declared inputs of a failing case, and draw the free ones again: if the
-//! operation goes wrong in every draw that comes to it, the finding is a *fault*; if some draw averts it, it is a
-//! *requirement*. Declared is what `[inputs]` of `karat.toml` says; in functions that nothing calls, also the range that a
-//! name means. A function that others call is judged at its callers.
+//! Karat classifies a finding by running the function again. It keeps the declared inputs of a failing case, and
+//! samples the free ones anew. If the operation goes wrong in every sample that reaches it, the finding is a *fault*;
+//! if some sample averts it, it is a *requirement*. Declared inputs are those in `[inputs]` of `karat.toml`; in
+//! functions without callers, also those whose names suggest a range. A function with callers is judged through them.
 //!
 //! ```no_run
 //! use karat::prelude::*;
@@ -54,7 +54,7 @@ use rayon::prelude::*;
 
 pub use karat::unstable::interpret::hazards::Kind;
 
-/// What hazards are looked for, and over what.
+/// A search for hazards, with its settings.
 ///
 /// ```
 /// # use karat::prelude::*;
@@ -73,22 +73,22 @@ pub struct Request {
     with_accepted: bool,
 }
 
-/// The class of a finding: the shader's fault, or something that it needs of its inputs.
+/// The class of a finding: a fault of the shader, or a requirement on its inputs.
 #[derive(
     Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize,
 )]
 #[serde(rename_all = "snake_case")]
 #[non_exhaustive]
 pub enum Class {
-    /// It goes wrong in every draw of the free inputs that comes to the operation.
+    /// It goes wrong in every sample of the free inputs that reaches the operation.
     Fault,
-    /// Some draw averts it, or too few came to it.
+    /// Some sample averts it, or too few samples reached the operation.
     Requirement,
-    /// Functions that lead here ran the operation in 256 calls at least, and it was fine in each.
+    /// Its callers ran the operation in at least 256 calls, and it was fine in each.
     Met,
-    /// They ran it less often.
+    /// Its callers ran the operation less often.
     NotReached,
-    /// A `select`, a branch or a bound of an infinity drops the value in every case.
+    /// In every case a `select`, a branch or a bound of an infinity drops the value.
     Dropped,
 }
 
@@ -113,10 +113,10 @@ pub struct Hazard {
     pub class: Class,
     /// The worst kind of error.
     pub kind: Kind,
-    /// The other kinds that the same number has, for other inputs.
+    /// The other kinds of error that the same number has for other inputs.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub kinds: Vec<Kind>,
-    /// The operation in the author's file.
+    /// The place of the operation in the author's file.
     pub location: String,
     /// Its text.
     pub text: String,
@@ -124,102 +124,103 @@ pub struct Hazard {
     pub function: String,
     /// Its arguments in the simplest case.
     pub arguments: Vec<(String, String)>,
-    /// Cases in which it goes wrong, of those that came to it; of a pass, contents of its resources.
+    /// The number of cases in which it goes wrong, and of cases that reached it; for a pass, of contents of its
+    /// resources.
     pub cases: (usize, usize),
-    /// Of a requirement, the inputs whose change alone averts it in that case.
+    /// For a requirement, the inputs of which each alone can avert it in that case.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub needs: Vec<String>,
-    /// Where it goes wrong, if a simple property of the inputs tells: `where k is 0, and nowhere else`.
+    /// The condition under which it goes wrong, if it is a simple property of the inputs: `where k is 0, and nowhere
+    /// else`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fails: Option<String>,
-    /// For lost digits, in that case: the value in `f32`, and what it is in `f64`.
+    /// For lost digits, in that case: the values in `f32` and in `f64`.
     pub values: Option<(String, String)>,
-    /// What the operation was computed from in that case, in `f32`; empty where that isn't floats, or more
-    /// than a line holds.
+    /// The operands in that case, in `f32`; empty if they aren't floats, or don't fit into a line.
     pub operands: Vec<String>,
-    /// Why `karat.toml` accepts it, where those are asked for.
+    /// The reason why `karat.toml` accepts it, if accepted findings were requested.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub accepted: Option<String>,
     /// Other functions in which the same operation goes wrong.
     pub also: Vec<String>,
-    /// The sanitizer's finding in a compute pass, or the pixel that doesn't come to a derivative.
+    /// The sanitizer's finding in a compute pass, or the pixel that doesn't reach a derivative.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub violation: Option<Violation>,
 }
 
-/// A function that was looked at, while others are still.
+/// A function that was checked, while others still run.
 #[derive(Clone, Copy, Debug)]
 pub struct Progress<'p> {
     /// Its name.
     pub function: &'p str,
-    /// Findings in it, which the functions that call it may meet.
+    /// Findings in it, before its callers judge them.
     pub found: usize,
-    /// Functions that are done.
+    /// The number of functions that are done.
     pub done: usize,
-    /// Of how many.
+    /// The number of functions.
     pub of: usize,
 }
 
-/// What was found in a package.
+/// The hazards of a package.
 #[derive(Clone, Debug, Serialize)]
 pub struct Hazards {
-    /// The version of this data: 2, since each finding has a class.
+    /// The version of this data. Since version 2 each finding has a class.
     pub schema: u32,
     /// The package.
     pub package: String,
-    /// Functions that were looked at.
+    /// Functions that were checked.
     pub functions: usize,
-    /// Functions that weren't, each with the reason; and modules that can't be read.
+    /// Functions that weren't checked, and modules that can't be read, each with the reason.
     pub skipped: Vec<(String, String)>,
-    /// Modules that can't be read, whose functions are unknown.
+    /// Modules that can't be read. Their functions are unknown.
     pub unread: usize,
-    /// Functions that aren't valid WGSL, or use what isn't.
+    /// Functions that aren't valid WGSL, or use something invalid.
     pub invalid: usize,
-    /// Faults and requirements, faults first and the worst kind first; one a line and kind.
+    /// Faults and requirements: faults first, then by kind, the worst first. One for each line and kind.
     pub found: Vec<Hazard>,
-    /// Findings that callers meet or don't reach, and those that are dropped.
+    /// Findings that callers meet or don't reach, and findings whose value is dropped.
     pub others: Vec<Hazard>,
-    /// The functions of acceptances in `karat.toml` that cover no fault: nothing needs them.
+    /// The functions of acceptances in `karat.toml` that cover no fault, so that you can remove them.
     pub needless: Vec<String>,
-    /// How many were left out, as `karat.toml` accepts them with a reason.
+    /// The number of findings left out because `karat.toml` accepts them with a reason.
     pub accepted: usize,
-    /// The ranges that arguments and members were drawn from.
+    /// The ranges that arguments and members were sampled from.
     pub drawn: Drawn,
-    /// The parts of these functions that weren't looked at.
+    /// The parts of these functions that weren't checked.
     pub unseen: Unseen,
-    /// Lines with operations that no input came to, as `file:line`.
+    /// Lines with operations that no input reached, as `file:line`.
     pub unreached: Vec<String>,
 }
 
-/// Parts of functions that weren't looked at.
+/// Parts of functions that weren't checked.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Unseen {
-    /// Inputs that are too much work: loops that count to more than some thousands, or many operations.
+    /// Inputs that cost too much: loops of more than some thousand rounds, or many operations.
     pub inputs: usize,
     /// Functions that have such inputs.
     pub functions: usize,
-    /// Functions with more operations than are kept: 4,096 of 256 inputs together.
+    /// Functions with more operations than Karat records: 4,096 for 256 inputs together.
     pub in_part: usize,
-    /// Functions that read private variables of more than 256 numbers, which keep their first values.
+    /// Functions that read private variables of more than 256 numbers. These keep their first values.
     pub of_state: usize,
 }
 
-/// Why nothing could be looked for.
+/// The reason why the search failed.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum HazardError {
     /// The package can't be read.
     #[error(transparent)]
     Package(#[from] PackageError),
-    /// No function was looked at: there is no verdict.
+    /// No function was checked, so there is no verdict.
     #[error("no function of package `{package}` can be looked at{}", first(skipped))]
     Nothing {
         /// The package.
         package: String,
-        /// Each function with the reason.
+        /// Each function, with the reason.
         skipped: Vec<(String, String)>,
     },
-    /// An input is declared that nothing takes.
+    /// An input is declared that no function has.
     #[error(
         "the input `{name}` is declared, and no function that is looked at has such an argument or reads \
          such a member{}{place}", nearest.as_ref().map_or_else(String::new, |near| format!("; did you mean `{near}`?"))
@@ -227,12 +228,12 @@ pub enum HazardError {
     UnknownInput {
         /// Its name.
         name: String,
-        /// The closest name that something takes.
+        /// The closest name of an input.
         nearest: Option<String>,
-        /// ` (karat.toml:3:1)`, where a file declares it.
+        /// ` (karat.toml:3:1)`, if a file declares it.
         place: String,
     },
-    /// What is declared can't be so.
+    /// A declaration is impossible.
     #[error("{0}")]
     Declaration(String),
 }
@@ -266,25 +267,25 @@ pub fn hazards(package: &Package) -> Request {
 }
 
 impl Request {
-    /// Only functions whose name contains one of these.
+    /// Restricts the search to functions whose name contains one of these.
     #[must_use]
     pub fn only<'n>(self, names: impl IntoIterator<Item = &'n str>) -> Self {
         Self { only: names.into_iter().map(str::to_owned).collect(), ..self }
     }
 
-    /// Inputs of each function, 1,024 unless it is said.
+    /// Sets the number of inputs of each function, 1,024 by default.
     #[must_use]
     pub fn cases(self, cases: usize) -> Self {
         Self { cases, ..self }
     }
 
-    /// Reports what `karat.toml` accepts, too.
+    /// Also reports the findings that `karat.toml` accepts.
     #[must_use]
     pub fn with_accepted(self) -> Self {
         Self { with_accepted: true, ..self }
     }
 
-    /// What arguments and members of this name are, in every function.
+    /// Declares the range of arguments and members with this name, in every function.
     #[must_use]
     pub fn input(mut self, name: &str, range: std::ops::RangeInclusive<f64>) -> Self {
         let (least, most) = range.into_inner();
@@ -299,15 +300,15 @@ impl Request {
         self
     }
 
-    /// Looks.
+    /// Runs the search.
     ///
     /// # Errors
-    /// If the package can't be read, no function can be looked at, or a declaration isn't true.
+    /// If the package can't be read, no function can be checked, or a declaration is wrong.
     pub fn run(&self) -> Result<Hazards, HazardError> {
         self.run_with(&|_| {})
     }
 
-    /// [`run`](Self::run), which tells each function that is done, with their count and of how many.
+    /// Does the same as [`run`](Self::run), and reports each function that is done, with its number and the total.
     ///
     /// # Errors
     /// As [`run`](Self::run).
@@ -355,7 +356,7 @@ impl Request {
                 let look = || self.look(item, &own);
                 let seen = panics::caught(look)
                     .unwrap_or_else(|panicked| Err(format!("Karat panics at it: {panicked}")));
-                // Whoever counts tells it before another one counts, so that no count is told late.
+                // Report a count before another thread counts, so that reports stay in order.
                 let mut done = done.lock().unwrap_or_else(PoisonError::into_inner);
                 *done += 1;
                 let found = seen.as_ref().map_or(0, |seen| seen.hazards.len());
@@ -430,7 +431,7 @@ impl Request {
             order.then_with(|| a.location.cmp(&b.location))
         });
         let (mut found, others): (Vec<Hazard>, Vec<Hazard>) = all.into_iter().partition(is_told);
-        // The inputs that avert a finding cost runs: only those of printed findings are looked for.
+        // Finding the inputs that avert a finding takes runs, so do it only for printed findings.
         found.par_iter_mut().filter(|one| one.class == Class::Requirement).for_each(|hazard| {
             if let Some(needs) = looked.get(&hazard.function).and_then(|seen| seen.needs(hazard)) {
                 hazard.needs = needs;
@@ -454,7 +455,7 @@ impl Request {
         })
     }
 
-    /// Refuses a declaration that nothing meets.
+    /// Checks that each declaration applies to something.
     fn expect_names(
         &self,
         inputs: &Ranges,
@@ -471,7 +472,8 @@ impl Request {
         };
         let Some(name) = inputs.names().find(|name| !is_met(name)) else { return Ok(()) };
         let place = place_of_input(&self.package, name);
-        // It may be met where no value fits: without it that function isn't skipped, or for another reason.
+        // It may apply to a function where no value fits: without it, that function isn't skipped, or has another
+        // reason.
         let without = inputs.without(name);
         let blamed = names.iter().find_map(|item| {
             let (_, why) = skipped.iter().find(|(name, _)| *name == item.name)?;
@@ -496,7 +498,8 @@ impl Request {
         Err(HazardError::UnknownInput { name: name.clone(), nearest, place })
     }
 
-    /// Why and where naga rejects a function, or what it uses. A crate may want abilities of its own renderer.
+    /// The reason and the place if naga rejects a function, or something that it uses. A crate may need abilities of
+    /// its own renderer.
     fn invalid(&self, name: &str) -> Option<String> {
         let (module, own) = name.rsplit_once("::").unwrap_or(("", name));
         let linked = || Program::of_items(&self.package, module, &[own]);
@@ -540,28 +543,28 @@ impl Request {
 #[derive(Default)]
 struct Seen {
     hazards: Vec<Hazard>,
-    /// By the place of an operation, the cases that came to it with good operands, which may be none.
+    /// By place of an operation: the number of cases that reached it with good operands, which may be 0.
     reached: BTreeMap<String, usize>,
     drawn: Drawn,
-    /// Inputs whose loops were too long to be looked at.
+    /// Inputs whose loops were too long to run.
     cut: usize,
-    /// True if it has more operations than are kept.
+    /// `true` if it has more operations than Karat records.
     in_part: bool,
-    /// True if it has private variables that keep their first values.
+    /// `true` if it has private variables that keep their first values.
     of_state: bool,
-    /// The trial of a function, with the key of each finding.
+    /// The trial of a function, and the keys of its findings.
     trial: Option<(Box<Trial>, Vec<function::Key>)>,
 }
 
 impl Seen {
-    /// Tells faults from requirements, in a function.
+    /// Classifies findings in a function as faults or requirements.
     fn judge(&mut self) {
         if let Some((trial, keys)) = &self.trial {
             trial.judge(&mut self.hazards, keys);
         }
     }
 
-    /// The inputs that avert a finding, of a function.
+    /// The inputs that avert a finding in a function.
     fn needs(&self, hazard: &Hazard) -> Option<Vec<String>> {
         let (trial, keys) = self.trial.as_ref()?;
         let is_it = |one: &Hazard| {
@@ -571,7 +574,7 @@ impl Seen {
     }
 }
 
-/// Lines that no input of any function came to.
+/// Lines that no input of any function reached.
 fn unreached<'s>(looked: impl Iterator<Item = &'s Seen>) -> Vec<String> {
     let mut lines: BTreeMap<(&str, usize), usize> = BTreeMap::new();
     for (place, cases) in looked.flat_map(|seen| &seen.reached) {
@@ -585,7 +588,7 @@ fn unreached<'s>(looked: impl Iterator<Item = &'s Seen>) -> Vec<String> {
     none.map(|((file, line), _)| format!("{file}:{line}")).collect()
 }
 
-/// Findings, judged at the functions that lead to them and that nothing calls: `roots` has these of each function.
+/// Findings, judged through the callers that have no callers themselves: `roots` has these for each function.
 fn judged(
     roots: &BTreeMap<String, BTreeSet<String>>,
     looked: &BTreeMap<String, Seen>,
@@ -621,14 +624,13 @@ fn judged(
     found.into_values().chain(others.into_values()).collect()
 }
 
-/// Findings by the place of their operation and its text, as `1.0 / a` begins where `1.0 / a / b` does; and what goes wrong
-/// there.
+/// Findings by the place of their operation, its text (`1.0 / a` begins where `1.0 / a / b` does), and their kind.
 type ByPlace = BTreeMap<OfPlace, Hazard>;
 
-/// The place of a finding, the text and the kind.
+/// The place of a finding, its text and its kind.
 type OfPlace = (String, String, Kind);
 
-/// The place of a finding. A number that is NaN for some inputs, and infinite or without a bound for others, is one.
+/// The key of a finding. A number that is NaN for some inputs, and infinite or unbounded for others, is one finding.
 fn key_of(hazard: &Hazard) -> OfPlace {
     let kind = match hazard.kind {
         Kind::Infinite | Kind::Unbounded => Kind::Nan,
@@ -637,7 +639,8 @@ fn key_of(hazard: &Hazard) -> OfPlace {
     (hazard.location.clone(), hazard.text.clone(), kind)
 }
 
-/// Adds a finding to those of other functions: a fault says more, and one with fewer arguments is closer to it.
+/// Adds a finding to those of other functions. A fault comes first, then the finding with fewer arguments, which is
+/// closer to the operation.
 fn add(found: &mut ByPlace, hazard: Hazard) {
     match found.entry(key_of(&hazard)) {
         std::collections::btree_map::Entry::Vacant(place) => {
@@ -677,15 +680,15 @@ fn first_line(text: &str) -> String {
     karat_core::output::headline(text).to_owned()
 }
 
-/// The operands of an operation, as people read them.
+/// The operands of an operation, as text.
 fn operands(found: &Found) -> Vec<String> {
-    /// Two vectors of four have as many.
+    /// The most operands shown: two vectors of four.
     const MOST: usize = 8;
     let all = Some(&found.operands).filter(|all| all.len() <= MOST);
     all.into_iter().flatten().map(|x| format_f32(*x)).collect()
 }
 
-/// The pixel that takes a derivative and the one that doesn't, with the condition where it parted.
+/// The pixel that takes a derivative and the one that doesn't, with the condition at which they parted.
 fn parted(function: &str, found: &Found) -> Option<Violation> {
     let Missing { reached, missing, parted } = found.missing.as_ref()?;
     let access = |span: &Span, invocation: &str, does: &str| ViolationAccess {
@@ -706,18 +709,18 @@ fn one_line(text: &str) -> String {
     text.split_whitespace().collect::<Vec<_>>().join(" ")
 }
 
-/// What `[[hazard]]` accepts.
+/// The findings that `[[hazard]]` accepts.
 trait Acceptance {
     fn covers(&self, hazard: &Hazard) -> bool;
 
     /// # Errors
-    /// If a function that is named has no such finding.
+    /// If a named function has no such finding.
     fn expect_current(&self, all: &[Hazard]) -> Result<(), HazardError>;
 }
 
 impl Acceptance for AcceptedHazard {
     fn covers(&self, hazard: &Hazard) -> bool {
-        // `module::*` is all of a module, and of those below it.
+        // `module::*` covers a module and those below it.
         let is = |name: &str, function: &str| match name.strip_suffix('*') {
             Some(module) => module.ends_with("::") && function.starts_with(module),
             None => name == function,
@@ -726,7 +729,7 @@ impl Acceptance for AcceptedHazard {
             && self.text.as_ref().is_none_or(|text| *text == hazard.text)
     }
 
-    /// Wants each function that is named to have such a finding, of whichever class.
+    /// Checks that each named function has such a finding, of any class.
     fn expect_current(&self, all: &[Hazard]) -> Result<(), HazardError> {
         let has = |name: &&String| {
             let alone = Self { functions: vec![(*name).clone()], ..self.clone() };
@@ -757,7 +760,7 @@ impl Hazard {
         std::iter::once(&self.function).chain(&self.also).map(String::as_str)
     }
 
-    /// The lines below the first: where it came from, what it means and what else shows it.
+    /// The lines below the first: the origin, the meaning, and other functions that show it.
     pub fn details(&self) -> impl fmt::Display + '_ {
         fmt::from_fn(move |f| self.write_details(f))
     }
@@ -789,7 +792,7 @@ impl Hazard {
             let kinds: Vec<&str> = self.kinds.iter().map(|kind| kind.name()).collect();
             write!(f, "; for other inputs {}", kinds.join(", "))?;
         }
-        // A number of workgroups has no name of the author's.
+        // A number of workgroups has no name in the source.
         let named = |name: &String| match name.contains(' ') {
             true => name.clone(),
             false => format!("another `{name}`"),
@@ -839,20 +842,20 @@ impl fmt::Display for Hazard {
 }
 
 impl Hazards {
-    /// The version of the data. Before 2 there were hazards and *rarer* ones, some of them lowered.
+    /// The version of the data. Version 1 had hazards and *rarer* ones, some of them lowered.
     pub const SCHEMA: u32 = 2;
 
-    /// The findings that are faults and that nothing accepts: these fail a run.
+    /// The faults without an acceptance: these fail a run.
     pub fn faults(&self) -> impl Iterator<Item = &Hazard> {
         self.of(Class::Fault)
     }
 
-    /// The requirements that nothing accepts.
+    /// The requirements without an acceptance.
     pub fn requirements(&self) -> impl Iterator<Item = &Hazard> {
         self.of(Class::Requirement)
     }
 
-    /// The findings of a class that nothing accepts.
+    /// The findings of a class without an acceptance.
     pub fn of(&self, class: Class) -> impl Iterator<Item = &Hazard> {
         let all = self.found.iter().chain(&self.others);
         all.filter(move |one| one.class == class && one.accepted.is_none())

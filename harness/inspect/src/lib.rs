@@ -1,4 +1,4 @@
-//! What can be said of WGSL shaders without a test.
+//! Answers questions about WGSL shaders without a test.
 //!
 //! | question | answer |
 //! |---|---|
@@ -6,7 +6,7 @@
 //! | what does this edit change? | [`compare`] |
 //! | do naga's translations say the same, here and on other drivers? | [`matrix()`] |
 //!
-//! All three run what they ask about, over inputs that [`made_up`] draws by what is declared, by the text and by types.
+//! All three run the shader over inputs that [`made_up`] generates from declarations, from the text and from types.
 //!
 //! ```
 //! use karat::Package;

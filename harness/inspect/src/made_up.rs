@@ -1,10 +1,9 @@
-//! Arguments and resources for functions of which no test says what they are: one description of them for
-//! [`hazards`](mod@crate::hazards), [`compare`](mod@crate::compare), the matrix of translations and tests
-//! without Rust.
+//! Generates arguments and resources for functions without a test. [`hazards`](mod@crate::hazards),
+//! [`compare`](mod@crate::compare), the matrix of translations and tests without Rust share one description of them.
 //!
-//! A number is described by the range that [`Ranges`] declares for its name, else by its name (`n_dot_l`,
-//! `NoV`, `worldNormal`, `perceptualRoughness`), else by its type. Both ends of each range are drawn, and 0
-//! and 1 where they lie in it. Members of structures and of buffers have names, too.
+//! The range of a number is the one that [`Ranges`] declares for its name, otherwise the one that its name suggests
+//! (`n_dot_l`, `NoV`, `worldNormal`, `perceptualRoughness`), otherwise that of its type. Both ends of each range are
+//! sampled, and so are 0 and 1 if they lie in it. Members of structures and of buffers have names, too.
 
 #[cfg(test)]
 mod bounds;
@@ -32,8 +31,8 @@ pub(crate) use resources::{Input, Mix, Resources};
 /// Ranges of arguments and members by name, as `karat.toml` declares them under `[inputs]` and
 /// `karat hazards --input` does.
 ///
-/// A name is that of an argument (`roughness`), of a member (`groups`), or of a member of a variable or an
-/// argument (`params.groups`), which comes first.
+/// A name is that of an argument (`roughness`), of a member (`groups`), or of a member of a variable or an argument
+/// (`params.groups`), which has precedence.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Ranges {
     declared: BTreeMap<String, Declaration>,
@@ -41,20 +40,20 @@ pub struct Ranges {
     builtins: Vec<(String, String)>,
     /// The dispatch of a compute pass.
     extents: Option<Extents>,
-    /// True if the range that a name means counts as declared.
+    /// `true` if the range that a name suggests counts as declared.
     named: bool,
-    /// True if no name says anything: what isn't declared is any number of its type.
+    /// `true` to ignore names: an undeclared input is any number of its type.
     nameless: bool,
-    /// True if numbers of buffers are below 0 where nothing says what they are.
+    /// `true` if unconstrained numbers of buffers are negative.
     negative: bool,
-    /// The numbers of the text, if inputs are tried there.
+    /// The numbers in the text, if inputs are also sampled there.
     literals: Option<Literals>,
-    /// The values of overrides, which are declared.
+    /// The declared values of overrides.
     overrides: BTreeMap<String, f64>,
 }
 
 impl Ranges {
-    /// Those that a package's `karat.toml` declares.
+    /// The ranges that a package's `karat.toml` declares.
     ///
     /// # Errors
     /// If `karat.toml` can't be read.
@@ -64,9 +63,10 @@ impl Ranges {
     }
 
     /// Declares what a name's numbers are, from `least` to `most`; a range that it had is replaced.
+    /// Declares the range of a name, from `least` to `most`. Replaces a range that it had.
     ///
     /// # Errors
-    /// If an end isn't finite or the first is above the second, in a sentence.
+    /// If an end isn't finite, or the first is above the second. The error is a sentence.
     pub fn declare(&mut self, name: &str, least: f64, most: f64) -> Result<(), String> {
         if !(least <= most && least.is_finite() && most.is_finite()) {
             return Err(format!("the input `{name}` is declared from {least} to {most}: no range"));
@@ -79,7 +79,7 @@ impl Ranges {
         self.declared.keys()
     }
 
-    /// The same where nothing says what that input is.
+    /// The same ranges without a declaration for this input.
     pub(crate) fn without(&self, name: &str) -> Self {
         let mut all = self.clone();
         all.declared.remove(name);
@@ -90,7 +90,7 @@ impl Ranges {
         &self.overrides
     }
 
-    /// The same for one function: what is declared of it alone comes first.
+    /// The same for one function. Declarations for that function alone have precedence.
     #[must_use]
     pub(crate) fn scoped(&self, function: &str) -> Self {
         let mut all = self.clone();
@@ -104,7 +104,7 @@ impl Ranges {
         all
     }
 
-    /// The declarations of lengths, and of the workgroups of a pass, that are met.
+    /// Notes the declarations of lengths, and of a pass's workgroups, that apply to something.
     pub(crate) fn note_sizes<'b>(
         &self,
         bindings: impl Iterator<Item = &'b str>,
@@ -118,7 +118,8 @@ impl Ranges {
         all.filter(|key| self.declared.contains_key(key)).for_each(|key| drawn.add(key));
     }
 
-    /// The elements of an array without a length, where so many are usual; of two contents one has the least that is declared.
+    /// The elements of a runtime-sized array, `usual` if nothing is declared. One of two contents has the least
+    /// declared number.
     pub(crate) fn length(&self, binding: &str, usual: u32, least: bool) -> u32 {
         let own = binding.rsplit("::").next().unwrap_or(binding);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "it saturates")]
@@ -132,7 +133,7 @@ impl Ranges {
         }
     }
 
-    /// The workgroups of a pass, where so many are usual: in all as many as are declared.
+    /// The workgroups of a pass, `usual` if nothing is declared; otherwise as many in total as declared.
     pub(crate) fn workgroups(&self, pass: &str, usual: [u32; 3]) -> [u32; 3] {
         let own = pass.rsplit("::").next().unwrap_or(pass);
         let keys = [pass, own].map(|name| format!("workgroups({name})"));
@@ -147,25 +148,25 @@ impl Ranges {
         }
     }
 
-    /// The same, with the ranges that names mean as declarations: of a function that nothing calls.
+    /// The same ranges, with the ranges that names suggest as declarations: for a function without callers.
     #[must_use]
     pub(crate) fn with_names(&self) -> Self {
         Self { named: true, ..self.clone() }
     }
 
-    /// The same, where no name says anything.
+    /// The same ranges, ignoring names.
     #[must_use]
     pub(crate) fn without_names(&self) -> Self {
         Self { nameless: true, ..self.clone() }
     }
 
-    /// The same, where numbers of buffers are below 0 if nothing says what they are.
+    /// The same ranges, with negative numbers in buffers for unconstrained inputs.
     #[must_use]
     pub(crate) fn negative(&self) -> Self {
         Self { negative: true, ..self.clone() }
     }
 
-    /// The same for a text that compares with some numbers: inputs are tried there, too.
+    /// The same ranges for a text that compares with some numbers: inputs are also sampled there.
     #[must_use]
     pub(crate) fn with_literals(&self, literals: Literals) -> Self {
         Self { literals: Some(literals), ..self.clone() }
@@ -191,8 +192,8 @@ impl Ranges {
             .collect()
     }
 
-    /// The numbers of a type that the text has, each between its neighbours, and another one first for another name. Whole
-    /// numbers may be 0, and below 0, whatever they are called.
+    /// The numbers of a type in the text, each between its neighbours. Another name begins with another number. Whole
+    /// numbers may be 0 or negative, whatever their names are.
     fn beside(&self, path: &str, scalar: Scalar) -> Vec<Vec<u32>> {
         let Some(literals) = &self.literals else { return Vec::new() };
         let mut all: Vec<[u32; 3]> = match scalar {
@@ -223,7 +224,7 @@ impl Ranges {
         least.iter().chain(all.as_flattened()).map(|word| vec![*word]).collect()
     }
 
-    /// The same over the arguments of a function, which may be an entry point with builtin values.
+    /// The same ranges for the arguments of a function, which may be an entry point with builtin values.
     #[must_use]
     pub fn of_function(&self, function: &Function) -> Self {
         Self { builtins: function.form.builtins.clone(), ..self.scoped(&function.name) }
@@ -235,37 +236,37 @@ impl Ranges {
         self.declared.get(path).or_else(|| self.declared.get(own))
     }
 
-    /// The builtin value that a path of an entry point is.
+    /// The builtin value at a path of an entry point.
     fn builtin(&self, path: &str) -> Option<&str> {
         let mut all = self.builtins.iter();
         all.find(|(known, _)| known == path).map(|(_, builtin)| builtin.as_str())
     }
 }
 
-/// The parts of a [`Dynamic`] domain for an argument of which the name and the type are known.
+/// The parts of a [`Dynamic`] domain for an argument with this name and type.
 ///
 /// # Errors
-/// If a declared range has no value of the argument's type, in a sentence.
+/// If a declared range has no value of the argument's type. The error is a sentence.
 pub fn suggested(name: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<Part>, String> {
     Ok(described(name, shape, ranges)?.into_iter().map(|one| one.part).collect())
 }
 
-/// The most that a number changes from pixel to pixel.
+/// The largest change of a number between neighbouring pixels.
 const STEEPEST: f64 = 0.5;
 
-/// The name of derivatives in a report of the numbers that are drawn.
+/// The name of derivatives in a report of the ranges.
 const DERIVATIVES: &str = "derivatives";
 
-/// One number or direction of an argument or a resource.
+/// A number or a direction of an argument or a resource.
 struct Described {
     path: String,
     part: Part,
-    /// Neither a declaration nor the name says what it is.
+    /// `true` if neither a declaration nor the name gives a range.
     guessed: bool,
     declared: bool,
-    /// It is declared, or its name means a range and names count as declarations.
+    /// `true` if it is declared, or if names count as declarations and its name suggests a range.
     known: bool,
-    /// It is a size that follows from what is dispatched.
+    /// `true` for a size that follows from the dispatch.
     sized: bool,
     scalars: Vec<Scalar>,
 }
@@ -298,15 +299,15 @@ fn described(path: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<Described
     }
 }
 
-/// The derivatives of one of some numbers, to the right or downwards.
+/// The derivatives of one number, to the right or downwards.
 fn slopes(values: &[Described], at: usize, direction: usize, ranges: &Ranges) -> Vec<Described> {
     let path = &values[at].path;
     let is_pixel = ranges.builtin(path) == Some(meaning::POSITION);
     let lane = values[..at].iter().rev().take_while(|before| before.path == *path).count();
     let slope = |scalar: &Scalar| {
-        // The next pixel is one step of the screen away.
+        // The next pixel is one step away.
         let step = f32::from(u8::from(lane == direction)).to_bits();
-        // Levels of textures follow the logarithm of a slope, so small ones are common.
+        // Texture levels depend on the logarithm of a slope, so small slopes are common.
         let small = || Part::range(*scalar, -STEEPEST..=STEEPEST);
         let part = if is_pixel {
             Part::just(*scalar, step)
@@ -314,7 +315,7 @@ fn slopes(values: &[Described], at: usize, direction: usize, ranges: &Ranges) ->
             small().unwrap_or_else(|| Part::just(*scalar, 0))
         };
         Described {
-            // The step isn't drawn, and has no name in reports.
+            // The step isn't sampled, and has no name in reports.
             path: if is_pixel { String::new() } else { DERIVATIVES.to_owned() },
             part,
             guessed: false,
@@ -344,7 +345,7 @@ fn described_numbers(path: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<D
         guessed: meaning == Meaning::Any && builtin.is_none(),
         declared: declared.is_some(),
         known: declared.is_some()
-            // Of a whole number a name says no end.
+            // A name doesn't bound a whole number.
             || ranges.named && meaning != Meaning::Any && builtin.is_none() && !is_whole
             || builtin.is_some_and(meaning::has_range),
         sized: false,
@@ -393,7 +394,7 @@ fn described_numbers(path: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<D
         }
         let of_builtin = || Meaning::of_builtin(builtin?, lane);
         let of_size = || {
-            // A count may be less than the elements that there are.
+            // A count may be less than the number of elements.
             let is_named = !ranges.nameless;
             let whole = matches!(scalar, Scalar::U32 | Scalar::I32);
             let extents = ranges.extents.filter(|_| whole || scalar == Scalar::F32)?;
@@ -416,7 +417,7 @@ fn described_numbers(path: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<D
                     "`{path}` is declared from {least} to {most}, and no {scalar} lies there"
                 ));
             }
-            // A name that means a number, `is_diffuse`, says nothing of a truth value.
+            // A name that suggests a number, such as `is_diffuse`, doesn't constrain a boolean.
             (None, _) => Meaning::Any.part(scalar).unwrap_or_else(|| Part::just(scalar, 0)),
         };
         let sized = declared.is_none() && of_size().is_some();
@@ -430,7 +431,7 @@ fn described_numbers(path: &str, shape: &Shape, ranges: &Ranges) -> Result<Vec<D
     shape.lanes().into_iter().enumerate().map(part).collect()
 }
 
-/// The word of a number in a type that has it.
+/// The word of a number in a type that can hold it.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "the range is checked")]
 fn exact(scalar: Scalar, x: f64) -> Option<u32> {
     let whole = x.fract() == 0.0;
@@ -464,7 +465,7 @@ impl Arguments {
         Ok(Self { domain: Dynamic::new(&function.parameters, parts), described: all })
     }
 
-    /// The inputs of a fragment function, whose sizes follow from the pixels.
+    /// The inputs of a fragment function. Their sizes follow from the pixels.
     pub(crate) fn of_draw(
         function: &Function,
         ranges: &Ranges,
@@ -473,8 +474,8 @@ impl Arguments {
         Self::of(function, &Ranges { extents: Some(extents), ..ranges.clone() })
     }
 
-    /// How many rows there are, at most `cases`, and their words: edges first, at most half of them.
-    /// A domain that has fewer values gives each of them once.
+    /// The number of rows, at most `cases`, and their words: edges first, at most half of the rows. A domain with fewer
+    /// values gives each value once.
     pub(crate) fn rows(&self, seed: u64, cases: usize) -> (usize, Vec<u32>) {
         let numbering = Numbering::of(&self.domain, seed, cases as u64, cases as u64);
         let mut rows = Vec::new();
@@ -482,10 +483,10 @@ impl Arguments {
         (usize::try_from(count).unwrap_or_default(), rows)
     }
 
-    /// Rows as [`rows`](Self::rows) gives, and behind them a quarter as many of `others`, to which names say nothing. In every
-    /// other one of these two inputs of one type are equal.
+    /// Rows as [`rows`](Self::rows) gives, then a quarter as many of `others`, which ignore names. In every second row
+    /// of `others`, two inputs of one type are equal.
     pub(crate) fn rows_beside(&self, others: &Self, seed: u64, cases: usize) -> (usize, Vec<u32>) {
-        /// One row in so many.
+        /// One row in this many.
         const SHARE: usize = 4;
         let (count, mut rows) = self.rows(seed, cases - cases / SHARE);
         let (more, mut of_others) = others.rows(seed, (cases - count).min(cases / SHARE));
@@ -505,14 +506,14 @@ impl Arguments {
         (count + more, rows)
     }
 
-    /// The rows that meet a content of the resources: all of them meet the first, a part each other one.
+    /// The rows that run over a content of the resources: all over the first one, a part over each other one.
     pub(crate) fn part(&self, rows: &[u32], count: usize, draw: usize) -> (usize, Vec<u32>) {
-        /// One row in so many.
+        /// One row in this many.
         const SHARE: usize = 4;
         self.select(rows, count, |at| draw == 0 || count < SHARE || at % SHARE == draw % SHARE)
     }
 
-    /// The rows of some numbers.
+    /// The rows with these numbers.
     pub(crate) fn select(
         &self,
         rows: &[u32],
@@ -524,27 +525,27 @@ impl Arguments {
         (at.len(), at.iter().flat_map(|at| &rows[at * width..][..width]).copied().collect())
     }
 
-    /// Words of a row.
+    /// The words of a row.
     pub(crate) fn width(&self) -> usize {
         self.domain.width()
     }
 
-    /// The lanes of a row, each with what is known of it.
+    /// The lanes of a row, each with its description.
     fn lanes(&self) -> impl Iterator<Item = (&Described, Scalar)> {
         self.described.iter().flat_map(|one| one.scalars.iter().map(move |scalar| (one, *scalar)))
     }
 
-    /// True if each argument is declared.
+    /// Returns `true` if each argument is declared.
     pub(crate) fn are_declared(&self) -> bool {
         self.described.iter().all(|one| one.declared || one.path.is_empty())
     }
 
-    /// True if no argument is free.
+    /// Returns `true` if no argument is free.
     pub(crate) fn are_known(&self) -> bool {
         self.described.iter().all(|one| one.known)
     }
 
-    /// Of each lane whether it is free: not known, or not even declared.
+    /// For each lane, `true` if it is free: not known, or with `not_declared`, not declared.
     pub(crate) fn free(&self, not_declared: bool) -> Vec<bool> {
         self.lanes().map(|(one, _)| if not_declared { !one.declared } else { !one.known }).collect()
     }
@@ -555,7 +556,8 @@ impl Arguments {
         all.filter(|((one, _), _)| one.known).map(|(_, word)| *word).collect()
     }
 
-    /// Makes 0 of what is subnormal, which drivers may take for it (WGSL 15.7.4): what only one of them shows is no finding.
+    /// Replaces subnormals with 0, which drivers may do, too (WGSL 15.7.4): a hazard that only a subnormal shows is no
+    /// finding.
     pub(crate) fn without_subnormals(&self, rows: &mut [u32]) {
         let scalars: Vec<Scalar> = self.lanes().map(|(_, scalar)| scalar).collect();
         for (word, scalar) in rows.iter_mut().zip(scalars.iter().cycle()) {
@@ -565,14 +567,13 @@ impl Arguments {
         }
     }
 
-    /// Rows that hold what is known of one row, and are free as others are: so many, from the first of the others again where
-    /// they are fewer.
+    /// `count` rows with the known lanes of `row` and the free lanes of `others`, which repeat if they are too few.
     pub(crate) fn held(&self, row: &[u32], others: &[u32], count: usize) -> Vec<u32> {
         let known: Vec<bool> = self.lanes().map(|(one, _)| one.known).collect();
         self.replaced(row, others, count, &|lane| !known[lane])
     }
 
-    /// Rows of which some lanes are those of others.
+    /// Rows with some lanes taken from other rows.
     pub(crate) fn replaced(
         &self,
         row: &[u32],
@@ -582,19 +583,19 @@ impl Arguments {
     ) -> Vec<u32> {
         let width = self.width();
         let all = others.len() / width.max(1);
-        // Evenly spread, so that edges and draws both come.
+        // Evenly spread, to include edges and random samples.
         let number = |at: usize| if all > count { at * all / count } else { at % all.max(1) };
         let other = |at: usize| &others[number(at) * width..][..width];
         let lane = |at, lane| if takes(lane) { other(at)[lane] } else { row[lane] };
         (0..count).flat_map(|at| (0..width).map(move |own| lane(at, own))).collect()
     }
 
-    /// How far a row is from what people would try first: its extreme numbers, then those that are neither 0, 1, -1 nor an
-    /// end of their range.
+    /// How far a row is from the values that a person would try first: the number of extreme numbers, and of numbers
+    /// other than 0, 1, -1 and the ends of their range.
     pub(crate) fn oddity(&self, row: &[u32]) -> [usize; 2] {
-        /// Positions, times and sizes are thousands at most.
+        /// Positions, times and sizes are rarely larger.
         const MOST: f32 = 1e4;
-        /// No distance, weight or density of a scene is so small.
+        /// Distances, weights and densities of a scene are rarely smaller.
         const LEAST: f32 = 1e-10;
         let is_extreme = |scalar: Scalar, word: u32| {
             let size = f32::from_bits(word).abs();
@@ -606,9 +607,9 @@ impl Arguments {
         [extreme, odd]
     }
 
-    /// A row for each pixel of a draw. A position is the pixel's own, the first two numbers of a vector go from 0 to 1 across
-    /// and down, as texture coordinates do, and another float goes from that of one row to that of another one. All else is
-    /// that of the first row.
+    /// A row for each pixel of a draw. A position is the pixel's own. The first two numbers of a vector go from 0 to 1
+    /// across and down, as texture coordinates do. Another float goes from its value in one row to its value in
+    /// another. Everything else comes from the first row.
     pub(crate) fn of_pixels(
         &self,
         function: &Function,
@@ -619,7 +620,7 @@ impl Arguments {
             let mut builtins = function.form.builtins.iter();
             builtins.any(|(path, builtin)| *path == one.path && builtin == meaning::POSITION)
         };
-        // The place in a row of the first two numbers of vectors, and whether it is a position.
+        // The place in a row of the first two numbers of each vector, and `true` if it is a position.
         let (mut at, mut vectors, mut others) = (0, Vec::new(), Vec::new());
         for (index, one) in self.described.iter().enumerate() {
             let path = |other: usize| self.described.get(other).map(|other| &other.path);
@@ -638,7 +639,7 @@ impl Arguments {
         for pixel in pixels {
             let first = rows.len();
             rows.extend_from_slice(row);
-            // Along the diagonal, so that a float differs between neighbours in each direction.
+            // Along the diagonal, so that a float differs between neighbours in both directions.
             let share = (pixel[0] + pixel[1]) as f32 / (across + down - 2).max(1) as f32;
             for at in &others {
                 let [one, other] = [row, other].map(|row| f32::from_bits(row[*at]));
@@ -655,9 +656,9 @@ impl Arguments {
         rows
     }
 
-    /// True if no whole number of a row that isn't declared is large: a loop that counts to one ends, at some time.
+    /// Returns `true` if no undeclared whole number of a row is large, so that a loop that counts to it ends.
     pub(crate) fn counts_little(&self, row: &[u32]) -> bool {
-        /// Loops of three in each other make 512 rounds, far fewer than any that is long.
+        /// Three nested loops then make 512 rounds, far fewer than a long loop.
         const MOST: u32 = 8;
         self.lanes().zip(row).all(|((one, scalar), word)| match scalar {
             Scalar::I32 => one.declared || word.cast_signed().unsigned_abs() <= MOST,
@@ -674,7 +675,7 @@ impl Arguments {
     }
 }
 
-/// One call of a function, of which nothing is given.
+/// One call of a function, with generated inputs.
 #[derive(Clone, Debug)]
 pub struct MadeUp {
     /// The words of the arguments.
@@ -683,15 +684,16 @@ pub struct MadeUp {
     pub fixtures: karat::fixture::Fixtures,
     /// The members of buffers that aren't elements of arrays, with their values.
     pub members: Vec<(String, String)>,
-    /// The ranges that all of it was drawn from.
+    /// The ranges that all inputs were sampled from.
     pub drawn: Drawn,
 }
 
 impl MadeUp {
-    /// Case `case` of those that a search tries: edges come first.
+    /// The inputs of case `case` of a search. Edges come first.
     ///
     /// # Errors
-    /// If a resource can't be made up, or a declared range has no value of its argument's type, in a sentence.
+    /// If a resource can't be generated, or a declared range has no value of its argument's type. The error is a
+    /// sentence.
     pub fn of(
         probed: &karat::unstable::probe::Probed,
         ranges: &Ranges,
@@ -709,11 +711,11 @@ impl MadeUp {
         Ok(Self { lanes, fixtures, members, drawn: all })
     }
 
-    /// Content `case` of the resources of a compute pass over so many workgroups. Sizes follow from what is dispatched,
-    /// and in the first two cases indices in buffers do.
+    /// Content `case` of the resources of a compute pass over so many workgroups. Sizes follow from the dispatch; in
+    /// the first two cases, so do indices in buffers.
     ///
     /// # Errors
-    /// If the entry point isn't valid, or a resource can't be made up.
+    /// If the entry point isn't valid, or a resource can't be generated.
     pub fn of_pass(
         (package, name): (&Package, &str),
         overrides: &BTreeMap<String, f64>,
@@ -734,7 +736,7 @@ impl MadeUp {
     #[must_use]
     pub fn arguments(&self, function: &Function) -> Vec<(String, String)> {
         let mut rest = &*self.lanes;
-        // A pass has none.
+        // A pass has no arguments.
         if rest.is_empty() {
             return Vec::new();
         }
@@ -747,14 +749,14 @@ impl MadeUp {
     }
 }
 
-/// The cases of which one can be chosen.
+/// The number of cases to choose from.
 const CASES: usize = 1024;
 
-/// The ranges that names were drawn from: for a report.
+/// The ranges that names were sampled from, for a report.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
 #[serde(transparent)]
 pub struct Drawn {
-    /// Names by what they are drawn from.
+    /// Names, by the range that they are sampled from.
     by: BTreeMap<String, BTreeSet<String>>,
 }
 
@@ -767,7 +769,7 @@ impl Drawn {
         self.by.entry(described.to_owned()).or_default().insert(one.path.clone());
     }
 
-    /// Adds a name that isn't drawn, as it is declared.
+    /// Adds a name that isn't sampled, with its declaration.
     fn add(&mut self, name: String) {
         self.by.entry("as declared".to_owned()).or_default().insert(name);
     }
@@ -778,7 +780,7 @@ impl Drawn {
         }
     }
 
-    /// The same, where a quarter of what is drawn is what `others` draw.
+    /// The same, if a quarter of the samples are those of `others`.
     pub(crate) fn beside(self, others: &Self) -> Self {
         let mut all = Self::default();
         for (key, names) in self.by {
@@ -800,7 +802,7 @@ impl Drawn {
 }
 
 impl Drawn {
-    /// A line for each kind of number: what it is drawn from, and at most so many of the names that are.
+    /// A line for each range: the range, and at most so many of the names that have it.
     #[must_use]
     pub fn lines(&self, most: usize) -> Vec<String> {
         let line = |(text, names): (&String, &BTreeSet<String>)| {
@@ -825,7 +827,7 @@ impl std::fmt::Display for Drawn {
 mod tests {
     use super::*;
 
-    /// What is declared of a member of a variable comes before what is declared of each member of that name.
+    /// A declaration for a member of a variable has precedence over one for all members with that name.
     #[test]
     fn a_path_comes_before_its_last_name() {
         let mut ranges = Ranges::default();
@@ -853,7 +855,7 @@ mod tests {
         (probed, Ranges::default())
     }
 
-    /// Rows are few where a function has few values: each content of resources meets all of them.
+    /// A function with few values has few rows: each content of resources meets all of them.
     #[test]
     fn contents_meet_a_part_of_many_rows_and_all_of_few() {
         let (probed, ranges) = function("fn f(b: bool) -> bool { return b; }");
@@ -865,13 +867,13 @@ mod tests {
         assert_eq!(arguments.part(&many, 10, 0), (10, many.clone()));
         assert_eq!(arguments.part(&many, 10, 1), (3, vec![1, 5, 9]));
         assert_eq!(arguments.part(&many, 10, 4), (3, vec![0, 4, 8]));
-        // One case has no arguments, and there is no second one.
+        // A function without arguments has one case; there is no second one.
         let (probed, ranges) = function("fn f() -> f32 { return 1.0; }");
         let cases = [0, 1].map(|case| MadeUp::of(&probed, &ranges, case).map(|one| one.lanes));
         assert_eq!(cases, [Ok(Vec::new()), Err("there are 1 cases, from 0".to_owned())]);
     }
 
-    /// Declared lanes are held, a name counts where nothing calls the function, and plain numbers come first.
+    /// Declared lanes are held, names count in a function without callers, and plain numbers come first.
     #[test]
     fn known_lanes_are_held() {
         let (probed, mut ranges) =

@@ -1,12 +1,10 @@
-//! What each translation of a package's shaders is worth: function by function and entry point by
-//! entry point, on every route.
+//! Checks the translations of a package's shaders, for each function and entry point on every route.
 //!
-//! A cell of the matrix is a row (a function or an entry point) on a column (an execution path, or a
-//! language that nothing here runs). It says how far the row gets: [`Status::Translated`] by naga,
-//! [`Status::Valid`] for every validator of the language that is installed, [`Status::Executed`] on
-//! inputs drawn from its signature, and [`Status::Agrees`] with another route. Where it gets no
-//! further, [`Stop`] says why, in naga's or the tool's own words. Nothing is assumed: without a
-//! validator nothing is valid, and without a driver nothing is executed.
+//! A cell of the matrix is a row (a function or an entry point) on a column (an execution path, or a language that
+//! nothing here runs). Its status says how far the row gets: [`Status::Translated`] by naga, [`Status::Valid`] for
+//! every installed validator of the language, [`Status::Executed`] on inputs sampled for its signature, and
+//! [`Status::Agrees`] with another route. If it gets no further, [`Stop`] gives the reason, in naga's or the tool's own
+//! words. A row is valid only if a validator says so, and executed only if a driver ran it.
 
 mod allowed;
 mod column;
@@ -49,22 +47,22 @@ pub use known::{Finding, Known};
 pub use reference::Reference;
 pub use table::{Head, Matrix, MatrixError, Missed};
 
-/// How far a row gets on a column.
+/// The status of a row on a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Status {
     /// naga writes it in the column's language.
     Translated,
-    /// Every validator of the language that is here accepts what naga wrote; there is at least one.
+    /// Every installed validator of the language accepts naga's output; there is at least one.
     Valid,
     /// It ran on each of the inputs, and wrote each result.
     Executed,
-    /// Its results are those of another column.
+    /// Its results equal those of another column.
     Agrees,
 }
 
 impl Status {
-    /// All of them, from the least to the most.
+    /// All statuses, from the least to the most.
     pub const ALL: [Self; 4] = [Self::Translated, Self::Valid, Self::Executed, Self::Agrees];
 
     /// The name in tables and on the command line.
@@ -95,34 +93,34 @@ impl fmt::Display for Status {
     }
 }
 
-/// Why a row gets no further.
+/// The reason why a row gets no further.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case", tag = "why", content = "says")]
 pub enum Stop {
-    /// naga doesn't write it; its words.
+    /// naga can't write it. Holds naga's words.
     Unsupported(String),
-    /// naga panics as it writes it; the panic's words.
+    /// naga panics while writing it. Holds the panic's words.
     Panicked(String),
-    /// A validator rejects it: which one, and its words.
+    /// A validator rejects it. Holds the validator's name and its words.
     Rejected(String),
-    /// A validator or a driver has no verdict: it crashed, didn't end or can't be run.
+    /// A validator or a driver gives no verdict: it crashed, didn't end or can't be run.
     Broke(String),
-    /// The validators of the language that are here don't know all of it: what they lack, and their words.
+    /// The installed validators of the language don't support all of it. Holds the missing part and their words.
     Unable(String),
-    /// No validator of the language is here.
+    /// No validator of the language is installed.
     NoValidator(String),
-    /// The column's path isn't here, or nothing here runs its language.
+    /// The column's path isn't available here, or nothing here runs its language.
     Unavailable(String),
     /// It can't be run here, or running it failed.
     NotRun(String),
-    /// It gives other results.
+    /// Its results differ.
     Differs(String),
     /// No other column ran it, or no case has a finite result.
     NothingToCompare(String),
 }
 
 impl Stop {
-    /// Its words.
+    /// The reason in words.
     #[must_use]
     pub fn text(&self) -> &str {
         match self {
@@ -139,8 +137,8 @@ impl Stop {
         }
     }
 
-    /// Whether something is wrong: of the translation, of what runs it or of what judges it. The
-    /// others say what isn't here or can't be.
+    /// Returns `true` if something is wrong: with the translation, with the path that runs it, or with a validator.
+    /// Other reasons only say that something isn't available or possible here.
     #[must_use]
     pub fn is_wrong(&self) -> bool {
         use Stop::{Broke, Differs, Panicked, Rejected};
@@ -151,40 +149,40 @@ impl Stop {
 /// A row on a column.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct Cell {
-    /// How far it got; `None`: not even a translation.
+    /// Its status; `None` if not even the translation exists.
     pub status: Option<Status>,
-    /// Why it got no further; `None`: there is nothing further.
+    /// The reason why it got no further; `None` if it reached the end.
     pub stopped: Option<Stop>,
     /// naga's options, in words.
     pub options: String,
-    /// What the validators said.
+    /// The validators' verdicts.
     pub validators: Vec<Said>,
     /// The column that it was compared with.
     pub against: Option<String>,
-    /// Cases that were compared with another column; of an entry point, words of its buffers.
+    /// The number of cases that were compared with another column; for an entry point, of words of its buffers.
     pub compared: usize,
-    /// Cases in which the results differ by more than the tolerance, and WGSL doesn't leave them open; of
-    /// an entry point, words.
+    /// The number of cases in which the results differ by more than the tolerance, although WGSL doesn't leave them
+    /// open; for an entry point, of words.
     pub differing: usize,
-    /// Cases, or words of an entry point, that differ where WGSL leaves the result open: an index leaves
-    /// its array, or a float isn't finite.
+    /// The number of cases, or words of an entry point, that differ where WGSL leaves the result open: after an index
+    /// outside its array, or with a float that isn't finite.
     pub open: usize,
-    /// The largest distance, in `f32` steps, of all components that were compared.
+    /// The largest distance between compared components, in `f32` steps.
     pub worst_ulp: Option<u64>,
-    /// Where the results differ, the simplest input and the first value that differs.
+    /// If the results differ, the simplest input and the first value that differs.
     pub divergence: Option<Divergence>,
-    /// The only column with its result, where two others or more agree against it.
+    /// The column that is alone with its result, while at least two others agree against it.
     pub suspect: Option<String>,
-    /// Whether the results are what WGSL allows, where Karat's engine knows that.
+    /// The results within what WGSL allows, if Karat's engine knows that.
     pub allowed: Option<Allowed>,
-    /// What the function's own tests found on this path; see [`Matrix::judge_by`].
+    /// The verdicts of the function's own tests on this path; see [`Matrix::judge_by`].
     pub reference: Option<Reference>,
-    /// What is declared not to work.
+    /// The declaration that it doesn't work.
     pub known: Option<Known>,
     /// The translation.
     #[serde(skip)]
     pub code: Option<Arc<Code>>,
-    /// The lines of the function or entry point in that text, from 1 on, both included.
+    /// The lines of the function or entry point in that text, counted from 1, ends included.
     #[serde(skip)]
     pub text_lines: Option<(usize, usize)>,
 }
@@ -196,19 +194,19 @@ impl Cell {
         self.code.as_ref()?.text()
     }
 
-    /// Whether its results are others than those of the column that it is compared with.
+    /// Returns `true` if its results differ from those of the column that it is compared with.
     #[must_use]
     pub fn differs(&self) -> bool {
         matches!(self.stopped, Some(Stop::Differs(_)))
     }
 }
 
-/// What the author wrote.
+/// The author's text.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Source {
     /// The file.
     pub file: String,
-    /// The line of the text's first character, from 1 on.
+    /// The line of its first character, counted from 1.
     pub line: usize,
     /// The function or entry point, with its attributes.
     pub text: String,
@@ -221,7 +219,7 @@ pub struct Buffer {
     pub group: u32,
     /// Its binding.
     pub binding: u32,
-    /// What it held before the run.
+    /// Its bytes before the run.
     pub bytes: Vec<u8>,
 }
 
@@ -232,25 +230,24 @@ pub struct Row {
     pub name: String,
     /// `function`, `vertex`, `fragment` or `compute`; `not callable`, or `module`, if there is an error.
     pub kind: String,
-    /// Where its author wrote it.
+    /// The place in the author's file.
     pub location: String,
-    /// What its author wrote.
+    /// The author's text.
     #[serde(skip)]
     pub source: Source,
-    /// The text that is translated: with all that it uses, and of a function with the kernel that
-    /// calls it.
+    /// The text that is translated: with everything that it uses, and for a function with the kernel that calls it.
     #[serde(skip)]
     pub text: Arc<str>,
-    /// What an entry point that differs was run with.
+    /// The buffers of an entry point whose results differ.
     #[serde(skip)]
     pub buffers: Vec<Buffer>,
-    /// Why no column has it: it can't be called by a kernel, or isn't valid.
+    /// The reason why no column has it: a kernel can't call it, or it is invalid.
     pub error: Option<String>,
-    /// In the order of the columns; empty if there is an error.
+    /// The cells, in the order of the columns; empty if there is an error.
     pub cells: Vec<Cell>,
 }
 
-/// What a matrix is made of.
+/// A request for a matrix.
 ///
 /// ```
 /// # use karat::Package;
@@ -272,12 +269,11 @@ pub struct Request {
     journal: Option<PathBuf>,
 }
 
-/// Cases that each function is called with. They are there to tell translations apart, not to find
-/// the worst error of one.
+/// The cases of each function. They have to tell translations apart, not to find the worst error.
 const CASES: usize = 512;
 
-/// How far results of two columns may be apart. Drivers' sines and cosines may be off by 2^-11, as
-/// WGSL has it, so a tolerance below that tells of drivers rather than of translations.
+/// The largest allowed difference between two columns. WGSL allows a driver's sine and cosine an error of 2^-11, so a
+/// smaller tolerance would report differences of drivers rather than of translations.
 const WITHIN: f64 = 1e-3;
 
 /// A matrix of the package's functions and entry points on every column; see [`matrix`](self).
@@ -306,25 +302,25 @@ pub fn matrix(package: &Package) -> Request {
 }
 
 impl Request {
-    /// These columns only.
+    /// Restricts the matrix to these columns.
     #[must_use]
     pub fn columns(self, columns: impl IntoIterator<Item = Column>) -> Self {
         Self { columns: columns.into_iter().collect(), ..self }
     }
 
-    /// Calls each function with so many cases.
+    /// Sets the number of cases of each function.
     #[must_use]
     pub fn cases(self, cases: usize) -> Self {
         Self { cases, ..self }
     }
 
-    /// Lets results of two columns differ by so much.
+    /// Sets the largest allowed difference between two columns.
     #[must_use]
     pub fn within(self, tolerance: impl Into<Tolerance>) -> Self {
         Self { within: tolerance.into(), ..self }
     }
 
-    /// Only rows whose name contains one of these.
+    /// Restricts the matrix to rows whose name contains one of these.
     #[must_use]
     pub fn only<'n>(self, names: impl IntoIterator<Item = &'n str>) -> Self {
         Self { only: names.into_iter().map(str::to_owned).collect(), ..self }
@@ -343,7 +339,7 @@ impl Request {
         own.map(|(name, value)| (name.clone(), *value)).collect()
     }
 
-    /// A function with them.
+    /// A function with these values.
     fn probed(&self, name: &str) -> Result<Probed, ProbeError> {
         let own = match self.overrides.is_empty() {
             true => BTreeMap::new(),
@@ -352,9 +348,8 @@ impl Request {
         Probed::with_overrides(&self.package, name, &own).and_then(made_up::fitted)
     }
 
-    /// Declares that a row doesn't get to a status on a column, or on the paths of a selector
-    /// (`:hlsl`, `@swiftshader`). It is a [finding](Matrix::findings) if it does. `[[matrix]]` in
-    /// `karat.toml` declares the same.
+    /// Declares that a row doesn't reach a status on a column, or on the paths of a selector (`:hlsl`, `@swiftshader`).
+    /// If the row does reach it, that is a [finding](Matrix::findings). `[[matrix]]` in `karat.toml` declares the same.
     #[must_use]
     pub fn fails_on(mut self, column: &str, row: &str, status: Status, reason: &str) -> Self {
         let [row, column, reason] = [row, column, reason].map(str::to_owned);
@@ -362,9 +357,9 @@ impl Request {
         self
     }
 
-    /// Writes to a file which row runs where, as nothing else can be done about a driver that hangs or
-    /// crashes than to begin again. A row that ran as a process ended runs alone, and if it ends one once
-    /// more it isn't run: its cells say why. [`restarted`] runs a program that does this.
+    /// Records in a file which row runs where: after a driver hangs or crashes, the only remedy is to start again. A
+    /// row that was running then runs alone; if it ends the process again, it is skipped, and its cells give the
+    /// reason. [`restarted`] runs a program that does this.
     #[must_use]
     pub fn journal(self, file: &Path) -> Self {
         Self { journal: Some(file.to_owned()), ..self }
@@ -379,7 +374,7 @@ impl Request {
         self.run_with(&|_, _| {})
     }
 
-    /// [`run`](Self::run), which tells how many rows are done, one more each time, and of how many.
+    /// Does the same as [`run`](Self::run), and reports the number of finished rows, one more each time, and the total.
     ///
     /// # Errors
     /// As [`run`](Self::run).

@@ -1,4 +1,4 @@
-//! Compute passes over resources that are made up.
+//! Compute passes over generated resources.
 
 mod pixels;
 
@@ -12,9 +12,9 @@ use karat::unstable::reflect::{Binding, Overrides, Program};
 use crate::limits::LEAST_INVOCATIONS;
 use crate::made_up::{Content, Extents, Mix, Ranges, Resources};
 
-/// Workgroups over which a pass is dispatched if nothing says it: two in each direction in which the pass asks for its
-/// place, or may ask and a workgroup extends, as nothing orders two of them; and three downwards, so that rows are no
-/// columns. A pass that asks for nothing that tells workgroups apart is made for one.
+/// The workgroups of a pass without a given dispatch. Two in each direction in which the pass reads its place, or may
+/// read it and a workgroup extends, as nothing orders two workgroups; three downwards, so that rows and columns differ.
+/// A pass that reads nothing that distinguishes workgroups is made for one.
 fn usual_workgroups(size: [u32; 3], tells_apart: bool, asks: [Option<bool>; 3]) -> [u32; 3] {
     if !tells_apart {
         return [1; 3];
@@ -35,7 +35,7 @@ fn usual_workgroups(size: [u32; 3], tells_apart: bool, asks: [Option<bool>; 3]) 
     groups
 }
 
-/// Builtin values that tell one workgroup from another.
+/// Builtin values that differ between workgroups.
 const APART: [&str; 5] = [
     "@builtin(global_invocation_id)",
     "@builtin(global_invocation_index)",
@@ -44,10 +44,10 @@ const APART: [&str; 5] = [
     "@builtin(num_workgroups)",
 ];
 
-/// Those of them that count in all directions.
+/// Those of them that count over all directions.
 const INDICES: [&str; 2] = ["@builtin(global_invocation_index)", "@builtin(workgroup_index)"];
 
-/// A compute entry point as it is usually dispatched.
+/// A compute entry point with its usual dispatch.
 #[derive(Clone, Copy, Debug)]
 pub struct Usual {
     size: [u32; 3],
@@ -56,12 +56,12 @@ pub struct Usual {
 
 impl Usual {
     /// # Errors
-    /// If the entry point isn't valid, or is none of compute passes.
+    /// If the entry point isn't valid, or isn't a compute entry point.
     pub fn of(package: &Package, name: &str) -> Result<Self, String> {
         Self::with_overrides(package, name, &Overrides::new())
     }
 
-    /// The same with values of overrides.
+    /// The same, with values for overrides.
     pub(crate) fn with_overrides(
         package: &Package,
         name: &str,
@@ -78,27 +78,27 @@ impl Usual {
         let is_filled = program.fixed_elements(bindings).is_some_and(|most| {
             most <= size.iter().fold(1, |all: usize, count| all.saturating_mul(*count as usize))
         });
-        // A host dispatches one workgroup where one fills the arrays.
+        // A host dispatches one workgroup if one fills the arrays.
         let (apart, by_index) = (has(&APART) && !is_filled, has(&INDICES));
         let asks = program.asks_for_places(own);
         let asks = asks.map(|asks| asks.filter(|asks| *asks || !by_index));
         Self { size, workgroups: usual_workgroups(size, apart, asks) }
     }
 
-    /// How many workgroups there are in each direction: one of a pass that doesn't tell them apart, or else several.
+    /// The workgroups in each direction: one if the pass doesn't distinguish them, otherwise several.
     #[must_use]
     pub fn workgroups(&self) -> [u32; 3] {
         self.workgroups
     }
 
-    /// The whole number that a name stands for, or a lane of a vector, if the name says a size: `width` in a pass over
+    /// The value of a whole number, or of a lane of a vector, whose name says that it is a size: `width` in a pass over
     /// 16 columns is 16.
     #[must_use]
     pub fn number(&self, name: &str, lane: usize, lanes: usize) -> Option<u32> {
         Extents::of(self.size, self.workgroups, Content::OF_PASSES[0]).size(name, lane, lanes, true)
     }
 
-    /// Invocations in each direction over which both of two passes are dispatched, whatever their workgroups are.
+    /// The invocations in each direction for dispatching two passes, whatever their workgroup sizes are.
     pub(crate) fn invocations_with(self, other: Self) -> [u32; 3] {
         [0, 1, 2].map(|k| {
             let usual = |one: Self| one.size[k] * one.workgroups[k];
@@ -109,12 +109,11 @@ impl Usual {
     }
 }
 
-/// One pass over made-up resources, whose sizes follow from what is dispatched: so many invocations in each
-/// direction, if that is said. What is `given` stands for what would be made up, and some inputs may be those of
-/// another content.
+/// A pass over generated resources. Their sizes follow from the dispatch: so many invocations in each direction, if
+/// given. The resources in `given` replace generated ones, and some inputs may come from another content.
 ///
 /// # Errors
-/// If the pass isn't valid, or a resource can't be made up.
+/// If the pass isn't valid, or a resource can't be generated.
 pub(crate) fn arbitrary(
     package: &Package,
     name: &str,
@@ -168,7 +167,7 @@ mod tests {
         assert_eq!(usual([6, 1, 1]).invocations_with(usual([4, 1, 1])), [96, 1, 1]);
     }
 
-    /// A pass that takes a part asks for that one, and one that hands the vector on may ask for each.
+    /// A pass that uses one component reads only that one. A pass that hands the whole vector on may read each.
     #[test]
     fn a_pass_runs_along_the_places_that_it_asks_for() {
         let head = "struct In { @builtin(workgroup_id) w: vec3u, @builtin(local_invocation_index) i: u32 }\n\

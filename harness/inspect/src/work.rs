@@ -1,5 +1,5 @@
-//! The cases of a function that run, by one rule: those in which no loop goes round more than 4,096 times, and of these so
-//! many, evenly chosen, as the work of a function allows.
+//! Chooses the cases of a function that run, by one rule: no loop may go round more than 4,096 times, and as many of
+//! these cases run, evenly chosen, as the function's work budget allows.
 
 use std::borrow::Cow;
 
@@ -11,10 +11,10 @@ use karat_core::diagnostic::Span;
 use crate::limits::SAMPLE;
 use crate::made_up::{Arguments, Ranges, SEED};
 
-/// The words of so many rows that a function takes.
+/// Converts so many rows into the words that a function takes.
 type Own<'s> = &'s dyn Fn(&[u32], usize) -> Vec<u32>;
 
-/// A function with its resources, and the words that it takes of each row; `None`: all.
+/// A function with its resources, and its conversion of rows; `None` if it takes them unchanged.
 pub(crate) struct Side<'s> {
     pub(crate) probed: &'s Probed,
     pub(crate) fixtures: &'s Fixtures,
@@ -31,16 +31,16 @@ impl Side<'_> {
 pub(crate) struct Chosen {
     pub(crate) count: usize,
     pub(crate) rows: Vec<u32>,
-    /// Those that don't.
+    /// The number of cases that don't run.
     pub(crate) cut: usize,
-    /// The rows of those in which a loop goes round too often, with the loop.
+    /// The rows in which a loop has too many rounds, with the loop.
     pub(crate) long: Vec<(Vec<u32>, Span)>,
-    /// How many cases the work allows; 0 where the sample alone is too much.
+    /// The number of cases that the work budget allows; 0 if even the sample costs too much.
     pub(crate) allowed: usize,
 }
 
 impl Chosen {
-    /// The rows in which each loop ends. Where the engine doesn't run the side all rows stay, as other paths may do so.
+    /// The rows in which each loop ends. If the engine can't run the side, all rows stay: other paths may run it.
     pub(crate) fn ending(
         side: &Side<'_>,
         arguments: &Arguments,
@@ -55,7 +55,8 @@ impl Chosen {
         Self { count, rows: left, cut: all - count, long, allowed: usize::MAX }
     }
 
-    /// As many rows as the work of each side allows, less those in which a loop of the first side doesn't end.
+    /// As many rows as the work budget of each side allows, without those in which a loop of the first side doesn't
+    /// end.
     pub(crate) fn of(
         sides: &[Side<'_>],
         arguments: &Arguments,
@@ -68,7 +69,7 @@ impl Chosen {
         };
         let (count, sample) = spread(SAMPLE);
         let sample = Self::ending(&sides[0], arguments, (count, &sample));
-        // Where no loop of the sample ends, it stands for all: what they count to is no argument.
+        // If no loop of the sample ends, that holds for all rows: the loops don't count to an argument.
         if sample.count == 0 {
             return Self { cut: all, ..sample };
         }
@@ -87,7 +88,8 @@ impl Chosen {
     }
 }
 
-/// The arguments of so many cases of a function that only returns, one row each. Where fewer end they come again.
+/// The arguments for so many cases of a function without effects besides its result, one row each. If fewer cases end,
+/// they repeat.
 pub(crate) fn rows(
     probed: &Probed,
     ranges: &Ranges,
@@ -102,11 +104,11 @@ pub(crate) fn rows(
     let (count, rows) = arguments.rows(SEED, cases);
     let side = Side { probed, fixtures, own: None };
     let Chosen { rows: ending, .. } = Chosen::ending(&side, &arguments, (count, &rows));
-    // Where no loop ends they count to no argument, and drivers may go round more often.
+    // If no loop ends, the loops don't count to an argument, and drivers may run more rounds.
     let rows = if ending.is_empty() { rows } else { ending };
     Ok(rows.iter().copied().cycle().take(cases * width).collect())
 }
 
-/// The reason of a function that can't be tried.
+/// The reason why a function can't be tried.
 pub(crate) const ENDS_FOR_NONE: &str =
     "for each of its inputs a loop goes round more than 4096 times";

@@ -1,4 +1,4 @@
-//! Findings, each planted and found at its line.
+//! Finds planted hazards at their lines.
 
 use karat::check::Failure;
 use karat::prelude::*;
@@ -9,12 +9,12 @@ fn look(text: &str) -> Hazards {
     karat_inspect::hazards(&Package::from_source("planted", text)).run().expect("it is looked at")
 }
 
-/// Faults and requirements.
+/// The faults and requirements of a text.
 fn found(text: &str) -> Vec<Hazard> {
     look(text).found
 }
 
-/// The finding of a kind at an operation, which has to be there.
+/// The finding of a kind at an operation. Panics if there is none.
 fn at(text: &str, kind: Kind, operation: &str) -> Hazard {
     let hazards = look(text);
     let mut all = hazards.found.iter().chain(&hazards.others);
@@ -23,8 +23,8 @@ fn at(text: &str, kind: Kind, operation: &str) -> Hazard {
     one.unwrap_or_else(|| panic!("no {kind:?} at `{operation}`: {hazards:#?}")).clone()
 }
 
-/// A fault goes wrong in each draw of the free inputs. What some draw averts is a requirement, told with the inputs whose
-/// change alone averts it.
+/// A fault goes wrong in each sample of the free inputs. If some sample averts it, it is a requirement, and lists the
+/// inputs of which each alone can avert it.
 #[test]
 fn running_tells_faults_from_requirements() {
     use Class::{Dropped, Fault, Requirement};
@@ -38,7 +38,7 @@ fn running_tells_faults_from_requirements() {
     };
     let float = |parameters: &str, body: &str| of(parameters, "f32", body);
     for (text, kind, part, class, needs) in [
-        // Nothing is declared.
+        // Without declarations.
         (float("x: f32", "exp(x)"), Kind::Infinite, "exp(x)", Requirement, &["x"][..]),
         (float("x: f32", "log(x)"), Kind::Nan, "log(x)", Requirement, &["x"]),
         (
@@ -88,7 +88,7 @@ fn running_tells_faults_from_requirements() {
         (of("i: u32", "vec4f", "weights[i]"), Kind::OutOfRange, "weights[i]", Requirement, &["i"]),
         (of("i: u32", "f32", "lights[i]"), Kind::OutOfRange, "lights[i]", Requirement, &["i"]),
         (float("x: f32", "x / scale"), Kind::Nan, "x / scale", Requirement, &["scale"]),
-        // No draw averts it.
+        // No sample averts it.
         (
             float("x: f32", "1.0 / (floor(x) - floor(x))"),
             Kind::Infinite,
@@ -110,7 +110,8 @@ fn running_tells_faults_from_requirements() {
             Fault,
             &[],
         ),
-        // The range that a name means counts where nothing calls the function: what is free beside it averts nothing.
+        // A range that a name suggests counts in a function without callers. The free inputs beside it can't avert the
+        // fault.
         (
             float("roughness: f32, x: f32", "x + 1.0 / roughness"),
             Kind::Infinite,
@@ -148,7 +149,7 @@ fn running_tells_faults_from_requirements() {
         ),
         (of("s: vec3f", "vec3f", "normalize(s)"), Kind::Nan, "normalize(s)", Requirement, &["s"]),
         (float("roughness: f32, x: f32", "x / roughness"), Kind::Nan, "x / roughness", Fault, &[]),
-        // Of a whole number a name says no end.
+        // A name doesn't bound a whole number.
         (
             of("i: u32, columns: u32", "u32", "i / columns"),
             Kind::ByZero,
@@ -156,7 +157,7 @@ fn running_tells_faults_from_requirements() {
             Requirement,
             &["columns"],
         ),
-        // WGSL's own bounds ask for a declaration.
+        // Findings about WGSL's own bounds need a declaration.
         (
             float("n_dot_v: f32", "pow(n_dot_v, 5.0)"),
             Kind::Unbounded,
@@ -165,7 +166,7 @@ fn running_tells_faults_from_requirements() {
             &["n_dot_v"],
         ),
         (float("x: f32", "exp(x) - 1.0"), Kind::LostDigits, "exp(x) - 1.0", Requirement, &["x"]),
-        // A `select` or a branch takes another value, or a bound takes an infinity away.
+        // A `select` or a branch takes another value, or a bound removes an infinity.
         (
             of("s: vec3f", "vec3f", "select(vec3f(0.0, 0.0, 1.0), normalize(s), dot(s, s) > 0.0)"),
             Kind::Nan,
@@ -197,7 +198,7 @@ fn running_tells_faults_from_requirements() {
     }
 }
 
-/// A declaration makes a fault of a requirement, or takes it away.
+/// A declaration turns a requirement into a fault, or removes it.
 #[test]
 fn declared_inputs_are_held() {
     let text = "fn f(value: f32, k: f32) -> f32 { let bins = array(1.0, 2.0, 3.0, 4.0); return k * bins[u32(value * 4.0)]; }\n\
@@ -215,14 +216,14 @@ fn declared_inputs_are_held() {
     assert!(free.iter().all(|(.., class)| *class == Class::Requirement), "{free:?}");
     assert!(free.contains(&("f".to_owned(), Kind::OutOfRange, Class::Requirement)), "{free:?}");
     let unit = classes(&[("value", 0.0, 1.0), ("x", -1.0, 1.0)]);
-    // 1.0 * 4 is one too many, whatever `k` is; and all that `g` takes is declared.
+    // 1.0 * 4 is outside for any `k`, and all inputs of `g` are declared.
     let expected = [("f", Kind::OutOfRange), ("g", Kind::LostDigits)];
     let expected = expected.map(|(name, kind)| (name.to_owned(), kind, Class::Fault));
     assert_eq!(unit, expected);
     assert_eq!(classes(&[("value", 0.0, 0.99), ("x", 1.0, 2.0)]), []);
 }
 
-/// A finding in a function that others call is judged at the functions that lead to it, and that nothing calls.
+/// A finding in a function with callers is judged at the outermost callers.
 #[test]
 fn callers_judge_what_they_call() {
     let root = "fn root(x: f32) -> f32 { return sqrt(x - 0.5); }\n";
@@ -238,10 +239,10 @@ fn callers_judge_what_they_call() {
         (vec![], Class::Requirement, "root"),
         (vec![good], Class::Met, "root"),
         (vec![good, shaded], Class::Met, "root"),
-        // One of the callers is enough, wherever it stands.
+        // One of the callers is enough, in any position.
         (vec![good, shaded, bad], Class::Requirement, "bad"),
         (vec![good, bad, always], Class::Fault, "always"),
-        // A caller that isn't looked at says nothing: the function is judged itself.
+        // A caller that wasn't checked doesn't count: the function is judged on its own.
         (vec![unseen], Class::Requirement, "root"),
         (vec![good, unseen], Class::Met, "root"),
         (vec![seldom], Class::NotReached, "root"),
@@ -249,13 +250,13 @@ fn callers_judge_what_they_call() {
         let one = at(&format!("{root}{}", more.concat()), Kind::Nan, "sqrt(x - 0.5)");
         assert_eq!((one.class, &*one.function), (class, function), "{more:?}: {one}");
     }
-    // Its own finding stands before the call, whose operation is fine in each case.
+    // Its own finding comes before the call, whose operation is fine in each case.
     let own =
         "fn caller(x: f32, roughness: f32) -> f32 { return sqrt(x-0.5) + root(0.5 + roughness); }";
     let text = format!("{root}{own}");
     assert_eq!(at(&text, Kind::Nan, "sqrt(x - 0.5)").class, Class::Met);
     assert_eq!(at(&text, Kind::Nan, "sqrt(x-0.5)").class, Class::Requirement);
-    // A name is no declaration where something calls the function.
+    // A name isn't a declaration if the function has callers.
     let known = "fn known(roughness: f32) -> f32 { return 1.0 / roughness; }
         fn other(x: f32) -> f32 { return known(x); }";
     let one = at(known, Kind::Infinite, "1.0 / roughness");
@@ -264,13 +265,13 @@ fn callers_judge_what_they_call() {
     let hazards = look(&format!("{root}{good}"));
     assert_eq!((hazards.faults().count(), hazards.requirements().count()), (0, 0));
     assert_eq!(hazards.counts(), "0 faults and 0 requirements in 2 functions, 1 met");
-    // `--only` looks at no caller.
+    // `--only` leaves out the callers.
     let only = Package::from_source("planted", format!("{root}{good}"));
     let only = karat_inspect::hazards(&only).only(["root"]).run().expect("it is looked at");
     assert_eq!(only.requirements().count(), 1);
 }
 
-/// A bad value counts if it reaches a result, a condition, an index or a number that may be anything.
+/// A bad value counts if it reaches a result, a condition, an index or an unbounded number.
 #[test]
 fn what_something_uses_is_not_dropped() {
     for text in [
@@ -297,7 +298,7 @@ fn what_something_uses_is_not_dropped() {
     assert_eq!(at(masked, Kind::Nan, "sqrt(-1.0 - abs(out[id.x]))").class, Class::Fault);
 }
 
-/// Each operation of a function counts, also those behind others of its kind.
+/// Each operation of a function counts, also after others of its kind.
 #[test]
 fn each_operation_has_its_own_verdict() {
     let text = "fn f(x: f32, y: f32) -> f32 { let a = 1.0 / (x - x); let b = 1.0 / (y - y); let c = 1.0 / x; return a + b + c; }";
@@ -311,7 +312,8 @@ fn each_operation_has_its_own_verdict() {
     assert_eq!(classes, expected);
 }
 
-/// One function that isn't valid leaves those that don't use it, in a matrix, too. A test wants all of its module.
+/// An invalid function doesn't affect functions that don't use it, also in a matrix. A test needs its whole module to
+/// be valid.
 #[test]
 fn a_function_is_judged_by_what_it_uses() {
     let text = "fn inverse(x: f32) -> f32 { return 1.0 / x; }
@@ -339,7 +341,7 @@ fn a_function_is_judged_by_what_it_uses() {
     assert!(error.to_string().contains("invalid field accessor"), "{error}");
 }
 
-/// A module that isn't valid has none of the callers, and its own functions are judged one by one.
+/// An invalid module has no callers, so its functions are judged one by one.
 #[test]
 fn modules_that_are_not_valid_may_call() {
     let modules = |broken: &'static str| {
@@ -382,7 +384,7 @@ fn each_is_found_where_it_is_born() {
     at(angle, Kind::Nan, "acos(dot(n, l))");
 
     let hidden = "fn f(n: vec3f, l: vec3f) -> f32 { return max(acos(dot(n, l) * 1.5), 0.0); }";
-    // `max` of a NaN may be one.
+    // `max` of a NaN may be NaN.
     assert_eq!(at(hidden, Kind::Nan, "acos(dot(n, l) * 1.5)").class, Class::Fault);
 
     let cavity = "fn f(n_dot_h: f32, n_dot_v: f32, v_dot_h: f32) -> f32 {\n    \
@@ -395,13 +397,13 @@ fn each_is_found_where_it_is_born() {
     let cancels = "fn f(theta: f32) -> f32 { return 1.0 - cos(theta); }";
     at(cancels, Kind::LostDigits, "1.0 - cos(theta)");
 
-    // All of its digits: 1 - cos(1e-4) is 0 in f32, and the result 0 where it should be a half.
+    // All digits are lost: 1 - cos(1e-4) is 0 in `f32`, so the result is 0 instead of a half.
     let all = "fn f(x: f32) -> f32 { return (1.0 - cos(x)) / (x * x); }";
     let package = Package::from_source("planted", all);
     let lost = package.function("f").over(1e-6..=1e-4).cases(500).unrecorded().try_has_no_hazards();
     let told = lost.expect_err("0 is no half").to_string();
     assert!(told.contains("lost digits at `1.0 - cos(x)`"), "{told}");
-    // Of a result that is rounding itself nothing is lost.
+    // A result that consists only of rounding loses nothing.
     let rounding = Package::from_source("planted", "fn f(x: f32) -> f32 { return 1.0 - cos(x); }");
     rounding.function("f").over(1e-6..=1e-5).cases(500).has_no_hazards();
 
@@ -417,14 +419,14 @@ fn each_is_found_where_it_is_born() {
     at(sum, Kind::Infinite, "1.0 / t");
 }
 
-/// The hazard of a kind, wherever it is, with the package's other hazards.
+/// The hazard of a kind, in any class, with the package's other hazards.
 fn of_kind(hazards: &Hazards, kind: Kind) -> Hazard {
     let is_of = |one: &&Hazard| one.kind == kind || one.kinds.contains(&kind);
     let one = hazards.found.iter().find(is_of);
     one.unwrap_or_else(|| panic!("no {kind:?}: {hazards:#?}")).clone()
 }
 
-/// An engine that reports one lane of 256 makes `always` look like `rarely`.
+/// If the engine reported one lane of 256, `always` would look like `rarely`.
 #[test]
 fn each_input_of_a_hazard_counts() {
     let always =
@@ -477,7 +479,7 @@ fn each_input_of_a_hazard_counts() {
     assert!(share > 75.0, "{text}");
 }
 
-/// Integers are declared as floats are, and their types' ends are drawn.
+/// Integers are declared like floats, and the ends of their types are sampled.
 #[test]
 fn integers_are_declared_and_reach_the_ends_of_their_types() {
     let text = "fn g(count: u32) -> u32 { return 100u / (50u - count); }";
@@ -502,7 +504,7 @@ fn integers_are_declared_and_reach_the_ends_of_their_types() {
     }
 }
 
-/// A report says what it tried, and numbers of which nothing is known are tried as tests try them.
+/// A report says which values it tried. Unconstrained numbers are sampled as in tests.
 #[test]
 fn a_report_says_what_was_drawn() {
     let hazards =
@@ -579,7 +581,7 @@ fn members_of_buffers_are_drawn_and_declared() {
     assert!(error.contains("did you mean `p.other`?"), "{error}");
 }
 
-/// Parts that weren't looked at are counted.
+/// The report counts the parts that weren't checked.
 #[test]
 fn what_was_not_looked_at_is_counted() {
     let text = "fn f(m: u32) -> f32 { var s = 0.0; for (var i = 0u; i < m; i++) { s += 1.0 / f32(i + 1u); }\n\
@@ -601,7 +603,7 @@ fn what_was_not_looked_at_is_counted() {
     assert_eq!(long.unseen.in_part, 1);
 }
 
-/// No name says how large a texture is beside another one; an array is as long as what is dispatched.
+/// A name doesn't relate the sizes of two textures. An array is as long as the dispatch.
 #[test]
 fn a_texel_outside_may_be_one_of_another_size() {
     let of = |source: &str, value: &str| {
@@ -623,7 +625,7 @@ fn a_texel_outside_may_be_one_of_another_size() {
     assert_eq!(classes(&array), [(Kind::OutOfRange, Class::Requirement)]);
 }
 
-/// One thread may be told of a count while another one tells the next.
+/// A thread may receive a count while another thread reports the next.
 #[test]
 fn progress_never_goes_backwards() {
     let text: String =
@@ -642,7 +644,7 @@ fn progress_never_goes_backwards() {
     assert_eq!(told.into_inner().expect("nobody panics"), expected);
 }
 
-/// What is right stays silent: few findings are read, many aren't.
+/// Correct code gives no findings: authors read few findings, and ignore many.
 #[test]
 fn what_is_right_has_none() {
     for text in [
@@ -680,7 +682,7 @@ fn inputs_are_declared_and_hazards_accepted() {
         }
         other => panic!("{other:?}"),
     }
-    // A range that is none is an error for everything that reads it.
+    // An empty range is an error for everything that reads it.
     write("karat.toml", "[inputs]\nt = [1, 0.5]\n");
     let error = look().expect_err("no range").to_string();
     assert!(error.contains("`t` is declared from 1 to 0.5: no range"), "{error}");
@@ -726,7 +728,7 @@ fn a_domain_is_checked_for_hazards() {
     assert!(quad(0.5..=1.0).is_ok() && quad(0.0..=1.0).is_err());
 }
 
-/// A check that ends in an error has a dispatch that nobody reads. Its driver must not be at work when the
+/// A check that ends in an error leaves a dispatch whose result isn't read. Its driver must not be working when the
 /// process ends: one in three such processes crashed.
 #[test]
 fn nothing_runs_when_the_process_ends() {
@@ -739,7 +741,8 @@ fn nothing_runs_when_the_process_ends() {
     }
 }
 
-/// A fragment's inputs: a pixel of the screen, whose neighbours are a step away, and what is interpolated.
+/// The inputs of a fragment function: a pixel of the screen, whose neighbours are one step away, and interpolated
+/// values.
 #[test]
 fn entry_points_of_draws_are_looked_at() {
     let text = "struct In { @builtin(position) pixel: vec4f, @location(0) n_dot_l: f32 }\n\
@@ -761,7 +764,7 @@ fn entry_points_of_draws_are_looked_at() {
     );
 }
 
-/// A pass over two 8 x 8 workgroups in each direction, and what it leaves where.
+/// A pass over two workgroups of 8 x 8 in each direction, and the words that it leaves.
 #[test]
 fn compute_passes_are_looked_through() {
     let head = "struct Size { width: u32, height: u32 }\n\
@@ -806,7 +809,7 @@ fn compute_passes_are_looked_through() {
         assert!(found.location.contains(":10:"), "{}", found.location);
         assert!(found.arguments[0].1.starts_with("local ("), "{found:#?}");
     }
-    // Tiles whose loop goes round twice for some sizes alone, without the barrier behind it.
+    // Tiles whose loop has two rounds only for some sizes, without the barrier at its end.
     let tiles = |barrier: &str| {
         look(&format!(
             "struct Dims {{ m: u32, n: u32, k: u32 }}\n\
@@ -828,12 +831,12 @@ fn compute_passes_are_looked_through() {
     assert!(of_kind(&tiles(""), Kind::Race).location.contains(":12:"));
     let right = tiles("workgroupBarrier();");
     assert!(right.found.iter().all(|one| one.kind != Kind::Race), "{right:#?}");
-    // A workgroup of many is together at a million rounds before one of them has spent its own.
+    // A workgroup with many invocations reaches a million rounds in total before one of them has spent its own.
     let endless = "@group(0) @binding(0) var<storage, read_write> data: array<f32>;\n\
                    @compute @workgroup_size(256) fn spin(@builtin(local_invocation_index) i: u32) {\n\
                    loop { data[i] += 1.0; if data[i] < 0.0 && data[i] > 0.0 { break; } }\n}";
     assert!(of_kind(&look(endless), Kind::Endless).location.contains(":3:"));
-    // As many invocations as a fixed array has elements fit into it, and one more never does.
+    // A dispatch with as many invocations as a fixed array has elements stays inside; an index one larger never does.
     let fixed = |index: &str| {
         look(&format!(
             "@group(0) @binding(0) var<storage, read_write> data: array<u32, 64>;\n\
@@ -842,17 +845,17 @@ fn compute_passes_are_looked_through() {
     };
     assert!(fixed("id.x").found.is_empty(), "a host dispatches one workgroup");
     assert!(of_kind(&fixed("id.x + 1u"), Kind::OutOfRange).location.contains(":2:"));
-    // A reduction that is dispatched as one workgroup writes all of its own.
+    // A reduction that is dispatched as one workgroup writes all of its own memory.
     let reduction = "@group(0) @binding(0) var<storage, read_write> sum: u32;\n\
                      var<workgroup> own: array<u32, 64>;\n\
                      @compute @workgroup_size(64) fn f(@builtin(global_invocation_id) id: vec3u) {\n\
                      own[id.x] = 1u; workgroupBarrier();\n\
                      let first = own[0]; if id.x == 0u { sum = first; }\n}";
     assert_eq!(look(reduction).faults().count(), 0, "{:#?}", look(reduction).found);
-    // To read what nothing wrote is no finding: it is zero by WGSL.
+    // Reading unwritten workgroup memory isn't a finding: WGSL initializes it to zero.
     let unwritten = reduction.replace("own[id.x] = 1u", "if id.x > 0u { own[id.x] = 1u; }");
     assert_eq!(look(&unwritten).found.len(), look(reduction).found.len());
-    // Workgroups beside each other would have one row, and the pass asks for no column; by `x` they race.
+    // Workgroups side by side share a row, and the pass doesn't use the column. Indexed by `x`, they race.
     let rows = |value: &str| {
         look(&format!(
             "@group(0) @binding(0) var<storage, read_write> data: array<u32>;\n\
@@ -870,7 +873,7 @@ fn compute_passes_are_looked_through() {
     assert!(race.needs.contains(&"order".to_owned()) && race.violation.is_some(), "{race:#?}");
 }
 
-/// Half precision ends at 65504, and a constant of it stands for its decimal.
+/// Half precision ends at 65504, and a constant in it stands for its decimal.
 #[test]
 fn halves_overflow_and_lose_digits_of_their_own() {
     let text = "enable f16;
@@ -880,7 +883,7 @@ fn halves_overflow_and_lose_digits_of_their_own() {
         fn tenth(x: f32) -> f32 { return f32(f16(x) * 0.1h); }";
     let package = Package::from_source("halves", text);
     let function = |name: &str| package.function(name);
-    // A driver without half precision takes none of it, and a hazard is found where one path runs.
+    // A driver without half precision runs none of it. A hazard counts if one path shows it.
     let cpu = karat::unstable::executor::of(karat::Path::CPU).expect("it is always there");
     let hazards = |name: &str, range| {
         let check = function(name).on(cpu).over(range).cases(500).unrecorded();
@@ -903,7 +906,7 @@ fn halves_overflow_and_lose_digits_of_their_own() {
     tenth.expect("0.1h is any number that is rounded to it");
 }
 
-/// The sanitizer looks through a pass that leaves no result, too.
+/// The sanitizer also checks a pass that leaves no result.
 #[test]
 fn a_pass_that_leaves_nothing_has_races_and_barriers() {
     let text = "@group(0) @binding(0) var<storage, read> src: array<f32>;
@@ -917,7 +920,7 @@ fn a_pass_that_leaves_nothing_has_races_and_barriers() {
     assert_eq!(at(text, Kind::Race, "tile[0] = f32(i)").function, "races");
 }
 
-/// One divisor is 0 over one content of eight, and the other over all.
+/// One divisor is 0 over one content of eight, the other over all.
 #[test]
 fn contents_of_a_pass_may_decide_alone() {
     let pass = |divisor: &str| {
@@ -936,7 +939,7 @@ fn contents_of_a_pass_may_decide_alone() {
     assert_eq!((fault.class, fault.cases.0 >= 6), (Class::Fault, true));
 }
 
-/// The pixels of a draw are run beside each other, each at its own place.
+/// The pixels of a draw run side by side, each at its own place.
 #[test]
 fn pixels_that_write_storage_race() {
     let declared = "struct P { width: u32, height: u32 }
@@ -957,7 +960,7 @@ fn pixels_that_write_storage_race() {
         "out[u32(uv.y * f32(p.height)) * p.width + u32(uv.x * f32(p.width))] = q;",
         "textureStore(image, vec2u(q.xy), texel(q, 0u));",
         "let n = atomicAdd(&count, 1u); if n < arrayLength(&out) { out[n] = q; }",
-        // Pixels that are discarded write nothing, and nothing that they compute matters.
+        // Discarded pixels write nothing, and their computations don't matter.
         "if at(q) != 5u { discard; } out[0] = q;",
         "let x = f32(uv.x > 0.5); if x == 0.0 { discard; } out[at(q)] = q * fwidth(uv.y) / x;",
         "if uv.x < 0.5 { discard; } let n = atomicAdd(&count, 1u); if n < arrayLength(&out) { out[n] = q; }",
@@ -1001,7 +1004,7 @@ fn pixels_that_write_storage_race() {
     assert!(race.advice.starts_with("nothing orders two pixels of a draw"), "{}", race.advice);
 }
 
-/// Contents decide who writes, and not where: that is no made-up index.
+/// The contents decide who writes, but not where: no index is generated.
 #[test]
 fn a_race_for_one_element_is_one_whatever_contents_are() {
     let text = "@group(0) @binding(0) var<storage, read> src: array<f32>;
@@ -1018,13 +1021,13 @@ fn a_race_for_one_element_is_one_whatever_contents_are() {
         let one = hazards.found.iter().find(|one| one.function == function);
         one.unwrap_or_else(|| panic!("{hazards:#?}"))
     });
-    // Wherever two come to it, they race.
+    // If two pixels reach it, they race.
     assert_eq!(bright.class, Class::Fault, "{bright}");
     assert_eq!(scatter.class, Class::Requirement, "{scatter}");
     assert!(scatter.needs.contains(&"idx".to_owned()), "{scatter}");
 }
 
-/// Loops that only go round often aren't said to have no end, and the inputs that they don't concern are looked at.
+/// Loops with many rounds aren't reported as endless, and the inputs that they don't depend on are checked.
 #[test]
 fn long_loops_are_told_from_those_without_an_end() {
     let look = |text: &str| {
@@ -1055,7 +1058,7 @@ fn long_loops_are_told_from_those_without_an_end() {
     assert!(is_endless(&spins), "{spins:#?}");
 }
 
-/// A derivative that some pixels of a quad take, and some don't, is whatever a driver makes of it.
+/// If only some pixels of a quad reach a derivative, its value depends on the driver.
 #[test]
 fn derivatives_want_a_whole_quad() {
     let parted = |body: &str| {
@@ -1112,7 +1115,7 @@ fn derivatives_want_a_whole_quad() {
         assert!(missing.starts_with("the pixel"), "{body}: {missing}");
         assert!(rest.starts_with(parts), "{body}: {rest}");
     }
-    // A check of one function sees it, too.
+    // A check of one function reports it, too.
     let text = "fn edge(x: f32) -> f32 { if x > 0.5 { return fwidth(x); } return 0.0; }
         fn whole(x: f32) -> f32 { let w = fwidth(x); if x > 0.5 { return w; } return 0.0; }";
     let package = Package::from_source("planted", text);
@@ -1137,7 +1140,7 @@ fn derivatives_want_a_whole_quad() {
     }
 }
 
-/// A race stays one if zeros make its writes equal, and has the barrier that orders it.
+/// A race stays a race if zeros make its writes equal. The barrier that would order it is present.
 #[test]
 fn races_of_values_that_are_read_are_told() {
     let pass = |body: &str| {
@@ -1160,7 +1163,7 @@ fn races_of_values_that_are_read_are_told() {
     assert!(within.contains("a `workgroupBarrier()` between both does"), "{within}");
 }
 
-/// A guard that is left out shows at the tail, along a long side and along three short ones, and the report says where.
+/// A missing guard shows at the tail, along a long side and along three short ones, and the report says where.
 #[test]
 fn a_tail_without_its_guard_is_found() {
     let line = "@group(0) @binding(0) var<storage, read_write> v: array<f32>;
@@ -1194,7 +1197,7 @@ fn a_tail_without_its_guard_is_found() {
     }
 }
 
-/// Data say which invocations swap, and not where: no content makes them meet.
+/// The data decide which invocations swap, but not where: no content makes two of them meet.
 #[test]
 fn a_race_that_data_decide_is_found() {
     let text = |barrier: &str| {
@@ -1222,7 +1225,7 @@ fn a_race_that_data_decide_is_found() {
     assert_eq!((race.kind, race.text.as_str()), (Kind::Race, "s[63u - i] = x"));
 }
 
-/// Whether the digits of a result are lost somewhere in a range, by each case itself.
+/// Returns `true` if a result loses its digits somewhere in a range, tested case by case.
 fn loses(text: &str, range: std::ops::RangeInclusive<f32>) -> bool {
     let package = Package::from_source("planted", text);
     let check = package.function("f").over(range).cases(4096).unrecorded();
@@ -1236,7 +1239,7 @@ fn loses(text: &str, range: std::ops::RangeInclusive<f32>) -> bool {
     }
 }
 
-/// A case that loses its digits does so whatever other cases there are.
+/// A case that loses its digits does so independently of the other cases.
 #[test]
 fn lost_digits_are_judged_case_by_case() {
     let package = Package::from_source("planted", "fn f(r: f32) -> f32 { return exp(r) - 1.0; }");
@@ -1248,11 +1251,11 @@ fn lost_digits_are_judged_case_by_case() {
         let census = found.paths[0].census;
         assert_eq!((census.failures, census.cases), (1, all.0.len() as u64), "{found}");
     }
-    // Fewer than half of the digits.
+    // Fewer than half of the digits are lost.
     package.function("f").over(OneOf(vec![0.01_f32, 0.5, 80.0])).has_no_hazards();
 }
 
-/// A 0 inside of a range is drawn near, in tests and for numbers of which nothing is known.
+/// If a range contains 0, values near 0 are sampled, in tests and for unconstrained numbers.
 #[test]
 fn digits_are_lost_near_a_zero_inside() {
     let grows = "fn f(x: f32) -> f32 { return exp(x) - 1.0; }";
@@ -1266,7 +1269,7 @@ fn digits_are_lost_near_a_zero_inside() {
     at(text, Kind::LostDigits, "log(abs(h) + sqrt(h * h + 1.0))");
 }
 
-/// Where double precision cancels as well, both agree, and the interval knows.
+/// If double precision cancels as well, both results agree, but the interval shows it.
 #[test]
 fn digits_that_double_precision_loses_are_lost() {
     let root = "fn f(x: f32) -> f32 { return sqrt(x + 1.0) - sqrt(x); }";
@@ -1283,7 +1286,7 @@ fn digits_that_double_precision_loses_are_lost() {
     }
 }
 
-/// What is exact loses nothing, even if it is 0.
+/// An exact operation loses nothing, even if its result is 0.
 #[test]
 fn exact_differences_lose_no_digits() {
     for expression in [
@@ -1310,7 +1313,7 @@ fn exact_differences_lose_no_digits() {
     }
 }
 
-/// A function that comes to many operations gets fewer inputs, evenly drawn, and says how many weren't looked at.
+/// A function that runs many operations gets fewer inputs, evenly sampled, and the report counts those left out.
 #[test]
 fn the_work_of_a_function_is_bounded() {
     let text = |lines: usize| {
@@ -1350,7 +1353,7 @@ fn each_function_is_told_as_it_is_done() {
     assert_eq!(found, [("a", true), ("b", false), ("c", true)]);
 }
 
-/// Specimens that a reader of the guide found: each was silent, or called by a wrong class or name.
+/// Cases that a reader of the guide found: each had no finding, or one with a wrong class or name.
 #[test]
 fn what_is_free_is_drawn() {
     let head = "@group(0) @binding(0) var tex: texture_2d<f32>;\n@group(0) @binding(1) var smp: sampler;\n";
@@ -1359,17 +1362,17 @@ fn what_is_free_is_drawn() {
             "{head}@fragment fn fs(@builtin(position) pos: vec4f, @location(0) uv: vec2f) -> @location(0) vec4f {{ {body} }}"
         )
     };
-    // An image may be black, and is as large as the host says.
+    // An image may be black, and has any size that the host chooses.
     let black = fragment("return vec4f(1.0 / textureSample(tex, smp, uv).x);");
     let one = at(&black, Kind::Infinite, "1.0 / textureSample(tex, smp, uv).x");
     assert_eq!((one.class, &*one.needs), (Class::Requirement, &["tex".to_owned()][..]));
     let load = fragment("return textureLoad(tex, vec2i(pos.xy), 0);");
     let one = at(&load, Kind::OutOfRange, "textureLoad(tex, vec2i(pos.xy), 0)");
     assert_eq!(one.class, Class::Requirement, "{one}");
-    // An error that only drivers with subnormals show is no finding.
+    // An error that only drivers with subnormals show isn't a finding.
     let guard = "fn f(roughness: f32) -> f32 { if roughness > 0.0 { return 1.0 / roughness; } return 0.0; }";
     assert_eq!(found(guard), []);
-    // No name of a whole number rules 0 out, or an element.
+    // The name of a whole number rules out neither 0 nor an index outside.
     let count = at("fn f(n: u32) -> f32 { return 1.0 / f32(n); }", Kind::Infinite, "1.0 / f32(n)");
     assert_eq!((count.class, &*count.needs), (Class::Requirement, &["n".to_owned()][..]));
     let gather = "@group(0) @binding(0) var<storage, read> idx: array<u32>;
@@ -1381,14 +1384,14 @@ fn what_is_free_is_drawn() {
         }";
     let one = at(gather, Kind::OutOfRange, "vals[idx[id.x]]");
     assert!(one.class == Class::Requirement && one.needs.contains(&"idx".to_owned()), "{one}");
-    // The numbers of the text are tried.
+    // The numbers in the text are sampled.
     for text in [
         "fn f(x: f32) -> f32 { return 1.0 / (x - 3.25); }",
         "fn f(x: f32, mode: u32) -> f32 { if mode == 777777u { return 1.0 / (x - x); } return x; }",
     ] {
         assert!(found(text).iter().any(|one| one.kind == Kind::Infinite), "{text}");
     }
-    // A member that is 0 is to blame, and nothing else.
+    // Only the member that is 0 is to blame.
     let member = "struct P { dt: f32 }
         @group(0) @binding(0) var<uniform> params: P;
         @group(0) @binding(1) var<storage, read_write> data: array<f32>;
@@ -1413,8 +1416,8 @@ fn what_is_free_is_drawn() {
     assert_eq!((one.class, &*one.needs), (Class::Requirement, &["x".to_owned()][..]));
 }
 
-/// Faults that strangers' shaders had by what was made up alone: arrays are longer than the dispatch, a matrix called a
-/// projection has no declared entries, and another function has filled a private variable.
+/// False faults that generated inputs caused in shaders of other projects: arrays are longer than the dispatch, a
+/// matrix called a projection has no declared entries, and another function has filled a private variable.
 #[test]
 fn what_hosts_give_makes_no_fault() {
     let level = "struct U { width: u32 } @group(0) @binding(0) var<uniform> ubo: U;
@@ -1441,10 +1444,10 @@ fn what_hosts_give_makes_no_fault() {
     assert_eq!(look(state).faults().count(), 0, "{}", look(state));
     let one = at(state, Kind::Nan, "acos(1.0 - 2.0 * f32(rnd.y))");
     assert_eq!(one.needs, ["rnd"], "{one}");
-    // A function that returns nothing is looked at by what it leaves.
+    // A function without a result is checked by the variables that it writes.
     let left = "var<private> p: f32; fn put(x: f32) { p = sqrt(x - 0.5); }";
     assert_eq!(at(left, Kind::Nan, "sqrt(x - 0.5)").needs, ["x"]);
-    // A host's texture has a level of one texel, from which a shader goes down.
+    // A host's texture has a level of one texel, from which a shader steps down.
     let walk = "@group(0) @binding(0) var tex: texture_2d<f32>;
         @group(0) @binding(1) var<storage, read_write> out: array<vec4f>;
         @compute @workgroup_size(64) fn main(@builtin(global_invocation_id) id: vec3u) {
@@ -1456,14 +1459,14 @@ fn what_hosts_give_makes_no_fault() {
             out[id.x] = textureLoad(tex, coord, 0);
         }";
     assert_eq!(look(walk).faults().count(), 0, "{}", look(walk));
-    // The case that is shown is one that nothing averts.
+    // The shown case is one that nothing averts.
     let held = "fn f(x: f32, roughness: f32) -> f32 { return x / (roughness * abs(x - 2.0)); }";
     let one = at(held, Kind::Nan, "x / (roughness * abs(x - 2.0))");
     let shown = one.arguments.iter().find(|(name, _)| name == "roughness").map(|(_, x)| &**x);
     assert_eq!((one.class, shown), (Class::Fault, Some("0")), "{one}");
 }
 
-/// An override has a value that is declared, or its default.
+/// An override has its declared value, or its default.
 #[test]
 fn overrides_are_declared() {
     let text = "override SCALE: f32;\nfn f(x: f32) -> f32 { return x / SCALE; }\n\
@@ -1494,7 +1497,8 @@ fn overrides_are_declared() {
     assert!(error.to_string().contains("uses an override `SCAL`"), "{error}");
 }
 
-/// Each kind of declaration mends its own function: elements that differ, lengths, workgroups, directions, one function's own numbers.
+/// Each kind of declaration removes its own findings: distinct elements, lengths, workgroups, directions, numbers of
+/// one function.
 #[test]
 fn what_hosts_give_is_declared() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -1534,7 +1538,7 @@ fn what_hosts_give_is_declared() {
     let names = |all: &[&str]| all.iter().map(|name| format!("m::{name}")).collect();
     let all = ["away", "kind", "one", "scatter", "sized", "tail", "toward"];
     assert_eq!(told(""), names(&all));
-    // Each declaration mends its own function.
+    // Each declaration removes the findings of its own function.
     for (declared, mends) in [
         ("[inputs]\nplaces = { distinct = true, range = [0, \"length(sum) - 1\"] }", "scatter"),
         ("[inputs]\n\"length(out)\" = \"multiple of 64\"", "tail"),
@@ -1547,11 +1551,11 @@ fn what_hosts_give_is_declared() {
         let rest: Vec<&str> = all.into_iter().filter(|name| *name != mends).collect();
         assert_eq!(told(declared), names(&rest), "{declared}");
     }
-    // Elements that may be equal race, and a length that is declared otherwise has a tail.
+    // Elements that may be equal race, and an array with another declared length has a tail.
     let same = told("[inputs]\nplaces = { range = [0, \"length(sum) - 1\"] }");
     assert!(same.contains("m::scatter"), "{same:?}");
     assert!(told("[inputs]\n\"length(out)\" = [1, 100]").contains("m::tail"));
-    // Declarations that nothing meets, and that no value fits.
+    // Declarations that apply to nothing, and that allow no value.
     for (declared, part) in [
         ("[inputs]\n\n\"length(outt)\" = 64", "karat.toml:3:1)"),
         ("[inputs]\n\"workgroups(m::two)\" = 1", "karat.toml:2:1)"),
@@ -1574,7 +1578,7 @@ fn what_hosts_give_is_declared() {
     }
 }
 
-/// A difference without a sign that goes below 0 and becomes a float; bits that are meant to wrap are no difference.
+/// An unsigned difference goes below 0 and becomes a float. Bits that are meant to wrap aren't a difference.
 #[test]
 fn differences_below_zero_that_become_floats_are_found() {
     for (text, operation) in [
@@ -1607,7 +1611,7 @@ fn differences_below_zero_that_become_floats_are_found() {
     assert!(check.unrecorded().try_has_no_hazards().is_err(), "a test sees it, too");
 }
 
-/// A kind has one name, in reports, in JSON and in `karat.toml`.
+/// A kind has the same name in reports, in JSON and in `karat.toml`.
 #[test]
 fn kinds_have_one_name() {
     for kind in [

@@ -1,4 +1,4 @@
-//! Gives mutants to the tests of a package.
+//! Runs the tests of a package against mutants.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::RangeInclusive;
@@ -19,9 +19,9 @@ use serde::Serialize;
 use crate::lived::{self, Equality, Lived};
 use crate::maker::{self, Mutant, Rule};
 
-/// Mutants that are to be tried.
+/// A request to try mutants.
 ///
-/// Tests run in this process, on the path that settings name. Names of threads are those of tests.
+/// Tests run in this process, on the path of the settings. Each runs in a thread with its name.
 #[derive(Clone, Debug)]
 #[must_use = "nothing is tried until `.run()`"]
 pub struct Request {
@@ -36,19 +36,19 @@ pub struct Request {
 /// A mutant of a package.
 #[derive(Clone, Debug)]
 pub struct Candidate {
-    /// A name that stays while its lines do, wherever they move.
+    /// A name that depends only on the changed lines, wherever they move.
     pub id: String,
     /// The module.
     pub module: String,
     /// The author's file.
     pub file: PathBuf,
-    /// Its text, as it was read: the slip's place is one of this text.
+    /// The text as it was read. The place of the mutation refers to this text.
     pub text: Arc<str>,
-    /// The slip.
+    /// The mutation.
     pub mutant: Mutant,
 }
 
-/// A mutant, and what became of it.
+/// A mutant with its fate.
 #[derive(Clone, Debug)]
 pub struct Tried {
     /// The mutant.
@@ -58,14 +58,14 @@ pub struct Tried {
 }
 
 impl Candidate {
-    /// The function or constant: `brdf::schlick`, and in a package of one file its name alone.
+    /// The function or constant: `brdf::schlick`; in a package of one file, its name alone.
     #[must_use]
     pub fn path(&self) -> String {
         path_of(&self.module, &self.mutant.item)
     }
 }
 
-/// The fate of a mutant: killed, alive, or outside of the score.
+/// The fate of a mutant: killed, alive, or not counted.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "fate", rename_all = "snake_case")]
 pub enum Fate {
@@ -76,56 +76,56 @@ pub enum Fate {
     },
     /// All tests that use it passed.
     Lived {
-        /// How many there are.
+        /// The number of these tests.
         tests: usize,
-        /// The test that sees other values with it, and allows them; of several the one that is nearest to failing.
+        /// The test that sees other values with the mutant, and allows them; of several, the one closest to failing.
         #[serde(skip_serializing_if = "Option::is_none")]
         hidden: Option<Hidden>,
-        /// Why it lived.
+        /// The reason why it lived.
         why: Lived,
     },
     /// No test uses it.
     Untested {
-        /// The difference that a test would see.
+        /// The difference that a test could see.
         why: Lived,
     },
-    /// It does what the original does: no test can see it, and none ran.
+    /// It is equivalent to the original, so no test can see it, and none ran.
     Equal {
-        /// Why that is known.
+        /// The proof.
         by: Equality,
     },
-    /// It is no valid WGSL, which shows nothing of the tests.
+    /// It isn't valid WGSL, so it proves nothing about the tests.
     Invalid {
-        /// Why not.
+        /// The reason.
         reason: String,
     },
-    /// It changes nothing that is linked, such as text under a condition that doesn't hold.
+    /// It doesn't change the linked text, for example because a condition leaves the code out.
     Idle,
     /// It lives, and `karat.toml` accepts that.
     Accepted {
-        /// Why.
+        /// The reason.
         reason: String,
     },
-    /// It has no verdict, since its tests can't be found.
+    /// It has no verdict, because its tests can't be found.
     Unknown {
-        /// Why not.
+        /// The reason.
         reason: String,
     },
     /// A test ended without a verdict.
     Stopped {
         /// The test.
         test: String,
-        /// Why.
+        /// The reason.
         reason: String,
     },
 }
 
-/// A test whose tolerance hides a mutant.
+/// A test with a tolerance that hides a mutant.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Hidden {
     /// The test.
     pub test: String,
-    /// Its largest error divided by the bound, without the mutant and with it.
+    /// Its largest error divided by the bound: without the mutant, and with it.
     pub ratios: [f64; 2],
 }
 
@@ -134,26 +134,26 @@ pub struct Hidden {
 pub struct Hunted {
     /// In the order of their files and lines.
     pub tried: Vec<Tried>,
-    /// Mutants that there are, a sample of which was tried.
+    /// The number of all mutants. A sample of them was tried.
     pub of: usize,
-    /// Tests of the package that ran.
+    /// The number of tests of the package that ran.
     pub tests: usize,
-    /// Frames, which a path without a driver doesn't draw.
+    /// The number of frames left out, because the path has no driver to draw them.
     pub left_out: usize,
-    /// Modules that aren't valid as they are.
+    /// Modules that are invalid without a mutant.
     pub invalid: Vec<String>,
-    /// Acceptances in `karat.toml` that accept nothing, each a sentence.
+    /// Acceptances in `karat.toml` that don't apply to a mutant, each as a sentence.
     pub complaints: Vec<String>,
 }
 
-/// Why no mutant was tried.
+/// The reason why no mutant was tried.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum MutateError {
     /// The package can't be read.
     #[error("{0}")]
     Package(#[from] PackageError),
-    /// Its tests can't be looked for.
+    /// The search for its tests failed.
     #[error("{0}")]
     Find(#[from] FindError),
     /// A module of the package can't be read, or has no file.
@@ -161,65 +161,65 @@ pub enum MutateError {
     Read {
         /// The module.
         module: String,
-        /// Why not.
+        /// The reason.
         reason: String,
     },
-    /// A program prints the modules, so that a text that isn't saved never reaches them.
+    /// A program prints the modules, so mutants in memory would never reach them.
     #[error(
         "`preprocess` in karat.toml prints these modules from their files, and mutants are texts that aren't saved: mutate a \
          folder of what it prints"
     )]
     Printed,
-    /// An acceptance in `karat.toml` accepts nothing.
+    /// An acceptance in `karat.toml` doesn't apply to a mutant.
     #[error("{0}")]
     Accepted(String),
-    /// There is nothing that could kill a mutant.
+    /// There is no test that could kill a mutant.
     #[error("{0}")]
     NoTest(String),
-    /// There is nothing to change.
+    /// There is no mutant.
     #[error("there is no mutant{of}: nothing would be judged")]
     NoMutant {
-        /// Of what.
+        /// The place that has no mutant.
         of: String,
     },
-    /// Tests fail as the shaders are.
+    /// Tests fail on the original shaders.
     #[error(
         "{} without a mutant, and would kill each: mend them first\n\n{}",
         if wrong.len() == 1 { "1 test fails".to_owned() } else { format!("{} tests fail", wrong.len()) },
         wrong.iter().map(|(test, wrong)| format!("---- {test} ----\n{wrong}")).collect::<Vec<_>>().join("\n\n")
     )]
     Red {
-        /// Each with what is wrong.
+        /// The failing tests, each with its error.
         wrong: Vec<(String, Wrong)>,
     },
 }
 
-/// Tests beside those of the package, which run elsewhere: Rust's. All have passed without a mutant.
+/// Tests that run elsewhere, such as Rust's, beside those of the package. All have passed without a mutant.
 pub trait Others: Sync {
-    /// How many there are.
+    /// The number of these tests.
     fn count(&self) -> usize;
 
-    /// Runs those that use what a mutant changes, until one fails.
+    /// Runs the tests that use the changed code, until one fails.
     fn judge(&self, candidate: &Candidate) -> Judged;
 }
 
 /// The verdict of the other tests on a mutant.
 #[derive(Clone, Debug, Default)]
 pub struct Judged {
-    /// How many use what it changes.
+    /// The number of tests that use the changed code.
     pub concerned: usize,
-    /// The one that failed.
+    /// The test that failed.
     pub killed: Option<String>,
-    /// The one that allows other values.
+    /// The test that allows other values.
     pub hidden: Option<Hidden>,
-    /// One that ended without a verdict, and why.
+    /// A test that ended without a verdict, and the reason.
     pub stopped: Option<(String, String)>,
 }
 
-/// A test, the text that it links, and its time.
+/// A test, the text that it links, and its duration.
 struct Judge {
     name: String,
-    /// `None` where that text can't be found.
+    /// The linked text; `None` if it can't be found.
     made_of: Option<String>,
     /// The values that its checks see without a mutant.
     seen: Seen,
@@ -233,32 +233,33 @@ impl Request {
         Self { package, only, filter, sample, lines, frames: false }
     }
 
-    /// Only mutants of functions and constants whose names contain one of these, `brdf::schlick`, or mutants with these ids.
+    /// Restricts the mutants to functions and constants whose names contain one of these (`brdf::schlick`), and to
+    /// mutants with these ids.
     pub fn only<'n>(self, names: impl IntoIterator<Item = &'n str>) -> Self {
         Self { only: names.into_iter().map(str::to_owned).collect(), ..self }
     }
 
-    /// Only tests whose names contain this.
+    /// Restricts the tests to those whose names contain this.
     pub fn tests(self, filter: &str) -> Self {
         Self { filter: Some(filter.to_owned()), ..self }
     }
 
-    /// A sample of so many mutants of the package, by a seed.
+    /// Takes a random sample of so many mutants, by a seed.
     pub fn sample(self, count: usize, seed: u64) -> Self {
         Self { sample: Some((count, seed)), ..self }
     }
 
-    /// Only mutants that touch these lines, from 1, of files.
+    /// Restricts the mutants to those that touch these lines of files, counted from 1.
     pub fn lines(self, lines: BTreeMap<PathBuf, Vec<RangeInclusive<usize>>>) -> Self {
         Self { lines: Some(lines), ..self }
     }
 
-    /// Frames judge, too: the path has a driver.
+    /// Also runs frames. The path needs a driver.
     pub fn frames(self) -> Self {
         Self { frames: true, ..self }
     }
 
-    /// The mutants that there are, in the order of modules and places, and how many there are before a sample is taken.
+    /// The mutants, in the order of modules and places, and their number before a sample is taken.
     ///
     /// # Errors
     /// If the package can't be read.
@@ -274,7 +275,7 @@ impl Request {
         let tests: BTreeSet<&str> = suite.tests.iter().map(|test| &*test.name).collect();
         let mut all = Vec::new();
         let mut seen: BTreeMap<String, usize> = BTreeMap::new();
-        // Lines that are the same have ids by their order.
+        // Equal lines get different ids, by their order.
         let mut named = |of: &str, path: &str, [before, after]: [String; 2]| {
             let name = format!("{of}\n{path}\n{before}\n{after}");
             let count = seen.entry(name.clone()).or_default();
@@ -291,11 +292,11 @@ impl Request {
             let text: Arc<str> = text.into();
             for mutant in maker::mutants(&text) {
                 let path = path_of(&module, &mutant.item);
-                // The tests themselves aren't what is judged.
+                // Tests themselves aren't mutated.
                 if tests.contains(&*path) {
                     continue;
                 }
-                // Two packages of one file may have the same functions.
+                // Two packages of one file each may have the same functions.
                 let of = if module.is_empty() { self.package.name() } else { module.clone() };
                 let id = named(&of, &path, mutant.lines(&text));
                 let (module, file, text) = (module.clone(), file.clone(), Arc::clone(&text));
@@ -318,12 +319,12 @@ impl Request {
         Ok(all)
     }
 
-    /// Those that are asked for, and how many there are before a sample is taken.
+    /// The requested mutants, and their number before a sample is taken.
     fn chosen(&self, mut all: Vec<Candidate>) -> (Vec<Candidate>, usize) {
         all.retain(|one| self.wants(one));
         let of = all.len();
         let Some((count, seed)) = self.sample else { return (all, of) };
-        // By what changes and not by where: a line more above is no other sample.
+        // The key depends on the change and not on its place, so that lines added above don't change the sample.
         let key =
             |one: &Candidate| *blake3::hash(format!("{seed} {}", one.id).as_bytes()).as_bytes();
         let mut keyed: Vec<_> = all.into_iter().map(|one| (key(&one), one)).enumerate().collect();
@@ -348,7 +349,8 @@ impl Request {
         is_named && self.lines.as_ref().is_none_or(is_in)
     }
 
-    /// Tries them. `told` gets each mutant as soon as its fate is known, with the count done and the count of all.
+    /// Tries the mutants. `told` receives each one as soon as its fate is known, with the number of those done and of
+    /// all.
     ///
     /// # Errors
     /// If there is nothing to try, or a test fails without a mutant.
@@ -356,7 +358,7 @@ impl Request {
         self.run_with(None, told)
     }
 
-    /// [`run`](Self::run) with other tests beside the package's own.
+    /// Does the same as [`run`](Self::run), with other tests beside the package's own.
     ///
     /// # Errors
     /// As [`run`](Self::run).
@@ -412,7 +414,7 @@ impl Request {
         Ok(Hunted { tried, of, tests: judges.len(), left_out, invalid, complaints })
     }
 
-    /// The mutants that `karat.toml` accepts, each with the reason.
+    /// The mutants that `karat.toml` accepts, each with its reason.
     fn accepted(&self, all: &[Candidate]) -> Result<BTreeMap<String, String>, MutateError> {
         let mut accepted = BTreeMap::new();
         let file = self.package.root().join("karat.toml");
@@ -438,7 +440,7 @@ impl Request {
         Ok(accepted)
     }
 
-    /// The tests, once all have passed, and how many frames are left out.
+    /// The tests, after all of them have passed, and the number of frames left out.
     fn judges(
         &self,
         suite: &Suite,
@@ -481,7 +483,7 @@ impl Request {
         Ok((judges, frames.len()))
     }
 
-    /// Gives a mutant to its tests, until one kills it.
+    /// Runs tests on a mutant until one kills it.
     fn fate(&self, one: &Candidate, judges: &[Judge], others: Option<&dyn Others>) -> Fate {
         let package = self.package.unsaved(&one.file, &one.mutant.applied(&one.text));
         let is_shader = one.mutant.rule != Rule::Sampler;
@@ -511,7 +513,7 @@ impl Request {
                 true => {}
             }
         }
-        // A test that calls the function itself is the likeliest to kill the mutant, and then a quick one.
+        // Tests that call the function itself come first, as they kill most likely; then the quicker ones.
         let path = one.path();
         concerned.sort_by_key(|(judge, test)| (!test.is_about(&path), judge.took));
         let (mut stopped, mut hidden) = (None, None);
@@ -542,7 +544,7 @@ impl Request {
         }
         let tests = concerned.len() + others.concerned;
         match stopped.or(others.stopped) {
-            // A constant may leave its own module valid, and no other one.
+            // A mutated constant may leave its own module valid and make another one invalid.
             Some((test, reason)) => match self.broken_by(&package) {
                 Some(reason) => Fate::Invalid { reason },
                 None => Fate::Stopped { test, reason },
@@ -555,10 +557,10 @@ impl Request {
         }
     }
 
-    /// The fate of a mutant that no test has to judge: it isn't valid, or does what the original does.
+    /// The fate of a mutant that needs no test: it is invalid, or equivalent to the original.
     fn before_tests(&self, one: &Candidate, package: &Package) -> Option<Fate> {
         let Candidate { module, mutant, .. } = one;
-        // Of a module that isn't valid anyway the item alone has to be.
+        // If the module is invalid anyway, only the item itself has to be valid.
         let linked = match Program::of_module(&self.package, module).is_ok() {
             true => Program::of_module(package, module),
             false => Program::of_items(package, module, &[&mutant.item]),
@@ -569,7 +571,7 @@ impl Request {
         lived::equality(&self.package, package, one).map(|by| Fate::Equal { by })
     }
 
-    /// Why a module that is valid isn't with a mutant.
+    /// The reason why a mutant makes a valid module invalid.
     fn broken_by(&self, mutant: &Package) -> Option<String> {
         let modules = self.package.modules().ok()?;
         let mut broken = modules.iter().filter_map(|module| {
@@ -587,7 +589,7 @@ impl Fate {
 }
 
 impl Hidden {
-    /// The one that is nearer to failing.
+    /// The one closer to failing.
     #[must_use]
     pub fn nearest(one: Option<Self>, other: Option<Self>) -> Option<Self> {
         let all = one.into_iter().chain(other);
@@ -600,8 +602,8 @@ fn reason(error: &ReflectError) -> String {
     error.diagnostic().map_or_else(|| error.to_string(), |found| found.message.clone())
 }
 
-/// Runs a function for each, on all cores. A test has a thread of its own, and its checks use the pool that Rayon has: a
-/// thread of that pool can't wait for one.
+/// Runs a function for each element, on all cores. Each test has its own thread, because its checks use Rayon's pool,
+/// and a thread of that pool can't wait for them.
 fn beside_each_other<T: Sync, R: Send>(all: &[T], run: &(dyn Fn(&T) -> R + Sync)) -> Vec<R> {
     let next = AtomicUsize::new(0);
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
@@ -625,7 +627,7 @@ fn beside_each_other<T: Sync, R: Send>(all: &[T], run: &(dyn Fn(&T) -> R + Sync)
     done.into_iter().map(|(_, result)| result).collect()
 }
 
-/// True if each linked function of the package is the same text as before.
+/// Returns `true` if each linked function of the package has the same text as before.
 fn is_idle(original: &Package, mutant: &Package) -> bool {
     let Ok(functions) = original.functions() else { return false };
     let names: BTreeSet<String> = functions.into_iter().map(|item| item.name).collect();
@@ -633,7 +635,7 @@ fn is_idle(original: &Package, mutant: &Package) -> bool {
     !known.is_empty() && known == mutant.fingerprints(&names)
 }
 
-/// `brdf::schlick`; in a package of one file the name alone.
+/// The path of an item, `brdf::schlick`; in a package of one file, its name alone.
 fn path_of(module: &str, item: &str) -> String {
     if module.is_empty() { item.to_owned() } else { format!("{module}::{item}") }
 }

@@ -1,8 +1,9 @@
-//! Mutation testing of WGSL: whether a package's tests would see a slip in its shaders.
+//! Mutation testing of WGSL: checks that a package's tests would notice mistakes in its shaders.
 //!
-//! [`mutants`] makes slips of a text: another operator, a number that is off, a guard less. [`Request`] gives each to the
-//! tests that are made of it, as a text that isn't saved: nothing is compiled, and no file changes. A mutant that a test
-//! fails for is killed. Of one that lives [`Lived`] says why, and where original and mutant part.
+//! [`mutants`] makes small mistakes in a text: another operator, another number, a missing guard. [`Request`] runs the
+//! tests that use the text on each mutant, in memory: nothing is compiled, and no file changes. A mutant is killed if a
+//! test fails for it. For one that lives, [`Lived`] gives the reason, and an input for which it differs from the
+//! original.
 //!
 //! ```
 //! use karat::Package;

@@ -1,4 +1,4 @@
-//! Why a mutant lived: where it and the original part, if they do.
+//! Explains why a mutant lived, with an input for which it differs from the original, if there is one.
 
 use std::fmt;
 
@@ -12,42 +12,42 @@ use serde::Serialize;
 use crate::Candidate;
 use crate::maker::{Mutant, Rule};
 
-/// Why a mutant lived.
+/// The reason why a mutant lived.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "why", rename_all = "snake_case")]
 pub enum Lived {
-    /// It returns something else where no test looks.
+    /// Its result differs for an input that no test has.
     Differs(Difference),
-    /// No input was found for which it returns something else. That shows nothing beyond these inputs.
+    /// No input with a different result was found. That proves nothing about other inputs.
     Unseen {
-        /// The inputs that were tried.
+        /// The number of inputs that were tried.
         cases: usize,
     },
-    /// It is the sampler of a test, and the shader is the same: no test samples where the two differ.
+    /// It changes a sampler of a test, not the shader: no test samples where the two differ.
     Sampler,
-    /// Original and mutant can't be compared.
+    /// It can't be compared with the original.
     Unknown {
-        /// Why.
+        /// The reason.
         reason: String,
     },
 }
 
-/// Where original and mutant part.
+/// A difference between original and mutant.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Difference {
     /// The function that shows it: `calc::half`.
     pub function: String,
-    /// The simplest arguments that show it, by their names, and the members of buffers that matter there.
+    /// The simplest arguments that show it, by name, and the members of buffers that it depends on.
     pub arguments: Vec<(String, String)>,
     /// The result of the original, or the values that its pass leaves.
     pub original: String,
-    /// The result of the mutant there.
+    /// The result of the mutant.
     pub mutant: String,
-    /// True if its numbers are floats, of which a test says how near they have to be.
+    /// `true` if its numbers are floats, which a test compares with a tolerance.
     pub floats: bool,
-    /// True of a compute pass, which leaves something and returns nothing.
+    /// `true` for a compute pass, which writes memory and returns nothing.
     pub leaves: bool,
-    /// The types of its arguments, if these alone make the difference and no feature.
+    /// The types of its arguments, if the difference depends only on them and on no feature.
     #[serde(skip)]
     types: Option<Vec<Shape>>,
     /// The type of its result.
@@ -58,23 +58,23 @@ pub struct Difference {
 /// A language of tests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Form {
-    /// A `[[test]]` for a `*.test.toml`.
+    /// A `[[test]]` of a `*.test.toml`.
     Toml,
     /// A function with `@test`.
     Wgsl,
-    /// A function with `#[test]`, of a package that is called `SHADERS`.
+    /// A function with `#[test]`, for a package that is called `SHADERS`.
     Rust,
 }
 
-/// Why no test can see a mutant.
+/// The proof that no test can see a mutant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Equality {
     /// Its function executes the same operations.
     Operations,
-    /// It leaves a guard out that never acts: whatever the arguments, the value lies within its bounds.
+    /// It removes a guard that never acts: for any arguments, the value lies within its bounds.
     Intervals,
-    /// Its function returns the same for so many inputs, and has no others.
+    /// Its function returns the same for each possible input. Holds the number of inputs.
     Inputs(usize),
 }
 
@@ -91,7 +91,7 @@ impl fmt::Display for Equality {
     }
 }
 
-/// Why a mutant's function is known to do what the original does; `None`: it may do something else.
+/// The proof that a mutant's function is equivalent to the original; `None` if there is none.
 pub(crate) fn equality(
     original: &Package,
     mutant: &Package,
@@ -110,7 +110,7 @@ pub(crate) fn equality(
     }
 }
 
-/// Compares a mutant with the original, at its function or else at what uses it.
+/// Compares a mutant with the original, in its function or otherwise in the code that uses it.
 pub(crate) fn why(original: &Package, mutant: &Package, candidate: &Candidate) -> Lived {
     if candidate.mutant.rule == Rule::Sampler {
         return Lived::Sampler;
@@ -125,7 +125,7 @@ pub(crate) fn why(original: &Package, mutant: &Package, candidate: &Candidate) -
         Err(reason) => return Lived::Unknown { reason },
     };
     match verdict(original, found.iter().filter(|one| one.function == own)) {
-        // A constant, or a function that can't be called by itself: what uses it can.
+        // A constant, or a function that can't be called by itself: compare the functions that use it.
         None | Some(Lived::Unknown { .. }) => match compared(&[]) {
             Ok(all) => verdict(original, all.iter()).unwrap_or_else(|| Lived::Unknown {
                 reason: "no function that can be called by itself shows a difference".to_owned(),
@@ -136,7 +136,7 @@ pub(crate) fn why(original: &Package, mutant: &Package, candidate: &Candidate) -
     }
 }
 
-/// A difference before all else, then that something isn't known. `None` if nothing was compared.
+/// The verdict: a difference if there is one, then something unknown. `None` if nothing was compared.
 fn verdict<'c>(original: &Package, compared: impl Iterator<Item = &'c Compared>) -> Option<Lived> {
     let (mut cases, mut unknown) = (0, None);
     for one in compared {
@@ -170,7 +170,7 @@ impl Difference {
         let result = probed.as_ref().ok().map(|one| one.function().result.clone());
         let parameters =
             probed.map_or_else(|_| Vec::new(), |one| one.function().parameters.clone());
-        // Members of buffers, overrides and features aren't what a test says in `over`.
+        // Members of buffers, overrides and features can't be set in `over`.
         let is_parameter =
             |(name, _): &(String, String)| parameters.iter().any(|(own, _)| own == name);
         let is_other = |one: &&(String, String)| change.given.iter().all(|(own, _)| *own != one.0);
@@ -191,14 +191,14 @@ impl Difference {
         }
     }
 
-    /// A test that the mutant fails and the original passes, to be pasted into a `*.test.toml`: what the original returns is
-    /// right by its author's word alone. `None` where the input is no argument, the original returns no finite number, or the
-    /// two differ by the sign of a 0 alone, which no test tells apart.
+    /// A test that the original passes and the mutant fails, for a `*.test.toml`. That the original's result is right
+    /// is its author's claim. `None` if the input isn't an argument, the original's result isn't finite, or the results
+    /// differ only in the sign of a 0, which no test distinguishes.
     #[must_use]
     pub fn test(&self) -> Option<String> {
         let over = self.arguments.iter().map(|(name, value)| {
             let value = toml_of(value)?;
-            // A list would be the domains of a vector's components.
+            // A list would be the domains of the components of a vector.
             Some(match value.starts_with('[') {
                 true => format!("{name} = {{ one_of = [{value}] }}"),
                 false => format!("{name} = {value}"),
@@ -216,7 +216,8 @@ impl Difference {
         Some(format!("[[test]]\nfunction = \"{name}\"\n{over}equals = {equals}\n{tolerance}"))
     }
 
-    /// The same test in another language, under a name that ends in this. `None`, too, of structures, arrays and matrices.
+    /// The same test in another language, with a name that ends in this. `None` also for structures, arrays and
+    /// matrices.
     #[must_use]
     pub fn test_as(&self, form: Form, ending: &str) -> Option<String> {
         let (types, result) = (self.types.as_ref()?, self.result.as_ref()?);
@@ -277,15 +278,15 @@ impl Difference {
         }
     }
 
-    /// Half of the way to the mutant, as an absolute bound, if there is one; `None` of both if the two differ by the sign of a 0
-    /// alone.
+    /// Half of the distance to the mutant as an absolute bound, if there is one; an outer `None` if the results differ
+    /// only in the sign of a 0.
     fn bound(&self) -> Option<Option<String>> {
         let [own, others] = [&self.original, &self.mutant].map(|text| numbers(text));
         if self.floats && own == others {
             return None;
         }
         let far: Vec<f64> = own.iter().zip(&others).map(|(a, b)| (a - b).abs()).collect();
-        // A mutant's NaN is outside of any bound, and then the narrowest says the most.
+        // A mutant's NaN is outside any bound, so the narrowest bound says most.
         let is_number = far.iter().all(|one| one.is_finite());
         let far = far.into_iter().fold(0.0, f64::max);
         let has = self.floats && is_number && far > 0.0;
@@ -293,7 +294,7 @@ impl Difference {
     }
 }
 
-/// The components of a vector as it is shown, or the scalar.
+/// The components of a vector in its text, or the scalar.
 fn components<'v>(value: &'v str, shape: &Shape) -> Option<(Scalar, Vec<&'v str>)> {
     let scalar = match shape {
         Shape::Scalar(scalar) | Shape::Vector { scalar, .. } => *scalar,
@@ -303,7 +304,7 @@ fn components<'v>(value: &'v str, shape: &Shape) -> Option<(Scalar, Vec<&'v str>
     Some((scalar, inner.split(", ").collect()))
 }
 
-/// A float as both languages write it.
+/// A float in the syntax of both languages.
 fn float(text: &str) -> String {
     if text.contains(['.', 'e']) { text.to_owned() } else { format!("{text}.0") }
 }
@@ -323,7 +324,7 @@ fn wgsl_of(value: &str, shape: &Shape) -> Option<String> {
     })
 }
 
-/// The suffix of an expectation's name by the type of its values: `_vec3`, `_vec2u`.
+/// The suffix of an expectation's name, by the type of its values: `_vec3`, `_vec2u`.
 fn suffix_of(shape: &Shape) -> Option<String> {
     Some(match shape {
         Shape::Scalar(Scalar::F32) => String::new(),
@@ -335,7 +336,7 @@ fn suffix_of(shape: &Shape) -> Option<String> {
     })
 }
 
-/// A value in Rust: of a reference, which computes in double precision, or an argument.
+/// A value in Rust: for a reference, which computes in double precision, or for an argument.
 fn rust_of(value: &str, shape: &Shape, reference: bool) -> Option<String> {
     let (scalar, parts) = components(value, shape)?;
     let one = |part: &str| match scalar {
@@ -360,7 +361,7 @@ fn rust_of(value: &str, shape: &Shape, reference: bool) -> Option<String> {
     })
 }
 
-/// The type that a reference takes for an argument.
+/// The type of an argument of a reference.
 fn rust_type(shape: &Shape) -> Option<String> {
     Some(match shape {
         Shape::Scalar(Scalar::F32) => "f64".to_owned(),
@@ -376,7 +377,7 @@ fn rust_type(shape: &Shape) -> Option<String> {
     })
 }
 
-/// The numbers of a value as it is shown: `(1, NaN)`.
+/// The numbers in the text of a value: `(1, NaN)`.
 fn numbers(text: &str) -> Vec<f64> {
     let is_part = |c: char| c.is_ascii_alphanumeric() || ".+-".contains(c);
     text.split(|c| !is_part(c)).filter_map(|word| word.parse().ok()).collect()
@@ -386,7 +387,7 @@ fn numbers(text: &str) -> Vec<f64> {
 fn toml_of(value: &str) -> Option<String> {
     let plain = |c: char| c.is_ascii_digit() || " ,.+-e()".contains(c);
     let is_plain = value.chars().all(plain) || matches!(value, "true" | "false");
-    // `-0` is an integer in TOML, and has no sign.
+    // In TOML `-0` is an integer, without a sign.
     let is_signed_zero = value.split(|c: char| " ,()".contains(c)).any(|word| word == "-0");
     (is_plain && !is_signed_zero).then(|| value.replace('(', "[").replace(')', "]"))
 }

@@ -1,8 +1,6 @@
-//! Makes mutants of WGSL text: each is one slip, in the body of a function or the value of a
-//! constant.
+//! Makes mutants of WGSL text. Each has one mistake, in the body of a function or the value of a constant.
 //!
-//! Text goes in, mutants come out; nothing else is known here. Types aren't either: some mutants
-//! aren't valid WGSL, which a compiler has to say.
+//! This module knows only text, not types: some mutants aren't valid WGSL, and the compiler rejects them.
 
 use std::collections::BTreeSet;
 use std::fmt;
@@ -13,32 +11,32 @@ use toml::de::{DeTable, DeValue};
 
 use crate::tokens::{Kind, Token, tokens};
 
-/// What kind of slip a mutant is.
+/// The kind of a mutation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Rule {
-    /// `+` for `-`, `*` for `/`, and of bits.
+    /// `-` for `+`, `/` for `*`, and the same for operators on bits.
     Operator,
-    /// `<` for `<=`, or the other way round.
+    /// `<=` for `<`, or the reverse.
     Comparison,
-    /// `&&` for `||`, a `!` less.
+    /// `||` for `&&`, or a missing `!`.
     Logic,
-    /// 0, 1, doubled, 1 % off.
+    /// 0 or 1, the double, or 1 % off.
     Number,
-    /// A term or a factor is left out.
+    /// A missing term or factor.
     Operand,
-    /// `max`, `abs`, `clamp` and the like: the argument as it is.
+    /// The argument in place of `max`, `abs`, `clamp` and the like.
     Guard,
-    /// Two neighbouring arguments.
+    /// Two neighbouring arguments, exchanged.
     Swap,
-    /// Another component, or two in another order.
+    /// Another component, or two components in another order.
     Swizzle,
-    /// A minus is left out.
+    /// A missing minus.
     Sign,
-    /// Always, or never.
+    /// A condition that is always true, or never.
     Condition,
-    /// A barrier, or an atomic whose value nothing uses, is left out.
+    /// A missing barrier, or a missing atomic whose value nothing uses.
     Order,
-    /// A sampler that a test declares: its filter, or what is beyond the edge.
+    /// A sampler that a test declares, with another filter or address mode.
     Sampler,
 }
 
@@ -61,34 +59,34 @@ impl fmt::Display for Rule {
     }
 }
 
-/// One slip: what stands in the text, and what is to stand there.
+/// A mutation: the original text, and its replacement.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Mutant {
     /// Its kind.
     pub rule: Rule,
     /// The function or constant that it is in.
     pub item: String,
-    /// Bytes of the text.
+    /// The bytes of the text that it replaces.
     pub range: Range<usize>,
-    /// The text that stands there.
+    /// The text before.
     pub original: String,
-    /// The text that replaces it.
+    /// The text after.
     pub replacement: String,
-    /// From 1.
+    /// The line, counted from 1.
     pub line: usize,
-    /// From 1, in characters.
+    /// The column in characters, counted from 1.
     pub column: usize,
 }
 
 impl Mutant {
-    /// The text with the slip.
+    /// The whole text with the mutation.
     #[must_use]
     pub fn applied(&self, text: &str) -> String {
         format!("{}{}{}", &text[..self.range.start], self.replacement, &text[self.range.end..])
     }
 
-    /// The lines that change, before and after, with single blanks: a name that stays as long as
-    /// these lines do, wherever they move.
+    /// The changed lines, before and after, with single blanks: a name that depends only on these lines, wherever they
+    /// move.
     #[must_use]
     pub fn lines(&self, text: &str) -> [String; 2] {
         let start = text[..self.range.start].rfind('\n').map_or(0, |at| at + 1);
@@ -121,23 +119,23 @@ pub fn mutants(text: &str) -> Vec<Mutant> {
     maker.items();
     let mut found = maker.found;
     found.sort_by_key(|mutant| (mutant.range.start, mutant.range.end));
-    // Two rules may come to the same text.
+    // Two rules may give the same text.
     let mut seen = BTreeSet::new();
     found.retain(|mutant| seen.insert(mutant.applied(text)) && mutant.applied(text) != text);
-    // A line that asserts or prints isn't judged.
+    // Leave out lines that assert or print.
     let line = |at: usize| text[..at].rsplit('\n').next().unwrap_or_default().trim_start();
     found.retain(|mutant| !line(mutant.range.start).starts_with("@if(karat)"));
     found
 }
 
-/// All mutants of the samplers that a file of tests declares, each belonging to its variable: texts below a `with` that begin
-/// with a filter, such as `filtering = "linear repeat"`.
+/// All mutants of the samplers that a file of tests declares, each named after its variable. These are texts below a
+/// `with` that begin with a filter, such as `filtering = "linear repeat"`.
 pub(crate) fn samplers(text: &str) -> Vec<Mutant> {
     let mut found = Vec::new();
     if let Ok(table) = DeTable::parse(text) {
         below(table.get_ref(), false, &mut |name, value| {
             let DeValue::String(own) = value.get_ref() else { return };
-            // Inside of the quotes, where nothing is escaped.
+            // Inside the quotes; the text has no escapes.
             let range = value.span().start + 1..value.span().end - 1;
             if text.get(range.clone()) == Some(own) {
                 found.extend(of_sampler(text, name, range));
@@ -168,14 +166,14 @@ fn below<'t>(
     }
 }
 
-/// Another filter, and something else beyond the edge, where a text is a sampler.
+/// Another filter and another address mode, if a text is a sampler.
 fn of_sampler(text: &str, name: &str, range: Range<usize>) -> Vec<Mutant> {
     let words: Vec<&str> = text[range.clone()].split_whitespace().collect();
     let [filter @ ("linear" | "nearest"), rest @ ..] = &*words else { return Vec::new() };
     let is_address = |word: &&&str| ["clamp", "repeat", "mirror"].contains(*word);
     let address = rest.iter().find(is_address).copied();
     let with = |filter: &str, address: Option<&str>| {
-        // It is clamped unless it says something else.
+        // The default address mode is `clamp`.
         let address = address.filter(|address| *address != "clamp");
         let others = rest.iter().filter(|word| !is_address(word)).copied();
         [filter].into_iter().chain(address).chain(others).collect::<Vec<_>>().join(" ")
@@ -198,9 +196,9 @@ fn of_sampler(text: &str, name: &str, range: Range<usize>) -> Vec<Mutant> {
 struct Maker<'a> {
     text: &'a str,
     tokens: Vec<Token<'a>>,
-    /// The other bracket, for each token that is one.
+    /// The matching bracket of each bracket token.
     partner: Vec<Option<usize>>,
-    /// Whether a token belongs to a list of template arguments, with its brackets, or an attribute.
+    /// `true` if a token belongs to an attribute or to a list of template arguments, brackets included.
     types: Vec<bool>,
     item: String,
     found: Vec<Mutant>,
@@ -244,8 +242,8 @@ impl<'a> Maker<'a> {
         self.tokens.get(at).map_or("", |token| token.text)
     }
 
-    /// The end of a list of template arguments that begins at a `<`: as WGSL finds it, by looking
-    /// for the `>` before anything that no such list has.
+    /// The end of a list of template arguments that begins at a `<`. As in WGSL, it is the `>` before any token that
+    /// such a list can't contain.
     fn template_end(&self, at: usize) -> Option<usize> {
         let after_word = at > 0 && self.tokens[at - 1].kind == Kind::Word;
         if self.word(at) != "<" || !after_word {
@@ -292,7 +290,7 @@ impl<'a> Maker<'a> {
                 "fn" => {
                     let open = (at..self.tokens.len()).find(|i| self.word(*i) == "{");
                     let body = open.and_then(|open| Some((open, self.partner[open]?)));
-                    // Of text under conditions a brace may have no partner: what comes behind is looked at all the same.
+                    // In text under conditions a brace may have no partner. The text after it is still searched.
                     let Some((open, close)) = body else {
                         at += 1;
                         continue;
@@ -334,7 +332,7 @@ impl<'a> Maker<'a> {
         }
     }
 
-    /// Puts something in place of tokens `from..=to`.
+    /// Replaces tokens `from..=to`.
     fn replace(&mut self, rule: Rule, from: usize, to: usize, replacement: String) {
         let range = self.tokens[from].start..self.tokens[to].end();
         let before = &self.text[..range.start];
@@ -350,7 +348,7 @@ impl<'a> Maker<'a> {
         });
     }
 
-    /// The text of tokens `from..=to`, as it stands.
+    /// The text of tokens `from..=to`.
     fn between(&self, from: usize, to: usize) -> String {
         self.text[self.tokens[from].start..self.tokens[to].end()].to_owned()
     }
@@ -402,13 +400,12 @@ impl<'a> Maker<'a> {
         }
     }
 
-    /// Leaves out one side of an operator.
+    /// Leaves out one operand of an operator.
     fn operands(&mut self, at: usize) {
         let (left, right) = (self.left_operand(at), self.right_operand(at));
         let [kept_left, kept_right] = [self.between(left, at - 1), self.between(at + 1, right)];
         self.replace(Rule::Operand, left, right, kept_left);
-        // What stands before has an operator of its own, unless it is first: then that one leaves
-        // it out.
+        // The left operand has an operator of its own, which leaves it out, unless it is the first one.
         let first = left == 0 || precedence(self.word(left - 1)) != precedence(self.word(at));
         match self.word(at) {
             "/" | "%" => {}
@@ -418,7 +415,7 @@ impl<'a> Maker<'a> {
         }
     }
 
-    /// Where the operand before an operator begins: nothing in it binds less.
+    /// The first token of the left operand: nothing in it binds less tightly.
     fn left_operand(&self, at: usize) -> usize {
         let binds = precedence(self.word(at));
         let mut first = at;
@@ -445,7 +442,7 @@ impl<'a> Maker<'a> {
         first
     }
 
-    /// Where the operand behind an operator ends: at one that binds as much, or less.
+    /// The last token of the right operand: it ends at an operator that binds as tightly, or less.
     fn right_operand(&self, at: usize) -> usize {
         let binds = precedence(self.word(at));
         let mut last = at;
@@ -471,7 +468,7 @@ impl<'a> Maker<'a> {
         last
     }
 
-    /// Whether an operator has nothing on its left.
+    /// Returns `true` if an operator has no left operand.
     fn is_unary(&self, at: usize) -> bool {
         if !matches!(self.word(at), "-" | "!" | "~" | "&" | "*") {
             return false;
@@ -485,7 +482,7 @@ impl<'a> Maker<'a> {
         }
     }
 
-    /// `if` with both outcomes.
+    /// `if` with both fixed outcomes.
     fn condition(&mut self, at: usize) {
         let mut end = at + 1;
         // `break if` ends with its statement.
@@ -497,7 +494,7 @@ impl<'a> Maker<'a> {
         }
     }
 
-    /// `x` for `y`, or the first two components in the other order.
+    /// `x` for `y`, or the first two components exchanged.
     fn swizzle(&mut self, at: usize) {
         let text = self.word(at);
         let set = ["xyzw", "rgba"].into_iter().find(|set| text.chars().all(|c| set.contains(c)));
@@ -513,7 +510,7 @@ impl<'a> Maker<'a> {
         self.replace(Rule::Swizzle, at, at, components.into_iter().collect());
     }
 
-    /// The argument of a guard as it is, and arguments in another order.
+    /// The argument of a guard without the guard, and arguments in another order.
     fn call(&mut self, at: usize) {
         let Some((open, close)) = self.parentheses(at) else { return };
         self.order(at, close);
@@ -538,7 +535,7 @@ impl<'a> Maker<'a> {
         }
     }
 
-    /// Leaves out a barrier, or an atomic that is a statement of its own.
+    /// Leaves out a barrier, or an atomic that is a statement by itself.
     fn order(&mut self, at: usize, close: usize) {
         let word = self.word(at);
         let orders = word.starts_with("atomic")
@@ -549,7 +546,7 @@ impl<'a> Maker<'a> {
         }
     }
 
-    /// The parentheses of a call of `at`, behind its template arguments.
+    /// The parentheses of a call at `at`, after its template arguments.
     fn parentheses(&self, at: usize) -> Option<(usize, usize)> {
         if matches!(self.word(at), "if" | "for" | "while" | "switch" | "return" | "else") {
             return None;
@@ -559,7 +556,7 @@ impl<'a> Maker<'a> {
         called.then(|| Some((open, self.partner[open]?))).flatten()
     }
 
-    /// First and last token of each argument.
+    /// The first and the last token of each argument.
     fn arguments(&self, open: usize, close: usize) -> Vec<(usize, usize)> {
         let mut found = Vec::new();
         let mut first = open + 1;
@@ -603,13 +600,13 @@ fn split_templates(tokens: Vec<Token<'_>>) -> Vec<Token<'_>> {
     found
 }
 
-/// Whether a word is one of the types that have template arguments.
+/// Returns `true` if a word is one of the types that have template arguments.
 fn is_generic(word: &str) -> bool {
     let begins = ["vec", "mat", "array", "ptr", "atomic", "texture_", "var", "bitcast"];
     begins.iter().any(|begin| word.starts_with(begin))
 }
 
-/// How much an operator binds; `None` if it isn't one between two operands.
+/// The precedence of an operator; `None` if it isn't a binary one.
 fn precedence(operator: &str) -> Option<u8> {
     Some(match operator {
         "||" => 1,
@@ -623,8 +620,8 @@ fn precedence(operator: &str) -> Option<u8> {
     })
 }
 
-/// Other numbers in place of one: for 0, 1; for 1, 0 and 2; else the double, and one that is
-/// 1 % off, or 1 more. Hexadecimal ones are left alone.
+/// Replacements for a number: for 0, 1; for 1, 0 and 2; otherwise the double, and a number that is 1 % off, or 1 more.
+/// Hexadecimal numbers stay.
 fn numbers(text: &str) -> Vec<String> {
     let hexadecimal = text.starts_with("0x") || text.starts_with("0X");
     let digits = text.trim_end_matches(['f', 'h', 'i', 'u']);
@@ -651,7 +648,7 @@ fn numbers(text: &str) -> Vec<String> {
     } else {
         vec![2.0 * number, 1.01 * number]
     };
-    // In as many digits as an `f32` has.
+    // With as many digits as an `f32` has.
     #[expect(clippy::cast_possible_truncation, reason = "it is written into a shader")]
     let written = |other: f64| with_suffix(format!("{:?}", other as f32));
     others.into_iter().map(written).filter(|other| !other.starts_with("inf")).collect()
@@ -661,7 +658,7 @@ fn numbers(text: &str) -> Vec<String> {
 mod tests {
     use super::*;
 
-    /// The body of a function, mutated.
+    /// The mutants of a function's body.
     fn of_body(body: &str) -> Vec<(Rule, String)> {
         let text = format!("fn f() {{ {body} }}");
         let inner = |mutant: &Mutant| {
@@ -732,7 +729,7 @@ mod tests {
         texts
     }
 
-    /// Comments, types, attributes, declarations and imports are no code.
+    /// Comments, types, attributes, declarations and imports aren't mutated.
     #[test]
     fn only_code_is_changed() {
         let text = "import package::math::PI; // 1 + 2\n\
@@ -750,7 +747,7 @@ mod tests {
         assert_eq!(shown, expected);
     }
 
-    /// A comparison isn't the beginning of a template, nor a shift its end.
+    /// A comparison doesn't begin a template, and a shift doesn't end one.
     #[test]
     fn templates_are_told_from_comparisons() {
         assert_eq!(by_rule("if (a < b) { c = d > e; }", Rule::Comparison).len(), 4);
@@ -767,7 +764,7 @@ mod tests {
         assert_eq!((guard.line, guard.column), (2, 9));
     }
 
-    /// No two are the same text, none is the original, each changes what it says.
+    /// All mutants differ, none is the original, and each makes the change that it names.
     #[test]
     fn mutants_differ() {
         let text = "fn f() { return 1.0 * 1.0 + g(a, a) - max(a, a); }";
@@ -778,7 +775,7 @@ mod tests {
         assert!(found.iter().all(|mutant| text[mutant.range.clone()] == mutant.original));
     }
 
-    /// A sampler has another filter, and something else beyond its edge. Names and comments stay.
+    /// A sampler gets another filter and another address mode. Names and comments stay.
     #[test]
     fn samplers_of_tests_are_changed() {
         let text = "[[test]]\nname = \"linear\" # \"nearest\"\nwith = { a = \"linear\", b = \"nearest repeat\", c = \"x.png\" }\n\

@@ -1,8 +1,8 @@
-//! The score of a hunt: its verdicts, counted.
+//! The score of a hunt: the number of mutants by fate.
 
 use crate::{Fate, Tried};
 
-/// Mutants by what became of them.
+/// The number of mutants by fate.
 ///
 /// ```
 /// use karat_mutate::Score;
@@ -13,26 +13,26 @@ use crate::{Fate, Tried};
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Score {
-    /// Those that a test failed for.
+    /// Mutants for which a test failed.
     pub killed: usize,
-    /// Those that the tests they are part of passed with.
+    /// Mutants for which all of their tests passed.
     pub lived: usize,
-    /// Those that no test is made of.
+    /// Mutants that no test uses.
     pub untested: usize,
-    /// Those that do what the original does. No test can see them.
+    /// Mutants that are equivalent to the original. No test can see them.
     pub equal: usize,
-    /// Those that `karat.toml` accepts.
+    /// Mutants that `karat.toml` accepts.
     pub accepted: usize,
-    /// Those that are no valid WGSL.
+    /// Mutants that aren't valid WGSL.
     pub invalid: usize,
-    /// Those that are in no function as it is linked, such as under a condition that doesn't hold.
+    /// Mutants that aren't part of a linked function, for example because a condition leaves them out.
     pub idle: usize,
-    /// Those without a verdict: a test ended without one, or the tests can't be found.
+    /// Mutants without a verdict: a test ended without one, or the tests can't be found.
     pub stopped: usize,
 }
 
 impl Score {
-    /// The sum over mutants.
+    /// Counts mutants.
     pub fn of<'t>(all: impl IntoIterator<Item = &'t Tried>) -> Self {
         let mut sum = Self::default();
         for Tried { fate, .. } in all {
@@ -50,13 +50,13 @@ impl Score {
         sum
     }
 
-    /// Mutants that a test could kill, and of which it is known whether one does.
+    /// The mutants that count: a test could kill them, and their fate is known.
     #[must_use]
     pub fn judged(&self) -> usize {
         self.killed + self.lived + self.untested
     }
 
-    /// Killed ones in per cent of these, and not rounded up; `None` if there are none.
+    /// The killed mutants in per cent of these, rounded down; `None` if there are none.
     #[must_use]
     #[expect(clippy::cast_precision_loss, reason = "a share to a tenth of a per cent")]
     pub fn percent(&self) -> Option<f64> {

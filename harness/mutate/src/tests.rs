@@ -1,4 +1,4 @@
-//! Mutants of shaders whose tests are known, and their fates.
+//! Mutants of shaders with known tests, and their fates.
 
 use std::path::Path;
 
@@ -15,7 +15,7 @@ const TESTS: &str = "[[test]]\nfunction = \"half\"\nover = { x = 2 }\nequals = 1
                      [[test]]\nfunction = \"capped\"\nover = { x = \"-4..4\" }\nagrees_with = \"capped_once\"\n\
                      tolerance = \"1 ulp\"\n";
 
-/// The expected results of `capped`, in a module that isn't changed.
+/// The expected results of `capped`, in a module that isn't mutated.
 const REFERENCE: &str = "fn square(x: f32) -> f32 { return x * x; }\n";
 
 fn folder(shader: &str, tests: &str) -> TempDir {
@@ -29,7 +29,7 @@ fn folder(shader: &str, tests: &str) -> TempDir {
 }
 
 fn request(folder: &Path) -> Request {
-    // Tests remember nothing beside the shaders, which go with their folder.
+    // Tests keep nothing outside the folder of the shaders.
     Request::new(Package::open(folder).expect("it opens")).only(["calc"])
 }
 
@@ -56,7 +56,7 @@ fn each_mutant_has_the_fate_that_it_deserves() {
     let untested = fate("lonely", "+", "-");
     let Fate::Untested { why: Lived::Differs(found) } = untested else { panic!("{untested:?}") };
     assert_eq!((&*found.function, found.floats), ("calc::lonely", true));
-    // A guard that never acts shows nothing for any input.
+    // A guard that never acts shows no difference for any input.
     let lived = fate("capped", "max(x * x, -1.0)", "(x * x)");
     let Fate::Lived { tests: 1, why: Lived::Unseen { cases }, .. } = lived else {
         panic!("{lived:?}")
@@ -70,7 +70,8 @@ fn each_mutant_has_the_fate_that_it_deserves() {
     );
 }
 
-/// A test that sees other values and allows them hides a mutant, and one whose values stay doesn't. The nearest to failing is named.
+/// A test hides a mutant if it sees other values and allows them. A test that sees the same values doesn't. The one
+/// closest to failing is named.
 #[test]
 fn tolerances_hide_what_they_allow() {
     let shader = "fn scaled(x: f32) -> f32 { return 100.0 * x; }\n\
@@ -88,11 +89,11 @@ fn tolerances_hide_what_they_allow() {
     let found = hidden("scaled", "100.0", "101.0").expect("the test sees 101");
     assert_eq!((&*found.test, found.ratios), ("calc::scaled equals", [0.0, 0.25]));
     assert_eq!(hidden("part", "7.0", "14.0"), None, "no test comes there");
-    // Twice as much is allowed by the loose one alone.
+    // Only the loose test allows twice as much.
     assert!(matches!(of(&hunted, "scaled", "100.0", "200.0").fate, Fate::Killed { .. }));
 }
 
-/// A value that no result needs, and one number by an identity, make no other shader.
+/// A mutation of an unused value, or one that an identity undoes, gives an equivalent shader.
 #[test]
 fn equal_mutants_are_no_gaps() {
     let shader = "fn f(x: f32) -> f32 { let unused = x * 3.0; return x * 1.0; }\n\
@@ -106,11 +107,11 @@ fn equal_mutants_are_no_gaps() {
     assert_eq!(fate("f", "x * 1.0", "x"), same);
     let differs = fate("f", "1.0", "2.0");
     assert!(matches!(differs, Fate::Lived { why: Lived::Differs(_), .. }), "{differs:?}");
-    // One number of 2^32 tells these two apart.
+    // Only one of 2^32 numbers distinguishes these two.
     assert!(matches!(fate("g", "1.0", "2.0"), Fate::Lived { .. }));
 }
 
-/// A guard that never acts is left out without a difference, and one that acts for some argument isn't.
+/// Removing a guard that never acts makes no difference; removing one that acts for some argument does.
 #[test]
 fn guards_that_never_act_are_equal() {
     let shader = "fn f(n: i32) -> f32 { let x = f32(n); return max(abs(x), 0.0); }\n\
@@ -142,11 +143,11 @@ fn guards_that_never_act_are_equal() {
         fate("g", "max(abs(x), 0.001)", "(abs(x))"),
         fate("h", "saturate(x)", "(x)"),
         fate("i", "max(x, 0.25)", "(x)"),
-        // A float may be NaN, which `max` takes away.
+        // A float may be NaN, which `max` removes.
         fate("j", "max(abs(x), 0.0)", "(abs(x))"),
         // An assertion reads it.
         fate("k", "3.0", "6.0"),
-        // Beyond a half turn WGSL says nothing of how near a sine is.
+        // Beyond a half turn WGSL doesn't bound the error of a sine.
         fate("h", "clamp(sin(x), -2.0, 2.0)", "(sin(x))"),
     ] {
         assert!(!matches!(acts, Fate::Equal { .. }), "{acts:?}");
@@ -166,7 +167,7 @@ fn a_declaration_that_no_longer_fits_kills() {
     assert_eq!(of(&hunted, "capped", "max(GAIN, x)", "(x)").fate, killed);
 }
 
-/// The samplers of declared tests are changed, too: a test that samples beyond the edge sees another address.
+/// Samplers of declared tests are mutated, too. A test that samples beyond the edge sees another address mode.
 #[test]
 fn samplers_of_tests_are_mutants() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -195,7 +196,7 @@ fn samplers_of_tests_are_mutants() {
     assert!(matches!(lived, Fate::Lived { why: Lived::Sampler, .. }), "{lived:?}");
 }
 
-/// Where all inputs can be tried, those that agree for each are equal.
+/// If all inputs can be tried and agree, the mutant is equal.
 #[test]
 fn all_inputs_are_tried_where_they_are_few() {
     let shader = "fn h(a: bool, b: bool) -> bool { return (a && b) || (a && !b) || b; }\n\
@@ -204,7 +205,7 @@ fn all_inputs_are_tried_where_they_are_few() {
                  [[test]]\nfunction = \"c\"\nin_range = [-100, 100]\n";
     let hunted = hunted(folder(shader, tests).path());
     let fate = |item, original, replacement| of(&hunted, item, original, replacement).fate.clone();
-    // Without `a && b` it is `a || b` as well.
+    // `a || b` is the same without `a && b`.
     let all = Fate::Equal { by: Equality::Inputs(4) };
     assert_eq!(fate("h", "(a && b) || (a && !b)", "(a && !b)"), all);
     let parted = fate("h", "!", "");
@@ -213,7 +214,7 @@ fn all_inputs_are_tried_where_they_are_few() {
     assert_eq!(fate("c", "max(sqrt(2.0), 1.0)", "(sqrt(2.0))"), same);
 }
 
-/// The tests that are suggested pass as the shader is, and kill the mutants that they are for.
+/// Suggested tests pass on the original, and kill the mutants that they are for.
 #[test]
 fn suggested_tests_kill() {
     let folder = folder(SHADER, TESTS);
@@ -237,7 +238,7 @@ fn suggested_tests_kill() {
     }
 }
 
-/// The same tests in WGSL kill, too, and those in Rust are the lines that a test has.
+/// The same tests in WGSL kill, too. Those in Rust have the expected lines.
 #[test]
 fn tests_are_suggested_in_three_languages() {
     let shader = "fn half(x: f32) -> f32 { return 0.5 * x; }\n\
@@ -256,7 +257,7 @@ fn tests_are_suggested_in_three_languages() {
     for (one, found) in differ {
         let id = &one.candidate.id;
         let Some(test) = found.test_as(Form::Wgsl, id) else { panic!("{found:?}") };
-        // An import stands once in a module.
+        // A module may have an import only once.
         let news = test.lines().filter(|line| !wgsl.contains(line)).collect::<Vec<_>>().join("\n");
         wgsl = format!("{news}\n{wgsl}");
         killed.push((id.clone(), test));
@@ -283,7 +284,8 @@ fn tests_are_suggested_in_three_languages() {
     }
 }
 
-/// Each case without a verdict has its words: failing tests, none, nothing to change, tests that assert nothing of it.
+/// Each failure has its message: failing tests, no tests, nothing to change, tests that assert nothing about the
+/// change.
 #[test]
 fn nothing_is_judged_without_evidence() {
     let wrong = |shader: &str, tests: &str| {
@@ -306,7 +308,7 @@ fn nothing_is_judged_without_evidence() {
         "[[test]]\nfunction = \"same\"\nfinite = true\n",
     );
     assert!(matches!(empty, MutateError::NoMutant { .. }), "{empty}");
-    // A suite that asserts as good as nothing kills nothing.
+    // A suite that asserts almost nothing kills no mutant.
     let folder = folder(
         SHADER,
         "[[test]]\nfunction = \"half\"\nover = { x = \"1..2\" }\nin_range = [-100, 100]\n",
@@ -315,7 +317,7 @@ fn nothing_is_judged_without_evidence() {
     assert_eq!((score.killed, score.percent()), (0, Some(0.0)), "{score:?}");
 }
 
-/// A function with `@test` kills as a declared test does, beside the function or in another module.
+/// A function with `@test` kills like a declared test, beside the tested function or in another module.
 #[test]
 fn tests_in_wgsl_kill() {
     let own = "fn sign_of(x: f32) -> i32 { if (x < 0.0) { return -1; } return 1; }\n";
@@ -331,12 +333,12 @@ fn tests_in_wgsl_kill() {
         let hunted = hunted(folder.path());
         let always = &of(&hunted, "sign_of", "(x < 0.0)", "(true)").fate;
         assert!(matches!(always, Fate::Killed { .. }), "{always:?}");
-        // The text of a test isn't what is judged.
+        // The text of a test isn't mutated.
         assert!(hunted.tried.iter().all(|one| one.candidate.mutant.item == "sign_of"));
     }
 }
 
-/// A constant is seen where another module uses it: by no test, or so that it isn't valid.
+/// A mutated constant shows where another module uses it: no test sees it, or it makes that module invalid.
 #[test]
 fn constants_reach_other_modules() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -362,7 +364,7 @@ fn constants_reach_other_modules() {
     assert_eq!(found.function, "user::free");
 }
 
-/// Places are characters of the author's text, in whatever bytes; a text that a program prints has no mutants.
+/// Places count characters of the author's text, not bytes. A text that a program prints has no mutants.
 #[test]
 fn texts_are_the_authors() {
     let shader = "// \u{e9}\u{1f600}\r\nfn half(x: f32) -> f32 { /* \u{e9} */ return 0.5 * x; }\r\n\
@@ -401,7 +403,7 @@ fn no_kill_is_made_up() {
     assert!(!matches!(invalid, Fate::Invalid { .. }), "{invalid:?}");
 }
 
-/// A mutant that no test can kill is accepted with a reason. An acceptance without a mutant is a complaint.
+/// An acceptance with a reason covers a mutant that no test can kill. An acceptance without a mutant is an error.
 #[test]
 fn acceptances_are_held() {
     let folder = folder(SHADER, TESTS);
@@ -435,7 +437,7 @@ fn acceptances_are_held() {
     assert!(wrong(format!("\"{lived}\", \"{lived}\""), "why").contains("twice"));
 }
 
-/// A sample is the same by the same seed, wherever its lines are; ids stay under edits elsewhere.
+/// The sample depends on the seed, not on the place of its lines. Edits elsewhere don't change ids.
 #[test]
 fn samples_and_ids_stay() {
     let ids = |shader: &str, seed: Option<u64>| -> Vec<String> {

@@ -1,16 +1,16 @@
-//! WGSL text as tokens, as far as making mutants needs it.
+//! Splits WGSL text into tokens, as far as mutations need it.
 
-/// What a token is.
+/// The kind of a token.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Kind {
     /// A name or a keyword.
     Word,
     Number,
-    /// An operator or a bracket, as long as it gets. Angle brackets of templates are single.
+    /// An operator or a bracket, the longest that matches. Angle brackets of templates are single.
     Symbol,
 }
 
-/// A piece of the text; comments and blanks are between tokens.
+/// A piece of the text. Comments and blanks separate tokens.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Token<'a> {
     pub(crate) kind: Kind,
@@ -30,7 +30,7 @@ const LONG: [&str; 20] = [
     "^=", "++", "--", "<<", ">>",
 ];
 
-/// The tokens of a text. Of text that isn't WGSL they are whatever comes out: nothing is refused.
+/// The tokens of a text. A text that isn't WGSL gives arbitrary tokens, but no error.
 pub(crate) fn tokens(text: &str) -> Vec<Token<'_>> {
     let mut found = Vec::new();
     let mut at = 0;
@@ -51,7 +51,7 @@ pub(crate) fn tokens(text: &str) -> Vec<Token<'_>> {
     found
 }
 
-/// How long the comment is that a text begins with: such comments nest.
+/// The length of the comment at the start of a text. Such comments nest.
 fn block_comment(text: &str) -> usize {
     let mut depth = 0;
     let mut at = 0;
@@ -85,8 +85,7 @@ fn token(rest: &str, next: char) -> (Kind, usize) {
     }
 }
 
-/// How long the number is that a text begins with: digits and letters, points, and signs of
-/// exponents.
+/// The length of the number at the start of a text: digits and letters, points, and signs of exponents.
 fn number(text: &str) -> usize {
     let hexadecimal = text.starts_with("0x") || text.starts_with("0X");
     let exponents = if hexadecimal { ['p', 'P'] } else { ['e', 'E'] };

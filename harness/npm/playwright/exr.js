@@ -26,7 +26,7 @@ export function exr(width, height, pixels) {
     parts.push(text(name), text(type), int(value.length), value);
   };
   parts.push(int(20000630), int(2)); // its magic number and version
-  // Channels stand in alphabetical order; 2 is a float, and each pixel has a sample.
+  // Channels are in alphabetical order. 2 means float, and each pixel has one sample.
   const channels = ["A", "B", "G", "R"];
   const channel = (/** @type {string} */ name) => Buffer.concat([text(name), int(2), int(0), int(1), int(1)]);
   attribute("channels", "chlist", ...channels.map(channel), Buffer.from([0]));

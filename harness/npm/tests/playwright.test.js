@@ -1,5 +1,5 @@
 // @ts-check
-// `karat-playwright` as people use it. `TESTED_CHROMIUM` is a browser.
+// Uses `karat-playwright` as a project does. `TESTED_CHROMIUM` is a browser.
 
 import assert from "node:assert/strict";
 import { spawnSync } from "node:child_process";
@@ -17,7 +17,7 @@ const args = ["--no-sandbox", ...webgpu];
 export default defineConfig({ reporter: "line", use: { launchOptions: { executablePath: ${JSON.stringify(browser)}, args } } });
 `;
 
-// A page on loopback, since WebGPU wants one that is secure.
+// A page on loopback, because WebGPU needs a secure context.
 const SPEC = `import http from "node:http";
 import { expect, test } from "karat-playwright";
 

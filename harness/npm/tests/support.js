@@ -1,6 +1,6 @@
 // @ts-check
-// Projects as users of the npm packages have them. `TESTED_KARAT` is the program, `TESTED_MODULES` a `node_modules` with vitest,
-// Playwright and TypeScript in it.
+// Makes projects as users of the npm packages have them. `TESTED_KARAT` is the program, `TESTED_MODULES` a
+// `node_modules` with vitest, Playwright and TypeScript.
 
 import fs from "node:fs";
 import os from "node:os";
@@ -21,14 +21,14 @@ const sources = path.resolve(import.meta.dirname, "..");
 const folders = /** @type {string[]} */ ([]);
 after(() => folders.forEach((folder) => fs.rmSync(folder, { recursive: true, force: true })));
 
-/** A folder that is gone behind the tests. */
+/** A folder that is deleted after the tests. */
 export function scratch() {
   const folder = fs.realpathSync(fs.mkdtempSync(path.join(os.tmpdir(), "karat-npm-")));
   folders.push(folder);
   return folder;
 }
 
-/** A `node_modules` with what is installed, and the packages as `cargo ci dist` packs them. */
+/** A `node_modules` with the installed packages, and Karat's packages as `cargo ci dist` packs them. */
 export const modules = path.join(scratch(), "node_modules");
 fs.mkdirSync(modules);
 for (const name of fs.readdirSync(installed).filter((name) => !/^(\.|karat-)/.test(name))) {
@@ -64,7 +64,7 @@ export function project(files) {
 }
 
 /**
- * This environment without what chooses paths or forbids goldens.
+ * This environment, without variables that choose paths or forbid goldens.
  * @param {Record<string, string>} more
  */
 export function environment(more) {

@@ -1,5 +1,5 @@
 // @ts-check
-// The packages' JavaScript has the types that it says, and users' TypeScript takes them.
+// The JavaScript of the packages has the declared types, and users' TypeScript accepts them.
 
 import assert from "node:assert/strict";
 import { spawnSync } from "node:child_process";

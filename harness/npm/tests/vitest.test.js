@@ -1,5 +1,5 @@
 // @ts-check
-// `karat-vitest` as people use it.
+// Uses `karat-vitest` as a project does.
 
 import assert from "node:assert/strict";
 import { spawn, spawnSync } from "node:child_process";
@@ -86,7 +86,7 @@ test("tests beside shaders are tests of vitest, where they stand", () => {
   assert.equal(half.file, path.join("shaders", "tone_test.wgsl"));
   assert.equal(half.location.line, 4);
   assert.ok(half.duration > 0, "it has its own time");
-  // Vite alone has no such plugin.
+  // Without vitest, Vite gets no plugin.
   const alone = spawnSync(process.execPath, ["--input-type=module", "-e",
     'import karat from "karat-vitest"; console.log(karat().length)'], { cwd: folder, encoding: "utf8", env: environment({ VITEST: "" }) });
   assert.equal(alone.stdout.trim(), "0", alone.stderr);
@@ -163,7 +163,7 @@ test("a hung shader, and a process that is killed, fail their tests alone", () =
   assert.equal(tests.get("tone_test::forever").status, "failed", text);
   assert.equal(tests.get("tone::reinhard in_range").status, "passed", text);
   assert.equal(tests.get("tone_test::half_at_one").status, "passed", text);
-  // A program that dies when it is asked.
+  // A program that exits when it gets a request.
   const dying = path.join(folder, "dying.sh");
   fs.writeFileSync(dying, `#!/bin/sh\nif [ "$1" = suite ]; then read line; kill -9 $$; fi\nexec ${program} "$@"\n`, { mode: 0o755 });
   const killed = run(plugged({ "shaders/tone.wgsl": SHADER, "shaders/tone_test.wgsl": GOOD }, { options: `program: ${JSON.stringify(dying)}` }));
@@ -231,7 +231,7 @@ test("watching reruns what an edit concerns", async () => {
       await new Promise((resolve) => setTimeout(resolve, 50));
     }
     const own = text.split(/Duration/)[count - 1].split("RERUN").at(-1) ?? "";
-    // Watchers begin a moment after the first run.
+    // Watchers start a moment after the first run.
     await new Promise((resolve) => setTimeout(resolve, 1000));
     return own;
   };

@@ -1,5 +1,5 @@
 // @ts-check
-// A plugin of vitest: tests beside shaders become modules that declare them, each on its own line.
+// A plugin for vitest: turns files with tests of shaders into modules that declare these tests, each on its own line.
 
 import { readFileSync } from "node:fs";
 import path from "node:path";
@@ -15,7 +15,7 @@ const TESTS = ["**/*_test.wgsl", "**/*_test.wesl", "**/*.test.toml"];
 const isInput = (file) => /\.(wgsl|wesl|toml|csv|exr|png|json|obj)$/.test(file);
 
 /**
- * A module that declares a file's tests: each where it stands in the file, so that vitest shows that place.
+ * A module that declares the tests of a file, each at its place in the file, so that vitest shows that place.
  * @param {string} file
  * @param {Listed[]} listed
  * @param {string[]} errors
@@ -28,14 +28,14 @@ function moduleOf(file, listed, errors, packages) {
   const byLine = new Map();
   for (const one of listed) {
     const call = one.error ? `broken(${JSON.stringify(one)})` : `declare(${JSON.stringify(one)})`;
-    // `[[test]]` of one place may have several assertions.
+    // `[[test]]` tables at one place may have several assertions.
     byLine.set(one.line, [...(byLine.get(one.line) ?? []), " ".repeat(one.column - 1) + call]);
   }
   for (const [line, calls] of byLine) {
     while (lines.length < line) lines.push("");
     lines[line - 1] = calls.map((call, at) => (at ? call.trimStart() : call)).join("; ") + ";";
   }
-  // Imports are hoisted: the last line has room.
+  // Imports are hoisted, so they can go on the last line, which is free.
   lines.push(`import { broken, declare, failing, valid } from ${runtime};`);
   lines.push(...errors.map((error) => `failing(${JSON.stringify(error)});`));
   lines.push(...packages.map((folder) => `valid(${JSON.stringify(folder)});`));
@@ -47,7 +47,7 @@ function moduleOf(file, listed, errors, packages) {
  * @returns {import("vite").Plugin[]}
  */
 export default function karat(options = {}) {
-  // Vite alone, which builds or serves, has no tests.
+  // Vite without vitest builds or serves, and has no tests.
   if (!process.env.VITEST) return [];
   const unknown = Object.keys(options).find((key) => !["folders", "paths", "program"].includes(key));
   if (unknown) throw new Error(`karat-vitest has no option \`${unknown}\`: folders, paths, program`);
@@ -101,7 +101,7 @@ export default function karat(options = {}) {
         server.watcher.on("all", (event, file) => {
           if (!isInput(file) || !program) return;
           program.forget(path.resolve(file));
-          // vitest reruns nothing for a file that is gone.
+          // When a file is deleted, vitest reruns nothing by itself.
           if (event !== "unlink") return;
           for (const test of program.concerned(file, [...files])) server.watcher.emit("change", test);
         });
@@ -110,7 +110,7 @@ export default function karat(options = {}) {
       closeBundle: () => program?.close(),
     },
     {
-      // Behind plugins that take each `*.wgsl` for a text.
+      // After plugins that treat each `*.wgsl` as text.
       name: "karat:last",
       enforce: "post",
       transform: async (_, id) => {

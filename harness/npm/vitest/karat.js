@@ -1,5 +1,6 @@
 // @ts-check
-// The processes of Karat behind vitest: one for each folder of shaders, which stays, and a socket for vitest's workers.
+// The processes of Karat behind vitest: one for each folder of shaders, which keeps running, and a socket for vitest's
+// workers.
 
 import { spawn } from "node:child_process";
 import { mkdtempSync, rmSync } from "node:fs";
@@ -11,7 +12,7 @@ import readline from "node:readline";
 import { installed } from "./installed.js";
 
 /**
- * A test, or what should have been one.
+ * A test, or a file or test that can't be read.
  * @typedef {{ package: string, name: string, file: string, line: number, column: number, error: Wrong | null }} Listed
  */
 
@@ -20,36 +21,37 @@ import { installed } from "./installed.js";
  */
 
 /**
- * A verdict as a worker of vitest takes it.
+ * A verdict for a worker of vitest.
  * @typedef {{ message?: string, place?: string, actual?: string, expected?: string, pending?: boolean }} Verdict
  */
 
 /**
- * What is asked for: a test, or whether the modules of a folder are valid; `accept`: with the frame that was drawn as its golden.
+ * A request: to run a test, or to check that the modules of a folder are valid. `accept` makes the drawn frame its
+ * golden.
  * @typedef {{ folder: string, name?: string, accept?: boolean }} Question
  */
 
 /**
- * Tells if vitest loads a file as tests of Karat.
+ * Returns `true` if vitest loads a file as tests of Karat.
  * @param {string} file
  */
 export const isTest = (file) => /(_test\.(wgsl|wesl)|\.test\.toml)$/.test(file);
 
-/** The program isn't there. */
+/** The program doesn't exist. */
 export class Missing extends Error {}
 
 /**
- * A hung shader is ended by Karat after this time, in seconds, unless `KARAT_TIMEOUT` says another.
+ * Karat ends a hung shader after this time, in seconds, unless `KARAT_TIMEOUT` sets another.
  */
 const TIMEOUT = "20";
 
-/** A process of `karat suite --serve`, whose requests wait for each other. */
+/** A process of `karat suite --serve`. Its requests run one after the other. */
 class Resident {
   /** @type {import("node:child_process").ChildProcess | undefined} */
   child;
   /** @type {Promise<unknown>} */
   turn = Promise.resolve();
-  /** The last verdict of each test: the process tells none of what an edit doesn't concern. @type {Map<string, Wrong | null>} */
+  /** The last verdict of each test: the process skips tests that an edit doesn't affect. @type {Map<string, Wrong | null>} */
   verdicts = new Map();
   /** Files that each test read. @type {Map<string, Set<string>>} */
   reads = new Map();
@@ -76,7 +78,7 @@ class Resident {
       last = (last + text).slice(-4096);
     });
     readline.createInterface({ input: /** @type {any} */ (child.stdout) }).on("line", (line) => {
-      // Anything else is a driver's chatter.
+      // Other lines are output of a driver.
       if (!line.startsWith("{")) return;
       try {
         this.heard?.said(JSON.parse(line));
@@ -94,7 +96,7 @@ class Resident {
 
   /**
    * @param {object} request
-   * @returns {Promise<any>} What it says at the end.
+   * @returns {Promise<any>} Its last answer.
    */
   ask(request) {
     const asked = this.turn.then(() => new Promise((resolve, reject) => {
@@ -116,17 +118,17 @@ class Resident {
   }
 }
 
-/** Karat as one run of vitest uses it. */
+/** Karat for one run of vitest. */
 export class Karat {
   /** @type {Map<string, Resident>} */
   residents = new Map();
   /** @type {Promise<Listed[]> | undefined} */
   listed;
-  /** Files that changed since each folder was asked. @type {Set<string>} */
+  /** Files that changed since the last request to each folder. @type {Set<string>} */
   changed = new Set();
   /** @type {net.Server | undefined} */
   server;
-  // A socket's path has about a hundred bytes.
+  // The path of a socket has about a hundred bytes.
   scratch = mkdtempSync(path.join(os.tmpdir().length < 64 || process.platform === "win32" ? os.tmpdir() : "/tmp", "karat-vitest-"));
 
   /**
@@ -146,7 +148,7 @@ export class Karat {
   }
 
   /**
-   * Runs the program once, and gives what it prints.
+   * Runs the program once, and returns its output.
    * @param {string[]} words
    * @returns {Promise<{ status: number | null, out: string, err: string }>}
    */
@@ -163,7 +165,7 @@ export class Karat {
     });
   }
 
-  /** All tests. Those of an edit are listed again. */
+  /** All tests. After an edit they are listed again. */
   list() {
     this.listed ??= (async () => {
       const folders = this.options.folders ?? [undefined];
@@ -172,7 +174,7 @@ export class Karat {
         if (!out.startsWith("[")) throw new Error(err.trim() || "`karat list --tests` says nothing");
         return JSON.parse(out);
       }));
-      // A folder may be named twice.
+      // A folder may be listed twice.
       const key = (/** @type {Listed} */ one) => `${one.package}\n${one.file}\n${one.name}`;
       return [...new Map(all.flat().map((one) => [key(one), one])).values()];
     })();
@@ -186,8 +188,8 @@ export class Karat {
   }
 
   /**
-   * The test files that an edit of a file concerns: itself, those with a test that read it, and those that haven't run. Of a
-   * module that no test reads it is one, which says whether all modules are valid.
+   * The test files to rerun after an edit of a file: the file itself, files with a test that read it, and files that
+   * haven't run. For a module that no test reads it is one file, which checks that all modules are valid.
    * @param {string} file
    * @param {string[]} tests
    */
@@ -222,7 +224,7 @@ export class Karat {
     if (name === undefined) {
       const done = await resident.ask({ only: "", validate: true, changed });
       if (done.invalid) return { message: done.invalid, place: placeIn(done.invalid, this.root) };
-      // Tests of files that vitest doesn't load would be forgotten.
+      // Tests in files that vitest doesn't load would never run.
       const other = (await this.list()).find((one) => one.package === folder && !isTest(one.file));
       if (!other) return {};
       const place = `${other.file}:${other.line}:${other.column}`;
@@ -258,7 +260,7 @@ export class Karat {
     return verdict(wrong, record, this.root);
   }
 
-  /** Answers the workers of vitest: a line of JSON for each. */
+  /** Answers the workers of vitest, with a line of JSON for each request. */
   serve() {
     return new Promise((/** @type {(place: string) => void} */ resolve, reject) => {
       const place = process.platform === "win32"
@@ -274,7 +276,7 @@ export class Karat {
         });
       });
       this.server.on("error", reject);
-      // It keeps no process alive.
+      // The server doesn't keep the process alive.
       this.server.listen(place, () => resolve(place)).unref();
     });
   }

@@ -1,5 +1,5 @@
 // @ts-check
-// In a worker of vitest: declares tests, and asks the main process for their verdicts.
+// Runs in a worker of vitest: declares tests, and asks the main process for their verdicts.
 
 import net from "node:net";
 import path from "node:path";
@@ -10,7 +10,7 @@ import { test } from "vitest";
 /** @typedef {import("./karat.js").Verdict} Verdict */
 /** @typedef {import("./karat.js").Question} Question */
 
-/** Karat ends a hung test itself and says so; vitest waits a while longer, in milliseconds. */
+/** The timeout in milliseconds. Karat ends a hung test itself and reports it, so vitest waits a while longer. */
 const TIMEOUT = 1000 * (Number(process.env.KARAT_TIMEOUT) || 20) + 40_000;
 
 /** @type {Promise<net.Socket> | undefined} */
@@ -50,7 +50,7 @@ function open() {
 async function ask(question) {
   const socket = await open();
   const id = ++last;
-  // A connection without a question keeps no worker alive.
+  // A connection without a pending question doesn't keep the worker alive.
   socket.ref();
   const answer = await new Promise((/** @type {(answer: Verdict) => void} */ resolve) => {
     waiting.set(id, resolve);
@@ -60,14 +60,14 @@ async function ask(question) {
   return answer;
 }
 
-/** True under `vitest --update`. CI accepts nothing. */
+/** Returns `true` under `vitest --update`. CI accepts nothing. */
 function accepts() {
   const worker = /** @type {any} */ (globalThis).__vitest_worker__;
   return !process.env.CI && worker?.config?.snapshotOptions?.updateSnapshot === "all";
 }
 
 /**
- * An error whose stack is a place of the author's, and the test's own behind it.
+ * An error whose stack has the author's place first, then the test's own.
  * @param {Verdict} verdict
  * @param {string} name
  * @param {string} [own]
@@ -92,7 +92,7 @@ export function declare({ package: folder, name, file, line, column }) {
 }
 
 /**
- * Declares a test that fails, in the place of what should have been one.
+ * Declares a failing test in place of a test or file that can't be read.
  * @param {Listed} listed
  */
 export function broken({ name, file, line, column, error }) {
@@ -102,7 +102,7 @@ export function broken({ name, file, line, column, error }) {
 }
 
 /**
- * Declares the test that a folder's modules are valid, whether or not a test uses them.
+ * Declares the test that the modules of a folder are valid, even if no test uses them.
  * @param {string} folder
  */
 export function valid(folder) {
@@ -114,7 +114,7 @@ export function valid(folder) {
 }
 
 /**
- * Declares a test that fails, since there is none.
+ * Declares a failing test, because there are no tests.
  * @param {string} message
  */
 export function failing(message) {

@@ -1,4 +1,4 @@
-//! A case as a script that hands itself to the page: `karat.receive({...})`.
+//! A case as a script that passes its data to the page: `karat.receive({...})`.
 
 use serde_json::{Value, json};
 
@@ -10,7 +10,7 @@ use karat::unstable::image::ExrFile;
 use karat::unstable::metric::DEFAULT_RELATIVE;
 use karat::unstable::value::format_lane;
 
-/// The whole script. Its text has neither `<` nor line separators, so it could be embedded, too.
+/// The whole script. Its text has no `<` and no line separators, so that it can also be embedded.
 pub(super) fn script(index: usize, case: &Case, history: &Value) -> String {
     let part = |Part { name, golden, actual }: &Part| {
         let golden = golden.as_ref();
@@ -42,7 +42,7 @@ pub(super) fn script(index: usize, case: &Case, history: &Value) -> String {
     received(&data)
 }
 
-/// A golden that nothing is pending for: its parts on one side, and its versions.
+/// The script of a golden without a pending frame: its parts on one side, and its versions.
 pub(super) fn golden(index: usize, name: &str, golden: &ExrFile, versions: &[Value]) -> String {
     let provenance = golden.metadata.as_deref().map(Provenance::parse);
     let (facts, verdict) = match &provenance {
@@ -67,7 +67,7 @@ pub(super) fn golden(index: usize, name: &str, golden: &ExrFile, versions: &[Val
     }))
 }
 
-/// A golden of values that nothing is pending for: its rows, and its versions.
+/// The script of a golden of values without a pending one: its rows, and its versions.
 pub(super) fn golden_table(
     index: usize,
     name: &str,
@@ -107,7 +107,7 @@ pub(super) fn golden_table(
     }))
 }
 
-/// An older version of a golden, as it was at a commit.
+/// The script of an older version of a golden, at a commit.
 pub(super) fn version(index: usize, commit: &str, older: Result<Older, String>) -> String {
     let (key, stored) = match older {
         Ok(Older::Image(image)) => ("image", packed::image(&image, None)),
@@ -117,15 +117,15 @@ pub(super) fn version(index: usize, commit: &str, older: Result<Older, String>) 
     received(&json!({ "index": index, "version": commit, key: stored }))
 }
 
-/// What the page shows of an older version of a golden.
+/// The content of an older version of a golden.
 pub(super) enum Older {
     /// Its image.
     Image(Image),
-    /// The rows that are others since.
+    /// The rows that have changed since.
     Table(Rows),
 }
 
-/// A function that fails.
+/// The script of a failing function.
 pub(super) fn function(index: usize, failure: &Failure) -> String {
     let mut data = failure.value();
     data["index"] = index.into();
@@ -133,7 +133,7 @@ pub(super) fn function(index: usize, failure: &Failure) -> String {
     received(&data)
 }
 
-/// The rows of a table that differ. JSON has no infinity, which is what a row has that is new or gone.
+/// The rows of a table that differ. JSON has no infinity, which a new or deleted row has.
 fn table(rows: &Rows) -> Value {
     let row = |row: &ChangedRow| {
         json!({
@@ -152,7 +152,7 @@ fn table(rows: &Rows) -> Value {
     })
 }
 
-/// A script that says why there is no data.
+/// A script with the reason why there is no data.
 pub(super) fn failure(index: usize, error: &str) -> String {
     received(&json!({ "index": index, "error": error }))
 }
@@ -161,8 +161,8 @@ fn received(data: &Value) -> String {
     format!("karat.receive({});\n", embedded(data))
 }
 
-/// JSON has neither NaN nor infinity, so they are words, and whether it passes is said here. The
-/// corners of its place are inclusive.
+/// A margin of a gate. JSON has neither NaN nor infinity, so they are words, and `passes` is decided here. The corners
+/// of its place are inclusive.
 fn gate(margin: &CriterionMargin) -> Value {
     let CriterionMargin { name, value, bound, note, .. } = margin;
     let corners = margin.place.map(|place| {
@@ -170,7 +170,7 @@ fn gate(margin: &CriterionMargin) -> Value {
         [place.left, place.top, right - 1, bottom - 1]
     });
     let value = if value.is_finite() { json!(value) } else { json!(value.to_string()) };
-    // A gate's value is over its bound already.
+    // The value of a gate already is a ratio to its bound.
     let ratio = margin.criterion == FrameCriterion::Gate;
     json!({
         "name": name,
@@ -183,8 +183,8 @@ fn gate(margin: &CriterionMargin) -> Value {
     })
 }
 
-/// What the gate allows, to find again which pixels it refuses: the one of the test, else the default.
-/// A margin has its bounds in its name alone: `gate rel 1e-3 or abs 1e-5`.
+/// The bounds of the gate, from the test or else the default, for finding the refused pixels again. A margin has its
+/// bounds only in its name: `gate rel 1e-3 or abs 1e-5`.
 fn bounds(margins: &[CriterionMargin]) -> Value {
     let gate = margins.iter().find(|margin| margin.criterion == FrameCriterion::Gate);
     let bound = |word: &str| {
@@ -195,7 +195,7 @@ fn bounds(margins: &[CriterionMargin]) -> Value {
     json!({ "relative": bound("rel").unwrap_or(DEFAULT_RELATIVE), "absolute": bound("abs") })
 }
 
-/// JSON that can stand in a script or in HTML.
+/// JSON that is safe in a script or in HTML.
 pub(super) fn embedded(value: &Value) -> String {
     let text = value.to_string();
     text.replace('<', "\\u003c").replace('\u{2028}', "\\u2028").replace('\u{2029}', "\\u2029")

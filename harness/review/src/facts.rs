@@ -1,4 +1,4 @@
-//! The metadata of golden and frame, and which part of it explains a difference.
+//! The metadata of golden and frame, and the part of it that explains a difference.
 
 use std::fmt;
 
@@ -8,25 +8,25 @@ use serde_json::Value;
 use karat::unstable::golden::Provenance;
 use karat::unstable::metric::ExposureRange;
 
-/// What is different between a golden and a frame, other than their pixels.
+/// The difference between a golden and a frame, apart from their pixels.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Cause {
     /// There is no golden.
     New,
-    /// The golden says nothing of itself.
+    /// The golden has no metadata.
     Unknown,
     /// The shader.
     Shader,
-    /// The shader, and what it ran on.
+    /// The shader, and the driver or adapter.
     ShaderAndDriver,
-    /// What the shader ran on.
+    /// The driver or the adapter.
     Driver,
     /// The processor of a software rasteriser.
     Processor,
-    /// What the test declares of the frame, such as its seed.
+    /// Something that the test declares about the frame, such as its seed.
     Declared,
-    /// Nothing that is recorded.
+    /// No recorded fact differs.
     Nothing,
 }
 
@@ -64,20 +64,20 @@ impl fmt::Display for Cause {
     }
 }
 
-/// One line of the metadata of both sides.
+/// A line of the metadata of both sides.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub(crate) struct Fact {
-    /// What it is: `adapter.name`.
+    /// The name of the fact: `adapter.name`.
     pub name: String,
-    /// The golden's; empty if it has none.
+    /// The golden's value; empty if it has none.
     pub golden: String,
-    /// The frame's; empty if it has none.
+    /// The frame's value; empty if it has none.
     pub actual: String,
-    /// Whether both sides have it and differ.
+    /// `true` if both sides have it and differ.
     pub differs: bool,
 }
 
-/// What the test declares of the frame and the golden has otherwise, or not at all.
+/// The facts that the test declares about the frame, and that the golden lacks or has with another value.
 pub(super) fn declared(golden: Option<&Provenance>, actual: &Provenance) -> Vec<Fact> {
     let Some(golden) = golden else { return Vec::new() };
     let names: std::collections::BTreeSet<_> =
@@ -100,8 +100,8 @@ pub(super) fn table(golden: Option<&Provenance>, actual: &Provenance) -> Vec<Fac
     };
     let mut names: Vec<&String> = golden.iter().chain(&actual).map(|(name, _)| name).collect();
     let mut seen = std::collections::BTreeSet::new();
-    // What was compared with, and the name of both, say nothing here; the finding and the modules are
-    // shown by themselves.
+    // The reference and the names of both aren't interesting here. The page shows the finding and the modules
+    // elsewhere.
     let aside = |name: &str| {
         let shown = ["finding.", "modules."].iter().any(|group| name.starts_with(group));
         shown || ["case", "compared_with"].contains(&name)
@@ -118,7 +118,7 @@ pub(super) fn table(golden: Option<&Provenance>, actual: &Provenance) -> Vec<Fac
 /// The leaves of a provenance, named by their paths.
 fn lines(provenance: &Provenance) -> Vec<(String, String)> {
     let mut value = serde_json::to_value(provenance).expect("provenance is plain data");
-    // Two numbers without a unit say little.
+    // Two numbers without a unit are hard to understand.
     if let Some(ExposureRange { start, stop }) = provenance.exposures {
         value["exposures"] = if start == stop {
             format!("{start} stops")

@@ -1,27 +1,27 @@
-//! What git knows. Nothing is changed.
+//! Reads from git, and changes nothing.
 
 use std::path::Path;
 use std::process::Command;
 
 use karat::unstable::process;
 
-/// A path that is no pattern, whatever its characters.
+/// A path that git takes literally, whatever its characters.
 pub(super) fn literal(path: &str) -> String {
     format!(":(literal){path}")
 }
 
-/// What git prints as text; `None` if it isn't there or fails.
+/// The output of git as text; `None` if git isn't installed or fails.
 pub(super) fn text(folder: &Path, arguments: &[&str]) -> Option<String> {
     bytes(folder, arguments).map(|bytes| String::from_utf8_lossy(&bytes).into_owned())
 }
 
-/// What git prints; `None` if it isn't there or fails.
+/// The output of git; `None` if git isn't installed or fails.
 pub(super) fn bytes(folder: &Path, arguments: &[&str]) -> Option<Vec<u8>> {
     let folder = if folder.as_os_str().is_empty() { Path::new(".") } else { folder };
     let mut command = Command::new("git");
     command.args(["-c", "core.quotepath=off"]).args(arguments).current_dir(folder);
     command.env("GIT_OPTIONAL_LOCKS", "0").env("LC_ALL", "C");
-    // Whoever runs this in a hook of git's has another repository in mind.
+    // In a git hook these variables name another repository.
     for name in ["GIT_DIR", "GIT_WORK_TREE", "GIT_INDEX_FILE"] {
         command.env_remove(name);
     }
@@ -29,14 +29,14 @@ pub(super) fn bytes(folder: &Path, arguments: &[&str]) -> Option<Vec<u8>> {
     ran.status.success().then_some(ran.stdout)
 }
 
-/// What a file of the working tree has otherwise than a commit, by `paths`: one text a file, named from
-/// the repository's root. `None` if git fails.
+/// The differences between files of the working tree and a commit, by `paths`: one text for each file, named from the
+/// repository's root. `None` if git fails.
 pub(super) fn differences(
     folder: &Path,
     commit: &str,
     paths: &[String],
 ) -> Option<Vec<(String, String)>> {
-    /// Bytes that are shown: nobody reads more.
+    /// The most bytes to show.
     const LONGEST: usize = 200_000;
     let mut arguments =
         vec!["diff", "--no-ext-diff", "--no-textconv", "--no-color", "--no-renames"];
@@ -49,7 +49,7 @@ pub(super) fn differences(
     }
     let file = |part: &str| {
         let name = part.lines().next()?.rsplit_once(" b/")?.1.to_owned();
-        // From the first change on: what is above names the file again.
+        // Begin at the first change; the lines above repeat the file name.
         let from = part.find("\n@@")? + 1;
         Some((name, part[from..].trim_end().to_owned()))
     };

@@ -1,9 +1,9 @@
-//! HTTP/1.1 for a page on this machine: one request per connection, each on a thread of its own.
+//! HTTP/1.1 for a page on this machine: one request per connection, each in a thread of its own.
 //!
-//! Everybody on this machine can connect, so the server never waits long for a client. A request
-//! has to arrive within a time, its head and body have a largest size, and the lengths that it
-//! announces aren't trusted. If there are too many connections, the oldest one that hasn't sent a
-//! useful request is closed, so silent clients make room for others. Stopping waits for no client.
+//! Every program on this machine can connect, so the server never waits long for a client. A request has to arrive
+//! within a time limit, its head and its body have a largest size, and the server doesn't trust announced lengths. If
+//! there are too many connections, it closes the oldest one without a valid request, so that silent clients make room
+//! for others. Stopping doesn't wait for clients.
 
 use std::io::{self, Read, Write};
 use std::net::{Ipv4Addr, Shutdown, SocketAddr, TcpListener, TcpStream};
@@ -12,23 +12,21 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// Longest head that is read: it has the cookies of every server on this machine, whatever its
-/// port.
+/// The longest head that is read. It has the cookies of every server on this machine, on any port.
 const LONGEST_HEAD: usize = 16 << 10;
-/// Most headers that are read; browsers send about twenty.
+/// The most headers that are read. Browsers send about twenty.
 const MOST_HEADERS: usize = 100;
-/// Longest time in which a request comes, and in which a client takes some of its answer. Both
-/// are on one machine.
+/// The time in which a request has to arrive, and in which a client has to take some of its answer. Both are on one
+/// machine.
 const PATIENCE: Duration = Duration::from_secs(10);
-/// Longest time in which the rest of a request that is answered already is read and thrown away.
+/// The time for reading and dropping the rest of a request that is answered already.
 const LINGER: Duration = Duration::from_secs(2);
-/// Most connections at a time. A browser opens six, and another that it may need soon.
+/// The most connections at a time. A browser opens six, and another one that it may need soon.
 const MOST_OPEN: usize = 64;
-/// Pause after a connection that couldn't be had, so that an error that stays isn't asked for at
-/// once.
+/// The pause after a connection that couldn't be accepted, so that a lasting error doesn't make the server spin.
 const PAUSE: Duration = Duration::from_millis(50);
 
-/// Sent with each answer: browsers use it for nothing else, and don't keep it.
+/// Headers of each answer: browsers use it for nothing else, and don't keep it.
 const HEADERS: &str = "Cache-Control: no-store\r\n\
     X-Content-Type-Options: nosniff\r\n\
     Cross-Origin-Resource-Policy: same-origin\r\n\
@@ -36,10 +34,10 @@ const HEADERS: &str = "Cache-Control: no-store\r\n\
     Referrer-Policy: same-origin\r\n\
     Connection: close\r\n";
 
-/// The policy for frames: no page may frame this one.
+/// The frame policy without an editor: no page may frame this one.
 const UNFRAMED: &str = "'none'";
-/// An editor that asked for the page, in a panel: VS Code's windows have schemes of their own, and are pages of this
-/// machine where it runs in a browser. Another page that would frame it has to know the token.
+/// The frame policy for an editor that shows the page in a panel. VS Code's windows have their own schemes; in a
+/// browser they are pages of this machine. Any other page would have to know the token.
 const FRAMED: &str = "vscode-file: vscode-webview: http://127.0.0.1:* http://localhost:*";
 
 /// An answer: status, content type, body.
@@ -62,7 +60,7 @@ pub struct Http {
     ancestors: &'static str,
 }
 
-/// Stops an [`Http`].
+/// A handle that stops an [`Http`].
 #[derive(Clone)]
 pub struct Stopper {
     address: SocketAddr,
@@ -73,13 +71,13 @@ impl Stopper {
     /// Ends [`Http::run`].
     pub fn stop(&self) {
         self.stopped.store(true, Ordering::SeqCst);
-        // Whoever waits for a connection gets one. If there is none to be had, it isn't waiting.
+        // If `run` waits for a connection, this is one. If no connection is possible, `run` isn't waiting.
         drop(TcpStream::connect_timeout(&self.address, PATIENCE));
     }
 }
 
 impl Http {
-    /// Takes a port, any that is free if it is 0. An editor may show the page in a frame.
+    /// Binds a port, any free one if it is 0. If `in_editor`, an editor may show the page in a frame.
     ///
     /// # Errors
     /// If the port is taken.
@@ -97,13 +95,13 @@ impl Http {
         self.address.port()
     }
 
-    /// A way to stop it from another thread.
+    /// A handle that stops it from another thread.
     #[must_use]
     pub fn stopper(&self) -> Stopper {
         Stopper { address: self.address, stopped: Arc::clone(&self.stopped) }
     }
 
-    /// Answers until it is stopped; threads that are answering then are left to themselves.
+    /// Answers requests until it is stopped. Threads that are still answering then aren't waited for.
     pub fn run(&self, answer: impl Fn(&mut Request) -> Answer + Send + Sync + 'static) {
         let answer = Arc::new(answer);
         while !self.stopped.load(Ordering::SeqCst) {
@@ -114,7 +112,7 @@ impl Http {
             let connection = Open::enter(&self.open, stream);
             let (answer, ancestors) = (Arc::clone(&answer), self.ancestors);
             let serve = move || {
-                // A client that has gone, or never spoke, needs no answer.
+                // A client that has gone, or never sent anything, needs no answer.
                 drop(connection.serve(&*answer, ancestors));
             };
             if thread::Builder::new().name("review".to_owned()).spawn(serve).is_err() {
@@ -124,25 +122,25 @@ impl Http {
     }
 }
 
-/// The connections that are open, the oldest first.
+/// The open connections, the oldest first.
 #[derive(Default)]
 struct Open(Mutex<Vec<Entry>>);
 
 struct Entry {
     stream: Arc<TcpStream>,
-    /// Whether it has sent a request that we answer.
+    /// `true` if it has sent a valid request.
     admitted: bool,
 }
 
 impl Open {
-    /// Takes a connection in, and closes another if there are too many.
+    /// Adds a connection, and closes another one if there are too many.
     fn enter(open: &Arc<Self>, stream: TcpStream) -> Connection {
         let stream = Arc::new(stream);
         open.change(|entries| {
             if entries.len() == MOST_OPEN {
                 let silent = entries.iter().position(|entry| !entry.admitted);
                 let oldest = entries.remove(silent.unwrap_or(0));
-                // Its thread ends, as nothing more can be read or written.
+                // Its thread ends, as it can no longer read or write.
                 drop(oldest.stream.shutdown(Shutdown::Both));
             }
             entries.push(Entry { stream: Arc::clone(&stream), admitted: false });
@@ -199,15 +197,15 @@ impl Connection {
         stream.shutdown(Shutdown::Write)
     }
 
-    /// Reads what the client still sends. Closing before would make the system reset the
-    /// connection, and the answer might be lost with it.
+    /// Reads the rest of the client's data. If the server closed before, the system would reset the connection, and the
+    /// answer might be lost.
     fn linger(self) -> io::Result<()> {
         let mut rest = Timed { stream: Arc::clone(&self.stream), end: Instant::now() + LINGER };
         io::copy(&mut rest, &mut io::sink()).map(drop)
     }
 }
 
-/// What a client sends, up to some time.
+/// A client's data, read up to a time limit.
 struct Timed {
     stream: Arc<TcpStream>,
     end: Instant,
@@ -224,17 +222,17 @@ impl Read for Timed {
     }
 }
 
-/// The secret in the URL of a page: the URL is the key.
+/// The secret in the URL of a page. Only a client with the URL gets in.
 pub struct Door {
     port: u16,
     token: String,
 }
 
 impl Door {
-    /// A new one.
+    /// A new secret.
     ///
     /// # Errors
-    /// If the system has no random numbers.
+    /// If the system can't give random numbers.
     pub fn new(http: &Http) -> io::Result<Self> {
         let mut random = [0; 16];
         getrandom::fill(&mut random).map_err(io::Error::other)?;
@@ -254,11 +252,11 @@ impl Door {
         format!("http://127.0.0.1:{}/{}/", self.port, self.token)
     }
 
-    /// The place behind the secret that a request asks for: empty is the page itself. `printed` names the command that
+    /// The part of a request's path behind the secret; empty for the page itself. `printed` names the command that
     /// printed the URL.
     ///
     /// # Errors
-    /// If it lacks the secret, or comes from a page of another origin.
+    /// If the request lacks the secret, or comes from a page of another origin.
     pub fn enter<'r>(&self, request: &'r Request<'_>, printed: &str) -> Result<&'r str, Answer> {
         let refused = |what: &str| Err(Answer::text(403, what));
         let ours = ["127.0.0.1", "localhost"].map(|name| format!("{name}:{}", self.port));
@@ -277,7 +275,7 @@ impl Door {
             return refused("this Origin isn't ours");
         }
         let token = request.url.split(['/', '?']).nth(1).unwrap_or_default();
-        // Hashes are compared in constant time.
+        // Comparing hashes takes constant time.
         if blake3::hash(token.as_bytes()) != blake3::hash(self.token.as_bytes()) {
             return refused(&format!("open the URL that `{printed}` printed"));
         }
@@ -294,14 +292,14 @@ pub struct Request<'a> {
     /// Path and query.
     pub url: String,
     headers: Vec<(String, String)>,
-    /// What of the body came with the head.
+    /// The part of the body that arrived with the head.
     begun: Vec<u8>,
     rest: Timed,
     connection: &'a Connection,
 }
 
 impl<'a> Request<'a> {
-    /// Reads a head, or says what is wrong with it.
+    /// Reads a head, or answers with its error.
     fn read(connection: &'a Connection, mut rest: Timed) -> io::Result<Result<Self, Answer>> {
         let mut begun = Vec::new();
         loop {
@@ -333,17 +331,17 @@ impl<'a> Request<'a> {
         }
     }
 
-    /// The value of a header that is there once.
+    /// The value of a header that occurs at most once.
     ///
     /// # Errors
-    /// If it is there more often.
+    /// If it occurs more often.
     pub fn header(&self, name: &str) -> Result<Option<&str>, Repeated> {
         let mut named = self.headers.iter().filter(|(other, _)| other.eq_ignore_ascii_case(name));
         let first = named.next().map(|(_, value)| value.as_str());
         if named.next().is_some() { Err(Repeated) } else { Ok(first) }
     }
 
-    /// Keeps this connection from being closed in favour of one that hasn't said anything yet.
+    /// Protects this connection from being closed in favour of a new one.
     pub fn admit(&self) {
         self.connection.open.change(|entries| {
             for entry in entries {
@@ -352,7 +350,7 @@ impl<'a> Request<'a> {
         });
     }
 
-    /// Reads the body, if the request says how long it is and that isn't more than `longest`.
+    /// Reads the body, if the request gives its length and that is at most `longest`.
     pub fn body(&mut self, longest: u64) -> Option<io::Result<String>> {
         let said = match (self.header("Transfer-Encoding"), self.header("Content-Length")) {
             (Ok(None), Ok(Some(said))) if said.bytes().all(|byte| byte.is_ascii_digit()) => said,
@@ -365,6 +363,6 @@ impl<'a> Request<'a> {
     }
 }
 
-/// A header that may be there once is there more often.
+/// The error of a header that occurs more often than once.
 #[derive(Debug)]
 pub struct Repeated;

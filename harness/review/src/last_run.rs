@@ -1,27 +1,27 @@
-//! What the last run said of frames and functions, beside the images.
+//! The last run's records of frames and functions, which the page shows beside the images.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use serde_json::{Value, json};
 
-/// What the record of a run says.
+/// The content of a run's record.
 #[derive(Clone, Debug, Default)]
 pub struct LastRun {
-    /// Of frames, by the names of their goldens.
+    /// The records of frames, by the names of their goldens.
     pub frames: BTreeMap<String, FrameRun>,
     /// Functions that fail, in the order of the report.
     pub failures: Vec<Failure>,
 }
 
-/// Where a frame comes from.
+/// The origin of a frame.
 #[derive(Clone, Debug, Default)]
 pub struct FrameRun {
     /// Name of the test.
     pub test: String,
     /// `file:line:column` of the call.
     pub place: String,
-    /// Commands that do it again.
+    /// Commands that run it again.
     pub replays: Vec<String>,
     /// Modules that the frame depends on.
     pub modules: Vec<PathBuf>,
@@ -38,11 +38,11 @@ pub struct Failure {
     pub place: String,
     /// The whole message.
     pub message: String,
-    /// Commands that do it again.
+    /// Commands that run it again.
     pub replays: Vec<String>,
     /// The largest error divided by its bound.
     pub ratio: Option<f64>,
-    /// Plots as markup, in which all is escaped.
+    /// Plots as markup, with everything escaped.
     pub figures: String,
 }
 
@@ -53,7 +53,7 @@ impl FrameRun {
 }
 
 impl Failure {
-    /// What the page loads of it.
+    /// The data for the page.
     pub(super) fn value(&self) -> Value {
         json!({
             "name": self.name,

@@ -1,13 +1,11 @@
 //! The review page: pending frames beside their goldens, in HDR.
 //!
-//! One page, offline. [`Review::write`] writes it as files, which show what differs and name the
-//! commands to type; [`Review::serve`] serves the same page to this machine alone, where frames
-//! can be accepted and rejected. A [`Case`] is what the page shows of one frame. Its pixels are
-//! loaded when it is looked at, from a script `data/<n>.js`, because pages from `file://` may load
-//! scripts and nothing else.
+//! It is one page, and works offline. [`Review::write`] writes it as files, which show the differences and the commands
+//! to type. [`Review::serve`] serves the same page to this machine only, and there you can accept and reject frames. A
+//! [`Case`] is the data of one frame. The page loads its pixels when you look at it, from a script `data/<n>.js`,
+//! because pages from `file://` may only load scripts.
 //!
-//! The browser computes what the page displays from the stored floats. [`Goldens`] decides what the
-//! verdict is and what may be accepted.
+//! The browser computes the displayed image from the stored floats. [`Goldens`] decides about verdicts and acceptance.
 
 mod data;
 mod facts;
@@ -40,49 +38,49 @@ use karat::unstable::image::ExrFile;
 use karat::{Goldens, Image};
 use serde_json::json;
 
-/// Rows of a table that the page shows: more aren't read by anybody.
+/// The most rows of a table that the page shows. Readers rarely look at more.
 const MOST_ROWS: usize = 500;
-/// Bytes that a report takes of a frame with the older versions of its golden. It is mailed and kept, so
-/// that it has those alone that fit.
+/// The most bytes of a frame in a report, older versions of its golden included. Reports are mailed and kept, so it
+/// includes only versions that fit.
 const MOST_BYTES: usize = 1_000_000;
-/// Older versions that are tried for a report.
+/// The most older versions to try for a report.
 const MOST_VERSIONS: usize = 8;
 
-/// What the page shows of one pending frame or table.
+/// The data of a pending frame or table for the page.
 ///
-/// [`load`](Self::load) fills it in; whoever has another map pushes it.
+/// [`load`](Self::load) fills it in. You can add maps of your own.
 #[derive(Clone, Debug)]
 pub struct Case {
     /// Name of the golden.
     pub name: String,
-    /// Images of both sides, the one that is judged first.
+    /// The images of both sides, the compared one first.
     pub parts: Vec<Part>,
     /// Images computed from both.
     pub maps: Vec<Map>,
-    /// What the test measured, against what it allows.
+    /// The test's measurements and bounds.
     pub margins: Vec<CriterionMargin>,
-    /// How the frame differs, for people.
+    /// The difference in words.
     pub verdict: String,
-    /// What the golden's file says of itself; `None` if there is no golden or it says nothing.
+    /// The metadata in the golden's file; `None` if there is no golden or it has none.
     pub golden_provenance: Option<Provenance>,
-    /// What the frame's file says of itself.
+    /// The metadata in the frame's file.
     pub actual_provenance: Provenance,
-    /// What is different, other than pixels.
+    /// The difference apart from the pixels.
     pub cause: Cause,
-    /// The rows that differ, where it is a table of values and no frame.
+    /// The rows that differ, for a table of values instead of a frame.
     pub table: Option<Rows>,
 }
 
-/// Rows of a table that aren't its golden's.
+/// The rows of a table that differ from its golden.
 #[derive(Clone, Debug)]
 pub struct Rows {
     /// Names of the columns: arguments, then results.
     pub columns: Vec<String>,
-    /// How many of them are arguments.
+    /// The number of columns that are arguments.
     pub arguments: usize,
     /// The rows that changed most.
     pub rows: Vec<ChangedRow>,
-    /// How many changed.
+    /// The number of rows that changed.
     pub changed: usize,
 }
 
@@ -91,9 +89,9 @@ pub struct Rows {
 pub struct Part {
     /// Its name: `color`.
     pub name: String,
-    /// The golden's.
+    /// The golden's image.
     pub golden: Option<Image>,
-    /// The frame's.
+    /// The frame's image.
     pub actual: Option<Image>,
 }
 
@@ -102,15 +100,15 @@ pub struct Part {
 pub struct Map {
     /// Its name.
     pub name: String,
-    /// What its values are: one sentence.
+    /// The meaning of its values, in one sentence.
     pub about: String,
-    /// Its values. Where all three colours are equal it is shown in false colour.
+    /// Its values. A map with three equal colours is shown in false colour.
     pub image: Image,
     /// The values at the lower and the upper end of the false colours.
     pub range: [f32; 2],
 }
 
-/// Why there is no review.
+/// The reason why there is no review.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReviewError {
@@ -122,7 +120,7 @@ pub enum ReviewError {
     Remove {
         /// The file.
         path: String,
-        /// Why.
+        /// The reason.
         cause: std::io::Error,
     },
     /// A file of the page can't be written.
@@ -130,15 +128,15 @@ pub enum ReviewError {
     Write {
         /// The file.
         path: String,
-        /// Why.
+        /// The reason.
         cause: std::io::Error,
     },
     /// The server can't be started.
     #[error("can't serve the review on 127.0.0.1:{port}: {reason}")]
     Serve {
-        /// The port that was asked for; 0 is any.
+        /// The requested port; 0 for any.
         port: u16,
-        /// Why.
+        /// The reason.
         reason: String,
     },
 }
@@ -147,31 +145,31 @@ pub enum ReviewError {
 #[derive(Clone, Debug)]
 pub struct Review {
     goldens: Goldens,
-    /// Where the frames wait, which needn't be beside their goldens.
+    /// The folder of the pending frames, which may differ from the folder of the goldens.
     waiting: Goldens,
     arguments: String,
     run: LastRun,
-    /// Whether goldens are shown that nothing is pending for.
+    /// `true` to show goldens without a pending frame, too.
     accepted: bool,
-    /// True if accepting may write where `CI` is set.
+    /// `true` if accepting may write in CI.
     ci_may_write: bool,
     in_editor: bool,
     asked: pixels::Asked,
 }
 
-/// An entry of the page, by the number of its data file.
+/// An entry of the page. The number of its data file finds it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Entry {
-    /// A frame that is pending, by its name.
+    /// A pending frame, by its name.
     Pending(String),
-    /// A golden, by its file in the folder, which may be below its profile's: `@gl-llvmpipe/scene.exr`.
+    /// A golden, by its file in the folder, which may be in its profile's subfolder: `@gl-llvmpipe/scene.exr`.
     Golden(String),
-    /// A function that fails, by its place in the last run.
+    /// A failing function, by its number in the last run.
     Failure(usize),
 }
 
 impl Review {
-    /// A review of all that is pending in a folder of goldens.
+    /// A review of everything that is pending in a folder of goldens.
     #[must_use]
     pub fn new(goldens: Goldens) -> Self {
         Self {
@@ -186,7 +184,7 @@ impl Review {
         }
     }
 
-    /// Lets accepting write a golden where `CI` is set.
+    /// Lets accepting write a golden in CI, where the variable `CI` is set.
     #[must_use]
     pub fn may_write_in_ci(mut self, may: bool) -> Self {
         self.ci_may_write = may;
@@ -200,48 +198,48 @@ impl Review {
         self
     }
 
-    /// Lets the served page ask how pixels come about.
+    /// Lets the served page trace pixels.
     #[must_use]
     pub fn with_pixels(mut self, pixels: std::sync::Arc<dyn Pixels>) -> Self {
         self.asked = pixels::Asked::of(pixels);
         self
     }
 
-    /// Takes the pending frames from another folder, such as what a CI run left.
+    /// Takes the pending frames from another folder, such as one from a CI run.
     #[must_use]
     pub fn pending_in(mut self, folder: &Path) -> Self {
         self.waiting = Goldens::open(folder);
         self
     }
 
-    /// Arguments that the commands on the page need, such as `--goldens other`.
+    /// Sets arguments that the commands on the page need, such as `--goldens other`.
     #[must_use]
     pub fn with_arguments(mut self, arguments: &str) -> Self {
         self.arguments = arguments.to_owned();
         self
     }
 
-    /// Adds what the last run said.
+    /// Adds the records of the last run.
     #[must_use]
     pub fn with_run(mut self, run: LastRun) -> Self {
         self.run = run;
         self
     }
 
-    /// Shows all goldens, too.
+    /// Also shows all goldens.
     #[must_use]
     pub fn with_goldens(mut self) -> Self {
         self.accepted = true;
         self
     }
 
-    /// Whether there is anything to look at but what is pending.
+    /// Returns `true` if there is something to show besides pending frames.
     #[must_use]
     pub fn has_more(&self) -> bool {
         !self.run.failures.is_empty() || !self.others(&PendingFrames::default()).is_empty()
     }
 
-    /// What stands on the page besides what is pending.
+    /// The entries besides pending frames.
     fn others(&self, pending: &PendingFrames) -> Vec<Entry> {
         let mut entries = Vec::new();
         if self.accepted {
@@ -260,8 +258,7 @@ impl Review {
         entries
     }
 
-    /// The golden that the page shows the versions of, and what its rows are compared with; `None`: a
-    /// function has none.
+    /// The golden whose versions the page shows, and the file that its rows are compared with; `None` for a function.
     fn golden_of(&self, entry: &Entry, pending: Option<&Pending>) -> Option<(PathBuf, PathBuf)> {
         match entry {
             Entry::Pending(_) => {
@@ -275,9 +272,9 @@ impl Review {
         }
     }
 
-    /// Writes the page into a folder: `index.html`, `data/<n>.js`, and `data/<n>-<commit>.js` of older
-    /// versions of its golden. A link to `index.html#rooms/dark` leads to that frame. Frames that can't
-    /// be read are on the page, too, and say why. What an older page has left in `data` is removed.
+    /// Writes the page into a folder: `index.html`, `data/<n>.js`, and `data/<n>-<commit>.js` for older versions of a
+    /// golden. A link to `index.html#rooms/dark` leads to that frame. A frame that can't be read is on the page, too,
+    /// with the reason. Removes the files of an older page in `data`.
     ///
     /// # Errors
     /// If a file can't be written or removed.
@@ -312,13 +309,14 @@ impl Review {
         Ok(pending)
     }
 
-    /// The data of a frame for the page. A page without a server asks nothing later: it has some pixels `in_advance`.
+    /// The data of a frame for the page. Without a server, the page can't ask later, so the data has some traced pixels
+    /// `in_advance`.
     fn script(&self, index: usize, frame: &Pending, in_advance: bool) -> String {
         match Case::load(&self.goldens, frame) {
             Ok(case) => {
                 let golden = self.goldens.compared(frame);
                 let versions = history::versions(&golden);
-                // What is new has no modules of before.
+                // A new frame has no earlier modules.
                 let modules = (!frame.is_new()).then(|| self.changed_modules(&golden, &case));
                 let mut more = json!({ "versions": versions, "modules": modules });
                 if in_advance {
@@ -348,7 +346,7 @@ impl Review {
         })
     }
 
-    /// What the page loads of an entry that isn't pending.
+    /// The data of an entry that isn't pending.
     fn other_script(&self, index: usize, entry: &Entry) -> String {
         match entry {
             Entry::Golden(name) => {
@@ -372,7 +370,7 @@ impl Review {
         }
     }
 
-    /// Serves the page on 127.0.0.1, on any free port if `port` is 0.
+    /// Serves the page on 127.0.0.1, on a free port if `port` is 0.
     ///
     /// # Errors
     /// If the port is taken.
@@ -380,7 +378,7 @@ impl Review {
         Server::bind(self, port)
     }
 
-    /// What is pending now. Frames of other goldens than these can't be used here.
+    /// The currently pending frames. Leaves out frames that belong to other goldens.
     #[must_use]
     pub fn pending(&self) -> PendingFrames {
         let PendingFrames { frames, mut unusable } = self.waiting.pending();
@@ -394,8 +392,8 @@ impl Review {
     }
 }
 
-/// An older version of a golden: what the page loads when it is looked at. Of a table it is the rows in
-/// which what is there `now` differs.
+/// The script of an older version of a golden, which the page loads on demand. For a table it has the rows that differ
+/// from those in `now`.
 fn version_script(index: usize, golden: &Path, now: &Path, commit: &str) -> String {
     let older = if is_table(golden) {
         let now = Table::read(now).map_err(|error| error.to_string());
@@ -410,15 +408,14 @@ fn version_script(index: usize, golden: &Path, now: &Path, commit: &str) -> Stri
     data::version(index, commit, older)
 }
 
-/// The latest versions of a golden whose scripts take no more than `room` bytes together, with the
-/// names of their files.
+/// The latest versions of a golden whose scripts fit into `room` bytes together, with the names of their files.
 fn older_versions(
     index: usize,
     golden: &Path,
     now: &Path,
     mut room: usize,
 ) -> Vec<(String, String)> {
-    // One that has the content of the golden now is shown already.
+    // A version with the golden's current content is shown already.
     let shown = if is_table(golden) {
         Table::read(golden).ok().map(|(_, known)| known.pixels)
     } else {
@@ -445,21 +442,21 @@ fn older_versions(
     kept
 }
 
-/// The name of a golden by its file, and whether it is a table.
+/// The name of a golden from its file, and `true` if it is a table.
 fn golden_name(file: &str) -> (&str, bool) {
     (file.rsplit_once('.').map_or(file, |(name, _)| name), is_table(file.as_ref()))
 }
 
-/// Whether a golden is a table, by its file.
+/// Returns `true` if a golden's file is a table.
 fn is_table(golden: &Path) -> bool {
     golden.extension().is_some_and(|ending| ending == "csv")
 }
 
-/// Files of all goldens in a folder and those below it.
+/// The files of all goldens in a folder and in its subfolders.
 fn goldens_below(folder: &Path, prefix: &str, files: &mut Vec<String>) {
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
         let name = entry.file_name().to_string_lossy().into_owned();
-        // Links aren't followed: they may lead in a circle.
+        // Links aren't followed: they may form a cycle.
         let Ok(kind) = entry.file_type() else { continue };
         if kind.is_dir() {
             goldens_below(&entry.path(), &format!("{prefix}{name}/"), files);
@@ -471,7 +468,7 @@ fn goldens_below(folder: &Path, prefix: &str, files: &mut Vec<String>) {
     }
 }
 
-/// Removes the data that an older page had and this one, which has `written`, has not.
+/// Removes data files of an older page that this one hasn't `written`.
 fn remove_data(folder: &Path, written: &BTreeSet<String>) -> Result<(), ReviewError> {
     let files = std::fs::read_dir(folder).into_iter().flatten().filter_map(Result::ok);
     for path in files.map(|file| file.path()) {

@@ -12,15 +12,15 @@ use karat::unstable::metric::Pair;
 use karat::{Goldens, Image};
 
 impl Case {
-    /// What the frame was compared with, if its test declared a mask.
+    /// The mask and the reference of the comparison, if the test declared a mask.
     #[must_use]
     pub fn mask(&self) -> Option<Mask> {
         let part = self.parts.iter().skip(1).find(|part| part.name == MASK)?;
         part.actual.clone().map(Mask::image)
     }
 
-    /// Reads a pending frame and its golden. A golden that can't be read is reported in the
-    /// verdict, since accepting replaces it.
+    /// Reads a pending frame and its golden. A golden that can't be read is reported in the verdict, since accepting
+    /// replaces it.
     ///
     /// # Errors
     /// If the pending frame can't be read.
@@ -61,7 +61,7 @@ impl Case {
             let (image, mask) = (&actual.parts[0].image, actual.mask());
             let pair = match &mask {
                 Some(mask) => Pair::masked(golden_image, image, mask),
-                // What is pinned was chosen from all pixels.
+                // The test chose its pinned pixels from all pixels.
                 None => Pair::new(golden_image, image)
                     .map(|pair| exposures.into_iter().fold(pair, Pair::with_exposures)),
             };
@@ -117,7 +117,7 @@ impl Case {
 }
 
 impl Rows {
-    /// Rows of a table that aren't its golden's.
+    /// The rows of a table that differ from its golden.
     pub(super) fn of(table: &Table, mut rows: Vec<ChangedRow>) -> Self {
         let changed = rows.len();
         rows.truncate(MOST_ROWS);
@@ -128,7 +128,7 @@ impl Rows {
 
 /// The parts of both sides by name, the frame first.
 fn parts(golden: Option<ExrFile>, actual: ExrFile) -> Vec<Part> {
-    // The first part of another tool's golden has a name of its own, or none.
+    // In another tool's golden the first part has another name, or none.
     let named = |(index, part): (usize, karat::unstable::image::Part)| {
         (if index == 0 { COLOR.to_owned() } else { part.name }, part.image)
     };

@@ -6,7 +6,7 @@ use karat::metric::Flip;
 use karat::unstable::metric::ErrorMap;
 use karat::unstable::metric::Pair;
 
-/// What can be computed of golden and frame. Of images that FLIP can't compare there is nothing.
+/// The maps of a golden and a frame; empty for images that FLIP can't compare.
 pub(super) fn maps(pair: &Pair<'_>) -> Vec<Map> {
     let errors = Flip::LARGEST_TILE.map(pair).ok().map(|map| Map {
         name: "HDR-FLIP".to_owned(),
@@ -17,7 +17,7 @@ pub(super) fn maps(pair: &Pair<'_>) -> Vec<Map> {
     errors.into_iter().chain(worst_exposures(pair)).collect()
 }
 
-/// Dark exposures of what is off in highlights, bright ones of what is off in shadows.
+/// The exposure at which each pixel differs most: dark ones show errors in highlights, bright ones errors in shadows.
 fn worst_exposures(pair: &Pair<'_>) -> Option<Map> {
     let exposures = Flip::LARGEST_TILE.exposures(pair).ok()?;
     let (start, stop) = exposures.range()?.into_inner();
@@ -25,12 +25,12 @@ fn worst_exposures(pair: &Pair<'_>) -> Option<Map> {
         name: "worst exposure in stops".to_owned(),
         about: "where HDR-FLIP sees most of the difference; black where it sees none".to_owned(),
         image: scalars(pair, |x, y| exposures.at(x, y)),
-        // Of one exposure the whole is one colour.
+        // With a single exposure the whole map has one colour.
         range: [start.floor(), stop.ceil().max(start.floor() + 1.0)],
     })
 }
 
-/// An image of the pair's size, with the same value in all colours; alpha is 0 where there is none.
+/// An image of the pair's size, with the same value in all colours. Alpha is 0 where there is no value.
 fn scalars(pair: &Pair<'_>, value: impl Fn(u32, u32) -> Option<f32>) -> Image {
     let (width, height) = (pair.actual().width(), pair.actual().height());
     let pixels = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));

@@ -1,5 +1,4 @@
-//! Which modules changed since a golden: by the hashes that golden and frame have of them, or else as git
-//! tells.
+//! Finds the modules that changed since a golden, by their hashes in golden and frame, or otherwise with git.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -10,11 +9,11 @@ use serde_json::{Value, json};
 
 use super::git;
 
-/// Versions of a module among which the golden's is looked for: each takes a process.
+/// The most versions of a module to search for the golden's. Each takes a process.
 const MOST: &str = "50";
 
-/// The modules that differ by their hashes. `None`: golden or frame is older than this fact.
-/// `project`: where their names begin.
+/// The modules whose hashes differ; `None` if golden or frame are older than this fact. Module names are relative to
+/// `project`.
 pub(super) fn by_hash(project: &Path, golden: &Provenance, actual: &Provenance) -> Option<Value> {
     let (old, new) = (&golden.modules, &actual.modules);
     if old.is_empty() || new.is_empty() {
@@ -28,12 +27,12 @@ pub(super) fn by_hash(project: &Path, golden: &Provenance, actual: &Provenance) 
         (None, _) => Some(json!({ "name": name, "note": "the golden didn't have it" })),
     });
     let changed: Vec<Value> = changed.collect();
-    // Features and overrides change a program whose modules stay.
+    // Features and overrides change a program without changing its modules.
     let otherwise = changed.is_empty() && golden.shader != actual.shader;
     Some(json!({ "hashed": new.len(), "otherwise": otherwise, "changed": changed }))
 }
 
-/// A module that changed, with its lines if git has the golden's version of it.
+/// A changed module, with its lines if git has the golden's version.
 fn difference(project: &Path, name: &str, old: &str, new: &str) -> Value {
     let Some(commit) = commit_with(project, name, old) else {
         let note = "git has no version of it with the golden's hash";
@@ -57,9 +56,8 @@ fn commit_with(project: &Path, name: &str, hash: &str) -> Option<String> {
     commits.lines().find(has).map(str::to_owned)
 }
 
-/// The modules that differ from what they were when the golden was committed. `modules`: those that the
-/// frame depends on, as it says itself or its last run recorded them; without them, each module of the
-/// repository.
+/// The modules that changed since the commit of the golden. `modules` are those that the frame depends on, from its
+/// file or from its last run; without them, all modules of the repository.
 pub(super) fn by_commit(golden: &Path, modules: Option<&[PathBuf]>) -> Value {
     match Since::find(golden).and_then(|since| since.changed(modules)) {
         Ok(known) => known,
@@ -67,7 +65,7 @@ pub(super) fn by_commit(golden: &Path, modules: Option<&[PathBuf]>) -> Value {
     }
 }
 
-/// Why it can't be told which modules changed.
+/// The reason why the changed modules are unknown.
 #[derive(Clone, Copy, Debug, thiserror::Error)]
 enum Untold {
     #[error(
@@ -80,7 +78,7 @@ enum Untold {
     Failed,
 }
 
-/// The commit that has the golden as it is now.
+/// The commit with the golden's current content.
 struct Since {
     root: PathBuf,
     commit: String,
@@ -91,7 +89,7 @@ impl Since {
         let folder = golden.parent().ok_or(Untold::NoGit)?;
         let name = git::literal(&golden.file_name().unwrap_or_default().to_string_lossy());
         let root = git::text(folder, &["rev-parse", "--show-toplevel"]).ok_or(Untold::NoGit)?;
-        // A repository without commits has none of it.
+        // A repository without commits doesn't have the golden.
         let commit =
             git::text(folder, &["log", "-n", "1", "--format=%h", "--", &name]).unwrap_or_default();
         let dirty =
@@ -102,10 +100,10 @@ impl Since {
         Ok(Self { root: root.trim_end().into(), commit: commit.trim().to_owned() })
     }
 
-    /// Modules of a record as paths for git. Those of another machine, or of crates from elsewhere, are
-    /// none of this repository's.
+    /// Modules of a record as paths for git. Modules of another machine, or of crates from elsewhere, aren't in this
+    /// repository.
     fn inside(&self, modules: &[PathBuf]) -> Vec<String> {
-        // What is reached by a link is named by its own place, as git names it.
+        // git names a file behind a link by its real path.
         let real = |file: &PathBuf| file.canonicalize().unwrap_or_else(|_| file.clone());
         let root = real(&self.root);
         let inside =

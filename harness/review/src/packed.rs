@@ -1,9 +1,9 @@
-//! Images as the page gets them: planes of bytes that deflate well, in base64.
+//! Images in the format of the page: planes of bytes that deflate well, in base64.
 //!
-//! Each channel is a plane of words, 16-bit floats where they hold every value. A word is stored as
-//! its distance to the one before it, or, for a frame, to the golden's at the same place, which is
-//! nothing wherever both are equal. Distances go up and down in turn from 0 (zigzag), so that small
-//! ones have small bytes, and all high bytes stand before all low ones. `numbers.js` reads them.
+//! Each channel is a plane of words: 16-bit floats if they can hold every value. A word is stored as its difference
+//! from the word before, or, for a frame, from the golden's word at the same place, which is 0 wherever both are equal.
+//! Zigzag encoding gives small differences of either sign small bytes. All high bytes come before all low ones.
+//! `numbers.js` reads them.
 
 use std::io::Write;
 
@@ -15,10 +15,10 @@ use half::f16;
 use karat::Image;
 use serde_json::{Value, json};
 
-/// Where a map has no value; its values are finite.
+/// The word for pixels of a map without a value; all values are finite.
 const HOLE: u16 = f16::NAN.to_bits();
 
-/// An image's channels as the bits of floats, in words that have as many bytes as `format` says.
+/// The channels of an image as the bits of floats. `format` gives the size of a word.
 struct Planes {
     format: Format,
     words: Vec<Vec<u32>>,
@@ -61,7 +61,7 @@ impl Planes {
         Self { format, words: (0..4).map(plane).collect() }
     }
 
-    /// The bytes of all words, as distances to those of `base` or to the word before.
+    /// The bytes of all words, as differences from those of `base`, or from the word before.
     fn bytes(&self, base: Option<&Self>) -> Vec<u8> {
         let bits = 8 * self.format.bytes();
         let mask = u32::MAX >> (32 - bits);
@@ -83,7 +83,7 @@ impl Planes {
     }
 }
 
-/// A side of a part. `golden` is the other one, if this is the frame.
+/// A side of a part. For a frame, `golden` is the other side.
 pub(super) fn image(image: &Image, golden: Option<&Image>) -> Value {
     let same_size =
         |other: &&Image| (other.width(), other.height()) == (image.width(), image.height());
@@ -93,8 +93,8 @@ pub(super) fn image(image: &Image, golden: Option<&Image>) -> Value {
     value(image, &planes, base.as_ref())
 }
 
-/// A map of scalars, which are looked at and not judged: half floats, and nothing where alpha is 0.
-/// One in colours is an image.
+/// A map of scalars as half floats, which are exact enough to look at, with holes where alpha is 0. A map in colours is
+/// an image.
 pub(super) fn map(image: &Image) -> Value {
     let scalar = |pixel: &[f32; 4]| pixel[0] == pixel[1] && pixel[0] == pixel[2];
     if !image.pixels().iter().all(scalar) {
@@ -134,7 +134,7 @@ mod tests {
 
     #[test]
     fn a_frame_that_is_nearly_its_golden_takes_little() {
-        // Squares, so that neighbours aren't at the same distance everywhere.
+        // Squares, so that neighbours have different distances everywhere.
         let noise = |index: usize| {
             let square = (index * index) as u32;
             f32::from((square.wrapping_mul(2_654_435_761) >> 20) as u16) / 4096.0

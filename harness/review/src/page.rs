@@ -11,7 +11,7 @@ use karat::unstable::golden::{Pending, PendingFrames};
 const HTML: &str = include_str!("page/page.html");
 const CSS: &str = include_str!("page/page.css");
 
-/// The scripts, each of which uses only those before it. They become one, in one scope.
+/// The scripts. Each uses only those before it; together they become one script with one scope.
 const SCRIPTS: [&str; 26] = [
     include_str!("page/numbers.js"),
     include_str!("page/tones.js"),
@@ -41,18 +41,18 @@ const SCRIPTS: [&str; 26] = [
     include_str!("page/main.js"),
 ];
 
-/// Where the page is looked at.
+/// The source of the page.
 pub(super) enum Mode {
-    /// From files: decisions are typed.
+    /// Files: you type decisions in a terminal.
     Files,
-    /// From our server. The token makes the policy's nonce one that nobody else knows.
+    /// Karat's server. The token makes the policy's nonce secret.
     Served {
         /// The token in the URL.
         token: String,
     },
 }
 
-/// The page for what is pending and what else there is, each with the number of its data file.
+/// The page for pending frames and other entries, each with the number of its data file.
 pub(super) fn html(
     review: &Review,
     pending: &PendingFrames,
@@ -106,11 +106,11 @@ pub(super) fn html(
         "unusable": unusable.collect::<Vec<_>>(),
     }));
     let script = SCRIPTS.join("\n");
-    // Inline style and script run because the policy names this value. It depends on all that is
-    // embedded, so no name or reason in there can hold it.
+    // Inline style and script run because the policy names this nonce. It depends on everything that is embedded, so no
+    // name or reason can contain it.
     let nonce =
         blake3::hash(format!("{token}{index}{script}").as_bytes()).to_hex()[..32].to_owned();
-    // One pass each: what is put in isn't searched again for the next mark.
+    // One pass for each mark, so that inserted text isn't searched for the next mark.
     let mut page = String::with_capacity(HTML.len() + CSS.len() + script.len() + index.len());
     for (position, piece) in HTML.split("{{").enumerate() {
         let Some((mark, rest)) = piece.split_once("}}").filter(|_| position > 0) else {
@@ -134,8 +134,8 @@ pub(super) fn html(
     page
 }
 
-/// How far over its tolerance a frame is, by the largest ratio to a bound; `inf` where nothing could be
-/// measured, as of another size. `None`: there is nothing to differ from.
+/// The excess of a frame over its tolerance: the largest ratio to a bound, or `inf` if the images can't be compared,
+/// for example because their sizes differ. `None` if there is no golden.
 fn severity(frame: &Pending) -> Option<Value> {
     let finding = frame.provenance.finding.as_ref()?;
     let failing = finding.margins.iter().filter(|margin| !margin.passes());
@@ -144,7 +144,7 @@ fn severity(frame: &Pending) -> Option<Value> {
     Some(if measured { json!(most) } else { json!("inf") })
 }
 
-/// Whether the test found numbers only.
+/// Returns `true` if the test found only finite numbers.
 fn is_finite(frame: &Pending) -> bool {
     let margins = frame.provenance.finding.iter().flat_map(|finding| &finding.margins);
     !margins
@@ -152,7 +152,7 @@ fn is_finite(frame: &Pending) -> bool {
         .any(|margin| margin.criterion == FrameCriterion::Finite && !margin.passes())
 }
 
-/// What a frame may become the golden of.
+/// The goldens that a frame may become.
 fn accepting(frame: &Pending) -> Value {
     json!({
         "canonical": frame.is_canonical(),
@@ -162,8 +162,8 @@ fn accepting(frame: &Pending) -> Value {
     })
 }
 
-/// What the page may load and run: itself and its data files. Only from files is `file:` a source,
-/// where some browsers don't count a file's neighbours as its own.
+/// The sources that the page may load and run: itself and its data files. Only a page from files has `file:` as a
+/// source: some browsers don't treat a file's neighbours as its own.
 fn policy(mode: &Mode) -> &'static str {
     match mode {
         Mode::Files => {

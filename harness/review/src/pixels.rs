@@ -1,4 +1,4 @@
-//! How pixels of frames come about, asked from the page.
+//! Answers the page's questions about pixels of frames.
 
 use std::fmt::Debug;
 use std::sync::{Arc, Mutex};
@@ -8,22 +8,22 @@ use serde_json::{Value, json};
 
 use super::{Case, Entry, Map, golden_name, packed};
 
-/// A source of values and steps of pixels: the program that serves the page.
+/// A source of values and traces of pixels: the program that serves the page.
 pub trait Pixels: Debug + Send + Sync {
-    /// The values that a frame has, a line each: `scene::shade::n: vec3<f32> = normalize(v)`.
+    /// The values of a frame, a line each: `scene::shade::n: vec3<f32> = normalize(v)`.
     ///
     /// # Errors
-    /// If the frame isn't known, or can't be drawn.
+    /// If the frame is unknown, or can't be drawn.
     fn values(&self, frame: &str) -> Result<Vec<String>, String>;
 
     /// A value on all pixels of a frame of this size.
     ///
     /// # Errors
-    /// If it can't be told.
+    /// If the value can't be computed.
     fn tap(&self, frame: &str, size: (u32, u32), value: &str) -> Result<Map, String>;
 
-    /// A pixel of a frame of this size, step by step: what `karat trace --json` prints; with a commit, the pixel with the
-    /// shaders of that commit and the one of today.
+    /// A pixel of a frame of this size, step by step, as `karat trace --json` prints it; with a commit, the pixel with
+    /// the shaders of that commit and with today's.
     ///
     /// # Errors
     /// If it can't be traced.
@@ -36,11 +36,11 @@ pub trait Pixels: Debug + Send + Sync {
     ) -> Result<Value, String>;
 }
 
-/// Those of a review, if the program that serves it has some.
+/// The pixel source of a review, if the serving program has one.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Asked {
     pub(super) pixels: Option<Arc<dyn Pixels>>,
-    /// One question at a time: each draws a frame.
+    /// Held for one question at a time: each draws a frame.
     busy: Arc<Mutex<()>>,
 }
 
@@ -49,13 +49,13 @@ impl Asked {
         Self { pixels: Some(pixels), busy: Arc::default() }
     }
 
-    /// The answer to `values`, to `tap/640x360/scene::shade::n`, or to `trace/640x360/12,34`, which may end in `/<commit>`.
-    /// `None`: it is none of these.
+    /// The answer to `values`, to `tap/640x360/scene::shade::n`, or to `trace/640x360/12,34`, which may end in
+    /// `/<commit>`. `None` for other questions.
     pub(super) fn answer(&self, entry: &Entry, question: &str) -> Option<Value> {
         let pixels = self.pixels.as_ref()?;
         let frame = match entry {
             Entry::Pending(name) => name.as_str(),
-            // One of a profile has its folder before it.
+            // A golden of a profile has its folder before its name.
             Entry::Golden(file) => match golden_name(file).0 {
                 name if name.starts_with('@') => name.split_once('/').map_or(name, |(_, own)| own),
                 name => name,
@@ -89,12 +89,12 @@ impl Asked {
     }
 }
 
-/// Pixels that a page without a server has: each takes about a second.
+/// The number of pixels traced for a page without a server. Each takes about a second.
 const IN_ADVANCE: usize = 3;
 
 impl Asked {
-    /// The pixels that are farthest from the golden, each as `trace` answers: with the golden's commit of these versions and
-    /// without, the newest first. Where none can be traced there is nothing.
+    /// The pixels that differ most from the golden, each in the format of `trace`: with the golden's newest commit
+    /// among these versions, and without. Empty if none can be traced.
     pub(super) fn in_advance(&self, case: &Case, versions: &[Value]) -> Value {
         let mut all = serde_json::Map::new();
         let pair =
@@ -121,7 +121,7 @@ impl Asked {
     }
 }
 
-/// The pixels whose values are farthest from each other, of one size; those that aren't numbers first.
+/// The pixels whose values differ most, for images of the same size. NaN and infinities come first.
 fn farthest(golden: &Image, actual: &Image) -> Vec<(u32, u32)> {
     let width = actual.width();
     if (golden.width(), golden.height()) != (width, actual.height()) {
@@ -147,13 +147,13 @@ fn numbers(text: &str, between: char) -> Option<(u32, u32)> {
     Some((a.parse().ok()?, b.parse().ok()?))
 }
 
-/// Names of WGSL with their paths: what the list of values has, and nothing that a program could take for an option.
+/// Returns `true` for a WGSL name with its path: as in the list of values, and never an option of a program.
 fn is_path(value: &str) -> bool {
     let is_name = |c: char| c.is_alphanumeric() || c == '_' || c == ':';
     !value.is_empty() && value.chars().all(is_name)
 }
 
-/// A hash of git's, which is no option of a program.
+/// Returns `true` for a hash of git, which can't be an option of a program.
 fn is_commit(text: &str) -> bool {
     (4..=64).contains(&text.len()) && text.bytes().all(|byte| byte.is_ascii_hexdigit())
 }

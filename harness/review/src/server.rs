@@ -1,9 +1,8 @@
-//! The review served to this machine alone.
+//! Serves the review to this machine only.
 //!
-//! Not everybody who can reach the port may decide. So every request needs the token of the URL and
-//! a `Host` that is ours (so that no other name was rebound to 127.0.0.1). If it names an `Origin`,
-//! that has to be ours, too. Changes are POSTs of JSON. A frame is chosen by comparing a name with
-//! those that are pending; no part of a request becomes a file's path.
+//! Reaching the port isn't enough to decide. Every request needs the token of the URL and this server's `Host`, so that
+//! no other name can be rebound to 127.0.0.1. An `Origin`, if present, has to be this server's, too. Changes are POSTs
+//! of JSON. A decision names a frame, which must be one of the pending ones; no part of a request becomes a file path.
 
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
@@ -14,7 +13,7 @@ use super::http::{Answer, Door, Http, Request, Stopper};
 use super::{Entry, Review, ReviewError, data, page, version_script};
 use karat::unstable::golden::{AcceptError, Acceptance, Pending, PendingFrames};
 
-/// Longest decision that is read; a reason is a sentence.
+/// The longest decision that is read. A reason is a sentence.
 const LONGEST_BODY: u64 = 64 << 10;
 
 /// A review page that is being served.
@@ -23,7 +22,7 @@ pub struct Server {
     desk: Arc<Desk>,
 }
 
-/// Stops a [`Server`], from any thread.
+/// A handle that stops a [`Server`] from any thread.
 #[derive(Clone)]
 pub struct Stop(Stopper);
 
@@ -34,34 +33,34 @@ impl Stop {
     }
 }
 
-/// What answers, from many threads.
+/// The state that answers requests, from many threads.
 struct Desk {
     review: Review,
     door: Door,
-    /// Entries by the number of their data file, which stays what it is while the server runs.
+    /// The entries by the number of their data file. Numbers don't change while the server runs.
     numbered: Mutex<Vec<Entry>>,
-    /// Held while a decision is carried out; whether the review has ended, and there are no more.
+    /// Held while a decision is carried out. `true` once the review has ended and accepts no more decisions.
     ended: Mutex<bool>,
 }
 
-/// What the page sends to accept or to reject.
+/// The body of a request to accept or to reject.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Decision {
     /// Name of the frame.
     case: String,
-    /// Hash of the pixels that were looked at.
+    /// The hash of the pixels that the reader looked at.
     pixels: String,
     #[serde(default)]
     because: String,
-    /// Whether it becomes the golden of its own profile.
+    /// `true` if it becomes the golden of its own profile.
     #[serde(default)]
     profile: bool,
     #[serde(default)]
     any_adapter: bool,
 }
 
-/// Why a decision isn't carried out.
+/// The reason why a decision isn't carried out.
 #[derive(Debug, thiserror::Error)]
 enum Refused {
     #[error(transparent)]
@@ -80,26 +79,26 @@ impl Server {
         Ok(Self { http, desk: Arc::new(desk) })
     }
 
-    /// Where the page is. Whoever knows this can accept and reject.
+    /// The URL of the page. With it, a client can accept and reject.
     #[must_use]
     pub fn url(&self) -> String {
         self.desk.door.url()
     }
 
-    /// What stops it.
+    /// A handle that stops it.
     #[must_use]
     pub fn stop(&self) -> Stop {
         Stop(self.http.stopper())
     }
 
-    /// What is pending now.
+    /// The currently pending frames.
     #[must_use]
     pub fn pending(&self) -> PendingFrames {
         self.desk.review.pending()
     }
 
-    /// Answers until it is stopped. A decision that is being carried out then is completed, and
-    /// none is begun; clients aren't waited for.
+    /// Answers until it is stopped. Then it completes a decision that has begun, begins no other, and doesn't wait for
+    /// clients.
     pub fn run(&self) {
         let desk = Arc::clone(&self.desk);
         self.http.run(move |request| desk.answer(request));
@@ -107,7 +106,7 @@ impl Server {
     }
 }
 
-/// A thread that panicked has left nothing half done in what is locked here.
+/// A panicking thread leaves the locked values consistent.
 fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -161,7 +160,7 @@ impl Desk {
             numbered.get(number).cloned()
         };
         let Some(entry) = entry else { return Answer::text(404, "there is no such case") };
-        // The page can't read the status of a script, so what is wrong is told by one.
+        // The page can't read the status of a script, so a script reports the error.
         let pending = match &entry {
             Entry::Pending(name) => Some(self.find(name)),
             _ => None,
@@ -181,7 +180,7 @@ impl Desk {
         Answer(200, "text/javascript; charset=utf-8", script)
     }
 
-    /// Answers a question about an entry's pixels: its number, and the question.
+    /// Answers a question about an entry's pixels: `asked` has the number of the entry, and the question.
     fn told(&self, asked: &str) -> Answer {
         let (number, question) = asked.split_once('/').unwrap_or((asked, ""));
         let entry = {
@@ -194,7 +193,7 @@ impl Desk {
         }
     }
 
-    /// The pending frame of exactly this name.
+    /// The pending frame with exactly this name.
     fn find(&self, name: &str) -> Result<Pending, Refused> {
         let pending = self.review.pending().frames;
         let found = pending.into_iter().find(|pending| pending.case == name);
@@ -248,7 +247,7 @@ impl Desk {
             because: decision.because.clone(),
             by: None,
             any_adapter: decision.any_adapter,
-            // The golden of a profile that it was compared with is what it replaces.
+            // If it was compared with a profile's golden, it replaces that one.
             profile: (decision.profile || !pending.provenance.compared_profile.is_empty())
                 .then(|| pending.profile().to_string()),
             ci_may_write: self.review.ci_may_write,

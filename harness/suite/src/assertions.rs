@@ -1,4 +1,4 @@
-//! The assertions of files: of functions' results, and of what passes leave in a resource.
+//! The assertions of test files: about results of functions, and about resources after passes.
 
 use std::path::PathBuf;
 
@@ -12,16 +12,16 @@ use crate::wrong::Misdeclared;
 /// An assertion.
 #[derive(Clone, Debug)]
 pub(crate) enum What {
-    // Of functions and of resources.
+    // About functions and resources.
     AgreesWith(String),
     Table(PathBuf),
     Golden(String),
     Equals(Value),
     Finite,
     InRange(Range),
-    /// Of these kinds; of any without.
+    /// No hazards of these kinds; without a list, of any kind.
     NoHazards(Option<Vec<HazardKind>>),
-    // Of functions.
+    // About functions.
     Unit,
     PerpendicularTo(String),
     RightHandedFrame,
@@ -34,7 +34,7 @@ pub(crate) enum What {
         is: Value,
     },
     Integral(Integral),
-    // Of resources.
+    // About resources.
     Sorted {
         descending: bool,
     },
@@ -67,7 +67,7 @@ impl Shared<'_> {
     }
 }
 
-/// The assertion of a key that is `true`; `false` asserts nothing.
+/// The assertion of a key that is `true`; `None` if it is `false`.
 pub(crate) fn switched(
     key: &'static str,
     value: Option<bool>,
@@ -82,7 +82,7 @@ pub(crate) fn switched(
 }
 
 impl What {
-    /// As it is written.
+    /// The key in the file.
     pub(crate) fn key(&self) -> &'static str {
         match self {
             Self::AgreesWith(_) => "agrees_with",
@@ -116,7 +116,7 @@ impl What {
         }
     }
 
-    /// As the table of keys has it.
+    /// Its name in the table of keys.
     fn form(&self) -> &'static str {
         match self {
             Self::Integral(Integral { equals: None, .. }) => "integral at_most",
@@ -124,9 +124,9 @@ impl What {
         }
     }
 
-    /// True if it takes a key that others don't.
+    /// Returns `true` if it takes a key that not all assertions take.
     pub(crate) fn takes(&self, key: &str) -> bool {
-        // A sum has one on all paths.
+        // A sum has its own tolerance on all paths.
         if let (Self::SumOf(_), "tolerance") = (self, key) {
             return true;
         }
@@ -135,8 +135,8 @@ impl What {
     }
 }
 
-/// The keys that not every assertion takes, each with those that do. An integral that is bounded by `at_most`
-/// has a `slack` in place of a tolerance.
+/// The keys that only some assertions take, with those assertions. An integral that is bounded by `at_most` has a
+/// `slack` in place of a tolerance.
 const TAKEN: [(&str, &[&str]); 8] = [
     ("over", &DRAWN),
     ("where", &DRAWN),
@@ -148,7 +148,7 @@ const TAKEN: [(&str, &[&str]); 8] = [
     ("up_to_order", &["equals", "table", "agrees_with"]),
 ];
 
-/// The assertions whose arguments are drawn: a table has its own.
+/// The assertions with sampled arguments. A table has its own.
 const DRAWN: [&str; 14] = [
     "agrees_with",
     "golden",
@@ -170,11 +170,11 @@ const DRAWN: [&str; 14] = [
 const WITHIN: [&str; 8] =
     ["agrees_with", "table", "golden", "equals", "symmetric_in", "monotone", "limit", "integral"];
 
-/// The assertions of functions that resources have, too.
+/// The assertions about functions that resources have, too.
 const OF_BOTH: [&str; 7] =
     ["agrees_with", "table", "golden", "equals", "finite", "in_range", "no_hazards"];
 
-/// A key that is written and that none of a test's assertions takes, with what is wrong: it would be ignored.
+/// A written key that none of a test's assertions takes, with the message: it would have no effect.
 pub(crate) fn idle_key(
     whats: &[What],
     of_resource: bool,

@@ -49,7 +49,7 @@ pub(crate) struct Declared {
     /// Paths that can't run it, each with the reason. They must refuse it.
     #[serde(default)]
     pub(crate) refused_on: BTreeMap<String, String>,
-    /// Variables whose races are meant, each with the reason.
+    /// Variables with accepted races, each with the reason.
     #[serde(default)]
     accept_race: BTreeMap<String, String>,
     /// Variables into which several invocations may write the same value, each with the reason.
@@ -141,23 +141,23 @@ struct Expected {
 #[derive(Clone, Debug)]
 pub(crate) struct Assertion {
     pub(crate) declared: Declared,
-    /// The entry points with their modules, and workgroups.
+    /// The entry points with their modules, and the workgroups.
     passes: Vec<(String, [u32; 3])>,
-    /// The resource; empty of what is asserted of the passes.
+    /// The resource; empty for an assertion about the passes.
     variable: String,
     what: What,
     tolerance: Option<String>,
     pub(crate) tolerance_on: BTreeMap<String, String>,
-    /// True if elements are compared whatever their order is.
+    /// `true` to ignore the order of elements.
     up_to_order: bool,
     /// Rows and columns of the elements.
     shape: Option<[usize; 2]>,
-    /// Tables and images are relative to it.
+    /// The folder that paths of tables and images are relative to.
     pub(crate) folder: PathBuf,
     pub(crate) keys: Keys,
 }
 
-/// Refuses a kind of hazard that passes aren't looked through for: nothing would ever fail.
+/// Refuses a kind of hazard that Karat doesn't check in passes: the test could never fail.
 fn expect_inside(kind: HazardKind) -> Result<(), Misdeclared> {
     let wrong = |why: &str| Err(Misdeclared::of("no_hazards")(format!("{}: {why}", kind.name())));
     match kind {
@@ -247,7 +247,7 @@ impl Declared {
         }
     }
 
-    /// The tests that it declares, by their names.
+    /// The tests that it declares, by name.
     pub(crate) fn tests(
         self,
         module: &str,
@@ -306,12 +306,12 @@ impl Declared {
 }
 
 impl Assertion {
-    /// The entry points, in the order in which they are dispatched.
+    /// The entry points, in the order of their dispatch.
     pub(crate) fn entries(&self) -> impl Iterator<Item = &str> {
         self.passes.iter().map(|(name, _)| name.as_str())
     }
 
-    /// The entry point that stands for the subject.
+    /// The entry point after which the subject is named.
     pub(crate) fn last(&self) -> &str {
         self.passes.last().map_or("", |(name, _)| name)
     }
@@ -325,7 +325,7 @@ impl Assertion {
         self.own(self.key())
     }
 
-    /// A key of what is asserted, as the file has it below `[[compute]]`.
+    /// A key of an assertion, as the file has it below `[[compute]]`.
     fn own(&self, key: &str) -> String {
         match self.variable.is_empty() {
             true => key.to_owned(),
@@ -335,7 +335,7 @@ impl Assertion {
 
     /// The place of a key.
     pub(crate) fn place_of(&self, key: Option<&str>) -> Option<&karat::unstable::diagnostic::Span> {
-        // A key of what is asserted, or one of the pass.
+        // A key of the assertion, or one of the pass.
         let keys = key.into_iter().flat_map(|key| [self.own(key), key.to_owned()]);
         let mut named = keys.filter_map(|key| self.keys.exactly(&key));
         named.next().or_else(|| self.keys.place_of(&self.check()))
@@ -350,7 +350,7 @@ impl Assertion {
         }
     }
 
-    /// All that the verdict depends on, but for files.
+    /// Everything that the verdict depends on, except files.
     pub(crate) fn normalized_text(&self, package: &Package) -> Option<String> {
         let mut text = format!("{:?} {} {:?}", self.declared, self.variable, self.what);
         let reference = if let What::AgreesWith(entry) = &self.what {
@@ -379,7 +379,7 @@ impl Assertion {
         }
     }
 
-    /// An entry point of the last pass's module, or of another one.
+    /// An entry point in the last pass's module, or in another one.
     fn of_module(&self, entry: &str) -> String {
         match (entry.contains("::"), self.last().rsplit_once("::")) {
             (false, Some((module, _))) => format!("{module}::{entry}"),
@@ -387,7 +387,7 @@ impl Assertion {
         }
     }
 
-    /// Where the row of a table stands that the first element isn't.
+    /// The place of the first row of a table that differs.
     pub(crate) fn row_of(&self, error: &ComputeError) -> Option<String> {
         let (What::Table(file), ComputeError::Differs(found)) = (&self.what, error) else {
             return None;
@@ -401,13 +401,13 @@ impl Assertion {
         }
     }
 
-    /// The tolerance; where none is needed exact.
+    /// The tolerance; exact if none is needed.
     fn tolerance(&self) -> Result<Tolerance, Misdeclared> {
         let text = self.tolerance.as_deref().unwrap_or("exact");
         tolerance(text).map_err(Misdeclared::of("tolerance"))
     }
 
-    /// The passes over what is bound, where `last` may stand for the last one.
+    /// The passes over the bound resources. `last` may replace the last pass.
     fn compute<'p>(
         &self,
         package: &'p Package,
@@ -417,14 +417,14 @@ impl Assertion {
         let mut bound: BTreeMap<&str, bool> =
             self.declared.with.keys().map(|name| (&**name, false)).collect();
         let mut known = Vec::new();
-        // A pass that isn't there may read any resource.
+        // A missing pass might read any resource.
         let mut unread = false;
         let count = self.passes.len();
         for (index, (name, groups)) in self.passes.iter().enumerate() {
             let name = last.filter(|_| index + 1 == count).unwrap_or(name);
             compute = compute.dispatch(name, *groups);
             let (module, own) = name.rsplit_once("::").unwrap_or(("", name));
-            // The dispatch reports an entry point that isn't there, or isn't valid. What else its module has may be invalid.
+            // The dispatch reports an entry point that is missing or invalid. The rest of its module may be invalid.
             let program = Program::of_items(package, module, &[own]).ok();
             let bindings = program.as_ref().and_then(|program| {
                 Some((program, program.entry_point_bindings(Stage::Compute, own)?))
@@ -447,7 +447,7 @@ impl Assertion {
         }
         if let Some((idle, _)) = bound.iter().find(|(_, is_bound)| !**is_bound)
             && !unread
-            // A reference needn't use all that the passes do.
+            // A reference may leave some resources unused.
             && last.is_none()
         {
             let known = known.iter().map(String::as_str);
@@ -476,7 +476,6 @@ impl Assertion {
     }
 
     /// Dispatches and judges.
-    /// The passes, with their resources.
     pub(crate) fn passes<'p>(&self, package: &'p Package) -> Result<Compute<'p>, Misdeclared> {
         self.compute(package, None)
     }
@@ -490,7 +489,7 @@ impl Assertion {
         if let What::NoHazards(kinds) = &self.what {
             let mut found = untyped::hazards(compute)?;
             found.retain(|(kind, ..)| kinds.as_ref().is_none_or(|kinds| kinds.contains(kind)));
-            // The passes are the subject: what they write first stands for them.
+            // The passes are the subject, represented by the first resource that they write.
             let left = untyped::left(compute, Route::CPU)?;
             let variable = left.first().ok_or("the passes write nothing")?.name.clone();
             let first = found.first().map(|(_, place, what)| Element {
@@ -658,7 +657,7 @@ impl Assertion {
         }
     }
 
-    /// The resource that is asserted of, before the passes.
+    /// The asserted resource before the passes.
     fn content(&self, compute: &Compute<'_>) -> Result<Content, Stop> {
         match untyped::before(compute, &self.variable) {
             Ok(content) => Ok(content),
@@ -666,7 +665,7 @@ impl Assertion {
                 let key = format!("after.{}", self.variable);
                 Err(Misdeclared::from(error.to_string()).below(&key).into())
             }
-            // A texture is no buffer, and what it holds before is seen nowhere.
+            // A texture isn't a buffer, and its content before the passes can't be read.
             Err(_) => {
                 let left = untyped::left(compute, Route::CPU)?;
                 let names: Vec<String> = left.iter().map(|one| one.name.clone()).collect();
@@ -682,10 +681,10 @@ impl Assertion {
     }
 }
 
-/// Why there is no agreement.
+/// The reason why there is no agreement.
 pub(crate) enum Stop {
     Misdeclared(Misdeclared),
-    /// No check began, and none is recorded.
+    /// No check began, so none is recorded.
     Unbegun(Box<ComputeError>),
     Failed(Box<ComputeError>),
 }
@@ -719,8 +718,8 @@ impl From<&str> for Stop {
     }
 }
 
-/// A resource by the name of its variable, with or without its module.
-/// The content of a resource, or of a member of it, among all that passes leave.
+/// The content of a resource, or of a member of it, among all resources after the passes. A variable's name may include
+/// its module.
 fn of_variable(left: Vec<Content>, variable: &str) -> Option<Content> {
     let (name, member) = variable.split_once('.').unwrap_or((variable, ""));
     left.into_iter().find(|one| is_called(&one.name, name))?.member(member)
@@ -746,7 +745,7 @@ fn values(content: &Content) -> Vec<f64> {
     scalars.iter().zip(&content.lanes).map(|(scalar, word)| scalar.decode(*word)).collect()
 }
 
-/// The scalar that each element is.
+/// The scalar type of each element.
 fn only_scalar(content: &Content, key: &str) -> Result<Scalar, String> {
     match content.element() {
         Shape::Scalar(scalar) => Ok(*scalar),
@@ -754,7 +753,7 @@ fn only_scalar(content: &Content, key: &str) -> Result<Scalar, String> {
     }
 }
 
-/// The scalar of all numbers.
+/// The scalar type of all numbers.
 fn one_kind(content: &Content, key: &str) -> Result<Scalar, String> {
     let scalars = content.shape.lanes();
     match scalars.first() {
@@ -763,7 +762,7 @@ fn one_kind(content: &Content, key: &str) -> Result<Scalar, String> {
     }
 }
 
-/// The first element that isn't the same.
+/// The first element that differs.
 fn first_other(element: &Shape, was: &[u32], is: &[u32]) -> Option<Broken> {
     let width = element.lanes().len().max(1);
     let pairs = was.chunks(width).zip(is.chunks(width)).enumerate();
@@ -773,7 +772,7 @@ fn first_other(element: &Shape, was: &[u32], is: &[u32]) -> Option<Broken> {
     Some(Broken { failures: wrong.len(), first: Some(first) })
 }
 
-/// The first element that another list hasn't as often.
+/// The first element that the other list has less often.
 fn not_permuted(element: &Shape, was: &[u32], is: &[u32]) -> Option<Broken> {
     let width = element.lanes().len().max(1);
     let mut left: HashMap<&[u32], i64> = HashMap::new();

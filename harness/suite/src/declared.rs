@@ -1,4 +1,4 @@
-//! Tests that a file declares: `brdf.test.toml`, beside `brdf.wgsl`.
+//! Tests that a TOML file declares: `brdf.test.toml`, beside `brdf.wgsl`.
 //!
 //! ```toml
 //! [[test]]
@@ -22,28 +22,28 @@
 //! size = [64, 64]                               # compared with golden/gradient.exr
 //! ```
 //!
-//! A frame is drawn by `fragment` alone, or with a `vertex` function that makes a triangle; or by `draws`, each with its
-//! functions, a `mesh` (a table of corners) or a number of `vertices`, and state (`depth_compare`, `blend`). It may say
-//! `samples`, `formats` (one for each location, such as `"float"` and `"rgba8unorm-srgb"`), which of them is
-//! compared (`target = 1`, or `depth = true`), `tolerance` (a relative difference, `1e-3`), `fails_on`, `refused_on`,
-//! `module`, and in which folder its `golden` lies.
+//! A frame is drawn by `fragment` alone, or with a `vertex` function that makes a triangle; or by `draws`, each with
+//! its functions, a `mesh` (a table of corners) or a number of `vertices`, and state (`depth_compare`, `blend`). It may
+//! set `samples`, `formats` (one for each location, such as `"float"` and `"rgba8unorm-srgb"`), the compared target
+//! (`target = 1`, or `depth = true`), `tolerance` (a relative difference, `1e-3`), `fails_on`, `refused_on`, `module`,
+//! and the folder of its `golden`.
 //!
-//! A test binds what its function reads by `with = { exposure = 2, albedo = "wood.png" }`, and gives
-//! `override = { GAIN = 2 }`.
+//! A test binds the variables that its function reads by `with = { exposure = 2, albedo = "wood.png" }`, and sets
+//! overrides by `override = { GAIN = 2 }`.
 //!
 //! | assertion | holds if |
 //! |---|---|
 //! | `agrees_with = "f"` | another function, which Karat's engine executes in `f64`, returns the same |
-//! | `table = "file.csv"` | each row's result is what the row says |
-//! | `golden = "name"` | each result is what it was when `golden/name.csv` was accepted |
+//! | `table = "file.csv"` | each row's result is the one in the row |
+//! | `golden = "name"` | each result equals the one when `golden/name.csv` was accepted |
 //! | `equals = 1.0` | each result is this value |
 //! | `finite = true` | no component is NaN or infinite |
 //! | `unit = true` | each result is a vector of length 1 |
 //! | `perpendicular_to = "n"` | each result is a vector at right angles to this argument |
-//! | `right_handed_frame = true` | each result is three unit vectors at right angles, of which the third is the cross product of the first two |
-//! | `in_range = "0..1"` or `[0, 1]`, `in_range = "0..<1"` | each component lies there, or below the end |
-//! | `symmetric_in = ["v", "l"]` | swapping the two arguments changes nothing |
-//! | `monotone = { x = "increasing" }` | the result only rises with `x` |
+//! | `right_handed_frame = true` | each result is three unit vectors at right angles, the third being the cross product of the first two |
+//! | `in_range = "0..1"` or `[0, 1]`, `in_range = "0..<1"` | each component lies in the range; `..<` excludes the end |
+//! | `symmetric_in = ["v", "l"]` | swapping the two arguments doesn't change the result |
+//! | `monotone = { x = "increasing" }` | the result never falls as `x` rises |
 //! | `limit = { alpha = 0, through = [0.1, 0.01], equals = 1 }` | the result approaches a value |
 //! | `integral = { over = "hemisphere", equals = 1 }` | the integral over the last argument, a direction; `at_most` in place of `equals` |
 //! | `no_hazards = true` | nothing inside becomes NaN or infinite, or loses half its digits |
@@ -64,19 +64,20 @@
 //!
 //! | assertion of a resource | holds if |
 //! |---|---|
-//! | `equals = [1, 2]` | it holds this value; a number stands for each component |
+//! | `equals = [1, 2]` | it holds this value; a single number is the value of each component |
 //! | `table = "file.csv"` | each element is a row, of the columns `x,y,z` or `value` |
-//! | `golden = "name"` | it holds what it held when `golden/name.csv` was accepted |
-//! | `agrees_with = "entry"` | another entry point in place of the last one, dispatched in Karat's engine, leaves the same |
+//! | `golden = "name"` | its content equals that when `golden/name.csv` was accepted |
+//! | `agrees_with = "entry"` | with another entry point in place of the last one, dispatched in Karat's engine, the content is the same |
 //! | `sorted = true` | its elements rise; `"descending"`: they fall |
-//! | `sum_of = "input"` | its numbers add up to those that a buffer holds before |
-//! | `permutation_of = "input"` | its elements are those that a buffer holds before, in any order |
-//! | `unchanged = true` | it holds what it held before |
-//! | `written = true` | some invocation writes each element of the buffer, or texel of the texture: the last ones, too |
-//! | `in_range = [0, 1]`, `finite = true` | as of functions |
+//! | `sum_of = "input"` | its numbers have the same sum as those of a buffer before the passes |
+//! | `permutation_of = "input"` | its elements are those of a buffer before the passes, in any order |
+//! | `unchanged = true` | its content doesn't change |
+//! | `written = true` | some invocation writes each element of the buffer, or texel of the texture, the last ones included |
+//! | `in_range = [0, 1]`, `finite = true` | as for functions |
 //!
-//! `no_hazards = true`, or a list of kinds, beside `entry` asserts of the passes that nothing inside becomes NaN or infinite, or divides
-//! by 0. Without a `tolerance` numbers are exact. The sanitizer looks through the passes of each test.
+//! `no_hazards = true`, or a list of kinds, beside `entry` asserts that nothing inside the passes becomes NaN or
+//! infinite, or divides by 0. Without a `tolerance` numbers are compared exactly. The sanitizer checks the passes of
+//! each test.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -100,7 +101,7 @@ use crate::range::Range;
 use crate::wrong::Misdeclared;
 use crate::{Kind, Test};
 
-/// A file, as it is written.
+/// A file, as written.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
@@ -180,7 +181,7 @@ pub(crate) struct Declared {
     pub(crate) accept_hazard: BTreeMap<String, String>,
 }
 
-/// The largest relative difference of a pixel that passes: `1e-3`, or `"rel 1e-3"` as verdicts say it.
+/// The largest relative difference of a pixel that passes: `1e-3`, or `"rel 1e-3"` as in verdicts.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(try_from = "Value")]
 pub(crate) struct Relative(pub(crate) f32);
@@ -205,7 +206,7 @@ impl TryFrom<Value> for Relative {
     }
 }
 
-/// A list of two: serde reads an array to its length, and leaves the rest out without a word.
+/// A list of exactly two: serde would silently ignore the rest of a longer one.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(try_from = "Vec<T>")]
 pub(crate) struct Pair<T>(pub(crate) [T; 2]);
@@ -220,7 +221,7 @@ impl<T> TryFrom<Vec<T>> for Pair<T> {
     }
 }
 
-/// `true`: of any kind; or a list of kinds.
+/// `true` for any kind; or a list of kinds.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(try_from = "Value")]
 pub(crate) struct NoHazards(pub(crate) Option<Vec<HazardKind>>);
@@ -301,7 +302,7 @@ pub(crate) enum Region {
     ProjectedHemisphere,
 }
 
-/// A `[[frame]]`: a full-screen draw, compared with a golden.
+/// A `[[frame]]`: draws that are compared with a golden.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Frame {
@@ -346,12 +347,12 @@ pub(crate) struct Frame {
     pub(crate) golden: Option<PathBuf>,
     #[serde(skip)]
     pub(crate) folder: PathBuf,
-    /// Where its keys are written.
+    /// The places of its keys.
     #[serde(skip)]
     pub(crate) keys: Keys,
 }
 
-/// Where the keys of a test are written. A test is no other one when they move, so that they aren't shown.
+/// The places of a test's keys. They aren't part of `Debug`: moving a test doesn't change it.
 #[derive(Clone, Default)]
 pub(crate) struct Keys(BTreeMap<String, Span>);
 
@@ -362,12 +363,13 @@ impl fmt::Debug for Keys {
 }
 
 impl Keys {
-    /// The place of a key that is written.
+    /// The place of a key, if the file has it.
     pub(crate) fn exactly(&self, key: &str) -> Option<&Span> {
         self.0.get(key)
     }
 
-    /// The place of a key, or of the innermost one that it is below: `draws.1.blend` is in `draws.1`, and that in `draws`.
+    /// The place of a key, or otherwise of the innermost key around it: `draws.1.blend` is in `draws.1`, and that in
+    /// `draws`.
     pub(crate) fn place_of(&self, key: &str) -> Option<&Span> {
         self.0.get(key).or_else(|| self.place_of(key.rsplit_once('.')?.0))
     }
@@ -380,13 +382,13 @@ pub(crate) struct Assertion {
     /// `brdf::schlick`
     pub(crate) function: String,
     pub(crate) what: What,
-    /// The folder of the file: tables and images are relative to it.
+    /// The folder of the file, which paths of tables and images are relative to.
     pub(crate) folder: PathBuf,
     pub(crate) keys: Keys,
 }
 
 impl Frame {
-    /// Its draws, one after the other.
+    /// Its draws, in order.
     pub(crate) fn draws(&self) -> Result<Vec<draws::Declared>, String> {
         match (&self.vertex, &self.fragment, &*self.draws) {
             (vertex, Some(fragment), []) => {
@@ -413,7 +415,7 @@ impl Frame {
         self.golden_folder().join(format!("{}.exr", self.name))
     }
 
-    /// The entry points that it draws with, with their module.
+    /// Its entry points, with their modules.
     pub(crate) fn entries(&self) -> Vec<String> {
         let module = self.module.as_deref().filter(|module| !module.is_empty());
         let named = |name: String| match module {
@@ -429,7 +431,7 @@ impl Frame {
             .collect()
     }
 
-    /// The subject of its record, where it couldn't begin.
+    /// The subject of its record if it couldn't begin.
     pub(crate) fn subject(&self, location: Option<&str>) -> Subject {
         Subject::Frame {
             golden: self.name.clone(),
@@ -448,7 +450,7 @@ impl Frame {
 pub(crate) const GOLDEN: &str = "golden";
 
 impl Assertion {
-    /// A function of the tested one's module, or of another one.
+    /// A function in the tested function's module, or in another one.
     pub(crate) fn of_module(&self, name: &str) -> String {
         match (name.contains("::"), self.function.rsplit_once("::")) {
             (false, Some((module, _))) => format!("{module}::{name}"),
@@ -462,13 +464,13 @@ impl Assertion {
         Some(self.folder.join(GOLDEN).join(format!("{name}.csv")))
     }
 
-    /// The place of a key, or of what is asserted.
+    /// The place of a key, or of the assertion.
     pub(crate) fn place_of(&self, key: Option<&str>) -> Option<&Span> {
         let named = key.and_then(|key| self.keys.place_of(key));
         named.or_else(|| self.keys.place_of(self.what.key()))
     }
 
-    /// The tolerance, where one is needed. Integers and booleans are exact unless it says something else.
+    /// The tolerance, if one is needed. Integers and booleans are exact by default.
     pub(crate) fn tolerance(&self, result: &Shape) -> Result<&str, String> {
         let is_exact = result.lanes().iter().all(|lane| !lane.is_float());
         let exact = is_exact.then_some("exact");
@@ -480,7 +482,7 @@ impl Assertion {
     }
 }
 
-/// The parser's message of an unknown name, and the known one that it may have been meant to be.
+/// The parser's message about an unknown name, with the nearest known name.
 fn with_nearest(message: &str) -> String {
     let mut names = message.split('`').skip(1).step_by(2);
     let unknown = names.next().filter(|_| message.starts_with("unknown "));
@@ -491,8 +493,8 @@ fn with_nearest(message: &str) -> String {
     }
 }
 
-/// Reads a file of declared tests, and what is wrong with some of its tables: one hides no other. `unsaved` is a text in place
-/// of the file's, and `root` is the package.
+/// Reads a file of declared tests, and reports all tables with errors. `unsaved` replaces the file's text, `root` is
+/// the package.
 pub(crate) fn read(
     file: &Path,
     unsaved: Option<String>,
@@ -505,7 +507,7 @@ pub(crate) fn read(
         String::from_utf8(bytes).map_err(|error| unread(&error))
     };
     let text = unsaved.map_or_else(saved, Ok)?;
-    // Windows' editors write a mark of order first.
+    // Windows editors write a byte order mark first.
     let text = text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text);
     let source = Arc::new(SourceFile::new(name, text));
     let at = |range: ops::Range<usize>| Span { file: Arc::clone(&source), range };
@@ -526,7 +528,7 @@ pub(crate) fn read(
             message => with_nearest(message),
         };
         wrong.push(Diagnostic::new(message).at(at(range), ""));
-        // The others are read without it.
+        // Blank it out, and read the other tables.
         let blank = |c: char| if c == '\n' { "\n".to_owned() } else { " ".repeat(c.len_utf8()) };
         let blank: String = text[table.clone()].chars().map(blank).collect();
         text.replace_range(table, &blank);
@@ -615,12 +617,12 @@ pub(crate) fn read(
     Ok((tests, wrong))
 }
 
-/// The tables that are tests.
+/// The kinds of tables that are tests.
 const TABLES: [&str; 3] = ["test", "frame", "compute"];
 
-/// The tables of a file, each with those below it, after what stands before the first.
+/// The tables of a file, each with its subtables, after the text before the first table.
 fn blocks(text: &str) -> Vec<ops::Range<usize>> {
-    // A header of a table that is below none of these: `[compute.after.keys]` is part of a test.
+    // The header of a table outside these: `[compute.after.keys]` is part of a test.
     let begins = |line: &str| {
         let inner = line.trim_start().strip_prefix('[').map(|line| line.trim_start_matches('['));
         let name = inner.map(|line| line.split([']', '#', '\n']).next().unwrap_or_default().trim());
@@ -636,7 +638,8 @@ fn blocks(text: &str) -> Vec<ops::Range<usize>> {
     heads.windows(2).map(|pair| pair[0]..pair[1]).filter(|one| !one.is_empty()).collect()
 }
 
-/// The first table that can't be read alone, where in the text, and why. What isn't closed is seen where it ends.
+/// The first table that can't be read on its own, the place in the text, and the message. An unclosed bracket shows at
+/// the end of its table.
 fn at_fault(text: &str) -> Option<(ops::Range<usize>, ops::Range<usize>, String)> {
     blocks(text).into_iter().find_map(|block| {
         let error = toml::from_str::<File>(&text[block.clone()]).err()?;
@@ -646,7 +649,7 @@ fn at_fault(text: &str) -> Option<(ops::Range<usize>, ops::Range<usize>, String)
     })
 }
 
-/// Where the keys of each `[[test]]`, or `[[frame]]`, are written.
+/// The places of the keys of each `[[test]]`, or `[[frame]]`.
 fn keys(source: &Arc<SourceFile>, text: &str, kind: &str) -> Vec<Keys> {
     let Ok(table) = DeTable::parse(text) else { return Vec::new() };
     let table = table.into_inner();
@@ -661,7 +664,7 @@ fn keys(source: &Arc<SourceFile>, text: &str, kind: &str) -> Vec<Keys> {
     tests.iter().map(keys).collect()
 }
 
-/// Notes where the keys below a key are written; those of a list by their numbers.
+/// Notes the places of the keys below a key; those of a list by number.
 fn note_keys(source: &Arc<SourceFile>, above: &str, value: &DeValue<'_>, keys: &mut Keys) {
     let mut note = |name: &str, range, value: &Spanned<DeValue<'_>>| {
         let key = if above.is_empty() { name.to_owned() } else { format!("{above}.{name}") };
@@ -684,7 +687,7 @@ fn own(module: &str, name: &str) -> String {
     if module.is_empty() { name.to_owned() } else { format!("{module}::{name}") }
 }
 
-/// The module beside a file: `sub::brdf` of `sub/brdf.test.toml`; `""` in a package of one file.
+/// The module beside a file: `sub::brdf` for `sub/brdf.test.toml`; `""` in a package of one file.
 pub(crate) fn module_of(file: &Path, root: &Path) -> String {
     if root.is_file() {
         return String::new();
@@ -794,7 +797,7 @@ mod tests {
         }
     }
 
-    /// A table that is wrong, by a key, by a value, or as no TOML, hides none of the others.
+    /// A table with an unknown key, a wrong value, or a TOML error doesn't hide the others.
     #[test]
     fn a_wrong_table_hides_no_other() {
         let folder = tempfile::tempdir().expect("a folder");
@@ -820,7 +823,7 @@ mod tests {
             assert_eq!((tests, places.len()), (2, 1), "{wrong}: {places:?}");
             assert!(places[0].contains(&format!("m.test.toml:{line}:")), "{wrong}: {places:?}");
         }
-        // What belongs to no test, and headers that are meant to be of one.
+        // Text outside any test, and headers with typos.
         for (first, line) in [
             ("[inputs]\nx = 1\n", 1),
             ("x = 1\n", 1),

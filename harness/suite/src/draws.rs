@@ -44,7 +44,7 @@ pub(crate) struct Declared {
 const CULLS: [(&str, Cull); 3] =
     [("none", Cull::None), ("front", Cull::Front), ("back", Cull::Back)];
 
-/// WebGPU's names.
+/// The comparisons, by WebGPU's names.
 const COMPARES: [(&str, Compare); 8] = [
     ("never", Compare::Never),
     ("less", Compare::Less),
@@ -76,7 +76,7 @@ fn named<T: Copy>(
 }
 
 impl Declared {
-    /// One that covers the frame.
+    /// A draw that covers the frame.
     pub(crate) fn covering(vertex: Option<String>, fragment: String) -> Self {
         Self {
             vertex,
@@ -97,7 +97,8 @@ impl Declared {
         Some(folder.join(self.mesh.as_ref()?))
     }
 
-    /// The draw. If the program `lacks` one of its functions, a mesh can't be read, and drawing says what is meant.
+    /// The draw. If the program `lacks` one of its functions, the mesh can't be read, and drawing reports the missing
+    /// function.
     pub(crate) fn draw(
         &self,
         program: &Arc<Program>,
@@ -164,7 +165,7 @@ impl Declared {
         Ok(draw)
     }
 
-    /// The mesh, whose columns are the inputs of the vertex function.
+    /// Reads the mesh. Its columns are the inputs of the vertex function.
     fn read(
         &self,
         program: &Arc<Program>,
@@ -186,7 +187,7 @@ impl Declared {
         }
         let parameters: Vec<(String, Shape)> =
             inputs.iter().map(|input| (input.name.clone(), input.shape.clone())).collect();
-        // A table of arguments: nothing is expected of them.
+        // A table of arguments, without expected results.
         let nothing = Shape::Struct { name: String::new(), members: Vec::new() };
         let table = table::read(&file, &parameters, &nothing, Wanted::Equal)?;
         let count = table.rows.len();
@@ -202,7 +203,7 @@ impl Declared {
                 "the index {beyond} is beyond the {count} rows of the mesh"
             )));
         }
-        // The first lane of each input among those of all.
+        // The first lane of an input among the lanes of all inputs.
         let start = |number: usize| -> usize {
             parameters[..number].iter().map(|(_, shape)| shape.lanes().len()).sum()
         };
@@ -226,7 +227,7 @@ impl Declared {
     }
 }
 
-/// The mesh with the values of an input for each vertex; `None`: an attribute has another type.
+/// The mesh with the values of an input for each vertex; `None` if the type can't be an attribute.
 fn with_attribute(mesh: Mesh, location: u32, shape: &Shape, rows: &[Vec<u32>]) -> Option<Mesh> {
     let lanes = shape.lanes();
     let float = |row: &[u32]| row.iter().map(|word| f32::from_bits(*word)).collect::<Vec<_>>();

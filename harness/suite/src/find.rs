@@ -1,4 +1,4 @@
-//! Which tests a package has.
+//! Finds the tests of a package.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -13,7 +13,7 @@ use karat::unstable::package::unsaved_of;
 use crate::declared;
 use crate::{Broken, Kind, Suite, Test, Wrong};
 
-/// Why the tests of a folder can't be looked for.
+/// The reason why the search for tests failed.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum FindError {
@@ -22,7 +22,7 @@ pub enum FindError {
     Package(PackageError),
 }
 
-/// How the files of declared tests end.
+/// The ending of files with declared tests.
 const ENDING: &str = ".test.toml";
 
 pub(crate) fn find(package: Package) -> Result<Suite, FindError> {
@@ -67,7 +67,7 @@ pub(crate) fn find(package: Package) -> Result<Suite, FindError> {
         broken.name = name(&broken.name).into_owned();
     }
     for test in &mut tests {
-        // Threads, records, replay commands and files are named by it.
+        // Threads, records, replay commands and files use the name.
         test.name = name(&test.name).into_owned();
         let count = seen.entry(test.name.clone()).or_default();
         *count += 1;
@@ -81,7 +81,7 @@ pub(crate) fn find(package: Package) -> Result<Suite, FindError> {
     Ok(Suite { package, folder, tests, broken, fingerprints: OnceLock::new() })
 }
 
-/// That a file isn't read, and how those end that are.
+/// The message that a file isn't read, and which endings are.
 fn unread(file: &Path) -> Diagnostic {
     let read = match is_misnamed_module(file) {
         true => "tests in WGSL are in `*.wgsl` and `*.wesl`".to_owned(),
@@ -90,15 +90,15 @@ fn unread(file: &Path) -> Diagnostic {
     of_whole(file, format!("`{}` isn't read: {read}", shown(file)))
 }
 
-/// A message about a whole file, at its beginning: editors show what has a place.
+/// A message about a whole file, placed at its beginning: editors only show messages with a place.
 pub(crate) fn of_whole(file: &Path, message: String) -> Diagnostic {
     let source = SourceFile::new(shown(file), "");
     let start = Span { file: Arc::new(source), range: 0..0 };
     Diagnostic::new(message).at(start, "")
 }
 
-/// The module's name in a file's: `brdf` of `brdf.test.toml`, and of what its author meant so, such as
-/// `brdf.tests.toml`, `brdf_test.toml`, `brdf.test.tml`, `BRDF.TEST.TOML`.
+/// The name of the module in a file name: `brdf` in `brdf.test.toml`, and in names that the author probably meant as
+/// such: `brdf.tests.toml`, `brdf_test.toml`, `brdf.test.tml`, `BRDF.TEST.TOML`.
 fn stem_of(name: &str) -> Option<&str> {
     let lower = name.to_ascii_lowercase();
     let (rest, ending) = lower.rsplit_once('.')?;
@@ -107,17 +107,18 @@ fn stem_of(name: &str) -> Option<&str> {
     let means_test = rest.as_bytes()[stem.len()] == b'.' && nearest(word, ["test"]).is_some();
     let meant = match ending {
         "toml" => is_test || means_test,
-        // An editor's copy is none: `brdf.test.toml~`.
+        // Skip an editor's copy, such as `brdf.test.toml~`.
         "yaml" | "yml" | "json" => is_test && rest.as_bytes()[stem.len()] == b'.',
         other => is_test && !other.ends_with('~') && nearest(other, ["toml"]).is_some(),
     };
     (meant && !stem.is_empty()).then(|| &name[..stem.len()])
 }
 
-/// Whether a file of another name, such as `tests.toml`, declares tests: its author meant it so.
+/// Returns `true` if a file with another name, such as `tests.toml`, declares tests. Its author probably expects them
+/// to run.
 fn declares(file: &Path, name: &str) -> bool {
     let lower = name.to_ascii_lowercase();
-    // Copies that editors and git leave, and what Cargo reads.
+    // Copies that editors and git leave, and files that Cargo reads.
     let is_other = lower.ends_with('~')
         || [".bak", ".orig", ".rej", ".old", ".swp"].iter().any(|ending| lower.ends_with(ending))
         || lower == "cargo.toml";
@@ -133,7 +134,7 @@ fn declares(file: &Path, name: &str) -> bool {
     has("[[test]]", "function") || has("[[frame]]", "fragment")
 }
 
-/// True of a file with tests in WGSL whose ending isn't theirs, such as `brdf_test.wgls`.
+/// Returns `true` for a file with tests in WGSL and a wrong ending, such as `brdf_test.wgls`.
 fn is_misnamed_module(file: &Path) -> bool {
     const ENDINGS: [&str; 2] = ["wgsl", "wesl"];
     let ending = file.extension().unwrap_or_default().to_string_lossy();
@@ -145,7 +146,7 @@ fn is_misnamed_module(file: &Path) -> bool {
     is_near && read_file(file).is_ok_and(|text| String::from_utf8_lossy(&text).lines().any(is_test))
 }
 
-/// True if a file's author meant it to hold tests, by its name or by what it holds.
+/// Returns `true` if a file was probably meant to have tests, by its name or its content.
 #[must_use]
 pub fn is_meant(file: &Path) -> bool {
     let name = file.file_name().unwrap_or_default().to_string_lossy();
@@ -163,7 +164,7 @@ impl Suite {
     }
 }
 
-/// The files of a package, or of its one module, that were meant to declare tests.
+/// The files of a package, or of its only module, that were probably meant to declare tests.
 fn meant(package: &Package) -> Result<Vec<PathBuf>, FindError> {
     let root = package.root();
     let own = root.is_file().then(|| root.file_stem().unwrap_or_default().to_string_lossy());

@@ -1,18 +1,18 @@
-//! What a declared test or a command binds: images, samplers, and values of buffers.
+//! Fixtures that a declared test or a command binds: images, samplers, and values of buffers.
 //!
 //! | for | is |
 //! |---|---|
-//! | a 2D texture | `"image.exr"` or `"image.png"`; or the value of each texel: a number, `[r, g, b]` or `[r, g, b, a]`; or `{ size = [50, 5] }`, of zeros, and `value`, or `range` and `seed` |
-//! | an array, a volume, cubes | a list of images or colours: layers, slices, faces; or the value of each texel |
+//! | a 2D texture | `"image.exr"` or `"image.png"`; or the value of each texel: a number, `[r, g, b]` or `[r, g, b, a]`; or `{ size = [50, 5] }`, of zeros, or with a `value`, or a `range` and a `seed` |
+//! | a texture array, a 3D texture, a cube map | a list of images or colours for its layers, slices or faces; or the value of each texel |
 //! | a cube map of floats | any of these, or `"equirectangular.exr"` |
-//! | a sampler | `"linear"` or `"nearest"`, then `clamp`, `repeat` or `mirror`; of one that compares `"linear less_equal"` |
-//! | an array without a length | `{ size = 256 }`, of zeros, and the last line counts checks whose passes read them before they write them; `{ size = 256, value = 0 }`, where the host clears it; `{ size = 256, range = "0..1", seed = 7 }`, drawn as arguments are |
-//! | a buffer | its value: numbers, lists, tables of members, of which the last may be a list of any length; or `"values.json"`, `"values.toml"`, `"bytes.bin"` |
+//! | a sampler | `"linear"` or `"nearest"`, then `clamp`, `repeat` or `mirror`; for a comparison sampler `"linear less_equal"` |
+//! | an array without a length | `{ size = 256 }`, of zeros (the last line of a run counts checks whose passes read such elements before they write them); `{ size = 256, value = 0 }`, if the host clears the buffer; `{ size = 256, range = "0..1", seed = 7 }`, sampled like arguments |
+//! | a buffer | its value: numbers, lists, or tables of members, the last of which may be a list of any length; or `"values.json"`, `"values.toml"`, `"bytes.bin"` |
 //!
-//! Texels of depth textures are the red channel of an image. PNGs hold colours in sRGB, which become
-//! linear, as textures of an sRGB format do; `"normals.png linear"` takes them as they are stored.
-//! Depths and integers always are. A value for all texels makes a texture of 16 x 16, an image of its own
-//! size: loads outside of it give zeros.
+//! The red channel of an image gives the texels of a depth texture. A PNG holds colours in sRGB, which become linear,
+//! as in textures with an sRGB format; `"normals.png linear"` takes them as stored. Depths and integers are always
+//! taken as stored. A value for all texels makes a texture of 16 x 16; an image keeps its size, and loads outside it
+//! give zeros.
 
 use std::path::Path;
 
@@ -28,19 +28,19 @@ use toml::Value;
 
 use crate::domains::{is_number, lanes, no_such, parts};
 
-/// Texels along an edge of a face of a cube map that is made of an image.
+/// The texels along an edge of a cube map's face that is made from an image.
 const FACE: u32 = 64;
 
-/// Texels along a side of a texture of which all texels are the same.
+/// The texels along a side of a texture with equal texels.
 const SIDE: u32 = 16;
 
-/// The samples of a texel of a multisampled texture, which are all the same.
+/// The samples of a texel of a multisampled texture, all equal.
 const SAMPLES: u32 = 4;
 
-/// The fixture of a variable. Files are in the folder.
+/// The fixture of a variable. Files are relative to the folder.
 ///
 /// # Errors
-/// If the value isn't one of the variable's kind, or a file can't be read.
+/// If the value doesn't fit the variable's kind, or a file can't be read.
 pub fn fixture(
     program: &Program,
     binding: &Binding,
@@ -123,7 +123,7 @@ fn sampler(value: &Value, comparison: bool) -> Result<Sampler, String> {
     }
 }
 
-/// The name of an image's file, and what is said of its colours behind it: `linear` or `srgb`.
+/// The file name of an image, and the colour space after it: `linear` or `srgb`.
 pub(crate) fn name_and_space(file: &str) -> (&str, Option<&str>) {
     match file.rsplit_once(' ') {
         Some((name, space @ ("linear" | "srgb"))) => (name.trim(), Some(space)),
@@ -131,7 +131,7 @@ pub(crate) fn name_and_space(file: &str) -> (&str, Option<&str>) {
     }
 }
 
-/// An image, whose texels are colours unless its name or its texture says that they are data.
+/// An image. Its texels are colours, unless its name or its texture says that they are data.
 fn image(file: &str, folder: &Path, texels: Texels) -> Result<Image, String> {
     let (name, space) = name_and_space(file);
     if name.is_empty() {
@@ -159,18 +159,18 @@ fn image(file: &str, folder: &Path, texels: Texels) -> Result<Image, String> {
     Ok(image)
 }
 
-/// The largest value that a PNG's samples can have; 1 of other images.
+/// The largest value of a PNG's samples; 1 for other images.
 fn largest_sample(bytes: &[u8]) -> f32 {
     match (bytes.starts_with(b"\x89PNG"), bytes.get(24)) {
         (true, Some(16)) => 65535.0,
-        // Fewer bits are widened when they are read.
+        // The reader widens samples with fewer bits.
         (true, _) => 255.0,
         _ => 1.0,
     }
 }
 
-/// The texel that a value is: a number of all colours, or four of them. `f64` holds all integers of
-/// textures, and all floats.
+/// The texel for a value: a number for all colours, or four numbers. `f64` can hold all integers and floats of
+/// textures.
 fn texel(value: &Value) -> Option<[f64; 4]> {
     let number = |value: &Value| match value {
         Value::Float(number) => Some(*number),
@@ -213,10 +213,10 @@ impl Layer {
     }
 }
 
-/// Texels of a texture that a file declares without an image, at most: as many as 4096 x 4096 are.
+/// The most texels of a texture that a file declares without an image: 4096 x 4096.
 const MOST_TEXELS: u64 = 1 << 24;
 
-/// Layers of a size, `{ size = [50, 5] }`: of zeros, of what `value` says all texels are, or drawn from a `range`.
+/// Layers of a given size, `{ size = [50, 5] }`: zeros, the `value` for all texels, or samples from a `range`.
 fn sized(name: &str, kind: TextureKind, table: &toml::Table) -> Result<Vec<Layer>, String> {
     let known = ["size", "value", "range", "seed"];
     if let Some(other) = table.keys().find(|key| !known.contains(&key.as_str())) {
@@ -295,7 +295,7 @@ fn texture(name: &str, kind: TextureKind, value: &Value, folder: &Path) -> Resul
     }
     let several = kind.arrayed || kind.dimension != Dimension::D2;
     let layers = match (texel(value), value) {
-        // One value for all texels.
+        // The same value for all texels.
         (Some(texel), _) => {
             let count = if kind.dimension == Dimension::Cube { 6 } else { 1 };
             let height = if kind.dimension == Dimension::D1 { 1 } else { SIDE };
@@ -328,7 +328,7 @@ fn texture(name: &str, kind: TextureKind, value: &Value, folder: &Path) -> Resul
     of_layers(kind, &layers).map(Fixture::from)
 }
 
-/// A texture whose layers, slices or faces these are.
+/// A texture with these layers, slices or faces.
 fn of_layers(kind: TextureKind, layers: &[Layer]) -> Result<Texture, String> {
     let first = layers.first().ok_or("a texture without an image")?;
     let (width, height) = (first.width, first.height);
@@ -371,7 +371,7 @@ fn of_layers(kind: TextureKind, layers: &[Layer]) -> Result<Texture, String> {
     }
 }
 
-/// A texture of a kind, by a value for each layer, column and row.
+/// A texture of a kind, from a value for each layer, column and row.
 fn shaped<T: karat::Shareable>(
     kind: TextureKind,
     layers: usize,
@@ -489,7 +489,7 @@ fn buffer(
         }
         _ => {}
     }
-    // An array without a length has as many elements as the list; in a structure it is the last member.
+    // A runtime-sized array has as many elements as the list. In a structure it is the last member.
     let elements = match (&plain, value) {
         (Shape::Struct { members, .. }, Value::Table(table)) => {
             let last = members.last().filter(|(_, shape)| is_list(shape));
@@ -514,7 +514,7 @@ fn buffer(
     Ok(Buffer::from_bytes(bytes).into())
 }
 
-/// How many elements a list has, which may have a number for each of their components.
+/// The number of elements of a list, which may have a number for each of their components.
 fn listed(element: &Shape, list: &[Value]) -> usize {
     match list.iter().all(is_number) {
         true => list.len().div_ceil(element.lanes().len().max(1)),
@@ -522,7 +522,7 @@ fn listed(element: &Shape, list: &[Value]) -> usize {
     }
 }
 
-/// Whether an array without a length, which is the whole or its last member, is left empty.
+/// Returns `true` if a runtime-sized array, which is the whole value or its last member, is left empty.
 fn is_left_empty(shape: &Shape) -> bool {
     match shape {
         Shape::Array { length, .. } => *length == 0,
@@ -533,7 +533,7 @@ fn is_left_empty(shape: &Shape) -> bool {
     }
 }
 
-/// Lanes of elements as a list that a person could have written.
+/// The lanes of elements as a list, as an author would write it.
 fn listed_lanes(element: &Shape, lanes: &[u32]) -> Value {
     let scalars = element.lanes();
     let one = |(word, scalar): (&u32, &Scalar)| match scalar {
@@ -545,14 +545,14 @@ fn listed_lanes(element: &Shape, lanes: &[u32]) -> Value {
     Value::Array(lanes.iter().zip(scalars.iter().cycle()).map(one).collect())
 }
 
-/// The lanes of an array that says its size, unless the shader does, and what its elements are drawn from:
-/// `{ size = 256, range = "0..1" }`; or what each of them is: `{ size = 256, value = 1 }`. Without either they are 0.
+/// The lanes of an array with its size, unless the shader gives that, and the domain of its elements: `{ size = 256,
+/// range = "0..1" }`; or the value of each: `{ size = 256, value = 1 }`. Without either they are 0.
 fn spread(
     name: &str,
     (element, length): (&Shape, u32),
     table: &toml::Table,
 ) -> Result<Vec<u32>, String> {
-    /// As many words as a buffer may have on every device: 128 MiB.
+    /// The most words of a buffer that each device supports: 128 MiB.
     const MOST: usize = 1 << 25;
     let fixed = Some(length as usize).filter(|length| *length > 0);
     let known = ["size", "value", "range", "seed"];
@@ -591,7 +591,7 @@ fn spread(
     }
 }
 
-/// The lanes of so many elements, drawn from the table's `range` by its `seed`. `None` without a range.
+/// The lanes of so many elements, sampled from the table's `range` with its `seed`. `None` without a range.
 fn drawn(
     name: &str,
     element: &Shape,
@@ -612,7 +612,7 @@ fn drawn(
     let parameter = (name.to_owned(), element.clone());
     let parts = parts(&parameter.0, element, Some(range), &Ranges::default())?;
     let domain = Dynamic::new(&[parameter], vec![parts]);
-    // Few values are drawn, too: all of them in order are sorted already, whatever the seed is.
+    // Few values are sampled, too: all of them in order would be sorted, for any seed.
     let numbering = Numbering::of(&domain, seed, size as u64, 0);
     let mut rows = Vec::new();
     let count = domain.rows(&numbering, 0..numbering.count, &mut rows);
@@ -696,7 +696,7 @@ mod tests {
         }
     }
 
-    /// A counter and what it counts, as passes append.
+    /// A counter and the list that it counts, for passes that append.
     #[test]
     fn the_last_array_of_a_structure_has_a_size() {
         let text = "struct All { count: u32, items: array<vec2f> }
@@ -722,7 +722,7 @@ mod tests {
         }
     }
 
-    /// Draws from few values aren't sorted, and depend on the seed.
+    /// Samples from few values aren't sorted, and depend on the seed.
     #[test]
     fn ranges_are_drawn_by_their_seed() {
         let of = |seed: u32| {
@@ -738,7 +738,7 @@ mod tests {
         assert!(words.iter().all(|word| *word <= 99));
     }
 
-    /// Each texel has a draw of its own, of as many channels as there are.
+    /// Each texel has its own sample, with as many channels as the format.
     #[test]
     fn texels_are_drawn() {
         let float = TextureKind {
@@ -764,7 +764,7 @@ mod tests {
         assert_eq!(depths.len(), 64);
     }
 
-    /// An array whose length is fixed needs no list.
+    /// A fixed-size array needs no list.
     #[test]
     fn fixed_arrays_are_spread() {
         let of = |value: &str| {

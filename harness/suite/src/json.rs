@@ -1,4 +1,4 @@
-//! JSON in which no member is given twice: of two values an author meant one, and a reader can't tell which.
+//! JSON without duplicate members: a reader can't tell which of two values the author meant.
 
 use std::fmt;
 
@@ -11,7 +11,7 @@ use crate::domains::lanes;
 /// Reads a value.
 ///
 /// # Errors
-/// If it isn't JSON, or an object has two members of one name.
+/// If it isn't JSON, or an object has two members with the same name.
 pub fn json(text: &str) -> Result<Value, serde_json::Error> {
     serde_json::from_str::<Strict>(text).map(|strict| strict.0)
 }
@@ -19,7 +19,7 @@ pub fn json(text: &str) -> Result<Value, serde_json::Error> {
 /// The lanes of a value of this shape: a structure is an object of its members, a vector or an array a list.
 ///
 /// # Errors
-/// If the text isn't JSON, or no such value.
+/// If the text isn't JSON, or isn't a value of this shape.
 pub fn lanes_of_json(shape: &Shape, text: &str) -> Result<Vec<u32>, String> {
     let value = json(text).map_err(|error| error.to_string())?;
     let value = toml::Value::try_from(value).map_err(|_| "`null` is no value".to_owned())?;

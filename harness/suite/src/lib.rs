@@ -1,12 +1,10 @@
 //! Tests of WGSL without Rust.
 //!
-//! There are two forms, and both run on Karat's checks, with their verdicts, records, simplest failures and
-//! replays:
+//! There are two forms. Both use Karat's checks, with their verdicts, records, simplest failures and replays:
 //!
 //! - **In WGSL**: a function with `@test` in any module calls expectations such as `expect_near` of the
 //!   package `karat`, or those of the WESL community's `wgsl_test`. See [`WgslTest`].
-//! - **Declared**: `brdf.test.toml` beside `brdf.wgsl` says what holds for its functions. See
-//!   [`declared`].
+//! - **Declared**: `brdf.test.toml` beside `brdf.wgsl` asserts properties of its functions. See [`declared`].
 //!
 //! ```no_run
 //! let suite = karat_suite::Suite::open("shaders".as_ref()).unwrap();
@@ -56,22 +54,22 @@ pub use wrong::{Fault, Wrong};
 pub struct Suite {
     /// The shaders.
     pub package: Package,
-    /// Where the package is.
+    /// The folder of the package.
     pub folder: PathBuf,
     /// Its tests, by module and line.
     pub tests: Vec<Test>,
-    /// What can't be run: a module, file or test with what is wrong. Each is a failure.
+    /// The modules, files and tests that can't be run, each with its error. Each is a failure.
     pub broken: Vec<Broken>,
-    /// What the functions of declared tests are made of.
+    /// The text that functions of declared tests depend on.
     fingerprints: OnceLock<BTreeMap<String, String>>,
 }
 
 /// A test.
 #[derive(Debug)]
 pub struct Test {
-    /// `brdf_test::grazing`, or `brdf::schlick in_range` of a declared one. No two have the same.
+    /// The name, which is unique: `brdf_test::grazing`, or `brdf::schlick in_range` for a declared test.
     pub name: String,
-    /// Where its author wrote it.
+    /// The place in the author's file.
     pub span: Span,
     pub(crate) kind: Kind,
 }
@@ -89,25 +87,26 @@ pub(crate) enum Kind {
 }
 
 impl Test {
-    /// The functions that it calls by their names, if it is a function with `@test`: `brdf::schlick`.
+    /// The functions that it calls, by name (`brdf::schlick`), if it is a function with `@test`.
     pub fn calls(&self) -> impl Iterator<Item = &str> {
         let test = if let Kind::Wgsl(test) = &self.kind { Some(test) } else { None };
         test.into_iter().flat_map(|test| test.calls())
     }
 
-    /// The entry points that it dispatches, in their order, if it is an assertion of a `[[compute]]`. Records name the last.
+    /// The entry points that it dispatches, in order, if it is an assertion of a `[[compute]]`. Records name the last
+    /// one.
     pub fn dispatches(&self) -> impl Iterator<Item = &str> {
         let passes = if let Kind::Compute(assertion) = &self.kind { Some(assertion) } else { None };
         passes.into_iter().flat_map(|passes| passes.entries())
     }
 
-    /// The entry points that it draws with, if it is a frame.
+    /// The entry points of its draws, if it is a frame.
     pub fn draws(&self) -> impl Iterator<Item = String> {
         let frame = if let Kind::Frame(frame) = &self.kind { Some(frame) } else { None };
         frame.into_iter().flat_map(|frame| frame.entries())
     }
 
-    /// Whether its name has this in it, or that of a function that it calls, or of its golden.
+    /// Returns `true` if its name contains this, or the name of a function that it calls, or of its golden.
     #[must_use]
     pub fn is_about(&self, words: &str) -> bool {
         let has = |name: &str| name.contains(words);
@@ -120,22 +119,22 @@ impl Test {
             }
     }
 
-    /// Whether it draws a frame, which needs a driver.
+    /// Returns `true` if it draws a frame, which needs a driver.
     #[must_use]
     pub fn is_frame(&self) -> bool {
         matches!(self.kind, Kind::Frame(_))
     }
 }
 
-/// Something that should have been a test.
+/// A test that can't be read, or a module or file that can't.
 #[derive(Clone, Debug)]
 pub struct Broken {
-    /// What it would have been called: a test, a module or a file.
+    /// Its name: that of a test, a module or a file.
     pub name: String,
     /// The error, with its place.
     pub wrong: Wrong,
-    /// True of a file that was meant to declare tests, and declares none that can be read. It is wrong whatever
-    /// uses its package; a module may be for others to complete.
+    /// `true` for a file that was probably meant to declare tests, but has none that can be read. That is an error in
+    /// any package; a module, in contrast, may depend on other packages to be complete.
     pub is_file: bool,
 }
 

@@ -1,4 +1,4 @@
-//! What a test is made of: while that is the same, so is its verdict.
+//! The text that a test depends on: while it stays the same, so does the verdict.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -12,8 +12,8 @@ use crate::fixtures::name_and_space;
 use crate::{Kind, Suite, Test};
 
 impl Suite {
-    /// All that a test's verdict depends on, but for comments and blanks of shaders and the driver; `None`
-    /// where it can't be told, as of a shader that isn't valid.
+    /// Everything that a test's verdict depends on, except comments and blanks of shaders, and the driver; `None` if it
+    /// is unknown, for example for an invalid shader.
     #[must_use]
     pub fn normalized_text(&self, test: &Test) -> Option<String> {
         match &test.kind {
@@ -52,7 +52,7 @@ impl Suite {
         }
     }
 
-    /// The files beside the modules that the tests read: tables, goldens, images and values.
+    /// The files besides modules that the tests read: tables, goldens, images and values.
     #[must_use]
     pub fn reads(&self) -> BTreeSet<PathBuf> {
         let mut all = BTreeSet::new();
@@ -81,7 +81,7 @@ impl Suite {
         all
     }
 
-    /// What a function of a declared test is made of, with all that it uses.
+    /// The text that a function of a declared test depends on, with everything that it uses.
     fn fingerprint(&self, function: &str) -> Option<&str> {
         let all = self.fingerprints.get_or_init(|| {
             let mut names = BTreeSet::new();
@@ -98,13 +98,13 @@ impl Suite {
     }
 }
 
-/// What stands in a file, as long as it is there.
+/// The content of a file, if it exists.
 fn content(file: &Path) -> Option<String> {
     let bytes = read_file(file).ok()?;
     Some(blake3::hash(&bytes).to_hex().to_string())
 }
 
-/// The files that values may name, which are bound.
+/// The files that values name for binding.
 fn named<'v>(
     with: impl IntoIterator<Item = &'v Value>,
     folder: &Path,
@@ -123,11 +123,11 @@ fn named<'v>(
     }
 }
 
-/// What stands in the images and the files of values that are bound, by themselves or in lists.
+/// The contents of the bound images and value files, listed or on their own.
 fn files<'v>(mut with: impl Iterator<Item = &'v Value>, folder: &Path) -> Option<String> {
     with.try_fold(String::new(), |all, value| {
         Some(match value {
-            // An image's name may have no ending, and other words are no files.
+            // The name of an image may have no ending. Words that name no file are skipped.
             Value::String(name) => match content(&folder.join(name_and_space(name).0)) {
                 Some(content) => all + &content,
                 None if name.contains('.') => return None,

@@ -4,8 +4,8 @@ use karat::unstable::value::Scalar;
 use karat::unstable::value::format_f32;
 use karat::{Tolerance, Ulp};
 
-/// A hexadecimal float of C99, as WGSL and Karat write it; exact in `f64` with up to 13 digits behind the
-/// point, which are more than an f32 has.
+/// A hexadecimal float of C99, which WGSL and Karat write. Exact in `f64` with up to 13 digits behind the point, more
+/// than an `f32` has.
 #[must_use]
 pub fn hexadecimal(word: &str) -> Option<f64> {
     let (sign, word) = match word.strip_prefix('-') {
@@ -27,8 +27,8 @@ pub fn hexadecimal(word: &str) -> Option<f64> {
     Some(sign * value)
 }
 
-/// The lane that a cell of a table gives an argument; `None` if it is no value of the type. `inf`, `-inf` and `nan`
-/// are floats: what a function does with them is worth a row.
+/// The lane of an argument from a cell of a table; `None` if the cell isn't a value of the type. `inf`, `-inf` and
+/// `nan` are floats: a table may test how a function handles them.
 pub(crate) fn argument(scalar: Scalar, cell: &str) -> Option<u32> {
     let unsigned = cell.strip_prefix(['-', '+']).unwrap_or(cell);
     let named = unsigned.to_ascii_lowercase();
@@ -43,7 +43,7 @@ pub(crate) fn argument(scalar: Scalar, cell: &str) -> Option<u32> {
     (f64::from(single).to_bits() == value.to_bits()).then_some(single.to_bits())
 }
 
-/// How results are compared with an author's number.
+/// The comparison of results with an author's number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wanted {
     /// They equal it.
@@ -58,24 +58,25 @@ impl From<&Tolerance> for Wanted {
     }
 }
 
-/// True if a component can hold a number. Integers and `bool` hold some alone, and floats those that aren't too large.
+/// Returns `true` if a component can hold a number. Integers and `bool` can hold only some numbers, floats those that
+/// don't overflow.
 pub(crate) fn fits(scalar: Scalar, number: f64) -> bool {
     match scalar {
         Scalar::I32 => f64::from(number as i32) == number,
         Scalar::U32 => f64::from(number as u32) == number,
         Scalar::Bool => number == 0.0 || number == 1.0,
-        // The nearest one is what floats are compared with, in `f64`.
+        // Floats are compared with the exact number, in `f64`.
         _ => !number.is_finite() || (number as f32).is_finite(),
     }
 }
 
-/// The value that a cell of a table expects of a component: a finite number, `true` or `false`.
+/// The expected value of a component from a cell of a table: a finite number, `true` or `false`.
 ///
-/// A decimal that an `f32` is printed as stands for that `f32`, and so does each other one where
-/// results have to equal it.
+/// A decimal that is the printed form of an `f32` stands for that `f32`. So does any other decimal if results have to
+/// equal it.
 ///
 /// # Errors
-/// Why nothing can be compared with it: no number, or one that the component can't hold.
+/// If nothing can be compared with it: it isn't a number, or the component can't hold it.
 pub fn expected(scalar: Scalar, cell: &str, wanted: Wanted) -> Result<f64, String> {
     let decimal = || {
         let value = cell.parse().ok().filter(|value: &f64| value.is_finite());
@@ -94,12 +95,11 @@ pub fn expected(scalar: Scalar, cell: &str, wanted: Wanted) -> Result<f64, Strin
     }
 }
 
-/// The number that an author's decimal stands for beside results of this type: in a table, as `equals`, as
-/// `equals` or `at_most`.
+/// The number that an author's decimal stands for beside results of this type: in a table, in `equals` or in `at_most`.
 ///
-/// A decimal that an `f32` is printed as stands for that `f32`: `0.3` is what `return 0.3;` returns. One of
-/// more digits, such as `0.3333333333333333`, is the exact value that a tolerance is about; where results
-/// have to equal it, it is the nearest `f32`, as no other number can be returned.
+/// A decimal that is the printed form of an `f32` stands for that `f32`: `0.3` is the value that `return 0.3;` returns.
+/// A decimal with more digits, such as `0.3333333333333333`, is exact, and the tolerance applies to it. If results have
+/// to equal it, it is the nearest `f32`, since no other number can be returned.
 pub(crate) fn meant(scalar: Scalar, value: f64, wanted: Wanted) -> f64 {
     #[expect(clippy::cast_possible_truncation, reason = "the nearest is wanted")]
     let single = value as f32;
@@ -124,7 +124,7 @@ mod tests {
         }
         let third = expected(Scalar::F32, "0.3333333333333333").expect("a number");
         assert!((third - 1.0 / 3.0).abs() < 1e-16 && third != f64::from(third as f32));
-        // What has to be equal is the nearest f32, however many digits it has.
+        // A number that results have to equal is the nearest `f32`, however many digits it has.
         let third =
             super::expected(Scalar::F32, "0.3333333333333333", Wanted::from(&Ulp(0.0).into()));
         assert_eq!(third, Ok(f64::from(1.0_f32 / 3.0)));

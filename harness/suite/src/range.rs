@@ -1,17 +1,17 @@
-//! `in_range`: both ends of a range, of which the last may be left out.
+//! `in_range`: a range whose upper end may be excluded.
 
 use std::fmt;
 use std::ops::{Bound, RangeBounds};
 
 use serde::Deserialize;
 
-/// `[0, 1]`, which `"0..1"` means, too, or `"0..<1"` without its end.
+/// `[0, 1]`, or `"0..1"` as text; `"0..<1"` excludes the upper end.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(try_from = "toml::Value")]
 pub(crate) struct Range {
     least: f64,
     most: f64,
-    /// True if the end is no part of it.
+    /// `true` if the upper end is excluded.
     half_open: bool,
 }
 
@@ -22,12 +22,12 @@ impl Range {
         (Bound::Included(self.least), most(self.most))
     }
 
-    /// True if a number lies there.
+    /// Returns `true` if a number is in the range.
     pub(crate) fn contains(self, value: f64) -> bool {
         self.bounds().contains(&value)
     }
 
-    /// The range, or that there is no number in it.
+    /// The range, or the error that it contains no number.
     pub(crate) fn checked(self) -> Result<Self, String> {
         let is_some = if self.half_open { self.least < self.most } else { self.least <= self.most };
         let quote = if self.half_open { "\"" } else { "" };
@@ -66,7 +66,7 @@ impl TryFrom<toml::Value> for Range {
                     || format!("`{text}` is no range: write [0, 1], or \"0..<1\" without its end");
                 let (least, most) = text.split_once("..").ok_or_else(wanted)?;
                 let end = most.strip_prefix('<');
-                // Three points are no two and a fraction.
+                // `0...1` isn't two dots and a fraction.
                 let parsed = |end: &str| {
                     let number = end.trim().parse::<f64>().ok().filter(|_| !end.starts_with('.'));
                     number.ok_or_else(wanted)

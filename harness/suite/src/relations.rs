@@ -1,4 +1,4 @@
-//! Vectors of a domain that are perpendicular to others of it: `t = { perpendicular_to = "n" }`.
+//! Vectors that are perpendicular to others of the same domain: `t = { perpendicular_to = "n" }`.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -17,7 +17,7 @@ pub(crate) const KEY: &str = "perpendicular_to";
 struct Vector {
     path: String,
     lanes: Range<usize>,
-    /// The names of the vectors that it is perpendicular to, as they are written.
+    /// The names of the vectors that it is perpendicular to, as written.
     to: Vec<String>,
 }
 
@@ -84,7 +84,7 @@ pub(crate) fn related(
     Ok(domain)
 }
 
-/// The vector that another one's domain names: a neighbour in its structure, or from the parameters on.
+/// The vector that another one's domain names: a neighbour in its structure, or a path that begins at a parameter.
 fn found<'v>(own: &Vector, name: &str, all: &'v [Vector]) -> Result<&'v Vector, String> {
     let beside = own.path.rfind('.').map(|end| format!("{}.{name}", &own.path[..end]));
     let by = |path: &str| all.iter().find(|vector| vector.path == path);
@@ -119,7 +119,7 @@ fn found<'v>(own: &Vector, name: &str, all: &'v [Vector]) -> Result<&'v Vector, 
     }
 }
 
-/// The vectors of floats in a value, each with what its domain says.
+/// The vectors of floats in a value, each with its domain's text.
 fn vectors(
     path: &str,
     shape: &Shape,

@@ -1,27 +1,27 @@
-//! Rows of tables, the columns of their heads, and the comments above them.
+//! Rows of tables, the columns in their heads, and the comments above them.
 //!
-//! Comments are the lines above a table's head that begin with `#`. Below it such a line may as well be a row
-//! whose first cell begins so, and a row that is left out is one that isn't compared: it is an error.
+//! Comments are the lines above a table's head that begin with `#`. Below the head such a line might be a row, and a
+//! comment there would hide it from the comparison. So it is an error.
 
 use karat::unstable::diagnostic::nearest;
 
-/// The places of a table's columns.
+/// The positions of a table's columns.
 #[derive(Debug)]
 pub struct Places {
-    /// Those of the arguments, in their order.
+    /// The columns of the arguments, in the arguments' order.
     pub arguments: Vec<usize>,
-    /// Those of what is expected.
+    /// The columns of the expected values.
     pub expected: Vec<usize>,
-    /// The others, which are notes, by their names.
+    /// The other columns, which are notes, by name.
     pub others: Vec<(String, usize)>,
 }
 
 impl Places {
-    /// By a head, which names the columns in any order.
+    /// Reads a head, which names the columns in any order.
     ///
     /// # Errors
-    /// A column that is missing, that there are two of, or that looks like a part of a value and is none: the type has
-    /// changed. It is the end of a sentence about the table.
+    /// A column that is missing, that occurs twice, or that looks like a part of a value but isn't one, because the
+    /// type has changed. The text is the end of a sentence about the table.
     pub fn of_head(head: &[&str], arguments: &[&str], expected: &[&str]) -> Result<Self, String> {
         let twice = |(at, column): &(usize, &&str)| head[..*at].contains(column);
         if let Some((_, column)) = head.iter().enumerate().find(twice) {
@@ -56,7 +56,7 @@ impl Places {
     }
 }
 
-/// The line of a record, from 1, by the byte at which its reader stood before it: empty lines are skipped.
+/// The line of a record, counted from 1, by the byte position of its reader before it. Skips empty lines.
 #[must_use]
 pub fn line_of(text: &[u8], begins: usize) -> usize {
     let (before, rest) = text.split_at(begins.min(text.len()));
@@ -65,14 +65,14 @@ pub fn line_of(text: &[u8], begins: usize) -> usize {
     1 + before.iter().filter(|byte| **byte == b'\n').count() + skipped.count()
 }
 
-/// Where a table's head begins, in bytes: behind comments and blank lines.
+/// The byte at which a table's head begins, after comments and blank lines.
 #[must_use]
 pub fn head_of(text: &[u8]) -> usize {
     let is_above = |line: &&[u8]| line.starts_with(b"#") || line.trim_ascii().is_empty();
     text.split_inclusive(|byte| *byte == b'\n').take_while(is_above).map(<[u8]>::len).sum()
 }
 
-/// True if a row begins with `#`, where a reader stands `at` this byte before it. Blank lines may follow.
+/// Returns `true` if the row after byte `at` begins with `#`. Blank lines may come first.
 #[must_use]
 pub fn begins_with_mark(text: &[u8], at: usize) -> bool {
     let rest = text.get(at..).unwrap_or_default();
@@ -80,7 +80,7 @@ pub fn begins_with_mark(text: &[u8], at: usize) -> bool {
     rest.iter().find(|byte| !is_blank(byte)) == Some(&b'#')
 }
 
-/// That a row begins with `#`.
+/// The message that a row begins with `#`.
 pub(crate) const MARKED: &str = "this row begins with `#`, and comments stand above the head: remove it, or quote \
                                  its first cell";
 

@@ -35,36 +35,36 @@ use crate::wrong::{Fault, Misdeclared, blamed};
 use crate::{Broken, Kind, Suite, Test, Wrong};
 
 impl Suite {
-    /// Runs a test, on a thread that has its name: seeds and records are by it.
+    /// Runs a test, in a thread with its name: seeds and records depend on that name.
     ///
     /// # Errors
-    /// What is wrong, as a message that has its place.
+    /// The error, as a message with its place.
     ///
     /// # Panics
-    /// If no thread can be started.
+    /// If a thread can't be started.
     pub fn run(&self, test: &Test) -> Result<(), Wrong> {
         self.run_with(test, &Groups::default())
     }
 
-    /// [`run`](Self::run), with the others of its group.
+    /// Does the same as [`run`](Self::run), with the other tests of its group.
     ///
     /// # Errors
     /// As [`run`](Self::run).
     ///
     /// # Panics
-    /// If no thread can be started.
+    /// If a thread can't be started.
     pub fn run_with(&self, test: &Test, groups: &Groups) -> Result<(), Wrong> {
         Self::on_a_thread(test, || self.verdict(test, groups))
     }
 
-    /// [`run`](Self::run) of shaders that aren't as they are saved: the verdict is neither recorded nor remembered. Returns
-    /// what its checks saw, too.
+    /// Does the same as [`run`](Self::run) for shaders that differ from the saved files: the verdict is neither
+    /// recorded nor remembered. Also returns the values that its checks saw.
     ///
     /// # Errors
     /// As [`run`](Self::run).
     ///
     /// # Panics
-    /// If no thread can be started.
+    /// If a thread can't be started.
     pub fn run_unrecorded(&self, test: &Test) -> Result<Seen, Wrong> {
         let verdict = || {
             let (verdict, seen) = unrecorded(|| self.verdict(test, &Groups::default()));
@@ -85,7 +85,7 @@ impl Suite {
             };
             thread.spawn_scoped(scope, run).expect("a thread can be started").join()
         });
-        // A panic is a fault of Karat's, or of a driver.
+        // A panic is a bug of Karat, or of a driver.
         verdict.unwrap_or_else(|panic| {
             let text = panic.downcast_ref::<String>().cloned();
             let text = text.or_else(|| Some((*panic.downcast_ref::<&str>()?).to_owned()));
@@ -93,7 +93,7 @@ impl Suite {
         })
     }
 
-    /// Tests that can run, and what is wrong with the others: a fault that many share is told once.
+    /// The tests that can run, and the errors of the others. An error that several tests share is reported once.
     #[must_use]
     pub fn sound<'t>(&self, tests: Vec<&'t Test>) -> (Vec<&'t Test>, Vec<Broken>) {
         let wrong = |test: &&Test| match &test.kind {
@@ -101,7 +101,7 @@ impl Suite {
             Kind::Function(_) | Kind::Frame(_) | Kind::Compute(_) => None,
         };
         let wrong: Vec<Option<Wrong>> = match &*tests {
-            // Each thread that starts takes a moment, and with one test that is felt.
+            // Starting threads takes time, which shows with a single test.
             [test] => vec![wrong(test)],
             tests => std::thread::scope(|scope| {
                 let threads = std::thread::available_parallelism().map_or(1, usize::from);
@@ -131,15 +131,15 @@ impl Suite {
         (sound, broken.into_iter().map(named).collect())
     }
 
-    /// Puts into the record of the run that tests are broken: no check can say so.
+    /// Adds broken tests to the record of the run, since no check does.
     ///
     /// # Panics
-    /// If no thread can be started.
+    /// If a thread can't be started.
     pub fn record_broken(&self, broken: &Broken) {
         let Broken { name, wrong, .. } = broken;
         let subject = self.unbegun(name, "declared", wrong.place.as_deref());
         std::thread::scope(|scope| {
-            // Records are by the thread's name.
+            // Records use the thread's name.
             let thread = std::thread::Builder::new().name(name.clone());
             let record = thread.spawn_scoped(scope, || drop(wrong.recorded(subject)));
             let recorded = record.expect("a thread can be started").join();
@@ -160,8 +160,8 @@ impl Suite {
         }
     }
 
-    /// Tests that one kernel counts, of those that are about to run. On the path `cpu` alone there is
-    /// nothing to compile, and no group.
+    /// The tests that share a kernel, among those that are about to run. On the path `cpu` alone there is nothing to
+    /// compile, and so no group.
     #[must_use]
     pub fn groups(tests: &[&Test]) -> Groups {
         let drivers = karat::unstable::path::selected()
@@ -185,7 +185,7 @@ impl Suite {
                 };
                 let probe = match groups.0.iter().find_map(|group| group.probe(test)) {
                     Some(together) => together,
-                    // Invalid WGSL has its own place.
+                    // Invalid WGSL is reported at its own place.
                     None => test.probe().map_err(|error| unbegun(Wrong::from(&*error)))?,
                 };
                 let judged = wgsl(&self.package, test, probe)
@@ -248,14 +248,14 @@ impl Suite {
     }
 }
 
-/// The violations that passes have, whatever is asserted of them.
+/// The violations of passes, whatever the test asserts.
 fn violations_of(error: &ComputeError) -> Option<String> {
     let ComputeError::Violations(found) = error else { return None };
     let headlines = found.all.iter().map(|one| one.headline.as_str());
     Some(headlines.collect::<Vec<_>>().join("\n"))
 }
 
-/// Where the row of a table stands that the worst case is.
+/// The place of the table row of the worst case.
 fn row_of(failure: &Failure, Assertion { test, what, folder, .. }: &Assertion) -> Option<String> {
     let What::Table(file) = what else { return None };
     let found = match failure {
@@ -266,13 +266,13 @@ fn row_of(failure: &Failure, Assertion { test, what, folder, .. }: &Assertion) -
         })?,
         _ => return None,
     };
-    // A row is a case where nobody asks for another number of them.
+    // The case number is the row number, unless a test sets another number of cases.
     let worst =
         &found.paths.first().filter(|path| test.cases.is_none() && !path.worst.remembered)?.worst;
     table::told("worst case", &folder.join(file), worst.case)
 }
 
-/// Tests that one kernel counts: see [`Suite::groups`].
+/// The tests that share a kernel: see [`Suite::groups`].
 #[derive(Debug, Default)]
 pub struct Groups(Vec<TestGroup>);
 
@@ -280,7 +280,7 @@ fn part_of(tests: &[&Test], wrong: impl Fn(&&Test) -> Option<Wrong>) -> Vec<Opti
     tests.iter().map(wrong).collect()
 }
 
-/// That a test in WGSL reads what nobody binds.
+/// The message that a test in WGSL reads a variable that isn't bound.
 fn unbound(failure: &Failure) -> Option<String> {
     let Failure::Probe(ProbeError::Fixture(error)) = failure else { return None };
     let error = match error {
@@ -295,7 +295,7 @@ fn unbound(failure: &Failure) -> Option<String> {
     ))
 }
 
-/// What a check concluded, or why it could not begin.
+/// The conclusion of a check, or the reason why it couldn't begin.
 type Judged<E> = Result<Result<Agreement, Failure>, E>;
 
 fn wgsl(package: &Package, test: &WgslTest, probe: Probe<'_>) -> Judged<Misdeclared> {
@@ -315,7 +315,7 @@ fn wgsl(package: &Package, test: &WgslTest, probe: Probe<'_>) -> Judged<Misdecla
     Ok(check.cases(test.cases.unwrap_or(CASES)).try_expects())
 }
 
-/// Cases of a test in WGSL that has parameters and says no number: each carries a report.
+/// The cases of a WGSL test with parameters and without a number of its own. Each case carries a report.
 const CASES: u64 = 4096;
 
 fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
@@ -324,7 +324,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
     let overrides: BTreeMap<String, f64> = overrides.collect();
     let probed = match Probed::in_valid(package, function, &overrides) {
         Ok(probed) => probed,
-        // Invalid WGSL has its own place.
+        // Invalid WGSL is reported at its own place.
         Err(ProbeError::Reflect(error)) if error.diagnostic().is_some() => {
             return Ok(Err(ProbeError::Reflect(error).into()));
         }
@@ -338,7 +338,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
             return Err(Misdeclared::of("override")(wrong));
         }
     }
-    // With arguments that don't vary a derivative would be 0 in each case.
+    // If the arguments don't vary, each derivative is 0.
     let mut probed = match what {
         What::Integral(_) if probed.takes_derivatives() => {
             return Err("it takes derivatives, and directions of an integral don't vary".into());
@@ -355,7 +355,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
         probe = probe.with_override(&name, value);
     }
     let fixtures = bound(probed.program(), &probed.function().bindings, &test.with, folder)?;
-    // What isn't bound, or wrongly, is told by the check.
+    // The check reports missing and wrong fixtures.
     let _ = probed.fit(&fixtures);
     for (name, fixture) in fixtures {
         probe = probe.with(&name, fixture);
@@ -394,7 +394,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
         What::Table(file) => {
             let criterion = wanted()?;
             let table = table::read(&folder.join(file), &parameters, &result, near)?;
-            // The rows as they are: a column of one parameter isn't mixed with others.
+            // The rows unchanged: values of one parameter aren't combined with other rows.
             let mut parts: Vec<Vec<Part>> = shapes.iter().map(|_| Vec::new()).collect();
             match parts.first_mut() {
                 Some(first) => first.push(table.part(&shapes)),
@@ -405,7 +405,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
             let check = settled(probe.over_dynamic(Dynamic::new(&parameters, parts)), assertion)?;
             let expect = |words: &[u32], lanes: &mut Vec<f64>| match table.expected.get(words) {
                 Some(expected) => lanes.extend(expected),
-                // A subnormal argument that is flushed, or a simpler one, has no row.
+                // An argument that was flushed or simplified has no row.
                 None => lanes.extend(vec![f64::NAN; result.lanes().len()]),
             };
             Ok(check.try_agrees_with(&expect, criterion))
@@ -552,7 +552,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
     }
 }
 
-/// A check with what a test says of all of its assertions.
+/// A check with the settings that a test has for all of its assertions.
 fn settled<'p>(
     mut check: Check<'p, Calls<Words>>,
     Assertion { test, what, .. }: &Assertion,
@@ -563,7 +563,7 @@ fn settled<'p>(
     if let Some(seed) = test.seed {
         check = check.seed(seed);
     }
-    // Others of the test's assertions may have it.
+    // Another assertion of the test may take it.
     if what.takes("tolerance_on") {
         for (on, text) in &test.tolerance_on {
             let own: Tolerance = tolerance(text).map_err(Misdeclared::of("tolerance_on"))?;
@@ -584,7 +584,7 @@ fn settled<'p>(
     Ok(check)
 }
 
-/// Where a parameter is among the others, and its first lane.
+/// The position of a parameter, and its first lane.
 fn place(parameters: &[(String, Shape)], name: &str) -> Result<(usize, usize), String> {
     let known = || parameters.iter().map(|(name, _)| &**name);
     let Some(at) = known().position(|known| known == name) else {
@@ -593,7 +593,7 @@ fn place(parameters: &[(String, Shape)], name: &str) -> Result<(usize, usize), S
     Ok((at, parameters[..at].iter().map(|(_, shape)| shape.lanes().len()).sum()))
 }
 
-/// The lanes of an expected value in `f64`. A number stands for each component.
+/// The lanes of an expected value in `f64`. A single number sets each component.
 pub(crate) fn wide(shape: &Shape, value: &Value, wanted: Wanted) -> Result<Vec<f64>, String> {
     let scalars = shape.lanes();
     let meant = |(scalar, value): (&Scalar, f64)| numbers::meant(*scalar, value, wanted);
@@ -624,7 +624,7 @@ pub(crate) fn wide(shape: &Shape, value: &Value, wanted: Wanted) -> Result<Vec<f
     if let Some(list) = list.filter(|list| list.len() == scalars.len()) {
         return scalars.iter().zip(list).map(|(scalar, number)| expect(scalar, number)).collect();
     }
-    // Structs, arrays and matrices: as the shader would have them.
+    // Structs, arrays and matrices: the values that the shader would have.
     let words = lanes(shape, value)?;
     Ok(scalars.iter().zip(words).map(|(scalar, word)| scalar.decode(word)).collect())
 }
@@ -639,7 +639,7 @@ fn bound(
     let known = || bindings.iter().map(Binding::name);
     let mut all = Vec::new();
     for (name, value) in with {
-        // As its module names it, or as messages do.
+        // By the name in its module, or the path in messages.
         let is_it = |binding: &&Binding| binding.name() == name || binding.path == *name;
         let Some(binding) = bindings.iter().find(is_it) else {
             let message = match bindings {
@@ -655,14 +655,14 @@ fn bound(
     Ok(all)
 }
 
-/// A frame, and the key of a function that isn't there.
+/// A frame, and the key of a function that doesn't exist.
 type Drawn<'p> = (Option<String>, Result<karat::Frame<'p>, FrameError>);
 
 impl Suite {
-    /// The frame of a `[[frame]]` by its name; `None` if there is none.
+    /// The frame of a `[[frame]]` by name; `None` if there is none.
     ///
     /// # Errors
-    /// If it isn't declared as it should be.
+    /// If its declaration is wrong.
     #[must_use]
     pub fn frame(&self, name: &str) -> Option<Result<karat::Frame<'_>, Wrong>> {
         let mut tests = self.tests.iter();
@@ -678,10 +678,11 @@ impl Suite {
         })
     }
 
-    /// The passes of a `[[compute]]` whose last entry point has this name, with its module or without; `None` if there is none.
+    /// The passes of a `[[compute]]` whose last entry point has this name, with or without its module; `None` if there
+    /// are none.
     ///
     /// # Errors
-    /// If they aren't declared as they should be.
+    /// If their declaration is wrong.
     #[must_use]
     pub fn compute(&self, name: &str) -> Option<Result<karat::compute::Compute<'_>, Wrong>> {
         let is_it = |path: &str| path == name || path.rsplit("::").next() == Some(name);
@@ -707,7 +708,7 @@ fn frame<'p>(package: &'p Package, declared: &Frame, at: &Span) -> Result<Drawn<
     let [width, height] = declared.size.0;
     let program = match Program::of_module(package, module) {
         Ok(program) => program,
-        // Invalid WGSL has its own place.
+        // Invalid WGSL is reported at its own place.
         Err(error) if error.diagnostic().is_some() => {
             return Ok((None, Err(DrawError::from(error).into())));
         }
@@ -756,13 +757,13 @@ fn frame<'p>(package: &'p Package, declared: &Frame, at: &Span) -> Result<Drawn<
         frame = frame.with_override(name, value.number());
     }
     for (number, draw) in draws.iter().enumerate() {
-        // Of a function that isn't there drawing says what is meant.
+        // If a function doesn't exist, drawing reports it.
         let drawn = draw.draw(&program, &declared.folder, unknown.is_some());
         let drawn = drawn.map_err(|wrong| wrong.below(&format!("draws.{number}")))?;
         frame = frame.draw(drawn);
     }
     frame = frame.declared_at(&at.to_string());
-    // Of a function that isn't there nobody knows what it reads, and drawing says what is meant.
+    // The inputs of a function that doesn't exist are unknown; drawing reports it.
     if unknown.is_none() {
         let all = bound(&program, &bindings, &declared.with, &declared.folder);
         for (name, fixture) in all? {

@@ -1,4 +1,4 @@
-//! Tables of expected values: a CSV file whose columns are components of arguments and of the result.
+//! Tables of expected values: CSV files with columns for components of arguments and of the result.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -11,16 +11,16 @@ use crate::numbers::{self, Wanted};
 use crate::rows::{MARKED, Places, begins_with_mark, head_of, line_of};
 use crate::wrong::Misdeclared;
 
-/// Arguments with what is expected of them.
+/// Arguments with their expected results.
 #[derive(Debug)]
 pub(crate) struct Table {
-    /// The words of each row's arguments.
+    /// The words of the arguments of each row.
     pub(crate) rows: Vec<Vec<u32>>,
-    /// The expected lanes by arguments.
+    /// The expected lanes, by arguments.
     pub(crate) expected: HashMap<Vec<u32>, Vec<f64>>,
 }
 
-/// The name of the columns of what is expected.
+/// The name of the columns for expected results.
 const RESULT: &str = "result";
 
 /// Reads a table for a function.
@@ -88,7 +88,7 @@ pub(crate) fn read(
     Ok(Table { rows, expected })
 }
 
-/// Reads a table of what the elements of a resource hold: a row each, with the columns `x,y,z` or `value`.
+/// Reads a table with the expected elements of a resource: a row each, with the columns `x,y,z` or `value`.
 pub(crate) fn elements(
     file: &Path,
     element: &Shape,
@@ -129,13 +129,13 @@ impl Table {
     }
 }
 
-/// `v.x`, `v.y` of a vector; the name alone of a number.
+/// `v.x`, `v.y` for a vector; the plain name for a number.
 fn columns(name: &str, shape: &Shape) -> Vec<(String, Scalar)> {
     let lanes = shape.lane_names().into_iter().zip(shape.lanes());
     lanes.map(|(lane, scalar)| (format!("{name}{lane}"), scalar)).collect()
 }
 
-/// Where a row stands, from 0, in a table that can be read: the end of a message.
+/// The place of a row, counted from 0, in a readable table: the end of a message.
 pub(crate) fn told(what: &str, file: &Path, row: u64) -> Option<String> {
     let text = read_file(file).ok()?;
     let record = reader(&text).into_records().nth(usize::try_from(row).ok()?)?.ok()?;
@@ -143,7 +143,7 @@ pub(crate) fn told(what: &str, file: &Path, row: u64) -> Option<String> {
     Some(format!("  row of the {what}: {}:{line}:1\n", shown(file)))
 }
 
-/// Each record with where its reader stood in the text before it.
+/// Each record with the position of its reader before it.
 fn placed_rows<'r>(
     reader: &'r mut csv::Reader<&[u8]>,
     text: &'r [u8],
@@ -157,13 +157,13 @@ fn placed_rows<'r>(
     })
 }
 
-/// Where a reader stood in the text before a record.
+/// The position of a reader before a record.
 fn begins(text: &[u8], position: Option<&csv::Position>) -> usize {
     let below = usize::try_from(position.map_or(0, csv::Position::byte)).unwrap_or(0);
     (head_of(text) + below).min(text.len())
 }
 
-/// A reader of what stands below the comments. A golden has its facts there.
+/// A reader of the text below the comments. A golden has its facts in comments.
 fn reader(text: &[u8]) -> csv::Reader<&[u8]> {
     csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(&text[head_of(text)..])
 }

@@ -1,4 +1,4 @@
-//! Errors of tests: a text for people, and the same as data.
+//! Errors of tests, as text and as data.
 
 use std::fmt;
 use std::path::Path;
@@ -13,14 +13,14 @@ use serde::{Deserialize, Serialize};
 
 use crate::declared::Keys;
 
-/// Why a test fails, or can't run.
+/// The reason why a test fails, or can't run.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Wrong {
-    /// It in one line.
+    /// The reason in one line.
     pub headline: String,
-    /// `file:line:column`, if it is somewhere.
+    /// `file:line:column`, if it has a place.
     pub place: Option<String>,
-    /// All of it, with an excerpt of the file.
+    /// The whole text, with an excerpt of the file.
     pub message: String,
     /// The kind of fault.
     pub fault: Fault,
@@ -29,11 +29,11 @@ pub struct Wrong {
 /// A kind of fault.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Fault {
-    /// Values aren't what is asserted.
+    /// Values differ from the assertion.
     Values,
-    /// Passes have these violations, a line each: all assertions of them fail by these.
+    /// The passes have these violations, a line each. All of their assertions fail for this reason.
     Violations(String),
-    /// The shader leaves nothing that could fail: its result is the same for all inputs, say.
+    /// The test could never fail: for example, the result is the same for all inputs.
     Vacuous,
     /// A key of the test doesn't fit the shader: an override that nothing reads, say. Nothing was compared.
     Declaration,
@@ -48,14 +48,14 @@ impl fmt::Display for Wrong {
 }
 
 impl Wrong {
-    /// A message without a place, or whose text has it. Its first line says what is wrong.
+    /// A message without a place, or with the place in its text. The first line is the headline.
     #[must_use]
     pub fn of(message: String) -> Self {
         let headline = headline(&message).to_owned();
         Self { headline, place: None, message, fault: Fault::Unbegun }
     }
 
-    /// The cause that other tests may share; `None` for wrong values, which are this test's own.
+    /// The cause that other tests may share; `None` for wrong values, which only this test has.
     #[must_use]
     pub fn common(&self) -> Option<String> {
         match &self.fault {
@@ -72,21 +72,21 @@ impl Wrong {
         }
     }
 
-    /// The same once it is in the record of the run: no check has put it there.
+    /// The same, after adding it to the record of the run: no check has added it.
     pub(crate) fn recorded(&self, subject: Subject) -> Self {
         karat::unstable::run::record_unbegun(subject, &self.headline, &self.message);
         self.clone()
     }
 
-    /// Of a test that can't begin.
+    /// The error of a test that can't begin.
     pub(crate) fn new(headline: &str, place: Option<String>, message: String) -> Self {
         let headline = headline.lines().next().unwrap_or_default().to_owned();
         Self { headline, place, message, fault: Fault::Unbegun }
     }
 }
 
-/// A failure of a check, of passes or of a frame: at the line of a shader that its text names, or else at the key that it is
-/// about.
+/// The failure of a check, of passes or of a frame: at the line of a shader that its text names, otherwise at the key
+/// that it is about.
 pub(crate) fn blamed(
     failure: &impl Fails,
     key_of_entry: &dyn Fn(&str) -> Option<String>,
@@ -142,10 +142,10 @@ impl From<PackageError> for Wrong {
     }
 }
 
-/// Why an assertion can't be checked.
+/// The reason why an assertion can't be checked.
 #[derive(Debug)]
 pub(crate) struct Misdeclared {
-    /// The key that is wrong, behind those that it is below: `draws.1.blend`; `None`: the assertion's own.
+    /// The path of the wrong key, `draws.1.blend`; `None` for the assertion's own key.
     key: Option<String>,
     pub(crate) message: String,
     /// `file:line:column`, if it isn't in the file that declares the test.
@@ -159,34 +159,34 @@ impl<T: Into<String>> From<T> for Misdeclared {
 }
 
 impl Misdeclared {
-    /// Of a key.
+    /// An error of a key.
     pub(crate) fn of(key: &'static str) -> impl Fn(String) -> Self {
         move |message| Self { key: Some(key.to_owned()), message, place: None }
     }
 
-    /// Of a resource in `with`.
+    /// An error of a resource in `with`.
     pub(crate) fn of_resource(name: &str) -> impl Fn(String) -> Self {
         move |message| Self { key: Some(format!("with.{name}")), message, place: None }
     }
 
-    /// The same of a table below a key.
+    /// The same error for a table below a key.
     pub(crate) fn below(self, key: &str) -> Self {
         let key = self.key.map_or_else(|| key.to_owned(), |own| format!("{key}.{own}"));
         Self { key: Some(key), ..self }
     }
 
-    /// The error of a file that isn't read, at its place or else that of the whole test.
+    /// The error of a file that can't be read, at its place, or otherwise at the place of the whole test.
     pub(crate) fn unread(self, keys: &Keys, whole: &Span) -> Diagnostic {
         let place = self.key.and_then(|key| keys.place_of(&key).cloned());
         Diagnostic::new(self.message).at(place.unwrap_or_else(|| whole.clone()), "")
     }
 
-    /// Of a line of another file.
+    /// An error of a line in another file.
     pub(crate) fn at_line(file: &Path, line: usize, message: String) -> Self {
         Self { key: None, message, place: Some(format!("{}:{line}:1", shown(file))) }
     }
 
-    /// It at its place: that of its key, or else of the whole test.
+    /// The error at its place: that of its key, or otherwise of the whole test.
     pub(crate) fn told(
         self,
         place_of: &dyn Fn(Option<&str>) -> Option<Span>,

@@ -1,7 +1,7 @@
-//! Many translations by one process of a tool.
+//! Checks many translations with one process of a tool.
 //!
-//! glslang spends most of its time on GLSL's own declarations, before it reads a shader: it judges ten
-//! files of one process in the time of two processes.
+//! glslang spends most of its time on GLSL's own declarations before it reads a shader. One process checks ten files in
+//! the time of two processes.
 
 use std::io;
 use std::process::Command;
@@ -9,15 +9,14 @@ use std::process::Command;
 use crate::child::{self, End};
 use crate::{Stage, Target, Tool, Translation, Validation, Verdict};
 
-/// Files of one process. A file that is rejected costs a process for each of its neighbours.
+/// The most files of a process. After a rejected file, each of its neighbours costs a process.
 const FILES: usize = 32;
 
 impl Tool {
-    /// Asks what it thinks of each of several translations: what [`validate`](Self::validate) says,
-    /// with fewer processes.
+    /// Checks several translations, with the results of [`validate`](Self::validate) and fewer processes.
     ///
     /// # Errors
-    /// As [`validate`](Self::validate), each for its translation.
+    /// As [`validate`](Self::validate), for each translation.
     pub fn validate_all(&self, translations: &[&Translation]) -> Vec<io::Result<Validation>> {
         let mut said: Vec<Option<io::Result<Validation>>> =
             translations.iter().map(|_| None).collect();
@@ -37,8 +36,7 @@ impl Tool {
         each.map(|(said, one)| said.unwrap_or_else(|| self.validate(one))).collect()
     }
 
-    /// Whether one process that reads all of them finds nothing wrong. If it doesn't say so, each is
-    /// asked about alone.
+    /// Returns `true` if one process that reads all of them finds no error. Otherwise each is checked alone.
     fn all_valid(&self, target: Target, batch: &[&Translation]) -> bool {
         batch.len() > 1 && self.judges_files(target) && self.find_nothing(batch).unwrap_or(false)
     }
@@ -52,12 +50,12 @@ impl Tool {
         }
         let Some(mut command) = self.command(batch[0], &names) else { return Ok(false) };
         let ran = child::run(command.current_dir(folder.path()))?;
-        // It names each file that it has read.
+        // It prints the name of each file that it has read.
         let read = |name: &String| ran.output.lines().any(|line| line == name);
         Ok(ran.end == End::Good && names.iter().all(read))
     }
 
-    /// The tool with its arguments for one translation, but for several files.
+    /// The tool with its arguments for one translation, applied to several files.
     fn command(&self, first: &Translation, files: &[String]) -> Option<Command> {
         let mut command = Command::new(self.program()?);
         let mut arguments = self.arguments(first)?;
@@ -66,14 +64,14 @@ impl Tool {
         Some(command)
     }
 
-    /// What [`validate`](Self::validate) says of what is valid.
+    /// The result of [`validate`](Self::validate) for a valid translation.
     fn says_valid(&self, translation: &Translation) -> Validation {
         let arguments = self.arguments(translation).unwrap_or_default();
         self.says(format!("{} {}", self.name(), arguments.join(" ")), Verdict::Valid)
     }
 }
 
-/// What a process can read several of.
+/// The properties that all files of a process share.
 fn kind(translation: &Translation) -> Option<(Target, Stage)> {
     match &*translation.entry_points {
         [one] => Some((translation.target, one.stage)),

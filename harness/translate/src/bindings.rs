@@ -1,4 +1,4 @@
-//! Where resources are bound, in WGSL and in a translation.
+//! The bindings of resources, in WGSL and in a translation.
 
 use naga::valid::{GlobalUse, ModuleInfo};
 use naga::{
@@ -6,55 +6,55 @@ use naga::{
     TypeInner,
 };
 
-/// The resources of a shader, in the order in which they are bound in a translation.
+/// The resources of a shader, in the order of their bindings in a translation.
 ///
-/// GLSL has no groups, and registers of HLSL are numbered apart for buffers, textures and samplers.
-/// So for both all resources are numbered in one row: first those that the entry point uses, in the
-/// order of groups and bindings, then the others. A number means the same resource in each of them,
-/// and in the SPIR-V that compilers make of them.
+/// GLSL has no groups, and HLSL numbers the registers of buffers, textures and samplers separately. So for both, all
+/// resources share one sequence of numbers: first those that the entry point uses, in the order of groups and bindings,
+/// then the others. A number means the same resource in both languages, and in the SPIR-V that compilers make from
+/// them.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Bindings(Vec<Resource>);
 
-/// A resource with its places.
+/// A resource with its bindings.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Resource {
     /// Its group and binding in WGSL.
     pub wgsl: (u32, u32),
     /// Its group and binding, or space and register, in the translation.
     pub translated: (u32, u32),
-    /// What it is.
+    /// Its kind.
     pub kind: Kind,
-    /// Whether the entry point uses it; always so in translations of whole shaders.
+    /// `true` if the entry point uses it; always `true` in translations of whole shaders.
     pub used: bool,
 }
 
-/// What a resource is.
+/// The kind of a resource.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Kind {
     /// A uniform buffer.
     Uniform,
-    /// A storage buffer; whether it is only read.
+    /// A storage buffer.
     Storage {
-        /// Whether it is only read.
+        /// `true` if it is only read.
         read_only: bool,
     },
     /// A sampled texture.
     Texture {
         /// Its dimensions, with 4 for a cube.
         dimensions: u8,
-        /// Whether it is an array.
+        /// `true` if it is an array.
         arrayed: bool,
-        /// What it holds.
+        /// The type of its texels.
         texels: Texels,
     },
     /// A sampler.
     Sampler,
-    /// Something of an extension, or a storage texture.
+    /// A resource of an extension, or a storage texture.
     Other,
 }
 
-/// What a texture holds.
+/// The type of a texture's texels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Texels {
     /// `f32`
@@ -68,13 +68,13 @@ pub enum Texels {
 }
 
 impl Bindings {
-    /// As they are in WGSL.
+    /// The bindings of WGSL, unchanged.
     pub(crate) fn kept(module: &Module) -> Self {
         let bound = bound(module, |_| true);
         Self(bound.map(|r| Resource { translated: r.wgsl, ..r }).collect())
     }
 
-    /// All in group 0, numbered in their order.
+    /// All in group 0, numbered in order.
     pub(crate) fn in_a_row(
         module: &Module,
         info: &ModuleInfo,
@@ -93,14 +93,14 @@ impl Bindings {
         self.0.iter()
     }
 
-    /// Where a resource is bound in the translation.
+    /// The binding of a resource in the translation.
     #[must_use]
     pub fn of(&self, group: u32, binding: u32) -> Option<(u32, u32)> {
         self.iter().find(|resource| resource.wgsl == (group, binding)).map(|r| r.translated)
     }
 }
 
-/// Whether an entry point uses a variable; without one each is used.
+/// Returns `true` if an entry point uses a variable. Without an entry point, each variable counts as used.
 pub(crate) fn uses(
     module: &Module,
     info: &ModuleInfo,

@@ -1,34 +1,33 @@
-//! Programs of others. Each runs as a process of its own, for so long and no longer: whatever it does
-//! to itself is a verdict on it.
+//! Runs other programs, each in its own process with a time limit. A crash or a timeout counts as a verdict.
 
 use std::io::{self, Read, Seek};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
-/// How long a validator or a compiler may take for one shader. They take some 30 ms.
+/// The time limit of a validator or a compiler for one shader. They take some 30 ms.
 const DEADLINE: Duration = Duration::from_secs(30);
 
-/// What a program may write: far more than any has to say of a shader.
+/// The most bytes that a program may write: far more than any writes about a shader.
 const MOST_WRITTEN: u64 = 16 << 20;
 
-/// What is kept of that.
+/// The most bytes of these to keep.
 const MOST_KEPT: u64 = 64 << 10;
 
-/// How often a program is asked whether it has ended, at first; then more and more seldom.
+/// The first pause between checks whether a program has ended; later pauses are longer.
 const FIRST_PAUSE: Duration = Duration::from_micros(500);
 const LONGEST_PAUSE: Duration = Duration::from_millis(20);
 
-/// How a program ended.
+/// The end of a program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum End {
     Good,
     /// With an exit code that isn't 0.
     Bad,
-    /// By a signal, or as Windows ends what has crashed.
+    /// By a signal, or with a Windows code for crashes.
     Crashed,
-    /// It was ended: it took too long.
+    /// It took too long, and was killed.
     TimedOut,
-    /// It was ended: it wrote too much.
+    /// It wrote too much, and was killed.
     TooMuch,
 }
 
@@ -36,14 +35,14 @@ pub(crate) enum End {
 #[derive(Clone, Debug)]
 pub(crate) struct Ran {
     pub(crate) end: End,
-    /// What it wrote to both of its outputs, or the beginning of it.
+    /// The beginning of what it wrote to both of its outputs.
     pub(crate) output: String,
-    /// How it ended, in the system's words: `signal: 11 (SIGSEGV)`.
+    /// Its status in the system's words: `signal: 11 (SIGSEGV)`.
     pub(crate) status: String,
 }
 
 impl Ran {
-    /// Why there is no verdict of it; `None`: there is one.
+    /// The reason why it gives no verdict; `None` if it gives one.
     pub(crate) fn broke(&self) -> Option<String> {
         Some(match self.end {
             End::Bad if self.output.is_empty() => {
@@ -61,12 +60,12 @@ pub(crate) fn run(command: &mut Command) -> io::Result<Ran> {
     run_for(command, DEADLINE)
 }
 
-/// Runs a program for at most so long.
+/// Runs a program with a time limit.
 fn run_for(command: &mut Command, deadline: Duration) -> io::Result<Ran> {
-    // A file takes whatever is written; a pipe would have to be read meanwhile.
+    // A file takes all output. A pipe would need a reader at the same time.
     let mut output = tempfile::tempfile()?;
     command.stdin(Stdio::null()).stdout(output.try_clone()?).stderr(output.try_clone()?);
-    // A group of its own, so that what it has started ends with it.
+    // In its own group, so that its children end with it.
     #[cfg(unix)]
     std::os::unix::process::CommandExt::process_group(command, 0);
     let (mut child, start) = (command.spawn()?, Instant::now());
@@ -94,15 +93,15 @@ fn run_for(command: &mut Command, deadline: Duration) -> io::Result<Ran> {
     Ok(Ran { end, output, status })
 }
 
-/// Ends a program, and what it has started.
+/// Kills a program and its children.
 fn end(child: &mut Child) -> io::Result<()> {
     #[cfg(unix)]
     {
         use rustix::process::{Pid, Signal, kill_process_group};
-        // It isn't waited for yet, so its group is there; what may be wrong, `kill` below says again.
+        // It hasn't been waited for, so its group still exists. If this fails, `kill` below reports the error.
         let _ = kill_process_group(Pid::from_child(child), Signal::KILL);
     }
-    // It has ended if its group has.
+    // If its group has ended, so has the program.
     match child.kill() {
         Err(error) if error.kind() != io::ErrorKind::InvalidInput => return Err(error),
         _ => {}
@@ -111,11 +110,11 @@ fn end(child: &mut Child) -> io::Result<()> {
 }
 
 fn ended(status: ExitStatus) -> End {
-    /// Windows' codes of errors have their highest bits set: access violations, overflowed stacks.
+    /// Windows' error codes have their highest bits set: access violations, overflowed stacks.
     const ERRORS: u32 = 0xc000_0000;
     match status.code() {
         Some(0) => End::Good,
-        // What a shell says of a program that it can't run, or that a signal ended.
+        // A shell's code for a program that it can't run, or that a signal ended.
         Some(126..) if cfg!(unix) => End::Crashed,
         Some(code) if cfg!(windows) && code.cast_unsigned() >= ERRORS => End::Crashed,
         Some(_) => End::Bad,
@@ -127,7 +126,7 @@ fn ended(status: ExitStatus) -> End {
 mod tests {
     use super::*;
 
-    /// Longer than a busy machine needs for a script that ends.
+    /// A limit that is longer than a busy machine needs for a script that ends.
     fn shell(script: &str) -> Ran {
         shell_for(script, Duration::from_secs(20))
     }
@@ -166,11 +165,11 @@ mod tests {
     #[cfg(target_os = "linux")]
     #[test]
     fn what_a_program_has_started_ends_with_it() {
-        // Time enough to tell the process that it starts.
+        // Enough time for the shell to print the process id.
         let ran = shell_for("sleep 600 & echo $!; wait", Duration::from_secs(2));
         assert_eq!(ran.end, End::TimedOut);
         assert!(ran.output.parse::<u32>().is_ok(), "no process in {:?}", ran.output);
-        // The signal is sent, but a busy machine may take a while to carry it out.
+        // The signal has been sent, but a busy machine may take a while to end the process.
         let deadline = Instant::now() + Duration::from_secs(10);
         while runs(&ran.output) {
             assert!(Instant::now() < deadline, "process {} is left", ran.output);
@@ -178,7 +177,7 @@ mod tests {
         }
     }
 
-    /// Whether a process is more than an entry that nobody has taken notice of yet.
+    /// Returns `true` if a process is still running, and not just an entry that no parent has waited for.
     #[cfg(target_os = "linux")]
     fn runs(id: &str) -> bool {
         let status = std::fs::read_to_string(format!("/proc/{id}/status"));

@@ -1,4 +1,4 @@
-//! SPIR-V by compilers that aren't naga: of naga's GLSL and HLSL.
+//! Compiles naga's GLSL and HLSL to SPIR-V, with other compilers than naga.
 
 use std::collections::VecDeque;
 use std::io;
@@ -9,23 +9,23 @@ use std::sync::{Arc, Mutex, PoisonError};
 use crate::child::{self, End, Ran};
 use crate::{Code, EntryPoint, Stage, Target, Translation, layout, tool};
 
-/// Why there is no SPIR-V.
+/// The reason why there is no SPIR-V.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CompileError {
-    /// There is no compiler for it on this machine.
+    /// This machine has no compiler for the language.
     #[error("`{name}` compiles {target}, and isn't here: {reason} ({remedy})")]
     NoCompiler {
         /// The language.
         target: Target,
         /// The compiler.
         name: &'static str,
-        /// Why it isn't used.
+        /// The reason why it isn't used.
         reason: String,
-        /// How to get it.
+        /// Instructions to install it.
         remedy: &'static str,
     },
-    /// No compiler is known that makes SPIR-V of it.
+    /// No compiler from this language to SPIR-V is known.
     #[error("no compiler is known that makes SPIR-V of {target}")]
     NoWay {
         /// The language.
@@ -50,10 +50,10 @@ pub enum CompileError {
         command: String,
         /// `crashes (signal: 11)`.
         how: String,
-        /// What it wrote.
+        /// Its output.
         message: String,
     },
-    /// The compiler makes SPIR-V that isn't valid.
+    /// The compiler's SPIR-V is invalid.
     #[error("`{command}` makes invalid SPIR-V of naga's {target}: {message}")]
     Invalid {
         /// The language.
@@ -63,12 +63,12 @@ pub enum CompileError {
         /// The words of `spirv-val`.
         message: String,
     },
-    /// The compiler lays a uniform buffer out in another way than naga means it.
+    /// The compiler uses another layout for a uniform buffer than naga.
     #[error("`{command}` doesn't lay uniform buffers out as Direct3D does: {message}")]
     Layout {
         /// The command.
         command: String,
-        /// Which member is where.
+        /// The members with different offsets.
         message: String,
     },
     /// The compiler can't be run.
@@ -76,7 +76,7 @@ pub enum CompileError {
     Unrunnable {
         /// The command.
         command: String,
-        /// Why.
+        /// The reason.
         message: String,
     },
 }
@@ -97,11 +97,11 @@ pub fn compiler(target: Target) -> Option<&'static str> {
     }
 }
 
-/// The compiler's arguments; `None`: none makes SPIR-V of this language.
+/// The compiler's arguments; `None` if there is no compiler for this language.
 pub(crate) fn arguments(target: Target, one: &EntryPoint, file: &str) -> Option<Vec<String>> {
     let own: &[&str] = match target {
         Target::Glsl | Target::GlslEs => &[],
-        // naga lays buffers out as HLSL does.
+        // naga lays out buffers as HLSL does.
         Target::Hlsl => &["-D", "--hlsl-offsets", "-e", &one.name],
         Target::Hlsl6 => return Some(of_dxc(one, file)),
         Target::Msl | Target::Spirv | Target::Wgsl => return None,
@@ -111,7 +111,7 @@ pub(crate) fn arguments(target: Target, one: &EntryPoint, file: &str) -> Option<
     Some(own.iter().chain(&common).map(|argument| (*argument).to_owned()).collect())
 }
 
-/// DXC's arguments. Buffers are laid out as Direct3D does; its own validator judges DXIL alone.
+/// The arguments of DXC. It uses Direct3D's layout for buffers; its own validator only checks DXIL.
 fn of_dxc(one: &EntryPoint, file: &str) -> Vec<String> {
     let profile = format!("{}_6_2", profile(one));
     let words = [
@@ -131,7 +131,7 @@ fn of_dxc(one: &EntryPoint, file: &str) -> Vec<String> {
     words.map(str::to_owned).to_vec()
 }
 
-/// What Direct3D calls a stage.
+/// Direct3D's name for a stage.
 pub(crate) fn profile(one: &EntryPoint) -> &'static str {
     match one.stage {
         Stage::Vertex => "vs",
@@ -140,34 +140,34 @@ pub(crate) fn profile(one: &EntryPoint) -> &'static str {
     }
 }
 
-/// The file that it writes.
+/// The file that the compiler writes.
 const OUTPUT: &str = "out.spv";
 
-/// What became of a text.
+/// The result of a compilation.
 #[derive(Debug)]
 pub(crate) struct Compiled {
     pub(crate) ran: Ran,
-    /// What it wrote, if that is SPIR-V.
+    /// The SPIR-V that it wrote, if it is any.
     words: Option<Vec<u32>>,
 }
 
 impl Compiled {
-    /// Whether the compiler says that all is well, and there is no SPIR-V.
+    /// Returns `true` if the compiler reports success but wrote no SPIR-V.
     pub(crate) fn writes_nothing(&self) -> bool {
         self.ran.end == End::Good && self.words.is_none()
     }
 }
 
-/// Runs a compiler on a translation. Who has its HLSL judged runs it next, which is the same command: so
-/// what became of the last ones is kept.
+/// Runs a compiler on a translation. Judging HLSL and running it next use the same command, so the last results are
+/// kept.
 pub(crate) fn run(
     program: &Path,
     arguments: &[String],
     translation: &Translation,
 ) -> io::Result<Arc<Compiled>> {
-    /// The arguments, the text, and what became of it.
+    /// The arguments, the text, and the result.
     type Known = (Vec<String>, String, Arc<Compiled>);
-    /// As many as are judged together, before they run.
+    /// As many as are judged together before they run.
     const KEPT: usize = 128;
     static LAST: Mutex<VecDeque<Known>> = Mutex::new(VecDeque::new());
     let text = translation.code.text().expect("what a compiler reads is a text");
@@ -180,7 +180,7 @@ pub(crate) fn run(
     let file = arguments.last().expect("the file is the last argument");
     std::fs::write(folder.path().join(file), text)?;
     let ran = child::run(Command::new(program).args(arguments).current_dir(folder.path()))?;
-    // A compiler that rejects a text writes no file, and one that doesn't may write none, either.
+    // A compiler that rejects a text writes no file. One that accepts it may fail to write one, too.
     let written = match std::fs::read(folder.path().join(OUTPUT)) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => None,
         read => Some(read?),
@@ -202,7 +202,7 @@ fn spirv(bytes: &[u8]) -> Option<Vec<u32>> {
 /// The first word of SPIR-V.
 const MAGIC: u32 = 0x0723_0203;
 
-/// What `spirv-val` has against SPIR-V, if it is here: drivers take what compilers make on trust.
+/// The error that `spirv-val` finds in SPIR-V, if it is installed. Drivers don't check the output of compilers.
 fn rejected(words: &[u32]) -> io::Result<Option<String>> {
     let Ok((program, _)) = tool::program("spirv-val") else { return Ok(None) };
     let folder = tempfile::tempdir()?;
@@ -218,10 +218,10 @@ fn rejected(words: &[u32]) -> io::Result<Option<String>> {
     })
 }
 
-/// True if glslang's SPIR-V takes the number of a buffer's words for that of its bytes, which HLSL's
-/// `ByteAddressBuffer.GetDimensions` gives: nothing multiplies it.
+/// Returns `true` if glslang's SPIR-V returns the number of a buffer's words, where HLSL's
+/// `ByteAddressBuffer.GetDimensions` returns bytes: the SPIR-V doesn't multiply it.
 fn counts_words(words: &[u32]) -> bool {
-    // Numbers of the specification.
+    // Numbers from the specification.
     const OP_ARRAY_LENGTH: u32 = 68;
     const OP_I_MUL: u32 = 132;
     const OP_SHIFT_LEFT_LOGICAL: u32 = 196;
@@ -239,8 +239,8 @@ fn counts_words(words: &[u32]) -> bool {
     lengths.into_iter().any(|length| !multiplied(length))
 }
 
-/// naga's HLSL for a compiler that [counts words](counts_words): the length that naga's own function asks
-/// for is made that of the bytes.
+/// naga's HLSL for a compiler that [counts words](counts_words), changed so that naga's own length function converts
+/// the length to bytes.
 fn with_bytes(translation: &Translation) -> Translation {
     const ASKED: &str = "buffer.GetDimensions(ret);";
     let text = translation.code.text().expect("what a compiler reads is a text");
@@ -248,8 +248,8 @@ fn with_bytes(translation: &Translation) -> Translation {
     Translation { code, ..translation.clone() }
 }
 
-/// SPIR-V 1.3 for Vulkan 1.1 of a translation with one entry point, by a compiler that isn't naga.
-/// Its bindings are those of the translation.
+/// SPIR-V 1.3 for Vulkan 1.1 from a translation with one entry point, by another compiler than naga. Its bindings are
+/// those of the translation.
 ///
 /// # Errors
 /// If there is no compiler for its language, or the compiler rejects it, crashes or doesn't end.
@@ -303,7 +303,7 @@ pub fn compile(translation: &Translation) -> Result<Vec<u32>, CompileError> {
 mod tests {
     use super::*;
 
-    /// A length that is multiplied is one in bytes: a later glslang may do that itself.
+    /// A multiplied length is in bytes: a later glslang may multiply it itself.
     #[test]
     fn lengths_in_words_are_told_from_those_in_bytes() {
         let head = [MAGIC, 0x0001_0300, 0, 20, 0];

@@ -1,8 +1,8 @@
-//! Whether a compiler lays uniform buffers out as naga means them.
+//! Checks that a compiler uses naga's layout for uniform buffers.
 //!
-//! naga's HLSL counts on Direct3D's packing: a number fits behind the last row of a matrix of three
-//! rows. glslang puts it behind the whole matrix, without a word, and each member behind it is read
-//! from another place. So the offsets in glslang's SPIR-V are compared with those of WGSL.
+//! naga's HLSL relies on Direct3D's packing, in which a number fits behind the last row of a matrix with three rows.
+//! glslang silently puts it behind the whole matrix, and so reads each later member from a wrong place. So this module
+//! compares the offsets in glslang's SPIR-V with those of WGSL.
 
 use std::collections::BTreeMap;
 
@@ -14,8 +14,8 @@ use crate::bindings::uses;
 /// The members of a structure of WGSL, with their offsets.
 pub(crate) type Members = Vec<(String, u32)>;
 
-/// The structures in the uniform buffers that an entry point uses, also those in others; of all
-/// buffers without one.
+/// The structures in the uniform buffers that an entry point uses, nested ones included; without an entry point, those
+/// of all buffers.
 pub(crate) fn uniform_structures(
     module: &Module,
     info: &ModuleInfo,
@@ -45,12 +45,12 @@ pub(crate) fn uniform_structures(
     found
 }
 
-/// naga appends `_` to names that would be others' otherwise.
+/// The name without the `_` that naga appends to avoid collisions.
 fn plain(name: &str) -> String {
     name.trim_end_matches('_').to_owned()
 }
 
-/// What is wrong with the layout of a structure in SPIR-V, if something is.
+/// The error in the layout of a structure in SPIR-V, if there is one.
 pub(crate) fn fault(structures: &[Members], words: &[u32]) -> Option<String> {
     let made = structures_of(words);
     for wanted in structures {
@@ -78,7 +78,7 @@ pub(crate) fn fault(structures: &[Members], words: &[u32]) -> Option<String> {
     None
 }
 
-/// The instructions of SPIR-V: their operations, and all their words.
+/// The instructions of SPIR-V: the operation and all words of each.
 pub(crate) fn instructions(words: &[u32]) -> impl Iterator<Item = (u32, &[u32])> {
     /// Words before the first instruction.
     const HEADER: usize = 5;
@@ -91,9 +91,9 @@ pub(crate) fn instructions(words: &[u32]) -> impl Iterator<Item = (u32, &[u32])>
     })
 }
 
-/// The structures of SPIR-V with their members' names and offsets, without naga's padding.
+/// The structures of SPIR-V with the names and offsets of their members, without naga's padding.
 fn structures_of(words: &[u32]) -> Vec<Members> {
-    // Numbers of the specification: instructions, and the decoration `Offset`.
+    // Numbers from the specification: instructions, and the decoration `Offset`.
     const OP_MEMBER_NAME: u32 = 6;
     const OP_MEMBER_DECORATE: u32 = 72;
     const OFFSET: u32 = 35;
@@ -121,7 +121,7 @@ fn structures_of(words: &[u32]) -> Vec<Members> {
     structures.into_values().collect()
 }
 
-/// What naga adds to structures of HLSL.
+/// Returns `true` for a member that naga adds to a structure in HLSL.
 fn is_padding(name: &str) -> bool {
     name.starts_with("_pad") || name.starts_with("_end_pad")
 }

@@ -1,10 +1,9 @@
-//! Every translation that naga makes of WGSL, and the tools that judge them.
+//! Makes every translation of WGSL that naga offers, and checks them with other tools.
 //!
-//! wgpu hands each driver a translation: SPIR-V to Vulkan, GLSL to OpenGL, HLSL to Direct3D, MSL to
-//! Metal. This crate makes all of them on any machine, with the options that wgpu uses
-//! ([`Shader::translate`]), asks the validators that are installed what they think of one
-//! ([`Tool::validate`]), and compiles GLSL and HLSL to SPIR-V, so that a Vulkan driver can run what
-//! another API would get ([`compile`]).
+//! wgpu passes each driver a translation: SPIR-V to Vulkan, GLSL to OpenGL, HLSL to Direct3D, MSL to Metal. This crate
+//! makes all of them on any machine, with wgpu's options ([`Shader::translate`]), checks them with the installed
+//! validators ([`Tool::validate`]), and compiles GLSL and HLSL to SPIR-V, so that a Vulkan driver can run the
+//! translation for another API ([`compile`]).
 //!
 //! ```
 //! use karat_translate::{Shader, Target};
@@ -30,5 +29,5 @@ pub use shader::{EntryPoint, Shader, Stage, TranslateError};
 pub use target::{Code, Target, Translation};
 pub use tool::{Missing, Tool, Validation, Verdict};
 
-/// The version of naga whose translations these are; a test compares it with Cargo.lock.
+/// The version of naga that makes the translations. A test compares it with Cargo.lock.
 pub const NAGA_VERSION: &str = "30.0.1";

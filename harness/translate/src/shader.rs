@@ -1,4 +1,4 @@
-//! A shader as naga has it.
+//! A shader in naga's form.
 
 use std::fmt;
 
@@ -8,17 +8,17 @@ use naga::{Module, ShaderStage};
 
 use crate::{Bindings, Code, Target, Translation, write};
 
-/// Why there is no translation.
+/// The reason why there is no translation.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum TranslateError {
-    /// naga doesn't read the shader.
+    /// naga can't read the shader.
     #[error("naga doesn't read the shader: {0}")]
     Unread(String),
     /// The shader isn't valid.
     #[error("naga finds the shader invalid: {0}")]
     Invalid(String),
-    /// naga says that it can't write this.
+    /// naga reports that it can't write something.
     #[error("naga doesn't write it as {target}: {message}")]
     Unsupported {
         /// The language.
@@ -39,7 +39,7 @@ pub enum TranslateError {
     NoEntryPoint(String),
 }
 
-/// What an entry point is for.
+/// The stage of an entry point.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[non_exhaustive]
 pub enum Stage {
@@ -63,7 +63,7 @@ impl Stage {
         }
     }
 
-    /// How glslang calls it.
+    /// glslang's name for it.
     pub(crate) fn short(self) -> &'static str {
         match self {
             Self::Vertex => "vert",
@@ -94,7 +94,7 @@ pub struct EntryPoint {
     pub name: String,
 }
 
-/// A valid shader, with what naga knows of it.
+/// A valid shader, with naga's analysis.
 #[derive(Debug)]
 pub struct Shader {
     pub(crate) module: Module,
@@ -105,16 +105,16 @@ impl Shader {
     /// Reads WGSL.
     ///
     /// # Errors
-    /// If naga doesn't read it, or finds it invalid.
+    /// If naga can't read it, or finds it invalid.
     pub fn parse(wgsl: &str) -> Result<Self, TranslateError> {
-        /// naga writes this line and doesn't read it: it has operations of subgroups without.
+        /// naga writes this line but can't read it; it accepts subgroup operations without it.
         const SUBGROUPS: &str = "enable subgroups;";
         let read = wgsl.replacen(SUBGROUPS, &" ".repeat(SUBGROUPS.len()), 1);
         let module = on_deep_stack(|| naga::front::wgsl::parse_str(&read));
         Self::of(module.map_err(|error| TranslateError::Unread(error.emit_to_string(wgsl)))?)
     }
 
-    /// A module of naga's.
+    /// Wraps a module of naga.
     ///
     /// # Errors
     /// If naga finds it invalid.
@@ -127,8 +127,8 @@ impl Shader {
         Ok(Self { info: info.map_err(TranslateError::Invalid)?, module })
     }
 
-    /// True if a compute entry point takes a value that a host supplies in a buffer of its own where it runs as HLSL:
-    /// `num_workgroups`.
+    /// Returns `true` if a compute entry point uses `num_workgroups`: as HLSL it needs this value from the host, in a
+    /// buffer of its own.
     #[must_use]
     pub fn takes_constants(&self, entry_point: &str) -> bool {
         write::hlsl::takes_constants(&self.module, entry_point)
@@ -137,16 +137,16 @@ impl Shader {
     /// Reads SPIR-V.
     ///
     /// # Errors
-    /// If naga doesn't read it, or finds it invalid.
+    /// If naga can't read it, or finds it invalid.
     pub fn from_spirv(words: &[u32]) -> Result<Self, TranslateError> {
-        // The Y axis was flipped when it was written.
+        // naga flipped the Y axis when it wrote the SPIR-V.
         let options = naga::front::spv::Options::default();
         let frontend = naga::front::spv::Frontend::new(words.iter().copied(), &options);
         let module = on_deep_stack(|| frontend.parse());
         Self::of(module.map_err(|error| TranslateError::Unread(causes(&error)))?)
     }
 
-    /// Its entry points, in the order of its text.
+    /// The entry points, in the order of the text.
     #[must_use]
     pub fn entry_points(&self) -> Vec<EntryPoint> {
         let own =
@@ -154,27 +154,27 @@ impl Shader {
         self.module.entry_points.iter().map(own).collect()
     }
 
-    /// Invocations of a workgroup of a compute entry point; 0 of another one.
+    /// The workgroup size of a compute entry point; 0 for other stages.
     #[must_use]
     pub fn workgroup_size(&self, entry_point: &str) -> (u32, u32, u32) {
         let known = self.module.entry_points.iter().find(|e| e.name == entry_point);
         known.map_or((0, 0, 0), |e| e.workgroup_size.into())
     }
 
-    /// naga's IR.
+    /// The IR of naga.
     #[must_use]
     pub fn module(&self) -> &Module {
         &self.module
     }
 
-    /// Takes naga's IR.
+    /// The shader's IR, by value.
     #[must_use]
     pub fn into_module(self) -> Module {
         self.module
     }
 
-    /// Translates one entry point, with what it uses, or the whole shader. A text of GLSL has one
-    /// entry point: it needs its name, if there are several.
+    /// Translates one entry point with everything that it uses, or the whole shader. A GLSL text has one entry point,
+    /// so name it if there are several.
     ///
     /// # Errors
     /// If there is no such entry point, or naga can't write it in this language.
@@ -190,7 +190,7 @@ impl Shader {
             }
             None => None,
         };
-        // What a compiler of others does to its process is a verdict on it; naga is one of them.
+        // A crash or a panic of a compiler is a verdict on it. naga is one of these compilers.
         let written = panics::caught(|| on_deep_stack(|| write::write(self, target, entry_point)));
         match written {
             Ok(Ok(translation)) => Ok(translation),
@@ -201,8 +201,7 @@ impl Shader {
 }
 
 impl Shader {
-    /// The text that the shader was [parsed](Self::parse) from, for who executes naga's IR of it: nothing
-    /// is translated.
+    /// The text from which the shader was [parsed](Self::parse), for an executor of naga's IR. Nothing is translated.
     ///
     /// # Errors
     /// If there is no such entry point.
@@ -220,9 +219,9 @@ impl Shader {
     }
 }
 
-/// Runs what recurses as deep as a shader nests.
+/// Runs code that recurses as deeply as a shader nests, on a large stack.
 fn on_deep_stack<T>(work: impl FnOnce() -> T) -> T {
-    /// naga's recursion takes up to some 20 KB a level without optimisation.
+    /// Without optimisation, naga's recursion takes up to some 20 KB a level.
     const STACK: usize = 256 << 20;
     stacker::grow(STACK, work)
 }

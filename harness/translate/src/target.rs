@@ -1,11 +1,11 @@
-//! The languages that naga writes, and what it wrote.
+//! The languages that naga writes, and the translations.
 
 use std::fmt;
 use std::str::FromStr;
 
 use crate::Bindings;
 
-/// A language that naga translates to, in a version that some API takes.
+/// A language that naga translates to, in a version that some API accepts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Target {
     /// SPIR-V 1.3, for Vulkan 1.1.
@@ -20,12 +20,12 @@ pub enum Target {
     Hlsl6,
     /// Metal's language, version 2.4.
     Msl,
-    /// WGSL that naga writes.
+    /// WGSL, as naga writes it.
     Wgsl,
 }
 
 impl Target {
-    /// All of them.
+    /// All languages.
     pub const ALL: [Self; 7] =
         [Self::Spirv, Self::Glsl, Self::GlslEs, Self::Hlsl, Self::Hlsl6, Self::Msl, Self::Wgsl];
 
@@ -43,7 +43,7 @@ impl Target {
         }
     }
 
-    /// How a file of it ends.
+    /// The extension of its files.
     #[must_use]
     pub const fn extension(self) -> &'static str {
         match self {
@@ -55,7 +55,7 @@ impl Target {
         }
     }
 
-    /// Whether a text holds one entry point only.
+    /// Returns `true` if a text has only one entry point.
     #[must_use]
     pub const fn is_of_one_entry_point(self) -> bool {
         matches!(self, Self::Glsl | Self::GlslEs)
@@ -80,7 +80,7 @@ impl FromStr for Target {
     }
 }
 
-/// What naga wrote.
+/// The text or the words of a translation.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Code {
     /// Source text.
@@ -99,7 +99,7 @@ impl Code {
         }
     }
 
-    /// The bytes of a file of it. SPIR-V is little-endian.
+    /// The bytes of its file. SPIR-V is little-endian.
     #[must_use]
     pub fn bytes(&self) -> Vec<u8> {
         match self {
@@ -114,11 +114,11 @@ impl Code {
 pub struct Translation {
     /// The language.
     pub target: Target,
-    /// What was written.
+    /// The text, or the words.
     pub code: Code,
-    /// The entry points that it holds, by the names that it has for them.
+    /// Its entry points, with their names in it.
     pub entry_points: Vec<crate::EntryPoint>,
-    /// Where each variable of WGSL's is bound in it.
+    /// The binding of each WGSL variable in it.
     pub bindings: Bindings,
     /// naga's options, in words.
     pub options: String,

@@ -1,4 +1,4 @@
-//! Validators: programs of others that judge a translation.
+//! Validators: other programs that check a translation.
 
 use std::ffi::OsString;
 use std::io;
@@ -9,29 +9,29 @@ use std::sync::OnceLock;
 use crate::child::{self, End, Ran};
 use crate::{Code, EntryPoint, Shader, Target, Translation, compile};
 
-/// What a tool thinks of a translation.
+/// The verdict of a tool on a translation.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Verdict {
     /// It finds nothing wrong.
     Valid,
     /// It rejects it, with this message.
     Invalid(String),
-    /// It has no verdict, as it doesn't know all of the language: what it lacks, and its words.
+    /// No verdict: it doesn't support all of the language. Holds the missing part, and its words.
     Unable(String),
-    /// It has no verdict: it crashed, didn't end in time, or wrote without end. How, and what it wrote.
+    /// No verdict: it crashed, took too long, or wrote too much. Holds the problem, and its output.
     Broke(String),
 }
 
-/// A verdict with what it takes to repeat it.
+/// A verdict, with the data to repeat it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Validation {
     /// The tool's name.
     pub tool: &'static str,
     /// Its version, in its own words.
     pub version: String,
-    /// The command; it names a file `shader.*` that holds the translation.
+    /// The command. The file `shader.*` in it is the translation.
     pub command: String,
-    /// What it thinks.
+    /// The verdict.
     pub verdict: Verdict,
 }
 
@@ -39,26 +39,26 @@ pub struct Validation {
 #[derive(Clone, Debug)]
 pub struct Tool {
     known: &'static Known,
-    /// `None`: it is a part of this program.
+    /// The program; `None` if the tool is a part of this one.
     program: Option<PathBuf>,
     version: String,
 }
 
-/// A tool that this crate knows how to ask.
+/// A tool that this crate supports.
 #[derive(Debug)]
 struct Known {
     name: &'static str,
-    /// What it judges.
+    /// The languages that it checks.
     targets: &'static [Target],
-    /// Arguments that make it say its version, and a word of its answer that no other program of
-    /// this name writes.
+    /// The arguments that make it print its version, and a word of that output that no other program with this name
+    /// writes.
     asked: &'static [&'static str],
     says: &'static str,
-    /// How to get it.
+    /// Instructions to install it.
     remedy: &'static str,
-    /// What it judges several files of in one process, and names each.
+    /// The languages of which one process checks several files, and prints the name of each.
     several: &'static [Target],
-    /// Its arguments, of which the last is the file.
+    /// Its arguments. The last one is the file.
     arguments: fn(Target, &EntryPoint, file: &str) -> Vec<String>,
 }
 
@@ -137,7 +137,7 @@ static KNOWN: [Known; 6] = [
         },
     },
     Known {
-        // Debian has another program of this name, a panel for desktops.
+        // Debian has another program with this name: a panel for desktops.
         name: "tint",
         targets: &[Target::Wgsl],
         asked: &["--help"],
@@ -163,22 +163,21 @@ fn words(words: &[&str]) -> Vec<String> {
     words.iter().map(|word| (*word).to_owned()).collect()
 }
 
-/// A tool that isn't here.
+/// A tool that isn't installed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Missing {
     /// Its name.
     pub name: &'static str,
-    /// What it would judge.
+    /// The languages that it would check.
     pub targets: &'static [Target],
-    /// Why it isn't used.
+    /// The reason why it isn't used.
     pub reason: String,
-    /// How to get it.
+    /// Instructions to install it.
     pub remedy: &'static str,
 }
 
 impl Tool {
-    /// Every tool that is known: those that are here, with those that aren't. They are looked for
-    /// once a process, in `PATH` and in `VULKAN_SDK`.
+    /// Every supported tool, installed or not. A process looks for them once, in `PATH` and in `VULKAN_SDK`.
     pub fn all() -> &'static [Result<Self, Missing>] {
         static ALL: OnceLock<Vec<Result<Tool, Missing>>> = OnceLock::new();
         ALL.get_or_init(|| {
@@ -189,10 +188,10 @@ impl Tool {
         })
     }
 
-    /// The tools that are here and judge a language.
+    /// The installed tools that check a language.
     ///
-    /// naga judges its own WGSL. Of SPIR-V it reads a part only, so that it rejects much that is
-    /// valid: it is no judge of that, but [`naga`](Self::naga) can be asked.
+    /// naga checks its own WGSL. It reads only a part of SPIR-V and rejects much that is valid, so it doesn't count for
+    /// SPIR-V; [`naga`](Self::naga) still gives it.
     pub fn of(target: Target) -> impl Iterator<Item = &'static Self> {
         let here = Self::all().iter().filter_map(|tool| tool.as_ref().ok());
         here.filter(move |tool| tool.targets().contains(&target))
@@ -217,16 +216,16 @@ impl Tool {
         &self.version
     }
 
-    /// What it judges.
+    /// The languages that it checks.
     #[must_use]
     pub fn targets(&self) -> &'static [Target] {
         self.known.targets
     }
 
-    /// Asks what it thinks of a translation: of each entry point, and of the first that it rejects.
+    /// Checks a translation: each entry point, up to the first that it rejects.
     ///
     /// # Errors
-    /// If the program can't be run, or no file be written for it.
+    /// If the program can't be run, or its file can't be written.
     pub fn validate(&self, translation: &Translation) -> io::Result<Validation> {
         let Some(program) = &self.program else { return Ok(self.read_back(translation)) };
         if let Some(arguments) = self.compiles(translation) {
@@ -258,7 +257,7 @@ impl Tool {
         Ok(said)
     }
 
-    /// Its program; `None`: it is a part of this one.
+    /// The program; `None` if the tool is a part of this one.
     pub(crate) fn program(&self) -> Option<&Path> {
         self.program.as_deref()
     }
@@ -270,13 +269,13 @@ impl Tool {
         Some((self.known.arguments)(target, entry_point, &file_of(target)))
     }
 
-    /// The arguments by which a translation is compiled, if that is how this tool judges it.
+    /// The arguments that compile a translation, if the tool checks it by compiling.
     fn compiles(&self, translation: &Translation) -> Option<Vec<String>> {
         let own = self.name() == compile::GLSLANG && translation.target == Target::Hlsl;
         own.then(|| self.arguments(translation)).flatten()
     }
 
-    /// Whether one process of it judges several files of a language.
+    /// Returns `true` if one of its processes can check several files of a language.
     pub(crate) fn judges_files(&self, target: Target) -> bool {
         self.known.several.contains(&target)
     }
@@ -285,7 +284,7 @@ impl Tool {
         Validation { tool: self.name(), version: self.version.clone(), command, verdict }
     }
 
-    /// What naga thinks of its own translation.
+    /// naga's verdict on its own translation.
     fn read_back(&self, translation: &Translation) -> Validation {
         let read = karat_core::panics::caught(|| match &translation.code {
             Code::Text(text) => Shader::parse(text).map_err(|error| error.to_string()),
@@ -313,15 +312,15 @@ impl Tool {
         }
     }
 
-    /// The part of a language that it doesn't know, if its first error is about that: the next ones may follow from it.
+    /// The part of a language that it lacks, if its first error is about that. Later errors may only follow from it.
     fn lacks(&self, target: Target, output: &str) -> Option<&'static str> {
-        /// Messages of glslang (seen of 11.12) about HLSL that DXC and FXC take.
+        /// Messages of glslang (as of 11.12) about HLSL that DXC and FXC accept.
         const OF_HLSL: [(&str, &str); 2] = [
             (
                 "array constructor needs one argument per array element",
                 "it doesn't know the zero value of an array, `(uint[64])0`",
             ),
-            // Neither WGSL nor what naga makes of it has any.
+            // WGSL has no such construct, and neither has naga's output.
             (
                 "Recursion detected",
                 "it takes a function that a constant calls for one that calls itself",
@@ -334,7 +333,7 @@ impl Tool {
     }
 }
 
-/// What a translation is called, where a command names it.
+/// The name of a translation's file in commands.
 fn file_of(target: Target) -> String {
     format!("shader.{}", target.extension())
 }
@@ -374,7 +373,7 @@ impl Known {
     }
 }
 
-/// A program of the machine, for compiling: see [`compile`](crate::compile()).
+/// An installed program for compiling: see [`compile`](crate::compile()).
 pub(crate) fn program(name: &str) -> Result<(&'static Path, &'static str), &'static Missing> {
     let of_name = Tool::all().iter().find(|tool| match tool {
         Ok(tool) => tool.name() == name,
@@ -403,7 +402,7 @@ mod tests {
 
     use super::*;
 
-    /// Debian's `tint` is a panel for desktops: a program is what it says that it is.
+    /// Debian's `tint` is a panel for desktops, so a program has to identify itself.
     #[test]
     fn a_program_of_the_same_name_is_not_the_tool() {
         let folder = tempfile::tempdir().expect("a temporary folder");

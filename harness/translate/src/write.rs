@@ -15,16 +15,16 @@ use naga::{EntryPoint, Module};
 
 use crate::{Bindings, Code, Shader, Stage, Target, Translation};
 
-/// What a back end wrote.
+/// The output of a back end.
 struct Written {
     code: Code,
-    /// The names of entry points, in the order of the module's, or of the one that was asked for.
+    /// The names of the entry points, in the module's order, or of the requested one.
     entry_points: Vec<String>,
     bindings: Bindings,
     options: String,
 }
 
-/// One job for a back end.
+/// A job for a back end.
 struct Job<'j> {
     module: &'j Module,
     info: &'j ModuleInfo,
@@ -32,7 +32,7 @@ struct Job<'j> {
 }
 
 impl Job<'_> {
-    /// The names of the entry points as they are in WGSL.
+    /// The WGSL names of the entry points.
     fn names(&self) -> Vec<String> {
         match self.entry_point {
             Some(one) => vec![one.name.clone()],
@@ -41,16 +41,16 @@ impl Job<'_> {
     }
 }
 
-/// Indices out of range are moved into it, as wgpu has it where a driver doesn't check them.
+/// Moves indices into range, as wgpu does if a driver doesn't check them.
 const RESTRICT: BoundsCheckPolicies = BoundsCheckPolicies {
     index: BoundsCheckPolicy::Restrict,
     buffer: BoundsCheckPolicy::Restrict,
     image_load: BoundsCheckPolicy::Restrict,
-    // wgpu has none for arrays of bindings.
+    // wgpu has no check for arrays of bindings.
     binding_array: BoundsCheckPolicy::Unchecked,
 };
 
-/// What [`RESTRICT`] is called in reports.
+/// The name of [`RESTRICT`] in reports.
 const RESTRICTED: &str = "bounds checks restrict";
 
 pub(crate) fn write(

@@ -1,4 +1,4 @@
-//! Translations, and what tools think of them.
+//! Tests translations, and the verdicts of tools on them.
 
 use karat_translate::{
     Code, CompileError, NAGA_VERSION, Shader, Stage, Target, Tool, TranslateError, Translation,
@@ -49,7 +49,7 @@ fn each_entry_point_is_written_in_each_language() {
             assert!(!translation.options.is_empty());
             let stages: Vec<Stage> = translation.entry_points.iter().map(|e| e.stage).collect();
             match target {
-                // It writes whole modules only.
+                // naga writes only whole modules.
                 Target::Wgsl => assert!(stages.contains(&stage)),
                 _ => assert_eq!(stages, [stage], "{target} {entry_point}"),
             }
@@ -66,7 +66,7 @@ fn each_entry_point_is_written_in_each_language() {
     }
 }
 
-/// Resources of GLSL and HLSL are numbered in one row, whatever their groups.
+/// GLSL and HLSL number all resources in one sequence, across groups.
 #[test]
 fn resources_keep_their_order() {
     for target in [Target::Glsl, Target::GlslEs, Target::Hlsl, Target::Hlsl6] {
@@ -79,7 +79,7 @@ fn resources_keep_their_order() {
     assert!(kept.iter().all(|r| r.wgsl == r.translated));
 }
 
-/// Every tool that is here finds every translation valid, and says so with its version and command.
+/// Every installed tool accepts every translation, and reports its version and command.
 #[test]
 fn what_naga_writes_is_valid_for_the_tools_that_are_here() {
     let mut asked = Vec::new();
@@ -99,7 +99,7 @@ fn what_naga_writes_is_valid_for_the_tools_that_are_here() {
     assert_eq!(read.verdict, Verdict::Valid);
 }
 
-/// A validator that lacks a part of a language gives no verdict, unless it finds another fault first.
+/// If a validator doesn't support a part of a language, it gives no verdict, unless it finds another fault first.
 #[test]
 fn arrays_of_workgroups_are_no_fault_of_hlsl() {
     let text = "var<workgroup> tile: array<u32, 64>;
@@ -125,14 +125,14 @@ fn arrays_of_workgroups_are_no_fault_of_hlsl() {
     }
 }
 
-/// A validator that finds nothing wrong with anything would find nothing wrong here.
+/// Each validator can reject: otherwise accepting would prove nothing.
 #[test]
 fn a_fault_is_seen_by_each_tool_that_judges_it() {
     let spoiled = |target: Target| {
         let mut translation = translate(target, "add");
         match &mut translation.code {
             Code::Text(text) => *text = text.replacen("total =", "undeclared_name =", 1),
-            // The result type of the last instruction that has one becomes that of nothing.
+            // Replaces the result type of the last instruction that has one with an undefined one.
             Code::Words(words) => {
                 let last = words.len() - 8;
                 words[last..].fill(0x0002_0001);
@@ -154,7 +154,7 @@ fn a_fault_is_seen_by_each_tool_that_judges_it() {
     }
 }
 
-/// Values that come with a draw have a place in each language.
+/// Values of a draw have a place in each language.
 #[test]
 fn immediates_are_written() {
     let text = "struct Scale { by: f32 }\nvar<immediate> scale: Scale;\n\
@@ -167,7 +167,7 @@ fn immediates_are_written() {
     }
 }
 
-/// What is judged together is judged as if each were alone: one that is wrong spoils no other.
+/// Checking several together gives the same verdicts as one by one: an invalid one doesn't affect the others.
 #[test]
 fn several_are_judged_as_each_alone() {
     for target in Target::ALL {
@@ -209,7 +209,7 @@ fn glsl_and_hlsl_become_spirv() {
             Ok(words) => {
                 assert_eq!(words[0], 0x0723_0203, "the magic number of SPIR-V");
                 let back = Shader::from_spirv(&words);
-                // naga need not read all that others write, but what it reads has the entry point.
+                // naga can't read all of the output of other compilers, but what it reads has the entry point.
                 if let Ok(back) = back {
                     assert_eq!(back.entry_points().len(), 1);
                 }
@@ -250,7 +250,7 @@ fn what_is_wrong_is_said() {
     assert!(error.contains("spirv, glsl, glsl-es, hlsl, hlsl6, msl, wgsl"), "{error}");
 }
 
-/// An override without a value can't be translated; one with a value has it.
+/// An override without a value can't be translated. One with a value gets it.
 #[test]
 fn overrides_have_their_values() {
     let shader = |value: &str| {
@@ -267,15 +267,15 @@ fn overrides_have_their_values() {
 
 #[test]
 fn the_version_told_is_that_of_the_lock_file() {
-    // That of the repository, or the copy that a published package has.
+    // The lock file of the repository, or its copy in a published package.
     let package = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
     let read = |folder: &str| std::fs::read_to_string(package.join(folder).join("Cargo.lock")).ok();
     let lock = read("../..").or_else(|| read("")).expect("it is there");
     assert!(lock.contains(&format!("name = \"naga\"\nversion = \"{NAGA_VERSION}\"\n")));
 }
 
-/// glslang puts a number behind a matrix of three rows, Direct3D behind its last row. That is no
-/// translation to judge naga's by.
+/// glslang puts a number behind a matrix of three rows, Direct3D behind the matrix's last row. Such output can't be
+/// used to judge naga's translation.
 #[test]
 fn another_layout_of_a_uniform_buffer_is_refused() {
     let shader = |members: &str| {

@@ -1,7 +1,7 @@
-//! Shaders that others wrote: what opens, links, validates and can be called.
+//! Checks shaders of other projects: which modules open, link and validate, and which functions can be called.
 //!
-//! `cargo run --bin corpus -- LIST.toml [--json FILE]` reads the crates and folders of a list,
-//! which cargo fetches and doesn't compile. `cargo ci corpus` runs it over `ci/corpus.toml`.
+//! `cargo run --bin corpus -- LIST.toml [--json FILE]` reads the crates and folders of a list. cargo fetches them, and
+//! doesn't compile them. `cargo ci corpus` runs it over `ci/corpus.toml`.
 //!
 //! ```toml
 //! [[shaders]]
@@ -13,10 +13,10 @@
 //! "ssr" = ["DEPTH_PREPASS"]
 //! ```
 //!
-//! `--verbose` prints why each module isn't valid.
+//! `--verbose` prints the reason why a module isn't valid.
 //!
-//! What naga accepts as it is Karat must accept byte for byte, and each function must be at the
-//! author's line: both are faults, as are panics and files that take more than two seconds.
+//! If naga accepts a module unchanged, Karat must accept it byte for byte, and each function must be at the author's
+//! line. Anything else is a fault, and so are panics and files that take too long: see `SLOWEST`.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -40,24 +40,24 @@ mod reasons;
 
 use list::{List, Wanted};
 
-/// What became of a crate or a folder.
+/// The counts of a crate or a folder.
 #[derive(Default, Serialize)]
 struct Row {
     name: String,
     modules: usize,
     /// Modules whose functions can be listed.
     open: usize,
-    /// Modules that are valid with all that they hold.
+    /// Modules that are valid with all of their content.
     whole: usize,
     functions: usize,
     callable: usize,
-    /// Functions and modules that are refused, by reason.
+    /// Refused functions and modules, by reason.
     reasons: BTreeMap<String, usize>,
     /// The slowest module.
     slowest_ms: u128,
 }
 
-/// More is a fault, on a busy machine, too; the slowest module of each crate is printed.
+/// A module that takes longer is a fault, even on a busy machine. The slowest module of each crate is printed.
 const SLOWEST: Duration = Duration::from_secs(10);
 
 fn main() -> ExitCode {
@@ -111,7 +111,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// A table in Markdown, with a line of all, and the reasons of all.
+/// A Markdown table with a line for the total, and the reasons for all crates.
 fn table(rows: &[Row]) -> String {
     let mut text = String::from(
         "| crate | modules | open | whole | functions | callable | refused because |\n\
@@ -208,7 +208,7 @@ impl Row {
     }
 }
 
-/// What became of a module, and what contradicts naga or the author's file.
+/// The counts of a module, and the contradictions to naga or to the author's file.
 fn of(package: &Package, module: &str, as_it_is: bool, verbose: bool) -> (Row, Vec<String>) {
     let (mut row, mut faults) = (Row { modules: 1, ..Row::default() }, Vec::new());
     let Some(text) = text_of(package, module) else {
@@ -252,7 +252,7 @@ fn of(package: &Package, module: &str, as_it_is: bool, verbose: bool) -> (Row, V
                 row.callable += 1;
                 let span = &probed.function().span;
                 let author = span.file.text.get(span.range.clone()).unwrap_or_default();
-                // Of one that may discard the kernel says whether it did.
+                // If the function may discard, the kernel says whether it did.
                 let discards = matches!(&probed.function().result, Shape::Struct { members, .. }
                     if members.last().is_some_and(|(name, _)| name == "discarded"));
                 if plain && !discards && !probed.kernel().contains(author) {
@@ -275,7 +275,7 @@ fn text_of(package: &Package, module: &str) -> Option<String> {
     ["wgsl", "wesl"].into_iter().find_map(|extension| std::fs::read_to_string(file(extension)).ok())
 }
 
-/// Whether the author's line doesn't declare the function, read without Karat's lexer.
+/// Returns `true` if the author's line doesn't declare the function, read without Karat's lexer.
 fn misplaced(text: &str, item: &FunctionItem) -> Option<String> {
     let (line, column) = item.span.file.line_column(item.span.range.start);
     let name = item.name.rsplit("::").next().unwrap_or_default();
@@ -286,7 +286,7 @@ fn misplaced(text: &str, item: &FunctionItem) -> Option<String> {
     (!sound).then(|| format!("`{}` isn't at line {line}: {author}", item.name))
 }
 
-/// True of a text with `[[block]]`, or with `;` between the members of a structure.
+/// Returns `true` for a text with `[[block]]`, or with `;` between the members of a structure.
 fn is_of_2021(text: &str) -> bool {
     let bodies = text.split("struct ").skip(1);
     let mut bodies = bodies.map(|body| body.split('}').next().unwrap_or_default());
@@ -297,7 +297,7 @@ fn seeming_functions(text: &str) -> usize {
     text.lines().filter(|line| line.trim_start().starts_with("fn ")).count()
 }
 
-/// Why a probe can't call a function that is valid: parts of messages.
+/// The reasons why a probe can't call a valid function: parts of messages.
 const BY_NATURE: &[(&str, &str)] = &[
     ("a pointer", "pointer"),
     ("returns nothing", "no result"),
@@ -309,7 +309,7 @@ const BY_NATURE: &[(&str, &str)] = &[
     ("", "not probed otherwise"),
 ];
 
-/// Why a module or a function doesn't link or isn't valid: parts of messages.
+/// The reasons why a module or a function doesn't link or isn't valid: parts of messages.
 const INVALID: &[(&str, &str)] = &[
     ("template's placeholder", "template"),
     ("isn't WGSL: a preprocessor", "unknown preprocessor"),
@@ -326,7 +326,7 @@ const INVALID: &[(&str, &str)] = &[
     ("", "invalid for naga"),
 ];
 
-/// The first reason that a message gives.
+/// The first reason that a message contains.
 fn reason(message: &str, reasons: &[(&str, &'static str)]) -> &'static str {
     let found = reasons.iter().find(|(part, _)| message.contains(part));
     found.map_or("", |(_, reason)| reason)

@@ -1,4 +1,4 @@
-//! Shaders that others wrote, by both compilers of WGSL: what naga and Tint accept, and why not.
+//! Checks shaders of other projects with both WGSL compilers, naga and Tint, and counts the reasons for rejections.
 //!
 //! `cargo run --bin corpus_compilers -- LIST.toml` reads the modules of each crate and folder of a list
 //! (see `corpus.rs`), and prints tables. `cargo ci corpus --compilers` runs it over `ci/corpus.toml`.
@@ -21,11 +21,11 @@ use list::{List, Wanted};
 struct Sum {
     modules: usize,
     both: usize,
-    /// naga accepts them and Tint doesn't: on purpose, as they use what wgpu alone has, or not.
+    /// Modules that naga accepts and Tint rejects, on purpose or not: some use features that only wgpu has.
     native: usize,
     naga_alone: usize,
     tint_alone: usize,
-    /// Neither, or they aren't WGSL before the crate's own program made it so.
+    /// Modules that neither accepts, for example because they need processing by the crate's own program.
     neither: usize,
 }
 
@@ -51,7 +51,7 @@ impl Sum {
 struct Difference {
     module: String,
     reason: &'static str,
-    /// Its first line.
+    /// The first line of Tint's message.
     message: String,
     /// The file's own name, with line and column.
     place: String,
@@ -119,7 +119,7 @@ fn tables(wanted: &[Wanted]) -> Result<String, String> {
     Ok(text)
 }
 
-/// Asks both about all modules of a crate.
+/// Asks both compilers about all modules of a crate.
 fn read(wanted: &Wanted) -> Result<(Sum, Vec<Difference>), String> {
     let name = wanted.name();
     let package = wanted.open().map_err(|error| format!("{name}: {error}"))?;

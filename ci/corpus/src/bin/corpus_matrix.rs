@@ -1,9 +1,9 @@
-//! Shaders that others wrote, on each route: how far their functions and entry points get.
+//! Takes shaders of other projects through each route: how far do their functions and entry points get?
 //!
-//! `cargo run --bin corpus_matrix -- LIST.toml [--json FOLDER]` makes the matrix of
-//! each crate and folder of a list (see `corpus.rs`), and prints a table. `cargo ci corpus --routes`
-//! runs it over `ci/corpus.toml`. A panic is a fault; whatever else goes wrong is a row. Each crate is made
-//! by a process of its own, which begins again without a row that hangs or crashes a driver.
+//! `cargo run --bin corpus_matrix -- LIST.toml [--json FOLDER]` makes the matrix of each crate and folder of a list
+//! (see `corpus.rs`), and prints a table. `cargo ci corpus --routes` runs it over `ci/corpus.toml`. A panic is a fault;
+//! any other problem is a row of the table. Each crate has its own process, which starts again without a row that hangs
+//! or crashes a driver.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -23,7 +23,7 @@ use list::{List, Wanted};
 /// Inputs of each function: enough to tell translations apart.
 const CASES: usize = 64;
 
-/// Words of a cell that are findings, behind those of the statuses.
+/// The words of cells that are findings, in addition to the statuses.
 const WRONG: [&str; 5] = ["DIFFERS", "INVALID", "NO VERDICT", "PANICS", "unsupported"];
 
 /// A crate, or all of them together.
@@ -32,19 +32,19 @@ struct Sum {
     rows: usize,
     judged: usize,
     wrong: usize,
-    /// How many rows got how far, by column.
+    /// The number of rows by column and status.
     counts: BTreeMap<String, BTreeMap<String, usize>>,
-    /// What is wrong, by its first line: how often, and where first.
+    /// The problems, by their first line: the count, and the first place.
     reasons: BTreeMap<String, (usize, String)>,
-    /// Why there is no matrix.
+    /// The reason why there is no matrix.
     error: Option<String>,
 }
 
-/// Arguments of the process that makes one crate, behind the list.
+/// The arguments, after the list, of a process for one crate.
 struct One {
     index: usize,
     journal: PathBuf,
-    /// Where its sum goes.
+    /// The file for its sum.
     sum: PathBuf,
 }
 
@@ -78,7 +78,7 @@ fn main() -> ExitCode {
     }
 }
 
-/// Prints the table. True if nothing panicked, and something was judged.
+/// Prints the table. Returns `true` if no row panicked, and some row was judged.
 fn make_all(list: &str, wanted: &[Wanted], json: Option<&str>) -> Result<bool, String> {
     let folder = tempfile::tempdir().map_err(|error| error.to_string())?;
     let this = std::env::current_exe().map_err(|error| error.to_string())?;
@@ -94,7 +94,7 @@ fn make_all(list: &str, wanted: &[Wanted], json: Option<&str>) -> Result<bool, S
         program.args([list, "--one", &index.to_string()]).arg(&journal).arg(&file).args(json);
         let status = restarted(&journal, &mut program).map_err(|error| error.to_string())?;
         let read = || serde_json::from_slice::<Sum>(&std::fs::read(&file).ok()?).ok();
-        // It is written last, whole: a driver that crashes as it is unloaded takes nothing along.
+        // The process writes its sum last, and whole, so a driver that crashes while unloading loses nothing.
         let Some(sum) = read() else {
             let fault = format!("{name}: the process that makes its matrix ended: {status}");
             eprintln!("{fault}");
@@ -119,7 +119,7 @@ fn make_all(list: &str, wanted: &[Wanted], json: Option<&str>) -> Result<bool, S
     Ok(written.is_ok() && faults.is_empty() && all.judged > 0)
 }
 
-/// Makes the matrix of one crate, and writes down its sum.
+/// Makes the matrix of one crate, and writes its sum.
 fn make_one(wanted: &Wanted, one: &One, json: Option<&str>) -> Result<(), String> {
     let mut sum = Sum::default();
     match make(wanted, &one.journal) {
@@ -232,12 +232,12 @@ impl Sum {
     }
 }
 
-/// The column and what is wrong, without what differs from row to row.
+/// The column and the problem, without the parts that vary from row to row.
 fn reason(column: &str, stop: &Stop) -> String {
     let text = stop.text();
     let line = match stop {
         Stop::Differs(_) => "other results".to_owned(),
-        // The first line is the command with the file's name.
+        // The first line is the command with the name of the file.
         Stop::Rejected(_) => {
             let line = text.lines().find(|line| line.contains("rror")).map(str::to_owned);
             line.unwrap_or_else(|| first_line(text))

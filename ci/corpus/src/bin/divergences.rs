@@ -1,8 +1,8 @@
-//! Lists the expressions that drivers, and naga's translations, compute otherwise than WGSL says.
+//! Lists the expressions for which drivers, and naga's translations, violate WGSL.
 //!
-//! `cargo run --bin divergences -- docs/divergences` asks each path of `KARAT_PATHS` for each operator and
-//! builtin function, and writes a page a path and driver; `cargo ci divergences` does that. Pages of drivers
-//! that aren't here stay as they are. `vulkan:glsl` and its like are naga's translations on their way to a driver.
+//! `cargo run --bin divergences -- docs/divergences` tests each operator and builtin function on each path of
+//! `KARAT_PATHS`, and writes a page for each path and driver; `cargo ci divergences` runs it. Pages of drivers that
+//! aren't on this machine stay unchanged. Paths such as `vulkan:glsl` use one of naga's translations.
 
 use std::collections::BTreeMap;
 use std::f32::consts::PI;
@@ -19,7 +19,7 @@ use karat::unstable::path::Adapter;
 use karat::unstable::tolerance::SpecTolerance;
 use karat::unstable::value::Scalar;
 
-/// An operator or a builtin function, what is asked of it, and what it should give.
+/// An operator or a builtin function, its arguments and its expected results.
 struct Question {
     expression: &'static str,
     source: &'static str,
@@ -30,18 +30,18 @@ struct Question {
 enum Answer {
     Agrees,
     Differs(Box<PathDisagreement>),
-    /// Why there is no value.
+    /// The reason why there is no value.
     Stopped(String),
 }
 
-/// The bounds of WGSL, section 15.7.4, wherever they are narrower than 1.
+/// The bounds of WGSL, section 15.7.4, where they are narrower than 1.
 fn within() -> SpecTolerance {
     Spec.needing(Abs(1.0))
 }
 
 const EXACTLY: Ulp = Ulp(0.0);
 
-/// Integers of which one more or less, or their sign, makes a difference.
+/// Integers that show an error by one, or of the sign.
 fn edges() -> OneOf<i32> {
     OneOf(vec![
         i32::MIN,
@@ -81,8 +81,8 @@ macro_rules! questions {
     };
 }
 
-/// Domains are where WGSL bounds the result; `sin` and `cos` from -pi to pi, `asin` and `acos` where
-/// they are those of `atan2`, which is bounded away from 0.
+/// The domains are those for which WGSL bounds the result: `sin` and `cos` from -pi to pi, `asin` and `acos` where
+/// `atan2`, from which their bounds follow, is away from 0.
 const QUESTIONS: &[Question] = questions! {
     "x + y", (x: f32, y: f32) -> f32, (-1e3..=1e3, -1e3..=1e3), |x: f64, y: f64| x + y, within();
     "x - y", (x: f32, y: f32) -> f32, (-1e3..=1e3, -1e3..=1e3), |x: f64, y: f64| x - y, within();
@@ -140,7 +140,7 @@ const QUESTIONS: &[Question] = questions! {
     "reflect(v, w)", (v: vec3f, w: vec3f) -> vec3f, (UnitVector, UnitVector), |v: DVec3, w: DVec3| v - 2.0 * w.dot(v) * w,
         within();
     "i32(x)", (x: f32) -> i32, OneOf(vec![0.0, -0.9, 0.9, -1.5, 1.5, 3e9, -3e9, 1e20, 2_147_483_500.0]),
-        // To the nearest that there is: section 15.7.6. Of f32 that is 2147483520 at most.
+        // To the nearest value in range, section 15.7.6. For an `f32` that is at most 2147483520.
         |x: f64| x.clamp(-2_147_483_648.0, 2_147_483_520.0).trunc() as i32, EXACTLY;
     "u32(x)", (x: f32) -> u32, OneOf(vec![0.0, -1.0, 0.9, 1.5, 3e9, 5e9, -1e20, 1e20]),
         |x: f64| x.clamp(0.0, 4_294_967_040.0).trunc() as u32, EXACTLY;
@@ -148,7 +148,7 @@ const QUESTIONS: &[Question] = questions! {
     "a + b", (a: i32, b: i32) -> i32, (edges(), edges()), i32::wrapping_add, EXACTLY;
     "a * b", (a: i32, b: i32) -> i32, (edges(), edges()), i32::wrapping_mul, EXACTLY;
     "-a", (a: i32) -> i32, edges(), i32::wrapping_neg, EXACTLY;
-    // Division by 0, and of the least by -1, give the dividend; their remainders 0: section 8.7.
+    // Division by 0, and of the least integer by -1, gives the dividend, and remainder 0: section 8.7.
     "a / b", (a: i32, b: i32) -> i32, (edges(), edges()), |a: i32, b: i32| a.checked_div(b).unwrap_or(a), EXACTLY;
     "a % b", (a: i32, b: i32) -> i32, (edges(), edges()), |a: i32, b: i32| a.checked_rem(b).unwrap_or(0), EXACTLY;
     "u / w", (u: u32, w: u32) -> u32, (unsigned_edges(), unsigned_edges()),
@@ -176,7 +176,7 @@ const QUESTIONS: &[Question] = questions! {
         |v: DVec2| v, EXACTLY;
 };
 
-/// `extractBits`, section 17.5: bits from `offset` on, of which the highest is the sign.
+/// `extractBits`, section 17.5: the bits from `offset` on. The highest of them is the sign.
 fn extracted(a: i32, offset: u32, count: u32) -> i32 {
     let offset = offset.min(32);
     match count.min(32 - offset) {
@@ -185,7 +185,7 @@ fn extracted(a: i32, offset: u32, count: u32) -> i32 {
     }
 }
 
-/// `insertBits`, section 17.5: `b`'s lowest bits in place of `a`'s from `offset` on.
+/// `insertBits`, section 17.5: replaces the bits of `a` from `offset` on with the lowest bits of `b`.
 fn inserted(a: u32, b: u32, offset: u32, count: u32) -> u32 {
     let offset = offset.min(32);
     match count.min(32 - offset) {
@@ -257,7 +257,7 @@ fn write_all(folder: &Path) -> Result<(), String> {
     Ok(())
 }
 
-/// One answer a path. What isn't a path's fault is an error.
+/// One answer for each path. An error that isn't the path's fault is returned as one.
 fn answers(
     asked: Result<Agreement, Failure>,
     question: &Question,
@@ -315,7 +315,7 @@ fn page(adapter: &Adapter, answers: &[Answer]) -> String {
             Answer::Stopped(why) => format!("0 | | | {} ", why.replace('|', "\\|")),
             Answer::Differs(path) => row(path),
         };
-        // A String takes all that is written.
+        // Writing to a `String` can't fail.
         let _ = writeln!(page, "| `{}` | {row}|", question.expression);
     }
     page
@@ -330,7 +330,7 @@ fn row(path: &PathDisagreement) -> String {
     format!("{share:.1} % | {} | {} | {} ", arguments.join(", "), case.result, wanted(case))
 }
 
-/// The values that WGSL allows for a case.
+/// The values that WGSL allows in a case.
 fn wanted(case: &CaseFailure) -> String {
     let allowed = case.explanation.iter().find(|(name, _)| *name == "WGSL");
     match (allowed, case.scalar, case.expected) {

@@ -1,8 +1,7 @@
-//! Faults of released shaders that ordinary checks find: each fails as it was released, and passes with one
-//! change.
+//! Faults of released shaders that ordinary checks find. Each shader fails as released, and passes with one change.
 //!
-//! `cargo run --bin found -- docs/found` runs all of them, over crates that cargo fetches, and writes a page for
-//! each; `cargo ci found` does that. A finding that passes as it is, or fails when it is mended, is an error.
+//! `cargo run --bin found -- docs/found` runs all of them over crates that cargo fetches, and writes a page for each;
+//! `cargo ci found` runs it. A finding that passes as released, or fails after the change, is an error.
 
 use std::f32::consts::{PI, TAU};
 use std::f64::consts::FRAC_PI_2;
@@ -34,7 +33,7 @@ type Check = fn(&Package) -> Verdict;
 enum Verdict {
     Passes(String),
     Fails(String),
-    /// Something else went wrong.
+    /// The check itself failed.
     Errs(String),
 }
 
@@ -63,15 +62,15 @@ impl From<Result<ComputeAgreement, ComputeError>> for Verdict {
 /// A fault of a crate's shader.
 struct Found {
     name: &'static str,
-    /// With its version.
+    /// The crate with its version.
     krate: &'static str,
     function: &'static str,
-    /// What is wrong, and who meets it.
+    /// The fault, and its effect on users.
     says: &'static str,
     check: Check,
-    /// What is replaced in the function's module, and by what.
+    /// The text to replace in the function's module, and its replacement.
     change: [&'static str; 2],
-    /// What the mended function is held to besides.
+    /// A further check of the repaired function.
     mended: Option<Check>,
 }
 
@@ -377,7 +376,7 @@ fn nearly_round_ellipse(package: &Package) -> Result<Agreement, Failure> {
     // end
 }
 
-/// sRGB's transfer function, the way back.
+/// The inverse of sRGB's transfer function.
 fn linear(rgb: DVec3) -> DVec3 {
     let channel = |x: f64| if x <= 0.04045 { x / 12.92 } else { ((x + 0.055) / 1.055).powf(2.4) };
     DVec3::from(rgb.to_array().map(channel))
@@ -404,7 +403,7 @@ fn open(found: &Found) -> Result<Package, String> {
     Package::open_crate(Path::new("."), found.krate, None).map_err(|error| error.to_string())
 }
 
-/// Runs a check in a process of its own, which may have an overlay. Exit code 1: it fails.
+/// Runs a check in its own process, which may have an overlay. Exit code 1 means that it fails.
 fn checked(name: &str, which: fn(&Found) -> Option<Check>) -> ExitCode {
     let found = FOUND.iter().find(|found| found.name == name);
     let Some((found, check)) = found.and_then(|found| Some((found, which(found)?))) else {
@@ -420,16 +419,16 @@ fn checked(name: &str, which: fn(&Found) -> Option<Check>) -> ExitCode {
     };
     let (code, text) = match check(&package) {
         Verdict::Passes(text) => (0, text),
-        // Only a case that fails is a finding.
+        // A finding needs a failing case.
         Verdict::Fails(text) => (1, text),
         Verdict::Errs(text) => (2, text),
     };
-    // Who runs this process reads it.
+    // The parent process reads it.
     let _ = writeln!(std::io::stdout(), "{text}");
     ExitCode::from(code)
 }
 
-/// True if a case fails on some path.
+/// Returns `true` if a case fails on some path.
 fn is_found(failure: &Failure) -> bool {
     match failure {
         Failure::Disagreement(_) | Failure::Rejection(_) => true,
@@ -485,7 +484,7 @@ const DISPATCHED: &str = "
 - Resize by sizes rounds its scale to two digits: from 300 to 400 texels it reads beyond the row.
 ";
 
-/// Runs a finding, as it was released and mended, and writes its page.
+/// Runs a finding, as released and repaired, and writes its page.
 fn page(found: &Found) -> Result<String, String> {
     let package = open(found)?;
     let items = package.functions().map_err(|error| error.to_string())?;
@@ -526,7 +525,7 @@ fn page(found: &Found) -> Result<String, String> {
     let line = file.text[..place].matches('\n').count() + 1;
     let (crate_name, version) = found.krate.split_once('@').unwrap_or((found.krate, ""));
     let (test, more) = (own_text("found", found.name), own_text("mended", found.name));
-    // Paths of this machine are nobody's, and neither is how to replay a process of this one.
+    // The page shows no paths of this machine, and no replay command of this process.
     let message = shortened(&message, crate_name, version);
     let mut page = String::new();
     let indent = |text: &str| text.len() - text.trim_start().len();
@@ -568,7 +567,7 @@ fn own_text(marker: &str, name: &str) -> String {
     text.lines().map(|line| format!("{}\n", line.strip_prefix("    ").unwrap_or(line))).collect()
 }
 
-/// A message with the crate's files as they are in the crate.
+/// A message with the paths of files relative to the crate.
 fn shortened(message: &str, name: &str, version: &str) -> String {
     let folder = format!("{name}-{version}/");
     let short = |line: &str| match line.find(&folder) {

@@ -1,8 +1,8 @@
-//! Compute passes of a released crate, as they are, against a reference in Rust: the prefix sum over path tags of
-//! vello 0.11, in two passes over a scene of 4,096 words.
+//! Compares compute passes of a released crate with a reference in Rust: the prefix sum over path tags of vello 0.11,
+//! in two passes over a scene of 4,096 words.
 //!
-//! `cargo run --bin passes` fetches the crate through cargo, compares, and then sees that two faults that are
-//! planted in the shader are found; `cargo ci found` does that.
+//! `cargo run --bin passes` fetches the crate through cargo, compares the passes, and then checks that two faults
+//! planted in the shader are found; `cargo ci found` runs it.
 
 use std::io::Write as _;
 use std::path::Path;
@@ -13,7 +13,7 @@ use karat::fixture::Buffer;
 use karat::prelude::*;
 
 karat::shareable! {
-    /// What vello counts in front of a word of tags.
+    /// Vello's counts before a word of tags.
     pub struct TagMonoid mirrors TagMonoidMirror {
         /// Transforms.
         trans_ix: u32,
@@ -31,7 +31,7 @@ karat::shareable! {
 /// Words of the scene, four tags each: 16 workgroups.
 const WORDS: u32 = 4096;
 
-/// Tags as an encoder might write them: any bits, by a generator that everybody knows (Park and Miller).
+/// Tags with arbitrary bits, by a well-known generator (Park and Miller).
 fn scene() -> Vec<u32> {
     let mut state = 1_u64;
     let mut byte = || {
@@ -41,8 +41,9 @@ fn scene() -> Vec<u32> {
     (0..WORDS).map(|_| (0..4).fold(0, |word, _| word << 8 | byte())).collect()
 }
 
-/// What one tag adds, by the bits that `vello_encoding::PathTag` documents: segments of 1 to 3 points, a point more
-/// where a subpath ends, 32-bit coordinates instead of 16-bit ones, and marks of paths, transforms and styles.
+/// The counts that one tag adds, by the bits that `vello_encoding::PathTag` documents: segments of 1 to 3 points,
+/// another point where a subpath ends, 32-bit coordinates instead of 16-bit ones, and marks of paths, transforms and
+/// styles.
 fn of_tag(tag: u32) -> [u32; 5] {
     let segment = tag & 3;
     let points = segment + (tag >> 2 & 1);
@@ -50,7 +51,7 @@ fn of_tag(tag: u32) -> [u32; 5] {
     [tag >> 5 & 1, u32::from(segment != 0), words, 2 * (tag >> 6 & 1), tag >> 4 & 1]
 }
 
-/// The sums in front of each word.
+/// The sums before each word.
 fn sums(scene: &[u32]) -> Vec<TagMonoidMirror> {
     let mut sum = [0; 5];
     let mut before = Vec::new();
@@ -70,7 +71,7 @@ fn check(package: &Package) -> Result<ComputeAgreement, ComputeError> {
     let expected = sums(&scene);
     package
         .compute()
-        // All tags begin at the front: `pathtag_base` is 0, as all else of the configuration.
+        // The tags begin at the start: `pathtag_base` is 0, like the rest of the configuration.
         .with("config", Buffer::zeros(96))
         .with("scene", Storage::new(scene))
         .with("reduced", Buffer::zeros(16 * 20))
@@ -84,19 +85,19 @@ fn check(package: &Package) -> Result<ComputeAgreement, ComputeError> {
 
 fn open() -> Result<Package, String> {
     let package = Package::open_crate(Path::new("."), CRATE, None);
-    // The sums of all workgroups are added in the second pass, where they are few.
+    // There are few workgroups, so the second pass adds their sums.
     package.map(|package| package.feature("small", true)).map_err(|error| error.to_string())
 }
 
 const CRATE: &str = "vello_shaders@0.11.0";
 
-/// Faults that are planted: a module, what is replaced in it, and by what.
+/// Planted faults: a module, the text to replace in it, and the replacement.
 const FAULTS: [[&str; 3]; 2] = [
     ["pathtag_scan", "if local_id.x >= 1u << i {", "if local_id.x > 1u << i {"],
     ["shared/pathtag", "n_points & (((tag_word >> 3u)", "n_points & (((tag_word >> 2u)"],
 ];
 
-/// Compares in a process of its own, which may have an overlay: its exit code, and what it says.
+/// Runs the comparison in its own process, which may have an overlay. Returns its exit code and its output.
 fn run(overlay: Option<&Path>) -> Result<(Option<i32>, String), String> {
     let mut command = Command::new(std::env::current_exe().map_err(|error| error.to_string())?);
     command.arg("--check").env_remove("KARAT_OVERLAY").env_remove("KARAT_REQUIRE");
@@ -141,7 +142,7 @@ fn all() -> Result<(), String> {
     Ok(())
 }
 
-/// True if an element is wrong on some path.
+/// Returns `true` if an element is wrong on some path.
 fn differs(failure: &ComputeError) -> bool {
     match failure {
         ComputeError::Differs(_) => true,
@@ -167,7 +168,7 @@ fn main() -> ExitCode {
         Ok(Err(error)) => (writeln!(out, "{error}"), 2),
         Err(error) => (writeln!(out, "{error}"), 2),
     };
-    // Who runs this process reads it.
+    // The parent process reads it.
     drop(said);
     ExitCode::from(code)
 }

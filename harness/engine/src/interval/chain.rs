@@ -1,20 +1,18 @@
 //! Sums and products in any order.
 //!
-//! WGSL, 15.7.5 "Reassociation and Fusion": "Reassociation is the reordering of operations in an
-//! expression such that the answer is the same if computed exactly." Its examples are sums with
-//! differences, and products with quotients. "However, the result may not be the same when computed
-//! in floating point. The reassociated result may be inaccurate due to approximation, or may trigger
-//! an overflow or NaN when computing intermediate results. An implementation may reassociate
-//! operations." No condition follows: that the result is at least as accurate is asked of fusing
-//! alone. None of the examples distributes a product over a sum, so no bound follows that.
+//! WGSL, 15.7.5 "Reassociation and Fusion": "Reassociation is the reordering of operations in an expression such that
+//! the answer is the same if computed exactly." Its examples are sums with differences, and products with quotients.
+//! "However, the result may not be the same when computed in floating point. The reassociated result may be inaccurate
+//! due to approximation, or may trigger an overflow or NaN when computing intermediate results. An implementation may
+//! reassociate operations." No condition follows: only fusing has to be at least as accurate. None of the examples
+//! distributes a product over a sum, so no bound follows that.
 //!
-//! So a value remembers what it is a sum or a product of, through bindings, variables and calls. Of
-//! three terms each order is tried. Of more terms, and of factors, what is remembered is enough to
-//! bound each order at once.
+//! So a value remembers the terms or factors that it was computed from, across bindings, variables and calls. For three
+//! terms Karat tries each order. For more terms, and for factors, it remembers enough to bound all orders at once.
 
 use super::{Interval, greatest, half, least, lower_sum, upper_sum};
 
-/// The least and the greatest of a term or a factor, with zero where it may be flushed.
+/// The least and the greatest value of a term or a factor, with zero if it may be flushed.
 pub(super) type Ends = (f64, f64);
 
 /// The operands of a value's last operation.
@@ -23,15 +21,15 @@ pub(super) enum Chain {
     /// Neither a sum nor a product.
     #[default]
     Single,
-    /// A sum of two.
+    /// A sum of two terms.
     Pair([(f32, f32); 2]),
-    /// A sum of more, or of what joins several sums.
+    /// A sum of more terms, or a join of several sums.
     Sum(Sum),
     Product(Product),
 }
 
 impl Chain {
-    /// With the other sign.
+    /// The chain with the other sign.
     pub(super) fn neg(self) -> Self {
         match self {
             Self::Single => Self::Single,
@@ -44,7 +42,7 @@ impl Chain {
         }
     }
 
-    /// The terms of a value with these ends.
+    /// The terms of a value between these ends.
     fn sum(self, ends: Ends) -> Sum {
         match self {
             Self::Single | Self::Product(_) => Sum::of(ends),
@@ -53,7 +51,7 @@ impl Chain {
         }
     }
 
-    /// The factors of a value with these ends.
+    /// The factors of a value between these ends.
     fn product(self, ends: Ends) -> Product {
         match self {
             Self::Product(product) => product,
@@ -61,8 +59,8 @@ impl Chain {
         }
     }
 
-    /// The bounds in half precision of a value with these ends, whose operations come in any order. So many `more` are
-    /// rounded than are operations of the chain. `None`: one may overflow.
+    /// The bounds in half precision of a value between these ends, for any order of its operations. `more` values were
+    /// rounded, besides the results of the chain's operations. `None` if one may overflow.
     pub(super) fn in_half(self, ends: Ends, more: u8) -> Option<Ends> {
         match self {
             Self::Single => Some(ends),
@@ -71,8 +69,8 @@ impl Chain {
         }
     }
 
-    /// How far the orders of a sum may be apart: each addition rounds by less than 2^-23 of the largest sum of some
-    /// terms, in this order and in another one, and that may be twice as large as they are.
+    /// The largest difference between two orders of a sum. Each addition rounds by less than 2^-23 of the largest
+    /// partial sum. Both orders round, which may double it.
     pub(super) fn slack(self, ends: Ends) -> f64 {
         if !self.is_sum() {
             return 0.0;
@@ -90,7 +88,7 @@ impl Chain {
         matches!(self, Self::Product(_))
     }
 
-    /// Of what is one value or the other.
+    /// The chain of a value that is one or the other.
     pub(super) fn join(self, ends: Ends, other: Self, others: Ends) -> Self {
         match self.is_sum() || other.is_sum() {
             true => Self::Sum(self.sum(ends).join(other.sum(others))),
@@ -103,7 +101,7 @@ fn wide((lo, hi): (f32, f32)) -> Ends {
     (f64::from(lo), f64::from(hi))
 }
 
-/// Ends that are `f32`.
+/// The ends as `f32`.
 fn narrow((lo, hi): Ends) -> (f32, f32) {
     (lo as f32, hi as f32)
 }
@@ -123,12 +121,12 @@ fn size((lo, hi): Ends) -> Ends {
     (if lo <= 0.0 && hi >= 0.0 { 0.0 } else { a.min(b) }, a.max(b))
 }
 
-/// An addition, rounded either way.
+/// An addition, rounded up or down.
 fn added(a: Ends, b: Ends) -> Interval {
     Interval::outwards(lower_sum(a.0, b.0), upper_sum(a.1, b.1))
 }
 
-/// Two values, added.
+/// The sum of two values.
 pub(super) fn add(x: (Ends, Chain), y: (Ends, Chain)) -> Interval {
     let ((a, of_a), (b, of_b)) = (x, y);
     let written = added(a, b);
@@ -156,7 +154,7 @@ pub(super) fn add(x: (Ends, Chain), y: (Ends, Chain)) -> Interval {
     Interval { chain: Chain::Sum(sum), ..any }.unless_written(written)
 }
 
-/// Two values, multiplied. `same`: they are one value, whose square is never negative.
+/// The product of two values. `same` if they are one value, whose square is never negative.
 pub(super) fn multiply(x: (Ends, Chain), y: (Ends, Chain), same: bool) -> Interval {
     let ((a, of_a), (b, of_b)) = (x, y);
     let products = [a.0 * b.0, a.0 * b.1, a.1 * b.0, a.1 * b.1];
@@ -173,7 +171,7 @@ pub(super) fn multiply(x: (Ends, Chain), y: (Ends, Chain), same: bool) -> Interv
     }
 }
 
-/// The quotient that `written` gives of two values, in any order.
+/// The quotient of two values in any order; `written` is the one in the written order.
 pub(super) fn divide(x: (Ends, Chain), y: (Ends, Chain), written: Interval) -> Interval {
     let ((a, of_a), (b, of_b)) = (x, y);
     if !written.is_bounded() {
@@ -194,15 +192,15 @@ pub(super) fn divide(x: (Ends, Chain), y: (Ends, Chain), written: Interval) -> I
 pub(super) struct Sum {
     /// Their exact sum.
     exact: Ends,
-    /// The sums of any of them lie between these.
+    /// Any partial sum lies between these.
     least: f32,
     most: f32,
     count: u32,
-    /// Each term is a multiple of 2 to this power, and so is each sum of them, rounded or not.
+    /// Each term is a multiple of 2 to this power, and so is each partial sum, rounded or not.
     step: i16,
 }
 
-/// Of zero, which is a multiple of each power of two.
+/// The step of zero, which is a multiple of each power of two.
 const ANY_STEP: i16 = i16::MAX;
 
 /// The exponent of the least subnormal `f32`.
@@ -268,10 +266,10 @@ impl Sum {
         }
     }
 
-    /// `count` terms need `count - 1` additions in any order, of which the last one rounds the result.
-    /// Each other one rounds a sum of some of the terms to a neighbour, which is nearer than the distance
-    /// between floats as large as the largest such sum, and no nearer than a multiple of 2^`step`. As far off is each
-    /// of `more` terms that were rounded themselves. `None`: it may overflow.
+    /// `count` terms need `count - 1` additions in any order. The last one rounds the result. Each other one rounds a
+    /// partial sum to a neighbour, by less than the distance of floats at the largest partial sum; all results are
+    /// multiples of 2^`step`. Each of `more` terms that were rounded themselves adds as much. `None` if it may
+    /// overflow.
     fn in_any_order(self, format: &Format, more: u8) -> Option<Ends> {
         let reach = f64::from(self.most.max(-self.least));
         let count = f64::from(self.count);
@@ -279,11 +277,11 @@ impl Sum {
         let flushed =
             if self.step < format.least_normal { power(format.least_normal) } else { 0.0 };
         if reach <= power(self.step.saturating_add(format.digits)).min(format.greatest) {
-            // No sum of terms is rounded; a subnormal one may be flushed.
+            // No partial sum is rounded, but a subnormal one may be flushed.
             let error = roundings * flushed;
             return Some((self.exact.0 - error, self.exact.1 + error));
         }
-        // Rounding may add to a sum of terms.
+        // Rounding may enlarge a partial sum.
         let reach = reach * ((count + f64::from(more)) * power(2 - format.digits)).exp();
         if !(reach <= format.greatest) {
             return None;
@@ -300,45 +298,45 @@ fn outwards(ends: Option<Ends>) -> Interval {
     ends.map_or(Interval::UNBOUNDED, |(lo, hi)| Interval::outwards(lo, hi))
 }
 
-/// 2 to a power that is an `f32`'s; infinity above it, 0 below the powers that an `f64` has.
+/// 2 to this power as an `f32`; infinity above its range, 0 below the range of an `f64`.
 pub(super) fn power(exponent: i16) -> f64 {
     match exponent {
         128.. => f64::INFINITY,
-        // Its exponent is the only thing that is set.
+        // Sets the exponent alone.
         -1022.. => f64::from_bits(((i64::from(exponent) + 1023) as u64) << 52),
         _ => 0.0,
     }
 }
 
-/// The exponent of an `f32` that isn't 0, each of which is a normal `f64`; of 0 one that is less than each.
+/// The exponent of an `f32`, which is a normal `f64` unless it is 0. For 0, an exponent below all others.
 pub(super) fn exponent(x: f64) -> i16 {
     (x.to_bits() >> 52 & 0x7FF) as i16 - 1023
 }
 
-/// The whole number of up to 24 bits, and the power of two, that an `f32` above zero is made of.
+/// The whole number of up to 24 bits, and the exponent of the power of two, whose product is this `f32` above zero.
 fn significand(x: f64) -> (u32, i16) {
     let exponent = exponent(x).max(-126) - 23;
     ((x / power(exponent)) as u32, exponent)
 }
 
-/// Some factors of a product, of which some are divisors.
+/// Some factors of a product. Some of them are divisors.
 #[derive(Clone, Copy)]
 pub(super) struct Product {
     /// Their exact product.
     exact: Ends,
-    /// The size of what any of them make lies between these.
+    /// The magnitude of any partial product lies between these.
     least: f32,
     most: f32,
-    /// The size of what any of the divisors make, and of what any others make, isn't above these.
+    /// The magnitude of a partial product of divisors, and of the other factors, is at most this.
     divisor: f32,
     dividend: f32,
     divisors: u16,
     dividends: u16,
-    /// Divisions at most, in any order.
+    /// The most divisions in any order.
     divisions: u16,
-    /// Factors by which a product is rounded: those that aren't powers of two.
+    /// The factors that make a product round: those that aren't powers of two.
     rounding: u16,
-    /// Digits of all such factors. Products of up to 24 digits are exact.
+    /// The digits of all such factors together. Products of up to 24 digits are exact.
     digits: u16,
 }
 
@@ -375,7 +373,7 @@ impl Product {
         let lo = if same { size(a).0 * size(a).0 } else { least(&products) };
         let hi = greatest(&products);
         let digits = self.digits.saturating_add(other.digits);
-        // What has at most the digits of an f64 is exact in it, and so is zero.
+        // A number of at most 53 digits is exact in an `f64`, and so is zero.
         let is_exact = digits <= 53 && self.divisors == 0 && other.divisors == 0;
         let exact = (
             if is_exact || lo == 0.0 { lo } else { lo.next_down() },
@@ -395,7 +393,7 @@ impl Product {
         }
     }
 
-    /// Divided by a product that isn't zero. `a / (b / c)` is `a c / b`, as `a - (b - c)` is `a + c - b`.
+    /// Divides by a product that isn't zero. `a / (b / c)` is `a c / b`, just as `a - (b - c)` is `a + c - b`.
     fn over(self, other: Self) -> Self {
         let (lo, hi) = other.exact;
         let inverse = Self {
@@ -406,26 +404,26 @@ impl Product {
             dividend: other.divisor,
             divisors: other.dividends,
             dividends: other.divisors,
-            // Each of its factors may be divided by on its own.
+            // Each of its factors may become a divisor of its own.
             divisions: other.divisions.saturating_add(other.dividends),
             ..other
         };
         self.times(inverse, false)
     }
 
-    /// `count` factors need `count - 1` operations in any order. Each rounds by less than an ulp of its
-    /// result, a quotient by 2.5 times that, and not at all where a power of two multiplies. `None`: it may overflow.
+    /// `count` factors need `count - 1` operations in any order. Each rounds by less than an ulp of its result, a
+    /// quotient by 2.5 ulp. A multiplication by a power of two doesn't round. `None` if it may overflow.
     fn in_any_order(self, format: &Format) -> Option<Ends> {
-        // Of a result just above a power of two, as large a part of it as an ulp can be.
+        // The largest ulp relative to a result: that just above a power of two.
         let ulp = power(1 - format.digits);
         let least_divisor = power(format.least_normal);
         let operations = self.dividends.saturating_add(self.divisors).saturating_sub(1);
         if operations >= u16::MAX - 1 {
-            // They aren't counted any further.
+            // Too many factors: they are no longer counted.
             return None;
         }
         let divisions = self.divisions.min(operations);
-        // Each order of several may divide by what is a product in another one.
+        // Another order may divide by a partial product.
         let is_reordered = divisions > 0 && operations > 1;
         let greatest = if is_reordered { 1.0 / least_divisor } else { format.greatest };
         let rounded = 1.0 + f64::from(operations) * 4.0 * ulp;
@@ -436,7 +434,7 @@ impl Product {
         }
         let multiplications = (operations - divisions).min(self.rounding.saturating_sub(1));
         let exponents = match divisions {
-            // The last one rounds the result.
+            // The last operation rounds the result.
             0 if i32::from(self.digits) <= i32::from(format.digits) => (0, 0),
             0 => (i32::from(multiplications) - 1, 0),
             _ => (i32::from(multiplications), i32::from(divisions)),
@@ -446,8 +444,8 @@ impl Product {
         };
         let (lo, hi) = self.exact;
         let (less, more) = (error(-1.0), error(1.0));
-        // What falls below the least normal number on the way is 0, or off by 2.5 of the least steps, which
-        // grow with the factors that follow.
+        // An intermediate result below the least normal number is flushed to 0, or is off by 2.5 of the least steps.
+        // The factors that follow enlarge that error.
         let underflows = f64::from(self.least) < least_divisor * rounded && (lo, hi) != (0.0, 0.0);
         let tiny = match underflows {
             true => f64::from(operations) * 2.5 * power(format.least_step) * f64::from(self.most),

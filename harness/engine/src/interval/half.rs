@@ -12,11 +12,11 @@ pub(super) const LEAST_NORMAL: i16 = -14;
 pub(super) const LEAST_STEP: i16 = -24;
 
 impl Interval {
-    /// The values of half precision that a result may have which is `how` exact: its exact value lies in this interval.
+    /// The values of half precision of a result that is `how` exact, if its exact value lies in this interval.
     pub(crate) fn halved(self, how: Half) -> Self {
         let Some((lo, hi)) = self.bounds() else { return self };
         let normal = power(LEAST_NORMAL);
-        // Behind the next power of two errors are twice as large, which may reach further than those at the end.
+        // Beyond the next power of two errors are twice as large, and may reach further than those at the end.
         let by = |ulps: f64| Self::rounded(lo - ulps * ulp(2.0 * lo), hi + ulps * ulp(2.0 * hi));
         match how {
             Half::Rounded | Half::Converted | Half::Operand => Self::rounded(lo, hi),
@@ -31,15 +31,15 @@ impl Interval {
             }
             Half::Ulps(ulps) => by(f64::from(ulps)),
             Half::Length(components) => {
-                // Half of the relative error of a sum of squares, each rounded, and the root's. A square that is
-                // subnormal is off by a step.
+                // Half of the relative error of a sum of rounded squares, and the rounding of the root. A subnormal
+                // square is off by one step.
                 let steps = f64::from(components) * power(LEAST_STEP);
                 let hi = (hi * hi + steps).sqrt();
                 let ulps = f64::from(components) + 6.0;
-                // Squares below 2^-14 may be 0, each of them.
+                // Each square below 2^-14 may be flushed to 0.
                 let lo = (lo * lo - f64::from(components) * normal).max(0.0).sqrt();
                 let bounds = Self::rounded(lo - ulps * ulp(2.0 * lo), hi + ulps * ulp(2.0 * hi));
-                // The sum of squares overflows above the root of 65504, with what rounding adds.
+                // The sum of squares overflows above the square root of 65504, less what rounding adds.
                 if hi > 250.0 { Self::UNBOUNDED } else { bounds }
             }
             Half::Power => {
@@ -47,7 +47,7 @@ impl Interval {
                     let x = y.abs().max(power(LEAST_STEP)).log2().abs();
                     (1.0 + 2.0 * x) * ulp(2.0 * y)
                 };
-                // Where the result is nothing, the argument may be any down to -65504.
+                // If the result is 0, the argument may be any number down to -65504.
                 let any = (1.0 + 2.0 * GREATEST) * power(LEAST_STEP);
                 let more = if lo < power(LEAST_STEP) { any } else { 0.0 };
                 Self::rounded((lo - error(lo)).max(0.0), hi + error(hi).max(more))
@@ -60,7 +60,7 @@ impl Interval {
         }
     }
 
-    /// Outwards to `f16`, and with zero where a subnormal may be flushed.
+    /// Rounds outwards to `f16`, and includes zero if a subnormal may be flushed.
     fn rounded(lo: f64, hi: f64) -> Self {
         let (lo, hi) = (outwards(lo, -1.0), outwards(hi, 1.0));
         if !(lo.abs() <= GREATEST && hi.abs() <= GREATEST) {
@@ -74,12 +74,12 @@ impl Interval {
     }
 }
 
-/// The distance of two `f16` about a number.
+/// The distance between neighbouring `f16` at a number.
 fn ulp(x: f64) -> f64 {
     power(exponent(x).max(LEAST_NORMAL) - 10)
 }
 
-/// The nearest multiple of an ulp that isn't nearer to the middle: below with a sign of -1.
+/// The nearest multiple of an ulp that is at least as far out; downwards if `sign` is -1.
 fn outwards(x: f64, sign: f64) -> f64 {
     let step = ulp(x);
     sign * (sign * x / step).ceil() * step

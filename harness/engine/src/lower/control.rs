@@ -60,7 +60,7 @@ impl<'m> Lower<'m> {
         if let Some(result) = &function.result {
             let scalars = self.scalars(self.layouts.inner(result.ty))?;
             scope.result = Some(scalars.iter().map(|s| self.fresh(s.file())).collect());
-            // Something has been written before the first masked store joins with it.
+            // The first masked store blends with this value.
             for (scalar, register) in scalars.iter().zip(scope.result.iter().flat_map(|r| r.iter()))
             {
                 let zero = self.constant(*scalar, 0);
@@ -79,7 +79,7 @@ impl<'m> Lower<'m> {
         self.open.push(Open { frame, skips: Vec::new() });
     }
 
-    /// Ends a part of the innermost frame: lanes that run out before jump to what comes next.
+    /// Ends a part of the innermost frame. Lanes that ended earlier jump to the next part.
     fn land(&mut self) {
         let here = self.code.instructions.len() as u32;
         if let Some(open) = self.open.last_mut() {
@@ -89,7 +89,7 @@ impl<'m> Lower<'m> {
         }
     }
 
-    /// Ends the innermost frame, and what encloses it gets the jump of lanes that have run out.
+    /// Ends the innermost frame. The jumps of lanes that ended go to the enclosing frame.
     fn close(&mut self, op: Op) -> Lowered<usize> {
         self.land();
         self.open.pop();
@@ -128,7 +128,7 @@ impl<'m> Lower<'m> {
         self.site = self.code.sites.len() as u32 - 1;
     }
 
-    /// The statement that was entered gives an expression its value.
+    /// Records that the current statement gives an expression its value.
     fn gives(&mut self, result: Option<Handle<Expression>>) {
         if let Some(site) = self.code.sites.last_mut() {
             site.expression = result;
@@ -144,7 +144,7 @@ impl<'m> Lower<'m> {
         match *statement {
             Statement::Emit(ref range) => {
                 for handle in range.clone() {
-                    // Emitted anew each time that control comes by, so never from before.
+                    // Each time that control reaches it, it is emitted anew: drop the old value.
                     scope.values[handle.index()] = None;
                     let value = self.value(scope, handle)?;
                     self.mark(scope, handle, &value)?;
@@ -191,7 +191,7 @@ impl<'m> Lower<'m> {
                 self.site = site;
                 self.span = span;
                 let end = self.close(Op::EndLoop)?;
-                // Its own jump is that back; what follows it is the way out.
+                // Its own jump goes back; behind it is the way out.
                 self.code.instructions[end].target = round as u32;
                 if let Some(outer) = self.open.last_mut() {
                     outer.skips.pop();
@@ -246,7 +246,7 @@ impl<'m> Lower<'m> {
                 }
                 let called = &self.module.functions[function];
                 let name = called.name.clone().expect("WGSL names it");
-                // The first instructions of the call have its own site, and not that of the statement before.
+                // The first instructions of the call have its site, not that of the statement before.
                 self.enter_statement(scope, span);
                 let value = self.inline(called, &self.info[function], &name, values)?;
                 self.enter_statement(scope, span);
@@ -314,7 +314,7 @@ impl<'m> Lower<'m> {
         Ok(())
     }
 
-    /// How many frames lie above the innermost one that `is` the target.
+    /// The number of frames above the innermost one that `is` the target.
     fn depth(&self, is: impl Fn(Frame) -> bool) -> Lowered<u32> {
         match self.open.iter().rev().position(|open| is(open.frame)) {
             Some(depth) => Ok(depth as u32),
@@ -372,7 +372,7 @@ impl<'m> Lower<'m> {
             }
             before = Some(jump);
             self.block(scope, &case.body)?;
-            // A clause of several values is several cases, of which the last has the statements.
+            // A clause with several values is several cases. The last case has the statements.
             falls = case.fall_through;
             if !falls {
                 self.list(scope, span, StatementKind::Clause(clause), jump);
@@ -411,7 +411,7 @@ impl<'m> Lower<'m> {
     }
 }
 
-/// How many returns a block has, in all its parts.
+/// The number of returns in a block, nested ones included.
 fn returns(block: &Block) -> usize {
     stacker::maybe_grow(STACK.0, STACK.1, || {
         block

@@ -8,8 +8,8 @@ use crate::rules::Basic;
 use crate::scalar::File;
 
 impl Lower<'_> {
-    /// How a float changes from a pixel to the next. Rows and columns of a quad have their own
-    /// derivatives, as the fine ones of WGSL.
+    /// The difference of a float between neighbouring pixels. Each row and column of a quad has its own derivatives, as
+    /// WGSL's fine ones do.
     pub(super) fn derivative(&mut self, axis: DerivativeAxis, of: Reg, half: bool) -> Lowered<Reg> {
         let neighbours = match axis {
             DerivativeAxis::X => [Neighbour::Right, Neighbour::Left],

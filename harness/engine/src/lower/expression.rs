@@ -11,7 +11,7 @@ use crate::lower::memory::Place;
 use crate::scalar::{File, Scalar};
 
 impl<'m> Lower<'m> {
-    /// What an expression is, computed before or lowered now.
+    /// The value of an expression. Lowers it if that hasn't happened yet.
     pub(super) fn value(
         &mut self,
         scope: &mut Scope<'m>,
@@ -20,7 +20,7 @@ impl<'m> Lower<'m> {
         if let Some(value) = &scope.values[handle.index()] {
             return Ok(value.clone());
         }
-        // What is emitted behind an operand is whoever's operand it is.
+        // Operations after an operand belong to the expression that uses it.
         let (site, span) = (self.site, self.span);
         let value = stacker::maybe_grow(STACK.0, STACK.1, || self.lower_expression(scope, handle))?;
         (self.site, self.span) = (site, span);
@@ -28,7 +28,7 @@ impl<'m> Lower<'m> {
         Ok(value)
     }
 
-    /// The registers of an expression that is no pointer, texture or sampler.
+    /// The registers of an expression that isn't a pointer, texture or sampler.
     pub(super) fn flat(
         &mut self,
         scope: &mut Scope<'m>,
@@ -52,7 +52,7 @@ impl<'m> Lower<'m> {
         }
     }
 
-    /// Notes where what is emitted next comes from.
+    /// Notes the origin of the operations that follow.
     pub(super) fn enter_expression(&mut self, scope: &Scope<'m>, handle: Handle<Expression>) {
         self.span = scope.expressions.get_span(handle);
         let name =
@@ -76,7 +76,7 @@ impl<'m> Lower<'m> {
         self.enter_expression(scope, handle);
         let (site, span) = (self.site, self.span);
         let expression = &scope.expressions[handle];
-        // Operands that aren't lowered yet are constants, which emit nothing, but they have spans.
+        // Operands that aren't lowered yet are constants: they emit nothing, but have spans.
         macro_rules! back {
             () => {
                 self.site = site;
@@ -254,7 +254,7 @@ impl<'m> Lower<'m> {
         })
     }
 
-    /// Whether an expression is a signed integer, or a vector of them.
+    /// Returns `true` if an expression is a signed integer, or a vector of them.
     pub(super) fn signed(&self, scope: &Scope<'m>, handle: Handle<Expression>) -> bool {
         self.type_of(scope, handle).scalar_kind() == Some(naga::ScalarKind::Sint)
     }

@@ -1,4 +1,4 @@
-//! Textures.
+//! Lowers operations on textures.
 
 use naga::{
     DerivativeAxis, Expression, Handle, ImageClass, ImageDimension, ImageQuery, SampleLevel,
@@ -27,7 +27,7 @@ impl Image {
         }
     }
 
-    /// What its texels are made of.
+    /// The scalar kind of its texels.
     fn kind(&self) -> ScalarKind {
         match self.class {
             ImageClass::Sampled { kind, .. } => kind,
@@ -53,7 +53,7 @@ impl<'m> Lower<'m> {
         }
     }
 
-    /// Appends integer operands, and notes which are signed.
+    /// Appends integer operands, and notes the signed ones.
     fn indices(
         &mut self,
         scope: &mut Scope<'m>,
@@ -119,7 +119,7 @@ impl<'m> Lower<'m> {
                     }
                     SampleLevel::Auto if gather.is_some() => Detail::Zero,
                     SampleLevel::Auto | SampleLevel::Bias(_) => {
-                        // The bias is added to the level, which is a logarithm.
+                        // The level is a logarithm, so a bias is added to it.
                         let scale = match level {
                             SampleLevel::Bias(bias) => {
                                 let bias = self.flat(scope, bias)?[0];
@@ -259,7 +259,7 @@ impl<'m> Lower<'m> {
     }
 }
 
-/// Whether the engine knows how a format rounds what is written to it.
+/// Returns `true` if the engine knows the rounding of a storage format.
 fn is_storable(format: naga::StorageFormat) -> bool {
     crate::texture::stored(format, [0; 4]).is_some()
 }

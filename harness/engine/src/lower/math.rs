@@ -1,4 +1,4 @@
-//! Builtin functions.
+//! Lowers builtin functions.
 
 use std::rc::Rc;
 
@@ -49,7 +49,7 @@ impl<'m> Lower<'m> {
             return self.by_component(args, |lower, args| lower.float_op(rule, args, half));
         }
         if scalar.file() == File::Int {
-            // The result of dot4I8Packed is signed, its arguments aren't.
+            // The result of `dot4I8Packed` is signed; its arguments aren't.
             let signed = self.scalar_of(result)?.signed();
             if let Some(rule) = Integer::builtin(function, signed) {
                 return self.by_component(args, |lower, args| lower.integer(rule, args));
@@ -183,7 +183,7 @@ impl<'m> Lower<'m> {
         }
     }
 
-    /// `f` of each component. Scalars among vectors are the same for all of them.
+    /// Applies `f` to each component. A scalar among vectors is used for all of them.
     fn by_component(
         &mut self,
         args: &[Rc<[Reg]>],

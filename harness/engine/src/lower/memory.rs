@@ -1,4 +1,4 @@
-//! Places that pointers point to: registers of variables, bytes of buffers.
+//! The targets of pointers: registers of variables, bytes of buffers.
 
 use std::rc::Rc;
 
@@ -8,21 +8,21 @@ use super::{Lower, Lowered, Scope, Value};
 use crate::code::{Count, Op, Reg, Step, Walk};
 use crate::scalar::{Counts, File, Scalar, stride_bytes};
 
-/// Where a pointer points to.
+/// The target of a pointer.
 #[derive(Clone, Debug)]
 pub(crate) struct Place {
     root: Root,
     inner: TypeInner,
-    /// Registers of each file before it, in a variable.
+    /// The registers of each file before it, in a variable.
     offset: Counts,
-    /// Bytes before it, in a buffer.
+    /// The bytes before it, in a buffer.
     bytes: u32,
     indices: Vec<Index>,
 }
 
 #[derive(Clone, Copy, Debug)]
 enum Root {
-    /// The first registers of a variable, and how many it has.
+    /// The first registers of a variable, and their number.
     Local {
         base: Counts,
         extent: Counts,
@@ -56,12 +56,12 @@ impl Place {
         Self { root: Root::Buffer(slot), inner, offset: [0; 3], bytes: 0, indices: Vec::new() }
     }
 
-    /// True of an array that is as long as its buffer: a constant index may lie beyond it, too.
+    /// Returns `true` for a runtime-sized array: even a constant index may be outside it.
     pub(super) fn has_no_length(&self) -> bool {
         matches!(self.inner, TypeInner::Array { size: naga::ArraySize::Dynamic, .. })
     }
 
-    /// The registers of a variable's scalars, where no index moves them.
+    /// The registers of a variable's scalars, if no index moves them.
     pub(super) fn registers(&self, scalars: &[Scalar], extra: Counts) -> Rc<[Reg]> {
         let Root::Local { base, .. } = self.root else { return Rc::new([]) };
         let mut next: Counts = std::array::from_fn(|k| base[k] + self.offset[k] + extra[k]);
@@ -114,7 +114,7 @@ impl<'m> Lower<'m> {
         let (inner, length) =
             self.layouts.element(&place.inner).map_err(|what| self.refuse(what))?;
         if let (Some(constant), Some(length)) = (self.words.get(&index), length) {
-            // A constant that validation let through is in range; one that isn't is clamped.
+            // A constant index that passed validation is in range; others are clamped.
             let negative = signed && constant.word.cast_signed() < 0;
             let word = if negative { 0 } else { constant.word.min(length.saturating_sub(1)) };
             return self.component_place(place, word);
@@ -201,7 +201,7 @@ impl<'m> Lower<'m> {
         Ok(())
     }
 
-    /// Notes that a buffer changes, which cases of a function mustn't see of each other.
+    /// Notes a write to a buffer. Cases of a function mustn't see each other's writes.
     fn writes(&mut self, slot: u32) -> Lowered<()> {
         let buffer = &mut self.code.buffers[slot as usize];
         if !self.shared {
@@ -246,7 +246,7 @@ impl<'m> Lower<'m> {
         }
     }
 
-    /// The scalars of a type in a buffer, with their bytes.
+    /// The scalars of a type in a buffer, with their offsets in bytes.
     fn leaves(&self, inner: &TypeInner, offset: u32) -> Lowered<Vec<(Scalar, u32)>> {
         self.counts(inner)?;
         let mut leaves = Vec::new();
@@ -276,7 +276,7 @@ impl<'m> Lower<'m> {
         Ok(())
     }
 
-    /// How many elements a runtime-sized array has.
+    /// The number of elements of a runtime-sized array.
     pub(super) fn array_length(&mut self, place: &Place) -> Lowered<Value> {
         let Root::Buffer(buffer) = place.root else {
             return Err(self.refuse("the length of an array in a variable"));
@@ -337,7 +337,7 @@ impl<'m> Lower<'m> {
     }
 }
 
-/// Registers in the order of their files: booleans stand behind integers.
+/// Orders registers by file: booleans come after integers.
 fn by_file(file: File, first: &[Reg], indices: &[Reg]) -> Vec<Reg> {
     if file == File::Bool { [indices, first].concat() } else { [first, indices].concat() }
 }

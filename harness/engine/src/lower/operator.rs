@@ -12,7 +12,7 @@ use crate::rules::{Basic, FloatRule, FromInt, Geometry, Half, Integer, ToInt};
 use crate::scalar::{File, Scalar};
 
 impl<'m> Lower<'m> {
-    /// A rule of one result, rounded to half precision where `half` says so.
+    /// Emits a rule with one result, rounded to half precision if `half`.
     pub(super) fn float_op(&mut self, rule: FloatRule, ins: &[Reg], half: bool) -> Lowered<Reg> {
         Ok(self.float_ops(rule, ins, half)?[0])
     }
@@ -24,7 +24,7 @@ impl<'m> Lower<'m> {
         half: bool,
     ) -> Lowered<Vec<Reg>> {
         let outs: Vec<Reg> = (0..rule.arity().1).map(|_| self.fresh(File::Float)).collect();
-        // Its operands were rounded. Where they go on as the terms of a sum, the rule for halves knows that.
+        // The operands were rounded. The rule for halves knows that if they become terms of a sum.
         let mut ins = ins.to_vec();
         if half && !rule.is_one_of_a_chain() {
             let addend = (rule == FloatRule::Basic(Basic::Fma)).then_some(2);
@@ -160,8 +160,8 @@ impl<'m> Lower<'m> {
         Ok(Value::Flat(values.into()))
     }
 
-    /// The same number by another operation, or by none. Each holds for NaN, infinities and both zeros, and rounds as the
-    /// original does, since both are the same real number before they are rounded.
+    /// The same number by another operation, or by none. Each identity holds for NaN, infinities and both zeros, and
+    /// rounds as the original does: both are the same real number before rounding.
     fn identical(&mut self, op: BinaryOperator, a: Reg, b: Reg) -> Lowered<Option<Reg>> {
         use BinaryOperator as B;
         let value = |of: &Self, register: Reg| {
@@ -169,7 +169,7 @@ impl<'m> Lower<'m> {
             (constant.scalar == Scalar::F32).then(|| f32::from_bits(constant.word))
         };
         let (x, y) = match (op, value(self, a), value(self, b)) {
-            // The order of a sum or a product decides nothing: a constant comes last.
+            // The order of operands doesn't matter for a sum or a product, so a constant comes last.
             (B::Multiply | B::Add, Some(_), None) => {
                 return self.binary_scalar(op, Scalar::F32, b, a).map(Some);
             }
@@ -180,11 +180,11 @@ impl<'m> Lower<'m> {
             _ => return Ok(None),
         };
         Ok(match op {
-            // -0 - 0 is -0, and -0 + 0 isn't.
+            // -0 - 0 is -0, but -0 + 0 is 0.
             B::Multiply | B::Divide if y == 1.0 => Some(x),
             B::Subtract if y.to_bits() == 0 => Some(x),
             B::Multiply if y == 2.0 => Some(self.basic(Basic::Add, &[x, x], false)?),
-            // The inverse of a power of two is exact where it is a normal number.
+            // The inverse of a power of two is exact if it is a normal number.
             B::Divide if y.to_bits() << 9 == 0 && y.is_normal() && y.recip().is_normal() => {
                 let inverse = self.constant(Scalar::F32, y.recip().to_bits());
                 Some(self.binary_scalar(B::Multiply, Scalar::F32, x, inverse)?)
@@ -267,7 +267,7 @@ impl<'m> Lower<'m> {
         }
     }
 
-    /// A sum of which one term is a product, where the settings fuse them.
+    /// A sum with a product as one term, fused if the settings say so.
     fn fused(
         &mut self,
         scope: &mut Scope<'m>,
@@ -289,7 +289,7 @@ impl<'m> Lower<'m> {
             else {
                 continue;
             };
-            // Products of matrices are sums already.
+            // Products of matrices already are sums.
             let matrix = |lower: &Self, scope: &Scope<'m>, handle| {
                 matches!(lower.type_of(scope, handle), TypeInner::Matrix { .. })
             };
@@ -308,7 +308,7 @@ impl<'m> Lower<'m> {
         Ok(None)
     }
 
-    /// Products that aren't by component.
+    /// Products that don't work by component.
     fn matrix_product(
         &mut self,
         left: &TypeInner,
@@ -413,7 +413,7 @@ impl<'m> Lower<'m> {
         let half = to == Scalar::F16;
         Ok(match (from, to) {
             (Scalar::F32, Scalar::F16) => self.halved(x, Some(Half::Converted))?,
-            // A sum that follows is one of its own, with terms of single precision.
+            // A sum that follows starts a new chain, with terms of single precision.
             (Scalar::F16, Scalar::F32) => self.halved(x, Some(Half::Operand))?,
             (Scalar::F32 | Scalar::F16, Scalar::F32 | Scalar::F16) => x,
             (Scalar::F32 | Scalar::F16, Scalar::I32) => self.integer_of(ToInt::Signed, &[x])?,

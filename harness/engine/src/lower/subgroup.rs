@@ -1,4 +1,4 @@
-//! Subgroup operations: each scalar of a value is an operation of its own.
+//! Lowers subgroup operations: each scalar of a value has an operation of its own.
 
 use naga::{Direction, Expression, GatherMode, Handle};
 
@@ -7,7 +7,7 @@ use crate::code::{From, Op, Reg, SubgroupKind, SubgroupOp};
 use crate::scalar::{File, Scalar};
 
 impl<'m> Lower<'m> {
-    /// Which lanes hold a predicate, or are active: a bit each, in four words.
+    /// The active lanes for which a predicate holds: one bit each, in four words.
     pub(super) fn ballot(
         &mut self,
         scope: &mut Scope<'m>,

@@ -1,17 +1,18 @@
-//! Indices that are computed of sums and products, and differences that become floats: they wrap around at 32 bits.
+//! Finds indices that are computed from sums and products, and differences that become floats: both wrap around at 32
+//! bits.
 
 use super::memory::Index;
 use super::{Lower, Lowered};
 use crate::code::{Op, Reg, Term, Wrap};
 use crate::rules::Integer;
 
-/// Terms that an index is looked at by, at most; of a longer one, parts are taken as they are.
+/// The most terms of an index that are followed. Parts of a longer one count as plain registers.
 const MOST_TERMS: usize = 64;
 
-/// The greatest stride that is odd: by a larger odd number a hash multiplies, which is meant to wrap.
+/// The largest odd stride. A hash multiplies by larger odd numbers, and is meant to wrap.
 const MOST_ODD: u32 = 1 << 16;
 
-/// The operation and the registers that an integer register is computed of, if its result may wrap.
+/// The operation and the registers that compute an integer register whose result may wrap.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Computed {
     rule: Integer,
@@ -19,7 +20,7 @@ pub(super) struct Computed {
 }
 
 impl<'m> Lower<'m> {
-    /// Notes how a register is computed, if its result may wrap.
+    /// Notes the computation of a register, if its result may wrap.
     pub(super) fn note_computed(&mut self, rule: Integer, out: Reg, ins: &[Reg]) {
         use Integer as I;
         let ins = match (rule, ins) {
@@ -35,14 +36,14 @@ impl<'m> Lower<'m> {
                 }
                 [*x, *y]
             }
-            // By a constant it is a product. By another distance it moves bits.
+            // A shift by a constant is a product. A shift by a variable moves bits.
             (I::ShiftLeftI | I::ShiftLeftU, [x, y]) if self.words.contains_key(y) => [*x, *y],
             _ => return,
         };
         self.computed.insert(out, Computed { rule, ins });
     }
 
-    /// Appends the operation that tells where an index has wrapped, if it may.
+    /// Appends the operation that reports an index that has wrapped, if it may.
     pub(super) fn tell_wrapped(&mut self, buffer: Option<u32>, index: &Index) -> Lowered<()> {
         let mut terms = Vec::new();
         let mut ins = vec![index.register];
@@ -56,7 +57,7 @@ impl<'m> Lower<'m> {
         Ok(())
     }
 
-    /// Appends the operation that tells where a difference without a sign goes below 0 and becomes a float.
+    /// Appends the operation that reports an unsigned difference that goes below 0 and becomes a float.
     pub(super) fn tell_below(&mut self, register: Reg) -> Lowered<()> {
         let (mut terms, mut ins) = (Vec::new(), vec![register]);
         self.terms(register, &mut terms, &mut ins);
@@ -67,7 +68,7 @@ impl<'m> Lower<'m> {
         Ok(())
     }
 
-    /// Appends the terms of a register, operands first, and the registers that they begin with.
+    /// Appends the terms of a register, operands first, and the registers at their leaves.
     fn terms(&self, register: Reg, terms: &mut Vec<Term>, ins: &mut Vec<Reg>) {
         use Integer as I;
         let computed = self.computed.get(&register).filter(|_| terms.len() < MOST_TERMS);
@@ -78,7 +79,7 @@ impl<'m> Lower<'m> {
         };
         self.terms(x, terms, ins);
         let term = match rule {
-            // The same number, if it is one of both types.
+            // The same number, if both types have it.
             I::ToI | I::ToU => return,
             I::NegateI => Term::Negate,
             I::AddI | I::AddU => Term::Add,

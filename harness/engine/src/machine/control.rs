@@ -1,4 +1,4 @@
-//! Control flow: what changes the mask, and the fuel that loops take.
+//! Control flow: the operations that change the mask, and the fuel of loops.
 
 use std::time::Instant;
 
@@ -101,7 +101,7 @@ impl<A: Rules> Machine<'_, A> {
         }
     }
 
-    /// A loop goes round once more.
+    /// Begins another round of a loop.
     pub(super) fn round(&mut self, instruction: &Instruction) -> Result<(), Spent> {
         let span = self.site(instruction).span;
         if let Some(own) = self.open.last_mut() {
@@ -114,7 +114,7 @@ impl<A: Rules> Machine<'_, A> {
             let cost = u64::from(A::possible(mask));
             spent |= *fuel < cost;
             all += cost;
-            // One more than the last round, so that who spent it is known from who just has none.
+            // One more than the last round: this tells a lane that spent its fuel from one that has just none left.
             *fuel = if *fuel < cost { u64::MAX } else { *fuel - cost };
         }
         if spent && self.options.leaves && !A::UNDECIDED {
@@ -131,7 +131,7 @@ impl<A: Rules> Machine<'_, A> {
             return Err(Spent { span, lane: 0, by: Limit::Work, own });
         };
         self.work = left;
-        // Looking at the clock costs more than a round.
+        // Reading the clock costs more than a round.
         self.rounds += 1;
         if self.rounds.is_multiple_of(ROUNDS)
             && self.options.deadline.is_some_and(|deadline| Instant::now() >= deadline)

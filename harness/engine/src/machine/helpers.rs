@@ -1,7 +1,7 @@
 //! Helper invocations: pixels that a draw doesn't cover, and pixels that are discarded.
 //!
-//! They go on so that their neighbours have derivatives. "No write accesses" of theirs are performed, their atomics
-//! return anything, and what they return is dropped (WGSL, *Fragment Shaders and Helper Invocations*).
+//! They run so that their neighbours have derivatives. They perform "no write accesses", their atomics return anything,
+//! and their results are dropped (WGSL, *Fragment Shaders and Helper Invocations*).
 
 use std::borrow::Cow;
 
@@ -9,7 +9,7 @@ use super::Machine;
 use crate::arithmetic::sealed::Rules;
 
 impl<A: Rules> Machine<'_, A> {
-    /// Says for each lane of a draw whether it is a helper from the start.
+    /// Sets the lanes of a draw that are helpers from the start.
     pub(crate) fn set_helpers(&mut self, helpers: impl Iterator<Item = bool>) {
         self.helpers.extend(helpers);
     }
@@ -21,19 +21,19 @@ impl<A: Rules> Machine<'_, A> {
         }
     }
 
-    /// True of a helper.
+    /// Returns `true` for a helper.
     #[inline]
     pub(super) fn is_helper(&self, lane: usize) -> bool {
         self.helpers.get(lane).is_some_and(|helper| *helper)
     }
 
-    /// True if a lane is active and others see what it does.
+    /// Returns `true` if a lane is active and not a helper.
     #[inline]
     pub(super) fn acts(&self, lane: usize) -> bool {
         A::possible(self.active()[lane]) && !self.is_helper(lane)
     }
 
-    /// The mask of the lanes that act.
+    /// The mask of the active lanes that aren't helpers.
     pub(super) fn acting(&self) -> Cow<'_, [A::Bool]> {
         if self.helpers.is_empty() {
             return Cow::Borrowed(self.active());

@@ -1,4 +1,4 @@
-//! Textures.
+//! Runs operations on textures.
 
 use super::{Machine, Memory};
 use crate::arithmetic::sealed::Rules;
@@ -6,7 +6,7 @@ use crate::code::{Detail, ImageKind, ImageOp};
 use crate::races::{Accessed, Place};
 use crate::texture::{self, Dimension, Level, Many, Mean, Sampler, TOGETHER, Texture};
 
-/// The registers of an operation on a texture, by what they hold.
+/// The registers of an operation on a texture, by their roles.
 struct Operands<'a> {
     outs: &'a [u32],
     floats: &'a [u32],
@@ -39,7 +39,7 @@ impl<A: Rules> Machine<'_, A> {
         }
     }
 
-    /// Writes texels; what is outside of the texture is left out, as WebGPU has it.
+    /// Writes texels. Leaves out those outside the texture, as WebGPU requires.
     pub(super) fn image_store(
         &mut self,
         image: u32,
@@ -82,7 +82,7 @@ impl<A: Rules> Machine<'_, A> {
         }
     }
 
-    /// Tells the detector, if there is one, which texel a lane accesses.
+    /// Reports the texel that a lane accesses to the detector, if there is one.
     fn note_texel(
         &mut self,
         texture: u32,
@@ -91,7 +91,7 @@ impl<A: Rules> Machine<'_, A> {
         words: [u32; 4],
         writes: bool,
     ) {
-        // A word for all channels, which is compared (FNV-1a, by words).
+        // A hash of all channels, for comparison (FNV-1a, by words).
         let word =
             words.iter().fold(0x811C_9DC5_u32, |all, word| (all ^ word).wrapping_mul(0x0100_0193));
         let Some(detector) = &mut self.detector else { return };
@@ -108,7 +108,7 @@ impl<A: Rules> Machine<'_, A> {
         self.ints.get_mut(out).fill(A::int(word, false));
     }
 
-    /// Integer operand `k` of a lane, and whether it was beyond 0 to `last`.
+    /// Integer operand `k` of a lane, clamped to 0 to `last`.
     fn index(&self, op: &ImageOp, register: u32, k: usize, lane: usize, last: u32) -> Index {
         let (lo, hi) = A::bounds(self.ints.get(register)[lane], op.signed >> k & 1 == 1);
         let clamped = lo < 0 || hi > i64::from(last);
@@ -136,7 +136,8 @@ impl<A: Rules> Machine<'_, A> {
         }
     }
 
-    /// The first coordinate of a texel that is loaded, its layer included, that leaves the texture, and how many there are.
+    /// The first coordinate of a loaded texel, layer included, that is outside the texture, and the size in that
+    /// direction.
     pub(super) fn texel_beyond(
         &self,
         image: u32,
@@ -230,7 +231,7 @@ impl<A: Rules> Machine<'_, A> {
             return;
         }
         for lane in 0..self.width {
-            // Loops have few active lanes in their last rounds, and a sample is dear.
+            // In their last rounds loops have few active lanes, and a sample is expensive.
             if !A::possible(self.active()[lane]) {
                 continue;
             }
@@ -297,7 +298,7 @@ impl<A: Rules> Machine<'_, A> {
                 }
                 continue;
             }
-            // Intervals hold all texels, whichever they are.
+            // Intervals cover all texels, whatever the coordinates.
             let mean = match A::NOTES {
                 true => Mean::of(sampler, reference),
                 false => texture.mean(sampler, place, level, reference),
@@ -311,7 +312,6 @@ impl<A: Rules> Machine<'_, A> {
 }
 
 impl<A: Rules> Machine<'_, A> {
-    /// Samples of the one level of a texture, several at once.
     fn sample_together(
         &mut self,
         (texture, sampler): (&Texture, &Sampler),
@@ -324,7 +324,7 @@ impl<A: Rules> Machine<'_, A> {
             for (wanted, mask) in wanted.iter_mut().zip(&self.active()[lanes.clone()]) {
                 *wanted = A::possible(*mask);
             }
-            // Loops have few active lanes in their last rounds.
+            // In their last rounds loops have few active lanes.
             if !wanted.contains(&true) {
                 continue;
             }
@@ -337,7 +337,7 @@ impl<A: Rules> Machine<'_, A> {
             for (channel, &out) in outs.iter().enumerate() {
                 let hull = texture.hull(channel);
                 let column = &mut self.floats.get_mut(out)[lanes.clone()];
-                // Values of lanes that aren't active mean nothing.
+                // Values of inactive lanes don't matter.
                 column
                     .iter_mut()
                     .zip(&sums)

@@ -1,10 +1,9 @@
-//! Which lanes are active: masks for divergent control flow.
+//! Masks of active lanes, for divergent control flow.
 //!
-//! Every construct that is open has a frame with the mask that it was entered with, and the lanes
-//! that have left it for good, by a jump to something outside of it. At its end the mask is what it
-//! was at the start, less what left.
+//! Each open construct has a frame: the mask at its entry, and the lanes that have left it for good by a jump out of
+//! it. At its end the mask is the one at its entry without those lanes.
 //!
-//! This is for arithmetics in which each condition is decided; `worlds` is for the others.
+//! `worlds` does the same for arithmetics with undecided conditions.
 
 use crate::arithmetic::sealed::Rules;
 
@@ -18,15 +17,15 @@ struct Frame<A: Rules> {
     kind: Kind,
     saved: Box<[A::Bool]>,
     left: Box<[A::Bool]>,
-    /// Of a loop: lanes that broke out of it.
+    /// For a loop: the lanes that broke out of it.
     broken: Box<[A::Bool]>,
 }
 
-/// The mask and the frames of what is open.
+/// The mask, and the frames of open constructs.
 pub(crate) struct Masks<A: Rules> {
     current: Box<[A::Bool]>,
     frames: Vec<Frame<A>>,
-    /// Frames that were open before, for reuse.
+    /// Frames for reuse.
     spare: Vec<Frame<A>>,
     any: bool,
     all: bool,
@@ -46,7 +45,7 @@ impl<A: Rules> Masks<A> {
         }
     }
 
-    /// Begins with the first `active` lanes, and nothing open.
+    /// Begins with the first `active` lanes, outside any construct.
     pub(crate) fn start(&mut self, active: usize) {
         self.spare.append(&mut self.frames);
         for (lane, mask) in self.current.iter_mut().enumerate() {
@@ -55,13 +54,13 @@ impl<A: Rules> Masks<A> {
         self.changed();
     }
 
-    /// Whether any lane may be active.
+    /// Returns `true` if some lane may be active.
     #[inline]
     pub(crate) fn any(&self) -> bool {
         self.any
     }
 
-    /// Whether each lane surely is active.
+    /// Returns `true` if all lanes are certainly active.
     #[inline]
     pub(crate) fn all(&self) -> bool {
         self.all
@@ -101,7 +100,7 @@ impl<A: Rules> Masks<A> {
         self.frames.push(frame);
     }
 
-    /// Opens a branch. Each of these returns whether a lane is active afterwards.
+    /// Opens a branch. This and the next functions return `true` if a lane is active afterwards.
     pub(crate) fn enter(&mut self) -> bool {
         self.push(Kind::Branch);
         self.any
@@ -160,7 +159,7 @@ impl<A: Rules> Masks<A> {
         self.any
     }
 
-    /// Lanes that continued come back.
+    /// Reactivates the lanes that continued.
     pub(crate) fn continuing(&mut self) {
         if let Some(frame) = self.frames.last() {
             let gone = frame.broken.iter().zip(&frame.left);
@@ -185,7 +184,7 @@ impl<A: Rules> Masks<A> {
         self.changed();
     }
 
-    /// Takes lanes out of all that is open, for good.
+    /// Removes lanes from all open constructs, for good.
     pub(crate) fn drop_lanes(&mut self, lanes: &[usize]) {
         for lane in lanes {
             self.current[*lane] = A::bool(false);
@@ -194,8 +193,7 @@ impl<A: Rules> Masks<A> {
         self.changed();
     }
 
-    /// Active lanes jump to the end of the frame below the `depth` innermost ones; out of a loop
-    /// when `breaks`.
+    /// Active lanes jump to the end of the frame below the `depth` innermost ones; if `breaks`, out of a loop.
     pub(crate) fn exit(&mut self, depth: u32, breaks: bool) {
         let target = self.frames.len().saturating_sub(1 + depth as usize);
         for frame in self.frames[target + 1..].iter_mut().rev() {

@@ -1,4 +1,4 @@
-//! Registers and bytes that are found by index.
+//! Accesses registers and bytes by index.
 
 use std::borrow::Cow;
 
@@ -13,16 +13,16 @@ use crate::races::{Accessed, Detector, Place};
 use crate::rules::Half;
 use crate::scalar::{File, Scalar};
 
-/// True if an operation reads, and if it writes.
+/// The kind of an access: it reads, it writes.
 const READS: (bool, bool) = (true, false);
 const WRITES: (bool, bool) = (false, true);
 const READS_AND_WRITES: (bool, bool) = (true, true);
 
-/// The bytes of a buffer. Where it is written, floats keep what `f32` can't hold beside them.
+/// The bytes of a buffer. If it is written, floats that an `f32` can't hold are kept beside them.
 #[derive(Clone, Debug)]
 pub(crate) struct Buffer<'a, A: Rules> {
     pub(crate) bytes: Cow<'a, [u8]>,
-    /// For each word, the float that was written there, if its word is still the same.
+    /// For each word, the float that was written there, as long as the word is unchanged.
     floats: Vec<Option<A::Float>>,
 }
 
@@ -67,7 +67,7 @@ impl<'a, A: Rules> Buffer<'a, A> {
     }
 }
 
-/// What the lanes of a chunk share.
+/// The memory that the lanes of a chunk share.
 #[derive(Clone, Debug)]
 pub(crate) struct Memory<'a, A: Rules> {
     pub(crate) buffers: Vec<Buffer<'a, A>>,
@@ -76,7 +76,7 @@ pub(crate) struct Memory<'a, A: Rules> {
 }
 
 impl Step {
-    /// How many elements there are, given the bytes of the buffer.
+    /// The number of elements, for a buffer of so many bytes.
     pub(super) fn length(&self, bytes: usize) -> u64 {
         match self.count {
             Count::Fixed(count) => u64::from(count),
@@ -87,7 +87,7 @@ impl Step {
     }
 }
 
-/// The offsets that indices may lead to, and whether one of them was clamped.
+/// The offset that the indices of a lane lead to, and `true` if one was clamped.
 pub(super) fn walk_lane<A: Rules>(
     (walk, elsewhere): (&Walk, Elsewhere),
     indices: &[u32],
@@ -173,8 +173,8 @@ macro_rules! scattered {
 }
 
 impl<'p, A: Rules> Machine<'p, A> {
-    /// Notes that the index of a lane leaves its array. In intervals, what comes of that is anything: the
-    /// specification lets an implementation read any element, or zero, and write any.
+    /// Notes that the index of a lane is outside its array. In intervals the result is unbounded: the specification
+    /// lets an implementation read any element, or zero, and write any element.
     pub(super) fn leave(&mut self, lane: usize) {
         if self.is_helper(lane) {
             return;
@@ -185,8 +185,8 @@ impl<'p, A: Rules> Machine<'p, A> {
         }
     }
 
-    /// The index of a lane that leaves an array in a buffer, or a coordinate that leaves a texture, and how many elements that
-    /// has; of one that wraps what it is without an end, and what it is.
+    /// The index of a lane that is outside an array in a buffer, or a coordinate outside a texture, and the number of
+    /// elements there. For an index that wraps: its value without wrapping, and its value.
     pub(super) fn beyond(
         &self,
         instruction: &Instruction,
@@ -206,7 +206,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         };
         let walk = &self.code.walks[walk as usize];
         let bytes = memory.buffers[walk.buffer as usize].bytes.len();
-        // Indices come last.
+        // The indices come last.
         let shape = self.code.shape(instruction.op);
         let all = shape.outs.iter().chain(&shape.ins).sum::<u32>() as usize;
         let indices = &registers[..all][all - walk.steps.len()..];
@@ -217,7 +217,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         })
     }
 
-    /// The variable whose elements an operation finds by index, and whether these are a part of it.
+    /// The variable that an operation indexes, and `true` if the array is a part of it.
     pub(super) fn array_of(&self, op: Op) -> (Option<&'p str>, bool) {
         let code = self.code;
         let (slot, nested) = match op {
@@ -235,7 +235,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         (slot.map(|slot| &*code.buffers[slot as usize].name), nested)
     }
 
-    /// The element that the operation that runs finds with an index outside of its array.
+    /// The element that the current operation accesses if an index is outside its array.
     pub(super) fn elsewhere(&self) -> Elsewhere {
         match self.options.outside_at {
             Some((site, elsewhere)) if site == self.site => elsewhere,
@@ -243,7 +243,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         }
     }
 
-    /// The same of a write. Whether it is left out.
+    /// Notes the same for a write. Returns `true` if the write is left out.
     fn leave_unwritten(&mut self, lane: usize) -> bool {
         self.leave(lane);
         self.options.outside.drops
@@ -306,7 +306,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         }
     }
 
-    /// The candidate that an index chooses, for each lane.
+    /// The candidate that an index chooses, for a lane.
     fn chosen(&self, index: u32, signed: bool, count: usize, lane: usize) -> (usize, usize, bool) {
         let last = count.saturating_sub(1) as i64;
         let (lo, hi) = A::bounds(self.ints.get(index)[lane], signed);
@@ -388,11 +388,11 @@ impl<'p, A: Rules> Machine<'p, A> {
         let walk = &self.code.walks[walk as usize];
         let buffer = &memory.buffers[walk.buffer as usize];
         let length = buffer.bytes.len();
-        // Without an index, each lane loads the same.
+        // Without an index all lanes load the same.
         let lanes = if walk.steps.is_empty() { 1 } else { self.width };
         let join = A::undecided();
         let notes = self.notes(walk);
-        // Where each lane loads, for the detector.
+        // The place that each lane loads from, for the detector.
         let mut places = std::mem::take(&mut self.places);
         places.clear();
         for lane in 0..lanes {
@@ -462,13 +462,13 @@ impl<'p, A: Rules> Machine<'p, A> {
         self.places = places;
     }
 
-    /// True if a detector wants to know who accesses what a walk finds.
+    /// Returns `true` if a detector needs the accesses through a walk.
     fn notes(&self, walk: &Walk) -> bool {
         let watches = |detector: &Detector| detector.watches_buffer(walk.buffer);
         self.detector.as_deref().is_some_and(watches)
     }
 
-    /// The place of a lane's access, and whether it leaves its array.
+    /// The place of a lane's access, and `true` if it is outside its array.
     fn place_of(&self, walk: &Walk, indices: &[u32], lane: usize, length: usize) -> (usize, bool) {
         let mut at = 0;
         let found = (walk, Elsewhere::Clamped);
@@ -476,7 +476,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         (at, strays)
     }
 
-    /// Tells the detector, if there is one, which elements the lanes access, and with which words.
+    /// Reports the accessed elements of the lanes, and their words, to the detector, if there is one.
     fn note_accesses(
         &mut self,
         walk: &Walk,
@@ -490,7 +490,7 @@ impl<'p, A: Rules> Machine<'p, A> {
                 continue;
             }
             let (at, strays) = place_of(self, lane);
-            // An access outside of the array may go anywhere, which is a fault of its own.
+            // An access outside the array may go anywhere; that is reported as a fault of its own.
             if strays {
                 continue;
             }
@@ -572,7 +572,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         self.ints.get_mut(out).fill(A::int(u32::try_from(length).unwrap_or(u32::MAX), false));
     }
 
-    /// Lane after lane, in order: one of the orders that the specification allows.
+    /// Runs an atomic lane after lane: one of the orders that the specification allows.
     pub(super) fn atomic(&mut self, walk: u32, registers: &[u32], memory: &mut Memory<'_, A>) {
         let walk = &self.code.walks[walk as usize];
         let Some(atomic) = walk.atomic else { return };
@@ -591,7 +591,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         }
         for lane in 0..self.width {
             if self.is_helper(lane) && atomic.result {
-                // Any result will do, and one of success ends the loop that waits for it.
+                // Any result is allowed; a successful one ends a loop that waits for it.
                 let seen = if compared {
                     self.ints.get(registers[outs + 1])[lane]
                 } else {
@@ -648,7 +648,7 @@ impl<'p, A: Rules> Machine<'p, A> {
     }
 }
 
-/// The word that an atomic makes of another one; of an exchange that compares, where both are equal.
+/// The word that an atomic stores in place of `old`; for a comparing exchange, if the comparison holds.
 pub(super) fn changed_by(function: AtomicFunction, old: u32, x: u32, signed: bool) -> u32 {
     let order = |less: bool| {
         let x_is_less = if signed { x.cast_signed() < old.cast_signed() } else { x < old };

@@ -1,4 +1,4 @@
-//! Subgroup operations: lanes that see each other's values.
+//! Subgroup operations: lanes see each other's values.
 
 use naga::{CollectiveOperation, SubgroupOperation};
 
@@ -9,7 +9,7 @@ use crate::options::Elsewhere;
 use crate::scalar::{File, Scalar};
 
 impl<A: Rules> Machine<'_, A> {
-    /// Lanes of a subgroup.
+    /// The number of lanes of a subgroup.
     fn subgroup_size(&self) -> usize {
         self.options.subgroup() as usize
     }
@@ -39,7 +39,7 @@ impl<A: Rules> Machine<'_, A> {
         }
     }
 
-    /// Tells the detector, if there is one, which subgroups meet an operation in part.
+    /// Reports the subgroups that only partly meet an operation to the detector, if there is one.
     fn note_subgroups(&mut self) {
         let Some(mut detector) = self.detector.take() else { return };
         let active: Vec<bool> = self.active().iter().map(|mask| A::possible(*mask)).collect();
@@ -66,8 +66,8 @@ impl<A: Rules> Machine<'_, A> {
         }
     }
 
-    /// Each lane takes the value of another one. One that isn't there, or isn't active, has any: as an index outside
-    /// of an array.
+    /// Gives each lane the value of another one. A lane that doesn't exist, or isn't active, gives any value, like an
+    /// index outside an array.
     fn gather_of(
         &mut self,
         operation: SubgroupOp,
@@ -83,7 +83,7 @@ impl<A: Rules> Machine<'_, A> {
         let is_float = operation.scalar.file() == File::Float;
         let words: Vec<u32> =
             here.iter().map(|lane| self.word(operation.scalar, value, *lane)).collect();
-        // A float moves as it is.
+        // A float is moved unchanged.
         let floats: Vec<A::Float> = match is_float {
             true => here.iter().map(|lane| self.floats.get(value)[*lane]).collect(),
             false => Vec::new(),
@@ -136,7 +136,7 @@ impl<A: Rules> Machine<'_, A> {
     }
 }
 
-/// The results of an operation over the words of lanes, in their order.
+/// The results of an operation over the words of lanes, in the lanes' order.
 fn collected(
     scalar: Scalar,
     function: SubgroupOperation,
@@ -162,7 +162,7 @@ fn collected(
     }
 }
 
-/// The result over no lane. Of WGSL's operations only sums and products are scanned.
+/// The result over no lanes. WGSL scans only sums and products.
 fn identity(scalar: Scalar, function: SubgroupOperation) -> u32 {
     match (function, scalar.file()) {
         (SubgroupOperation::Mul, File::Float) => 1.0_f32.to_bits(),

@@ -1,4 +1,4 @@
-//! Atomics where others may go first, and stores that take effect late.
+//! Atomics before which other invocations may run, and stores that take effect late.
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 
@@ -11,22 +11,22 @@ use crate::code::{Code, Instruction, Op, Walk};
 use crate::explore::{Access, Step, Word};
 use crate::options::Elsewhere;
 
-/// How often an invocation reads the same in a loop, and changes nothing, until it counts as one that waits for another.
+/// The number of equal reads in a loop, without a change, after which an invocation counts as waiting for another.
 const PATIENCE: u32 = 3;
 
-/// A store of an invocation that has yet to take effect.
+/// A store that hasn't taken effect yet.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Late {
     pub(crate) number: u32,
     lane: usize,
     slot: u32,
     at: usize,
-    /// What it does to the word; `None`: it replaces it.
+    /// The atomic function that it applies; `None` if it replaces the word.
     function: Option<AtomicFunction>,
     signed: bool,
     word: u32,
     site: u32,
-    /// The turn in which its invocation came to it.
+    /// The turn in which its invocation reached it.
     pub(crate) turn: usize,
 }
 
@@ -35,16 +35,16 @@ pub(crate) struct Late {
 pub(crate) struct Done {
     pub(crate) lane: usize,
     pub(crate) site: u32,
-    /// The word that it returned, or else wrote, and whether it returned one.
+    /// The word that it returned, or else wrote, and `true` if it returned one.
     pub(crate) word: u32,
     pub(crate) reads: bool,
     pub(crate) place: (u32, usize),
-    /// Of a store that waited its number, and the turn in which its invocation came to it.
+    /// For a late store: its number, and the turn in which its invocation reached it.
     pub(crate) late: Option<(u32, usize)>,
 }
 
 impl Walk {
-    /// The access of an atomic to the word that it finds; a load and a store say by `writes` which they are.
+    /// The kind of access that an atomic is. `writes` tells a store from a load.
     pub(super) fn access(&self, writes: bool) -> Access {
         match self.atomic {
             Some(atomic) => Access::of(atomic.function, atomic.used),
@@ -55,7 +55,7 @@ impl Walk {
 }
 
 impl Code {
-    /// True of an operation on an atomic, a load and a store included.
+    /// Returns `true` for an operation on an atomic, a load and a store included.
     pub(crate) fn is_atomic(&self, op: Op) -> bool {
         self.walk_of(op).is_some()
     }
@@ -69,7 +69,7 @@ impl Code {
         }
     }
 
-    /// The change of a word by an operation whose result nothing uses: its invocation needn't wait for it.
+    /// The change by an atomic whose result nothing uses: its invocation doesn't have to wait for it.
     fn stored(&self, op: Op) -> Option<Option<AtomicFunction>> {
         let walk = self.walk_of(op)?;
         match (op, walk.atomic) {
@@ -95,7 +95,8 @@ impl<A: Rules> Machine<'_, A> {
         (instruction, &self.code.pool[start..start + instruction.count as usize])
     }
 
-    /// The words that an operation on an atomic accesses, by the lanes that act. One outside of its array is the nearest.
+    /// The words that an operation on an atomic accesses, for the lanes that act. An index outside its array goes to
+    /// the nearest element.
     fn places(&self, op: Op, registers: &[u32], memory: &Memory<'_, A>) -> Vec<(usize, usize)> {
         let Some(walk) = self.code.walk_of(op) else { return Vec::new() };
         let (indices, _) = self.code.operands_of(op, walk, registers);
@@ -114,7 +115,7 @@ impl<A: Rules> Machine<'_, A> {
         self.stores.iter().find(|one| (one.slot, one.lane, one.at) == (slot, lane, at))
     }
 
-    /// True if another one may have its turn before this atomic.
+    /// Returns `true` if other invocations may run before this atomic.
     pub(super) fn pauses(&self, op: Op, registers: &[u32], memory: &Memory<'_, A>) -> bool {
         if !self.relaxes {
             return (0..self.width).any(|lane| self.acts(lane));
@@ -128,25 +129,25 @@ impl<A: Rules> Machine<'_, A> {
         }
     }
 
-    /// True if it stands before an access of a word that a store of its own has yet to change.
+    /// Returns `true` if it stands before an access of a word that a pending store of its own will change.
     pub(crate) fn is_blocked(&self, memory: &Memory<'_, A>) -> bool {
         let (instruction, registers) = self.here();
         let Some(walk) = self.code.walk_of(instruction.op) else { return false };
-        // An invocation that loads sees its own store.
+        // A load sees the pending stores of its own invocation.
         let is_load = matches!(instruction.op, Op::Load(..));
         let blocks = |one: &Late| !is_load || one.function.is_some();
         let places = self.places(instruction.op, registers, memory);
         places.iter().any(|place| self.waiting_at(walk.buffer, *place).is_some_and(blocks))
     }
 
-    /// Where it stands, and the first lane that does.
+    /// The operation at which it stands, and the first lane there.
     pub(crate) fn place(&self) -> (naga::Span, usize) {
         let site = self.code.instructions[self.at].site;
         let lane = (0..self.width).find(|lane| self.acts(*lane)).unwrap_or_default();
         (self.code.sites[site as usize].span, lane)
     }
 
-    /// The step of its next turn, at an atomic.
+    /// The accesses of its next turn, at an atomic.
     pub(crate) fn next_step(&self, memory: &Memory<'_, A>, group: u32) -> Step {
         let (instruction, registers) = self.here();
         let Some(walk) = self.code.walk_of(instruction.op) else { return Step::default() };
@@ -156,7 +157,7 @@ impl<A: Rules> Machine<'_, A> {
         Step::atomic(touches.collect())
     }
 
-    /// The same of a store that has yet to take effect.
+    /// The same for a pending store.
     pub(crate) fn step_of_store(&self, number: u32, group: u32) -> Step {
         let store = self.stores.iter().find(|store| store.number == number);
         let touches = store.iter().map(|store| {
@@ -171,7 +172,8 @@ impl<A: Rules> Machine<'_, A> {
         (slot, if own { group + 1 } else { 0 }, at as u32)
     }
 
-    /// Has the store of the atomic that is next wait. `false`: it is no store, or all take effect at once.
+    /// Makes the store of the next atomic wait. Returns `false` if the atomic is no store, or all stores take effect at
+    /// once.
     pub(super) fn postpones(&mut self, op: Op, registers: &[u32], memory: &Memory<'_, A>) -> bool {
         let (true, Some(function)) = (self.relaxes, self.code.stored(op)) else { return false };
         let Some(walk) = self.code.walk_of(op) else { return false };
@@ -182,7 +184,7 @@ impl<A: Rules> Machine<'_, A> {
             self.numbered += 1;
             let word = A::int_word(self.ints.get(value)[lane]);
             let (number, site, slot) = (self.numbered, self.site, walk.buffer);
-            // Behind the atomics of this turn.
+            // The atomics of this turn come first.
             let turn = self.turn + self.done.len();
             self.stores.push(Late { number, lane, slot, at, function, signed, word, site, turn });
             self.issued.push(number);
@@ -190,7 +192,7 @@ impl<A: Rules> Machine<'_, A> {
         true
     }
 
-    /// Has a load see what its invocation stores.
+    /// Makes a load see the pending stores of its own invocation.
     pub(super) fn forward(&mut self, op: Op, registers: &[u32], memory: &Memory<'_, A>) {
         let Op::Load(scalar, walk) = op else { return };
         let slot = self.code.walks[walk as usize].buffer;
@@ -201,7 +203,7 @@ impl<A: Rules> Machine<'_, A> {
         }
     }
 
-    /// A store takes effect.
+    /// Lets a store take effect.
     pub(crate) fn settle(&mut self, number: u32, memory: &mut Memory<'_, A>) -> Option<Done> {
         let at = self.stores.iter().position(|store| store.number == number)?;
         let Late { lane, slot, at, function, signed, word, site, turn, .. } =
@@ -216,7 +218,7 @@ impl<A: Rules> Machine<'_, A> {
         Some(Done { lane, site, word: new, reads: false, place: (slot, at), late })
     }
 
-    /// Notes an atomic that took effect, and whether its invocation waits for another one to change the word.
+    /// Notes an atomic that took effect, and whether its invocation now waits for another one to change the word.
     pub(super) fn note_turn(
         &mut self,
         op: Op,
@@ -248,7 +250,7 @@ impl<A: Rules> Machine<'_, A> {
         self.waits |= reads && *seen > PATIENCE;
     }
 
-    /// The words of an atomic's places before it takes effect.
+    /// The words that an atomic accesses, before it takes effect.
     pub(super) fn words_at(&self, op: Op, registers: &[u32], memory: &Memory<'_, A>) -> Vec<u32> {
         let Some(walk) = self.code.walk_of(op) else { return Vec::new() };
         let buffer = &memory.buffers[walk.buffer as usize];

@@ -1,13 +1,12 @@
-//! Which lanes are active where conditions may be undecided: both ways are followed, then joined.
+//! Masks of active lanes for conditions that may be undecided: both ways run, then their values are joined.
 //!
-//! A lane whose condition is undecided forks. Its world in the one branch runs first, then its
-//! variables are what they were before, and its world in the other branch runs. Where control
-//! meets again (the end of a branch, of a loop's body, of a loop, of a call) what arrived before is
-//! joined with what arrives now. So every store is a plain one, and a loop in a branch that may not
-//! be taken still knows when it ends.
+//! A lane whose condition is undecided forks. Its world in the first branch runs first. Then its variables are
+//! restored, and its world in the other branch runs. Where control meets again (at the end of a branch, of a loop's
+//! body, of a loop, of a call), the worlds that have arrived are joined. So every store is a plain one, and a loop
+//! still ends in a branch that may not be taken.
 //!
-//! A world that jumps out of a construct waits at its target, in `waiting`, when another world of
-//! its lane goes on; otherwise it rests in the registers.
+//! A world that jumps out of a construct waits at its target, in `waiting`, if another world of its lane goes on.
+//! Otherwise its variables stay in the registers.
 
 use crate::arithmetic::sealed::Rules;
 use crate::code::Code;
@@ -20,7 +19,7 @@ pub(crate) struct Files<'a, A: Rules> {
     pub(crate) bools: &'a mut Columns<A::Bool>,
 }
 
-/// The variables of all lanes at some place, and which lanes' are here.
+/// The variables of all lanes at a place, and the lanes that are there.
 struct State<A: Rules> {
     floats: Vec<Box<[A::Float]>>,
     ints: Vec<Box<[A::Int]>>,
@@ -39,7 +38,7 @@ impl<A: Rules> State<A> {
         }
     }
 
-    /// Adds a lane's variables; they are joined with those that are here.
+    /// Adds a lane's variables, joined with those that are there already.
     fn add(&mut self, files: &Files<'_, A>, mutable: &[Vec<u32>; 3], lane: usize) {
         let joins = std::mem::replace(&mut self.here[lane], true);
         for (kept, &register) in self.floats.iter_mut().zip(&mutable[0]) {
@@ -56,7 +55,7 @@ impl<A: Rules> State<A> {
         }
     }
 
-    /// Writes a lane's variables back, joined with what is in the registers when `joins`.
+    /// Writes a lane's variables back. Joins them with the registers if `joins`.
     fn take(
         &mut self,
         files: &mut Files<'_, A>,
@@ -83,13 +82,13 @@ impl<A: Rules> State<A> {
 }
 
 struct Frame<A: Rules> {
-    /// The mask at the start.
+    /// The mask at the entry.
     saved: Box<[bool]>,
-    /// Lanes at its end, whose variables rest in the registers.
+    /// Lanes that have reached the end, with their variables in the registers.
     ended: Box<[bool]>,
-    /// Lanes that wait for the end of a loop's body in the registers.
+    /// Lanes that wait for the end of a loop's body, with their variables in the registers.
     continued: Box<[bool]>,
-    /// Variables at the start, of lanes that fork.
+    /// The variables at the entry of lanes that fork.
     start: State<A>,
     /// Worlds that wait for the end.
     waiting: State<A>,
@@ -99,13 +98,13 @@ struct Frame<A: Rules> {
 }
 
 impl<A: Rules> Frame<A> {
-    /// Whether another world of the lane goes on in here.
+    /// Returns `true` if another world of the lane goes on in this frame.
     fn forks(&self, lane: usize) -> bool {
         self.start.here[lane] || self.waiting.here[lane] || self.round.here[lane]
     }
 }
 
-/// The mask and the frames of what is open.
+/// The mask, and the frames of open constructs.
 pub(crate) struct Worlds<'p, A: Rules> {
     mutable: &'p [Vec<u32>; 3],
     current: Box<[bool]>,
@@ -213,7 +212,7 @@ impl<'p, A: Rules> Worlds<'p, A> {
                     frame.waiting.add(files, self.mutable, lane);
                 }
                 frame.start.take(files, self.mutable, lane, false);
-                // It still forks: what jumps from here mustn't rest.
+                // It still forks: worlds that jump out of here have to wait.
                 frame.start.here[lane] = true;
                 self.current[lane] = true;
             } else {
@@ -226,7 +225,7 @@ impl<'p, A: Rules> Worlds<'p, A> {
         self.any
     }
 
-    /// The first case starts with what the switch was entered with, the next ones anew.
+    /// Begins a case. The first one starts with the variables at the entry; each next one restores them.
     pub(crate) fn enter_case(
         &mut self,
         files: &mut Files<'_, A>,
@@ -235,7 +234,7 @@ impl<'p, A: Rules> Worlds<'p, A> {
     ) -> bool {
         let Some(frame) = self.frames.last_mut() else { return self.any };
         if !frame.has_else {
-            // The first case: every lane that is here may need its variables again.
+            // The first case: each lane in it may need its variables again.
             frame.has_else = true;
             for lane in (0..self.width).filter(|&lane| frame.saved[lane]) {
                 frame.start.add(files, self.mutable, lane);
@@ -265,7 +264,7 @@ impl<'p, A: Rules> Worlds<'p, A> {
         for lane in 0..self.width {
             let mut here = self.current[lane] || frame.ended[lane];
             if is_if && !frame.has_else && frame.start.here[lane] {
-                // The branch not taken changes nothing.
+                // The branch that isn't taken changes nothing.
                 frame.start.take(files, self.mutable, lane, self.current[lane]);
                 here = true;
             }
@@ -280,7 +279,7 @@ impl<'p, A: Rules> Worlds<'p, A> {
         self.any
     }
 
-    /// The end of a loop's body.
+    /// Ends a loop's body.
     pub(crate) fn continuing(&mut self, files: &mut Files<'_, A>) {
         let Some(frame) = self.frames.last_mut() else { return };
         for lane in 0..self.width {
@@ -312,12 +311,12 @@ impl<'p, A: Rules> Worlds<'p, A> {
         self.changed();
     }
 
-    /// Whether a world of the lane has left the innermost loop that another one is still in.
+    /// Returns `true` if one world of the lane has left the innermost loop, and another one is still in it.
     pub(crate) fn is_divided(&self, lane: usize) -> bool {
         self.current[lane] && self.frames.last().is_some_and(|frame| frame.waiting.here[lane])
     }
 
-    /// Takes a lane out of the innermost loop.
+    /// Removes a lane from the innermost loop.
     pub(crate) fn drop_from_loop(&mut self, files: &Files<'_, A>, lane: usize) {
         if let Some(frame) = self.frames.last_mut() {
             frame.waiting.add(files, self.mutable, lane);
@@ -326,8 +325,8 @@ impl<'p, A: Rules> Worlds<'p, A> {
         self.changed();
     }
 
-    /// Active lanes jump to the end of the frame below the `depth` innermost ones, or to the end of
-    /// its body when they continue.
+    /// Active lanes jump to the end of the frame below the `depth` innermost ones, or if `continues` to the end of its
+    /// body.
     pub(crate) fn exit(&mut self, files: &Files<'_, A>, depth: u32, continues: bool) {
         let target = self.frames.len().saturating_sub(1 + depth as usize);
         for lane in (0..self.width).filter(|&lane| self.current[lane]) {

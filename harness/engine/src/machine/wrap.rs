@@ -1,14 +1,14 @@
-//! Whole numbers that wrap around.
+//! Reports integers that wrap around.
 
 use super::{Machine, Memory};
 use crate::arithmetic::sealed::Rules;
 use crate::code::Term;
 
 impl<A: Rules> Machine<'_, A> {
-    /// Notes the lanes whose index is another number than its sums and products give without an end, and all the same one
-    /// of the array: of one outside, the access tells. Of a float the lanes whose difference is below 0.
+    /// Notes the lanes whose index has wrapped and is inside the array all the same; the access itself reports an index
+    /// outside. For a float, notes the lanes whose difference is below 0.
     pub(super) fn wrapped(&mut self, wrap: u32, registers: &[u32], memory: &Memory<'_, A>) {
-        // Bounds of an index that wraps are all that there are, and so outside.
+        // In intervals, an index that wraps has all values, and so is outside.
         if A::UNDECIDED {
             return;
         }
@@ -28,7 +28,7 @@ impl<A: Rules> Machine<'_, A> {
             if length.is_some_and(|length| index < 0 || index >= i128::from(length)) {
                 continue;
             }
-            // A term may be `u32(-1)` or a hash above 2^31, and no type says which.
+            // A term may be `u32(-1)` or a hash above 2^31, and no type tells the two apart.
             let meant = [true, false].map(|signed| {
                 let leaves = registers[1..].iter().map(|register| value(*register, signed));
                 whole(&wrap.terms, leaves, &mut stack)
@@ -47,7 +47,7 @@ impl<A: Rules> Machine<'_, A> {
     }
 }
 
-/// The number that terms make without an end.
+/// The value of the terms without wrapping.
 fn whole(terms: &[Term], mut leaves: impl Iterator<Item = i128>, stack: &mut Vec<i128>) -> i128 {
     stack.clear();
     for term in terms {
@@ -61,7 +61,7 @@ fn whole(terms: &[Term], mut leaves: impl Iterator<Item = i128>, stack: &mut Vec
                 next().saturating_sub(y)
             }
             Term::Multiply => next().saturating_mul(next()),
-            // Only the lowest five bits of the distance count.
+            // Only the lowest five bits of the shift count.
             Term::ShiftLeft => {
                 let distance = next() & 31;
                 next().saturating_mul(1 << distance)

@@ -1,10 +1,10 @@
-//! What every program does with floats: the four operations, roots, ordering.
+//! The arithmetic of nearly all programs: the four operations, roots, ordering.
 
 use super::float_rules;
 use crate::interval::Interval;
 
 float_rules! {
-    /// Operators and the builtins that stand for a few of them.
+    /// Operators, and the builtins that combine a few of them.
     Basic {
         Add[2, 1] {
             single: |[x, y]| [x + y],
@@ -21,7 +21,7 @@ float_rules! {
             double: |[x, y]| [x * y],
             interval: |[x, y]| [x.mul(y)],
         }
-        /// A number times itself, which no interval makes negative.
+        /// A number times itself, which is never negative, even in intervals.
         Square[1, 1] {
             single: |[x]| [x * x],
             double: |[x]| [x * x],
@@ -48,7 +48,7 @@ float_rules! {
             double: |[x]| [x.abs()],
             interval: |[x]| [absolute(x).flushed()],
         }
-        /// The other argument where one is NaN, as IEEE's minNum.
+        /// If one argument is NaN, the other one, as in IEEE's minNum.
         Min[2, 1] = Min {
             single: |[x, y]| [if y < x || x.is_nan() { y } else { x }],
             double: |[x, y]| [if y < x || x.is_nan() { y } else { x }],
@@ -90,7 +90,7 @@ float_rules! {
             double: |[x]| [1.0 / x.sqrt()],
             interval: |[x]| [x.inverse_sqrt()],
         }
-        /// x y + z, rounded once. The specification accepts it rounded twice.
+        /// x y + z, rounded once. The specification also allows two roundings.
         Fma[3, 1] = Fma {
             single: |[x, y, z]| [x.mul_add(y, z)],
             double: |[x, y, z]| [x.mul_add(y, z)],
@@ -106,7 +106,7 @@ float_rules! {
                 [weighted.join(x.add(y.sub(x).mul(t)))]
             },
         }
-        /// 0 below the edge, which comes first.
+        /// 0 below the edge, which is the first argument.
         Step[2, 1] = Step {
             single: |[edge, x]| [if edge <= x { 1.0 } else { 0.0 }],
             double: |[edge, x]| [if edge <= x { 1.0 } else { 0.0 }],

@@ -1,4 +1,4 @@
-//! Between floats and integers: conversions, bits, exponents.
+//! Conversions between floats and integers, their bits and exponents.
 
 use crate::arithmetic::{FromIntRule, MixedRule, ToIntRule, sealed::Rules};
 use crate::columns::Columns;
@@ -31,7 +31,7 @@ macro_rules! to_int_rules {
                 match self { $(Self::$name => $i,)* }
             }
 
-            /// Runs it over all lanes: `registers` are the integer and then the floats.
+            /// Runs it over all lanes. `registers` has the integer first, then the floats.
             pub(crate) fn run<A: Rules>(
                 self,
                 floats: &Columns<A::Float>,
@@ -78,7 +78,7 @@ macro_rules! from_int_rules {
                 match self { $(Self::$name => $o,)* }
             }
 
-            /// Runs it over all lanes: `registers` are the floats and then the integer.
+            /// Runs it over all lanes. `registers` has the floats first, then the integer.
             pub(crate) fn run<A: Rules>(
                 self,
                 floats: &mut Columns<A::Float>,
@@ -103,7 +103,7 @@ macro_rules! from_int_rules {
 
 to_int_rules! {
     ToInt {
-        /// Towards zero; what is beyond the type becomes its last value, and NaN 0.
+        /// Towards zero. A float outside the range becomes the nearest end of it; NaN becomes 0.
         Signed[1] true {
             single: |[x]: [f32; 1]| saturate_signed(f64::from(x)).cast_unsigned(),
             double: |[x]: [f64; 1]| saturate_signed(x).cast_unsigned(),
@@ -114,7 +114,7 @@ to_int_rules! {
             double: |[x]: [f64; 1]| saturate_unsigned(x),
             interval: |[x]: [Interval; 1]| whole(x, |x| i64::from(saturate_unsigned(x)), false),
         }
-        /// The bits of the float. The shadow is rounded to `f32` first.
+        /// The bits of the float. The shadow rounds it to `f32` first.
         BitsSigned[1] true {
             single: |[x]: [f32; 1]| x.to_bits(),
             double: |[x]: [f64; 1]| (x as f32).to_bits(),
@@ -125,7 +125,7 @@ to_int_rules! {
             double: |[x]: [f64; 1]| (x as f32).to_bits(),
             interval: |[x]: [Interval; 1]| bits(x, false),
         }
-        /// Of frexp.
+        /// The exponent of `frexp`.
         Exponent[1] true {
             single: |[x]: [f32; 1]| exponent(f64::from(x)).cast_unsigned(),
             double: |[x]: [f64; 1]| exponent(x).cast_unsigned(),
@@ -134,8 +134,7 @@ to_int_rules! {
                     Range::between(i64::from(exponent(lo)), i64::from(exponent(hi)))
                 }
                 Some((lo, hi)) if lo == 0.0 && hi == 0.0 => Range::between(0, 0),
-                // The least exponent is that of the least subnormal, the greatest that of the
-                // greatest float.
+                // From the exponent of the least subnormal to that of the greatest float.
                 Some(_) => Range::between(-148, 128),
                 None => Range::full(true),
             },
@@ -173,7 +172,7 @@ to_int_rules! {
 
 from_int_rules! {
     FromInt {
-        /// The nearest float; the shadow and intervals of it are exact, or both neighbours.
+        /// The nearest float. In the shadow the result is exact; an interval has the exact result or both neighbours.
         Signed[1] {
             single: |x: u32| [x.cast_signed() as f32],
             double: |x: u32| [f64::from(x.cast_signed())],
@@ -256,7 +255,7 @@ impl MixedRule for scale::Ldexp {
             return Interval::UNBOUNDED;
         };
         let exponent = word.cast_signed();
-        // Beyond 128 the specification leaves the result open.
+        // Above 128 the specification leaves the result open.
         if exponent > 128 {
             return Interval::UNBOUNDED;
         }
@@ -265,7 +264,7 @@ impl MixedRule for scale::Ldexp {
 }
 
 impl Scale {
-    /// Runs it over all lanes: `registers` are the result, the float and then the integer.
+    /// Runs it over all lanes. `registers` has the result, the float and the integer.
     pub(crate) fn run<A: Rules>(
         self,
         floats: &mut Columns<A::Float>,
@@ -284,7 +283,7 @@ impl Scale {
 }
 
 impl ToInt {
-    /// The least and the greatest whole number that the integer holds, of what converts by value.
+    /// The least and the greatest number that the integer can hold, for conversions by value.
     pub(crate) fn holds(self) -> Option<(f64, f64)> {
         match self {
             Self::Signed => Some((f64::from(i32::MIN), f64::from(i32::MAX))),
@@ -294,8 +293,8 @@ impl ToInt {
     }
 }
 
-/// WGSL converts to the nearest value of the type that a float has, so that 2^31 becomes the
-/// greatest f32 below it, 2147483520, as naga's back ends clamp.
+/// WGSL converts to the nearest value that is both in the integer type and in `f32`. So 2^31 becomes 2147483520, the
+/// greatest `f32` below it. naga's back ends clamp to the same number.
 fn saturate_signed(x: f64) -> i32 {
     x.clamp(-2_147_483_648.0, 2_147_483_520.0) as i32
 }
@@ -323,7 +322,7 @@ fn exponent(x: f64) -> i32 {
     if x == 0.0 || !x.is_finite() { 0 } else { libm::frexp(x).1 }
 }
 
-/// floor(0.5 + s clamp(x, -1, 1)), by the specification. NaN gives 0.
+/// floor(0.5 + s clamp(x, -1, 1)), as the specification has it. NaN gives 0.
 fn snorm(x: f64, scale: f64) -> i32 {
     (0.5 + scale * x.clamp(-1.0, 1.0)).floor() as i32
 }
@@ -340,12 +339,12 @@ fn words(x: u32) -> [u16; 2] {
     [x as u16, (x >> 16) as u16]
 }
 
-/// Rounding may go either way, so packed intervals may have any bits.
+/// Rounding may go up or down, so packed intervals may have any bits.
 fn packed<const N: usize>(_: [Interval; N]) -> Range {
     Range::full(false)
 }
 
-/// 3 ulp about each component.
+/// Each component within 3 ulp.
 fn unpacked<const N: usize>(x: Range, f: impl Fn(u32) -> [f64; N]) -> [Interval; N] {
     let Some(word) = x.word() else {
         let most = Interval::normalized(1.0);

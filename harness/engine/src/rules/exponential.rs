@@ -26,7 +26,7 @@ float_rules! {
             double: |[x]| [libm::log2(x)],
             interval: |[x]| [x.logarithm(libm::log2)],
         }
-        /// exp2(y log2(x)): NaN for each x below zero, whatever y is.
+        /// exp2(y log2(x)), which is NaN for each x below zero, for any y.
         Pow[2, 1] = Pow {
             single: |[x, y]| [if x < 0.0 { f32::NAN } else { libm::powf(x, y) }],
             double: |[x, y]| [if x < 0.0 { f64::NAN } else { libm::pow(x, y) }],
@@ -42,7 +42,7 @@ float_rules! {
             double: |[x]| [libm::cosh(x)],
             interval: |[x]| [cosh(x)],
         }
-        /// The worse of an absolute 1e-5 and sinh / cosh.
+        /// The larger of an absolute 1e-5 and the bound of sinh / cosh.
         Tanh[1, 1] = Tanh {
             single: |[x]| [libm::tanhf(x)],
             double: |[x]| [libm::tanh(x)],

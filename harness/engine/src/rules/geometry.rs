@@ -1,6 +1,6 @@
-//! Vectors and matrices: what isn't one component at a time.
+//! Vectors and matrices: operations that don't work by component.
 //!
-//! Sizes are rules of their own, so that each is one loop over all lanes.
+//! Each size has a rule of its own, so that each rule is one loop over all lanes.
 
 use super::float_rules;
 use crate::interval::Interval;
@@ -44,7 +44,7 @@ float_rules! {
             double: |x| [dot!(0.0, x[..4], x[4..])],
             interval: |x| [dot(&x[..4], &x[4..])],
         }
-        /// Of a scalar.
+        /// The length of a scalar.
         Length1[1, 1] {
             single: |[x]| [x.abs()],
             double: |[x]| [x.abs()],
@@ -89,7 +89,7 @@ float_rules! {
                 a.mul(y).sub(b.mul(x)),
             ],
         }
-        /// x - 2 dot(n, x) n, of x and then n.
+        /// x - 2 dot(n, x) n; the arguments are x, then n.
         Reflect2[4, 2] {
             single: |x| {
                 let twice = 2.0 * dot!(0.0, x[2..], x[..2]);
@@ -123,7 +123,7 @@ float_rules! {
             },
             interval: |x| reflect(&x),
         }
-        /// Of x, n and the ratio of indices; zero where all is reflected.
+        /// The arguments are x, n and the ratio of refractive indices. Zero for total reflection.
         Refract2[5, 2] {
             single: |x| refract!(x, 2),
             double: |x| refract!(x, 2),
@@ -139,7 +139,7 @@ float_rules! {
             double: |x| refract!(x, 4),
             interval: |x| refract(&x),
         }
-        /// The specification bounds no determinant.
+        /// The specification doesn't bound determinants.
         Determinant2[4, 1] {
             single: |[a, b, c, d]| [a * d - b * c],
             double: |[a, b, c, d]| [a * d - b * c],
@@ -158,7 +158,7 @@ float_rules! {
     }
 }
 
-/// "Inherited from sum of x[i] * y[i]", in any order as every sum.
+/// "Inherited from sum of x[i] * y[i]": in any order, like every sum.
 fn dot(x: &[Interval], y: &[Interval]) -> Interval {
     sum(x.iter().zip(y).map(|(x, y)| x.mul(*y)))
 }
@@ -195,7 +195,7 @@ fn refract<const O: usize>(x: &[Interval]) -> [Interval; O] {
     std::array::from_fn(|i| eta.mul(e[i]).sub(bend.mul(n[i])))
 }
 
-/// By the first column; matrices are columns after each other.
+/// Expands by the first column. A matrix is column after column.
 fn determinant3<T>(m: [T; 9]) -> T
 where
     T: Copy + std::ops::Mul<Output = T> + std::ops::Sub<Output = T> + std::ops::Add<Output = T>,

@@ -1,45 +1,45 @@
-//! How exact the results of half precision are. WGSL 15.7.4, the column of `f16`.
+//! The accuracy of results of half precision. WGSL 15.7.4, the column of `f16`.
 
 use super::{Basic, Exponential, FloatRule, Geometry, Trigonometry};
 
-/// How far a result of half precision may be from the exact one.
+/// The largest error of a result of half precision.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Half {
     /// Correctly rounded, or exact.
     Rounded,
-    /// The same of a number of another type, which is an operation of its own.
+    /// Correctly rounded from another type. The conversion is an operation of its own.
     Converted,
-    /// A number of half precision already, which goes into an operation: it is no term of a sum in another order.
+    /// An operand that already has half precision. It isn't a term of a sum in another order.
     Operand,
-    /// A sum, a product or a quotient, in any order of its operations; so many more of them are rounded within it.
+    /// A sum, a product or a quotient, in any order of its operations, with this many more roundings inside.
     Chained(u8),
-    /// Off by so many ulp.
+    /// Within so many ulp.
     Ulps(u8),
-    /// The root of a sum of squares, of so many components.
+    /// The root of a sum of squares of so many components.
     Length(u8),
-    /// Off by 1 + 2 |x| ulp at x.
+    /// Within 1 + 2 |x| ulp at x.
     Power,
-    /// Off by 2^-7, or by 3 ulp outside of [0.5, 2].
+    /// Within 2^-7, or 3 ulp outside [0.5, 2].
     Logarithm,
-    /// Off by 2^-7.
+    /// Within 2^-7.
     Wave,
 }
 
 impl Half {
-    /// True if it rounds the result of another operation, which it is a part of.
+    /// Returns `true` if it rounds the result of an operation, as a part of it.
     pub(crate) fn is_of_a_result(self) -> bool {
         !matches!(self, Self::Converted | Self::Operand)
     }
 }
 
 impl FloatRule {
-    /// True if its operands may be evaluated together with it, in another order.
+    /// Returns `true` if its operands may be reordered together with it.
     pub(crate) fn is_one_of_a_chain(self) -> bool {
         self.half() == Some(Half::Chained(0))
     }
 
-    /// How exact it is in half precision. `None`: it is computed of others, and its result alone doesn't tell how far off
-    /// they may have been.
+    /// The accuracy in half precision. `None` if it is computed from intermediate results whose errors its result alone
+    /// doesn't bound.
     pub(crate) fn half(self) -> Option<Half> {
         use {Basic as B, Exponential as E, Geometry as G, Trigonometry as T};
         Some(match self {
@@ -55,7 +55,7 @@ impl FloatRule {
                 | B::Saturate
                 | B::Step
                 | B::Sign => Half::Rounded,
-                // The inverse root has 2 ulp, and its inverse 2.5 and a rounding.
+                // The inverse root has 2 ulp, its inverse 2.5 ulp and a rounding.
                 B::Sqrt => Half::Ulps(6),
                 B::InverseSqrt => Half::Ulps(2),
                 B::Remainder | B::Mix | B::SmoothStep => return None,

@@ -3,7 +3,7 @@
 use super::integer_rules;
 use crate::interval::Range;
 
-/// Both as signed integers.
+/// Both words as signed integers.
 fn signed<const N: usize>(x: [u32; N]) -> [i32; N] {
     x.map(u32::cast_signed)
 }
@@ -35,7 +35,7 @@ integer_rules! {
             exact: |[x, y]| x.wrapping_mul(y),
             range: |[x, y]| Some(product(x, y, false)),
         }
-        /// x where the divisor is 0, and where the quotient overflows.
+        /// x if the divisor is 0, or if the quotient overflows.
         DivideI[2] true {
             exact: |x| {
                 let [x, y] = signed(x);
@@ -47,7 +47,7 @@ integer_rules! {
             exact: |[x, y]| x / if y == 0 { 1 } else { y },
             range: |[x, y]| (y.lo() > 0).then(|| Range::between(x.lo() / y.hi(), x.hi() / y.lo())),
         }
-        /// 0 where the divisor is 0, and where the quotient overflows. The sign is that of x.
+        /// 0 if the divisor is 0, or if the quotient overflows. Otherwise the sign is that of x.
         RemainderI[2] true {
             exact: |x| {
                 let [x, y] = signed(x);
@@ -124,7 +124,7 @@ integer_rules! {
                 Some(Range::between(last - x.hi(), last - x.lo()))
             },
         }
-        /// Only the lowest five bits of the distance count.
+        /// Only the lowest five bits of the shift count.
         ShiftLeftI[2] true { exact: |[x, by]| x.wrapping_shl(by) }
         ShiftLeftU[2] false { exact: |[x, by]| x.wrapping_shl(by) }
         ShiftRightI[2] true { exact: |[x, by]| x.cast_signed().wrapping_shr(by).cast_unsigned() }
@@ -132,7 +132,7 @@ integer_rules! {
             exact: |[x, by]| x.wrapping_shr(by),
             range: |[x, by]| by.word().map(|by| Range::between(x.lo() >> (by & 31), x.hi() >> (by & 31))),
         }
-        /// The same bits as another type.
+        /// The same bits in another type.
         ToI[1] true {
             exact: |[x]| x,
             range: |[x]| Some(Range::or_full(x.lo(), x.hi(), true)),
@@ -149,7 +149,7 @@ integer_rules! {
         OnesU[1] false = CountOneBits { exact: |[x]| x.count_ones() }
         ReverseI[1] true = ReverseBits { exact: |[x]| x.reverse_bits() }
         ReverseU[1] false = ReverseBits { exact: |[x]| x.reverse_bits() }
-        /// All ones where there is none.
+        /// All ones if no bit is set.
         FirstTrailingI[1] true = FirstTrailingBit {
             exact: |[x]| if x == 0 { u32::MAX } else { x.trailing_zeros() },
         }
@@ -208,7 +208,7 @@ integer_rules! {
         PackBytesClampU[4] false {
             exact: |x| u32::from_le_bytes(x.map(|x| x.min(255) as u8)),
         }
-        /// Byte y of x.
+        /// Byte `y` of `x`.
         ByteI[2] true {
             exact: |[x, y]| {
                 i32::from(x.to_le_bytes()[y as usize & 3].cast_signed()).cast_unsigned()
@@ -218,12 +218,12 @@ integer_rules! {
     }
 }
 
-/// The part of a bit field that is within the word.
+/// The part of a bit field that lies within the word.
 #[inline(always)]
 fn field(offset: u32, count: u32) -> (u32, u32) {
     let offset = offset.min(32);
     let count = count.min(32 - offset);
-    // A field of no bits may start at 32, by which nothing can be shifted.
+    // An empty field may start at bit 32, but a shift by 32 is invalid.
     if count == 0 { (0, 0) } else { (offset, count) }
 }
 
@@ -252,7 +252,7 @@ fn product(x: Range, y: Range, signed: bool) -> Range {
 }
 
 impl Integer {
-    /// Whether it divides by its second argument.
+    /// Returns `true` if it divides by its second argument.
     pub(crate) fn divides(self) -> bool {
         matches!(self, Self::DivideI | Self::DivideU | Self::RemainderI | Self::RemainderU)
     }

@@ -16,7 +16,7 @@ float_rules! {
             double: |[x]| [x.ceil()],
             interval: |[x]| [stepped(x, f64::ceil)],
         }
-        /// Halves to even.
+        /// To the nearest, halves to even.
         Round[1, 1] = Round {
             single: |[x]| [x.round_ties_even()],
             double: |[x]| [x.round_ties_even()],
@@ -32,7 +32,7 @@ float_rules! {
             single: |[x]| [x - x.floor()],
             double: |[x]| [x - x.floor()],
             interval: |[x]| {
-                // Where the floor is one integer, it is the same in both places.
+                // If all values have the same floor, x and floor(x) share it.
                 let floor = stepped(x, f64::floor);
                 let fraction = x.sub(floor);
                 [if floor.is_bounded() && floor.lo() != floor.hi() {
@@ -42,7 +42,7 @@ float_rules! {
                 }]
             },
         }
-        /// x - trunc(x), which is what modf calls the fraction.
+        /// x - trunc(x), the fraction of `modf`.
         Fraction[1, 1] {
             single: |[x]| [if x.is_infinite() { 0.0f32.copysign(x) } else { x - x.trunc() }],
             double: |[x]| [if x.is_infinite() { 0.0f64.copysign(x) } else { x - x.trunc() }],
@@ -55,13 +55,13 @@ float_rules! {
                 }]
             },
         }
-        /// Of frexp, in [0.5, 1) or zero.
+        /// The fraction of `frexp`, in [0.5, 1) or zero.
         Mantissa[1, 1] {
             single: |[x]| [libm::frexpf(x).0],
             double: |[x]| [libm::frexp(x).0],
             interval: |[x]| [mantissa(x)],
         }
-        /// Nearest even in half precision; beyond its range infinite.
+        /// To half precision, nearest even; infinite outside its range.
         Quantize[1, 1] = QuantizeToF16 {
             single: |[x]| [half::f16::from_f32(x).to_f32()],
             double: |[x]| [half::f16::from_f64(x).to_f64()],

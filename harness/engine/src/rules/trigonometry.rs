@@ -21,7 +21,7 @@ float_rules! {
             double: |[x]| [libm::tan(x)],
             interval: |[x]| [x.wave(false).div(x.wave(true))],
         }
-        /// The worse of an absolute 6.77e-5 and atan2(x, sqrt(1 - x x)).
+        /// The larger of an absolute 6.77e-5 and the bound of atan2(x, sqrt(1 - x x)).
         Asin[1, 1] = Asin {
             single: |[x]| [libm::asinf(x)],
             double: |[x]| [libm::asin(x)],
@@ -30,7 +30,7 @@ float_rules! {
                 [absolute.join(angle(x, opposite(x)))]
             },
         }
-        /// The worse of an absolute 6.77e-5 and atan2(sqrt(1 - x x), x).
+        /// The larger of an absolute 6.77e-5 and the bound of atan2(sqrt(1 - x x), x).
         Acos[1, 1] = Acos {
             single: |[x]| [libm::acosf(x)],
             double: |[x]| [libm::acos(x)],
@@ -62,16 +62,14 @@ float_rules! {
     }
 }
 
-/// Below this the remainder of pi / 2 in two parts is as exact as is needed: 2^28 pi / 2, as in FreeBSD's
-/// `e_rem_pio2f.c`.
+/// Below this a remainder with two parts of pi / 2 is exact enough: 2^28 pi / 2, as in FreeBSD's `e_rem_pio2f.c`.
 const MEDIUM: f32 = f32::from_bits(0x4DC9_0FDB);
 
-/// The sine of a number after so many quarters of a turn, with the remainder and the polynomials of FreeBSD's `sinf` and
-/// `cosf`, which are libm's, off by less than 0.51 ulp. It has none of their branches, since those of random angles are
-/// mispredicted.
+/// The sine of a number plus so many quarter turns, within 0.51 ulp. It uses the remainder and the polynomials of
+/// FreeBSD's `sinf` and `cosf`, as libm does, but without their branches, which random angles would make mispredict.
 #[inline(always)]
 fn wave(x: f32, quarters: u64) -> f32 {
-    // A sum with this is rounded to a whole number, which its last bits are.
+    // Adding this rounds to a whole number, in the last bits of the sum.
     const ROUNDING: f64 = 1.5 * (1u64 << 52) as f64;
     // The first 25 bits of pi / 2, and the rest.
     const HALF_PI: [f64; 2] = [1.570_796_310_901_641_8, 1.589_325_477_352_819_7e-8];
@@ -98,7 +96,7 @@ fn wave(x: f32, quarters: u64) -> f32 {
     f64::from_bits((sin.to_bits() & !odd | cos.to_bits() & odd) ^ sign) as f32
 }
 
-/// `x` where arcs are defined on all of it.
+/// `x`, if all of it is in the domain of the arcs; otherwise unbounded.
 fn inside(x: Interval) -> Interval {
     if x.lo() >= -1.0 && x.hi() <= 1.0 { x } else { Interval::UNBOUNDED }
 }
@@ -108,7 +106,7 @@ fn opposite(x: Interval) -> Interval {
     Interval::point(1.0).sub(x.mul(x)).sqrt()
 }
 
-/// 4096 ulp, where x is of magnitude 2^-126 to 2^126 and y is normal.
+/// Within 4096 ulp, for x of magnitude 2^-126 to 2^126 and normal y.
 fn angle(y: Interval, x: Interval) -> Interval {
     let (Some((a, b)), Some((c, d))) = (y.bounds(), x.bounds()) else {
         return Interval::UNBOUNDED;
@@ -118,7 +116,7 @@ fn angle(y: Interval, x: Interval) -> Interval {
         return Interval::UNBOUNDED;
     }
     if a <= 0.0 && b >= 0.0 {
-        // Zero and subnormals have no bound, so no interval about zero has one.
+        // Zero and subnormals have no bound, so an interval that contains zero has none.
         return Interval::UNBOUNDED;
     }
     let corners = [libm::atan2(a, c), libm::atan2(a, d), libm::atan2(b, c), libm::atan2(b, d)];
@@ -132,7 +130,7 @@ fn angle(y: Interval, x: Interval) -> Interval {
 mod tests {
     use super::*;
 
-    /// Each exponent and sign, and all that lie near multiples of pi / 2.
+    /// Tests each exponent and sign, and all floats near multiples of pi / 2.
     #[test]
     fn waves_are_those_of_double_precision() {
         let near = (1..100_000_u32).flat_map(|k| {

@@ -1,14 +1,14 @@
-//! Faces of cubes, and texels beyond their edges.
+//! The faces of cubes, and the texels beyond their edges.
 
 use std::sync::LazyLock;
 
-/// The number of the face that a direction points to, and where on it: from 0 to 1, from the top left.
-/// WebGPU's table of faces is Vulkan's, "Cube Map Face Selection".
+/// The number of the face that a direction points to, and the place on it: from 0 to 1, from the top left. WebGPU's
+/// table of faces is Vulkan's, "Cube Map Face Selection".
 #[inline(always)]
 pub(super) fn face([x, y, z]: [f64; 3]) -> (f64, f64, f64) {
     let (ax, ay, az) = (x.abs(), y.abs(), z.abs());
-    // At equal magnitudes z comes before y, and y before x. Without branches, of which each second one would be
-    // mispredicted, and in floats alone, so that several directions are looked at by one instruction.
+    // At equal magnitudes z comes before y, and y before x. There are no branches, as every second one would be
+    // mispredicted, and only floats, so that one instruction handles several directions.
     let by_z = (az >= ax) & (az >= ay);
     let by_y = !by_z & (ay >= ax);
     let choose = |of_x: f64, of_y: f64, of_z: f64| {
@@ -23,7 +23,7 @@ pub(super) fn face([x, y, z]: [f64; 3]) -> (f64, f64, f64) {
     (face, 0.5 * (s / major + 1.0), 0.5 * (t / major + 1.0))
 }
 
-/// How far a step of a direction moves on the face that it points to: Vulkan's *Cube Map Derivative Transformation*.
+/// The movement on the face, for a step of the direction: Vulkan's *Cube Map Derivative Transformation*.
 pub(super) fn step(at: [f64; 3], step: [f64; 3]) -> [f64; 3] {
     let (face, u, v) = face(at);
     let (axis, negative) = (face as usize / 2, face as usize % 2 == 1);
@@ -36,7 +36,7 @@ pub(super) fn step(at: [f64; 3], step: [f64; 3]) -> [f64; 3] {
     [moved(s, u), moved(t, v), 0.0]
 }
 
-/// The direction through a point of a face, which may lie beyond its edge.
+/// The direction to a point of a face. The point may lie beyond its edge.
 pub(super) fn direction(face: usize, u: f64, v: f64) -> [f64; 3] {
     let (s, t) = (2.0 * u - 1.0, 2.0 * v - 1.0);
     match face {
@@ -49,22 +49,22 @@ pub(super) fn direction(face: usize, u: f64, v: f64) -> [f64; 3] {
     }
 }
 
-/// The texels beyond an edge of a face.
+/// The neighbouring texels at an edge of a face.
 #[derive(Clone, Copy, Default)]
 struct Edge {
     face: usize,
-    /// True if the edge is a column there, and no row.
+    /// `true` if the edge is a column on the neighbour; otherwise it is a row.
     column: bool,
-    /// True if it is the last one.
+    /// `true` if it is the last column or row.
     last: bool,
-    /// True if the texels along it come in the opposite order.
+    /// `true` if the texels along it are in the opposite order.
     reversed: bool,
 }
 
-/// For each face its left, right, upper and lower edge.
+/// For each face its left, right, upper and lower edges.
 static EDGES: LazyLock<[[Edge; 4]; 6]> = LazyLock::new(|| {
     let edge = |face: usize, edge: usize| {
-        // Of a face of four texels the second along each edge.
+        // On a face with 4 x 4 texels, the second texel along each edge.
         let (x, y) = [(-1, 1), (4, 1), (1, -1), (1, 4)][edge];
         let (face, x, y) = found(face, x, y, 4);
         let column = x == 0 || x == 3;
@@ -74,7 +74,7 @@ static EDGES: LazyLock<[[Edge; 4]; 6]> = LazyLock::new(|| {
     std::array::from_fn(|face| std::array::from_fn(|number| edge(face, number)))
 });
 
-/// The texel of a neighbouring face that lies beyond an edge, by at most one texel.
+/// The texel of the neighbouring face, at most one texel beyond an edge.
 pub(super) fn beyond(face: usize, x: i64, y: i64, size: u32) -> (usize, u32, u32) {
     let last = i64::from(size) - 1;
     let (edge, along) = match () {
@@ -90,18 +90,18 @@ pub(super) fn beyond(face: usize, x: i64, y: i64, size: u32) -> (usize, u32, u32
     if column { (face, across, along) } else { (face, along, across) }
 }
 
-/// The same by the cube's geometry.
+/// The same, computed from the geometry of the cube.
 fn found(face_index: usize, x: i64, y: i64, size: u32) -> (usize, u32, u32) {
     let n = f64::from(size);
-    // The centre of the texel beyond the edge lies half a texel outside of the face, where the
-    // neighbour's first texels are, seen from the cube's centre a little nearer to the edge. That
-    // moves it along the edge, too, by less than half a texel towards the middle, so its coordinate
-    // along the edge is kept, and only the face found by direction.
+    // The centre of the texel beyond the edge lies half a texel outside the face. Seen from the cube's centre, the
+    // neighbour's first texels are there, a little nearer to the edge. Seen so, it is also moved along the edge, by
+    // less than half a texel towards the middle. So keep its coordinate along the edge, and use the direction only to
+    // find the face.
     let (u, v) = ((x as f64 + 0.5) / n, (y as f64 + 0.5) / n);
     let clamped = |w: f64| w.clamp(0.5 / n, 1.0 - 0.5 / n);
     let outside_u = !(0.0..=1.0).contains(&u);
     let (edge_u, edge_v) = if outside_u { (u, clamped(v)) } else { (clamped(u), v) };
-    // Onto the plane of the neighbour: one step along the edge's normal is one step in depth.
+    // Project onto the plane of the neighbour: one step along the edge's normal is one step in depth.
     let step = |w: f64| {
         if w < 0.0 {
             (0.0, -w)
@@ -116,7 +116,7 @@ fn found(face_index: usize, x: i64, y: i64, size: u32) -> (usize, u32, u32) {
     let depth = 2.0 * du.max(dv);
     let axis = face_index / 2;
     at[axis] -= depth * at[axis].signum();
-    // The coordinate beyond the edge is the neighbour's major axis, so the face is sure.
+    // The coordinate beyond the edge is the neighbour's major axis, so the face is unambiguous.
     let (face_there, u, v) = face(at);
     let texel = |w: f64| ((w * n).floor().max(0.0) as u32).min(size - 1);
     (face_there as usize, texel(u), texel(v))
@@ -126,7 +126,7 @@ fn found(face_index: usize, x: i64, y: i64, size: u32) -> (usize, u32, u32) {
 mod tests {
     use super::*;
 
-    /// A step is what finite differences are.
+    /// A step equals finite differences.
     #[test]
     fn steps_are_those_of_the_face() {
         let directions = [[0.3, -0.2, 1.5], [0.3, -0.2, -1.5], [2.0, 0.4, 0.1], [-2.0, 0.4, 0.1]];

@@ -1,4 +1,4 @@
-//! Which texels a sample is made of, and their weights.
+//! The texels of a sample, and their weights.
 
 use super::{Address, Comparison, Dimension, Filter, Sampler, Texels, Texture, cube};
 use crate::arithmetic::sealed::Rules;
@@ -8,20 +8,20 @@ use crate::arithmetic::sealed::Rules;
 pub(crate) enum Level {
     /// Given.
     Exact(f64),
-    /// From how far the coordinates move from a pixel to the next, in both directions.
+    /// From the change of the coordinates between neighbouring pixels, in both directions.
     Gradient([f64; 3], [f64; 3]),
 }
 
-/// Samples that are looked at together.
+/// The number of samples that are computed together.
 pub(crate) const TOGETHER: usize = 64;
 
-/// Numbers of so many samples.
+/// One number for each of `TOGETHER` samples.
 pub(crate) type Many = [f64; TOGETHER];
 
-/// Texels and weights, which sum to one: of a corner of a cube three.
+/// Texels and weights. The weights add up to one. At a corner of a cube there are three texels.
 pub(crate) type Footprint = Vec<(f64, [u32; 3])>;
 
-/// The next whole number below, as a float and as an integer: without a call, which `f64::floor` is before SSE 4.1.
+/// The next whole number below, as a float and as an integer. Without a call: before SSE 4.1, `f64::floor` is one.
 #[inline]
 fn floor(x: f64) -> (f64, i64) {
     let cut = x as i64;
@@ -29,11 +29,11 @@ fn floor(x: f64) -> (f64, i64) {
     (index as f64, index)
 }
 
-/// Where a sample is.
+/// The place of a sample.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Place {
     pub(crate) at: [f64; 3],
-    /// The layer of an array; of a cube array, the cube.
+    /// The layer of an array; for a cube array, the cube.
     pub(crate) layer: u32,
     pub(crate) offset: [i32; 3],
 }
@@ -47,7 +47,7 @@ impl Texture {
         }
     }
 
-    /// log2 of the longer of both gradients in texels.
+    /// log2 of the longer gradient, in texels.
     fn detail(&self, level: Level) -> f64 {
         match level {
             Level::Exact(level) => level,
@@ -62,7 +62,7 @@ impl Texture {
         }
     }
 
-    /// The mean of the texels that a sampler filters, or of whether `reference` compares with them.
+    /// The mean of the texels that a sampler filters, or of their comparisons with `reference`.
     pub(crate) fn mean(
         &self,
         sampler: &Sampler,
@@ -92,7 +92,7 @@ impl Texture {
         mean
     }
 
-    /// The filter of a level of detail, the level that it begins with, and the weight of the next one.
+    /// The filter for a level of detail, its first level, and the weight of the next level.
     #[inline]
     fn levels_of(&self, sampler: &Sampler, level: Level) -> (Filter, u32, f64) {
         let last = self.levels() - 1;
@@ -100,7 +100,7 @@ impl Texture {
             return (sampler.mag, 0, 0.0);
         }
         let detail = self.detail(level);
-        // NaN has no level; the largest is as good as any.
+        // NaN has no level; take the largest.
         let detail = if detail.is_nan() { 0.0 } else { detail };
         let detail = detail.clamp(f64::from(sampler.lod_min), f64::from(sampler.lod_max));
         let filter = if detail <= 0.0 { sampler.mag } else { sampler.min };
@@ -114,8 +114,8 @@ impl Texture {
         }
     }
 
-    /// True if [`bilinear_of`](Self::bilinear_of) knows the texture and the sampler: one level that isn't nearer or further
-    /// than another one, of floats, without layers.
+    /// Returns `true` if [`bilinear_of`](Self::bilinear_of) handles the texture and the sampler: floats without layers,
+    /// and one level for all distances.
     pub(crate) fn is_bilinear(&self, sampler: &Sampler) -> bool {
         let is_flat = match self.dimension {
             Dimension::D2 => self.size[2] == 1,
@@ -126,8 +126,8 @@ impl Texture {
         is_flat && is_linear && matches!(*self.levels, [Texels::Float(_)])
     }
 
-    /// The sums of the four channels of samples at these coordinates, and the samples that have none: those with a
-    /// texel beyond an edge, or fewer than four.
+    /// The sums of the four channels of samples at these coordinates, and the samples without a sum: those with a texel
+    /// beyond an edge, or with fewer than four texels.
     pub(crate) fn bilinear_of(
         &self,
         [x, y, z]: &[Many; 3],
@@ -151,7 +151,8 @@ impl Texture {
         (sums, left_out)
     }
 
-    /// Adds four texels of a level, as nearly all samples have: none is beyond an edge. `false`: they aren't four.
+    /// Adds four texels of a level. Nearly all samples have four, none beyond an edge. Returns `false` for other
+    /// samples.
     #[inline]
     fn bilinear(
         &self,
@@ -175,8 +176,8 @@ impl Texture {
         true
     }
 
-    /// The texels of a level, of which samples take four; of a cube with those beyond the edges of its faces.
-    /// `None`: they aren't floats.
+    /// The texels of a level, of which samples read four. For a cube, includes those beyond the edges of its faces.
+    /// `None` if they aren't floats.
     #[inline]
     fn plane(&self, level: u32) -> Option<Plane<'_>> {
         let Texels::Float(texels) = &self.levels[level as usize] else { return None };
@@ -188,8 +189,8 @@ impl Texture {
         Some(Plane { texels, size: [width, height].map(f64::from), frame, row })
     }
 
-    /// The levels of a cube, each face in a frame of its neighbours' texels: so four neighbours lie together. Where three
-    /// faces meet is no texel: no sample reads the 0 there.
+    /// The levels of a cube, each face inside a frame of its neighbours' texels, so that four neighbours lie together.
+    /// Where three faces meet there is no texel; no sample reads the 0 there.
     fn framed(&self) -> &[Vec<[f32; 4]>] {
         self.framed
             .get_or_init(|| (0..self.levels()).map(|level| self.framed_level(level)).collect())
@@ -236,7 +237,7 @@ impl Texture {
         let mut visit = |weight: f64, at: [u32; 3]| mean.add(weight, self.texel(level, at, 0));
         let n = self.dimensions().min(3);
         let size = self.level_size(level);
-        // Filters have no use for coordinates that aren't finite; NaN becomes 0.
+        // Filters can't use coordinates that aren't finite; NaN becomes 0.
         let texel = |k: usize| {
             let texel = at[k].clamp(-1e9, 1e9) * f64::from(size[k]);
             if texel.is_nan() { 0.0 } else { texel }
@@ -303,8 +304,8 @@ impl Texture {
         }
     }
 
-    /// The texel at an index that may lie beyond the edge. At the corner of a cube, where three
-    /// faces meet, it is the mean of those three.
+    /// The texel at an index that may lie beyond the edge. At the corner of a cube, where three faces meet, it is the
+    /// mean of the three.
     fn find(
         &self,
         sampler: &Sampler,
@@ -343,20 +344,21 @@ impl Texture {
     }
 }
 
-/// Where four neighbours are found together: a level's layers, each perhaps in a frame of what lies beyond its edges.
+/// The memory in which four neighbours lie together: the layers of a level, perhaps each in a frame of texels beyond
+/// its edges.
 #[derive(Clone, Copy)]
 struct Plane<'a> {
     texels: &'a [[f32; 4]],
-    /// Without the frame.
+    /// The size without the frame.
     size: [f64; 2],
     /// The frame's width in texels: 0 or 1.
     frame: f64,
-    /// The texels of a row, with the frame.
+    /// The texels of a row, frame included.
     row: u32,
 }
 
-/// The first of four texels, counted over all layers, and how far a place is from its centre; below 0 if not all four
-/// are there, or not all four count. In floats alone, so that several places are looked at by one instruction.
+/// The number of the first of four texels, counted over all layers, and the distance from its centre. Negative if not
+/// all four exist, or not all four have a weight. Uses only floats, so that one instruction handles several places.
 #[derive(Clone, Copy, Default)]
 struct Corner {
     first: f64,
@@ -367,7 +369,8 @@ struct Corner {
 impl Plane<'_> {
     #[inline(always)]
     fn corner(&self, at: [f64; 2], offset: [f64; 2], layer: f64) -> Corner {
-        // Numbers below 2^51 in size are rounded to whole ones by this sum, as floats have 53 bits. Larger ones are outside.
+        // Adding this rounds numbers with a magnitude below 2^51 to whole ones, as floats have 53 bits. Larger numbers
+        // are outside.
         const ROUNDING: f64 = 1.5 * (1u64 << 52) as f64;
         let along = |at: f64, offset: f64, size: f64| {
             let centre = at * size - 0.5;
@@ -383,14 +386,14 @@ impl Plane<'_> {
         // A frame has no corners.
         let is_there =
             there(left, width) & there(up, height) & (within(left, width) | within(up, height));
-        // The texel below and to the right is the one that a weight of 0 leaves out. NaN isn't above 0.
+        // If its weight is 0, the texel to the right or below is left out. NaN isn't above 0.
         let has_four = is_there & (right > 0.0) & (down > 0.0);
         let line = layer * (height + 2.0 * frame) + up + frame;
         let first = if has_four { line * (width + 2.0 * frame) + left + frame } else { -1.0 };
         Corner { first, right, down }
     }
 
-    /// The mean of the four by their distances, channel by channel.
+    /// The mean of the four texels by distance, channel by channel.
     #[inline(always)]
     fn blend(&self, Corner { first, right, down }: Corner) -> Option<[f64; 4]> {
         if !(first >= 0.0) {
@@ -407,12 +410,12 @@ impl Plane<'_> {
     }
 }
 
-/// The weighted mean of texels, or of whether a reference compares with them.
+/// The weighted mean of texels, or of their comparisons with a reference.
 pub(crate) struct Mean {
     compare: Option<(Comparison, f64)>,
     sum: [f64; 4],
     count: u32,
-    /// The first texel: alone it is exact, infinities included.
+    /// The first texel. On its own it is exact, infinities included.
     first: [u32; 4],
 }
 
@@ -471,7 +474,7 @@ fn addressed(index: i64, size: u32, mode: Address) -> u32 {
 mod tests {
     use super::*;
 
-    /// Four texels at once are what each of them gives by its own way, at the edges and corners of cubes, too.
+    /// Four texels together give the same result as one by one, also at the edges and corners of cubes.
     #[test]
     fn four_together_are_four_apart() {
         let mut state = 1u32;
@@ -501,13 +504,13 @@ mod tests {
                     together += 1;
                     cubes.level((&sampler, Filter::Linear), (place, on_face), level, 1.0, &mut one);
                     for (four, one) in four.sum.iter().zip(one.sum) {
-                        // Sums of four in another order.
+                        // The sums of four are added in another order.
                         assert!((four - one).abs() <= 1e-15, "{at:?}: {four} and {one} of {size}");
                     }
                 }
             }
         }
-        // All but those with a corner where three faces meet: all of one texel, most of two.
+        // All samples except those at a corner where three faces meet: with size 1 all, with size 2 most.
         assert!(together > 3_000, "{together} samples");
     }
 }

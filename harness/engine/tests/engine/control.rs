@@ -1,4 +1,4 @@
-//! Divergent control flow, against the same loops in Rust.
+//! Compares divergent control flow with the same loops in Rust.
 
 use karat_engine::{F32, Options, Program, Resources, Settings};
 
@@ -30,7 +30,7 @@ fn branches_differ_by_lane() {
     assert_eq!(words(source, &rows), expected);
 }
 
-/// What the loops below compute.
+/// The result of the loops below.
 fn walked(n: u32) -> u32 {
     let mut sum = 0u32;
     let mut i = 0u32;
@@ -185,7 +185,7 @@ fn a_call_in_a_loop_starts_anew_each_time() {
     assert_eq!(words(source, &(0..9).collect::<Vec<_>>()), expected);
 }
 
-/// A case that spends its fuel is left out, in whatever it stands, and the others go on as they do by themselves.
+/// A case that spends its fuel is left out, in any construct. The other cases run as they do by themselves.
 #[test]
 fn cases_with_long_loops_are_left_out() {
     let source = "
@@ -224,7 +224,7 @@ fn cases_with_long_loops_are_left_out() {
     for n in rows.iter().filter(|n| !alone(n)) {
         assert_eq!(words[*n as usize], plain[*n as usize], "{n}");
     }
-    // Intervals stop, as before.
+    // Intervals still stop.
     let first = [u32::try_from(long[0]).expect("it is small")];
     let stopped =
         program.call::<karat_engine::Intervals>(1, &first, &Resources::new(), &options(true), &());
@@ -250,7 +250,7 @@ fn pointers_to_variables_are_parameters() {
     );
 }
 
-/// A program may begin with a loop: what it is given lives in each of its rounds, and not only to its last use.
+/// A program may begin with a loop. Its arguments then live through each round, and not only to their last use.
 #[test]
 fn a_program_may_begin_with_a_loop() {
     let source = "@group(0) @binding(0) var<storage, read_write> b: array<u32, 16>;\n\

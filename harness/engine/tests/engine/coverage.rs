@@ -1,4 +1,4 @@
-//! Statements are counted, and so are the ways of branches.
+//! Counts of statements, and of the ways of branches.
 
 use std::sync::Arc;
 
@@ -19,7 +19,7 @@ fn counted(text: &str, x: &[f32]) -> Vec<(String, StatementKind, bool, Count)> {
     let usual = plain.call::<F32>(x.len(), &rows, &Resources::new(), &Options::default(), &());
     assert_eq!(own.expect("it runs").words(), usual.expect("it runs").words());
     let text_of = |span: naga::Span| text[span.to_range().expect("it is written")].to_owned();
-    // Each statement that runs is one that the module has.
+    // The module lists each statement that runs.
     let there = karat_engine::statements(&module);
     let known = |one: &karat_engine::Statement| {
         there.iter().any(|own| (own.span, own.kind) == (one.span, one.kind))
@@ -28,7 +28,7 @@ fn counted(text: &str, x: &[f32]) -> Vec<(String, StatementKind, bool, Count)> {
     all.map(|(one, count)| (text_of(one.span), one.kind, one.needed, count)).collect()
 }
 
-/// The counts of the first statement of a kind whose text has this in it.
+/// The counts of the first statement of a kind whose text contains `part`.
 fn of<'a>(
     all: &'a [(String, StatementKind, bool, Count)],
     kind: StatementKind,
@@ -44,7 +44,7 @@ fn lanes_are_counted_on_every_way() {
                 fn f(x: f32) -> f32 {\n    var y = side(x);\n    if (x > 10.0 && y < 50.0) {\n        y += 1.0;\n    } else {\n        y -= 1.0;\n    }\n    \
                 switch (i32(x)) { case 1, 2: { y *= 3.0; } case 3: { y *= 4.0; } default: { y *= 5.0; } }\n    \
                 return select(y, x, x > 100.0);\n}\n";
-    // More than a chunk of lanes, so that the first case of a way lies in any of them.
+    // More lanes than a chunk has, so that the first case of a way lies in different chunks.
     let mut x = vec![-1.0; 700];
     (x[300], x[301], x[600], x[601]) = (1.0, 2.0, 20.0, 40.0);
     let all = counted(text, &x);
@@ -69,7 +69,7 @@ fn rounds_are_told_apart() {
     let text = "fn f(x: f32) -> f32 {\n    var y = 0.0;\n    for (var i = 0.0; i < x; i += 1.0) {\n        \
                 if (i > 5.0) { break; }\n        y += 2.0;\n    }\n    loop {\n        y += 1.0;\n        continuing { break if y > 3.0; }\n    }\n    return y;\n}\n";
     let all = counted(text, &[0.0, 0.0, 0.0, 1.0, 9.0, 2.0]);
-    // It is left in its first round where its condition doesn't hold: 0, 1 or more rounds of the body.
+    // It is left in its first round if its condition doesn't hold: after 0, 1 or more rounds of the body.
     assert_eq!(of(&all, StatementKind::Loop, "for (").ways, [3, 1, 2]);
     // 0 -> 4 rounds, 2 -> 2 rounds, 12 -> 1 round, 4 -> 1 round.
     assert_eq!(of(&all, StatementKind::Loop, "loop {").ways, [2, 1, 3]);
@@ -77,7 +77,7 @@ fn rounds_are_told_apart() {
     assert_eq!(of(&all, StatementKind::If, "if (i > 5.0)").ways[..2], [1, 9]);
 }
 
-/// A statement is needed if something that leaves the function is computed from it.
+/// A statement is needed if something that leaves the function is computed from its value.
 #[test]
 fn what_no_result_depends_on_is_not_needed() {
     let text = "fn f(x: f32) -> f32 {\n    let used = x * 2.0;\n    let unused = x * 3.0;\n    var a = array<f32, 3>(1.0, 2.0, 3.0);\n    var dead = 0.0;\n    \
@@ -100,14 +100,14 @@ fn what_no_result_depends_on_is_not_needed() {
     ] {
         assert!(needed(used), "{used} is needed: {all:#?}");
     }
-    // A test sees that a loop ends, and not its sum.
+    // A test sees that a loop ends, but not its sum.
     assert!(needed("i < 9"), "{all:#?}");
     for unused in ["x * 3.0", "dead = unused", "if (x > 4.0)", "dead += x * 10.0;"] {
         assert!(!needed(unused), "{unused} isn't needed: {all:#?}");
     }
 }
 
-/// Passes count their invocations, workgroup by workgroup, and helpers count for nothing.
+/// Passes count their invocations, workgroup by workgroup. Helpers don't count.
 #[test]
 fn invocations_are_counted() {
     let text = "@group(0) @binding(0) var<storage, read_write> out: array<u32>;\nvar<workgroup> sum: u32;\nvar<workgroup> lost: u32;\n\

@@ -1,8 +1,8 @@
-//! The same expressions as constants, which naga evaluates, and with arguments at run time.
+//! Compares expressions as constants, which naga evaluates, with the same expressions of run-time arguments.
 
 use crate::common::words;
 
-/// Each expression is a constant of literals in one function, and of parameters in the other.
+/// Each expression is made of literals in one function, and of parameters in the other.
 fn agree(scalar: &str, expressions: &[&str], values: &[&str]) {
     for expression in expressions {
         let mut constants = String::new();

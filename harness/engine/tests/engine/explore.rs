@@ -1,4 +1,4 @@
-//! The orders that are explored, beside all of them.
+//! Compares explored orders with all orders.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -12,7 +12,7 @@ use crate::common::module;
 enum Atomic {
     Load(usize),
     Store(usize, u32),
-    /// With its result, and without.
+    /// An addition. `true` if its result is used.
     Add(usize, u32, bool),
     Max(usize, u32, bool),
     Exchange(usize, u32),
@@ -20,7 +20,7 @@ enum Atomic {
 
 const WORDS: usize = 2;
 
-/// A word after an atomic, and what it returns.
+/// Applies an atomic to memory, and returns its result.
 fn run(atomic: Atomic, memory: &mut [u32; WORDS]) -> Option<u32> {
     match atomic {
         Atomic::Load(at) => Some(memory[at]),
@@ -68,16 +68,16 @@ fn text(atomics: &[Vec<Atomic>]) -> String {
     text + "}\n"
 }
 
-/// What a run leaves: the words, and what each atomic returned.
+/// The results of a run: the words, and the result of each atomic.
 type Left = Vec<u32>;
 
-/// All outcomes of all orders, one turn after the other; where stores are late, with a set of them on their way.
+/// The outcomes of all orders, tried one by one. If stores are late, each order also has a set of pending stores.
 fn naive(atomics: &[Vec<Atomic>], late: bool) -> BTreeSet<Left> {
     struct State {
         memory: [u32; WORDS],
         at: Vec<usize>,
         results: Vec<u32>,
-        /// Stores that have yet to take effect.
+        /// Stores that haven't taken effect yet.
         stores: Vec<(usize, Atomic)>,
     }
     fn word(atomic: Atomic) -> usize {
@@ -142,7 +142,7 @@ fn naive(atomics: &[Vec<Atomic>], late: bool) -> BTreeSet<Left> {
     all
 }
 
-/// The outcomes of the orders that are explored, and how many these are.
+/// The outcomes of the explored orders, and the number of these orders.
 fn explored(source: &str, groups: usize, stores: Stores) -> (BTreeSet<Left>, usize) {
     let (module, info) = module(source);
     let program = Program::entry_point(&module, &info, "main", &Settings::default());
@@ -169,7 +169,7 @@ fn explored(source: &str, groups: usize, stores: Stores) -> (BTreeSet<Left>, usi
         }
         runs += 1;
         let left = words(&resources);
-        // Its turns lead to the same again.
+        // Its recorded turns give the same result again.
         let turns = explorer.turns().pop().expect("there was a dispatch");
         let again = Schedule { turns, stores, ..Schedule::one_by_one() };
         let mut resources = Resources::new();
@@ -202,7 +202,7 @@ fn generated(state: &mut u64, invocations: usize, atomics: usize) -> Vec<Vec<Ato
     (0..invocations).map(|_| (0..atomics).map(|_| one()).collect()).collect()
 }
 
-/// Each outcome of all orders is met, and no other one, by fewer runs than there are orders.
+/// Exploring finds each outcome of all orders, and no other, in fewer runs than there are orders.
 #[test]
 fn all_outcomes_of_all_orders_are_met() {
     let mut state = 0x6578_706c;
@@ -220,7 +220,7 @@ fn all_outcomes_of_all_orders_are_met() {
                 assert_eq!(found, expected, "late: {late}\n{source}");
                 let orders: usize = (1..=invocations)
                     .map(|k| {
-                        // Multinomial: as binomials.
+                        // A multinomial coefficient, as a product of binomials.
                         (1..=atomics).fold(1, |all, j| all * ((k - 1) * atomics + j) / j)
                     })
                     .product();
@@ -230,20 +230,20 @@ fn all_outcomes_of_all_orders_are_met() {
     }
 }
 
-/// What commutes is run once.
+/// Orders of commuting atomics run once.
 #[test]
 fn what_leads_to_the_same_is_left_out() {
     for (body, groups, runs) in [
-        // Sums without a use, and reads.
+        // Additions with unused results, and reads.
         ("atomicAdd(&a[0], 1u); atomicAdd(&a[0], g.x);", 6, 1),
         ("d[g.x] = atomicLoad(&a[0]);", 5, 1),
-        // Words of their own.
+        // Each invocation has its own word.
         ("d[g.x] = atomicAdd(&a[g.x], 1u);", 2, 1),
-        // Sums with one: as many as permutations.
+        // Additions with used results: as many orders as permutations.
         ("d[g.x] = atomicAdd(&a[0], 1u);", 4, 24),
-        // A word that one writes and three read: each before or behind.
+        // One invocation writes a word and three read it: each before or after the write.
         ("if g.x == 0u { atomicStore(&a[0], 1u); } else { d[g.x] = atomicLoad(&a[0]); }", 4, 8),
-        // Who waits, waits until the word has changed.
+        // An invocation that waits does so until the word has changed.
         (
             "if g.x == 0u { atomicStore(&a[0], 1u); } else { loop { if atomicLoad(&a[0]) == 1u { break; } } }",
             2,

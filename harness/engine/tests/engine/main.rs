@@ -1,4 +1,4 @@
-//! What WGSL does in the engine, by feature, in one program.
+//! The engine's tests, one module for each feature of WGSL.
 
 mod builtins;
 mod common;

@@ -67,14 +67,14 @@ fn indices_are_clamped_and_reported() {
     let (resources, options) = (Resources::new(), Options::default());
     let found = program.call::<F32>(5, &rows, &resources, &options, &observer).unwrap().words();
     let found: Vec<f32> = found.into_iter().map(f32::from_bits).collect();
-    // i32::MAX isn't looked up at all.
+    // The element at `i32::MAX` is never read.
     assert_eq!(found, [2.0, 1.0, 3.0, 0.0, 1.0]);
     let each = [1, 2, 4].map(|case| (case, "look".to_owned()));
     assert_eq!(*observer.0.lock().unwrap(), each, "each lane is reported");
     assert_eq!(intervals_of(source), (1.0, 3.0));
 }
 
-/// Cases whose index wraps around.
+/// The cases whose index wraps around.
 #[derive(Default)]
 struct Wrapped(Mutex<Vec<usize>>);
 
@@ -89,7 +89,7 @@ impl Observer<F32> for Wrapped {
 #[test]
 fn an_index_that_wraps_is_told() {
     const QUARTER: u32 = 1 << 30;
-    // An index of an array of 8, and whether it wraps for 0, 1, 2, 2^30 and u32::MAX.
+    // An index into an array of 8, and the arguments (0, 1, 2, 2^30, `u32::MAX`) for which it wraps.
     for (index, expected) in [
         ("i * 4u + 1u", &[3][..]),
         ("i << 2u", &[3]),
@@ -97,24 +97,24 @@ fn an_index_that_wraps_is_told() {
         ("i + u32(-1 * i32(i > 1u))", &[]),
         ("i + 0xffffffffu", &[]),
         ("i * 2654435761u - i * 2654435761u / 8u * 8u", &[]),
-        // A number that wraps twice is the one that is meant.
+        // A number that wraps twice and comes back is fine.
         ("i - 5u + 5u", &[]),
         ("u32(i32(i) - 1) + 1u", &[]),
         ("i32(i) + 1", &[]),
-        // These are meant to wrap, and take a part.
+        // A hash is meant to wrap; the mask takes a part of it.
         ("(i * 1664525u + 1013904223u) & 7u", &[]),
         ("(i * 4u) % 8u", &[]),
         ("min(i * 4u, 7u)", &[]),
-        // Of those that are outside the access tells.
+        // The access reports an index outside.
         ("i + 8u", &[]),
         ("i * 4u + 8u", &[]),
-        // A large stride is even, and another distance moves bits.
+        // A large stride is even; a shift by a variable moves bits.
         ("i * 131072u", &[3]),
         ("i << (i >> 28u)", &[]),
         // Through a call, and a let-binding.
         ("beyond(4u * i)", &[3]),
         ("-i32(i * 4u)", &[3]),
-        // Only the lowest five bits of a distance count.
+        // Only the lowest five bits of a shift count.
         ("shifted(i)", &[]),
     ] {
         let source = format!(
@@ -132,7 +132,7 @@ fn an_index_that_wraps_is_told() {
     }
 }
 
-/// An index that may be any of the array finds each element.
+/// An index that may be any of the array reads the join of all elements.
 fn intervals_of(source: &str) -> (f32, f32) {
     let source =
         format!("{source} fn g(x: f32) -> f32 {{ return look(clamp(i32(sin(x) * 1e4), 0, 2)); }}");
@@ -155,7 +155,7 @@ fn buffers_have_the_layout_of_the_host() {
         fn f(i: u32) -> vec4f {
             return vec4f(light.power, light.m[i][2], values[i], f32(light.ids[1].y + arrayLength(&values)));
         }";
-    // colour at 0, power at 12, m at 16 (columns of 16 bytes), ids at 64 (16 bytes each)
+    // Offsets in bytes: colour 0, power 12, m 16 (columns of 16 bytes), ids 64 (16 bytes each).
     let mut bytes = vec![0u8; 96];
     let mut put = |at: usize, word: u32| bytes[at..at + 4].copy_from_slice(&word.to_le_bytes());
     put(12, 7f32.to_bits());
@@ -206,7 +206,7 @@ fn a_dispatch_shares_memory_within_workgroups() {
         let sum: u32 = if id < 64 { (0..64).sum() } else { (64..128).sum() };
         assert_eq!(word(out, id), sum - id as u32);
     }
-    // Lane by lane, each operation for all before the next.
+    // Lane by lane; each operation runs in all lanes before the next.
     assert_eq!(word(resources.buffer(0, 1).unwrap(), 0), 1000);
 }
 
@@ -330,7 +330,7 @@ fn what_is_moved_keeps_its_subnormals() {
         ("let s = S(x, vec2f(x)); return bitcast<vec2u>(vec2f(s.a, s.b.y));", [x, x]),
         ("let k = u32(x + 2.0); return bitcast<vec2u>(vec2f(data[k], data[0]));", [x, x]),
         ("return bitcast<vec2u>(vec2f(bitcast<f32>(71362u), 1e-40));", [71362, x]),
-        // What is computed of it leaves it as it is.
+        // The computed number is flushed; `x` itself keeps its bits.
         ("let y = x * 2.0; return bitcast<vec2u>(vec2f(x, y));", [x, 0]),
         ("let y = x > 1e-45; return vec2u(bitcast<u32>(x), u32(y));", [x, 0]),
     ] {

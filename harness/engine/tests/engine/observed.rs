@@ -1,4 +1,4 @@
-//! What observers see.
+//! Values that observers receive.
 
 use std::sync::Mutex;
 
@@ -19,7 +19,7 @@ fn f(x: f32, k: i32) -> f32 {
     return x;
 }";
 
-/// Lines at which an active lane got NaN, with the case; and named values.
+/// The lines at which an active lane got NaN, each with the case; and named values.
 #[derive(Default)]
 struct Seen {
     nan: Mutex<Vec<(u32, usize)>>,
@@ -61,7 +61,7 @@ fn observed<A: Runs>(settings: &Settings, observer: &dyn Observer<A>) {
 fn a_hidden_nan_has_its_line_and_case() {
     let seen = Seen::default();
     observed::<F32>(&Settings::default(), &seen);
-    // Case 1 alone: case 0 isn't there, case 2 has a root; max hides it.
+    // Only case 1: case 0 isn't active, case 2 has a root. `max` hides the NaN.
     assert_eq!(*seen.nan.lock().unwrap(), [(3, 1)]);
     assert!(seen.named.lock().unwrap().is_empty(), "only where they are asked for");
     observed::<F64>(&Settings::default(), &());

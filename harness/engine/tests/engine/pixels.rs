@@ -1,4 +1,4 @@
-//! Fragment entry points, whose invocations are the pixels of a draw.
+//! Fragment entry points: their invocations are the pixels of a draw.
 
 use karat_engine::{
     F32, Options, Place, Priorities, Program, Resources, Schedule, Settings, pixel_of,
@@ -24,7 +24,7 @@ fn resources() -> Resources {
     resources
 }
 
-/// The floats and the count that a draw over 11 x 5 pixels leaves.
+/// The floats and the count that a draw of 11 x 5 pixels writes.
 fn drawn(body: &str, options: &Options) -> (Vec<f32>, u32) {
     let mut resources = resources();
     lowered(body).dispatch::<F32>([11, 5, 1], &mut resources, options, &()).expect("it runs");
@@ -35,7 +35,7 @@ fn drawn(body: &str, options: &Options) -> (Vec<f32>, u32) {
     (words(0).into_iter().map(f32::from_bits).collect(), words(1)[0])
 }
 
-/// Each pixel runs once, by its own place, and those beyond the edges write nothing.
+/// Each pixel runs once, at its own place. Pixels beyond the edges write nothing.
 #[test]
 fn a_draw_runs_each_of_its_pixels() {
     let (left, count) =
@@ -50,7 +50,7 @@ fn a_draw_runs_each_of_its_pixels() {
     assert!((0..5).all(|y| (0..11).all(|x| numbers.clone().any(|pixel| pixel == [x, y]))));
 }
 
-/// A discarded pixel goes on: its neighbours have derivatives of it, and it has no other effect.
+/// A discarded pixel goes on, so that its neighbours have derivatives. It has no other effect.
 #[test]
 fn a_pixel_that_is_discarded_helps_and_writes_nothing() {
     let body = "if at(p) % 2u == 0u { discard; }\n\
@@ -75,7 +75,7 @@ fn a_pixel_that_is_discarded_helps_and_writes_nothing() {
     }
 }
 
-/// Pixels race, and helpers don't, nor do their indices matter.
+/// Pixels race. Helpers don't, and their indices don't matter.
 #[test]
 fn helpers_are_in_no_race() {
     for (guard, expected) in [("", Some(([0, 0], [1, 0]))), ("if at(p) != 3u { discard; }", None)] {
@@ -94,7 +94,7 @@ fn helpers_are_in_no_race() {
     }
 }
 
-/// Of its inputs a fragment entry point is given its position.
+/// A fragment entry point gets its position, and no other input.
 #[test]
 fn other_inputs_of_a_draw_are_refused() {
     for input in ["@location(0) x: f32", "@builtin(front_facing) front: bool"] {

@@ -1,4 +1,4 @@
-//! Races and barriers that not all reach.
+//! Races, and barriers that not all invocations reach.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -7,7 +7,7 @@ use karat_engine::{Observed, Options, Place, Priorities, Program, Resources, Sch
 
 use crate::common::module;
 
-/// Dispatches `main` over groups in the usual order, with a buffer of so many words as `d`.
+/// Dispatches `main` over groups in the usual order, with a buffer of so many words for `d`.
 fn observe(source: &str, groups: u32, words: usize) -> Observed {
     observe_in(Schedule::default(), source, groups, words)
 }
@@ -31,7 +31,8 @@ const HEAD: &str = "@group(0) @binding(0) var<storage, read_write> d: array<u32>
                     @compute @workgroup_size(64) fn main(@builtin(local_invocation_index) i: u32,\n\
                         @builtin(workgroup_id) group: vec3u, @builtin(global_invocation_id) g: vec3u) {\n";
 
-/// The races of a body: variable, element, invocations, which of them write, one workgroup, equal writes.
+/// The races of a body: variable, element, invocations, which of them write, whether in one workgroup, whether with
+/// equal writes.
 fn races(body: &str, groups: u32) -> Vec<String> {
     let observed = observe(&format!("{HEAD}{body}\n}}\n"), groups, 64 * groups as usize);
     let one = |race: &karat_engine::Race| {
@@ -65,17 +66,17 @@ fn what_nothing_orders_is_a_race() {
         // A read before a write.
         ("let x = w[63u - i]; w[i] = x + 1u;", &["w[0] r63 w0"]),
         ("let x = w[63u - i]; workgroupBarrier(); w[i] = x + 1u;", &[]),
-        // Two writes, of one value and of two.
+        // Two writes: of equal words, and of different words.
         ("w[i / 2u] = i;", &["w[0] w0 w1"]),
         ("w[i / 2u] = 7u;", &["w[0] w0 w1 equal"]),
         ("if i == 3u { w[0] = 1u; } w[1] = w[0];", &["w[0] w3 r0", "w[1] w0 w1 equal"]),
-        // Atomics order nothing else, and don't race.
+        // Atomics don't order other accesses, and don't race.
         ("atomicAdd(&a[0], 1u); let x = atomicLoad(&a[0]); atomicStore(&a[1], x);", &[]),
         (
             "w[i] = i; atomicStore(&a[i], 1u); if atomicLoad(&a[63u - i]) == 1u { d[g.x] = w[63u - i]; }",
             &["w[63] w63 r0"],
         ),
-        // One invocation is in order with itself.
+        // The accesses of one invocation are in order.
         ("w[i] = i; w[i] += w[i];", &[]),
         // The load is between two barriers.
         (
@@ -97,7 +98,7 @@ fn nothing_orders_two_workgroups() {
             "if group.x < 2u { w[i] = d[128u + i]; } else { d[g.x] = 1u; }",
             &["d[128] r64 w128 apart"],
         ),
-        // Both workgroups read before one of them writes what it has read itself.
+        // Both workgroups read; then one of them writes the word that it has read.
         (
             "if i == 0u { let x = d[0]; if group.x == 2u { d[0] = x + 1u; } }",
             &["d[0] r64 w128 apart"],
@@ -108,7 +109,7 @@ fn nothing_orders_two_workgroups() {
     }
 }
 
-/// A read beside writes of one value is a race of its own kind, wherever those are.
+/// A read beside writes of equal words is a race of its own kind, wherever the writes are.
 #[test]
 fn equal_writes_hide_no_other_race() {
     let twice = "if i == 0u && group.x < 2u { d[0] = 1u; }\nstorageBarrier();\n\
@@ -121,7 +122,7 @@ fn equal_writes_hide_no_other_race() {
     assert_eq!(counts, [1, 1], "an element counts once");
 }
 
-/// Each workgroup has memory of its own, which begins at zero.
+/// Each workgroup has its own memory, zero at the start.
 #[test]
 fn what_another_workgroup_has_written_is_unwritten() {
     let unwritten = |body: &str, groups: u32| {
@@ -138,7 +139,7 @@ fn what_another_workgroup_has_written_is_unwritten() {
     assert_eq!(unwritten(last, 3), of_w(0, 0, 128));
     let half = "if i < 32u { w[i] = i; } workgroupBarrier(); d[g.x] = w[i];";
     assert_eq!(unwritten(half, 2), of_w(32, 32, 64));
-    // An atomic that reads and writes at once reads first.
+    // An atomic that reads and writes reads first.
     let counts = "atomicAdd(&a[i], 1u); d[g.x] = atomicLoad(&a[i]);";
     let [one] = &unwritten(counts, 2)[..] else { panic!("the load is behind the addition") };
     assert_eq!((&*one.0, one.3), ("a", 128));
@@ -156,15 +157,15 @@ fn indices_outside_say_whether_they_write() {
     assert_eq!(outside("d[i + 60u] = i;"), [(true, 4, 60, 64)]);
     assert_eq!(outside("if i > 31u { d[2u * i] = i; }"), [(true, 32, 32, 32)]);
     assert_eq!(outside("d[i + 60u] += 1u;"), [(false, 4, 60, 64), (true, 4, 60, 64)]);
-    // 32 times 2^27 is 0, and each other one from 1 on is beyond.
+    // 32 times 2^27 wraps to 0. Every other index from 1 on is outside.
     assert_eq!(outside("d[i << 27u] = 1u;"), [(false, 32, 1, 64), (true, 1, 62, 64)]);
     assert_eq!(outside("if i < 32u { d[i << 27u] = 1u; }"), [(true, 1, 31, 32)]);
-    // The first number that wraps, and the element that it finds.
+    // The first number that wraps, and the element that it reaches.
     let observed = observe(&format!("{HEAD}d[i << 28u] = 1u;\n}}\n"), 1, 64);
     assert_eq!(observed.outside[0].index, Some((1 << 32, 0)), "of 16, 32 and 48");
 }
 
-/// What a program writes is told word by word and texel by texel, and what it only reads isn't.
+/// The detector lists each word and texel that a program writes, and none that it only reads.
 #[test]
 fn written_elements_are_told() {
     let observed = observe(&format!("{HEAD}w[i] = d[i]; if i == 3u {{ d[5] = 1u; }}\n}}\n"), 1, 64);
@@ -187,7 +188,7 @@ fn written_elements_are_told() {
     assert_eq!(texels, [[Some([7, 0, 0, 1]); 2]]);
 }
 
-/// Booleans and 16-bit floats have places of their own within a word.
+/// Booleans and 16-bit floats have their own places within a word.
 #[test]
 fn small_elements_are_apart() {
     let text = |body: &str| {
@@ -242,7 +243,7 @@ fn barriers_that_some_miss_are_told() {
     assert!(of("for (var k = 0u; k < 5u; k++) { workgroupBarrier(); }").is_empty());
 }
 
-/// Where an invocation of `WIDTH` accesses an array of as many elements, as WGSL and as a function.
+/// The element that an invocation of `WIDTH` accesses, as WGSL and as a function.
 const INDICES: [Index; 7] = [
     ("i", |i| i),
     ("(i ^ 1u)", |i| i ^ 1),
@@ -255,19 +256,19 @@ const INDICES: [Index; 7] = [
 
 const WIDTH: u32 = 8;
 
-/// An index as WGSL, and what it is for an invocation.
+/// An index as WGSL, and its value for an invocation.
 type Index = (&'static str, fn(u32) -> u32);
 
 /// A statement of a generated kernel.
 #[derive(Clone, Copy)]
 enum Statement {
-    /// Orders workgroup memory, or storage.
+    /// A barrier for workgroup memory, or for storage.
     Barrier { storage: bool },
-    /// Of the invocations below a number: an access of workgroup memory, or of the group's own or the first
-    /// group's part of a storage buffer.
+    /// An access by the invocations below a number: of workgroup memory, or of a storage buffer, in the part of the own
+    /// group or of the first group.
     Access {
         below: u32,
-        /// The one workgroup that does it.
+        /// The workgroup that does it; `None` for all.
         of: Option<u32>,
         storage: bool,
         shared: bool,
@@ -326,7 +327,7 @@ fn text(kernel: &[Statement]) -> String {
                     (true, false) => format!("d[8u * group.x + {index}]"),
                 };
                 let done = match write {
-                    // The value: one of each invocation, or one of all.
+                    // The value: a different one for each invocation, or the same for all.
                     Some(0) => format!("{place} = 8u * group.x + i;"),
                     Some(value) => format!("{place} = {value}u;"),
                     None => format!("x += {place};"),
@@ -353,13 +354,13 @@ struct Naive {
 /// The findings of the naive detector on a variable.
 #[derive(Default)]
 struct Races {
-    /// Pairs of accesses: element and invocations, and whether both write the same.
+    /// Pairs of accesses: the element, both invocations, and `true` if both write the same word.
     pairs: BTreeSet<(u32, u32, u32, bool)>,
     /// The pairs of lines of these accesses, the upper line first.
     lines: BTreeSet<[usize; 2]>,
 }
 
-/// The races of memory of workgroups, and those of storage.
+/// The races on workgroup memory, and those on storage.
 fn naive(kernel: &[Statement], groups: u32) -> [Races; 2] {
     [false, true].map(|of_storage| {
         let mut all = Vec::new();
@@ -393,7 +394,7 @@ fn naive(kernel: &[Statement], groups: u32) -> [Races; 2] {
             for other in &all[..at] {
                 let ordered = match one.group == other.group {
                     true => one.epoch != other.epoch,
-                    // Workgroups have memory of their own.
+                    // Each workgroup has its own memory.
                     false => !of_storage,
                 };
                 let reads = one.write.is_none() && other.write.is_none();
@@ -412,14 +413,13 @@ fn naive(kernel: &[Statement], groups: u32) -> [Races; 2] {
     })
 }
 
-/// A kernel has a race if and only if the naive detector finds one, on each of its variables, and each race
-/// that the detector finds is one of those: in whichever order its invocations run, since what they do here
-/// doesn't depend on it.
+/// On each variable, the detector finds a race if and only if the naive detector does, and each race that it finds is
+/// one of the naive detector's. That holds for any order of invocations, since the accesses here don't depend on it.
 #[test]
 fn generated_kernels_are_judged_as_a_naive_detector_judges_them() {
     let mut random = Random(0x7261_6365);
     let mut counts = [0, 0];
-    // Pairs of lines that race, and those of them that the detector names.
+    // Pairs of lines that race, and those of them that the detector reports.
     let (mut racing, mut told_lines) = (0, 0);
     for at in 0..1000 {
         let kernel = generated(&mut random);
@@ -466,19 +466,19 @@ fn generated_kernels_are_judged_as_a_naive_detector_judges_them() {
                 let places: BTreeSet<u32> = places.collect();
                 assert!(race.elements as usize <= places.len(), "{race:?}\n{text}");
             }
-            // A race of unequal writes is found as such.
+            // A race of unequal writes is reported as one.
             let differs = |(.., equal): &(u32, u32, u32, bool)| !equal;
             let told = found.iter().any(|race| !race.writes_equally());
             assert_eq!(told, expected.iter().any(differs), "{text}\n{found:?}\n{expected:?}");
         }
     }
     assert!(counts.iter().all(|count| *count > 100), "{counts:?}");
-    // Where three lines race on an element, the detector names the pairs with its last write, and may leave out the third:
-    // it names 1,707 of 1,907 pairs.
+    // If three lines race on an element, the detector reports the pairs with its last write, and may leave out the
+    // third pair: it reports 1,707 of 1,907 pairs.
     assert!(100 * told_lines > 85 * racing, "{told_lines} of {racing} pairs of lines");
 }
 
-/// Two workgroups may act upon the same atomic load, where one of them stalls behind it.
+/// Two workgroups may act upon the same atomic load, if one of them stalls after it.
 #[test]
 fn a_workgroup_that_stalls_acts_upon_what_is_old() {
     let source = |body: &str| {
@@ -494,7 +494,7 @@ fn a_workgroup_that_stalls_acts_upon_what_is_old() {
     };
     let stale = source("n = atomicLoad(&count); atomicStore(&count, n + 1u); d[n] = 1u;");
     let whole = source("n = atomicAdd(&count, 1u); d[n] = 1u;");
-    // The second atomic of the first invocation of a workgroup.
+    // The stall is before the second atomic of the first invocation of a workgroup.
     for (source, stalls, races) in [
         (&stale, vec![], 0),
         (&stale, vec![(4, 2)], 1),
@@ -516,14 +516,14 @@ fn a_workgroup_that_stalls_acts_upon_what_is_old() {
         assert_eq!(seen.races.len(), races, "{stalls:?} of {source}: {:?}", seen.races);
         assert!(seen.races.iter().all(|race| !race.one_workgroup && race.variable == "d"));
         assert!(seen.divergences.is_empty() && seen.unwritten.is_empty() && seen.invocations == 20);
-        // Each workgroup has memory of its own.
+        // Each workgroup has its own memory.
         let left = resources.buffer(0, 0).expect("it is bound").as_chunks::<4>().0;
         let of_group = |at: usize| u32::from_le_bytes(left[8 + at]) % 10;
         assert!((0..20).all(|at| of_group(at) == at as u32 / 4), "{stalls:?} of {source}");
     }
 }
 
-/// A barrier that only some come to, by what an atomic gives them.
+/// A barrier that only some invocations reach, depending on the result of an atomic.
 #[test]
 fn a_barrier_that_the_order_of_atomics_divides() {
     let source = "@group(0) @binding(0) var<storage, read_write> d: array<atomic<u32>>;\n\

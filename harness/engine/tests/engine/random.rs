@@ -1,5 +1,5 @@
-//! Random programs, against a walk over their syntax tree one case at a time; and with decisions
-//! that are left open, against every way in which they may be taken.
+//! Compares random programs with a walk over their syntax tree, one case at a time; and programs with undecided
+//! conditions with every combination of decisions.
 
 use std::fmt::Write as _;
 
@@ -18,7 +18,7 @@ enum Expression {
 
 enum Condition {
     Less(Expression, Expression),
-    /// Open: bit `k` of the second parameter decides.
+    /// Undecided: bit `k` of the second parameter decides.
     Open(u32),
 }
 
@@ -95,8 +95,8 @@ impl Random {
     }
 }
 
-/// What a block ends with. In a switch a break would leave the switch, so it stands in ifs there,
-/// too, and ends whatever is innermost.
+/// The end of a block. In a switch, a break would leave the switch, so there it stands inside ifs, and ends whatever is
+/// innermost.
 enum End {
     Next,
     Break,
@@ -189,7 +189,7 @@ impl Walk {
 fn write_expression(expression: &Expression) -> String {
     match expression {
         Expression::Variable(k) => format!("v{k}"),
-        // Not as literals: naga refuses to divide by a constant zero.
+        // Not a literal: naga refuses to divide by a constant zero.
         Expression::Constant(x) => format!("(zero + {x}u)"),
         Expression::Binary(operator, a, b) => {
             format!("({} {operator} {})", write_expression(a), write_expression(b))
@@ -200,7 +200,7 @@ fn write_expression(expression: &Expression) -> String {
 fn write_condition(condition: &Condition, open: bool) -> String {
     match condition {
         Condition::Less(a, b) => format!("{} < {}", write_expression(a), write_expression(b)),
-        // sin(pi / 6) is 0.5 within its error.
+        // sin(pi / 6) is 0.5 within its error, so the condition is undecided.
         Condition::Open(_) if open => "sin(f32(zero) + 0.52359877) > 0.5".to_owned(),
         Condition::Open(k) => format!("(bits >> {k}u & 1u) == 1u"),
     }

@@ -1,5 +1,4 @@
-//! Random float programs: whatever order their sums and products are evaluated in, the result is within
-//! the bounds.
+//! Random float programs: in any order of their sums and products, the result is within the bounds.
 //!
 //! WGSL, 15.7.5 "Reassociation and Fusion": "An implementation may reassociate operations."
 
@@ -29,7 +28,7 @@ struct Random {
     format: Format,
 }
 
-/// The floats of a program.
+/// The format of a program's floats.
 #[derive(Clone, Copy, PartialEq)]
 enum Format {
     Single,
@@ -37,13 +36,13 @@ enum Format {
 }
 
 impl Format {
-    /// The nearest number, and its neighbours below and above.
+    /// The nearest number, and the neighbours below and above it.
     fn around(self, exact: f64) -> [f32; 3] {
         match self {
             Self::Single => [(exact as f32).next_down(), exact as f32, (exact as f32).next_up()],
             Self::Half => {
                 let nearest = half::f16::from_f64(exact);
-                // Infinities and NaN have no neighbour, and zero has one of either sign.
+                // Infinities and NaN have no neighbours. Zero has one of either sign.
                 let beside = |up: bool| {
                     let bits = nearest.to_bits();
                     let bits = match (bits & 0x7fff, (bits >> 15 == 1) == up) {
@@ -74,7 +73,7 @@ impl Random {
         ((self.state >> 33) % n as u64) as usize
     }
 
-    /// From -4 to 4, near to 0 as often as not.
+    /// A number from -4 to 4, near 0 half of the time.
     fn number(&mut self) -> f32 {
         let number = self.number_of_single();
         self.format.around(f64::from(number))[1]
@@ -95,7 +94,7 @@ impl Random {
             return match self.below(4) {
                 0 => {
                     let number = CONSTANTS[self.below(CONSTANTS.len())];
-                    // Products of constants alone are to have a value.
+                    // Products of constants alone have to have a value.
                     let number =
                         if self.format == Format::Half { number.min(17.0) } else { number };
                     Tree::Constant(self.format.around(f64::from(number))[1])
@@ -103,7 +102,7 @@ impl Random {
                 _ => Tree::Variable(self.below(VARIABLES.len())),
             };
         }
-        // What is constant alone would be folded before the engine sees it.
+        // A constant expression would be folded before the engine sees it.
         let first = match self.tree(depth - 1) {
             Tree::Constant(_) => Tree::Variable(self.below(VARIABLES.len())),
             other => other,
@@ -137,8 +136,7 @@ impl Random {
         }
     }
 
-    /// The same tree, with what formulas stand for written out, and each sum and product in an order of
-    /// its own.
+    /// The same tree with its formulas written out, and each sum and product in a random order.
     fn reassociated(&mut self, tree: &Tree) -> Tree {
         match tree {
             Tree::Variable(_) | Tree::Constant(_) => tree.clone(),
@@ -172,7 +170,7 @@ impl Random {
             }
             Tree::Remainder(two) => {
                 let [x, y] = &**two;
-                // x - y trunc(x / y), whose quotient has an order of its own.
+                // x - y trunc(x / y). The quotient has an order of its own.
                 let whole = Tree::Call("trunc", Box::new(Tree::Divide(two.clone())));
                 let product = Tree::Multiply(Box::new([y.clone(), whole]));
                 self.reassociated(&Tree::Subtract(Box::new([x.clone(), product])))
@@ -180,7 +178,7 @@ impl Random {
         }
     }
 
-    /// Joins two at a time until one is left. Each is turned or not: subtracted, or divided by.
+    /// Joins two at a time until one is left. Each may be inverted: subtracted, or a divisor.
     fn joined(
         &mut self,
         mut parts: Vec<(Tree, bool)>,
@@ -231,7 +229,7 @@ impl Random {
         }
     }
 
-    /// The program of a tree: some of it in let-bindings, variables and a function.
+    /// The program of a tree. Parts of it become let-bindings, variables and a function.
     fn written(&mut self, tree: &Tree) -> String {
         let mut body = String::new();
         let result = self.expression(tree, &mut body, true);
@@ -284,11 +282,11 @@ impl Random {
     }
 }
 
-/// WGSL allows a quotient 2.5 ulp; the nearest one is off by half of one already.
+/// WGSL allows a quotient an error of 2.5 ulp; the nearest float already is off by half an ulp.
 const ULPS: usize = 2;
 
 impl Random {
-    /// The result of a tree whose every operation is rounded either way, or a quotient further.
+    /// The result of a tree if every operation is rounded up or down, and a quotient further.
     fn rounded(&mut self, tree: &Tree, row: &[f32]) -> f32 {
         let format = self.format;
         let mut of = |x: &Tree| self.rounded(x, row);
@@ -316,7 +314,7 @@ impl Random {
                 let exact = f64::from(of(&two[0])) / f64::from(of(&two[1]));
                 let mut quotient = format.around(exact)[1];
                 let up = self.below(2) == 0;
-                // No implementation gives a quotient the other sign.
+                // No implementation gives a quotient the wrong sign.
                 for _ in 0..self.below(ULPS + 1) {
                     if quotient == 0.0 {
                         break;
@@ -356,16 +354,16 @@ fn is_narrow(bound: &Interval) -> bool {
 const PROGRAMS: usize = 2000;
 const CASES: usize = 16;
 
-/// Four orders of each of 2,000 programs run in `f32`, and once more with each operation rounded either
-/// way. Hardly fewer cases are bounded than in the order that is written.
+/// Runs four orders of each of 2,000 programs in `f32`, and again with each operation rounded up or down. Almost as
+/// many cases have bounds as in the written order.
 #[test]
 fn every_order_of_a_random_program_is_within_the_bounds() {
-    // 93.5 % and 91.7 % where bounds didn't follow another order.
+    // 93.5 % and 91.7 % if bounds covered only the written order.
     within_the_bounds(Format::Single, [90.5, 88.7]);
 }
 
-/// The same with floats of half precision. An ulp is a thousandth there, so that few bounds are narrow: 93.3 %
-/// are bounded, and 19.7 % narrow.
+/// The same with floats of half precision. An ulp is a thousandth there, so few bounds are narrow: 93.3 % of the cases
+/// have bounds, 19.7 % narrow ones.
 #[test]
 fn every_order_of_a_random_program_of_halves_is_within_the_bounds() {
     within_the_bounds(Format::Half, [90.0, 15.0]);
@@ -411,7 +409,7 @@ fn one(result: &str, row: [f32; 4]) -> Interval {
     intervals(&source("", result, Format::Single), &row)[0]
 }
 
-/// A sum that overflows in another order has no bound, and the order is named as the cause.
+/// A sum that overflows in another order has no bound, and the reordering is named as the cause.
 #[test]
 fn an_order_that_overflows_has_no_bound() {
     let large = [3e38, -3e38, 3e38, -3e38];
@@ -431,8 +429,8 @@ fn an_order_that_overflows_has_no_bound() {
     assert_eq!(one("x * y * z * w", [3.0, -4.0, 5.0, 0.5]), Interval::point(-30.0));
 }
 
-/// Subnormal results of operations may be flushed to zero (WGSL, 15.7.2 "Differences from
-/// IEEE-754"): so may a sum of some terms, before the others are added.
+/// Subnormal results of operations may be flushed to zero (WGSL, 15.7.2 "Differences from IEEE-754"). So may a partial
+/// sum, before the other terms are added.
 #[test]
 fn a_sum_of_some_terms_may_be_flushed() {
     let m = f32::MIN_POSITIVE;
@@ -446,7 +444,7 @@ fn a_sum_of_some_terms_may_be_flushed() {
     }
 }
 
-/// A product isn't distributed over a sum, and what isn't a sum or a product keeps its order.
+/// A product isn't distributed over a sum, and other operations keep their order.
 #[test]
 fn only_sums_and_products_have_several_orders() {
     let row = [16_777_216.0, 1.0, -16_777_216.0, 1.0];

@@ -1,4 +1,4 @@
-//! Subgroup operations, by what each lane sees of the others.
+//! Subgroup operations: the values that each lane gets from the others.
 
 use karat_engine::{
     Choice, Elsewhere, F32, Options, Priorities, Program, Resources, Schedule, Settings,
@@ -39,7 +39,7 @@ fn x(i: u32) -> u32 {
     (i * 7 + 3) % 13
 }
 
-/// A subgroup, of which a lane is asked: the number of its first lane, its size, and the lane's own number in it.
+/// A lane of a subgroup: the number of the subgroup's first lane, its size, and the lane's number in it.
 type Lane = (u32, u32, u32);
 
 #[test]
@@ -97,7 +97,7 @@ fn lanes_see_each_other() {
             floats(lane).map(|f| f as i32).min().unwrap_or(0).cast_unsigned()
         }),
         ("d[i] = bitcast<u32>(subgroupAdd(f));", &|lane| floats(lane).sum::<f32>().to_bits()),
-        // Lanes that aren't active give nothing.
+        // Inactive lanes contribute nothing.
         ("d[i] = 0u; if (x & 1u) == 1u { d[i] = subgroupAdd(x); }", &|lane| {
             let odd = |x: &u32| x & 1 == 1;
             if odd(&x(lane.0 + lane.2)) { all(lane).filter(odd).sum() } else { 0 }
@@ -105,7 +105,7 @@ fn lanes_see_each_other() {
         ("d[i] = 0u; if own >= 2u { d[i] = subgroupBroadcastFirst(i); }", &|(first, _, own)| {
             if own >= 2 { first + 2 } else { 0 }
         }),
-        // A barrier lies between, and values outlive it.
+        // Values survive a barrier in between.
         ("w[i] = x; workgroupBarrier(); let y = w[63u - i]; d[i] = subgroupAdd(y) + x;", &|lane| {
             let (first, size, own) = lane;
             (first..first + size).map(|i| x(63 - i)).sum::<u32>() + x(first + own)
@@ -122,7 +122,7 @@ fn lanes_see_each_other() {
                 let schedule = Schedule { together, priorities, subgroup, ..Schedule::default() };
                 let found = run(body, schedule.clone());
                 for (i, found) in (0..LANES).zip(found) {
-                    // A subgroup of which the workgroup has a part is cut.
+                    // If the workgroup ends inside a subgroup, the subgroup is cut.
                     let size = subgroup.min(LANES);
                     if subgroup > LANES && (body.contains("size") || body.contains("groups")) {
                         continue;
@@ -135,7 +135,7 @@ fn lanes_see_each_other() {
     }
 }
 
-/// A lane that isn't there has any value, as an index outside of an array.
+/// A lane that doesn't exist has any value, like an index outside an array.
 #[test]
 fn a_lane_that_is_not_there() {
     let zero = Options {
@@ -183,7 +183,7 @@ fn an_operation_that_some_of_a_subgroup_miss() {
     resources.set_buffer(0, 0, vec![0; 256]);
     let seen = program.observe_races([1, 1, 1], &mut resources, &Options::default(), None);
     let seen = seen.expect("it runs");
-    // Subgroups of 32 are whole in the first branch.
+    // In the first branch the subgroups of 32 are complete.
     assert_eq!(seen.divergences.len(), 1);
     let one = &seen.divergences[0];
     assert_eq!((one.reached, one.missing, one.count), (32, 40, 24));

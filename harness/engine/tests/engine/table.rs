@@ -1,4 +1,4 @@
-//! Bounds by arithmetic of 200 bits that shares nothing with the engine: `table.py` made them.
+//! Compares bounds with those that `table.py` computed with 200 bits. It shares nothing with the engine.
 
 use std::collections::BTreeMap;
 
@@ -10,11 +10,11 @@ fn word(text: &str) -> f32 {
     f32::from_bits(u32::from_str_radix(text, 16).expect("a word"))
 }
 
-/// Inputs, and the ends of what is allowed for them.
+/// Inputs, and the ends of the allowed results.
 type Case = (Vec<f32>, Option<(f32, f32)>);
 
-/// The engine's bounds hold those of the table, and are at most one step wider at each end: it
-/// computes in `f64`.
+/// The engine's bounds contain those of the table. At each end they are at most one step wider, because it computes in
+/// `f64`.
 #[test]
 fn bounds_are_those_of_exact_arithmetic() {
     let mut builtins: BTreeMap<&str, Vec<Case>> = BTreeMap::new();

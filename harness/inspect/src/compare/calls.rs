@@ -1,4 +1,4 @@
-//! Changes of a function's results by an edit, over one input for both sides.
+//! Compares the results of a function on both sides of an edit, over the same inputs.
 
 use std::borrow::Cow;
 
@@ -16,7 +16,7 @@ use crate::limits::{CHANGED_WORK, COMPARED_WORK, LAST_VERTEX, LEAST_EQUAL, OTHER
 use crate::made_up::{Arguments, Content, Drawn, Mix, Ranges, Resources};
 use crate::work::{Chosen, ENDS_FOR_NONE, Side};
 
-/// The same arguments in every run.
+/// The seed: each run has the same arguments.
 const SEED: u64 = 0x0063_6f6d_7061_7265; // "compare"
 
 /// The inputs that a comparison ran over.
@@ -34,7 +34,7 @@ struct Pair<'p> {
     shared: &'p Shared,
 }
 
-/// Results of both sides, one row of each a call.
+/// The results of both sides, one row a call.
 struct Results {
     was: Vec<u32>,
     is: Vec<u32>,
@@ -72,11 +72,11 @@ impl Results {
     }
 }
 
-/// How well a case shows a change, and how far its results are from each other.
+/// How clearly a case shows a change, and the distance between its results.
 type Evidence = (Clarity, bool, Distance);
 
 impl Request {
-    /// Runs both on each path, over each content of buffers.
+    /// Runs both sides on each path, over each content of buffers.
     pub(super) fn run_both(
         &self,
         before: &Probed,
@@ -84,7 +84,7 @@ impl Request {
         (ran, mut shared): (&mut Ran, Shared),
     ) -> Result<Change, String> {
         let mut ranges = self.ranges()?;
-        // A shader may look its corners up: one of 3 is as right as one of 36, and both sides have the same.
+        // A shader may look up its corners: 3 vertices are as valid as 36, and both sides get the same.
         for (path, builtin) in &after.function.form.builtins {
             if matches!(&**builtin, "vertex_index" | "instance_index") && ranges.get(path).is_none()
             {
@@ -106,13 +106,13 @@ impl Request {
         let (own_count, of_own) = own.rows(SEED, 2 * contents().count());
         let mut paths: Vec<PathChange> = Vec::new();
         let (mut cases, mut left_out) = (0, 0);
-        // In the second of those without names, numbers are below 0.
+        // The second content without names has negative numbers.
         let usual = Content::OF_FUNCTIONS.map(|content| (content, &ranges));
         let of_nameless = Content::NAMELESS.into_iter().zip([&nameless, &below]);
         for (content, ranges) in usual.into_iter().chain(of_nameless) {
             let (all, rows) = arguments.part(&rows, count, content.draw);
             if own_count > 0 && !shared.is_same() {
-                // Behind the edges, of which the first are 0.
+                // The values behind the edges; the first edges are 0.
                 let at = own_count - 1 - content.draw % own_count;
                 shared.fill(&of_own[at * own.width()..][..own.width()]);
             }
@@ -133,7 +133,7 @@ impl Request {
                 let pair = Pair::new(*path, [before, after], &held, (&shared, count));
                 let pair = pair.map_err(|error| error.to_string())?;
                 let found = match changed(&pair, &arguments, (&rows, count, allowed)) {
-                    // One that ended before the edit.
+                    // The function still ended before the edit.
                     Err(ProbeError::Rounds { .. })
                         if pair.old.results(&shared.rows(&rows, count), count).is_ok() =>
                     {
@@ -181,12 +181,12 @@ impl Request {
     }
 }
 
-/// The contents of buffers and textures: the usual ones, and those without regard to names.
+/// The contents of buffers and textures: the usual ones, and those that ignore names.
 fn contents() -> impl Iterator<Item = Content> {
     Content::OF_FUNCTIONS.into_iter().chain(Content::NAMELESS)
 }
 
-/// Resources of both sides of an edit.
+/// The resources of both sides of an edit.
 struct Made {
     held: [Fixtures; 2],
     members: Vec<(String, String)>,
@@ -195,7 +195,7 @@ struct Made {
 }
 
 impl Made {
-    /// Makes up the resources of each side. A resource that one side alone reads is made up for that side.
+    /// Generates the resources of each side. A resource that only one side reads is generated for that side.
     fn of(
         [before, after]: [&Probed; 2],
         ranges: &Ranges,
@@ -214,7 +214,7 @@ impl Made {
     }
 }
 
-/// The members of buffers that matter to a change at a row: those of which another value gives other results.
+/// The members of buffers that affect a change in a row: with another value the results differ.
 fn matter(
     sides: [&Probed; 2],
     ranges: &Ranges,
@@ -236,7 +236,7 @@ fn matter(
     members.iter().filter(|member| matters(member)).cloned().collect()
 }
 
-/// How results differ on a path, and a row that shows it; `None` if they don't.
+/// The difference of the results on a path, and a row that shows it; `None` if they are equal.
 fn changed(
     pair: &Pair<'_>,
     drawn: &Arguments,
@@ -257,7 +257,7 @@ fn changed(
         let far = all().filter_map(|(scalar, was, is)| distance(scalar, was, is)).max()?;
         Some((clear, drawn.domain.admits(row) != Some(false), far))
     };
-    // Of equal ones the first: edges come first, and are the simplest.
+    // The first of equally clear ones: edges come first, and are simplest.
     let row_of = |case: usize| &rows[case * width..][..width];
     let evidence = |case| Some((shows(row_of(case), results.of(case))?, std::cmp::Reverse(case)));
     let Some((best, std::cmp::Reverse(first))) = (0..count).filter_map(evidence).max() else {
@@ -318,8 +318,8 @@ fn changed(
     Ok(Some((change, row)))
 }
 
-/// Of each lane of a row whether it matters to the results: with the word of another row they are others. Where the work
-/// allows no other row, each may.
+/// For each lane of a row, `true` if it affects the results: they differ with the word of another row. If the work
+/// budget allows no other row, each lane counts.
 fn lanes_that_matter(
     pair: &Pair<'_>,
     (rows, count, allowed): (&[u32], usize, usize),

@@ -1,5 +1,5 @@
-//! The lanes of a function before an edit by those after it: an entry point's inputs and outputs are what their attributes
-//! say, whatever they are called and whatever structure they stand in.
+//! Matches the lanes of a function before and after an edit. An attribute identifies an entry point's input or output,
+//! whatever its name and structure are.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -11,21 +11,21 @@ use karat_core::value::{Scalar, Shape};
 /// The lanes that both sides of an edit have.
 #[derive(Debug)]
 pub(super) struct Shared {
-    /// For each lane of the arguments before the edit the one after it.
+    /// For each argument lane before the edit, the lane after it.
     arguments: Vec<Option<usize>>,
-    /// Lanes of results before and after the edit that are one value.
+    /// The lanes before and after the edit that hold the same value.
     pub(super) results: Vec<(usize, usize)>,
-    /// True if both sides have the same lanes in the same order.
+    /// `true` if both sides have the same lanes in the same order.
     is_same: bool,
-    /// The words of arguments that only the function before the edit takes.
+    /// The words of arguments that only the function before the edit has.
     pub(super) own: Vec<u32>,
 }
 
-/// Lanes by what they are: the attribute, or the name, and the component.
+/// Lanes by their attribute, or else their name, and the component.
 type Keyed = Vec<(String, Scalar)>;
 
 impl Shared {
-    /// The lanes of two functions; `None` if they take or give other things, and no attribute says what is what.
+    /// The matched lanes of two functions; `None` if their inputs or outputs differ and no attribute identifies them.
     pub(super) fn of(
         before: &Probed,
         after: &Probed,
@@ -72,7 +72,7 @@ impl Shared {
             old.iter().map(|one| new.iter().position(|other| other == one)).collect();
         let [given, gives] = results;
         let (given, gives) = (keyed(0, given), keyed(1, gives));
-        // Resources that both write have no attribute, and go by their names.
+        // Resources that both sides write have no attribute; they are matched by name.
         let named = |all: &Keyed| {
             all.iter().filter(|(key, _)| !key.contains('@')).cloned().collect::<Vec<_>>()
         };
@@ -85,8 +85,8 @@ impl Shared {
         (!results.is_empty()).then_some(Self { arguments, results, is_same: false, own })
     }
 
-    /// The lanes of two functions that no host calls, by the places of parameters and the names of members: a structure's members
-    /// may change their order, or their names.
+    /// The matched lanes of two functions that no host calls, by the positions of parameters and the names of members:
+    /// a structure's members may change their order, or their names.
     fn of_names(was: &Function, is: &Function) -> Option<Self> {
         let arguments = |function: &Function| -> Keyed {
             let of = |(at, (_, shape)): (usize, &(String, Shape))| {
@@ -113,12 +113,12 @@ impl Shared {
         Some(Self { arguments, results, is_same: false, own })
     }
 
-    /// Gives lanes that only the function before the edit has the words of one of its own rows.
+    /// Fills the lanes that only the function before the edit has, from one of its own rows.
     pub(super) fn fill(&mut self, row: &[u32]) {
         self.own.copy_from_slice(row);
     }
 
-    /// The rows before the edit for those after it.
+    /// The rows before the edit for the rows after it.
     pub(super) fn rows<'r>(&self, rows: &'r [u32], count: usize) -> Cow<'r, [u32]> {
         if self.is_same {
             return Cow::Borrowed(rows);
@@ -131,13 +131,13 @@ impl Shared {
         Cow::Owned((0..count).flat_map(|at| of(&rows[at * width..][..width])).collect())
     }
 
-    /// True if results are shown whole, as both sides have the same.
+    /// Returns `true` if results are shown whole, because both sides have the same lanes.
     pub(super) fn is_same(&self) -> bool {
         self.is_same
     }
 }
 
-/// True if an attribute that both sides have is of another type.
+/// Returns `true` if the type of an attribute that both sides have differs.
 fn has_other_type(one: &Keyed, other: &Keyed) -> bool {
     let of = |all: &Keyed| -> BTreeMap<String, Keyed> {
         let mut types = BTreeMap::<_, Keyed>::new();
@@ -151,7 +151,7 @@ fn has_other_type(one: &Keyed, other: &Keyed) -> bool {
     of(one).iter().any(|(attribute, lanes)| others.get(attribute).is_some_and(|of| of != lanes))
 }
 
-/// Each lane of the arguments: `in.uv.x`; of a quad, which of its three parts stands in front.
+/// The lanes of the arguments: `in.uv.x`. In a quad, each begins with the name of one of its three parts.
 fn argument_lanes(function: &Function) -> Vec<(String, Scalar)> {
     let of = |(name, shape): &(String, Shape)| {
         let parts: Vec<(&str, &Shape)> = match shape.quad() {
@@ -167,7 +167,7 @@ fn argument_lanes(function: &Function) -> Vec<(String, Scalar)> {
     function.parameters.iter().flat_map(of).collect()
 }
 
-/// Each lane of the result: `result.color.x`.
+/// The lanes of the result: `result.color.x`.
 fn result_lanes(function: &Function) -> Vec<(String, Scalar)> {
     let shape = &function.result;
     let named = shape.lane_names().into_iter().zip(shape.lanes());
@@ -182,10 +182,10 @@ fn result_lanes(function: &Function) -> Vec<(String, Scalar)> {
     named.map(|(lane, scalar)| (full(lane), scalar)).collect()
 }
 
-/// The name of a result without one.
+/// The name of an unnamed result.
 const RESULT: &str = "result";
 
-/// The attribute in place of the path that has it: `in.uv.x` is `@location(0).x`.
+/// Replaces the path before an attribute with the attribute: `in.uv.x` becomes `@location(0).x`.
 fn key(path: &str, attributes: &[(String, String)]) -> String {
     let (part, path) = path.split_once(' ').map_or(("", path), |(part, path)| (part, path));
     let found = attributes.iter().find_map(|(known, attribute)| {

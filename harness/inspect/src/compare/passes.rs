@@ -1,4 +1,4 @@
-//! Changes of a compute pass by an edit: the words that it leaves in each resource, and violations that it brings.
+//! Compares a compute pass before and after an edit: the words that it leaves in each resource, and its violations.
 
 use karat::check::HazardKind as Kind;
 use karat::fixture::Fixtures;
@@ -18,7 +18,7 @@ use crate::made_up::Content;
 use crate::passes::{self, Usual};
 
 impl Request {
-    /// Dispatches a pass before and after the edit over made-up resources.
+    /// Dispatches a pass before and after the edit over generated resources.
     pub(super) fn compare_passes(&self, name: &str) -> Compared {
         let mut compared = Compared::of(name, Change::Same { cases: 0 });
         match self.run_passes(name, &mut compared) {
@@ -50,7 +50,7 @@ impl Request {
         compared.dispatched = Some(usual);
         let mut runs: Vec<(Content, [u32; 3])> =
             Content::OF_PASSES.map(|content| (content, usual)).to_vec();
-        // One workgroup of a pass may tell itself apart by what it takes from an atomic.
+        // In a pass of one workgroup, the workgroup may get its number from an atomic.
         if sides.iter().all(|side| side.workgroups() == [1; 3]) {
             runs.push((Content::OF_PASSES[0], [SEVERAL_WORKGROUPS * usual[0], usual[1], usual[2]]));
         }
@@ -60,12 +60,12 @@ impl Request {
         let mut covered = Both::default();
         let mut unwatched = None;
         for (content, invocations) in runs {
-            // Several workgroups may not be meant: they count where nothing else tells the edit.
+            // The pass may not be made for several workgroups: they only count if nothing else shows the edit.
             let is_more = invocations != usual;
             if is_more && !(paths.is_empty() && brought.sure.is_empty()) {
                 break;
             }
-            // Names say nothing where indices and counts don't either.
+            // Names are ignored if the indices and counts aren't likely ones, either.
             let ranges = if content.is_likely { &ranges } else { &nameless };
             let made = |package: &Package, given: &Fixtures| {
                 passes::arbitrary(package, name, Some(invocations), ranges, (content, None, given))
@@ -104,7 +104,7 @@ impl Request {
             if is_whole {
                 mended.add(content, [&seen_new, &seen_old], &renamed);
             }
-            // Drivers hand out tickets in an order of their own.
+            // Drivers return tickets in their own order.
             let paths_of = self.paths.iter().filter(|path| !is_more || **path == Path::CPU);
             for path in paths_of {
                 let run = |passes: &Passes| {
@@ -121,8 +121,8 @@ impl Request {
                     None => paths.push(change),
                 }
             }
-            // A driver has an order of its own: what the edit leaves to it may look the same in the engine's. A violation
-            // that the edit brings says more.
+            // A driver has its own order: an effect of the edit that depends on it may not show in the engine's order.
+            // A violation that the edit adds says more.
             let is_silent = paths.is_empty() && brought.sure.is_empty();
             if is_silent && content.is_likely {
                 paths.extend(ordered((&old, &new), &renamed, &made.members)?);
@@ -158,8 +158,8 @@ impl Request {
 }
 
 impl Request {
-    /// Violations between the pixels of a draw, of a fragment function that writes what others see: those that an edit brings,
-    /// and those that it takes away.
+    /// Violations between the pixels of a draw, for a fragment function that writes memory: those that an edit adds,
+    /// and those that it removes.
     pub(super) fn brought_to_pixels(
         &self,
         name: &str,
@@ -189,8 +189,8 @@ impl Request {
     }
 }
 
-/// True if the sanitizer saw both sides whole. Where it saw the one before the edit alone, it isn't known what the edit brings:
-/// then the reason is kept, for an edit that nothing else tells.
+/// Returns `true` if the sanitizer saw both sides completely. If it saw only the side before the edit, the violations
+/// that the edit adds are unknown: keeps the reason, in case nothing else shows the edit.
 fn watched(before: &Examined, after: &Examined, unwatched: &mut Option<String>) -> bool {
     let [was, is] = [before, after].map(|side| side.watched.reason.as_str());
     if was.is_empty() && !is.is_empty() {
@@ -199,7 +199,7 @@ fn watched(before: &Examined, after: &Examined, unwatched: &mut Option<String>) 
     was.is_empty() && is.is_empty()
 }
 
-/// The subject of a violation, by the names that resources have after the edit. Indices have no variable, and their
+/// The subject of a violation, with the names that resources have after the edit. Indices have no variable; their
 /// headline says whether they read or write.
 fn subject(one: &Violation, renamed: &[(String, String)]) -> (Kind, String) {
     let quoted = |path: &str| format!("`{}`", path.rsplit("::").next().unwrap_or(path));
@@ -212,24 +212,23 @@ fn subject(one: &Violation, renamed: &[(String, String)]) -> (Kind, String) {
     (one.kind, renamed.iter().fold(text, new_name))
 }
 
-/// Violations that one side of an edit has and the other one hasn't: the first of each kind about each variable.
+/// Violations of only one side of an edit: the first of each kind for each variable.
 #[derive(Default)]
 struct Brought {
     sure: Vec<Violation>,
-    /// Indices over any sizes and numbers: a guard that is gone.
+    /// Indices outside over arbitrary sizes and numbers: a guard was removed.
     of_indices: Vec<Violation>,
 }
 
 impl Brought {
-    /// Adds violations that the second side has over a content, and the first hasn't. Some resources have another name after
-    /// the edit.
+    /// Adds violations over a content that only the second side has. `renamed` are the resources that the edit renamed.
     fn add(&mut self, content: Content, [old, new]: [&Examined; 2], renamed: &[(String, String)]) {
         let subject = |one: &Violation| subject(one, renamed);
         for (one, _) in &new.violations {
             if old.violations.iter().any(|(known, _)| subject(known) == subject(one)) {
                 continue;
             }
-            // Where sizes don't follow from each other an index leaves its array in one of the two alone.
+            // If sizes are independent of each other, an index may be outside on only one side.
             let is_sure = content.is_sized || !one.kind.is_of_index();
             if content.is_likely && is_sure {
                 add_kind(&mut self.sure, one);
@@ -240,7 +239,7 @@ impl Brought {
         }
     }
 
-    /// The violations; indices over any sizes where nothing else tells the edit.
+    /// The violations. Includes indices over arbitrary sizes if nothing else shows the edit.
     fn told(self, is_changed: bool) -> Vec<Violation> {
         if self.sure.is_empty() && !is_changed { self.of_indices } else { self.sure }
     }
@@ -252,7 +251,7 @@ fn add_kind(all: &mut Vec<Violation>, one: &Violation) {
     }
 }
 
-/// The change in an order of invocations that left the same as the usual one before the edit.
+/// The change in an order of invocations that didn't affect the results before the edit.
 fn ordered(
     (old, new): (&Passes, &Passes),
     renamed: &[(String, String)],
@@ -264,7 +263,7 @@ fn ordered(
     let usual = left(old, None)?;
     for run in Runner::new(new).few(ORDERS) {
         let Some(order) = run.order else { continue };
-        // A pass that depended on the order before, or didn't end in this one, tells nothing of the edit.
+        // If the pass already depended on the order before, or didn't end in it, that isn't an effect of the edit.
         let was = left(old, Some(&order)).ok().filter(|was| *was == usual);
         let (Some(was), Some(is)) = (was, run.left) else { continue };
         let path = format!("{}, in another order", Path::CPU);
@@ -276,16 +275,16 @@ fn ordered(
     Ok(None)
 }
 
-/// Why a resource has lanes: a dispatch returns the words of each that a pass writes.
+/// The reason why a resource has lanes: a dispatch returns the words of each resource that a pass writes.
 const WRITTEN: &str = "a pass writes the resource";
 
-/// How words that passes leave differ.
+/// The differences between the words that passes leave.
 #[derive(Default)]
 struct Difference {
     words: usize,
     changed: usize,
     largest: Largest,
-    /// The first element of each resource that shows its change best, and how well.
+    /// The element of each resource that shows its change best, and how clearly.
     firsts: Vec<(Clarity, WordChange)>,
 }
 
@@ -303,7 +302,7 @@ impl Difference {
             let lanes = new.lanes(*number, words).expect(WRITTEN);
             let short = name.rsplit("::").next().unwrap_or(name);
             let known = renamed.iter().find(|(_, is)| is == name).map_or(name, |(was, _)| was);
-            // A resource that wasn't written held what it held before.
+            // A resource that wasn't written keeps its content.
             let (old_shape, before) = match old.written(known) {
                 Ok((part, shape)) => {
                     let words = was.iter().find(|(known, _)| *known == part.number);
@@ -316,7 +315,7 @@ impl Difference {
                     }
                 },
             };
-            // A structure of an array is the array.
+            // A structure that contains only an array counts as the array.
             let (is, was) = (shape.lanes(), old_shape.lanes());
             if is.len() != was.len() {
                 return Err(format!("`{short}` has {} words, and had {}", is.len(), was.len()));
@@ -399,7 +398,7 @@ mod tests {
             if i < 16u { atomicAdd(&bins[i], atomicLoad(&own[i])); }
         }";
 
-    /// Each pixel alone does what it did; beside each other they take one place.
+    /// On its own each pixel does what it did before; side by side, pixels use one place.
     #[test]
     fn what_an_edit_brings_between_pixels_is_told() {
         let text = "@group(0) @binding(0) var<storage, read_write> count: atomic<u32>;
@@ -427,7 +426,7 @@ mod tests {
         }
     }
 
-    /// Numbers of elements repeat in one content alone, and are places of a list.
+    /// The numbers of elements repeat in only one content. They are positions in a list.
     #[test]
     fn what_an_edit_brings_over_one_content_is_told() {
         let pass = "@group(0) @binding(0) var<storage, read> place: array<u32>;
@@ -458,7 +457,7 @@ mod tests {
         }
     }
 
-    /// Words that are written on one side alone are no change of words.
+    /// Words that only one side writes aren't a change of words.
     #[test]
     fn a_resource_that_one_side_writes_is_told() {
         let text = "@group(0) @binding(0) var<storage, read_write> a: array<u32>;
@@ -487,7 +486,7 @@ mod tests {
         all.pop().expect("the pass")
     }
 
-    /// A resource with another name is the same one, and one of another type is none.
+    /// A resource that was renamed is the same one; a resource with another type isn't.
     #[test]
     fn resources_are_compared_by_their_names_and_types() {
         let text = "@group(0) @binding(0) var<storage, read> from_: array<u32>;
@@ -510,7 +509,7 @@ mod tests {
         );
     }
 
-    /// A loop that ended, and one that didn't.
+    /// A loop that ended before the edit, and one that didn't.
     #[test]
     fn a_loop_that_an_edit_makes_endless_is_told() {
         let text = "@group(0) @binding(0) var<storage, read_write> d: array<u32>;
@@ -542,8 +541,8 @@ mod tests {
                 y[id.x] = x[min(column[id.x], arrayLength(&x) - 1u)];
             }";
 
-    /// An index over any numbers is told where nothing else is; and a pass of one workgroup that races with itself in
-    /// several is made for one.
+    /// An index over arbitrary numbers is reported only if nothing else is. A pass of one workgroup that races with
+    /// itself in several workgroups is made for one.
     #[test]
     fn what_a_host_may_not_give_is_told_last() {
         let text = GATHER;
@@ -570,7 +569,7 @@ mod tests {
         assert_eq!(paths[0].before, words[0]);
     }
 
-    /// Where a host's numbers stay within, an edit that drops a guard changes nothing else.
+    /// If a host's numbers stay inside, an edit that drops a guard changes nothing else.
     #[test]
     fn a_guard_that_is_gone_is_told() {
         let text = GATHER;
@@ -583,13 +582,13 @@ mod tests {
         let reads = brought(text, &bare);
         assert!(reads.len() == 1 && reads[0].contains("reads outside"), "{reads:?}");
         assert!(brought(&bare, text).is_empty());
-        // Another index that leaves its array hides none.
+        // Another index outside doesn't hide it.
         let both = bare.replace("if id.x >= arrayLength(&y) { return; }", "");
         let writes = brought(&bare, &both);
         assert!(writes.len() == 1 && writes[0].contains("writes outside"), "{writes:?}");
     }
 
-    /// Atomics race with none, and statements side by side count right without a barrier.
+    /// Atomics don't race, and statements that run side by side count correctly without a barrier.
     #[test]
     fn what_an_edit_leaves_to_the_order_is_a_change() {
         let change = |texts: [&str; 2]| {
@@ -607,11 +606,11 @@ mod tests {
         }
         let alike = COUNTS.replace("% 16u", "& 15u");
         assert!(matches!(change([COUNTS, &alike]), Change::Same { .. }));
-        // An edit that removes the dependence on order is no change.
+        // If an edit removes the dependence on the order, the results don't count as changed.
         assert!(matches!(change([&without, COUNTS]), Change::Same { .. }));
     }
 
-    /// A host's row and mode say where a pass writes, and no name says these.
+    /// A row or a mode that the host gives decides where a pass writes; their names don't say so.
     #[test]
     fn lines_that_no_invocation_comes_to_are_told() {
         let text = "struct P { width: u32, mode: u32 }
@@ -638,7 +637,7 @@ mod tests {
         let mode = compared(&text.replace("= 3.0;", "= 4.0;"));
         assert!(matches!(mode.change, Change::Same { .. }), "{mode:?}");
         assert_eq!(lines(&mode), ["d[g.x] = 4.0;", "d[g.x] = 3.0;"], "{mode:?}");
-        // A line that is gone is one of the edit.
+        // A removed line belongs to the edit.
         assert_eq!(lines(&compared(&text.replace("d[g.x] = 3.0;", ""))), ["d[g.x] = 3.0;"]);
         let same = compared(&text.replace("2.0 * f32(row)", "f32(row) * 2.0").replace("a row", ""));
         assert!(matches!(same.change, Change::Same { .. }) && lines(&same).is_empty(), "{same:?}");
@@ -718,7 +717,7 @@ mod tests {
             if i == 0u && group < arrayLength(&starts) { starts[group] = group * 32u; }
         }";
 
-    /// Only some rows show an edit, twice as many elements as invocations, or a colour below 0.
+    /// Edits that only some rows show, or twice as many elements as invocations, or a colour below 0.
     #[test]
     fn edits_that_few_contents_show_are_told() {
         for (text, from, to) in [
@@ -745,7 +744,7 @@ mod tests {
         }
     }
 
-    /// A workgroup a row: the texture has no row that none of them takes.
+    /// One workgroup for each row: each row of the texture has a workgroup.
     #[test]
     fn the_last_row_of_a_texture_is_compared() {
         let text = |guard: &str| {
@@ -764,7 +763,7 @@ mod tests {
         let all = Request::new(before, after).run().expect("both are valid");
         let [one] = &all[..] else { panic!("{all:?}") };
         let Change::Changed { paths } = &one.change else { panic!("{one:?}") };
-        // It has one channel.
+        // The format has one channel.
         assert!(paths[0].before.starts_with("image[0, 1] = "), "{}", paths[0].before);
     }
 }

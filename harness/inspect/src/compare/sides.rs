@@ -19,7 +19,7 @@ impl<'s> Side<'s> {
         Self { program: &probed.program, bindings: &probed.function.bindings }
     }
 
-    /// True if a resource lies in memory as another side's does.
+    /// Returns `true` if a resource has the same layout as on the other side.
     fn has_layout(self, binding: &Binding, other: Self, is: &Binding) -> bool {
         let layout = |side: Self, binding: &Binding| {
             let lanes = side.program.written_shape(binding, Some(256)).map(|shape| shape.lanes());
@@ -29,8 +29,7 @@ impl<'s> Side<'s> {
     }
 }
 
-/// The resource before an edit: that of the same name, or one that isn't there any more and was bound where
-/// this one is.
+/// The resource before an edit: the one with the same name, or one that no longer exists and had this binding.
 fn was<'b>(before: Side<'b>, after: Side<'_>, new: &Binding) -> Option<&'b Binding> {
     let is_gone = |old: &Binding| after.bindings.iter().all(|new| new.path != old.path);
     let place = |one: &Binding| (one.group, one.binding, one.kind);
@@ -40,7 +39,7 @@ fn was<'b>(before: Side<'b>, after: Side<'_>, new: &Binding) -> Option<&'b Bindi
         .or_else(|| olds.iter().find(|old| place(old) == place(new) && is_gone(old)))
 }
 
-/// Resources that have another name after an edit and the same layout: their paths before it and after it.
+/// Resources that an edit renamed without changing their layout: the paths before and after it.
 pub(super) fn renamed(before: Side<'_>, after: Side<'_>) -> Vec<(String, String)> {
     let of = |is: &Binding| {
         let was = was(before, after, is).filter(|was| was.path != is.path)?;
@@ -49,8 +48,8 @@ pub(super) fn renamed(before: Side<'_>, after: Side<'_>) -> Vec<(String, String)
     after.bindings.iter().filter_map(of).collect()
 }
 
-/// A resource with another name, or with other names of its members, holds the same: contents come from names. One that is
-/// written on one side is as long as that side's on both.
+/// Gives renamed resources, or resources with renamed members, the same contents on both sides: contents depend on
+/// names. A resource that one side writes gets that side's length on both.
 pub(super) fn hold_the_same([old, new]: [&mut Fixtures; 2], before: &Probed, after: &Probed) {
     let of = |fixtures: &Fixtures, path: &str| fixtures.iter().position(|(name, _)| name == path);
     let mut named = renamed(Side::of(before), Side::of(after));
@@ -74,7 +73,7 @@ pub(super) fn hold_the_same([old, new]: [&mut Fixtures; 2], before: &Probed, aft
     }
 }
 
-/// Buffers of one name whose members have other names, and the same types at the same places.
+/// Buffers with the same name whose members were renamed, with the same types at the same offsets.
 fn with_renamed_members(before: &Probed, after: &Probed) -> Vec<(String, String)> {
     fn names(shape: &Shape, all: &mut BTreeSet<String>) {
         match shape {
@@ -102,8 +101,8 @@ fn with_renamed_members(before: &Probed, after: &Probed) -> Vec<(String, String)
     all.map(|one| (one.path.clone(), one.path.clone())).collect()
 }
 
-/// How the host has to connect an entry point in another way: attributes of its inputs and outputs. Another name is no other
-/// way.
+/// The differences in how the host has to connect an entry point: attributes of its inputs and outputs. Names don't
+/// matter.
 pub(super) fn attributes(before: &[(String, String)], after: &[(String, String)]) -> Vec<String> {
     let is_given = |(path, _): &(String, String)| path.starts_with("result");
     let has = |all: &[(String, String)], one: &(String, String)| {
@@ -123,7 +122,7 @@ pub(super) fn attributes(before: &[(String, String)], after: &[(String, String)]
     all
 }
 
-/// Resources that an entry point has only after an edit, or only before it.
+/// The resources that an entry point has on only one side of an edit.
 pub(super) fn gained_and_lost(before: Side<'_>, after: Side<'_>) -> Vec<String> {
     let shown = |one: &Binding| {
         format!("`{}` at @group({}) @binding({})", one.name(), one.group, one.binding)
@@ -137,7 +136,7 @@ pub(super) fn gained_and_lost(before: Side<'_>, after: Side<'_>) -> Vec<String> 
     gained.chain(lost.map(|one| format!("{} isn't used any more", shown(one)))).collect()
 }
 
-/// How the host has to name or to value overrides in another way.
+/// The differences in how the host has to name overrides or to set them.
 pub(super) fn overrides(before: &Program, after: &Program) -> Vec<String> {
     let [old, new] = [before, after].map(Program::declared_overrides);
     let of = |all: &[(String, String)], name: &str| {
@@ -154,7 +153,7 @@ pub(super) fn overrides(before: &Program, after: &Program) -> Vec<String> {
         .collect()
 }
 
-/// How the host has to supply resources in another way after an edit: bindings and places of members.
+/// The differences in how the host has to supply resources after an edit: bindings and offsets of members.
 pub(super) fn interface(before: Side<'_>, after: Side<'_>) -> Vec<String> {
     let mut all = Vec::new();
     for new in after.bindings {
@@ -188,7 +187,7 @@ pub(super) fn interface(before: Side<'_>, after: Side<'_>) -> Vec<String> {
     all
 }
 
-/// The signatures of both sides of an edit. Where they are equal, they differ in resources that a function writes.
+/// The signatures of both sides of an edit. If they are equal, the written resources differ.
 pub(super) fn signatures(sides: [&Probed; 2]) -> [String; 2] {
     let shown = sides.map(|one| one.function.to_string());
     if shown[0] != shown[1] || sides.iter().all(|one| one.function.written().next().is_none()) {

@@ -1,13 +1,13 @@
-//! Two values of one result: how far they are from each other, and how they are shown.
+//! Compares two values of a result: their distance, and the text that shows them.
 
 use crate::limits::VISIBLE;
 use karat_core::tolerance::ulp_distance;
 use karat_core::value::{Scalar, Shape, format_lane};
 
-/// Components of a result that are shown whole; of more, such as a buffer, only those that changed.
+/// The most components that a result shows whole. A larger one, such as a buffer, shows only those that changed.
 const WHOLE: usize = 16;
 
-/// A result as it is shown: whole, unless it is long or the other side of the edit gives something else.
+/// The text of a result: whole, unless it is long or the two sides have different results.
 pub(super) fn told(shape: &Shape, own: &[u32], changed: &[usize], is_whole: bool) -> String {
     let scalars = shape.lanes();
     if is_whole && scalars.len() <= WHOLE {
@@ -28,10 +28,10 @@ pub(super) fn told(shape: &Shape, own: &[u32], changed: &[usize], is_whole: bool
     }
 }
 
-/// How far two results are from each other.
+/// The distance between two results.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Distance {
-    /// Of integers and booleans, which are equal or not.
+    /// For integers and booleans: they differ.
     Other,
     /// In `f32` steps.
     Ulp(u64),
@@ -44,7 +44,7 @@ impl Distance {
         if let Self::Ulp(steps) = self { Some(steps) } else { None }
     }
 
-    /// True if it shows as much as a larger distance: it has half of its binary digits.
+    /// Returns `true` if it shows as much as the largest distance: it has at least half as many binary digits.
     pub(super) fn is_like(self, farthest: Self) -> bool {
         match (self, farthest) {
             (Self::Ulp(own), Self::Ulp(most)) => own >= most.isqrt(),
@@ -53,7 +53,7 @@ impl Distance {
     }
 }
 
-/// `None` if two words are one value: bit by bit, but for NaN.
+/// The distance between two words; `None` if they are equal bit by bit, or both are NaN.
 pub(super) fn distance(scalar: Scalar, was: u32, is: u32) -> Option<Distance> {
     if was == is {
         return None;
@@ -69,20 +69,20 @@ pub(super) fn distance(scalar: Scalar, was: u32, is: u32) -> Option<Distance> {
     }
 }
 
-/// How well a case shows a change. The larger one is shown: plain numbers that differ visibly before NaN, which names of inputs
-/// may not mean, and both before a last digit.
+/// How clearly a case shows a change. The clearest case is shown: plain numbers that differ visibly before NaN, which
+/// the names of inputs may rule out, and both before a last digit.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Clarity {
-    /// Digits below what a picture shows.
+    /// The difference is too small to see in an image.
     #[default]
     Slight,
-    /// Something is NaN or infinite on one side.
+    /// A value is NaN or infinite on one side.
     NotFinite,
-    /// Numbers apart.
+    /// The numbers differ visibly.
     Plain,
 }
 
-/// How well a word shows a change; `None` if there is none.
+/// How clearly a word shows a change; `None` if there is none.
 pub(super) fn clarity(scalar: Scalar, was: u32, is: u32) -> Option<Clarity> {
     distance(scalar, was, is)?;
     if !scalar.is_float() {
@@ -96,12 +96,12 @@ pub(super) fn clarity(scalar: Scalar, was: u32, is: u32) -> Option<Clarity> {
     })
 }
 
-/// The largest changes of some words.
+/// The largest changes among some words.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Largest {
-    /// In `f32` steps; `None` once there is none.
+    /// In `f32` steps; `None` once a pair has no distance in steps.
     pub(super) ulp: Option<u64>,
-    /// Relative to the value before; `None` likewise.
+    /// Relative to the value before; `None` in the same cases.
     pub(super) relative: Option<f64>,
 }
 
@@ -112,7 +112,7 @@ impl Default for Largest {
 }
 
 impl Largest {
-    /// Adds two words, and says how far they are from each other.
+    /// Adds two words, and returns their distance.
     pub(super) fn add(&mut self, scalar: Scalar, was: u32, is: u32) -> Option<Distance> {
         let far = distance(scalar, was, is)?;
         let (a, b) = (f64::from(f32::from_bits(was)), f64::from(f32::from_bits(is)));
@@ -128,7 +128,7 @@ impl Largest {
 mod tests {
     use super::*;
 
-    /// Bit by bit, but for NaN.
+    /// Words are compared bit by bit, except NaN.
     #[test]
     fn words_are_as_far_as_their_values() {
         let far = |was: f32, is: f32| distance(Scalar::F32, was.to_bits(), is.to_bits());
@@ -156,7 +156,7 @@ mod tests {
         assert!(Clarity::Slight < Clarity::NotFinite && Clarity::NotFinite < Clarity::Plain);
     }
 
-    /// Of many components the first four that changed are shown, and the others are counted.
+    /// Of many components, the first four that changed are shown, and the others are counted.
     #[test]
     fn the_first_components_that_changed_are_shown() {
         let of = |changed: usize, length: u32| {

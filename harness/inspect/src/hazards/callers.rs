@@ -1,25 +1,25 @@
-//! The functions of a package that call each other.
+//! The call graph of a package.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use karat::package::Package;
 use karat::unstable::reflect::Program;
 
-/// Functions by those that they call.
+/// Each function, with the functions that it calls.
 #[derive(Debug, Default)]
 pub(super) struct Callers {
     by_called: BTreeMap<String, BTreeSet<String>>,
 }
 
 impl Callers {
-    /// The calls of a package, as far as its modules can be read.
+    /// The call graph of a package, as far as its modules can be read.
     pub(super) fn of(package: &Package) -> Self {
         let mut callers = Self::default();
         for module in package.modules().unwrap_or_default() {
             let Ok(items) = package.functions_in(&module) else { continue };
             let whole = Program::of_module(package, &module).ok();
             for item in items {
-                // Of a module that isn't valid some functions are.
+                // Some functions of an invalid module are valid.
                 let own = item.name.rsplit("::").next().unwrap_or_default();
                 let alone = || Program::of_items(package, &module, &[own]).ok();
                 let Some(program) = whole.clone().or_else(alone) else { continue };
@@ -31,13 +31,13 @@ impl Callers {
         callers
     }
 
-    /// True of a function that some other one calls.
+    /// Returns `true` for a function that some other one calls.
     pub(super) fn calls(&self, function: &str) -> bool {
         self.by_called.contains_key(function)
     }
 
-    /// The functions that lead to this one, of those that are `looked_at`, and that none of these calls: the function itself
-    /// if none leads to it.
+    /// The direct and indirect callers of this function among those that are `looked_at`, leaving out callers that one
+    /// of these calls; the function itself if it has none.
     pub(super) fn roots<'c>(
         &'c self,
         function: &'c str,
@@ -45,7 +45,7 @@ impl Callers {
     ) -> BTreeSet<&'c str> {
         let (mut roots, mut seen) = (BTreeSet::new(), BTreeSet::from([function]));
         let mut open = vec![(function, function)];
-        // Beside each function the last one on the way that was looked at.
+        // Each function, with the last checked one on the way to it.
         while let Some((one, last)) = open.pop() {
             let Some(all) = self.by_called.get(one) else {
                 roots.insert(last);
@@ -56,7 +56,7 @@ impl Callers {
             }
         }
         if roots.len() > 1 {
-            // Some way has a function that was looked at, and another way none.
+            // One way leads through a checked function, another way through none.
             roots.remove(function);
         }
         roots

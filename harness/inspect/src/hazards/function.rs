@@ -1,4 +1,4 @@
-//! Findings in functions: trials over arguments and contents of resources, and what averts a finding.
+//! Finds hazards in functions: trials over arguments and contents of resources, and inputs that avert a finding.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -18,14 +18,14 @@ use crate::work::{Chosen, ENDS_FOR_NONE, Side};
 
 use rayon::prelude::*;
 
-/// The number of a site, and the kind of what goes wrong there.
+/// The number of a site, and the kind of error there.
 pub(super) type Key = (usize, Kind);
 
-/// The contents of resources, the first of which meets all rows.
+/// The contents of resources. All rows run over the first one.
 const CONTENTS_TRIED: &[Content] = &Content::OF_FUNCTIONS;
 const FIRST: Content = Content::OF_FUNCTIONS[0];
 
-/// The site of a loop that may not end, which is none of those that are numbered.
+/// The site of a loop that may not end; it has no number.
 const LOOP: usize = usize::MAX;
 
 /// A function, and the inputs that it is tried with.
@@ -55,15 +55,15 @@ struct Gathered {
     case: Case,
     members: Vec<(String, String)>,
     oddity: [usize; 2],
-    /// Cases whose result, or a condition or an index, shows it.
+    /// The cases in which the result, a condition or an index depends on it.
     wrong: usize,
     dropped: usize,
     /// Some of these cases.
     failing: Vec<Case>,
-    /// The numbers of those over the first content.
+    /// The numbers of the cases over the first content.
     numbers: Vec<usize>,
     kinds: BTreeSet<Kind>,
-    /// The content and the number of the case that was counted last.
+    /// The content and the number of the last case that was counted.
     last: Option<(Content, usize)>,
 }
 
@@ -73,12 +73,12 @@ struct Tally {
     cases: usize,
     /// The rows of the first content.
     rows: Vec<u32>,
-    /// By site the cases that came to it, and the contents in which some did.
+    /// By site: the number of cases that reached it, and the number of contents in which some did.
     reached: BTreeMap<usize, [usize; 2]>,
     found: BTreeMap<Key, Gathered>,
     cut: usize,
     in_part: bool,
-    /// Cases in which a loop goes round too often.
+    /// Cases in which a loop has too many rounds.
     long: usize,
 }
 
@@ -87,28 +87,28 @@ impl Tally {
         self.reached.get(&site).copied().unwrap_or_default()
     }
 
-    /// True if it goes wrong in each case that comes to it, and enough do.
+    /// Returns `true` if it goes wrong in each case that reaches it, and enough cases do.
     fn is_always(&self, key: Key) -> bool {
         let wrong = self.found.get(&key).map_or(0, |one| one.wrong);
         let [cases, contents] = self.reached(key);
         wrong > 0 && wrong >= cases && (wrong >= DRAWS || contents >= CONTENTS)
     }
 
-    /// True if some case comes to it and is fine.
+    /// Returns `true` if some case reaches it and is fine.
     fn is_averted(&self, key: Key) -> bool {
         let wrong = self.found.get(&key).map_or(0, |one| one.wrong);
         wrong < self.reached(key)[0]
     }
 }
 
-/// True of an input that has its value of another content.
+/// `true` for an input that takes its value from another content.
 type Takes<'t> = &'t (dyn Fn(&Input) -> bool + Sync);
 
-/// Keeps findings of one run apart, so that one behind another one of its kind is seen, too.
+/// Keeps the findings of one run separate, so that one finding doesn't hide another of its kind.
 const EACH: &(dyn Fn(&Found) -> bool + Sync) = &|_| true;
 
 impl Trial {
-    /// Tries a function that only returns.
+    /// Tries a function without effects besides its result.
     pub(super) fn of(
         name: &str,
         probed: Probed,
@@ -134,7 +134,7 @@ impl Trial {
         }
     }
 
-    /// The cases of some rows that run over a content.
+    /// The cases of some rows, run over a content.
     fn chosen(&self, resources: &Resources, (count, rows): (usize, &[u32])) -> Chosen {
         let Self { probed, arguments, .. } = self;
         let side = Side { probed, fixtures: &resources.fixtures, own: None };
@@ -142,7 +142,7 @@ impl Trial {
     }
 
     fn tried(&self) -> Result<Tally, String> {
-        // One function with long loops would keep one core busy while the others idle.
+        // A function with long loops would keep one core busy while the others are idle.
         let looked = self.contents.par_iter().map(|content| {
             let resources = Resources::of(&self.probed, &self.ranges, *content)?;
             let (count, rows) = self.arguments.part(&self.rows, self.count, content.draw);
@@ -208,7 +208,7 @@ impl Trial {
         Ok(())
     }
 
-    /// Adds what was found in some rows over a content.
+    /// Adds the findings of some rows over a content.
     fn add(
         &self,
         tally: &mut Tally,
@@ -243,17 +243,17 @@ impl Trial {
                     kinds: BTreeSet::new(),
                     last: None,
                 };
-                // NaN or infinite, it is the same number.
+                // NaN or infinite: it is the same number.
                 let kind = if one.kind == Kind::Infinite { Kind::Nan } else { one.kind };
                 let known = tally.found.entry((one.site, kind)).or_insert_with(new);
                 known.kinds.insert(one.kind);
-                // That it shows in one case is worse than that it is dropped in others.
+                // A case that shows it is worse than other cases that drop it.
                 let rank = |one: &Found, oddity: [usize; 2]| (one.hidden, oddity, one.kind);
                 if rank(one, oddity) < rank(&known.found, known.oddity) {
                     (known.found, known.case) = (one.clone(), own());
                     (known.members, known.oddity) = (resources.members.clone(), oddity);
                 }
-                // Of a vector, components may be NaN and infinite.
+                // The components of a vector may be NaN and infinite at once.
                 if known.last == Some((content, case)) {
                     continue;
                 }
@@ -274,7 +274,7 @@ impl Trial {
         }
     }
 
-    /// Runs the function where what is known is as in a case, and the rest is drawn again.
+    /// Runs the function with the known inputs of a case, and samples the others anew.
     fn held(&self, case: &Case) -> Tally {
         let takes = |input: &Input| input.known;
         self.again(&takes, &|content| {
@@ -284,7 +284,7 @@ impl Trial {
         })
     }
 
-    /// Runs the function over each content, of which some inputs are those of another one, with its rows.
+    /// Runs the function over each content, with its rows, but with some inputs of another content.
     fn again(
         &self,
         takes: Takes<'_>,
@@ -304,7 +304,7 @@ impl Trial {
         tally
     }
 
-    /// Runs some rows over a content, of which some inputs are those of another one.
+    /// Runs some rows over a content, with some inputs of another content.
     fn run(
         &self,
         (content, other, takes): (Content, Content, Takes<'_>),
@@ -325,7 +325,7 @@ impl Trial {
         made.map(|made| made.inputs).unwrap_or_default()
     }
 
-    /// Tells faults from requirements, by running the function again.
+    /// Classifies findings as faults or requirements, by running the function again.
     pub(super) fn judge(&self, hazards: &mut [Hazard], keys: &[Key]) {
         let (inputs, mut holds) = (self.inputs(), BTreeMap::new());
         for (hazard, key) in hazards.iter_mut().zip(keys) {
@@ -335,7 +335,7 @@ impl Trial {
             }
             let (class, held) = self.class(*key, one, &inputs, &mut holds);
             hazard.class = class;
-            // The inputs that are held are those that nothing averts.
+            // Hold only the inputs whose change doesn't avert it.
             if let Some(case) = held.filter(|case| case.row != one.case.row) {
                 let made = Resources::of(&self.probed, &self.ranges, case.content);
                 let members = made.map(|made| made.members).unwrap_or_default();
@@ -357,7 +357,7 @@ impl Trial {
         let nothing_free = self.arguments.are_known() && all(|one| one.known);
         let known = inputs.iter().any(|one| one.known);
         match key.1 {
-            // WGSL wants uniformity whatever the data are (15.2).
+            // WGSL requires uniformity for any data (15.2).
             Kind::Barrier => return (Class::Fault, None),
             kind if is_of_wgsl(kind) && !is_declared => return (Class::Requirement, None),
             _ => {}
@@ -397,7 +397,7 @@ impl Trial {
         named
     }
 
-    /// The findings, with the cases that came to each place. Which are faults is asked of those alone that no caller judges.
+    /// The findings, with the cases that reached each place. Classifies only the faults that no caller judges.
     pub(super) fn seen(self) -> Seen {
         let function = self.probed.function();
         let hazard = |(key, one): (&Key, &Gathered)| {
@@ -408,7 +408,7 @@ impl Trial {
             let of = |case: usize| -> &[u32] { &rows[case * width..][..width] };
             let count = rows.len().checked_div(width).unwrap_or(1);
             let fails = cause_of(function, count, &of, &one.numbers);
-            // The interval is one of drawn values; other values may fail, too.
+            // The condition comes from sampled values. Other values may fail, too.
             let fails = fails.map(|fails| fails.replace(", and nowhere else", ""));
             let reached = self.main.reached(*key)[0].max(one.wrong + one.dropped);
             let hazard = Hazard {
@@ -431,11 +431,11 @@ impl Trial {
             (*key, hazard)
         };
         let mut found: Vec<(Key, Hazard)> = self.main.found.iter().map(hazard).collect();
-        // The engine gives the places; it is the same program over each content.
+        // The engine gives the places; the program is the same over each content.
         let engine = Resources::of(&self.probed, &self.ranges, FIRST)
             .ok()
             .and_then(|made| Interpreted::new(&self.probed, &made.fixtures).ok());
-        // Of each place the cases that came to it, which may be none.
+        // For each place, the cases that reached it; may be 0.
         let mut reached: BTreeMap<String, usize> = BTreeMap::new();
         for (site, place) in engine.iter().flat_map(Interpreted::places) {
             *reached.entry(place).or_default() += self.main.reached((site, Kind::Nan))[0];
@@ -443,7 +443,7 @@ impl Trial {
         found.sort_by(|(_, a), (_, b)| {
             (&a.location, &a.text, a.kind).cmp(&(&b.location, &b.text, b.kind))
         });
-        // A number that is NaN or infinite for some inputs, and without a bound for others, is one finding.
+        // A number that is NaN or infinite for some inputs, and unbounded for others, is one finding.
         found.dedup_by(|(_, next), (_, one)| {
             let is_same = next.kind == Kind::Unbounded
                 && (&next.location, &next.text) == (&one.location, &one.text)
@@ -463,7 +463,7 @@ impl Trial {
         Seen { hazards, reached, drawn, cut, in_part, trial, ..Seen::default() }
     }
 
-    /// The inputs whose change alone averts a finding, from its simplest case.
+    /// The inputs that can avert a finding on their own, from its simplest case.
     pub(super) fn needs(&self, key: Key) -> Vec<String> {
         let parameters = &self.probed.function().parameters;
         if let ([(name, _)], true) = (&**parameters, self.inputs().is_empty()) {
@@ -518,8 +518,8 @@ impl Trial {
     }
 }
 
-/// True of what is a fault only where each input is declared: digits are lost, or WGSL bounds nothing, in most functions
-/// somewhere.
+/// Returns `true` for a kind that is a fault only if each input is declared: most functions lose digits, or use an
+/// operation that WGSL doesn't bound, somewhere.
 fn is_of_wgsl(kind: Kind) -> bool {
     matches!(kind, Kind::LostDigits | Kind::Unbounded)
 }

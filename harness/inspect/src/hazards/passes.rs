@@ -1,4 +1,5 @@
-//! Findings in compute passes, and in the pixels of a draw that write storage, which the engine dispatches over made-up resources.
+//! Finds hazards in compute passes, and in pixels of a draw that write storage. The engine dispatches both over
+//! generated resources.
 
 use std::collections::btree_map::Entry;
 use std::collections::{BTreeMap, BTreeSet};
@@ -20,7 +21,7 @@ use rayon::prelude::*;
 /// The first argument of a finding in a pass.
 pub(super) const INVOCATION: &str = "invocation";
 
-/// Looks into a compute pass.
+/// Checks a compute pass.
 pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<Seen, String> {
     let (program, ..) = Program::of_pass(package, name, &ranges.overrides_of(package, name))?;
     let ranges = &ranges.with_literals(program.literals());
@@ -32,7 +33,7 @@ pub(super) fn look(package: &Package, name: &str, ranges: &Ranges) -> Result<See
     Looked { name, make: &make, are_pixels: false }.seen()
 }
 
-/// Looks into a fragment function that writes what other pixels see.
+/// Checks a fragment function that writes memory.
 pub(super) fn look_at_pixels(
     package: &Package,
     name: &str,
@@ -44,57 +45,57 @@ pub(super) fn look_at_pixels(
     Looked { name, make: &make, are_pixels: true }.seen()
 }
 
-/// Arrays of zeros, of ones, and of numbers far from each other.
+/// Arrays of zeros, of ones, and of numbers far apart.
 fn plain() -> [Content; 3] {
     [Numbered::Zero, Numbered::One, Numbered::Apart].map(|how| Content::OF_PASSES[0].numbered(how))
 }
 
-/// Contents in which a finding of the usual ones may be averted: plain ones, long arrays, and a single workgroup.
+/// Contents that may avert a finding of the usual ones: plain ones, long arrays, and a single workgroup.
 fn others() -> Vec<Content> {
     let [first, second, ..] = Content::OF_PASSES;
     let one = [first, first.numbered(Numbered::Apart)].map(Content::of_one_workgroup);
     [&plain()[..], &[first, second].map(Content::long), &one].concat()
 }
 
-/// Those in which what is known is held as it is in another one: fewer, and each of another kind.
+/// The contents that run with the known inputs of another content: fewer, each of another kind.
 fn held() -> Vec<Content> {
     let [first, _, third, bits, _, _, _, _, drawn] = Content::OF_PASSES;
     [&[first, third, bits, drawn][..], &plain(), &[first.long(), first.of_one_workgroup()]].concat()
 }
 
-/// True if some array has fewer elements than there are invocations.
+/// Returns `true` if some array has fewer elements than there are invocations.
 fn is_short(content: &Content) -> bool {
     content.tail.is_some() || content.shorter.is_some()
 }
 
-/// Makes passes over a content.
+/// Generates passes over a content.
 type Make<'m> =
     &'m (dyn Fn(Content, Option<&Mix<'_>>) -> Result<(Passes, Resources), String> + Sync);
 
-/// The places of what goes wrong, a race's both, its kind, and the text of an operation, as `1.0 / a` begins where
-/// `1.0 / a / b` does.
+/// The places of a finding (a race has two), its kind, and the text of an operation: `1.0 / a` begins where `1.0 / a /
+/// b` does.
 type Key = (BTreeSet<String>, Kind, String);
 
 /// The findings over one content.
 #[derive(Debug, Default)]
 struct InContent {
-    /// The invocations in which an operation goes wrong; none of a race.
+    /// The invocations in which an operation goes wrong; empty for a race.
     wrong: BTreeMap<Key, BTreeSet<usize>>,
     reached: BTreeMap<String, BTreeSet<usize>>,
-    /// True if it wasn't run to its end.
+    /// `true` if the run ended early.
     is_cut: bool,
-    /// True if one workgroup ran.
+    /// `true` if a single workgroup ran.
     one_workgroup: bool,
 }
 
 impl InContent {
-    /// True if some invocations come to all places of a finding.
+    /// Returns `true` if some invocations reach all places of a finding.
     fn is_reached(&self, (places, kind, _): &Key) -> bool {
         let reached = |place: &String| self.reached.get(place).filter(|all| !all.is_empty());
         match kind {
-            // A loop is no operation.
+            // A loop isn't an operation.
             Kind::Endless => true,
-            // It takes two, unless a host dispatches a single one.
+            // It takes two workgroups, unless the host dispatches a single one.
             Kind::Race | Kind::EqualWrites => {
                 let Some(all) = places.iter().map(reached).collect::<Option<Vec<_>>>() else {
                     return false;
@@ -106,15 +107,16 @@ impl InContent {
         }
     }
 
-    /// True if it goes wrong. Two writes of zeros are of the same value, and no less a race of others.
+    /// Returns `true` if it goes wrong. Two writes of zero count as equal writes, and as a race if other contents write
+    /// unequal words.
     fn is_wrong(&self, key: &Key) -> bool {
         let equal = || (key.0.clone(), Kind::EqualWrites, key.2.clone());
         self.wrong.contains_key(key) || key.1 == Kind::Race && self.wrong.contains_key(&equal())
     }
 }
 
-/// True if a finding is there in each content in which its operation is reached, in the same invocation, and there are
-/// enough.
+/// Returns `true` if a finding occurs in each content in which its operation is reached, in the same invocation, and in
+/// enough contents.
 fn is_always<'c>(key: &Key, contents: impl Iterator<Item = &'c InContent> + Clone) -> bool {
     let reaching = || contents.clone().filter(|content| content.is_reached(key));
     let is_enough = reaching().count() >= CONTENTS;
@@ -134,7 +136,7 @@ fn is_always<'c>(key: &Key, contents: impl Iterator<Item = &'c InContent> + Clon
     !always.is_empty()
 }
 
-/// A pass that is looked into.
+/// A pass that is checked.
 struct Looked<'l> {
     name: &'l str,
     make: Make<'l>,
@@ -153,7 +155,7 @@ impl Looked<'_> {
             seen.drawn.merge(made.drawn.clone());
             let one = self.run(&passes, &made);
             if let Some(reason) = &one.reason {
-                // With its findings it was looked at, but not to its end.
+                // If it has findings it was checked, though not to its end.
                 if contents.is_empty() && one.hazards.is_empty() {
                     return Err(reason.clone());
                 }
@@ -167,7 +169,7 @@ impl Looked<'_> {
                     Entry::Occupied(known) => known.into_mut(),
                     Entry::Vacant(place) => place.insert((content, hazard.clone())),
                 };
-                // That it shows over one content is worse than that it is dropped over others.
+                // A content that shows it is worse than other contents that drop it.
                 if known.1.class == Class::Dropped && class != Class::Dropped {
                     let kinds = std::mem::take(&mut known.1.kinds);
                     *known = (content, Hazard { kinds, ..hazard });
@@ -177,7 +179,7 @@ impl Looked<'_> {
                 }
             }
             contents.insert(content, one.content);
-            // A draw has other texture coordinates in each.
+            // In a draw, each content has other texture coordinates.
             let varies = made.varies;
             inputs = made.inputs;
             // Other contents take as long.
@@ -188,7 +190,7 @@ impl Looked<'_> {
         for (place, invocations) in contents.values().flat_map(|one| &one.reached) {
             *seen.reached.entry(place.clone()).or_default() += invocations.len();
         }
-        // The race of unequal writes says it.
+        // The race of unequal writes covers it.
         let races: BTreeSet<_> = found
             .keys()
             .filter(|(_, kind, _)| *kind == Kind::Race)
@@ -206,7 +208,7 @@ impl Looked<'_> {
             let takes = |input: &Input| input.known;
             let mix = Mix { content, extents: None, takes: &takes };
             let is_fault = match key.1 {
-                // WGSL wants uniformity whatever the data are (15.2).
+                // WGSL requires uniformity for any data (15.2).
                 Kind::Barrier => true,
                 Kind::LostDigits | Kind::Unbounded => false,
                 _ if only_one && !too_long => true,
@@ -246,14 +248,14 @@ impl Looked<'_> {
                 } else {
                     let varied =
                         varied.entry(content).or_insert_with(|| match contents[&content].is_cut {
-                            // It tells nothing of what it doesn't come to, and takes the longest.
+                            // It would prove nothing about places that it doesn't reach, and it takes the longest.
                             true => Vec::new(),
                             false => self.varied(content, &inputs),
                         });
                     let named = varied.iter().filter(|(_, runs)| runs.iter().any(averted));
                     hazard.needs = named.map(|(path, _)| path.clone()).collect();
                     if hazard.needs.is_empty() {
-                        // Of an index any content that averts it has another length.
+                        // For an index, any content that averts it has another length.
                         let mut others =
                             contents.iter().filter(|(one, _)| is_index || is_short(one));
                         if others.any(|(_, one)| averted(one)) {
@@ -283,7 +285,7 @@ impl Looked<'_> {
         }
     }
 
-    /// The runs in which one input alone has another content.
+    /// Runs in which only one input comes from another content.
     fn varied(&self, content: Content, inputs: &[Input]) -> Vec<(String, Vec<InContent>)> {
         let paths: BTreeSet<&str> =
             inputs.iter().filter(|one| !one.known).map(|one| one.path.as_str()).collect();
@@ -308,7 +310,7 @@ impl Looked<'_> {
         all
     }
 
-    /// Runs passes once, and takes what goes wrong.
+    /// Runs passes once, and collects the findings.
     fn run(&self, passes: &Passes, made: &Resources) -> Ran {
         let examined = examine_made_up(passes);
         let watched = examined.watched;
@@ -347,13 +349,13 @@ impl Looked<'_> {
         };
         ran.content.reached = reached;
         ran.content.is_cut = ran.reason.is_some();
-        // Several pixels are as many as a draw has.
+        // A draw has several pixels.
         let is_one = passes.passes.iter().all(|pass| pass.workgroups == [1; 3]);
         ran.content.one_workgroup = is_one && !self.are_pixels;
         for one in wrong {
             let location = one.found.span.to_string();
             let kind = one.found.kind;
-            // The sanitizer tells those that matter.
+            // The sanitizer reports the indices that matter.
             if matches!(kind, Kind::OutOfRange | Kind::Wrapped) {
                 for place in one.statement.into_iter().chain([location]) {
                     let key = (BTreeSet::from([place]), kind, String::new());
@@ -363,7 +365,7 @@ impl Looked<'_> {
             }
             let text = one_line(&one.found.text);
             let of_text = text.clone();
-            // NaN or infinite, it is the same number.
+            // NaN or infinite: it is the same number.
             let family = if kind == Kind::Infinite { Kind::Nan } else { kind };
             let own = Hazard {
                 class: if one.found.hidden { Class::Dropped } else { Class::Requirement },
@@ -379,7 +381,7 @@ impl Looked<'_> {
         }
         for (violation, diagnostic) in examined.violations {
             let kind = violation.kind;
-            // Workgroup memory is zero where nothing wrote it, by WGSL (7.3): that is no finding.
+            // Workgroup memory is zero until it is written (WGSL 7.3), so this isn't a finding.
             if kind == Kind::Unwritten {
                 continue;
             }
@@ -410,11 +412,11 @@ impl Looked<'_> {
     }
 }
 
-/// The names of the number of workgroups, and of lengths, among what a pass needs.
+/// The names for the number of workgroups, and for lengths, among the inputs that a pass needs.
 const WORKGROUPS: &str = "another number of workgroups";
 const SIZES: &str = "other sizes of arrays and textures";
 
-/// The name that an access begins with: `tile` of `tile[i].sum = 1.0`.
+/// The name at the start of an access: `tile` in `tile[i].sum = 1.0`.
 fn variable_of(text: &str) -> &str {
     text.split(|c: char| c != '_' && !c.is_alphanumeric()).next().unwrap_or_default()
 }
@@ -424,9 +426,9 @@ fn variable_of(text: &str) -> &str {
 struct Ran {
     hazards: Vec<(Key, Hazard)>,
     content: InContent,
-    /// Why it wasn't run to its end.
+    /// The reason why the run ended early.
     reason: Option<String>,
-    /// Invocations.
+    /// The number of invocations.
     of: usize,
     too_long: bool,
 }

@@ -1,28 +1,28 @@
-//! What buffers and textures hold, and how large they are: a table for functions and one for passes, each row a content that
-//! is tried.
+//! The contents of buffers and textures, and their sizes: one table for functions and one for passes, with a row for
+//! each content to try.
 
 use crate::limits::ELEMENTS;
 use karat_core::value::Scalar;
 
-/// How integers in arrays are numbered: each of them is an index of another array.
+/// The numbering of integers in arrays. Each of them may be an index into another array.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Numbered {
-    /// 0, 1, 2 ..: no two are the same.
+    /// 0, 1, 2 ..: all are different.
     Forwards,
-    /// .. 2, 1, 0: what is sorted already would hide that a pass doesn't sort.
+    /// .. 2, 1, 0: sorted input would hide that a pass doesn't sort.
     Backwards,
-    /// 0 and 1, as cells and flags are.
+    /// 0 and 1, as in cells and flags.
     Bits,
-    /// All of them 0, and floats, too: an index that is wrong all the same comes from no content.
+    /// All are 0, and floats, too: an index that is still outside doesn't come from the contents.
     Zero,
-    /// All of them 1, and floats, too.
+    /// All are 1, and floats, too.
     One,
-    /// 0, 65536, 131072 ..: so far from each other that what is added to one as an index never meets what is added to another.
+    /// 0, 65536, 131072 ..: so far apart that sums of an index with different elements never meet.
     Apart,
 }
 
 impl Numbered {
-    /// The one number of all elements, if there is one.
+    /// The number of all elements, if it is the same.
     pub(super) fn constant(self, scalar: Scalar) -> Option<u32> {
         match (self, scalar) {
             (Self::Zero, _) => Some(0),
@@ -33,7 +33,7 @@ impl Numbered {
         }
     }
 
-    /// The number of an element among so many.
+    /// The number of an element of an array with this length.
     pub(super) fn of(self, element: u32, count: u32) -> u32 {
         match self {
             Self::Zero => 0,
@@ -41,71 +41,70 @@ impl Numbered {
             Self::Forwards => element,
             Self::Apart => element.wrapping_mul(1 << 16),
             Self::Backwards => count - 1 - element,
-            // So that each neighbourhood comes; three of eight are set.
+            // Each neighbourhood occurs; three of eight bits are set.
             Self::Bits => u32::from(hashed(0, element) & 7 < 3),
         }
     }
 }
 
-/// What textures hold.
+/// The contents of textures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Texels {
-    /// Numbers that change little from texel to texel, so that a filter's few bits of weight don't matter much.
+    /// Numbers that change little between texels, so that the few bits of a filter's weights don't matter much.
     Smooth,
-    /// Numbers that have nothing to do with their neighbours'.
+    /// Numbers that are independent of their neighbours.
     Noise,
-    /// The same, many of them below 0.
+    /// The same, many of them negative.
     NoiseBelowZero,
     /// 0, transparent.
     Black,
-    /// One number of the text everywhere, by its place among them: a filter keeps it.
+    /// The same number everywhere: the one at this position among those of the text. A filter keeps it.
     OfText(usize),
 }
 
-/// Which part of its elements an array without a length, or a texture, has.
+/// The share of its elements that a runtime-sized array, or a texture, has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Shorter {
-    /// Of two names, the first has more.
+    /// Of two names, the first has more elements.
     Most,
-    /// The same the other way round.
+    /// Of two names, the second has more elements.
     Least,
 }
 
-/// What resources hold, and how large they are.
+/// The contents and the sizes of resources.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Content {
-    /// Its number: 0 are draws alone, and each further one begins with another of the numbers that are tried first.
+    /// Its number: 0 has only random samples; each further one begins with another of the preferred numbers.
     pub(crate) draw: usize,
     pub(super) texels: Texels,
-    /// Elements of an array without a length that a function reads; a pass has as many as it has invocations.
+    /// The elements of a runtime-sized array that a function reads. In a pass it has as many as there are invocations.
     pub(super) elements: usize,
-    /// How elements of arrays of integers are numbered; `None`: they are drawn.
+    /// The numbering of elements in arrays of integers; `None` if they are sampled.
     pub(crate) numbered: Option<Numbered>,
-    /// The least of whole numbers of which the name says nothing; `None`: they are drawn.
+    /// The least value of whole numbers that their name doesn't constrain; `None` if they are sampled.
     pub(super) least: Option<u32>,
-    /// Invocations in each direction without an element, of a short side and of a long one: elements are no multiple of the
-    /// workgroup.
+    /// The invocations in each direction that have no element, for a short side and for a long one: the number of
+    /// elements is then no multiple of the workgroup.
     pub(crate) tail: Option<[u32; 2]>,
-    /// So many times the invocations, in several rows. No race of another content comes of it.
+    /// This many times the invocations, in several rows. Doesn't cause a race that another content lacks.
     pub(super) rows: Option<u32>,
-    /// True if floats of arrays are below 0, where nothing says what they are, so that an element that isn't there is seen.
+    /// `true` if unconstrained floats of arrays are negative, so that a missing element shows.
     pub(super) negative: bool,
-    /// Arrays without a length, and textures, are shorter, each by another part.
+    /// Runtime-sized arrays and textures are shorter, each by another share.
     pub(crate) shorter: Option<Shorter>,
-    /// True if they are longer than a pass has any use for.
+    /// `true` if they are longer than a pass needs.
     pub(super) long: bool,
-    /// The order of each of three buffers, one after the other: one that is sorted leads into one that isn't, as the edges of
-    /// a graph do.
+    /// The order of each of three buffers in turn: a sorted one leads to an unsorted one, like the edges of a graph.
     pub(super) orders: Option<[Numbered; 3]>,
-    /// True if a single workgroup is dispatched.
+    /// `true` if a single workgroup is dispatched.
     pub(crate) one_workgroup: bool,
-    /// True if indices and counts are such as a host may well give.
+    /// `true` if a host may well give such indices and counts.
     pub(crate) is_likely: bool,
-    /// True if all sizes follow from what is dispatched.
+    /// `true` if all sizes follow from the dispatch.
     pub(crate) is_sized: bool,
 }
 
-/// Draws alone.
+/// Random samples only.
 const DRAWN: Content = Content {
     draw: 0,
     texels: Texels::Smooth,
@@ -124,9 +123,9 @@ const DRAWN: Content = Content {
 };
 
 impl Content {
-    /// What functions read: draws; then the first of the numbers that are tried first, in each member, the second, and so on.
-    /// Ends of ranges, 0 and 1 are among these. Textures have other sizes in each. A guard that is left out shows where an array
-    /// is short.
+    /// The contents that functions read: random samples; then the first of the preferred numbers in each member, the
+    /// second, and so on. Ends of ranges, 0 and 1 are among these. Textures have other sizes in each content. A missing
+    /// guard shows if an array is short.
     pub(crate) const OF_FUNCTIONS: [Self; 6] = [
         DRAWN,
         Self { draw: 1, ..DRAWN },
@@ -136,14 +135,14 @@ impl Content {
         Self { draw: 5, texels: Texels::Noise, ..DRAWN },
     ];
 
-    /// What functions read where no name says anything: their textures are all one number of the text.
+    /// The contents that functions read if names are ignored. All texels are one number of the text.
     pub(crate) const NAMELESS: [Self; 2] = [
         Self { draw: 60, texels: Texels::OfText(10), ..DRAWN },
         Self { draw: 66, texels: Texels::OfText(11), ..DRAWN },
     ];
 
-    /// What passes read and write. The first have sizes by what is dispatched, the second with a tail; the others try the
-    /// numbers that a parameter may be compared with, and the last one draws.
+    /// The contents that passes read and write. In the first, sizes follow from the dispatch; the second has a tail;
+    /// others try the numbers that a parameter may be compared with; the last one samples.
     pub(crate) const OF_PASSES: [Self; 9] = {
         use Numbered::{Backwards, Bits, Forwards};
         const LIKELY: Content = Content { is_likely: true, ..DRAWN };
@@ -169,7 +168,7 @@ impl Content {
                 ..LIKELY
             },
             Self { draw: 5, numbered: Some(Forwards), least: Some(0), ..DRAWN },
-            // More than a tile of 8 or 16 has: a loop over tiles goes round several times.
+            // More than a tile of 8 or 16, so that a loop over tiles has several rounds.
             Self {
                 draw: 6,
                 numbered: Some(Forwards),
@@ -191,12 +190,12 @@ impl Content {
         ]
     };
 
-    /// The same sizes with one way to number the elements of all arrays: zeros, ones, or numbers far from each other.
+    /// The same sizes with one numbering for the elements of all arrays: zeros, ones, or numbers far apart.
     pub(crate) const fn numbered(self, numbered: Numbered) -> Self {
         Self { numbered: Some(numbered), orders: None, ..self }
     }
 
-    /// The same numbers with arrays that are longer than a pass has any use for.
+    /// The same numbers, with arrays that are longer than a pass needs.
     pub(crate) const fn long(self) -> Self {
         Self { long: true, orders: None, ..self }
     }
@@ -206,7 +205,7 @@ impl Content {
         Self { one_workgroup: true, ..self }
     }
 
-    /// The same for a buffer by its place among all.
+    /// The same for a buffer, by its position among all.
     pub(super) fn of_buffer(self, place: usize) -> Self {
         match self.orders {
             Some(orders) => Self { numbered: Some(orders[place % orders.len()]), ..self },
@@ -214,13 +213,13 @@ impl Content {
         }
     }
 
-    /// True if each texture is transparent in parts.
+    /// Returns `true` if each texture is partly transparent.
     pub(super) fn is_transparent(self) -> bool {
         self.draw % 2 == 1
     }
 }
 
-/// Bits that follow from others and a number, by the finalizer of MurmurHash3.
+/// Bits that depend on others and on a number, by the finalizer of MurmurHash3.
 pub(super) fn hashed(bits: u32, number: u32) -> u32 {
     let mut bits = (bits ^ number).wrapping_mul(0x9e37_79b9);
     bits = (bits ^ bits >> 16).wrapping_mul(0x85eb_ca6b);

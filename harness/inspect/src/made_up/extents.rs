@@ -1,34 +1,34 @@
-//! The sizes of what a compute pass is dispatched over.
+//! The sizes of resources of a compute pass.
 
 use karat::unstable::package::MOST_ELEMENTS;
 
 use super::content::{Content, Shorter};
 use super::meaning::words;
 
-/// Words of names that mean a number of elements, of integers.
+/// Words in names of integers that suggest a number of elements.
 const ELEMENTS: [&str; 10] =
     ["count", "size", "length", "len", "num", "n", "elements", "total", "dimensions", "resolution"];
 
-/// Words of vectors' names that mean the elements in each direction.
+/// Words in names of vectors that suggest the elements in each direction.
 const DIRECTIONS: [&str; 7] = ["grid", "extent", "extents", "dims", "shape", "bounds", "domain"];
 
-/// Words of names that mean a number of what is done for each element.
+/// Words in names that suggest a number of something for each element.
 const EACH: [&str; 8] =
     ["samples", "sample", "steps", "rays", "bounces", "iterations", "octaves", "taps"];
 
-/// How far a dispatch reaches, which made-up sizes follow, and what else is made up for it.
+/// The extent of a dispatch, which generated sizes follow, and the content.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Extents {
-    /// Elements in each direction: invocations of all workgroups, or fewer.
+    /// Elements in each direction: as many as the invocations of all workgroups, or fewer.
     pub(crate) elements: [u32; 3],
     pub(crate) workgroups: [u32; 3],
     pub(crate) content: Content,
 }
 
 impl Extents {
-    /// A dispatch over all of its invocations, but for those that a content leaves without an element.
+    /// A dispatch over all of its invocations, except those that a content leaves without an element.
     pub(crate) fn of(size: [u32; 3], workgroups: [u32; 3], content: Content) -> Self {
-        /// Elements of arrays, at least.
+        /// The least number of elements of arrays.
         const LEAST: u32 = 64;
         /// Invocations along a side of two workgroups of 8 x 8.
         const SHORT: u32 = 16;
@@ -39,7 +39,7 @@ impl Extents {
             elements[0] = elements[0].saturating_mul(LEAST.div_ceil(total.max(1)));
         }
         if let Some([of_short, of_long]) = content.tail {
-            // Few of a short side, so that most have one; and a host has no reason to round up workgroups of one.
+            // On a short side only a few have none. A host has no reason to round up workgroups of one.
             let less = |count: u32| if count <= SHORT { of_short } else { of_long };
             elements = [0, 1, 2].map(|k| match elements[k] {
                 count if count > less(count) && size[k] != 1 => count - less(count),
@@ -51,30 +51,30 @@ impl Extents {
             let rows = (1..=count.isqrt()).rev().find(|rows| count % rows == 0).unwrap_or(1);
             elements = [count / rows, rows, 1];
         }
-        // A draw's buffers have an element for each pixel.
+        // The buffers of a draw have an element for each pixel.
         let shorter = content.shorter.filter(|_| size != [1; 3]);
         Self { elements, workgroups, content: Content { shorter, ..content } }
     }
 
-    /// A whole number of which the name says nothing. From 2 to 4 upwards some have others than their neighbours, so that one
-    /// that is taken for another is seen.
+    /// The value of a whole number that its name doesn't constrain: from 2, 3 or 4 upwards. Neighbours have different
+    /// values, so that exchanging them shows.
     pub(crate) fn unknown(&self, name: &str, lane: usize) -> Option<u32> {
         const APART: std::ops::RangeInclusive<u32> = 2..=4;
         let least = self.content.least?;
         if !APART.contains(&least) {
             return Some(least);
         }
-        // Other bits for each of the three.
+        // Each of the three has different bits.
         let own = blake3::hash(name.as_bytes()).as_bytes()[least as usize] % 3;
         Some(least + u32::from(own) + lane as u32)
     }
 
-    /// The same for a buffer by its place among all.
+    /// The same for a buffer, by its position among all.
     pub(super) fn of_buffer(self, place: usize) -> Self {
         Self { content: self.content.of_buffer(place), ..self }
     }
 
-    /// Refuses more elements than buffers are made up for: 2^22, of which each may have some words.
+    /// Refuses more elements than Karat generates buffers for: 2^22, each of which may have several words.
     ///
     /// # Errors
     /// If there are more.
@@ -87,18 +87,19 @@ impl Extents {
         }
     }
 
-    /// The elements of an array without a length.
+    /// The elements of a runtime-sized array.
     pub(super) fn elements_of(&self, name: &str) -> u32 {
         self.part_of(name, self.total())
     }
 
-    /// So much of a number of elements as a resource of this name has. Of two names the one that has less in one of the two
-    /// contents has more in the other.
+    /// The part of a number of elements that a resource with this name has. Of two names, the one that has less in one
+    /// of two contents has more in the other.
     pub(super) fn part_of(&self, name: &str, count: u32) -> u32 {
-        /// Sixteenths of all, at most and at least: more than half, as a host dispatches no workgroup that has nothing to do.
+        /// Sixteenths of all, at most and at least. The least is more than half, as a host dispatches no idle
+        /// workgroup.
         const MOST: u32 = 16;
         const LEAST: u32 = 9;
-        /// Times of all, in each direction of a texture: a pass that goes from level to level has four.
+        /// Multiples of all, in each direction of a texture: a pass that steps from level to level has four.
         const LONG: u32 = 8;
         if self.content.long {
             return count.saturating_mul(LONG);
@@ -117,11 +118,11 @@ impl Extents {
         self.elements.iter().fold(1_u32, |all, count| all.saturating_mul(*count))
     }
 
-    /// The value of a number by its name, if that says a size; `lanes` are those of its vector.
+    /// The value of a number whose name says that it is a size; `lanes` are those of its vector.
     pub(crate) fn size(&self, name: &str, lane: usize, lanes: usize, whole: bool) -> Option<u32> {
         let words = words(name);
         let has = |list: &[&str]| words.iter().any(|word| list.contains(&word.as_str()));
-        // `num_samples` of each element.
+        // `num_samples` for each element.
         if has(&EACH) {
             return None;
         }
@@ -179,7 +180,7 @@ mod tests {
         assert_eq!(Extents::of([8, 8, 1], [2, 1, 1], Content::OF_PASSES[7]).elements, [16, 8, 1]);
     }
 
-    /// At least 64 elements, and of a tail some fewer in each direction that has several invocations a workgroup.
+    /// At least 64 elements. With a tail, fewer in each direction with several invocations a workgroup.
     #[test]
     fn elements_are_those_of_whole_workgroups_or_a_few_less() {
         let of = |size, workgroups, at: usize| {
@@ -209,7 +210,7 @@ mod tests {
             let of = |content| Extents::of([64, 1, 1], [2, 1, 1], content);
             let others = [Numbered::Zero, Numbered::Apart].map(|how| of(content.numbered(how)));
             assert_eq!(others.map(|one| one.elements), [of(content).elements; 2]);
-            // A lane of a vector isn't the one before.
+            // A lane of a vector differs from the one before.
             let [x, y] = [0, 1].map(|lane| of(content).unknown("v", lane));
             match content.draw {
                 2..=4 => assert_eq!(y, x.map(|x| x + 1)),
@@ -218,7 +219,7 @@ mod tests {
         }
     }
 
-    /// One content has floats below 0, one is noise, and in two some arrays are shorter than others.
+    /// One content has negative floats, one has noise, and in two some arrays are shorter than others.
     #[test]
     fn contents_differ_in_what_they_try() {
         let of = |size| {
@@ -245,7 +246,7 @@ mod tests {
                 None => assert_eq!(lengths, [total; 6]),
             }
         }
-        // A draw's buffers have an element for each pixel.
+        // The buffers of a draw have an element for each pixel.
         assert!(of([1; 3]).all(|one| names.map(|name| one.elements_of(name)) == [one.total(); 6]));
     }
 

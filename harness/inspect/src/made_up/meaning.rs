@@ -1,33 +1,33 @@
-//! The meaning of numbers by their names.
+//! The ranges that names suggest for numbers.
 
 use karat_core::domain::Part;
 use karat_core::value::{Scalar, Shape};
 
-/// The numbers that a name stands for.
+/// The numbers that a name suggests.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Meaning {
-    /// From the first to the second, with both ends.
+    /// From the first to the second, ends included.
     Range(f64, f64),
     /// Components of a direction.
     Direction,
-    /// A whole number from 1.
+    /// A whole number, at least 1.
     Count,
-    /// A whole number from 0 that counts few things, such as levels of a texture.
+    /// A whole number, at least 0, that counts few things, such as levels of a texture.
     Index,
-    /// The name doesn't say.
+    /// The name suggests nothing.
     Any,
 }
 
-/// Refractive indices reach from that of the vacuum to that of germanium in the infrared.
+/// Refractive indices go from that of the vacuum to that of germanium in the infrared.
 const MOST_REFRACTION: f64 = 4.0;
 
-/// Dot products of unit vectors round to this, one step above 1.
+/// Dot products of unit vectors may round to this: one step above 1.
 const COSINE: f64 = 1.0 + f32::EPSILON as f64;
 
-/// Letters of the vectors whose cosines names such as `NoV` stand for.
+/// The letters of vectors in names of cosines such as `NoV`.
 const VECTORS: &[u8] = b"NVLHTB";
 
-/// Words of names that mean a direction, for vectors of three components.
+/// Words in names of vectors of three components that suggest a direction.
 const DIRECTIONS: [&str; 26] = [
     "n",
     "v",
@@ -57,7 +57,7 @@ const DIRECTIONS: [&str; 26] = [
     "reflected",
 ];
 
-/// Words of names that mean a number from 0 to 1.
+/// Words in names that suggest a number from 0 to 1.
 const UNIT: [&str; 48] = [
     "alpha",
     "roughness",
@@ -109,17 +109,17 @@ const UNIT: [&str; 48] = [
     "gain",
 ];
 
-/// Words of names that mean pixels along a side, of floats: none has 0.
+/// Words in names of floats that suggest pixels along a side: never 0.
 const SIZES: [&str; 3] = ["viewport", "resolution", "dimensions"];
 
-/// Words that, before `size`, mean pixels along a side.
+/// Words that suggest pixels along a side if `size` follows.
 const SIZED: [&str; 8] =
     ["view", "screen", "texture", "map", "framebuffer", "window", "image", "frame"];
 
-/// Words of names of matrices that divide by a distance.
+/// Words in names of matrices that divide by a distance.
 const PROJECTIONS: [&str; 6] = ["clip", "projection", "proj", "ndc", "mvp", "vp"];
 
-/// Words of names of matrices that move points from one space to another: hosts give them an inverse.
+/// Words in names of matrices that move points between spaces: hosts give them an inverse.
 const SPACES: [&str; 14] = [
     "view",
     "model",
@@ -137,7 +137,7 @@ const SPACES: [&str; 14] = [
     "tbn",
 ];
 
-/// Words of names that mean a distance from a centre: none is negative.
+/// Words in names that suggest a distance from a centre: never negative.
 const RADII: [&str; 3] = ["radius", "radii", "thickness"];
 
 /// The longest of these.
@@ -146,7 +146,7 @@ const MOST_RADIUS: f64 = 1000.0;
 /// The most pixels along a side.
 const MOST_PIXELS: f64 = 4096.0;
 
-/// Words of names that mean a whole number from 1, of integers.
+/// Words in names of integers that suggest a whole number, at least 1.
 const COUNTS: [&str; 20] = [
     "samples",
     "sample",
@@ -170,7 +170,7 @@ const COUNTS: [&str; 20] = [
     "total",
 ];
 
-/// Words of names that mean a small whole number, of integers: loops to a large one never end.
+/// Words in names of integers that suggest a small whole number: a loop to a large one would take too long.
 const INDICES: [&str; 17] = [
     "i",
     "j",
@@ -191,7 +191,7 @@ const INDICES: [&str; 17] = [
     "depth",
 ];
 
-/// The words of a name in lower case: of `world_normal`, `worldNormal` and `WorldNormal` they are the same.
+/// The words of a name in lower case: `world_normal`, `worldNormal` and `WorldNormal` have the same.
 pub(super) fn words(name: &str) -> Vec<String> {
     let mut words = vec![String::new()];
     let mut before = '_';
@@ -211,18 +211,18 @@ pub(super) fn words(name: &str) -> Vec<String> {
     words
 }
 
-/// True of the name of a matrix such as `world_from_local`, which a host makes with an inverse. Of another matrix
-/// nothing is known: its determinant may be 0.
+/// Returns `true` for the name of a matrix such as `world_from_local`, which a host builds with an inverse. Other
+/// matrices are unconstrained: their determinant may be 0.
 pub(super) fn is_transform(name: &str) -> bool {
     is_projection(name) || words(name).iter().any(|word| SPACES.contains(&word.as_str()))
 }
 
-/// True of the name of a matrix such as `clip_from_view`.
+/// Returns `true` for the name of a matrix such as `clip_from_view`.
 pub(super) fn is_projection(name: &str) -> bool {
     words(name).iter().any(|word| PROJECTIONS.contains(&word.as_str()))
 }
 
-/// True if a name has a part such as `NoV`: the cosine between two vectors.
+/// Returns `true` if a name has a part such as `NoV`: the cosine between two vectors.
 fn is_cosine_of_two(name: &str) -> bool {
     name.as_bytes().windows(3).any(|part| match part {
         [from, b'o', to] => VECTORS.contains(from) && VECTORS.contains(to),
@@ -230,22 +230,22 @@ fn is_cosine_of_two(name: &str) -> bool {
     })
 }
 
-/// The builtin value that is a pixel's place in a fragment shader.
+/// The builtin value with a pixel's place in a fragment shader.
 pub(super) const POSITION: &str = "position";
 
 /// Pixels along each side of the screen.
 const PIXELS: f64 = 64.0;
 
-/// Vertices and instances of one triangle: a shader that looks up its corners in a constant has as many.
+/// The last vertex and instance of one triangle: a shader that looks up its corners in a constant has three.
 const LAST_VERTEX: f64 = 2.0;
 
-/// The last of 64 invocations in a row, as the buffers that are made up have so many elements.
+/// The last of 64 invocations in a row: generated buffers have 64 elements.
 const LAST_INVOCATION: f64 = 63.0;
 
-/// The last invocation of the smallest workgroup that is usual, of 8 x 8.
+/// The last invocation of the smallest usual workgroup, of 8 x 8.
 const LAST_LOCAL: f64 = 7.0;
 
-/// True of a builtin value that WGSL has a range for: a place in a workgroup or a subgroup.
+/// Returns `true` for a builtin value that WGSL limits to a range: a place in a workgroup or a subgroup.
 pub(super) fn has_range(builtin: &str) -> bool {
     matches!(
         builtin,
@@ -258,13 +258,13 @@ pub(super) fn has_range(builtin: &str) -> bool {
 }
 
 impl Meaning {
-    /// The meaning of a component of an entry point's builtin value (WGSL, 13.3.1.1); `None` if it may be anything of
+    /// The range of a component of an entry point's builtin value (WGSL, 13.3.1.1); `None` if it may be any value of
     /// its type.
     pub(super) fn of_builtin(builtin: &str, lane: usize) -> Option<Self> {
         Some(match (builtin, lane) {
             (POSITION, 0 | 1) => Self::Range(0.5, PIXELS - 0.5),
             (POSITION, 2) => Self::Range(0.0, 1.0),
-            // The interpolated 1/w of what lies in front of the camera.
+            // The interpolated 1/w of points in front of the camera.
             (POSITION, _) => Self::Range(1.0 / PIXELS, 1.0),
             ("vertex_index" | "instance_index", _) => Self::Range(0.0, LAST_VERTEX),
             ("sample_index", _) => Self::Range(0.0, 3.0),
@@ -283,7 +283,7 @@ impl Meaning {
         })
     }
 
-    /// The meaning of an argument's or a member's own name.
+    /// The range that the name of an argument or a member suggests.
     pub(super) fn of(name: &str, shape: &Shape) -> Self {
         let words = words(name);
         let has = |list: &[&str]| words.iter().any(|word| list.contains(&word.as_str()));
@@ -292,7 +292,7 @@ impl Meaning {
         let whole_name = name.to_lowercase();
         match () {
             () if direction && has(&DIRECTIONS) && !has(&UNIT[..10]) => Self::Direction,
-            // `n_dot_l`, `NdotL`, `NoL`, `cos_theta`: of a surface's own side.
+            // `n_dot_l`, `NdotL`, `NoL`, `cos_theta`: on the surface's own side.
             () if whole_name.contains("dot")
                 || is_cosine_of_two(name)
                 || has(&["cos", "cosine", "mu"])
@@ -304,7 +304,7 @@ impl Meaning {
                 Self::Range(-std::f64::consts::PI, std::f64::consts::PI)
             }
             () if has(&["ior"]) => Self::Range(1.0, MOST_REFRACTION),
-            // Light enters the denser medium, or leaves it.
+            // Light may enter the denser medium, or leave it.
             () if has(&["eta"]) => Self::Range(1.0 / MOST_REFRACTION, MOST_REFRACTION),
             () if !whole && has(&["texel"]) && has(&["size"]) => {
                 Self::Range(1.0 / MOST_PIXELS, 1.0)
@@ -313,25 +313,25 @@ impl Meaning {
                 Self::Range(1.0, MOST_PIXELS)
             }
             () if !whole && has(&RADII) => Self::Range(0.0, MOST_RADIUS),
-            // From what monitors decode to what they encode.
+            // The gammas with which monitors decode, and with which images are encoded.
             () if !whole && has(&["gamma"]) => Self::Range(0.25, 4.0),
             () if whole && has(&COUNTS) => Self::Count,
-            // A cube has six.
+            // A cube has six faces.
             () if whole && has(&["face"]) => Self::Range(0.0, 5.0),
             () if whole && has(&INDICES) => Self::Index,
-            // A whole number called `u` is no coordinate of a texture.
+            // A whole number called `u` isn't a texture coordinate.
             () if !whole && has(&UNIT) => Self::Range(0.0, 1.0),
             () => Self::Any,
         }
     }
 
-    /// The numbers of a scalar; `None` if no value of its type is among them.
+    /// The values of a scalar; `None` if no value of its type is among them.
     pub(super) fn part(self, scalar: Scalar) -> Option<Part> {
         match (self, scalar) {
             (Self::Range(least, most), Scalar::F32 | Scalar::F16) => {
                 Part::range(scalar, least..=most)
             }
-            // Whole numbers of a range are those between its ends.
+            // The whole numbers between the ends.
             (Self::Range(least, most), Scalar::I32 | Scalar::U32) => {
                 let (first, last) = match scalar {
                     Scalar::I32 => (f64::from(i32::MIN), f64::from(i32::MAX)),

@@ -1,4 +1,4 @@
-//! Contents of the buffers and textures, and the samplers, that a function asks for.
+//! Generates the buffers, textures and samplers that a function uses.
 
 use std::collections::BTreeMap;
 
@@ -13,14 +13,14 @@ use super::content::{Numbered, Texels as Held, hashed};
 use super::{Content, Declaration, Described, Drawn, End, Extents, Ranges, described};
 use crate::limits::{ELEMENTS, MOST_BYTES, MOST_FACE, MOST_SIDE};
 
-/// Small whole numbers, of textures.
+/// The range of whole numbers in textures.
 const MOST: u64 = 16;
 
-/// The same contents for each variable of one name, on every machine.
+/// The seed: each variable with the same name gets the same contents, on every machine.
 pub(crate) const SEED: u64 = 0x6d61_7472_6978; // "matrix"
 
-/// A function that takes note of how long its made-up resources are, if there are such. Where it takes
-/// derivatives its arguments have some.
+/// Fits a function to the lengths of its generated resources, if it has any. If it takes derivatives, its arguments get
+/// some.
 pub(crate) fn fitted(probed: Probed) -> Result<Probed, ProbeError> {
     let mut probed = probed.with_varying();
     if let Ok(made) = Resources::of(&probed, &Ranges::default(), Content::OF_FUNCTIONS[0]) {
@@ -29,58 +29,57 @@ pub(crate) fn fitted(probed: Probed) -> Result<Probed, ProbeError> {
     Ok(probed)
 }
 
-/// A member of a buffer, the elements of an array together, or a texture.
+/// An input: a member of a buffer, the elements of an array together, or a texture.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Input {
     pub(crate) path: String,
-    /// True if a range is declared for it, as `[inputs]` does.
+    /// `true` if a range is declared for it, for example in `[inputs]`.
     pub(crate) declared: bool,
-    /// True if that is so, or its name means a range and names count as declarations.
+    /// `true` if it is declared, or if names count as declarations and its name suggests a range.
     pub(crate) known: bool,
-    /// Its lanes in the buffer, one after the other.
+    /// Its successive lanes in the buffer.
     lanes: usize,
 }
 
-/// Inputs that have their values of another content.
+/// Inputs that take their values from another content.
 #[derive(Clone, Copy)]
 pub(crate) struct Mix<'m> {
     /// That content.
     pub(crate) content: Content,
-    /// The sizes of that content, of a pass.
+    /// The sizes of that content, for a pass.
     pub(crate) extents: Option<Extents>,
     pub(crate) takes: &'m (dyn Fn(&Input) -> bool + Sync),
 }
 
-/// Something for each resource that a function reads.
+/// A fixture for each resource that a function reads.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Resources {
     pub(crate) fixtures: Fixtures,
     /// The members of buffers that aren't elements of arrays, with their values.
     pub(crate) members: Vec<(String, String)>,
     pub(crate) drawn: Drawn,
-    /// True if there is any, so that another content differs.
+    /// `true` if some input varies, so that another content differs.
     pub(crate) varies: bool,
-    /// The inputs in them: members of buffers, arrays and textures.
+    /// The inputs in the resources: members of buffers, arrays and textures.
     pub(crate) inputs: Vec<Input>,
-    /// The number of the element of an array that is filled.
+    /// The number of the array element that is being filled.
     element: Option<u32>,
-    /// Arrays around what is filled.
+    /// The number of arrays around the value that is being filled.
     depth: usize,
-    /// The elements of the arrays of all buffers.
+    /// The lengths of the arrays in all buffers.
     lengths: BTreeMap<String, u32>,
-    /// True if a pass writes the buffer, so that a number in it counts additions from 0.
+    /// `true` if a pass writes the buffer: a number in it then counts additions from 0.
     counts: bool,
 }
 
 impl Resources {
-    /// Makes textures and samplers that differ from each other, so that one that is taken for
-    /// another is seen. An error names the resource that there is nothing for, or the declared range without a
-    /// value.
+    /// Generates textures and samplers that differ from each other, so that exchanging two of them shows. An error
+    /// names the resource that can't be generated, or the declared range without a value.
     pub(crate) fn of(probed: &Probed, ranges: &Ranges, content: Content) -> Result<Self, String> {
         Self::made_of(probed, ranges, (content, None), Likeness::Own)
     }
 
-    /// The same, with some inputs as in another content.
+    /// The same, with some inputs from another content.
     pub(crate) fn mixed(
         probed: &Probed,
         ranges: &Ranges,
@@ -101,7 +100,7 @@ impl Resources {
         Self::of_bindings(read, &ranges, of, likeness)
     }
 
-    /// The resources of a compute pass. Their sizes follow from what is dispatched.
+    /// The resources of a compute pass. Their sizes follow from the dispatch.
     pub(crate) fn of_pass(
         of: (&Program, &[Binding]),
         ranges: &Ranges,
@@ -123,7 +122,7 @@ impl Resources {
         let elements_of = |binding: &Binding| {
             let usual = match ranges.extents {
                 Some(extents) => extents.elements_of(&binding.path),
-                // A buffer that is written is as long as the results that are read back.
+                // A written buffer is as long as the results that are read back.
                 None if binding.kind.is_written() => ELEMENTS as u32,
                 None => content.elements as u32,
             };
@@ -138,7 +137,7 @@ impl Resources {
         let length = |binding: &Binding, elements: &BTreeMap<&str, usize>| {
             length_of(&program.buffer_of(binding, elements[binding.name()])?)
         };
-        // Elements that differ need as many places.
+        // Elements that must differ need enough possible values.
         for binding in bindings {
             if let Some(Declaration::Elements { least: End::Number(least), most, distinct: true }) =
                 ranges.get(binding.name())
@@ -215,7 +214,7 @@ impl Resources {
         let mut lanes =
             self.lanes((&binding.path, binding.name(), &shape), ranges, content, is_written)?;
         if let Some(mix) = mix {
-            // Both contents have the same lanes, as they have the same shape.
+            // Both contents have the same shape, and so the same lanes.
             let ranges = Ranges { extents: mix.extents, ..ranges.clone() };
             let of = (&*binding.path, binding.name(), &shape);
             let lengths = self.lengths.clone();
@@ -248,7 +247,7 @@ impl Resources {
         Ok(lanes)
     }
 
-    /// Notes the input that the lanes behind so many are.
+    /// Notes an input: the lanes from `from` on.
     fn input(&mut self, parts: &[Described], path: &str, from: usize, lanes: &[u32]) {
         let declared = parts.iter().all(|one| one.declared);
         let known = parts.iter().all(|one| one.known);
@@ -256,7 +255,7 @@ impl Resources {
         self.inputs.push(Input { path: path.to_owned(), declared, known, lanes });
     }
 
-    /// Draws the lanes of a value. Elements of an array take the numbers that are tried first in turn.
+    /// Samples the lanes of a value. Elements of an array take the preferred numbers in turn.
     fn fill(
         &mut self,
         (path, shape): (&str, &Shape),
@@ -268,13 +267,13 @@ impl Resources {
         match shape {
             Shape::Struct { members, .. } => members.iter().try_for_each(|(member, shape)| {
                 let path = format!("{path}.{member}");
-                // Members in another order hold the same.
+                // The contents don't depend on the order of members.
                 let mut own = source_of(&path, index.map_or(0, |index| index + 1));
                 let source = if self.depth == 0 { &mut own } else { &mut *source };
                 self.fill((&path, shape), ranges, index, source, lanes)
             }),
             Shape::Array { element, length } => {
-                // Elements have no place in a line of a report.
+                // A line of a report has no room for elements.
                 let shown = self.members.len();
                 if let Some(declared @ Declaration::Elements { .. }) = ranges.get(path) {
                     let words =
@@ -301,7 +300,7 @@ impl Resources {
                             self.element = around;
                         }
                     }
-                    // Described once: there may be a million.
+                    // Describe the elements once: there may be a million.
                     _ => {
                         let parts = described_elements(path, element, ranges)?;
                         let in_order = parts.iter().all(|one| ranges.numbers_elements(one));
@@ -366,7 +365,7 @@ impl Resources {
 }
 
 impl Resources {
-    /// The elements of an array of whole numbers, as they are declared: in order, in the opposite order, or in any.
+    /// The elements of an array of whole numbers, as declared: in order, in reverse order, or in any.
     fn elements(
         &self,
         (path, element): (&str, &Shape),
@@ -407,13 +406,13 @@ impl Resources {
         )]
         let (first, count) = (least as i64, count as u64);
         let number = |at: u64| (first + (at % count).cast_signed()) as u32;
-        // Both ends come: from the least upwards, from the most downwards, or over the whole range.
+        // Both ends occur: from the least upwards, from the greatest downwards, or over the whole range.
         let all = 0..u64::from(length);
         Ok(match ranges.numbered() {
             Some(Numbered::Forwards) => all.map(number).collect(),
             Some(Numbered::Backwards) => all.map(|at| number(count - 1 - at % count)).collect(),
             _ if *distinct => {
-                // Steps without a common divisor come to each number once.
+                // A step that has no common divisor with the count reaches each number once.
                 let divides = |step: &u64| gcd(*step, count) == 1;
                 let step = (count / 2 + source.below(count)..).find(divides).unwrap_or(1);
                 all.map(|at| number(count - 1 + (at % count) * (step % count))).collect()
@@ -430,7 +429,7 @@ fn gcd(a: u64, b: u64) -> u64 {
     if b == 0 { a } else { gcd(b, a % b) }
 }
 
-/// The elements of a buffer's array: its own, or that of its last member.
+/// The length of a buffer's array: the buffer itself, or its last member.
 fn length_of(shape: &Shape) -> Option<u32> {
     match shape {
         Shape::Array { length, .. } => Some(*length),
@@ -439,7 +438,7 @@ fn length_of(shape: &Shape) -> Option<u32> {
     }
 }
 
-/// The numbers of an array's elements. A name says nothing of whole ones: they may be indices of anything.
+/// The descriptions of an array's elements. A name doesn't constrain whole numbers: they may be indices of anything.
 fn described_elements(
     path: &str,
     shape: &Shape,
@@ -457,21 +456,21 @@ fn described_elements(
 }
 
 impl Ranges {
-    /// True if a whole number of an element is the element's own, as nothing else says its value.
+    /// Returns `true` if a whole number of an element depends on the element, because nothing else gives its value.
     fn numbers_elements(&self, one: &Described) -> bool {
         let whole = matches!(&*one.scalars, [Scalar::U32 | Scalar::I32]);
         whole && !one.declared && self.numbered().is_some()
     }
 
-    /// The words of an element that is one number in all elements.
+    /// The words of an element, if it has the same number in all elements.
     fn constant(&self, one: &Described) -> Option<Vec<u32>> {
-        // A range that a name means may not have the number.
+        // A range that a name suggests may not include the number.
         let whole = matches!(&*one.scalars, [Scalar::U32 | Scalar::I32]);
         let numbered = self.numbered().filter(|_| !one.declared && (whole || one.guessed))?;
         one.scalars.iter().map(|scalar| numbered.constant(*scalar)).collect()
     }
 
-    /// Makes floats negative where that is wanted, and nothing says what they are.
+    /// Makes unconstrained floats negative, if requested.
     fn negate(&self, parts: &[Described], lanes: &mut [u32]) {
         const SIGN: u32 = 1 << 31;
         if !(self.negative || self.extents.is_some_and(|extents| extents.content.negative)) {
@@ -490,13 +489,13 @@ impl Ranges {
         }
     }
 
-    /// The same for a buffer by its place among all.
+    /// The same for a buffer, by its position among all.
     fn of_buffer(&self, place: usize) -> Self {
         let extents = self.extents.map(|extents| extents.of_buffer(place));
         Self { extents, ..self.clone() }
     }
 
-    /// The floats of the text.
+    /// The floats in the text.
     fn floats(&self) -> &[f32] {
         self.literals.as_ref().map_or(&[], |all| &all.floats)
     }
@@ -506,17 +505,17 @@ impl Ranges {
     }
 }
 
-/// Whether textures and samplers are like each other.
+/// The likeness of textures and samplers of one function.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Likeness {
-    /// Equal ones, on which drivers agree, and what samplers find beyond the edges of a texture.
+    /// Equal ones, on which drivers agree, with this address mode for texels beyond the edges.
     Equal(Address),
-    /// Those of each variable are its own, so that one that is taken for another is seen.
+    /// Each variable has its own, so that exchanging two of them shows.
     Own,
 }
 
-/// Something for each resource that the function reads, on which drivers agree; or the one that there is
-/// nothing for.
+/// Fixtures for each resource that the function reads, such that drivers agree; or the resource that can't be
+/// generated.
 pub(crate) fn fixtures(
     probed: &Probed,
     ranges: &Ranges,
@@ -526,7 +525,7 @@ pub(crate) fn fixtures(
     Ok(Resources::made_of(probed, ranges, of, Likeness::Equal(beyond))?.fixtures)
 }
 
-/// What the samplers of a function find beyond the edges, in a share of its cases each: no driver takes one way for another.
+/// The address modes of a function's samplers, each for a share of its cases. No driver confuses two modes.
 pub(crate) fn beyond(probed: &Probed) -> &'static [Address] {
     const ALL: [Address; 3] = [Address::Clamp, Address::Repeat, Address::Mirror];
     let mut bindings = probed.function().bindings.iter();
@@ -534,9 +533,9 @@ pub(crate) fn beyond(probed: &Probed) -> &'static [Address] {
     if samples { &ALL } else { &ALL[..1] }
 }
 
-/// The contents of an entry point's resources, the same on each column; or the resource that nothing is made up for. An
-/// array whose length the shader doesn't say has an element for each invocation. Samplers
-/// repeat, which shows where one that clamps is taken for it.
+/// The contents of an entry point's resources, the same on each column; or the resource that can't be generated. A
+/// runtime-sized array has an element for each invocation. Samplers repeat, so that a clamping one in their place
+/// shows.
 pub(crate) fn data(
     program: &Program,
     bindings: &[Binding],
@@ -544,7 +543,7 @@ pub(crate) fn data(
     invocations: usize,
     content: Content,
 ) -> Result<Vec<(Binding, Fixture)>, String> {
-    // More words than a buffer may have are refused below.
+    // The code below refuses buffers with too many words.
     let elements = invocations.clamp(ELEMENTS, MOST_BYTES / 4 + 1);
     let one = |binding: &Binding| {
         if !matches!(binding.kind, BindingKind::Uniform | BindingKind::Storage { .. }) {
@@ -568,21 +567,21 @@ pub(crate) fn data(
     bindings.iter().map(one).collect()
 }
 
-/// Invocations of an entry point, at least.
+/// The least number of invocations of an entry point.
 pub(crate) const INVOCATIONS: u32 = 64;
 
-/// Texels along a side of a texture: powers of two, so that each level is half as large as the one before.
+/// The texels along a side of a texture: powers of two, so that each level is half as large as the one before.
 const SIDES: [u32; 5] = [16, 8, 32, 4, 64];
 
-/// Numbers for a variable, by its name: where it is bound changes nothing of what it holds.
+/// Random numbers for a variable, from its name. They don't depend on its binding.
 fn source_of(path: &str, draw: usize) -> Source {
     let hash = blake3::hash(path.as_bytes());
     let stream = hash.as_bytes().iter().take(8).fold(0, |all, byte| all << 8 | u64::from(*byte));
     Source::new(SEED + draw as u64, stream)
 }
 
-/// Texels along each side of a variable's textures: each has another shape, so that a size that is asked of
-/// another one is seen.
+/// The texels along each side of a variable's texture. Each texture has another shape, so that the size of a wrong
+/// texture shows.
 fn sides(source: &mut Source) -> [u32; 2] {
     let mut side = || SIDES[source.below(SIDES.len() as u64) as usize];
     [side(), side()]
@@ -596,12 +595,12 @@ fn texture_or_sampler(
 ) -> Option<Fixture> {
     let mut source = source_of(&binding.path, content.draw);
     let is_own = likeness == Likeness::Own;
-    // Weights of filters have 8 bits: where a texture repeats, its edges may be but so far apart for drivers to agree.
+    // Filter weights have 8 bits. If a texture repeats, its edges mustn't be too far apart, or drivers disagree.
     let contrast = match likeness {
         Likeness::Own | Likeness::Equal(Address::Clamp) => 1.0,
         Likeness::Equal(_) => 0.25,
     };
-    // What is written is as large as the results that are read back, whatever else there is.
+    // A written texture is as large as the results that are read back.
     let written = matches!(binding.kind, BindingKind::StorageTexture { .. });
     let noise = match content.texels {
         Held::Noise => Some(Noise { least: 0.0, literals }),
@@ -609,13 +608,14 @@ fn texture_or_sampler(
         Held::Smooth | Held::Black | Held::OfText(_) => None,
     };
     let sides = match extents {
-        // A line of invocations has some rows all the same: no more than workgroups, of which each may take one.
+        // Even a line of invocations has some rows, at most as many as workgroups: each workgroup may take a row.
         Some(Extents { elements: [across, down, _], workgroups, .. }) => {
             let rows = workgroups.iter().fold(1_u32, |all, count| all.saturating_mul(*count));
             let part = |side| extents.map_or(side, |extents| extents.part_of(&binding.path, side));
             let sides = [part(across), part(down).max(rows.min(LAYERS))];
             match extents {
-                // A square beyond the dispatch, with a level of one texel, as what goes from level to level wants.
+                // A square larger than the dispatch, with a level of one texel, for passes that step from level to
+                // level.
                 Some(extents) if extents.content.long => {
                     [2 * across.max(down).next_power_of_two(); 2]
                 }
@@ -623,13 +623,13 @@ fn texture_or_sampler(
             }
             .map(|side| side.min(MOST_SIDE))
         }
-        // So large that each number of the text has its squares.
+        // Large enough to have squares for each number in the text.
         None if noise.is_some() && !written && !literals.is_empty() => [SIDES[SIDES.len() - 1]; 2],
         None => sides(&mut source_of(&binding.path, if written { 0 } else { content.draw })),
     };
     Some(match binding.kind {
         BindingKind::TEXTURE_CUBE => {
-            // A power of two tells it from another one, and loses no digit.
+            // A power of two distinguishes the texture, and loses no digit.
             let own = if is_own { (source.below(9) as f32 - 4.0).exp2() } else { 1.0 };
             let texel = |d: glam::Vec3| own * held_by_halves(d * 0.5 + glam::Vec3::ONE);
             CubeMap::from_fn(sides[0].next_power_of_two().min(MOST_FACE), texel).with_mips().into()
@@ -638,7 +638,7 @@ fn texture_or_sampler(
             let samples = if kind.multisampled { 4 } else { 1 };
             let own = is_own.then_some((&mut source, content.is_transparent()));
             let of = (kind.dimension, kind.arrayed);
-            // Black and white, and all of it the same, as an image may be that a shader divides by.
+            // All black or all white, or one number: a shader may divide by such an image.
             let constant = match content.texels {
                 Held::Black if is_own => Some(0.0),
                 Held::OfText(number) if is_own && !literals.is_empty() => {
@@ -668,7 +668,7 @@ fn texture_or_sampler(
             Sampler::LINEAR.address([beyond; 3]).into()
         }
         BindingKind::Sampler { comparison: false } => {
-            // Textures are smooth: another least level is seen in the last bits, and is no jump.
+            // Textures are smooth, so another least level changes the last bits, without a jump.
             let least = source.unit() as f32;
             let sampler = Sampler::LINEAR.lod(least, 32.0);
             match source.below(3) {
@@ -688,9 +688,9 @@ fn texture_or_sampler(
     })
 }
 
-/// The nearest numbers that textures of 16-bit floats hold, too, which GL filters in place of 32-bit ones.
+/// The nearest numbers that textures of 16-bit floats can hold, too: GL filters those in place of 32-bit ones.
 fn held_by_halves(texel: glam::Vec3) -> glam::Vec3 {
-    /// Steps of halves below 8.
+    /// Steps per unit of halves below 8.
     const STEPS: f32 = 128.0;
     (texel * STEPS).round() / STEPS
 }
@@ -698,15 +698,15 @@ fn held_by_halves(texel: glam::Vec3) -> glam::Vec3 {
 /// Texels that differ from their neighbours.
 #[derive(Clone, Copy)]
 struct Noise<'l> {
-    /// Of colours.
+    /// The least value of colours.
     least: f32,
-    /// The numbers of the text.
+    /// The numbers in the text.
     literals: &'l [f32],
 }
 
 impl Noise<'_> {
-    /// A number of the text, a neighbour of it, 0 or 1, of every other square of four texels each way: a filter in its middle
-    /// gives it, too.
+    /// A number from the text, a neighbour of it, 0 or 1, in every second square of 4 x 4 texels: a filter in the
+    /// middle of the square gives the same number.
     fn of_text(self, own: f32, [x, y, z, channel]: [u32; 4]) -> Option<f32> {
         const SIDE: u32 = 4;
         if self.literals.is_empty() {
@@ -720,9 +720,9 @@ impl Noise<'_> {
     }
 }
 
-/// Smooth texels, so that a filter's few bits of weight don't matter much. A variable's `own` ones are
-/// curved, too, so that levels differ; and may be transparent. They may be noise instead, so that each order of neighbours
-/// comes; or lie within a part of their range, the contrast.
+/// Smooth texels, so that the few bits of a filter's weights don't matter much. A variable's `own` texels are also
+/// curved, so that levels differ, and may be transparent. Instead they may be noise, in which each order of neighbours
+/// occurs, or lie in a part of their range, the contrast.
 fn texture(
     (dimension, arrayed): (Dimension, bool),
     sides: [u32; 2],
@@ -735,7 +735,7 @@ fn texture(
         let whole = u32::try_from(source.below(MOST)).unwrap_or_default();
         (source.unit() as f32, whole)
     });
-    // Of each texel and channel another one: of what is its own alone.
+    // Only textures that differ between variables are noise. Each texel and channel gets another number.
     let noise = noise.filter(|_| own > 0.0);
     let drawn = |at: [u32; 3], channel: u32| {
         let bits = [at[0], at[1], at[2], channel].into_iter().fold(own.to_bits(), hashed);
@@ -767,13 +767,13 @@ fn texture(
     match texels {
         Texels::Float => {
             let texture = made(dimension, arrayed, sides, samples, wave);
-            // Lines have one level, and so have textures of several samples.
+            // Lines have one level, and so do multisampled textures.
             let halve = sides.iter().all(|side| side.is_power_of_two());
             match (samples, dimension) {
                 (1, Dimension::D2 | Dimension::D3 | Dimension::Cube) if halve => {
                     texture.with_mips()
                 }
-                // As large as a pass is dispatched: a level has every other texel of the one before.
+                // As large as the dispatch. A level has every second texel of the one before.
                 (1, Dimension::D2) if !arrayed => {
                     let last = sides[0].max(sides[1]).ilog2();
                     let level = |n: u32| {
@@ -799,7 +799,7 @@ fn texture(
     }
 }
 
-/// A texture whose values are made of columns, rows, and slices, layers or samples.
+/// A texture whose values depend on the column, the row, and the slice, layer or sample.
 fn made<T: karat::Shareable>(
     dimension: Dimension,
     arrayed: bool,
@@ -832,7 +832,7 @@ mod tests {
 
     use super::*;
 
-    /// Textures of passes are as large as these are dispatched, and have levels all the same.
+    /// Textures of passes are as large as the dispatch, and still have levels.
     #[test]
     fn textures_of_any_size_have_levels() {
         for (sides, count) in [([16, 16], 5), ([16, 24], 5), ([13, 3], 4), ([1, 1], 1)] {
@@ -855,7 +855,7 @@ mod tests {
         bytemuck::pod_collect_to_vec(bytes(buffer))
     }
 
-    /// A guard that is left out shows where an array is short; one that is written is read back whole.
+    /// A missing guard shows if an array is short. A written array is read back whole.
     #[test]
     fn arrays_that_are_read_have_several_lengths() {
         let probed = probed(
@@ -868,12 +868,12 @@ mod tests {
             |name: &str| Content::OF_FUNCTIONS.map(|content| words(&made(content), name).len());
         assert_eq!(lengths("d"), [64, 64, 16, 64, 3, 64]);
         assert_eq!(lengths("w"), [64; 6]);
-        // Elements take the numbers that are tried first in turn.
+        // Elements take the preferred numbers in turn.
         let first = words(&made(Content::OF_FUNCTIONS[1]), "d");
         assert!(first[0] != first[1] && first[1] != first[2], "{first:?}");
     }
 
-    /// Textures that are read have other sizes in each content; those that are written are read back whole.
+    /// Textures that are read have other sizes in each content. Written ones are read back whole.
     #[test]
     fn written_textures_keep_their_size() {
         let probed = probed(
@@ -896,7 +896,7 @@ mod tests {
         assert!(sizes("image") > 2);
     }
 
-    /// Behind an array of a buffer, whole numbers are no elements' any more; what is declared is none.
+    /// Whole numbers after an array in a buffer aren't numbered like elements, and neither are declared ones.
     #[test]
     fn whole_numbers_of_elements_are_their_own() {
         let text =
@@ -925,7 +925,7 @@ mod tests {
         assert_eq!(of(first.numbered(Numbered::One)), (vec![1; 9], vec![7; 3]));
     }
 
-    /// An input that is mixed in has the value of the other content, and all others keep theirs.
+    /// A mixed-in input has the value of the other content; all others keep theirs.
     #[test]
     fn contents_are_mixed_by_inputs() {
         let probed = probed(
@@ -956,7 +956,7 @@ mod tests {
         assert_eq!(changed("s.none"), [0; 0]);
     }
 
-    /// Values are those of names, wherever their members stand.
+    /// Values depend on names, wherever the members stand.
     #[test]
     fn members_in_another_order_hold_the_same() {
         let of = |members: &str, content| {
@@ -978,7 +978,7 @@ mod tests {
         }
     }
 
-    /// An element that isn't there is 0, which is the largest of numbers below it.
+    /// A missing element is 0, which is larger than all negative numbers.
     #[test]
     fn floats_of_one_content_are_below_zero() {
         let text = "struct P { mass: f32, other: f32 }

@@ -1,4 +1,4 @@
-//! Whether results are what WGSL allows.
+//! Checks results against the bounds that WGSL allows.
 
 use karat::unstable::interpret::Bound;
 use karat::unstable::probe::Probed;
@@ -8,19 +8,19 @@ use serde::Serialize;
 use super::Row;
 use super::execute::shown;
 
-/// How many results of a function on a column are what the WGSL specification allows.
+/// The number of results of a function on a column that the WGSL specification allows.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Allowed {
     /// Cases in which WGSL bounds each component.
     pub bounded: usize,
-    /// Cases of which a component is outside of its bounds.
+    /// Cases with a component outside its bounds.
     pub outside: usize,
-    /// The first of these: the arguments, what WGSL allows, and the result.
+    /// The first of these: its arguments, the bounds, and the result.
     pub first: Option<String>,
 }
 
 impl Allowed {
-    /// Looks at each case.
+    /// Checks each case.
     pub(super) fn of(probed: &Probed, rows: &[u32], bounds: &[Bound], results: &[u32]) -> Self {
         let function = probed.function();
         let scalars = function.result.lanes();
@@ -45,7 +45,7 @@ impl Allowed {
         allowed
     }
 
-    /// These cases and more of them.
+    /// The counts of these cases and of more.
     pub(super) fn and(self, more: Self) -> Self {
         let (bounded, outside) = (self.bounded + more.bounded, self.outside + more.outside);
         Self { bounded, outside, first: self.first.or(more.first) }
@@ -53,7 +53,7 @@ impl Allowed {
 }
 
 impl Row {
-    /// The columns whose results aren't all what WGSL allows, by index.
+    /// The columns with results that WGSL doesn't allow, by index.
     pub fn columns_outside(&self) -> impl Iterator<Item = (usize, &Allowed)> {
         let cells = self.cells.iter().enumerate();
         let outside = cells.filter_map(|(index, cell)| Some((index, cell.allowed.as_ref()?)));

@@ -12,27 +12,27 @@ use karat_translate::Target;
 pub struct Column {
     pub(super) target: Target,
     pub(super) path: Option<Path>,
-    /// True if Tint judges the author's own text.
+    /// `true` if Tint checks the author's own text.
     by_tint: bool,
 }
 
-/// The column of Tint's verdict on the author's own text.
+/// The column with Tint's verdict on the author's own text.
 const TINT: &str = "tint";
 
-/// The text that a column stands for.
+/// The text of a column.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Written {
     /// A translation.
     ByNaga(Target),
-    /// The author's own text, as the engine executes it.
+    /// The author's own text, which the engine executes.
     ByAuthor,
-    /// The author's own text, of a function without the kernel that calls it, as Tint gets it.
+    /// The author's own text for Tint, without the kernel that calls a function.
     ForTint,
 }
 
 impl Column {
-    /// What every machine can have: the APIs with their languages, the routes on Vulkan, two languages
-    /// that no path of ours runs, Tint's verdict on the author's text, and the engine.
+    /// The columns that every machine can have: the APIs with their languages, the routes on Vulkan, two languages that
+    /// none of Karat's paths runs, Tint's verdict on the author's text, and the engine.
     #[must_use]
     pub fn usual() -> Vec<Self> {
         let names = [
@@ -69,13 +69,13 @@ impl Column {
         Some(Self { target, path: Some(path), by_tint: false })
     }
 
-    /// The language that is translated into.
+    /// The language of its translation.
     #[must_use]
     pub fn language(self) -> &'static str {
         self.target.name()
     }
 
-    /// The text that runs or is judged.
+    /// The text that it runs or checks.
     pub(super) fn written(self) -> Written {
         match self.path.map(Path::api) {
             Some(Api::Cpu | Api::Process) => Written::ByAuthor,
@@ -84,7 +84,7 @@ impl Column {
         }
     }
 
-    /// Why nothing runs it.
+    /// The reason why nothing runs it.
     pub(super) fn without_path(self) -> String {
         match self.by_tint {
             true => "Tint judges a text, and runs nothing".to_owned(),

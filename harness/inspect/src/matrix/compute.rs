@@ -1,4 +1,4 @@
-//! Compute entry points: run on each column, and what they wrote compared.
+//! Runs compute entry points on each column, and compares the words that they write.
 
 use karat::fixture::{self, Fixture};
 use karat::path::Path;
@@ -19,14 +19,14 @@ use super::suspect::{self, Side};
 use super::{Buffer, Cell, Request, Status, Stop};
 use crate::limits::ORDERS;
 
-/// Runs a compute entry point on each column that got so far, and compares what it wrote.
+/// Runs a compute entry point on each column that got far enough, and compares the words that it writes.
 pub(super) fn run_entry_point_on_each(
     request: &Request,
     passes: Result<&Passes, &String>,
     cells: &mut [Cell],
 ) {
     let mut ran: Vec<(usize, Vec<u32>)> = Vec::new();
-    // What doesn't end on one column isn't tried on others.
+    // If it doesn't end on one column, others don't try it.
     let mut endless: Option<Stop> = None;
     for (index, column) in request.columns.iter().enumerate() {
         let cell = &mut cells[index];
@@ -67,7 +67,7 @@ pub(super) fn run_entry_point_on_each(
         }
     }
     let before = passes.map_or_else(|_| Vec::new(), initial);
-    // What nobody has written agrees on each column, and shows nothing.
+    // Words that no column has written are equal, and prove nothing.
     if ran.iter().all(|(_, words)| *words == before) {
         for (index, _) in &ran {
             let what = if before.is_empty() { "it writes nothing" } else { UNCHANGED };
@@ -85,7 +85,7 @@ pub(super) fn run_entry_point_on_each(
         !same_word(was, is, &request.within) && !is_next(was, is, step)
     };
     let differs = |at: &usize, actual: &[u32]| are_apart(at, expected[*at], actual[*at]);
-    // The same resources were read back on each. Only where they differ is it asked what may.
+    // Each column read back the same resources. Ask which words are open only if some differ.
     let all = 0..expected.len();
     let differ = others.iter().any(|(_, actual)| all.clone().any(|at| differs(&at, actual)));
     let open = match passes {
@@ -136,7 +136,7 @@ pub(super) fn run_entry_point_on_each(
     conclude(&mut cells[*first], agreeing, others.len());
 }
 
-/// Why there are no words to compare.
+/// The reason why there are no words to compare.
 enum Unwritten {
     Stop(Stop),
     Error(DispatchError),
@@ -167,22 +167,22 @@ fn written(path: Path, passes: &Passes) -> Result<Vec<u32>, Unwritten> {
     Ok(executor::dispatch(executor, passes)?.into_iter().flat_map(|(_, words)| words).collect())
 }
 
-/// True if passes leave other words than there were; `None` if Karat's engine doesn't run them, or not in a moment.
+/// Returns `true` if passes change some words; `None` if Karat's engine can't run them, or not within a moment.
 pub(super) fn changes(passes: &Passes) -> Option<bool> {
     let left = dispatch_briefly(passes).ok()?;
     Some(!left.into_iter().flat_map(|(_, words)| words).eq(initial(passes)))
 }
 
-/// The one pass.
+/// The only pass.
 fn pass(passes: &Passes) -> &Pass {
     &passes.passes[0]
 }
 
-/// Rounds of an invocation that made-up data may make. More take a software driver seconds.
+/// The most rounds of an invocation over generated data. More take a software driver seconds.
 const PATIENCE: u32 = 4096;
 
-/// Refuses loops that don't end with these data, and would hang a driver. An entry point whose loops have no bound
-/// that naga's IR shows runs in a copy, which leaves them after [`PATIENCE`] rounds.
+/// Refuses loops that don't end with these data and would hang a driver. If naga's IR shows no bound for the loops of
+/// an entry point, runs a copy that leaves them after [`PATIENCE`] rounds.
 fn expect_ends(device: &Device, passes: &Passes) -> Result<(), DispatchError> {
     let Pass { program, entry_point, workgroups, bindings, .. } = pass(passes);
     if program.most_rounds().is_some_and(|rounds| rounds < u64::from(PATIENCE)) {
@@ -192,7 +192,7 @@ fn expect_ends(device: &Device, passes: &Passes) -> Result<(), DispatchError> {
     let Watched { program, loops } = program.watching_rounds(number, PATIENCE, true);
     let is_count = |binding: &Binding| (binding.group, binding.binding) == (0, number);
     let bound = program.compute_entry_point(entry_point).map(|(bindings, _)| bindings);
-    // Another entry point of the module may have the loops.
+    // The loops may belong to another entry point of the module.
     let Some(count) = bound.into_iter().flatten().find(is_count) else { return Ok(()) };
     let held = |(binding, held): &(Binding, usize)| {
         (binding.clone(), passes.resources[*held].fixture.clone())
@@ -200,7 +200,7 @@ fn expect_ends(device: &Device, passes: &Passes) -> Result<(), DispatchError> {
     let mut resources: Vec<_> = bindings.iter().map(held).collect();
     resources.push((count, fixture::Buffer::zeros(4 * loops.len()).into()));
     let counted = Passes::over(program.into(), entry_point, *workgroups, &resources);
-    // After so few rounds no driver leaves a loop by itself.
+    // No driver leaves a loop by itself after so few rounds.
     let afterwards: Afterwards = device.dispatch_with(&counted, false)?;
     let (_, counts) = afterwards.last().expect("the counts are written");
     let most = loops.iter().zip(counts).max_by_key(|(_, count)| **count);
@@ -215,7 +215,7 @@ fn expect_ends(device: &Device, passes: &Passes) -> Result<(), DispatchError> {
 
 const UNCHANGED: &str = "with made-up data it changes no word of its buffers and textures";
 
-/// The resources that may be written, with their words before: of a texture four a texel.
+/// The writable resources with their initial words; for a texture, four words a texel.
 fn writable(passes: &Passes) -> impl Iterator<Item = (&Binding, Vec<u32>)> {
     let Pass { program, bindings, .. } = pass(passes);
     bindings.iter().filter(|(binding, _)| binding.kind.is_written()).map(|(binding, held)| {
@@ -229,22 +229,23 @@ fn writable(passes: &Passes) -> impl Iterator<Item = (&Binding, Vec<u32>)> {
     })
 }
 
-/// The words of the resources that may be written, before they are.
+/// The initial words of the writable resources.
 fn initial(passes: &Passes) -> Vec<u32> {
     writable(passes).flat_map(|(_, words)| words).collect()
 }
 
-/// Which words of the buffers that may be written WGSL leaves open, of those that the first column wrote:
-/// they depend on what is read or written outside of an array, on the order of invocations or on the size of subgroups, or are
-/// floats that aren't finite. It is an error if the engine can't say.
+/// For each word of the writable buffers, as the first column wrote them: `true` if WGSL leaves it open. Such a word
+/// depends on an access outside an array, on the order of invocations or on the size of subgroups, or is a float that
+/// isn't finite. Returns an error if the engine can't tell.
 fn open(passes: &Passes, expected: &[u32], floats: &[bool]) -> Result<Vec<bool>, String> {
     let mut open = strays(passes).map_err(|error| error.to_string())?;
     open.resize(expected.len(), false);
     let mut usual: Vec<u32> = Vec::new();
-    // A pass that doesn't run in a moment differs in no order.
+    // A pass that takes too long counts as independent of the order.
     for run in Runner::new(passes).few(ORDERS) {
         let Some(left) = run.left else {
-            // An order in which the pass doesn't end says nothing of its words; without the usual one nothing does.
+            // An order in which the pass doesn't end proves nothing about its words. Without the usual order there is
+            // nothing to compare with.
             if run.order.is_none() {
                 return Err("it doesn't end in the engine".to_owned());
             }
@@ -260,7 +261,8 @@ fn open(passes: &Passes, expected: &[u32], floats: &[bool]) -> Result<Vec<bool>,
             open.iter_mut().zip(pairs).for_each(|(open, differs)| *open |= differs);
             continue;
         }
-        // A driver has an order of its own. Where orders differ in one word of a resource, another order has others.
+        // A driver has its own order. If two orders differ in one word of a resource, another order may differ in other
+        // words.
         let differs: Vec<bool> = pairs.collect();
         let mut begin = 0;
         for (_, own) in writable(passes) {
@@ -278,8 +280,8 @@ fn open(passes: &Passes, expected: &[u32], floats: &[bool]) -> Result<Vec<bool>,
     Ok(open)
 }
 
-/// The step between two numbers of each word: of texels that are stored as fractions of a whole number, as two columns
-/// may round a number between two of them to either one; of others 0.
+/// The step between two numbers, for each word. Texels may be stored as fractions of a whole number; then two columns
+/// may round a number between two of them either way. For other words 0.
 fn steps(passes: &Passes) -> Vec<f32> {
     let of = |(binding, words): (&Binding, Vec<u32>)| {
         let step = match binding.kind {
@@ -291,14 +293,14 @@ fn steps(passes: &Passes) -> Vec<f32> {
     writable(passes).flat_map(of).collect()
 }
 
-/// Which of these words are floats.
+/// `true` for each word that is a float.
 fn floats(passes: &Passes) -> Vec<bool> {
     let program = &pass(passes).program;
     let of_resource = |(binding, words): (&Binding, Vec<u32>)| {
         if let BindingKind::StorageTexture { format, .. } = binding.kind {
             return vec![format.texels() == Texels::Float; words.len()];
         }
-        // As many elements as there may be words: what is beyond the data is cut off.
+        // As many elements as words. Those beyond the data are cut off.
         let marked = program.buffer_of(binding, words.len()).and_then(|shape| {
             let marks = shape.lanes().into_iter().map(|s| u32::from(s == Scalar::F32) * u32::MAX);
             program.bytes(binding, &marks.collect::<Vec<_>>()).ok()
@@ -310,8 +312,8 @@ fn floats(passes: &Passes) -> Vec<bool> {
     writable(passes).flat_map(of_resource).collect()
 }
 
-/// Whether a driver may not compile an entry point with so many barriers in time. llvmpipe takes more than 40 s for vello's
-/// `binning`, with four, on GL and of what glslang makes, and 0.3 s on Vulkan of what naga does.
+/// Returns `true` if a driver may take too long to compile an entry point with so many barriers. For vello's `binning`,
+/// with four, llvmpipe takes more than 40 s on GL and for glslang's output, and 0.3 s on Vulkan for naga's.
 fn is_slow(device: &Device, barriers: usize) -> bool {
     const MOST_BARRIERS: usize = 3;
     let path = device.path();
@@ -321,7 +323,7 @@ fn is_slow(device: &Device, barriers: usize) -> bool {
 }
 
 impl Buffer {
-    /// `None` of a texture or a sampler.
+    /// The words of a fixture; `None` for a texture or a sampler.
     pub(super) fn of((binding, fixture): &(Binding, Fixture)) -> Option<Self> {
         let Fixture::Buffer(buffer) = fixture else { return None };
         let bytes = bytes(buffer).to_vec();
@@ -329,19 +331,19 @@ impl Buffer {
     }
 }
 
-/// True of two floats that are at most a step apart.
+/// Returns `true` for two floats that are at most one step apart.
 fn is_next(expected: u32, actual: u32, step: f32) -> bool {
-    /// Of the step: fractions of 255 and the like are rounded themselves.
+    /// A margin for the step: fractions of 255 and the like are rounded themselves.
     const ROUNDED: f32 = 1.001;
     step > 0.0 && (f32::from_bits(expected) - f32::from_bits(actual)).abs() <= ROUNDED * step
 }
 
-/// Whether two words of a buffer are the same number. It isn't known which of them are floats: a pair
-/// whose words differ is one of floats if both are normal ones.
+/// Returns `true` if two words of a buffer are the same number. The types of words are unknown: two words that differ
+/// count as floats if both are normal ones.
 fn same_word(expected: u32, actual: u32, within: &Tolerance) -> bool {
     let [a, b] = [expected, actual].map(f32::from_bits);
     let both_normal = a.is_normal() && b.is_normal();
-    // `==` of floats: 0 and -0 are one number.
+    // `==` on floats: 0 and -0 are the same number.
     expected == actual || a == b || (both_normal && within.measure(0, b, f64::from(a)).passes())
 }
 
@@ -351,7 +353,7 @@ mod tests {
     use crate::made_up::Ranges;
     use karat::package::Package;
 
-    /// Each driver has an order of its own in which invocations take their places.
+    /// Each driver has its own order in which invocations take their places.
     #[test]
     fn what_an_order_decides_is_open() {
         let text = "@group(0) @binding(0) var<storage, read_write> next: atomic<u32>;
@@ -373,7 +375,7 @@ mod tests {
         let (passes, _) = made.expect("its resources are made up");
         let expected = initial(&passes);
         let open = open(&passes, &expected, &vec![false; expected.len()]).expect("it runs");
-        // The counter's buffer has more than its one word.
+        // The counter's buffer has more words than the counter.
         let list = expected.len() - 128..expected.len() - 64;
         assert!((0..open.len()).all(|at| open[at] == list.contains(&at)), "{open:?}");
     }

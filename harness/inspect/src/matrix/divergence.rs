@@ -1,4 +1,4 @@
-//! Why two columns differ: the simplest input, and the first let-binding whose value differs there.
+//! Explains why two columns differ: the simplest input, and the first let-binding whose value differs.
 
 use std::borrow::Cow;
 
@@ -19,29 +19,28 @@ use crate::made_up::{self, Ranges};
 pub struct Divergence {
     /// The column that this one is compared with.
     pub baseline: String,
-    /// The simplest input found: each argument with its value.
+    /// The simplest input found: the value of each argument.
     pub arguments: Vec<(String, String)>,
-    /// What this column returns.
+    /// The result on this column.
     pub here: String,
-    /// What the baseline returns.
+    /// The result on the baseline.
     pub there: String,
     /// The arguments' words, as the kernel reads them.
     pub words: Vec<u32>,
     /// The results' words: of this column and of the baseline.
     pub results: (Vec<u32>, Vec<u32>),
-    /// True if the columns differ, too, where this input is the only one. If not, a result depends on the
-    /// inputs that run beside it: some drivers take one invocation's level of a texture for those of
-    /// all.
+    /// `true` if the columns also differ when this input runs alone. Otherwise a result depends on the inputs that run
+    /// beside it: some drivers use one invocation's texture level for all.
     pub alone: bool,
-    /// The first let-binding of the function whose value differs; `None` if each agrees, so that the
-    /// difference is in the result's own expression or in what isn't bound by `let`.
+    /// The first let-binding of the function whose value differs. `None` if all agree: then the difference is in the
+    /// expression of the result, or in a value without a `let`.
     pub first: Option<Intermediate>,
-    /// The let-bindings that can't be looked at, of those that come before `first`: pointers, those in
-    /// the head of a `for`, those that are NaN or infinite, and those behind the first 48.
+    /// The let-bindings before `first` that can't be compared: pointers, those in the head of a `for`, NaN or infinite
+    /// values, and those after the first 48.
     pub unseen: Vec<String>,
 }
 
-/// A let-binding whose value differs.
+/// A let-binding with different values.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Intermediate {
     /// Its name.
@@ -54,15 +53,15 @@ pub struct Intermediate {
     pub here: String,
     /// Its value on the baseline.
     pub there: String,
-    /// Whether it is in a loop: then these are its last values, and one that differs before it in the
-    /// text may come of it.
+    /// `true` if it is in a loop: the values are those of the last round, and may differ because of another binding
+    /// that the text has earlier.
     pub in_loop: bool,
     /// Its line in this column's translation.
     pub text_line: Option<usize>,
 }
 
 impl Divergence {
-    /// What differs, in a sentence or two.
+    /// The difference, in a sentence or two.
     #[must_use]
     pub fn sentence(&self, column: &str) -> String {
         let named: Vec<String> =
@@ -86,8 +85,8 @@ impl Divergence {
     }
 }
 
-/// What is known of a case that differs between two columns. `text` is the translation of the second
-/// one, with the lines of the function.
+/// The explanation of a case that differs between two columns. `text` is the translation of the second one, with the
+/// lines of the function.
 pub(super) fn divergence(
     request: &Request,
     probed: &Probed,
@@ -116,7 +115,7 @@ pub(super) fn divergence(
     });
     let named = named.collect();
     let (mut found, mut unseen) = (None, Vec::new());
-    // Bindings are looked at alone.
+    // Compare bindings only if the input differs on its own.
     for one in if alone { lets(probed) } else { Vec::new() } {
         match differing(request, (&one, beyond), &row, (&first.caller, &other.caller), text) {
             Ok(None) => {}
@@ -168,7 +167,7 @@ fn differing(
         return Ok(None);
     }
     if !seen.compared {
-        // What WGSL leaves open is nothing that a column has to repeat.
+        // WGSL leaves the value open, so columns may differ.
         return Err(Unseen);
     }
     let line = one.span.as_ref().map(|span| span.file.line_column(span.range.start).0);

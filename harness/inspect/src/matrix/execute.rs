@@ -1,4 +1,4 @@
-//! Running a function on a column's path, and comparing it with another one's results.
+//! Runs a function on a column's path, and compares the results with those of another column.
 
 use karat::unstable::executor::Caller;
 use karat::unstable::probe::ProbeError;
@@ -9,14 +9,14 @@ use super::leeway::{Freedom, Latitude, OfCase};
 use super::{Cell, Status, Stop};
 use crate::limits::CANCELLED;
 
-/// What a column made of the inputs.
+/// The results of a column.
 pub(super) struct Ran<'p> {
     pub(super) column: usize,
     pub(super) caller: Caller<'p>,
     pub(super) results: Vec<u32>,
 }
 
-/// Why something wasn't run; without the function's name, so that equal reasons are one.
+/// The reason why something didn't run; without the function's name, so that equal reasons are listed once.
 pub(super) fn not_run(error: ProbeError) -> String {
     match error {
         ProbeError::Compile { error, .. } => error.to_string(),
@@ -24,7 +24,7 @@ pub(super) fn not_run(error: ProbeError) -> String {
     }
 }
 
-/// The first column was compared with each other one: what agrees with it has it agree, too.
+/// Concludes the first column from its comparisons: if a column agrees with it, it agrees, too.
 pub(super) fn conclude(first: &mut Cell, agreeing: Option<Comparison>, others: usize) {
     first.stopped = match agreeing {
         Some(seen) => {
@@ -37,29 +37,29 @@ pub(super) fn conclude(first: &mut Cell, agreeing: Option<Comparison>, others: u
     };
 }
 
-/// How the results of two columns compare.
+/// The comparison of two columns' results.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Comparison {
     pub(super) compared: usize,
     /// The cases that differ by more than WGSL allows.
     pub(super) differing: Vec<usize>,
-    /// Cases with a lane that differs where WGSL allows both results.
+    /// The number of cases with a lane that differs, where WGSL allows both results.
     pub(super) open: usize,
     pub(super) worst_ulp: Option<u64>,
 }
 
-/// How results of a function are compared.
+/// The rules for comparing results of a function.
 #[derive(Clone, Debug)]
 pub(super) struct Judge<'j> {
     scalars: &'j [Scalar],
     within: &'j Tolerance,
-    /// The largest result of each component, at most 1: what an absolute bound is relative to.
-    /// Otherwise a function whose results are all small would agree with anything.
+    /// For each component, its largest result, or 1 if that is less: absolute bounds are relative to it. Otherwise a
+    /// function with small results would agree with anything.
     scales: Vec<f64>,
 }
 
 impl<'j> Judge<'j> {
-    /// For these results of the first column.
+    /// The rules for these results of the first column.
     pub(super) fn new(scalars: &'j [Scalar], within: &'j Tolerance, expected: &[u32]) -> Self {
         let mut scales = vec![0.0_f64; scalars.len()];
         for case in expected.chunks_exact(scalars.len()) {
@@ -68,7 +68,7 @@ impl<'j> Judge<'j> {
                 *scale = scale.max(if size.is_finite() { size.min(1.0) } else { 0.0 });
             }
         }
-        // Beside a large component a small one is what is left of terms that cancel.
+        // Beside a large component, a small one may be the rest of terms that cancel.
         let least = CANCELLED * scales.iter().copied().fold(0.0, f64::max);
         let one = |scale: f64| if scale > 0.0 { scale.max(least) } else { 1.0 };
         Self { scalars, within, scales: scales.into_iter().map(one).collect() }
@@ -96,9 +96,9 @@ impl<'j> Judge<'j> {
         comparison
     }
 
-    /// Compares one case, lane by lane. Where WGSL allows both results of a lane, they are both right. Where that isn't known, and a float of the first result isn't finite, the floats of
-    /// this case are left out: WGSL lets implementations assume that there is none, so what is
-    /// computed along with it isn't determined, either.
+    /// Compares a case, lane by lane. Two results that WGSL allows are both right. If the allowed results are unknown
+    /// and a float of the first result isn't finite, the comparison skips the floats of the case: implementations may
+    /// assume that infinities and NaN don't occur, so the values computed with it are open, too.
     pub(super) fn case(
         &self,
         expected: &[u32],
@@ -112,7 +112,7 @@ impl<'j> Judge<'j> {
             let freedom = latitude
                 .map_or(Freedom::Unknown, |case| case.freedom(lane, *scalar, [wanted, found]));
             let agrees = self.agree(lane, wanted, found);
-            // What isn't a number agrees with nothing, and shows nothing where any value is allowed.
+            // NaN and infinity agree with nothing, and prove nothing if WGSL allows any value.
             let is_number = scalar.decode(wanted).is_finite();
             match freedom {
                 Freedom::Any if !(agrees && is_number) => {
@@ -135,37 +135,37 @@ impl<'j> Judge<'j> {
         seen
     }
 
-    /// True if two results of a lane are equal within the tolerance.
+    /// Returns `true` if two results of a lane are equal within the tolerance.
     fn agree(&self, lane: usize, expected: u32, actual: u32) -> bool {
         let (scalar, scale) = (self.scalars[lane], self.scales[lane]);
         if expected == actual || !scalar.is_float() {
             return expected == actual;
         }
-        // Both in the unit of the largest result, so that an absolute bound is one of that.
+        // Both in units of the largest result, so that an absolute bound is relative to it.
         let (found, wanted) = (scalar.decode(actual) / scale, scalar.decode(expected) / scale);
         self.within.measure_sum(0, found, wanted).passes()
     }
 }
 
-/// How two results of a case compare.
+/// The comparison of two results of a case.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Seen {
-    /// A lane was compared.
+    /// `true` if a lane was compared.
     pub(super) compared: bool,
-    /// A lane differs, and it isn't known that WGSL allows both results.
+    /// `true` if a lane differs and WGSL isn't known to allow both results.
     pub(super) differs: bool,
-    /// A lane differs where WGSL allows both results.
+    /// `true` if a lane differs and WGSL allows both results.
     pub(super) open: bool,
     worst_ulp: Option<u64>,
 }
 
-/// A float in which what may be flushed to 0 is 0: subnormal numbers.
+/// A float with subnormals replaced by 0, as drivers may flush them.
 pub(super) fn flushed(word: u32) -> u32 {
     let is_subnormal = f32::from_bits(word).abs() < f32::MIN_POSITIVE;
     if is_subnormal { 0 } else { word }
 }
 
-/// Steps of `f32` between two components; what may be flushed to 0 is 0.
+/// The `f32` steps between two components, with subnormals as 0.
 fn distance((scalar, (expected, actual)): (&Scalar, (&u32, &u32))) -> Option<u64> {
     if !scalar.is_float() {
         return None;
@@ -174,7 +174,7 @@ fn distance((scalar, (expected, actual)): (&Scalar, (&u32, &u32))) -> Option<u64
     ulp_distance(value(expected), value(actual))
 }
 
-/// The words of a value as a person reads them.
+/// A value as text.
 pub(super) fn shown(scalars: &[Scalar], words: &[u32]) -> String {
     let one = |(scalar, word): (&Scalar, &u32)| match scalar {
         Scalar::F32 | Scalar::F16 => format_f32(f32::from_bits(*word)),
@@ -216,7 +216,7 @@ mod tests {
         assert!(judge.compare(&expected, &expected, None).differing.is_empty());
         let seen = judge.compare(&expected, &words([1.0, f32::NAN, 1.0], 7), None);
         assert_eq!((seen.compared, &*seen.differing), (3, &[1][..]));
-        // The other component is compared all the same.
+        // The other component is still compared.
         let other = words([1.0, 1.0, 1.0], 8);
         assert_eq!(judge.compare(&expected, &other, None).differing, [0, 1, 2]);
         let alone = Judge::new(&scalars[..1], &within, &expected);

@@ -1,5 +1,5 @@
-//! Rows that end the process: a driver that hangs can't be torn down, and one that crashes takes the process
-//! with it. So a file says which row runs where, and who begins again does it without that row.
+//! Recovers from rows that end the process: a driver that hangs can't be stopped, and one that crashes ends the
+//! process. A file records which row runs where, so that the next process leaves that row out.
 
 use std::collections::BTreeMap;
 use std::io::{self, Write};
@@ -17,14 +17,14 @@ use super::{Cell, Column, Stop};
 #[serde(rename_all = "snake_case")]
 enum Line {
     Began(At),
-    /// The sentence says what passed the deadline.
+    /// Something passed the deadline, as the sentence says.
     Overdue(At, String),
     Ended(At),
     /// The process ended, as the sentence says.
     Process(String),
 }
 
-/// A row on a path; without one it is prepared or compared.
+/// A row on a path. Without a path, it is being prepared or compared.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 struct At {
     package: String,
@@ -32,25 +32,25 @@ struct At {
     path: Option<String>,
 }
 
-/// A row that ran when a process ended.
+/// A row that was running when a process ended.
 #[derive(Clone, Debug, PartialEq, Eq)]
 struct Culprit {
     at: At,
-    /// How the process ended, in a sentence.
+    /// The end of the process, in a sentence.
     why: String,
 }
 
-/// The rows of a package at which earlier processes ended.
+/// The rows of a package that were running when earlier processes ended.
 #[derive(Debug, Default)]
 pub(super) struct Journal {
     file: Option<PathBuf>,
     package: String,
-    /// Once for each process that a row may have ended.
+    /// For each row, an entry for each process that it may have ended.
     culprits: BTreeMap<String, Vec<Culprit>>,
 }
 
 impl Journal {
-    /// Reads a file; nothing has ended where there is none.
+    /// Reads a file. If there is none, no process has ended.
     pub(super) fn read(file: Option<&Path>, package: &str) -> io::Result<Self> {
         let mut journal = Self { package: package.to_owned(), ..Self::default() };
         let Some(file) = file else { return Ok(journal) };
@@ -63,13 +63,13 @@ impl Journal {
         Ok(journal)
     }
 
-    /// True if a row is suspected, so that it runs alone: another one that ran beside it may have been
-    /// what ended the process.
+    /// Returns `true` if a row is suspected and so runs alone: another row that ran beside it may have ended the
+    /// process.
     pub(super) fn is_suspected(&self, row: &str) -> bool {
         self.culprits.contains_key(row)
     }
 
-    /// True if a row isn't run, as it has ended the process alone: its cells then say so.
+    /// Returns `true` if a row isn't run because it ended the process alone. Its cells then say so.
     pub(super) fn ends(&self, row: &str, columns: &[Column], cells: &mut [Cell]) -> bool {
         let Some([.., _, last]) = self.culprits.get(row).map(Vec::as_slice) else { return false };
         let runs = |(column, cell): &(&Column, &mut Cell)| match &cell.stopped {
@@ -78,7 +78,7 @@ impl Journal {
         };
         let mut open: Vec<_> =
             columns.iter().zip(cells).filter(|pair| runs(pair).is_some()).collect();
-        // Where no path is known, or another one, the row is to blame all the same, once.
+        // If the path is unknown, or another one, blame the row all the same, once.
         let blamed = open.iter().position(|pair| runs(pair) == last.at.path).unwrap_or(0);
         let on = open.get(blamed).map_or_else(String::new, |(column, _)| column.to_string());
         for (index, (_, cell)) in open.iter_mut().enumerate() {
@@ -93,11 +93,11 @@ impl Journal {
         true
     }
 
-    /// Runs a row, and writes down where it is.
+    /// Runs a row, and records where it is.
     pub(super) fn watched<T>(&self, row: &str, work: impl FnOnce() -> T) -> T {
         let Some(file) = self.file.clone() else { return work() };
         let row = At { package: self.package.clone(), row: row.to_owned(), path: None };
-        // A process that ends without a line doesn't begin again, and says how it ended.
+        // If the line can't be written and the process ends, it isn't started again, and its status says how it ended.
         let write = move |line: Line| drop(line.write(&file));
         let note = {
             let (write, row) = (write.clone(), row.clone());
@@ -120,23 +120,23 @@ impl Journal {
 impl Line {
     fn write(&self, file: &Path) -> io::Result<()> {
         let mut file = std::fs::OpenOptions::new().create(true).append(true).open(file)?;
-        // Behind half a line a new one begins.
+        // After half a line, begin a new one.
         let begin = if matches!(self, Self::Process(_)) { "\n" } else { "" };
         file.write_all(format!("{begin}{}\n", serde_json::to_string(self)?).as_bytes())
     }
 }
 
-/// The lines of a file; none where there is no file.
+/// The lines of a file; empty if there is no file.
 fn lines(file: &Path) -> io::Result<Vec<Line>> {
     let text = match std::fs::read_to_string(file) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => String::new(),
         text => text?,
     };
-    // A process that ended as it wrote left half a line.
+    // A process that ended while writing left half a line.
     Ok(text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect())
 }
 
-/// The rows that ran as each process ended. Where one passed the deadline, it alone.
+/// The rows that were running when each process ended. If one passed the deadline, only that one.
 fn culprits(lines: &[Line]) -> Vec<Culprit> {
     let (mut culprits, mut running, mut overdue) = (Vec::new(), Vec::<At>::new(), Vec::new());
     for line in lines {
@@ -154,7 +154,7 @@ fn culprits(lines: &[Line]) -> Vec<Culprit> {
             }
             Line::Process(how) => {
                 let mut rows: BTreeMap<(String, String), At> = BTreeMap::new();
-                // Behind the row stands the path that it is on.
+                // The row with the path that it is on.
                 for at in running.drain(..) {
                     rows.insert((at.package.clone(), at.row.clone()), at);
                 }
@@ -174,9 +174,9 @@ fn culprits(lines: &[Line]) -> Vec<Culprit> {
     culprits
 }
 
-/// Runs a program that makes matrices, and again as often as a row of them ends it: by the deadline, or
-/// because a driver crashes. It passes the same file to [`Request::journal`](super::Request::journal). How
-/// the last one ended.
+/// Runs a program that makes matrices, and runs it again each time that a row ends it: by the deadline, or because a
+/// driver crashes. The program passes the same file to [`Request::journal`](super::Request::journal). Returns the exit
+/// status of the last run.
 ///
 /// # Errors
 /// If the program can't be run, or the file can't be read or written.
@@ -184,7 +184,7 @@ pub fn restarted(file: &Path, program: &mut Command) -> io::Result<ExitStatus> {
     loop {
         let before = culprits(&lines(file)?).len();
         let status = program.status()?;
-        // A process that ends by itself has a small code; a crash has none, or a large one on Windows.
+        // A process that ends by itself has a small exit code. After a crash there is none, or a large one on Windows.
         if status.code().is_some_and(|code| (0..=255).contains(&code)) || is_asked_to_end(status) {
             return Ok(status);
         }
@@ -195,10 +195,10 @@ pub fn restarted(file: &Path, program: &mut Command) -> io::Result<ExitStatus> {
     }
 }
 
-/// True if a signal asked the process to end.
+/// Returns `true` if a signal asked the process to end.
 #[cfg(unix)]
 fn is_asked_to_end(status: ExitStatus) -> bool {
-    /// SIGHUP, SIGINT and SIGTERM, which have these numbers by POSIX.
+    /// SIGHUP, SIGINT and SIGTERM; POSIX defines these numbers.
     const ASKING: [i32; 3] = [1, 2, 15];
     let signal = std::os::unix::process::ExitStatusExt::signal(&status);
     signal.is_some_and(|signal| ASKING.contains(&signal))
@@ -219,7 +219,7 @@ mod tests {
         At { package, row, path: path.map(str::to_owned) }
     }
 
-    /// The one that was noted first may have waited for the one that hung.
+    /// The row that was recorded first may have waited for the row that hung.
     #[test]
     fn a_row_is_given_up_when_it_ends_the_process_alone() {
         let columns = ["gl", "vulkan", "msl"].map(|name| name.parse().expect("a column"));
@@ -232,7 +232,7 @@ mod tests {
             ]
         };
         let crashes = |package: &str| {
-            // One is over, and one waits for the other.
+            // One row is done, and one waits for the other.
             let over = at(package, "fast", Some("vulkan"));
             vec![
                 Line::Began(at(package, "slow", None)),
@@ -265,7 +265,7 @@ mod tests {
         }
     }
 
-    /// A row that crashes beside its dispatches is one finding, and half a line hides no other.
+    /// A row that crashes beside its dispatches is one finding. Half a line hides no other line.
     #[test]
     fn a_row_that_runs_nowhere_is_blamed_once() {
         let folder = tempfile::tempdir().expect("a folder");
@@ -284,7 +284,7 @@ mod tests {
         assert_eq!(wrong.count(), 1, "{cells:?}");
     }
 
-    /// A process that ends with nothing running is no row's fault.
+    /// If a process ends while no row runs, no row is blamed.
     #[test]
     fn a_process_that_ends_between_rows_has_no_culprit() {
         let row = at("p", "r", None);

@@ -1,4 +1,4 @@
-//! What validators say of translations, and how far a row gets by that.
+//! Validators' verdicts on translations, and the statuses that follow.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -12,20 +12,20 @@ use super::column::Written;
 use super::subject::{About, Ready, is_read_back};
 use super::{Cell, Column, Status, Stop};
 
-/// What a validator said.
+/// A validator's verdict.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Said {
-    /// The command; `shader.*` holds the translation.
+    /// The command. `shader.*` is the file with the translation.
     pub command: String,
     /// The validator's version, in its own words.
     pub version: String,
-    /// What it finds.
+    /// The outcome.
     pub outcome: Outcome,
-    /// `valid`, or what it finds wrong in its own words.
+    /// `valid`, or the validator's own words.
     pub verdict: String,
 }
 
-/// What a validator finds.
+/// The outcome of a validator.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Outcome {
@@ -33,18 +33,17 @@ pub enum Outcome {
     Valid,
     /// Something wrong.
     Invalid,
-    /// Nothing: it doesn't know all of the language.
+    /// None: it doesn't support all of the language.
     Unable,
-    /// Nothing: it crashed, didn't end, or can't be run.
+    /// None: it crashed, didn't end, or can't be run.
     Broke,
 }
 
-/// What the validators say of each translation of some rows: by row and what is judged, in the tools'
-/// order.
+/// The validators' verdicts on the translations of some rows, by row and text, in the order of the tools.
 pub(super) struct Judged(BTreeMap<(usize, Written), Vec<Said>>);
 
 impl Judged {
-    /// Asks each validator about all translations of a language together.
+    /// Asks each validator about all translations into a language together.
     pub(super) fn of(rows: &[&Ready], columns: &[Column], package: &Package) -> Self {
         let mut judged = BTreeMap::new();
         let mut written: Vec<Written> = columns.iter().map(|column| column.written()).collect();
@@ -62,7 +61,7 @@ impl Judged {
             for (row, _) in &made {
                 judged.insert((*row, written), Vec::new());
             }
-            // Only naga, whose IR the engine runs, has a say in the author's own text.
+            // For the author's own text only naga counts: the engine runs naga's IR.
             let tools: Vec<&Tool> = match written {
                 Written::ByAuthor => vec![Tool::naga()],
                 Written::ByNaga(target) => Tool::of(target).collect(),
@@ -85,7 +84,7 @@ impl Judged {
         Self(judged)
     }
 
-    /// How far translation and validation of a row get on a column.
+    /// The cell of a row on a column, as far as translation and validation go.
     pub(super) fn cell(&self, row: usize, ready: &Ready, column: Column) -> Cell {
         let nothing = Cell::default();
         let made = ready.of(column);
@@ -121,7 +120,7 @@ impl Judged {
                 };
                 (Status::Translated, Some(Stop::NoValidator(why)))
             }
-            // naga reads a part of SPIR-V only: what it says is no verdict on what it wrote.
+            // naga reads only a part of SPIR-V, so its verdict on its own output doesn't count.
             None if is_read_back(column) && !Tool::naga().targets().contains(&target) => {
                 let said = said(Tool::naga(), Tool::naga().validate(translation));
                 let text = format!("naga doesn't read it back: {}", said.verdict);
@@ -138,9 +137,9 @@ impl Judged {
     }
 }
 
-/// What stands against a translation: a rejection, or else a validator without a verdict; of one that doesn't know all
-/// of the language, if no other one accepts. `spirv-cross` writes source text of it, and doesn't know all that is valid:
-/// where `spirv-val` accepts, it isn't asked.
+/// The verdict against a translation: a rejection, otherwise a validator without a verdict. A validator that doesn't
+/// support all of the language counts only if no other one accepts. `spirv-cross` writes source text from SPIR-V, and
+/// doesn't support all that is valid: if `spirv-val` accepts, it doesn't count.
 fn rejection(said: &[Said]) -> Option<&Said> {
     let of = |said: &Said, tool: &str| said.command.starts_with(tool);
     let accepted = said.iter().any(|said| of(said, "spirv-val") && said.outcome == Outcome::Valid);
@@ -151,7 +150,7 @@ fn rejection(said: &[Said]) -> Option<&Said> {
     first(Outcome::Invalid).or_else(|| first(Outcome::Broke)).or_else(unable)
 }
 
-/// What a tool says of each translation, a part of them on each core.
+/// A tool's verdicts on translations, split over all cores.
 fn ask(tool: &Tool, translations: &[&Translation]) -> Vec<Said> {
     use rayon::prelude::*;
     let size = translations.len().div_ceil(rayon::current_num_threads()).max(1);
@@ -160,7 +159,7 @@ fn ask(tool: &Tool, translations: &[&Translation]) -> Vec<Said> {
     all.map(|answer| said(tool, answer)).collect()
 }
 
-/// Tint's verdicts on the author's texts; none if Tint isn't here.
+/// Tint's verdicts on the author's texts; empty if Tint isn't installed.
 fn ask_tint(package: &Package, translations: &[&Translation], about: &[&About]) -> Vec<Said> {
     let Ok(tint) = Tint::beside(&package.root(), false) else { return Vec::new() };
     let question = |(translation, about): (&&Translation, &&About)| {
@@ -176,7 +175,7 @@ fn ask_tint(package: &Package, translations: &[&Translation], about: &[&About]) 
         Question { text, pipelines, ..Question::default() }
     };
     let questions: Vec<Question> = translations.iter().zip(about).map(question).collect();
-    // Without a version it gives no verdict, either.
+    // If it reports no version, it gives no verdict, either.
     let version = tint.version().unwrap_or_default();
     let answers = tint.ask(&questions).into_iter();
     let said = answers.map(|answer| {

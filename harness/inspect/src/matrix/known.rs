@@ -1,4 +1,4 @@
-//! What is declared not to work, and what is found that isn't declared.
+//! Declarations of rows that don't work, and findings that aren't declared.
 
 use std::fmt;
 
@@ -10,21 +10,21 @@ use serde::Serialize;
 
 use super::{Cell, Column, Matrix, MatrixError, Row, Status, Stop};
 
-/// A row that is declared not to get to a status on some columns. It must not get there.
+/// A declaration that a row doesn't reach a status on some columns. The row must not reach it.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Known {
     /// `module::name`
     pub row: String,
     /// A column (`vulkan:hlsl`, `msl`), or a selector of paths (`:hlsl`, `@swiftshader`).
     pub column: String,
-    /// What it doesn't get to.
+    /// The status that it doesn't reach.
     pub status: Status,
-    /// Why.
+    /// The reason.
     pub reason: String,
 }
 
 impl Known {
-    /// Refuses what names no row, no column or no reason. `rows` are those of the whole package.
+    /// Refuses a declaration that matches no row or no column, or has no reason. `rows` are those of the whole package.
     pub(super) fn expect_sound<'r>(
         &self,
         mut rows: impl Iterator<Item = &'r str> + Clone,
@@ -56,15 +56,15 @@ impl Known {
             return true;
         }
         let Some(path) = column.path() else { return false };
-        // `vulkan` as a column is the direct route; as a selector it would be all of them.
+        // As a column, `vulkan` is the direct route only; as a selector it would be all routes.
         let other_route = self.column.parse::<Path>().is_ok_and(|named| named.via() != path.via());
         let selector = Selector::from(&*self.column);
         !other_route && adapter(path).is_ok_and(|adapter| selects(&selector, path, &adapter))
     }
 }
 
-/// Notes in each cell what is declared of it. Returns what nothing here shows or refutes: of columns that
-/// aren't in the matrix, of rows that can't be judged, and where a validator or a driver is missing.
+/// Notes in each cell its declaration. Returns the declarations that can't be checked here: the column isn't in the
+/// matrix, the row can't be judged, or a validator or a driver is missing.
 pub(super) fn declare(known: &[Known], columns: &[Column], rows: &mut [Row]) -> Vec<Known> {
     let here = |known: &&Known| {
         let absent = !columns.iter().any(|column| known.is_of(*column));
@@ -78,7 +78,7 @@ pub(super) fn declare(known: &[Known], columns: &[Column], rows: &mut [Row]) -> 
     for row in rows {
         for (column, cell) in columns.iter().zip(&mut row.cells) {
             let of = |known: &&Known| known.row == row.name && known.is_of(*column);
-            // Of several the one that promises least.
+            // Of several, the one with the lowest status.
             cell.known = known.iter().filter(of).min_by_key(|known| known.status).cloned();
             undecided.extend(cell.known.clone().filter(|_| cell.is_undecided()));
         }
@@ -87,13 +87,12 @@ pub(super) fn declare(known: &[Known], columns: &[Column], rows: &mut [Row]) -> 
 }
 
 impl Cell {
-    /// What it doesn't get to; `None`: it gets as far as there is.
+    /// The status that it doesn't reach; `None` if it reaches all.
     fn misses(&self) -> Option<Status> {
         Status::ALL.into_iter().find(|status| Some(*status) > self.status)
     }
 
-    /// The declaration that it fails, if it fails as that says: there, not before, and because of
-    /// what was seen.
+    /// The declaration that explains its failure: it fails at that status, not before, and because of an observation.
     #[must_use]
     pub fn fails_as_declared(&self) -> Option<&Known> {
         let seen = matches!(
@@ -110,33 +109,33 @@ impl Cell {
         self.known.as_ref().filter(|known| seen && self.misses() == Some(known.status))
     }
 
-    /// Whether something is declared of it that nothing here shows or refutes.
+    /// Returns `true` if its declaration can't be checked here.
     fn is_undecided(&self) -> bool {
         let wrong = self.stopped.as_ref().is_some_and(Stop::is_wrong);
         !wrong && self.fails_as_declared().is_none() && !self.contradicts()
     }
 
-    /// Whether it fails as declared, so that it can't get to this status.
+    /// Returns `true` if it fails as declared, and so doesn't reach this status.
     pub(super) fn is_known_to_miss(&self, status: Status) -> bool {
         self.fails_as_declared().is_some_and(|known| known.status <= status)
     }
 
-    /// Whether it gets to what it is declared not to get to.
+    /// Returns `true` if it reaches a status that it is declared not to reach.
     pub(super) fn contradicts(&self) -> bool {
         self.known.as_ref().is_some_and(|known| self.status >= Some(known.status))
     }
 }
 
-/// A row that is wrong on a column, or declared to be and isn't.
+/// A row that is wrong on a column, or a declaration that is outdated.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Finding {
     /// The row.
     pub row: String,
     /// The column.
     pub column: String,
-    /// What is wrong.
+    /// The problem.
     pub why: String,
-    /// Whether what is wrong is a declaration: the row gets to what it is declared not to get to.
+    /// `true` for an outdated declaration: the row reaches the status.
     pub outdated: bool,
 }
 
@@ -147,8 +146,8 @@ impl fmt::Display for Finding {
 }
 
 impl Matrix {
-    /// Rows as which naga panics, that a validator rejects or has no verdict on, and whose results differ, if that isn't
-    /// declared; and rows that are declared to fail and don't.
+    /// The undeclared problems: rows on which naga panics, that a validator rejects or can't judge, or whose results
+    /// differ. And outdated declarations: rows that are declared to fail and don't.
     #[must_use]
     pub fn findings(&self) -> Vec<Finding> {
         let mut findings = Vec::new();
@@ -180,11 +179,11 @@ impl Matrix {
         findings
     }
 
-    /// Wants nothing to be found.
+    /// Checks that there are no findings.
     ///
     /// # Panics
-    /// If there is a [finding](Self::findings), or nothing was judged: there is no row, or no cell got
-    /// further than its translation.
+    /// If there is a [finding](Self::findings), or nothing was judged: there is no row, or no cell got further than its
+    /// translation.
     #[track_caller]
     pub fn expect_no_findings(&self) {
         self.try_expect_evidence().unwrap_or_else(|missed| panic!("{missed}"));

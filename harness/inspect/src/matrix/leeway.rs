@@ -1,4 +1,4 @@
-//! Results that WGSL leaves open: two columns that differ there are both right.
+//! Finds results that WGSL leaves open: two columns that differ there are both right.
 
 use karat::fixture::Fixtures;
 use karat::unstable::interpret::{Alone, Bound, Interpreted};
@@ -6,8 +6,8 @@ use karat::unstable::probe::Probed;
 use karat::unstable::reflect::BindingKind;
 use karat_core::value::Scalar;
 
-/// A function in Karat's engine, which knows what WGSL leaves open; nothing is known of one that the
-/// engine doesn't execute.
+/// A function in Karat's engine, which knows the results that WGSL leaves open; empty if the engine can't execute the
+/// function.
 #[derive(Default)]
 pub(super) enum Leeway {
     #[default]
@@ -16,21 +16,21 @@ pub(super) enum Leeway {
         function: Interpreted,
         loose: bool,
     },
-    /// Each case is a dispatch.
+    /// Each case is a dispatch of its own.
     Alone(Alone),
 }
 
 /// The lanes of some cases that WGSL leaves open.
 pub(super) struct Latitude {
-    /// The bounds of each lane; `None`: they aren't known, as of derivatives.
+    /// The bounds of each lane; `None` if they are unknown, as for derivatives.
     pub(super) bounds: Option<Vec<Bound>>,
-    /// The lanes that depend on what an index reads or writes outside of its array.
+    /// The lanes that depend on a read or a write outside an array.
     strays: Vec<bool>,
-    /// True if bounds are wider than what WGSL allows: those of a texture hold all of its texels.
+    /// `true` if bounds are wider than WGSL allows: those of a texture contain all of its texels.
     loose: bool,
 }
 
-/// The lanes of one case that WGSL leaves open.
+/// The lanes of a case that WGSL leaves open.
 #[derive(Clone, Copy)]
 pub(super) struct OfCase<'l> {
     bounds: Option<&'l [Bound]>,
@@ -41,13 +41,13 @@ pub(super) struct OfCase<'l> {
 /// The verdict on two results of a lane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Freedom {
-    /// Any value is allowed: results that differ are both right.
+    /// Any value is allowed, so both are right even if they differ.
     Any,
     /// WGSL allows both results.
     Both,
     /// One of them isn't allowed.
     NotBoth,
-    /// It isn't known what is allowed.
+    /// The allowed results are unknown.
     Unknown,
 }
 
@@ -65,7 +65,7 @@ impl Leeway {
         }
     }
 
-    /// The open lanes of these cases; `None`: nothing is known of them.
+    /// The open lanes of these cases; `None` if they are unknown.
     pub(super) fn at(&self, rows: &[u32], cases: usize) -> Option<Latitude> {
         match self {
             Self::Unknown => None,
@@ -83,7 +83,7 @@ impl Leeway {
 }
 
 impl Latitude {
-    /// Of one case, whose result has so many lanes.
+    /// The lanes of a case whose result has `width` lanes.
     pub(super) fn case(&self, case: usize, width: usize) -> OfCase<'_> {
         let lanes = case * width..(case + 1) * width;
         let bounds = self.bounds.as_ref().and_then(|bounds| bounds.get(lanes.clone()));
@@ -92,12 +92,12 @@ impl Latitude {
 }
 
 impl OfCase<'_> {
-    /// Judges a lane's two results.
+    /// Judges two results of a lane.
     pub(super) fn freedom(&self, lane: usize, scalar: Scalar, results: [u32; 2]) -> Freedom {
         if self.strays.get(lane) == Some(&true) {
             return Freedom::Any;
         }
-        // Where an index leaves its array in one lane, bounds of the others are lost with it.
+        // An index outside its array in one lane makes the bounds of all lanes unusable.
         let Some(bounds) = self.bounds.filter(|_| !self.strays.contains(&true)) else {
             return Freedom::Unknown;
         };
@@ -145,13 +145,13 @@ mod tests {
         assert_eq!(f(1, two), [Freedom::Both, Freedom::Both]);
         assert_eq!(f(1, three), [Freedom::NotBoth, Freedom::Both]);
         assert_eq!(f(7, three), [Freedom::Any, Freedom::Unknown]);
-        // What is written outside may be seen in any element; a division by zero is defined.
+        // A write outside may change any element; a division by zero is defined.
         let g = |i: u32, n: u32| freedom("g", [i, n], Scalar::I32, [[0, 0], [7, 0]]);
         assert_eq!(g(1, 0), [Freedom::Both, Freedom::NotBoth]);
         assert_eq!(g(9, 0), [Freedom::Any, Freedom::Unknown]);
     }
 
-    /// An atomic operation outside of its array may be one of another element, or none.
+    /// An atomic operation outside its array may change another element, or none.
     #[test]
     fn what_an_atomic_does_outside_is_open_in_what_it_returns_and_leaves() {
         let text = "@group(0) @binding(0) var<storage, read_write> b: array<atomic<u32>, 4>;

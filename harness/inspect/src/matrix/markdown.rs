@@ -1,4 +1,4 @@
-//! A matrix as a page.
+//! Writes a matrix as a page of Markdown.
 
 use std::collections::BTreeMap;
 use std::fmt::Write;
@@ -8,7 +8,7 @@ use karat_core::output::{counted, markdown, visible};
 use super::{Cell, Matrix, Status, Stop};
 
 impl Cell {
-    /// What a table calls it: how far it got, that it is wrong, or that this is known.
+    /// Its word in a table: how far it got, that it is wrong, or that this is known.
     #[must_use]
     pub fn word(&self) -> &'static str {
         match (self.status, &self.stopped) {
@@ -24,7 +24,7 @@ impl Cell {
 }
 
 impl Cell {
-    /// Why it stops, and how much that weighs.
+    /// The reason why it stops, and its weight.
     fn reason(&self) -> Option<(Weight, String)> {
         if let Some(known) = self.fails_as_declared() {
             return Some((Weight::Other, format!("known: {}", known.reason)));
@@ -40,19 +40,19 @@ impl Cell {
     }
 }
 
-/// How much a reason weighs.
+/// The weight of a reason.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Weight {
     Wrong,
     Other,
-    /// A validator or a path isn't here.
+    /// A validator or a path isn't available here.
     Absent,
 }
 
-/// Rows that are named where there may be many.
+/// The most rows that a list names.
 const MOST_NAMES: usize = 6;
 
-/// A name as code. Within backticks HTML has no meaning, and a name that isn't plain gets by without them.
+/// A name as code: a plain one between backticks, any other one as escaped HTML.
 fn code(name: &str) -> String {
     let plain = |c: char| c.is_alphanumeric() || "_:.-#@ (),".contains(c);
     match name.chars().all(plain) {
@@ -61,10 +61,10 @@ fn code(name: &str) -> String {
     }
 }
 
-/// A sentence with code in it, between single backticks.
+/// A sentence with code between single backticks.
 fn prose(text: &str) -> String {
     let parts: Vec<&str> = text.split('`').collect();
-    // An even number of marks, and no two side by side: then these, and only these, are code.
+    // Backticks come in pairs, and never two side by side: so exactly the parts between them are code.
     if text.contains("``") || parts.len().is_multiple_of(2) {
         return markdown(text);
     }
@@ -76,8 +76,8 @@ fn prose(text: &str) -> String {
 }
 
 impl Matrix {
-    /// Why rows stop: each reason with its columns, and its rows. First what is wrong, then what isn't
-    /// here or isn't run; of each the most frequent first.
+    /// The reasons why rows stop, each with its columns and rows. First those with something wrong, then those with
+    /// something missing or not run; within each, the most frequent first.
     #[must_use]
     pub fn reasons(&self) -> Vec<(String, Vec<String>)> {
         self.ranked_reasons().into_iter().map(|(_, why, rows)| (why, rows)).collect()
@@ -118,7 +118,7 @@ impl Matrix {
         reasons.into_iter().map(shown).collect()
     }
 
-    /// How many results differ where WGSL leaves them open, which is no finding; `None` if none does.
+    /// The number of results that differ where WGSL leaves them open, which isn't a finding; `None` if none does.
     #[must_use]
     pub fn open(&self) -> Option<String> {
         let open = |cell: &&Cell| cell.open > 0;
@@ -141,8 +141,8 @@ impl Matrix {
         ))
     }
 
-    /// The matrix as a page of Markdown: what ran, how many rows got how far, each row, and why rows
-    /// stop.
+    /// The matrix as a page of Markdown: the columns that ran, the number of rows by status, each row, and the reasons
+    /// why rows stop.
     #[must_use]
     pub fn markdown(&self) -> String {
         self.write_markdown().expect("writing to a String never fails")
@@ -176,7 +176,7 @@ impl Matrix {
             writeln!(text, "\n{open}.")?;
         }
         writeln!(text, "\n## Why rows stop\n")?;
-        // What isn't here at all is said at the column's head.
+        // A column that isn't available says so in its head.
         let whole = |(weight, _, rows): &(Weight, String, Vec<String>)| {
             *weight == Weight::Absent && rows.len() * 2 > self.rows.len()
         };
@@ -191,7 +191,7 @@ impl Matrix {
         Ok(text)
     }
 
-    /// How many rows get at least that far on a column.
+    /// The number of rows that reach at least this status on a column.
     #[must_use]
     pub fn count(&self, column: usize, status: Status) -> usize {
         let rows = self.rows.iter().filter(|row| row.is_judged());
@@ -204,7 +204,7 @@ impl Matrix {
 mod tests {
     use super::*;
 
-    /// The HTML outside of code, in a text without two marks side by side.
+    /// The HTML outside code, in a text without two adjacent backticks.
     fn bare(text: &str) -> String {
         text.split('`').step_by(2).collect()
     }

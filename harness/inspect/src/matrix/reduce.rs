@@ -1,4 +1,4 @@
-//! The simplest input on which two columns differ.
+//! Finds the simplest input on which two columns differ.
 
 use karat::unstable::check::Flushed;
 use karat::unstable::executor::Caller;
@@ -11,11 +11,11 @@ use super::leeway::{Latitude, Leeway};
 /// Rounds of simplification.
 const ROUNDS: usize = 24;
 
-/// Two columns, and by which tolerance they differ.
+/// Two columns, and the tolerance between them.
 pub(super) struct Pair<'r, 'p> {
     pub(super) expected: &'r Caller<'p>,
     pub(super) actual: &'r Caller<'p>,
-    /// The inputs among which simpler ones are looked for.
+    /// The inputs to search for simpler ones.
     pub(super) inputs: &'r dyn Stream,
     pub(super) arguments: &'r [Scalar],
     pub(super) results: &'r [Scalar],
@@ -23,7 +23,7 @@ pub(super) struct Pair<'r, 'p> {
     pub(super) leeway: &'r Leeway,
 }
 
-/// An input on which two columns differ, with the results that do.
+/// An input on which two columns differ, with both results.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Case {
     pub(super) row: Vec<u32>,
@@ -32,8 +32,8 @@ pub(super) struct Case {
 }
 
 impl Pair<'_, '_> {
-    /// Makes the arguments of a case simpler as long as the columns differ when it runs alone. `None`:
-    /// alone they agree, so that what differs depends on the cases that run beside it.
+    /// Simplifies the arguments of a case as long as the columns differ when it runs alone. `None` if they agree then:
+    /// the difference depends on the cases that run beside it.
     pub(super) fn reduce(&self, found: &Case) -> Option<Case> {
         let mut simplest = found.row.clone();
         for _ in 0..ROUNDS {
@@ -43,13 +43,13 @@ impl Pair<'_, '_> {
                 None => break,
             }
         }
-        // What was found among others is looked at alone.
+        // Run a case that was found among others alone.
         self.first_that_differs(&[simplest])
             .or_else(|| self.first_that_differs(std::slice::from_ref(&found.row)))
     }
 
-    /// Compares the results of some rows. Cases that differ by what one column flushes of its arguments are open, whatever
-    /// is known of the function: WGSL lets operations take subnormals for zeros (15.7.2).
+    /// Compares the results of some rows. A case that differs because one column flushes its arguments is open,
+    /// whatever is known about the function: WGSL lets operations treat subnormals as zeros (15.7.2).
     pub(super) fn compare(
         &self,
         rows: &[u32],
@@ -77,7 +77,7 @@ impl Pair<'_, '_> {
         seen
     }
 
-    /// Of these rows, the first on which the columns differ. None if one of them can't be run.
+    /// The first of these rows on which the columns differ; `None` if there is none, or a column can't run them.
     fn first_that_differs(&self, rows: &[Vec<u32>]) -> Option<Case> {
         if rows.is_empty() {
             return None;
@@ -107,7 +107,7 @@ mod tests {
     use karat_core::domain::{Dynamic, Part};
     use karat_core::tolerance::{Abs, Tolerance};
 
-    /// Makes results of all arguments together.
+    /// Computes each result from all arguments together.
     #[derive(Debug)]
     struct By(fn(&[u32]) -> Vec<u32>);
 
@@ -139,7 +139,7 @@ mod tests {
         }
     }
 
-    /// Some drivers take one invocation's value for those of all that run together.
+    /// Some drivers use one invocation's value for all that run together.
     #[test]
     fn what_differs_among_others_alone_is_not_made_simpler() {
         let squares = |all: &[u32]| all.iter().map(|own| own * own).collect();
@@ -170,7 +170,7 @@ mod tests {
         assert_eq!(reduced(wrong), Some(simplest), "with its own results");
     }
 
-    /// A column that takes a subnormal for 0 is right, and one that returns something else isn't.
+    /// A column that treats a subnormal as 0 is right; one that returns something else isn't.
     #[test]
     fn what_is_flushed_is_open_and_nothing_else() {
         let kept = |all: &[u32]| {

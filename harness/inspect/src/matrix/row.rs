@@ -1,4 +1,4 @@
-//! One row: executed on each column's path, and compared.
+//! Executes a row on each column's path, and compares the results.
 
 use std::borrow::Cow;
 
@@ -23,7 +23,7 @@ use crate::limits::REPEATED;
 use crate::made_up::{self, Content, Ranges};
 use crate::work;
 
-/// Runs a row on the columns whose cells got so far, and compares the results.
+/// Runs a row on the columns that got far enough, and compares the results.
 pub(super) fn run(request: &Request, ready: Ready, mut cells: Vec<Cell>) -> Row {
     for cell in &mut cells {
         let entry_point = matches!(ready.about, About::EntryPoint { .. });
@@ -50,7 +50,7 @@ pub(super) fn run(request: &Request, ready: Ready, mut cells: Vec<Cell>) -> Row 
                         })
                         .map(of)
                 };
-                // A content that the pass changes shows what it does.
+                // A content that the pass changes shows its effect.
                 let shows = |one: &Result<(Passes, _), String>| {
                     one.as_ref().map_or(true, |(passes, _)| changes(passes) != Some(false))
                 };
@@ -62,7 +62,7 @@ pub(super) fn run(request: &Request, ready: Ready, mut cells: Vec<Cell>) -> Row 
                     buffers = data.iter().filter_map(super::Buffer::of).collect();
                 }
             }
-            // The translation is that of the entry point; what runs calls it as a function.
+            // The translation is that of the entry point, but the run calls it as a function.
             None => match request.probed(&ready.row.name) {
                 Ok(probed) => run_function(request, &probed, &mut cells),
                 Err(error) => {
@@ -80,13 +80,13 @@ fn run_function(request: &Request, probed: &Probed, cells: &mut [Cell]) {
     let ranges = Ranges::of(&request.package).map_err(|error| error.to_string());
     let drawn = ranges.and_then(|ranges| {
         let fixtures = made_up::fixtures(probed, &ranges, made_up::beyond(probed)[0]);
-        // A resource that can't be made up fails where it is used.
+        // A resource that can't be generated fails where it is used.
         let rows = work::rows(probed, &ranges, &fixtures.unwrap_or_default(), request.cases)?;
         Ok((rows, ranges))
     });
     let (rows, ranges) = match drawn {
         Ok(drawn) => drawn,
-        // Only a range that is declared has no value.
+        // Only a declared range can be without values.
         Err(why) => {
             for cell in cells.iter_mut().filter(|cell| cell.stopped.is_none()) {
                 cell.stopped = Some(Stop::Broke(why.clone()));
@@ -125,7 +125,7 @@ fn run_function(request: &Request, probed: &Probed, cells: &mut [Cell]) {
 }
 
 impl Cell {
-    /// Takes other cases of the same function as well: of two verdicts the worse one.
+    /// Adds other cases of the same function. The worse verdict counts.
     fn add(&mut self, other: Self) {
         let worst = self.worst_ulp.max(other.worst_ulp);
         let counts = [self.compared, self.differing, self.open];
@@ -158,7 +158,7 @@ fn run_cases(
     cells: &mut [Cell],
 ) {
     let mut ran: Vec<Ran<'_>> = Vec::new();
-    // Where one driver says that a loop doesn't end, others would hang.
+    // If one driver reports an endless loop, others would hang.
     let mut endless: Option<String> = None;
     for (index, column) in request.columns.iter().enumerate() {
         let cell = &mut cells[index];
@@ -197,7 +197,7 @@ fn results<'p>(
     (rows, cases): (&[u32], usize),
     endless: &mut Option<String>,
 ) -> Result<(Caller<'p>, Vec<u32>), Stop> {
-    // A path that isn't here is one thing, a function that doesn't run there another.
+    // An unavailable path is one reason, a function that can't run there another.
     karat::unstable::path::adapter(path).map_err(|error| Stop::Unavailable(error.to_string()))?;
     let mut stop = |error: ProbeError| {
         if let ProbeError::Rounds { .. } = error {
@@ -271,7 +271,7 @@ fn compare_all(
             let width = results.len();
             let of = |ran: &Ran<'_>| ran.results[case * width..(case + 1) * width].to_vec();
             let (was, is) = (of(first), of(other));
-            // Against both columns, by the same rule as they were compared with each other.
+            // Compare with both columns, by the same rule that compared them with each other.
             let agrees = |one: &[u32], with: &[u32]| {
                 let latitude = latitude.map(|all| all.case(*case, width));
                 !judge.case(with, one, latitude).differs
@@ -300,7 +300,7 @@ mod tests {
     use super::*;
     use karat::Package;
 
-    /// A matrix of those of these columns that run here.
+    /// A matrix of those of these columns that are available here.
     fn matrix(text: &str, columns: &[&str]) -> Matrix {
         let columns =
             columns.iter().map(|name| name.parse::<super::super::Column>().expect("a column"));
@@ -310,7 +310,7 @@ mod tests {
         crate::matrix(&Package::from_source("m", text)).columns(here).run().expect("it is made")
     }
 
-    /// The cells of each row behind the first column.
+    /// The cells of each row after the first column.
     fn others(matrix: &Matrix) -> impl Iterator<Item = (&str, &Cell)> {
         matrix.rows.iter().flat_map(|row| row.cells.iter().skip(1).map(|cell| (&*row.name, cell)))
     }
@@ -346,7 +346,7 @@ mod tests {
 
     #[test]
     fn what_wgsl_allows_agrees() {
-        // GL's `mix` cancels, and so does a distance to what is near.
+        // GL's `mix` cancels, and so does the distance to a near point.
         let text = "
             fn blend(p: f32, q: f32, h: f32) -> f32 { return mix(p, q, clamp(h, 0.0, 1.0)); }
             fn union_of(p: f32, q: f32) -> f32 {
@@ -360,7 +360,7 @@ mod tests {
         }
     }
 
-    /// naga's GLSL clamps no coordinate before a sampler repeats.
+    /// naga's GLSL doesn't clamp coordinates before a sampler repeats.
     #[test]
     fn samplers_clamp_repeat_and_mirror() {
         let sampled = |name: &str, call: &str| {

@@ -1,4 +1,4 @@
-//! What a row is about, and its translations.
+//! The subject of a row, and its translations.
 
 use std::sync::Arc;
 
@@ -11,17 +11,17 @@ use karat_translate::{Shader, TranslateError, Translation};
 use super::column::Written;
 use super::{Column, Request, Row, Source};
 
-/// A function or an entry point with its translations; or its row, if it has none.
+/// A function or an entry point with its translations; or its row, if there are none.
 pub(super) enum Subject {
     Row(Box<Row>),
     Ready(Box<Ready>),
 }
 
-/// What there is to run.
+/// A subject that is ready to run.
 pub(super) struct Ready {
     pub(super) row: Row,
     pub(super) about: About,
-    /// Into each language that a column wants, in the order of the columns.
+    /// The translations into the columns' languages, in the order of the columns.
     pub(super) made: Vec<Made>,
 }
 
@@ -47,7 +47,7 @@ impl Subject {
 }
 
 impl Ready {
-    /// The translation that a column runs or judges.
+    /// The translation that a column runs or checks.
     pub(super) fn of(&self, column: Column) -> &Made {
         let made = self.made.iter().find(|made| made.written == column.written());
         made.expect("each column's text is made")
@@ -78,12 +78,12 @@ impl Ready {
     }
 }
 
-/// Whether naga has to read what it wrote for this column.
+/// Returns `true` if naga has to read its own output for this column.
 pub(super) fn is_read_back(column: Column) -> bool {
     column.path.is_some_and(|path| matches!(path.via(), Via::Spirv | Via::Wgsl))
 }
 
-/// Links, reflects and translates.
+/// Links, reflects and translates an item.
 pub(super) fn prepare(request: &Request, item: &FunctionItem) -> Subject {
     let text = &item.whole.file.text[item.whole.range.clone()];
     let (line, _) = item.whole.file.line_column(item.whole.range.start);
@@ -119,7 +119,7 @@ pub(super) fn prepare(request: &Request, item: &FunctionItem) -> Subject {
             }
             Err(error) => failed("function", error),
         },
-        // It has no value to pass or to compare, or belongs to another stage: nothing calls it.
+        // It has no value to pass or to compare, or belongs to another stage, so nothing can call it.
         Err(ProbeError::Reflect(ReflectError::Unprobeable(why) | ReflectError::Override(why))) => {
             failed("not callable", why.to_string())
         }
@@ -131,7 +131,7 @@ type EntryPoint = (Shader, Arc<Program>, String, String);
 
 fn entry_point(request: &Request, item: &FunctionItem) -> Result<EntryPoint, String> {
     let (module, own) = item.name.rsplit_once("::").unwrap_or(("", &item.name));
-    // Alone: what another entry point of its module needs, a path may lack.
+    // Alone, because a path may lack something that another entry point of its module needs.
     let program = Program::of_items(&for_validating(&request.package, module), module, &[own]);
     let program = program.map_err(|error| error.to_string())?;
     let given = request.overrides_of(&program);
@@ -146,20 +146,20 @@ fn entry_point(request: &Request, item: &FunctionItem) -> Result<EntryPoint, Str
     Ok((shader, program, name, stage.to_string()))
 }
 
-/// A text of a program with the values of its overrides.
+/// A program's text with the values of its overrides.
 fn shader(text: &str, program: &Program) -> Result<Shader, String> {
     let module = Arc::unwrap_or_clone(parsed_with(text, program.overrides())?);
     Shader::of(module).map_err(|error| error.to_string())
 }
 
-/// The text of a function and all that it uses, as its author wrote it.
+/// A function with everything that it uses, as the author wrote it.
 fn own(request: &Request, item: &FunctionItem) -> Option<String> {
     let (module, name) = item.name.rsplit_once("::").unwrap_or(("", &item.name));
     let program = Program::of_items(&request.package, module, &[name]).ok()?;
     Some(program.text().to_owned())
 }
 
-/// The translations of a text; `own` is the author's part of it, if it has others.
+/// The translations of a text; `own` is the author's part of it, if there are other parts.
 fn translated(
     request: &Request,
     shader: &Shader,

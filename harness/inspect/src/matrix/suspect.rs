@@ -1,20 +1,20 @@
-//! Who agrees with whom where two columns differ: two that agree against one name the suspect.
+//! Names the suspect if two columns differ: the one against which two others agree.
 
 use super::{Cell, Stop};
 
-/// How a column's result compares with those of two columns that differ.
+/// The side that a column takes between two columns that differ.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Side {
-    /// As the first column's.
+    /// It agrees with the first column.
     First,
-    /// As that of the column that differs from it.
+    /// It agrees with the other column.
     Other,
-    /// As neither, or as both.
+    /// It agrees with neither, or with both.
     Neither,
 }
 
-/// Names the suspect of a cell that differs from the first column, if one of both is alone: a column with its name, and the
-/// sides that all columns take, these two among them.
+/// Names the suspect of a cell that differs from the first column, if one of the two is alone. `sides` has the name and
+/// the side of each column, these two included.
 pub(super) fn name(cell: &mut Cell, sides: &[(String, Side)]) {
     let of = |side: Side| -> Vec<&str> {
         sides.iter().filter(|(_, own)| *own == side).map(|(name, _)| name.as_str()).collect()

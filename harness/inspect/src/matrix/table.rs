@@ -1,4 +1,4 @@
-//! All rows, and what is wanted of them.
+//! A matrix as a table of rows, and the expectations about them.
 
 use std::collections::BTreeMap;
 use std::sync::{Mutex, PoisonError};
@@ -25,18 +25,18 @@ use rayon::prelude::*;
 pub struct Matrix {
     /// The package.
     pub package: String,
-    /// The version of naga whose translations these are. Users of other versions have others.
+    /// The version of naga that wrote these translations. Other versions write others.
     pub naga: String,
-    /// The validators that judged, with their versions.
+    /// The validators, with their versions.
     pub validators: BTreeMap<String, String>,
-    /// Inputs of each function.
+    /// The number of inputs of each function.
     pub cases: usize,
     /// The columns, with their adapters.
     pub columns: Vec<Head>,
     /// The rows, in the order of modules and lines.
     pub rows: Vec<Row>,
-    /// What is declared of these rows and nothing here shows or refutes: a column isn't in the matrix, a
-    /// row can't be judged, or a validator or driver is missing.
+    /// The declarations that can't be checked here: the column isn't in the matrix, the row can't be judged, or a
+    /// validator or a driver is missing.
     pub undecided: Vec<Known>,
 }
 
@@ -45,22 +45,22 @@ pub struct Matrix {
 pub struct Head {
     /// Its name.
     pub name: String,
-    /// The language that is translated into.
+    /// The language of its translations.
     pub language: String,
-    /// What runs it: adapter and driver.
+    /// The adapter and the driver that run it.
     pub adapter: Option<String>,
-    /// Why nothing runs it.
+    /// The reason why nothing runs it.
     pub unavailable: Option<String>,
 }
 
-/// Why there is no matrix.
+/// The reason why there is no matrix.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum MatrixError {
     /// The package can't be read.
     #[error(transparent)]
     Package(#[from] PackageError),
-    /// The environment has a setting that can't be used.
+    /// An environment variable has an invalid setting.
     #[error(transparent)]
     Settings(#[from] SettingsError),
     /// There is no row.
@@ -71,39 +71,39 @@ pub enum MatrixError {
     Nothing {
         /// The package.
         package: String,
-        /// What names were to contain.
+        /// The parts of names that were requested.
         only: Vec<String>,
     },
     /// There is no column, or no case.
     #[error("a matrix has at least one column and one case")]
     Empty,
-    /// There are more cases than are kept in memory.
+    /// There are more cases than fit into memory.
     #[error("a matrix has at most {most} cases a function, not {cases}")]
     TooMany {
-        /// What was asked for.
+        /// The requested number.
         cases: usize,
-        /// What is possible.
+        /// The largest number.
         most: usize,
     },
-    /// The file that says which row ran as a process ended can't be read.
+    /// The file that records which row ran when a process ended can't be read.
     #[error("can't read `{file}`, which says what ran as a process ended: {why}")]
     Journal {
         /// The file.
         file: String,
-        /// Why.
+        /// The reason.
         why: String,
     },
-    /// A declaration of what doesn't work can't be true.
+    /// A declaration about a row that doesn't work is impossible.
     #[error("row `{row}` is declared not to work on `{column}`: {why}")]
     Known {
         /// The row.
         row: String,
         /// The column.
         column: String,
-        /// What is wrong with it.
+        /// The problem.
         why: String,
     },
-    /// An override that no row has, or a value that isn't of its type.
+    /// An override that no row has, or a value that doesn't fit its type.
     #[error("an override: {0}")]
     Override(String),
     /// A column is named twice.
@@ -111,11 +111,11 @@ pub enum MatrixError {
     Repeated(String),
 }
 
-/// Cases of a function, all in memory on each column: as many as `karat call` takes.
+/// The most cases of a function, all in memory on each column: as many as `karat call` accepts.
 const MOST_CASES: usize = 1 << 22;
 
-/// Rows that are translated, judged and run together: enough for a process of a validator to judge
-/// several, and few enough that their texts don't fill the memory.
+/// The rows that are translated, judged and run together: enough to share a validator's process, and few enough that
+/// their texts fit into memory.
 const TOGETHER: usize = 64;
 
 pub(super) fn make(
@@ -157,10 +157,10 @@ pub(super) fn make(
     let all = items.len();
     let order: BTreeMap<String, usize> =
         items.iter().enumerate().map(|(index, item)| (item.name.clone(), index)).collect();
-    // First, each alone: who ends the process again does so before the others have run.
+    // Suspected rows first, each alone: if one ends the process again, no other row is running.
     let suspected: Vec<FunctionItem> =
         items.extract_if(.., |item| journal.is_suspected(&item.name)).collect();
-    // Devices are opened before the rows need them, one after the other.
+    // Open devices before the rows need them, one after the other.
     let columns = request.columns.iter().map(head).collect();
     let done = Mutex::new(0);
     let together = suspected.chunks(1).chain(items.chunks(TOGETHER));
@@ -187,7 +187,7 @@ pub(super) fn make(
                 (Subject::Ready(ready), None) => ready.row(Vec::new()),
                 (Subject::Row(row), _) => *row,
             };
-            // Whoever counts tells it before another one counts, so that no count is told late.
+            // Report a count before another thread counts, so that reports stay in order.
             let mut done = done.lock().unwrap_or_else(PoisonError::into_inner);
             *done += 1;
             progress(*done, all);
@@ -205,7 +205,7 @@ pub(super) fn make(
     Ok(Matrix { package, naga, validators, cases, columns, rows, undecided })
 }
 
-/// The functions and entry points; and a row for each module that can't be read.
+/// The functions and entry points, and a row for each module that can't be read.
 fn items(package: &Package) -> Result<(Vec<FunctionItem>, Vec<Row>), PackageError> {
     let (mut items, mut unread) = (Vec::new(), Vec::new());
     for module in package.modules()? {
@@ -217,7 +217,7 @@ fn items(package: &Package) -> Result<(Vec<FunctionItem>, Vec<Row>), PackageErro
     Ok((items, unread))
 }
 
-/// What is declared in the test and in `karat.toml`.
+/// The declarations in the test and in `karat.toml`.
 fn known(request: &Request) -> Result<Vec<Known>, MatrixError> {
     let mut all = request.known.clone();
     for written in known_rows(&request.package)? {
@@ -248,7 +248,7 @@ fn head(column: &Column) -> Head {
     Head { name, language, adapter, unavailable }
 }
 
-/// What a matrix lacks.
+/// An expectation that a matrix doesn't meet.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Missed {
@@ -256,49 +256,49 @@ pub enum Missed {
     #[error("the matrix has no column `{name}`{}",
         nearest.as_ref().map_or_else(String::new, |name| format!("; did you mean `{name}`?")))]
     NoColumn {
-        /// What was asked for.
+        /// The requested name.
         name: String,
         /// The closest column.
         nearest: Option<String>,
     },
-    /// No row is a function that can be called, or an entry point.
+    /// No row is an entry point, or a function that a kernel can call.
     #[error(
         "the matrix has no row to judge: there is no entry point, and no function can be called"
     )]
     NoRow,
-    /// Each row was translated, and no more.
+    /// All rows were translated, but nothing else.
     #[error(
         "of {rows} rows none was judged: there is no validator of these languages, and nothing ran \
              them; `karat doctor` lists what is missing and how to get it"
     )]
     NothingJudged {
-        /// How many rows there are.
+        /// The number of rows.
         rows: usize,
     },
-    /// Rows don't get that far.
+    /// Some rows don't reach the status.
     #[error("{} of {of} rows don't get to `{status}` on `{column}`:\n{}", rows.len(), list(rows))]
     Rows {
         /// The column.
         column: String,
-        /// What they should get to.
+        /// The status that they should reach.
         status: Status,
-        /// Each with the reason.
+        /// The rows, each with its reason.
         rows: Vec<(String, String)>,
-        /// Of how many.
+        /// The number of all rows.
         of: usize,
     },
-    /// Rows that are declared to fail pass.
+    /// Some rows that are declared to fail pass.
     #[error("on `{column}` these rows get to `{status}`, though they are declared not to; delete \
              their declarations: {}", rows.join(", "))]
     Passing {
         /// The column.
         column: String,
-        /// What they get to.
+        /// The status that they reach.
         status: Status,
         /// The rows.
         rows: Vec<String>,
     },
-    /// A declaration names no row.
+    /// A declaration names a row that the matrix doesn't have.
     #[error("a declaration names the row `{name}`, which the matrix doesn't have")]
     NoSuchRow {
         /// The row.
@@ -312,10 +312,10 @@ fn list(rows: &[(String, String)]) -> String {
 }
 
 impl Matrix {
-    /// Wants a row, and a cell that something has judged: a validator, or another column.
+    /// Checks that there is a row, and a cell that a validator or another column has judged.
     ///
     /// # Errors
-    /// If there is none.
+    /// If one is missing.
     pub fn try_expect_evidence(&self) -> Result<(), Missed> {
         let rows = self.rows.iter().filter(|row| row.is_judged()).count();
         let judged = |cell: &Cell| {
@@ -327,36 +327,35 @@ impl Matrix {
         match self.rows.iter().flat_map(|row| &row.cells).any(judged) {
             _ if rows == 0 => Err(Missed::NoRow),
             true => Ok(()),
-            // What can't be read is an error of its own.
+            // An unreadable module is reported on its own.
             false if self.rows.iter().any(|row| row.is_judged() && row.error.is_some()) => Ok(()),
             false => Err(Missed::NothingJudged { rows }),
         }
     }
 
-    /// Wants every row to get to a status on a column. Functions that no kernel can call aren't
-    /// judged.
+    /// Checks that every row reaches a status on a column. Functions that no kernel can call are left out.
     ///
     /// # Panics
-    /// If a row doesn't get that far, or there is no such column or no row.
+    /// If a row doesn't reach it, or there is no such column or no row.
     #[track_caller]
     pub fn expect(&self, column: &str, status: Status) {
         self.expect_but(column, status, &[]);
     }
 
-    /// [`expect`](Self::expect) of all rows but those that are declared with a reason. These must
-    /// not get that far: a declaration that isn't true any more is an error.
+    /// Does the same as [`expect`](Self::expect), except for rows that are declared with a reason. These must not reach
+    /// the status: an outdated declaration is an error.
     ///
     /// # Panics
-    /// As [`expect`](Self::expect); or if a declared row gets that far.
+    /// As [`expect`](Self::expect), and if a declared row reaches the status.
     #[track_caller]
     pub fn expect_but(&self, column: &str, status: Status, known: &[(&str, &str)]) {
         self.try_expect_but(column, status, known).unwrap_or_else(|missed| panic!("{missed}"));
     }
 
-    /// [`expect_but`](Self::expect_but) without the panic.
+    /// Does the same as [`expect_but`](Self::expect_but), without the panic.
     ///
     /// # Errors
-    /// If a row doesn't get that far, a declared one does, or there is no such column or no row.
+    /// If a row doesn't reach the status, a declared one does, or there is no such column or no row.
     pub fn try_expect_but(
         &self,
         column: &str,
@@ -402,7 +401,7 @@ impl Matrix {
 }
 
 impl Row {
-    /// A module that can't be read.
+    /// The row of a module that can't be read.
     fn of_module(module: &str, error: String) -> Self {
         let source = Source { file: String::new(), line: 1, text: String::new() };
         Self {
@@ -417,13 +416,13 @@ impl Row {
         }
     }
 
-    /// Whether there is anything to judge: not where no kernel can call the function.
+    /// Returns `true` if there is something to judge. A function that no kernel can call has nothing.
     #[must_use]
     pub fn is_judged(&self) -> bool {
         self.kind != "not callable"
     }
 
-    /// Why it gets no further on a column.
+    /// The reason why it gets no further on a column.
     #[must_use]
     pub fn why(&self, column: usize) -> String {
         let stopped = self.cells.get(column).and_then(|cell| cell.stopped.as_ref());
@@ -439,13 +438,13 @@ mod tests {
     #[test]
     fn each_row_is_told_once_and_in_order() {
         let functions = |at: usize| format!("fn f{at}(x: f32) -> f32 {{ return x * {at}.0; }}\n");
-        // More than are run together.
+        // More rows than run together.
         let text: String = (0..TOGETHER + 3).map(functions).collect();
         let package = Package::from_modules("m", [("a", text), ("b", "fn broken(".to_owned())]);
         let told = Mutex::new(Vec::new());
         let request = crate::matrix(&package).columns(["cpu".parse().expect("a column")]).cases(4);
         let made = request.run_with(&|done, of| told.lock().expect("whole").push((done, of)));
-        // A module that can't be read is a row that takes no time.
+        // A module that can't be read is a row without work.
         assert_eq!(made.expect("made").rows.len(), TOGETHER + 4);
         let all = TOGETHER + 3;
         assert_eq!(

@@ -1,4 +1,5 @@
-//! A fragment function that writes storage, as a pass: each invocation is a pixel of a draw that nothing orders.
+//! Runs a fragment function that writes storage as a pass: each invocation is a pixel, and nothing orders the pixels of
+//! a draw.
 
 use std::sync::Arc;
 
@@ -10,18 +11,19 @@ use karat::unstable::probe::Probed;
 
 use crate::made_up::{Arguments, Content, Extents, Mix, Ranges, Resources};
 
-/// Pixels across and down, one after the other: as many as a compute pass of 8 x 8 invocations usually has, and rows are no
-/// columns. An edge at any tenth, quarter or third parts a quad in one of them.
+/// The sizes of draws in pixels, across and down, taken in turn. They have about as many pixels as a compute pass of 8
+/// x 8 workgroups usually has invocations, and rows and columns differ. In one of them an edge at any tenth, quarter or
+/// third splits a quad.
 const SIZES: [[u32; 2]; 4] = [[18, 26], [14, 22], [22, 30], [10, 34]];
 
-/// The same rows for each function of one signature, on every machine.
+/// The seed: functions with the same signature get the same rows, on every machine.
 const SEED: u64 = 0x7069_7865_6c73; // "pixels"
 
-/// The pixels of one draw, with made-up inputs and resources, whose sizes follow from the pixels. A single one if that
-/// is asked for.
+/// The pixels of a draw, with generated inputs and resources whose sizes follow from the pixels. A single pixel if
+/// requested.
 ///
 /// # Errors
-/// If the function isn't valid, or an input or a resource can't be made up.
+/// If the function isn't valid, or an input or a resource can't be generated.
 pub(crate) fn of_pixels(
     package: &Package,
     name: &str,
@@ -34,7 +36,7 @@ pub(crate) fn of_pixels(
     let probed = Probed::with_overrides(package, name, &overrides);
     let probed = probed.map_err(|error| error.to_string())?;
     let (program, function) = (&probed.program, probed.function());
-    // A single pixel has the others of its quad for neighbours.
+    // A single pixel has the rest of its quad for neighbours.
     let whole = SIZES[content.draw % SIZES.len()];
     let (size, [across, down]) = if single { ([1; 2], [2; 2]) } else { (whole, whole) };
     let extents_of = |content| Extents::of([1; 3], [whole[0], whole[1], 1], content);

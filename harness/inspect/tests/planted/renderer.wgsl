@@ -1,4 +1,4 @@
-// A small renderer: what its entry points do is right, and tests plant faults in it.
+// A small renderer. Its entry points are correct, and tests plant faults in it.
 const PI: f32 = 3.14159265;
 struct Camera { view_proj: mat4x4f, model: mat4x4f, eye: vec3f, lod: f32 }
 @group(0) @binding(0) var<uniform> camera: Camera;

@@ -1,14 +1,14 @@
-//! Expressions in `f32` that lose digits, or are no numbers, somewhere in the ranges that are declared for their inputs, and the
-//! forms that mend them: after Hamming, *Numerical Methods for Scientists and Engineers*, chapter 3; and the 33 expressions in
-//! single precision of Herbie's benchmarks: formulas of pbrt, the level of detail of Direct3D 11.3 (7.8.11), and three of Rust's
-//! inverse hyperbolic functions.
+//! Expressions in `f32` that lose digits, or become NaN or infinite, somewhere in the declared ranges of their inputs,
+//! and the forms that repair them. They come from Hamming, *Numerical Methods for Scientists and Engineers*, chapter 3,
+//! and from the 33 expressions in single precision of Herbie's benchmarks: formulas of pbrt, the level of detail of
+//! Direct3D 11.3 (7.8.11), and three of Rust's inverse hyperbolic functions.
 
 #![expect(clippy::approx_constant, reason = "they are the constants that the shaders have")]
 
 use karat::check::HazardKind;
 use karat::prelude::*;
 
-/// An expression, the ranges of its inputs, and what it is in both precisions.
+/// An expression, the ranges of its inputs, and its computation in both precisions.
 struct Expression {
     text: &'static str,
     inputs: &'static [(&'static str, f64, f64)],
@@ -364,8 +364,8 @@ fn of_herbie() -> Vec<Expression> {
     ]
 }
 
-/// True if more than half of the digits of some value in the ranges are lost, or it is no number, by plain arithmetic in both
-/// precisions.
+/// Returns `true` if some value in the ranges loses more than half of its digits, or isn't finite, by plain arithmetic
+/// in both precisions.
 fn loses(expression: &Expression) -> bool {
     /// Half of the 24 digits of an `f32`.
     const HALF: f64 = 1.0 / 4096.0;
@@ -383,7 +383,7 @@ fn loses(expression: &Expression) -> bool {
             match kind {
                 _ if kind < 0.125 => *least as f32,
                 _ if kind < 0.25 => *most as f32,
-                // As many points in each decade.
+                // The same number of points in each decade.
                 _ if *least > 0.0 => (least * (most / least).powf(share)) as f32,
                 _ => (least + (most - least) * share) as f32,
             }
@@ -395,7 +395,7 @@ fn loses(expression: &Expression) -> bool {
     })
 }
 
-/// Expressions that are a fault: found and missed; and others: called one, and not.
+/// The numbers of expressions with a fault (found, missed), and of others (reported, silent).
 #[derive(Debug, Default)]
 struct Told {
     found: usize,
@@ -420,7 +420,7 @@ fn told(all: Vec<Expression>) -> Told {
                 all.input(name, *least..=*most)
             });
         let hazards = declared.run().unwrap_or_else(|error| panic!("{}: {error}", one.text));
-        // That WGSL bounds no error is another claim than that digits are lost.
+        // An operation that WGSL doesn't bound is another kind of finding than lost digits.
         let mut faults = hazards.faults().filter(|fault| fault.kind != HazardKind::Unbounded);
         match (loses(&one), faults.next().is_some()) {
             (true, true) => told.found += 1,
@@ -432,13 +432,13 @@ fn told(all: Vec<Expression>) -> Told {
     told
 }
 
-/// With the preconditions declared, each expression that loses digits, or is no number, is a fault, and no other one is.
+/// With declared preconditions, each expression that loses digits or isn't finite is a fault, and no other one is.
 #[test]
 fn expressions_that_lose_digits_are_found() {
     for (name, all) in [("Hamming", of_hamming()), ("Herbie", of_herbie())] {
         let told = told(all);
         println!("{name}: {told:#?}");
-        // Asked for: recall .8, precision .95.
+        // The goal: recall 0.8, precision 0.95.
         assert!(
             10 * told.found >= 8 * (told.found + told.missed.len()),
             "{name}: {:#?}",

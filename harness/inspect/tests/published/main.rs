@@ -1,8 +1,8 @@
-//! Kernels after published sets, whose faults are known by construction: Indigo's graph patterns and axes (Liu, Azami, Walters,
-//! Burtscher: *The Indigo Program-Verification Microbenchmark Suite*, 2022), kinds of `DataRaceBench` that map to WGSL, and
-//! locks, scopes and work stealing as `ScoR` has them (Kamath, George, Basu, 2020), and indices outside of the kinds that Vulkan's
-//! GPU-assisted validation looks for. All of it is written anew. The sample is every 23rd kernel; `SUITES=whole`
-//! runs all, and prints the scores.
+//! Kernels modelled on published sets, with faults that are known by construction: Indigo's graph patterns and axes
+//! (Liu, Azami, Walters, Burtscher: *The Indigo Program-Verification Microbenchmark Suite*, 2022), kinds of
+//! `DataRaceBench` that map to WGSL, locks, scopes and work stealing as in `ScoR` (Kamath, George, Basu, 2020), and the
+//! kinds of indices outside that Vulkan's GPU-assisted validation looks for. All kernels are written anew. The sample
+//! is every 23rd kernel; `SUITES=whole` runs all, and prints the scores.
 
 mod expressions;
 
@@ -12,11 +12,11 @@ use karat::check::HazardKind;
 use karat::prelude::*;
 use karat_inspect::hazards::Kind;
 
-/// A kernel with what is planted in it.
+/// A kernel, and the fault planted in it.
 struct Kernel {
     name: String,
     text: String,
-    /// Lines of the planted fault, from 1: those that end in [`MARK`].
+    /// The lines of the planted fault, counted from 1: those that end in [`MARK`].
     lines: BTreeSet<usize>,
     planted: Planted,
 }
@@ -25,13 +25,13 @@ struct Kernel {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Planted {
     Nothing,
-    /// Accesses that nothing orders: an update that isn't atomic, a barrier that is left out.
+    /// Unordered accesses: an update that isn't atomic, or a missing barrier.
     Race,
-    /// A guard is left out, and an index leaves its array.
+    /// An index outside its array, because a guard is missing.
     Bounds,
 }
 
-/// Behind each line that takes part in a planted fault.
+/// The end of each line that takes part in a planted fault.
 const MARK: &str = "// here";
 
 impl Kernel {
@@ -42,7 +42,7 @@ impl Kernel {
     }
 }
 
-/// Vertices of the graph, and edges of each.
+/// The number of vertices of the graph, and of edges at each.
 const VERTICES: u32 = 100;
 
 fn graph() -> [Vec<u32>; 3] {
@@ -54,14 +54,14 @@ fn graph() -> [Vec<u32>; 3] {
     ]
 }
 
-/// Who has a vertex: an invocation, eight of them, or a workgroup.
+/// The owner of a vertex: an invocation, eight of them, or a workgroup.
 const MAPPINGS: [(&str, &str, &str, &str); 3] = [
     ("invocation", "g.x", "0u", "1u"),
     ("eight", "g.x / 8u", "l % 8u", "8u"),
     ("workgroup", "w.x", "l", "64u"),
 ];
 
-/// A kernel over the edges of each vertex. `each` runs for an edge to `u`, `last` once behind them.
+/// A kernel over the edges of each vertex. `each` runs for an edge to `u`, `last` runs once after them.
 fn of_graph(
     (mapping, backwards, guarded): (usize, bool, bool),
     (number, is_atomic): (&str, bool),
@@ -95,7 +95,7 @@ var<workgroup> partial: array<{number}, 64>;
     )
 }
 
-/// A sum or a maximum over a workgroup, by a tree, without one of its barriers if that is asked for.
+/// A sum or a maximum over a workgroup, by a tree. One of its barriers may be left out.
 fn tree(join: &str, then: &str, barriers: [bool; 2]) -> String {
     let barrier = |is: bool| if is { "workgroupBarrier();" } else { "" };
     let mark = if barriers == [true; 2] { "" } else { MARK };
@@ -129,7 +129,7 @@ fn indigo() -> Vec<Kernel> {
         let (right, one) = ((mapping, backwards, true), if number == "u32" { "1u" } else { "1" });
         let bare = (mapping, backwards, false);
         for condition in ["u > v", "data[u] > data[v]", "u > v && data[u] > data[v]"] {
-            // Conditional edge: count those that hold.
+            // Conditional edge: count those that satisfy the condition.
             let atomic = format!("if {condition} {{ atomicAdd(&out[0], {one}); }}");
             let plain = format!("if {condition} {{ out[0] += {one}; }} {MARK}");
             let name = |what: &str| format!("conditional edge, {axes}, {condition}: {what}");
@@ -140,7 +140,7 @@ fn indigo() -> Vec<Kernel> {
             );
             add(name("atomic"), of_graph(right, (number, false), ("", &plain, "")), Planted::Race);
             add(name("bounds"), of_graph(bare, (number, true), ("", &atomic, "")), Planted::Bounds);
-            // Worklist: append the vertices that hold.
+            // Worklist: append the vertices that satisfy the condition.
             let push = format!(
                 "if {condition} {{ let slot = u32(atomicAdd(&out[0], {one})); if slot < arrayLength(&list) {{ list[slot] = u; }} }}"
             );
@@ -157,7 +157,7 @@ fn indigo() -> Vec<Kernel> {
         }
         let zero = if number == "u32" { "0u" } else { "0" };
         let own = format!("var own = {zero};");
-        // Conditional vertex: the greatest neighbour of all.
+        // Conditional vertex: the largest neighbour of all.
         let most = "own = max(own, data[u]);";
         let name = |what: &str| format!("conditional vertex, {axes}: {what}");
         let last = |last: &str| match mapping {
@@ -219,7 +219,7 @@ fn indigo() -> Vec<Kernel> {
                 add(name(what), pull(&last, false), Planted::Race);
             }
         }
-        // Push: each neighbour is given something.
+        // Push: each vertex adds to its neighbours.
         let name = |what: &str| format!("push, {axes}: {what}");
         let atomic = "atomicAdd(&out[u], data[v]);";
         let plain = format!("out[u] += data[v]; {MARK}");
@@ -256,7 +256,8 @@ fn indigo() -> Vec<Kernel> {
     all
 }
 
-/// Bodies with a race, and without one, over `a`, `b` (read), `c`, `t` (atomics), `idx`, all of `n` elements, and a `tile` of 64.
+/// Bodies with a race and without one, over `a`, `b` (read), `c`, `t` (atomics) and `idx`, all with `n` elements, and a
+/// `tile` of 64.
 const PAIRS: [(&str, &str, &str); 32] = [
     (
         "antidependence",
@@ -386,7 +387,7 @@ fn pairs() -> Vec<Kernel> {
     PAIRS.into_iter().flat_map(of).collect()
 }
 
-/// A kernel of 128 invocations with that body, and a mark behind each of its statements.
+/// A kernel of 128 invocations with this body, and a mark at the end of each of its statements.
 fn body_of(body: &str, mark: &str) -> String {
     let body = body.replace("; ", &format!("; {mark}\n    "));
     format!(
@@ -408,7 +409,8 @@ var<workgroup> tile: array<i32, 64>;
     )
 }
 
-/// Bodies with an index outside, and the same with its guard, of the kinds that Vulkan's GPU-assisted validation looks for.
+/// Bodies with an index outside, and the same with a guard, of the kinds that Vulkan's GPU-assisted validation looks
+/// for.
 const OUTSIDE: [(&str, &str, &str); 16] = [
     ("read of a buffer", "c[i] = b[i + 1u];", "c[i] = b[min(i + 1u, n - 1u)];"),
     ("write to a buffer", "c[i + 1u] = b[i];", "if i + 1u < n { c[i + 1u] = b[i]; }"),
@@ -448,7 +450,7 @@ const OUTSIDE: [(&str, &str, &str); 16] = [
     ),
 ];
 
-/// Each index outside is found with data and without, and no guarded one is a finding.
+/// Each index outside is found with data and without, and no guarded index is reported.
 #[test]
 fn indices_outside_are_found() {
     for (name, outside, guarded) in OUTSIDE {
@@ -476,7 +478,7 @@ fn indices_outside_are_found() {
                     .unwrap_or_else(|error| panic!("{name}: {error}\n{text}"));
             let is_told = found.iter().any(|(one, _)| one.kind == HazardKind::OutOfRange);
             assert_eq!(is_told, is_planted, "{name}: {found:?}");
-            // Without data the lengths are any, and no invocation has more than the elements of all.
+            // Without data the lengths are arbitrary, so the guard covers the elements of all arrays.
             let guard = "let all = vec4u(arrayLength(&a), arrayLength(&b), arrayLength(&c), arrayLength(&t));
     let least = min(min(all.x, all.y), min(all.z, all.w));
     let n = min(least, arrayLength(&idx));
@@ -490,19 +492,19 @@ fn indices_outside_are_found() {
     }
 }
 
-/// True where `SUITES=whole` asks for all.
+/// Returns `true` if `SUITES=whole` requests all kernels.
 fn is_whole() -> bool {
     std::env::var("SUITES").is_ok_and(|suites| suites == "whole")
 }
 
-/// All, or each 23rd: no multiple of the variants that stand beside each other.
+/// All kernels, or every 23rd: 23 is no multiple of the number of variants of a kernel.
 fn chosen(all: Vec<Kernel>) -> Vec<Kernel> {
     const SHARE: usize = 23;
     let wanted = |at: usize| is_whole() || at % SHARE == 1;
     all.into_iter().enumerate().filter(|(at, _)| wanted(*at)).map(|(_, kernel)| kernel).collect()
 }
 
-/// True and false, positive and negative.
+/// True and false, positive and negative counts.
 #[derive(Debug, Default)]
 struct Score {
     positive: [usize; 2],
@@ -526,7 +528,7 @@ fn lines<'p>(places: impl Iterator<Item = &'p str>) -> BTreeSet<usize> {
     places.filter_map(|place| place.rsplit(':').nth(1)?.parse().ok()).collect()
 }
 
-/// With data each planted fault is found, by its lines, and nothing else is.
+/// With data each planted fault is found, at its lines, and nothing else.
 #[test]
 fn planted_faults_are_found_with_data() {
     let [starts, targets, data] = graph();
@@ -583,7 +585,7 @@ fn planted_faults_are_found_with_data() {
             Planted::Bounds => kind == HazardKind::OutOfRange,
             _ => kind != HazardKind::OutOfRange,
         };
-        // An index outside that changes nothing is no failure of a test: so a missing guard may be told, and need not.
+        // An index outside that changes nothing doesn't fail a test, so a missing guard may be reported or not.
         let told = found.iter().any(|one| is_it(one.kind));
         if kernel.planted != Planted::Bounds {
             score.add(kernel, told, &format!("{found:?}"));
@@ -608,7 +610,7 @@ fn planted_faults_are_found_with_data() {
     assert!(astray.is_empty(), "told by other lines: {}", astray.join("\n"));
 }
 
-/// Without a test no kernel that is free of races for all contents has a race, and most racy ones are found.
+/// Without a test, no kernel that is free of races for all contents has a race, and most racy ones are found.
 #[test]
 fn planted_races_are_found_without_a_test() {
     let (mut score, mut guards) = (Score::default(), [0, 0]);
@@ -622,7 +624,7 @@ fn planted_races_are_found_without_a_test() {
             hazards.found.iter().filter(|one| matches!(one.kind, Kind::Race | Kind::EqualWrites))
         };
         if kernel.planted == Planted::Bounds {
-            // At the loop whose guard is left out. A read outside that changes nothing is no finding, so these have no share.
+            // At the loop without the guard. A read outside that changes nothing isn't a finding, so these don't count.
             let outside = hazards.found.iter().filter(|one| one.kind == Kind::OutOfRange);
             let is_told = !lines(outside.map(|one| &*one.location)).is_disjoint(&kernel.lines);
             guards[usize::from(is_told)] += 1;
@@ -643,7 +645,7 @@ fn planted_races_are_found_without_a_test() {
     let [_, missed] = score.negative;
     let missing = score.wrong.join("\n");
     assert_eq!(alarms, 0, "{missing}");
-    // Asked for when the set was made: 85 % of the racy ones.
+    // The goal when the set was made: 85 % of the racy ones.
     assert!(100 * found >= 85 * (found + missed), "{found} of {}: {missing}", found + missed);
 }
 
@@ -651,7 +653,7 @@ fn kernels() -> Vec<Kernel> {
     chosen(indigo()).into_iter().chain(chosen(pairs())).collect()
 }
 
-/// True if the entry point uses a variable.
+/// Returns `true` if the entry point uses a variable.
 fn uses(text: &str, name: &str) -> bool {
     let body = text.split("fn kernel").nth(1).unwrap_or_default();
     let is_word = |c: char| c.is_alphanumeric() || c == '_';

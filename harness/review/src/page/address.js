@@ -1,4 +1,4 @@
-// The frame in the address: `index.html#rooms/dark` shows that one, so that others can be sent there.
+// The frame in the address: `index.html#rooms/dark` shows that one, so that you can send a link to it.
 
 const address = (() => {
   const WAIT = 400; // ms; Safari refuses more than 100 changes in 30 s, and a key that is held repeats faster
@@ -15,7 +15,7 @@ const address = (() => {
 
   let known = location.hash; // the fragment that the page has followed or written
 
-  // Shows the frame that is named. Where there is none, no other takes its place.
+  // Shows the named frame. If it doesn't exist, the page shows no other frame instead.
   const follow = () => {
     known = location.hash;
     const name = named();
@@ -34,13 +34,13 @@ const address = (() => {
     shown = state.selected;
     clearTimeout(timer);
     timer = setTimeout(() => {
-      // Another fragment than the known one was typed this instant: its event comes and wins.
+      // If the fragment isn't the known one, you have just typed it: its event follows, and has precedence.
       if (location.hash !== known || !selectedCase() || named() === selectedCase().name) return;
       try {
         history.replaceState(null, "", fragment(selectedCase().name));
         known = location.hash;
       } catch {
-        // Some viewers of artefacts forbid it. Only the link is lost.
+        // Some viewers of artefacts forbid it. Then only the link is lost.
       }
     }, WAIT);
   });

@@ -1,4 +1,4 @@
-// The list of cases, and their data: scripts that hand over one case each.
+// The list of cases, and their data: scripts that each pass one case to the page.
 
 // Loads a case's data once.
 function load(entry) {
@@ -16,7 +16,7 @@ function load(entry) {
   document.head.append(script);
 }
 
-// What a data file calls.
+// Receives the call of a data file.
 async function receive(data) {
   const entry = state.cases.find(({ index: number }) => number === data.index);
   if (!entry) return;
@@ -55,13 +55,13 @@ async function images(data) {
 function received(entry, data) {
   Object.assign(entry, { data: { ...data, refused: undefined }, pixels: data.pixels, size: entry.size ?? data.size, error: null });
   thumbs.make(entry);
-  // What was loaded for its thumbnail alone isn't kept.
+  // Data that was loaded only for a thumbnail isn't kept.
   if (entry.background && entry !== selectedCase()) entry.data = null;
   entry.background = false;
 }
 
-// Adds the key, the logarithmic mean of luminance, and what counts as dark: the same share of the
-// key as in the comparison of frames.
+// Adds the key, the logarithmic mean of luminance, and the luminance that counts as dark: the same share of the key as
+// in the comparison of frames.
 function prepared(image) {
   const { values } = image;
   let [sum, count] = [0, 0];
@@ -83,7 +83,7 @@ function prepared(image) {
   const UNUSABLE = "can't be used";
   const STATUS = { accepted: "accepted", rejected: "rejected", gone: "no longer pending" };
 
-  // How far over its tolerance; of a new frame, or one that is decided, nothing.
+  // The ratio to its tolerance; empty for a new or decided frame.
   const severity = ({ severity: times, status }) => (times == null || !["pending", "function"].includes(status) ? ""
     : times === Infinity ? "∞" : `${numbers.rounded(times)} ×`);
   const badges = ({ odd, finite, status }) => (status !== "pending" ? []
@@ -93,7 +93,7 @@ function prepared(image) {
   const GROUPS = { unusable: UNUSABLE, golden: "accepted goldens", function: "functions that fail" };
   const groupOf = (entry) => GROUPS[entry.status] ?? folderOf(entry.name);
 
-  // A long name is broken after its parts; after hyphens it is anyway.
+  // A long name may break after its parts; browsers break it after hyphens anyway.
   const breakable = (name) => name.match(/[^/_.]+[/_.]*|[/_.]+/g).flatMap((piece) => [piece, element("wbr")]);
 
   const row = (position) => {
@@ -119,7 +119,7 @@ function prepared(image) {
     return element("li", {}, ...choose.box(position), button);
   };
 
-  // Each folder is named once, above its frames; ordered by errors there are none.
+  // Each folder has one heading above its frames; sorted by error, there are no headings.
   const folders = (positions) => {
     if (state.sort === "error") return [element("li", {}, element("ol", {}, ...positions.map(row)))];
     const members = new Map();

@@ -1,4 +1,4 @@
-// Frames that are chosen, to be decided together.
+// Frames chosen for a common decision.
 
 const choose = (() => {
   const canBe = (position) => index.served && state.cases[position]?.status === "pending";
@@ -10,7 +10,7 @@ const choose = (() => {
     if (!chosen.delete(position)) chosen.add(position);
     set([...chosen]);
   };
-  // All that are listed; again: none.
+  // Chooses all listed frames; a second time, none.
   const all = () => {
     const every = listed().filter(canBe);
     set(every.every((position) => state.chosen.has(position)) ? [] : every);
@@ -31,7 +31,7 @@ const choose = (() => {
     return [element("label", { className: "choose" }, input)];
   };
 
-  // What is decided: what is chosen and still pending, or else what is looked at.
+  // The entries to decide about: those that are chosen and still pending, or otherwise the one on the stage.
   const entries = () => {
     const chosen = [...state.chosen].filter(canBe).map((position) => state.cases[position]);
     return chosen.length ? chosen : [selectedCase()].filter(Boolean);

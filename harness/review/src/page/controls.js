@@ -4,13 +4,13 @@ const actions = (() => {
   const stops = (by) => change({ exposure: Math.round((state.exposure + by) * 4) / 4 });
   const reset = () => change({ fit: true, pinned: null });
 
-  // Pixels 1:1 around what is inspected, or around the middle; again: all of the image.
+  // Shows pixels 1:1 around the inspected place, or around the middle; a second time, the whole image.
   const pixels = () => {
     if (!state.fit && state.scale === 1) return reset();
     return change({ scale: 1, fit: false, center: inspected() ?? state.center });
   };
 
-  // The image's key at middle grey, as in previews; in whole stops, so that values stay readable.
+  // Puts the image's key at middle grey, as in previews; in whole stops, so that values stay readable.
   const autoExposure = () => {
     const image = part()?.golden ?? part()?.actual;
     if (image) change({ exposure: Math.round(Math.log2(0.18 / image.key)) });
@@ -22,8 +22,8 @@ const actions = (() => {
     if (selectedCase()) load(selectedCase());
   };
 
-  // The next case that is listed, forward or back from a position; at the end it stays. From one that
-  // isn't listed it is the first or the last.
+  // Goes to the next listed case, forward or back from a position, and stays at the end. From an unlisted position it
+  // goes to the first or the last.
   const step = (by, from = state.selected) => {
     const positions = listed();
     const at = positions.indexOf(from);
@@ -42,7 +42,7 @@ const actions = (() => {
     ...(entry?.data?.maps ?? []).map(({ image }) => image),
   ];
 
-  // The worst place, as the test found it; from there on, the next area that fails.
+  // Goes to the worst place that the test found; from there on, to the next failing area.
   const worst = (by = 0) => {
     const boxes = failing.of(loaded())?.boxes ?? [];
     const place = loaded()?.gates.find((gate) => gate.place)?.place;
@@ -62,7 +62,7 @@ const actions = (() => {
 const keys = (() => {
   const button = (id, act) => byId(id).addEventListener("click", (event) => {
     act();
-    // A click leaves no focus behind, so that the space bar flips; the keyboard's focus stays.
+    // A click leaves no focus, so that the space bar flips; the focus of the keyboard stays.
     if (event.detail) event.currentTarget.blur();
   });
   const toggles = { "false-color": "falseColor", marks: "marks", grid: "grid", relative: "relative",
@@ -161,7 +161,7 @@ const keys = (() => {
     const step = 64 / state.scale;
     return change({ center: [state.center[0] + dx * step, state.center[1] + dy * step], fit: false });
   };
-  // Space compares by eye: it starts the flipping, and stops it at what is seen.
+  // Space is for comparing by eye: it starts flipping, and stops at the side that is visible.
   const flip = () => (state.view === "flip"
     ? change({ flipping: !state.flipping })
     : actions.show("flip"));

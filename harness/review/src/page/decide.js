@@ -1,4 +1,4 @@
-// Accepting and rejecting: by asking the server, or by showing what to type.
+// Accepting and rejecting: by asking the server, or by showing the command to type.
 
 const decide = (() => {
   const accepting = byId("accept-dialog");
@@ -10,7 +10,7 @@ const decide = (() => {
     ? `karat accept ${entry.name}${entry.accept} --because "…"`
     : `karat reject ${entry.name}${index.arguments}`);
 
-  // Whether a case has been looked at here, or at least its thumbnail: its pixels are known.
+  // Data of a case that you have looked at here, or at least of its thumbnail: its pixels are known.
   const known = (entry) => entry.data ?? entry.thumb;
 
   const open = (kind) => {
@@ -43,8 +43,8 @@ const decide = (() => {
     dialog.showModal();
   };
 
-  // The reason of the acceptance before, which several frames often share. It is offered, not put in:
-  // who presses Enter at once accepts nothing.
+  // The reason of the previous acceptance, which several frames often share. It is offered, not filled in: pressing
+  // Enter at once accepts nothing.
   const reasons = (() => {
     const KEY = "karat.because";
     const button = byId("last-reason");
@@ -52,7 +52,7 @@ const decide = (() => {
     try {
       last = sessionStorage.getItem(KEY) ?? "";
     } catch {
-      // Some viewers have no storage; then it is known until the page is closed.
+      // Some viewers have no storage. Then the reason is kept until the page is closed.
     }
     button.addEventListener("click", () => {
       because.value = last;
@@ -69,14 +69,14 @@ const decide = (() => {
         try {
           sessionStorage.setItem(KEY, text);
         } catch {
-          // As above.
+          // The same here.
         }
       },
     };
   })();
 
-  // What a frame may become the golden of. One from lavapipe is everybody's, and one that was
-  // compared with its profile's golden replaces that.
+  // The goldens that a frame may become. A frame from lavapipe is for all machines, and one that was compared with its
+  // profile's golden replaces that.
   const foreign = ({ accepting: { canonical, own } }) => !canonical && !own;
   const replaces = (entry) => foreign(entry) && !entry.accepting.new;
   const offer = (entries) => {
@@ -89,7 +89,7 @@ const decide = (() => {
     document.querySelectorAll("#accept-form .profile").forEach((name) => { name.textContent = profiles; });
   };
 
-  // The same, as it is sent.
+  // The same, in the form that is sent.
   const chosen = (entry) => {
     const all = replaces(entry) && byId("of-all").checked;
     return { profile: replaces(entry) && !all, any_adapter: all || byId("any-adapter").checked };
@@ -99,7 +99,7 @@ const decide = (() => {
     byId("news").textContent = text;
   };
 
-  // What is pending now, as the server says: another page or a test may have decided.
+  // The frames that are still pending, from the server: another page or a test may have decided.
   const refresh = (pending) => {
     if (!pending) return;
     for (const entry of state.cases) {
@@ -117,7 +117,7 @@ const decide = (() => {
     else actions.select(following);
   };
 
-  // One decision. What is wrong with it, if anything.
+  // Sends one decision. Returns the error, if there is one.
   const sendOne = async (kind, entry, details) => {
     const response = await fetch(kind, {
       method: "POST",
@@ -131,14 +131,14 @@ const decide = (() => {
     return answer.error;
   };
 
-  // What has the focus within a dialog keeps it until the next frame is drawn, and would take a key that
-  // is pressed before.
+  // An element that has the focus in a dialog keeps it until the next frame is drawn, and would receive a key that is
+  // pressed before.
   const shut = (dialog) => {
     dialog.close();
     if (dialog.contains(document.activeElement)) document.activeElement.blur();
   };
 
-  // All of them, each for itself: what is refused stays, and the others are done.
+  // Sends all of them, one by one: refused ones stay, and the others are done.
   const send = async (kind, dialog, details) => {
     const problem = dialog.querySelector(".problem");
     const buttons = dialog.querySelectorAll("button");

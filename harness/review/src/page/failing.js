@@ -1,11 +1,11 @@
-// Which pixels the test's gate refuses, and the areas that they make: rectangles of neighbours. The
-// test has judged already; this finds again what it refused, by the same bounds.
+// The pixels that the test's gate refuses, and their areas: rectangles of neighbours. The test has judged already; this
+// script finds the refused pixels again, by the same bounds.
 
 const failing = (() => {
   const CLEAR = 0.01; // alpha below this is compared as if it were this, as the gate does
   const MOST = 48; // more rectangles hide what they show: then near ones become one
 
-  // What differs from the golden by more than is allowed, 1 a pixel; and the ratio of the worst.
+  // For each pixel, 1 if it differs from the golden by more than is allowed; and the worst ratio.
   const refused = ({ golden, actual }, { relative, absolute }, mask) => {
     const { width, height } = golden;
     const floor = absolute ?? relative * golden.dark;
@@ -68,7 +68,7 @@ const failing = (() => {
     if (box.ratio > known.ratio) Object.assign(known, { ratio: box.ratio, at: box.at });
   };
 
-  // Whether an area is nearly all of the image, so that its outline would say nothing.
+  // An area of more than this share is nearly the whole image, so its outline would be useless.
   const ALL = 0.9;
   const isWhole = ({ left, top, right, bottom }, { width, height }) =>
     Math.min(width, height) >= SMALL && right - left + 1 >= ALL * width && bottom - top + 1 >= ALL * height;
@@ -76,7 +76,7 @@ const failing = (() => {
 
   const share = (part) => (part < 0.001 ? "less than 0.1 %" : `${numbers.rounded(100 * part)} %`);
 
-  // Of the part that is judged, the first: the number of refused pixels, and their areas, worst first.
+  // For the first part that is judged: the number of refused pixels, and their areas, worst first.
   const of = (data) => {
     const [judged, ...others] = data?.parts ?? [];
     const { golden, actual } = judged ?? {};
@@ -86,7 +86,7 @@ const failing = (() => {
     const ratios = refused(judged, data.gate, mask);
     const count = ratios.reduce((sum, ratio) => sum + (ratio > 0), 0);
     let boxes = [];
-    // Of very many the smallest cells make too many areas anyway, and take long.
+    // With very many pixels the smallest cells take long, and make too many areas anyway.
     for (let cell = count > 10000 ? 4 : 1; count && cell <= 256; cell *= 2) {
       boxes = areas(ratios, golden.width, golden.height, cell);
       if (boxes.length <= MOST) break;

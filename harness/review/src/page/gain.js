@@ -1,6 +1,6 @@
-// The gain of the difference view: until somebody chooses one, it follows what is looked at, so that
-// none is left over from the frame before. The scale ends above 99 % of the differences, at a power
-// of two: a few highlights would darken all others. What is beyond the scale is pale.
+// The gain of the difference view. Until you choose one, it depends on the shown frame, so that no gain stays from the
+// frame before. The scale ends above 99 % of the differences, at a power of two: otherwise a few highlights would
+// darken all others. Values beyond the scale are pale.
 
 const gain = (() => {
   const LEAST = 149; // stops below 1 of the smallest f32
@@ -34,7 +34,7 @@ const gain = (() => {
     return LEAST - power;
   };
 
-  // Not computed again while nothing changes that it depends on.
+  // Computed again only if an input changes.
   let known = { part: null, key: "", stops: 0 };
   listeners.push(() => {
     const shown = part();

@@ -1,12 +1,12 @@
-// How many pixels of each side have which value: stops from middle grey across, the number on a
-// logarithmic scale upwards, so that a few highlights are seen beside thousands of pixels.
+// The number of pixels of each side by value: stops from middle grey across, the number on a logarithmic scale upwards,
+// so that a few highlights are visible beside thousands of pixels.
 
 const histogram = (() => {
   const STOPS = 16; // on each side of middle grey
   const BINS = 128;
   const canvas = byId("histogram").querySelector("canvas");
 
-  // The number of pixels by stops; `none` has those without a logarithm: zero, negative, no number.
+  // The number of pixels by stops; `none` counts those without a logarithm: zero, negative, NaN.
   const of = (image, channel) => {
     const bins = new Uint32Array(BINS);
     let none = 0;

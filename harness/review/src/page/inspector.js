@@ -1,4 +1,4 @@
-// The values under the cursor, or of the pinned texel: exactly as the files hold them.
+// The values under the cursor, or of the pinned texel: exactly as in the files.
 
 (() => {
   const body = byId("inspector").querySelector("tbody");

@@ -1,4 +1,4 @@
-// The start. `karat` is what data files call, and what a console may ask.
+// The start. Data files call `karat`, and you can call it in a console.
 
 window.karat = { receive, state, numbers, tones, change, stage, failing, histogram, loaded, keys };
 address.follow();

@@ -20,7 +20,7 @@ const numbers = (() => {
   // All halves by their bits: a frame has few distinct ones, and this is the fastest way.
   const halves = Float32Array.from({ length: 65536 }, (_, word) => half(word));
 
-  // The floats of a side of a part, four a pixel; little-endian whatever this machine is.
+  // The floats of a side of a part, four a pixel; little-endian on any machine.
   const decode = ({ format, data }) => {
     const view = new DataView(bytes(data).buffer);
     const size = format === "f16" ? 2 : 4;
@@ -31,8 +31,8 @@ const numbers = (() => {
     return values;
   };
 
-  // An image as `packed.rs` has stored it: four floats a pixel, and its words, a plane a channel, from
-  // which a frame was stored as the distance. `golden` are those words.
+  // An image as `packed.rs` has stored it: four floats a pixel, and its words, a plane for each channel. A frame is
+  // stored as differences from `golden`, the words of its golden.
   const unpacked = ({ width, height, format, packed: { channels, of_golden: ofGolden } }, stored, golden) => {
     const count = width * height;
     const size = format === "f16" ? 2 : 4;
@@ -70,7 +70,7 @@ const numbers = (() => {
     return new Uint8Array(await new Response(stream).arrayBuffer());
   };
 
-  // A part's sides, or a map. Those of another page than ours come as they are.
+  // A part's sides, or a map. Images from other sources aren't packed.
   const image = async (stored, golden = null) => {
     const { width, height } = stored;
     if (!stored.packed) return { width, height, values: decode(stored) };
@@ -84,7 +84,7 @@ const numbers = (() => {
     return bits[0] >>> 31 ? -magnitude : magnitude;
   };
 
-  // How many f32 lie between two; null if one is NaN.
+  // The number of f32 steps between two values; null if one is NaN.
   const ulps = (a, b) =>
     Number.isNaN(a) || Number.isNaN(b) ? null : Math.abs(ordinal(a) - ordinal(b));
 
@@ -100,8 +100,8 @@ const numbers = (() => {
     return size >= Math.fround(1e-4) && size < 1e7 ? plain(text) : text;
   };
 
-  // Digits that read back as the same f32, or nothing. The nearest decimal need not: below a power
-  // of two the f32 are closer, so that its neighbour above may do.
+  // Digits that read back as the same f32, or nothing. The nearest decimal may not: below a power of two the f32 are
+  // closer, and only the decimal above may do so.
   const reading = (value, digits) => {
     const nearest = value.toExponential(digits - 1).replace("e+", "e");
     const [mantissa, exponent] = nearest.split("e");

@@ -1,8 +1,7 @@
-// Where a case comes from: its test and how to run it again, and the modules that changed since its
-// golden.
+// The origin of a case: its test, the commands to run it again, and the modules that changed since its golden.
 
 const origin = (() => {
-  // A button that copies, and says so where it was.
+  // A button that copies, and confirms it in place of its label.
   const copied = (text, label) => {
     const button = element("button", { type: "button", className: "copy", title: text }, label);
     const say = (word) => {
@@ -15,7 +14,7 @@ const origin = (() => {
         await navigator.clipboard.writeText(text);
         say("Copied");
       } catch {
-        // Without leave for the clipboard the text is selected, so that a person can copy it.
+        // Without access to the clipboard the text is selected, so that you can copy it.
         const shown = button.parentElement.querySelector("code");
         if (shown) getSelection().selectAllChildren(shown);
         say("Selected");

@@ -1,5 +1,5 @@
-// What lies over the canvas: names of panes, the swipe's handle, the frame around the inspected
-// texel, areas that fail, legends.
+// The elements over the canvas: names of panes, the swipe's handle, the frame around the inspected texel, failing
+// areas, legends.
 
 (() => {
   const canvas = stage.canvas;
@@ -22,7 +22,7 @@
     return made;
   };
 
-  // An outline around all of the image says nothing; that all of it is meant does.
+  // An outline around the whole image would be useless; a text says that all of it fails.
   const everywhere = (pane) => {
     const spread = isOutlined(pane) && failing.of(loaded())?.spread;
     return spread ? [element("span", { className: "spread" }, ` fails all over: ${spread}`)] : [];
@@ -33,8 +33,7 @@
     return side === "difference" ? !golden || !actual : !part()?.[side];
   };
 
-  // A frame around texels, in each pane.
-  // One that would be smaller than `least` points is enlarged around its middle.
+  // A frame around texels, in each pane. If it would be smaller than `least` points, it is enlarged around its middle.
   const framed = (pane, [left, top, right, bottom], className, least = 3) => {
     const [x, y] = stage.origin(pane);
     const box = element("span", { className });
@@ -53,7 +52,7 @@
     return window_;
   };
 
-  // Around each area that fails: thin around large ones, and a ring where it would be overlooked.
+  // Around each failing area: thin around large ones, and a ring around those that you could overlook.
   const RING = 13; // points
   const isOutlined = (pane) => state.outlines && !state.part && pane.layer !== "golden";
   const outlined = (pane) => {
@@ -163,7 +162,7 @@
   } catch {
     resized.observe(canvas); // Safari
   }
-  // Another screen, or the browser's zoom: the element's size in points may stay.
+  // On another screen, or with the browser's zoom, the element's size in points may stay the same.
   const watchRatio = () => {
     const media = matchMedia(`(resolution: ${ratio()}dppx)`);
     media.addEventListener("change", () => { change(); watchRatio(); }, { once: true });

@@ -1,5 +1,5 @@
-// How a pixel comes about: the steps of the pinned one, and values of the shader as maps. The server
-// asks the program for both; a page from files has the steps of the pixels that are farthest from the golden.
+// The origin of a pixel: the steps of the pinned one, and values of the shader as maps. The server asks the program for
+// both; a page from files has the steps of the pixels that differ most from the golden.
 
 (() => {
   const pane = byId("pixel");
@@ -17,7 +17,7 @@
   };
   const size = () => extent().join("x");
 
-  // The last question of each kind: an answer to one before it comes too late.
+  // The last question of each kind. Answers to earlier ones are ignored.
   const asked = { values: 0, tap: 0, trace: 0 };
   const attempt = async (kind, doing, work) => {
     asked[kind] += 1;
@@ -37,7 +37,7 @@
     { className: parted ? "parted" : strange ? "strange" : lost ? "lost" : "", title: `f64: ${double}\nWGSL allows: ${allowed}` },
     element("td", {}, `${file.split("/").pop()}:${line}`), element("td", {}, operation), element("td", {}, single));
 
-  // With the shaders of the golden's commit, too, where git has one.
+  // Also with the shaders of the golden's commit, if git has one.
   const told = async (entry, [x, y]) => {
     if (!index.pixels) {
       const one = known(entry)[`${x},${y}`];
@@ -49,7 +49,7 @@
     try {
       if (commit) return [...(await ask(entry, `${question}/${commit}`)).pixel, commit];
     } catch {
-      // Today's shaders alone, then: the golden's may lack what the frame binds.
+      // Then only today's shaders: the golden's may lack variables that the frame binds.
     }
     return [null, (await ask(entry, question)).pixel, null];
   };
@@ -126,7 +126,7 @@
     }
     byId("trace").disabled = !state.pinned;
     const at = state.pinned?.join() ?? null;
-    // A click on a pixel that differs is a question.
+    // A click on a differing pixel asks for its steps.
     const { golden, actual } = part();
     const [g, a] = [texel(golden, state.pinned), texel(actual, state.pinned)];
     const differs = g && a && g.some((value, c) => !Object.is(value, a[c]));

@@ -1,4 +1,4 @@
-// The pointer: it pans, zooms and inspects; fingers do as a mouse does, and two of them zoom.
+// The pointer: it pans, zooms and inspects. Fingers work like a mouse, and two of them zoom.
 
 (() => {
   const canvas = stage.canvas;
@@ -27,7 +27,7 @@
   canvas.addEventListener("pointermove", (event) => {
     if (!stage.gl) return;
     const [x, y] = position(event);
-    // Two fingers zoom where they are, and pan as they move together.
+    // Two fingers zoom at their place, and pan as they move together.
     if (fingers.size === 2 && fingers.has(event.pointerId)) {
       const before = pinch();
       fingers.set(event.pointerId, [x, y]);
@@ -40,7 +40,7 @@
     if (fingers.has(event.pointerId)) fingers.set(event.pointerId, [x, y]);
     if (dragged) {
       const [dx, dy] = [x - dragged.from[0], y - dragged.from[1]];
-      // A hand is not that steady, and a finger less.
+      // A hand isn't steadier than this, and a finger is less steady.
       dragged.moved ||= Math.hypot(dx, dy) > (event.pointerType === "touch" ? 8 : 3) * ratio();
       if (dragged.moved) {
         const center = [dragged.center[0] - dx / state.scale, dragged.center[1] - dy / state.scale];

@@ -1,8 +1,7 @@
-// The one shader of the stage: a pane of golden, frame, difference or map. It draws in pixels of
-// the canvas and fetches texels, so nothing is filtered where a texel covers a pixel or more; where
-// it covers less, texels are averaged as seen, and marks and differences outlive the averaging.
-// What is chosen from a menu is a constant, and each choice a program of its own: drivers that draw
-// in software compute all branches of a choice.
+// The only shader of the stage: a pane of golden, frame, difference or map. It draws in pixels of the canvas and
+// fetches texels, so nothing is filtered where a texel covers at least a pixel. Where it covers less, texels are
+// averaged as they appear, and marks and differences stay visible. Each choice from a menu is a constant, with its own
+// program: software drivers compute all branches of a choice.
 
 const VERTEX = `#version 300 es
 void main() { // one triangle over the whole viewport

@@ -12,7 +12,7 @@ const stage = (() => {
     gl.compileShader(shader);
     return shader;
   };
-  // A browser may take all of it back, and give it again: what was made before is then nothing.
+  // A browser may take all of it back, and restore it later: objects made before are then invalid.
   let vertex = compiled(gl.VERTEX_SHADER, VERTEX);
   let generation = 0;
   canvas.addEventListener("webglcontextlost", (event) => {
@@ -28,7 +28,7 @@ const stage = (() => {
   const UNIFORMS = ["golden", "actual", "map", "goldenSize", "actualSize", "mapSize", "origin",
     "scale", "height", "exposure", "marks", "grid", "gain", "dark", "range"];
 
-  // A program of these choices and the places of its uniforms; made once.
+  // The program for these choices, and the locations of its uniforms; made once.
   const programs = new Map();
   const programOf = (choices) => {
     const key = JSON.stringify(choices);
@@ -47,7 +47,7 @@ const stage = (() => {
     return programs.get(key);
   };
 
-  // The texture of an image, made when it is first drawn; a texel that is missing is black.
+  // The texture of an image, made when it is first drawn. A missing texel is black.
   const nothing = { width: 0, height: 0, values: new Float32Array(4) };
   const bind = (uniforms, unit, name, image) => {
     gl.activeTexture(gl.TEXTURE0 + unit);
@@ -70,7 +70,7 @@ const stage = (() => {
     gl.uniform2i(uniforms[`${name}Size`], image.width, image.height);
   };
 
-  // Frees the textures of a case that is no longer looked at.
+  // Frees the textures of a case that is no longer shown.
   const forget = (images) => {
     for (const image of images.filter((image) => image?.texture)) {
       if (image.generation === generation) gl.deleteTexture(image.texture);
@@ -81,7 +81,7 @@ const stage = (() => {
   const LAYERS = { golden: 0, actual: 1, difference: 2, map: 3 };
   const GAP = 2; // pixels of the screen between panes
 
-  // What is where, in pixels of the canvas from the top left. `clip` is what is drawn of it.
+  // The layout, in pixels of the canvas from the top left. `clip` is the visible part of each pane.
   const panes = () => {
     const [w, h] = [canvas.width, canvas.height];
     const whole = { x: 0, y: 0, w, h };
@@ -91,7 +91,7 @@ const stage = (() => {
     if (state.view === "side") {
       const [width, height] = extent();
       const half = { w: Math.floor((w - GAP) / 2), h: Math.floor((h - GAP) / 2) };
-      // Beside or below each other: whichever shows the images larger.
+      // Beside or below each other, whichever shows the images larger.
       const beside = Math.min(half.w / width, h / height) >= Math.min(w / width, half.h / height);
       const first = beside ? { x: 0, y: 0, w: half.w, h } : { x: 0, y: 0, w, h: half.h };
       const second = beside ? { ...first, x: w - half.w } : { ...first, y: h - half.h };
@@ -116,7 +116,7 @@ const stage = (() => {
     return scale >= 1 ? Math.floor(scale) : scale;
   };
 
-  // Where the image's top left corner is. Whole pixels, so that texels and pixels coincide at 1:1.
+  // The place of the image's top left corner. Whole pixels, so that texels and pixels coincide at 1:1.
   const origin = ({ x, y, w, h }) => [
     Math.round(x + w / 2 - state.center[0] * state.scale),
     Math.round(y + h / 2 - state.center[1] * state.scale),
@@ -128,7 +128,7 @@ const stage = (() => {
     return [Math.floor((x - left) / state.scale), Math.floor((y - top) / state.scale)];
   };
 
-  // The backing store has as many pixels as the screen gives the element.
+  // The backing store has one pixel for each pixel of the screen that the element covers.
   const resize = () => {
     const ratio = window.devicePixelRatio || 1;
     const [w, h] = [canvas.clientWidth, canvas.clientHeight].map((side) => Math.max(1, Math.round(side * ratio)));
@@ -198,7 +198,7 @@ function zoom(factor, at = null) {
   change({ scale, center, fit: false });
 }
 
-// Brings a rectangle of texels to the middle of each pane, with some of what is around it.
+// Brings a rectangle of texels to the middle of each pane, with some of its surroundings.
 function lookAt([left, top, right, bottom], pinned = [left, top]) {
   const [pane] = stage.panes();
   const around = Math.max(right - left + 1, bottom - top + 1, 2) * 5; // single pixels are large enough for their values

@@ -1,11 +1,11 @@
-// What is looked at, and how. One object; whoever changes it calls `change`, and every part of the
-// page that shows it is told once before the next frame.
+// The shown case, and the settings of the view. One object: to change it, call `change`. Every part of the page that
+// shows it is updated once, before the next frame.
 
 const index = JSON.parse(document.getElementById("index").textContent);
 
 const CHANNELS = ["RGB", "R", "G", "B", "A", "luminance"];
-// Folders after what lies beside them, numbers by their value: f2 is before f10. Names that are
-// alike but for zeros still have an order.
+// Folders come after the files beside them, numbers are sorted by value: f2 is before f10. Names that only differ in
+// zeros still have an order.
 const collator = new Intl.Collator("en", { numeric: true });
 const compare = (a, b) => collator.compare(a, b) || Number(a > b) - Number(a < b);
 const folderOf = (name) => name.slice(0, name.lastIndexOf("/") + 1);
@@ -16,7 +16,7 @@ const KINDS = ["pending", "function", "golden"]; // in the order of the list
 const VIEWS = ["side", "golden", "actual", "swipe", "flip", "difference", "map"];
 
 const state = {
-  // Files that can't be used have nothing to load, and say why.
+  // Files that can't be used have no data, and show the reason.
   cases: [
     ...index.cases.map((entry) => ({ ...entry, severity: entry.severity === "inf" ? Infinity : entry.severity, data: null }))
       .sort((a, b) => KINDS.indexOf(a.status) - KINDS.indexOf(b.status) || inOrder(a, b)),
@@ -75,7 +75,7 @@ function listed() {
   const has = ({ name }) => words.every((word) => name.toLowerCase().includes(word));
   const positions = [...state.cases.keys()].filter((position) => has(state.cases[position]));
   if (state.sort === "name") return positions;
-  // Files that can't be used are none of the frames, so they come last; a sort keeps equals in order.
+  // Files that can't be used aren't frames, so they come last. The sort is stable.
   const rank = ({ status, severity }) => ({ unusable: -1, golden: -2 })[status] ?? severity ?? 0;
   return positions.sort((a, b) => rank(state.cases[b]) - rank(state.cases[a]));
 }
@@ -84,7 +84,7 @@ const loaded = () => selectedCase()?.data ?? null;
 const part = () => loaded()?.parts?.[state.part] ?? null;
 const inspected = () => state.pinned ?? state.hover;
 
-// Size of what is looked at: the larger of both sides.
+// The size of the shown case: the larger of both sides.
 function extent() {
   const sides = [part()?.golden, part()?.actual].filter(Boolean);
   return [Math.max(1, ...sides.map((s) => s.width)), Math.max(1, ...sides.map((s) => s.height))];

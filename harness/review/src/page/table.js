@@ -1,12 +1,12 @@
-// A table of values in place of images: the rows that differ, those that differ most first, or all rows
-// of a golden that nothing is pending for. An older version that is chosen takes the golden's place.
+// A table of values in place of images: the differing rows, the largest differences first, or all rows of a golden
+// without pending values. A chosen older version takes the golden's place.
 
 (() => {
   const pane = byId("table");
 
   const cell = (text, className) => element("td", { className }, text ?? "");
 
-  // A result of both sides; where they are the same, it is shown once.
+  // The results of both sides; equal ones are shown once.
   const results = (golden, actual, count) => [...Array(count).keys()].flatMap((at) => {
     const [before, after] = [golden[at], actual[at]];
     if (before === after) return [cell(before, ""), cell("=", "same")];

@@ -1,10 +1,10 @@
-// Thumbnails of golden, frame and difference. They are drawn from the data of each case, which is
-// loaded one after the other while nobody waits for another one, and isn't kept.
+// Thumbnails of golden, frame and difference. They are drawn from the data of each case, which loads one after the
+// other while you don't wait for another case, and isn't kept.
 
 const thumbs = (() => {
   const [WIDTH, HEIGHT] = [192, 108];
 
-  // A picture of which each pixel is made of the texels it covers, some of many.
+  // An image with each pixel made from some of the texels that it covers.
   const picture = ([width, height], colour) => {
     const scale = Math.min(WIDTH / width, HEIGHT / height, 8);
     const canvas = element("canvas", { width: Math.max(1, Math.round(width * scale)), height: Math.max(1, Math.round(height * scale)) });
@@ -41,7 +41,7 @@ const thumbs = (() => {
     });
   };
 
-  // The largest difference of what a pixel covers, so that a single texel is seen.
+  // The largest difference among the covered texels, so that a single texel is visible.
   const difference = (part) => {
     const { golden, actual } = part;
     const factor = 2 ** gain.automatic(part, { relative: true, channel: 0, exposure: 0 });
@@ -62,7 +62,7 @@ const thumbs = (() => {
     });
   };
 
-  // Of the part that is judged; and what is odd about it.
+  // For the part that is judged, with its unusual values.
   const make = (entry) => {
     const [judged] = entry.data?.parts ?? [];
     if (!judged || entry.thumb) return;
@@ -73,7 +73,7 @@ const thumbs = (() => {
       size: sides.length === 2 && (golden.width !== actual.width || golden.height !== actual.height),
     };
     const marked = golden && actual && difference(judged);
-    // Single pixels that fail are enlarged, as on the stage.
+    // Single failing pixels are enlarged, as on the stage.
     const boxes = (marked && failing.of(entry.data)?.boxes) || [];
     for (const { left, top, right, bottom, at: [x, y] } of boxes) {
       const scale = marked.width / golden.width;
@@ -89,7 +89,7 @@ const thumbs = (() => {
     };
   };
 
-  // A canvas has one place in the page; a list may show it again.
+  // A canvas can only be in one place of the page; a list may show it again.
   const copy = (made, className) => {
     if (!made) return element("span", { className });
     const canvas = element("canvas", { className, width: made.width, height: made.height });
@@ -97,13 +97,13 @@ const thumbs = (() => {
     return canvas;
   };
 
-  // The next thumbnail that is missing, once what is looked at is there.
+  // The next missing thumbnail, once the shown case is loaded.
   let waiting = null;
   listeners.push(() => {
     const current = selectedCase();
     if (waiting || (current && current.index !== null && !current.data && !current.error)) return;
     if (state.cases.some(({ background }) => background)) return;
-    // Those beside what is looked at come first: they are seen.
+    // Those next to the shown case come first, because they are visible.
     const order = listed();
     const middle = Math.max(0, order.indexOf(state.selected));
     const near = [...order.keys()].sort((a, b) => Math.abs(a - middle) - Math.abs(b - middle));

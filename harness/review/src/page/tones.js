@@ -1,5 +1,5 @@
-// From linear light to what a screen shows. `shader.js` has the same formulas in GLSL; the tests
-// compare the canvas with these. Linear sRGB (BT.709) in and out. No state.
+// From linear light to the colours of a screen. `shader.js` has the same formulas in GLSL; the tests compare the canvas
+// with these. Linear sRGB (BT.709) in and out. No state.
 
 const tones = (() => {
   const clamp = (x) => Math.min(1, Math.max(0, x));
@@ -9,12 +9,12 @@ const tones = (() => {
 
   const luminance = ([r, g, b]) => 0.2126 * r + 0.7152 * g + 0.0722 * b; // ITU-R BT.709
 
-  // What the shader clamps to: the fits square it, and infinity over infinity is no white.
+  // The shader's bounds: the fits square the value, and infinity over infinity isn't white.
   const bounded = (x) => Math.min(1e15, Math.max(0, x));
 
   const each = (curve) => (rgb) => rgb.map((x) => encode(clamp(curve(bounded(x)))));
 
-  // Columns of the matrix by components: the order of GLSL.
+  // Multiplies the columns of the matrix by components, in GLSL's order.
   const times = (m, [r, g, b]) =>
     [0, 1, 2].map((row) => m[row] * r + m[row + 3] * g + m[row + 6] * b);
 
@@ -77,7 +77,7 @@ const tones = (() => {
     "signed by channel", // grey is equal; a channel that is more adds its hue, one that is less takes it away
     "absolute by channel", // black is equal; each channel in its hue
   ];
-  // What a single channel looks like: R, G and B have their hue, others are white.
+  // The colour of a single channel: R, G and B have their hue, others are white.
   const HUES = { 1: [1, 0.15, 0.15], 2: [0.15, 1, 0.15], 3: [0.25, 0.35, 1] };
   const byChannel = (rgb, channel) => {
     if (channel === 0) return rgb.map((value) => 0.5 + 0.5 * Math.sign(value) * root(value));

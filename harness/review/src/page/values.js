@@ -1,5 +1,5 @@
-// The values of each pixel, written on it where it is large enough: of an image its channels, of a
-// difference what is shown of it, of a map its value.
+// The values of each pixel, written on it if it is large enough: for an image its channels, for a difference the shown
+// difference, for a map its value.
 
 (() => {
   const canvas = byId("values");

@@ -1,6 +1,5 @@
-// Older versions of a golden, as its commits have them, loaded when they are seen: thumbnails in its
-// history, of a table how many rows differ. The one that is chosen stands beside what is there now, an
-// image as a part of its own.
+// Older versions of a golden, from its commits, loaded when you see them: thumbnails in its history, or for a table the
+// number of differing rows. The chosen one stands beside the current one, an image as a part of its own.
 
 const versions = (() => {
   const body = byId("versions").querySelector(".body");
@@ -25,7 +24,7 @@ const versions = (() => {
     document.head.append(script);
   };
 
-  // What a data file hands over.
+  // Receives the data of a data file.
   const received = async (entry, { version: commit, image: stored, table, why }) => {
     const version = of(entry, commit);
     Object.assign(version, { loading: false, error: why, table });
@@ -61,7 +60,7 @@ const versions = (() => {
     change({ part: entry.data.parts.length - 1, sheet: false });
   };
 
-  // The rows of a table that differ since a commit, in place of what the entry shows.
+  // The rows of a table that differ since a commit, in place of those that the entry shows.
   const chooseTable = (entry, commit, table) => {
     if (entry !== selectedCase() || !entry.data) return;
     entry.data.older = commit && { ...table, commit };
@@ -87,7 +86,7 @@ const versions = (() => {
     load(entry, commit);
   };
 
-  // Thumbnails that nobody scrolls to aren't loaded.
+  // A thumbnail loads only when you scroll to it.
   const waiting = new WeakMap(); // what loads the one of a button
   const seen = new IntersectionObserver((items) => {
     for (const { isIntersecting, target } of items) {
@@ -99,7 +98,7 @@ const versions = (() => {
 
   const picture = (entry, { commit, pixels }) => {
     if (pixels && pixels === entry.data.golden_pixels) return [element("span", { className: "now" }, "as now")];
-    // Facts may change alone: then a later version has this image already.
+    // Facts may change alone: then a later version already has this image.
     const first = entry.data.versions.find((other) => pixels && other.pixels === pixels);
     if (first && first.commit !== commit) return [element("span", { className: "now" }, `as ${first.commit}`)];
     const { thumb, table, error } = of(entry, commit);

@@ -1,4 +1,4 @@
-//! GLSL, of desktops and of ES.
+//! Writes GLSL for desktops and for ES.
 
 use naga::back::glsl::{BindingMap, Options, PipelineOptions, Version, Writer, WriterFlags};
 use naga::proc::{BoundsCheckPolicies, BoundsCheckPolicy};
@@ -28,10 +28,10 @@ pub(super) fn write(job: &Job<'_>, version: Version) -> Result<Written, String> 
         multiview: None,
     };
     let mut text = String::new();
-    // naga checks texels alone in GLSL.
+    // In GLSL naga checks only texels.
     let policies = match version {
         Version::Desktop(_) => RESTRICT,
-        // It has no query of levels, which the check needs; wgpu has none there, either.
+        // GLSL ES can't query levels, which the check needs. wgpu has no check there, either.
         Version::Embedded { .. } => {
             BoundsCheckPolicies { image_load: BoundsCheckPolicy::Unchecked, ..RESTRICT }
         }

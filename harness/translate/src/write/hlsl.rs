@@ -1,4 +1,4 @@
-//! HLSL.
+//! Writes HLSL.
 
 use naga::back::hlsl::{
     BindTarget, Options, PipelineOptions, SamplerHeapBindTargets, SamplerIndexBufferKey,
@@ -9,7 +9,7 @@ use naga::{Binding, BuiltIn, Function, Module, ResourceBinding, TypeInner};
 use super::{Job, Written};
 use crate::{Bindings, Code};
 
-/// Where what naga adds is bound: apart from the shader's own resources, in group 0.
+/// The space of naga's additions. The shader's own resources are in group 0.
 const SAMPLERS: u8 = 1;
 const SAMPLER_INDICES: u8 = 2;
 const CONSTANTS: u8 = 3;
@@ -64,14 +64,14 @@ pub(super) fn write(job: &Job<'_>, shader_model: ShaderModel) -> Result<Written,
     })
 }
 
-/// True if a compute entry point takes a value that a host supplies in HLSL, in a buffer of constants.
+/// Returns `true` if a compute entry point needs a value from the host in HLSL, in a constant buffer.
 pub(crate) fn takes_constants(module: &Module, entry_point: &str) -> bool {
     let mut all = module.entry_points.iter();
     all.find(|one| one.name == entry_point).is_some_and(|one| asks_constants(module, &one.function))
 }
 
-/// Whether an entry point takes a value that Direct3D has in another way than Vulkan: naga has the
-/// host supply it then.
+/// Returns `true` if an entry point uses a value that differs between Direct3D and Vulkan: naga then requires it from
+/// the host.
 fn needs_constants(module: &Module) -> bool {
     module.entry_points.iter().any(|one| asks_constants(module, &one.function))
 }

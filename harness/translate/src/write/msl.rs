@@ -1,11 +1,11 @@
-//! Metal's language.
+//! Writes Metal's language.
 
 use naga::back::msl::{Options, PipelineOptions, write_string};
 
 use super::{Job, RESTRICT, RESTRICTED, Written};
 use crate::{Bindings, Code};
 
-/// macOS 12 and iOS 15 have it, and each macOS that wgpu supports has a later one.
+/// macOS 12 and iOS 15 have this version. Each macOS that wgpu supports has it or a later one.
 const VERSION: (u8, u8) = (2, 4);
 
 pub(super) fn write(job: &Job<'_>) -> Result<Written, String> {

@@ -1,4 +1,4 @@
-//! SPIR-V.
+//! Writes SPIR-V.
 
 use naga::back::spv::{Options, PipelineOptions, WriterFlags, ZeroInitializeWorkgroupMemoryMode};
 
@@ -7,7 +7,7 @@ use crate::{Bindings, Code};
 
 pub(super) fn write(job: &Job<'_>) -> Result<Written, String> {
     let options = Options {
-        // What wgpu takes for Vulkan 1.1 and later.
+        // wgpu's version for Vulkan 1.1 and later.
         lang_version: (1, 3),
         flags: WriterFlags::ADJUST_COORDINATE_SPACE
             | WriterFlags::LABEL_VARYINGS

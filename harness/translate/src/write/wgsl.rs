@@ -1,4 +1,4 @@
-//! WGSL that naga writes.
+//! Writes WGSL.
 
 use naga::back::wgsl::{WriterFlags, write_string};
 
@@ -10,7 +10,7 @@ pub(super) fn write(job: &Job<'_>) -> Result<Written, String> {
         .map_err(|error| crate::shader::causes(&error))?;
     Ok(Written {
         code: Code::Text(text),
-        // The whole module is written, whatever was asked for.
+        // naga writes the whole module, even for one entry point.
         entry_points: job.names(),
         bindings: Bindings::kept(job.module),
         options: "WGSL, without explicit types".to_owned(),
