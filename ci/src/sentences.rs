@@ -94,8 +94,12 @@ fn sentences(from: From, text: &str) -> Vec<(usize, String)> {
             continue;
         };
         fenced ^= part.starts_with("```");
-        let is_prose = !fenced && !part.starts_with(['`', '#', '<', '!']) && !part.is_empty();
-        let begins = part.starts_with(['-', '|', '*']) || part.starts_with(char::is_numeric);
+        let is_prose = !fenced
+            && !part.starts_with("```")
+            && !part.starts_with(['#', '<', '!'])
+            && !part.is_empty();
+        let begins = part.starts_with(['-', '|', '*'])
+            || part.split_once(". ").is_some_and(|(at, _)| at.parse::<u32>().is_ok());
         if is_prose && open && !begins {
             let (_, paragraph) = paragraphs.last_mut().expect("one is open");
             paragraph.push(' ');

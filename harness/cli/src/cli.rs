@@ -30,8 +30,6 @@ mod patience;
 mod preview;
 mod project;
 mod record;
-#[cfg(test)]
-mod reference;
 mod render;
 mod replay;
 mod report;
@@ -630,6 +628,8 @@ fn write_json(value: &impl serde::Serialize, out: &mut dyn Write) -> anyhow::Res
 
 #[cfg(test)]
 mod tests {
+    mod reference;
+
     use anyhow::anyhow;
 
     use super::*;

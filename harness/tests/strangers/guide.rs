@@ -345,16 +345,6 @@ fn links(text: &str) -> impl Iterator<Item = &str> {
     targets.filter(|link| !link.starts_with("http"))
 }
 
-/// The chapter on settings has a row for each.
-#[test]
-fn each_setting_has_a_row() {
-    let Some(chapters) = chapters() else { return };
-    let page = chapters.iter().find(|(name, _)| name.contains("settings")).expect("the chapter");
-    for variable in karat::unstable::settings::variables() {
-        assert!(page.1.contains(&format!("`{}`", variable.name)), "{} has no row", variable.name);
-    }
-}
-
 /// A page of the book links to pages and pictures of the book: mdBook renders no other, and says nothing.
 #[test]
 fn links_of_the_book_stay_in_it() {

@@ -111,7 +111,7 @@ fn page_of_commands() -> String {
     let mut page = format!(
         "# Commands\n\n<!-- {WRITTEN} -->\n\n`karat help COMMAND` says the same with examples. In a Cargo project `cargo karat` is the same program.\n"
     );
-    let mut karat = super::Cli::command();
+    let mut karat = crate::cli::Cli::command();
     karat.build();
     for command in karat.get_subcommands().filter(|one| !one.is_hide_set()) {
         if command.get_name() == "help" {
