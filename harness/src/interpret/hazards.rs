@@ -407,13 +407,11 @@ impl Interpreted {
             let part = &rows[first * width..][..count * width];
             self.hazards_of_chunk(count, part, left_out)
         };
-        // An endless loop, or one that is too long here, usually shows in the first part; the other parts would only
-        // wait for it.
+        // An endless loop usually shows in the first part; the other parts would only wait for it.
         let alone = usize::from(self.program.most_rounds().is_none() && cases > 0);
         let mut parts = (0..alone).map(|_| of_part(0)).collect::<Vec<_>>();
         if parts.iter().all(Result::is_ok) {
-            // Parts are interleaved, so that a function with long loops doesn't keep one core busy while the others
-            // idle.
+            // Parts are interleaved: one function with long loops doesn't keep one core busy while others idle.
             let firsts: Vec<usize> = (0..cases).step_by(together).skip(alone).collect();
             parts.extend(firsts.into_par_iter().map(of_part).collect::<Vec<_>>());
         }
@@ -478,8 +476,7 @@ impl Interpreted {
             let finite =
                 result.iter().all(|lane| !matches!(lane, Lane::Float(x) if !x.is_finite()));
             let is_used = cut || decided.contains(&lane) || absorbs_nan(&single, lane);
-            // A later operation may turn an infinity into an ordinary number, as in `clamp(inf - inf, 0.0, 1.0)`. In `x
-            // / sqrt(x * x)`, an infinity gives 0 instead of 1.
+            // A later operation may turn an infinity into a number: in `x / sqrt(x * x)`, 0 instead of 1.
             let lost = differ(&result, &shadow, &halves);
             let dropped = finite && !is_used && lost.is_none();
             let mut found = self.born(&single, &double, lane, dropped, (lost, left_out));

@@ -4,9 +4,9 @@
 //! length, so each token keeps its place in the author's file. Karat doesn't use `naga_oil` itself, because it composes
 //! naga's IR under its own names and loses the author's lines.
 //!
-//! - `naga_oil`, for Bevy up to 0.19: `#define_import_path`, `#import a::b::{c, d as e}`, `#ifdef`, `#ifndef`, `#if A
-//!   >= 3`, `#else`, `#else ifdef`, `#endif`, `#define`, `#{A}`. An include guard works as in C; with `naga_oil`, it
-//!   would leave an empty module.
+//! - `naga_oil`, for Bevy up to 0.19: `#define_import_path`, `#import a::b::{c, d as e}`, `#ifdef`, `#ifndef`,
+//!   `#if A >= 3`, `#else`, `#else ifdef`, `#endif`, `#define`, `#{A}`. An include guard works as in C; with `naga_oil`
+//!   it would leave an empty module.
 //! - Inclusion, for vello (`#import bbox`), `re_renderer` (`#import <./plane.wgsl>`) and blade (`#include
 //!   "quaternion.inc.wgsl"`): an included file shares one name space with the file that includes it.
 
