@@ -30,7 +30,7 @@ use crate::wrong::Misdeclared;
 pub(crate) struct Declared {
     /// The test's own name, in place of the last entry point's.
     pub(crate) name: Option<String>,
-    /// The compute entry point.
+    /// The compute entry point, of the file's own module, or `other::sort`.
     entry: Option<String>,
     /// Workgroups in each direction: `4`, `[4, 2]` or `[4, 2, 1]`.
     workgroups: Option<Workgroups>,
@@ -106,11 +106,11 @@ impl TryFrom<Value> for Workgroups {
 struct Expected {
     /// It holds this value; one number stands for each component.
     equals: Option<Value>,
-    /// Each element is a row of this CSV file.
+    /// Each element is a row of this CSV file, of the columns `x,y,z`, or `value`.
     table: Option<PathBuf>,
     /// It holds what was accepted as `golden/NAME.csv`.
     golden: Option<String>,
-    /// Another entry point leaves the same, over as many workgroups and in Karat's engine.
+    /// Another entry point in place of the last one leaves the same, over as many workgroups and in Karat's engine.
     agrees_with: Option<String>,
     /// Its elements rise: `true`; or they fall: `"descending"`.
     sorted: Option<Value>,
@@ -120,17 +120,17 @@ struct Expected {
     permutation_of: Option<String>,
     /// It holds what it held before: `true`.
     unchanged: Option<bool>,
-    /// Some invocation writes each element or texel: `true`.
+    /// Some invocation writes each element of the buffer or texel of the texture, the last ones included: `true`.
     written: Option<bool>,
     /// Each component lies in this range.
     in_range: Option<Range>,
     /// No component is NaN or infinite: `true`.
     finite: Option<bool>,
-    /// Elements are compared whatever their order is: `true`.
+    /// Elements are compared in any order, beside `equals`, `table` or `agrees_with`: `true`.
     up_to_order: Option<bool>,
-    /// Rows and columns of the elements, where a map is drawn of those that differ.
+    /// Rows and columns of the elements, `[19, 13]`: a failure names row and column.
     shape: Option<[usize; 2]>,
-    /// The largest error that passes, as for functions.
+    /// The largest error that passes, as for functions; without it numbers are exact.
     tolerance: Option<String>,
     /// Tolerances of single paths.
     #[serde(default)]

@@ -148,11 +148,11 @@ pub(crate) struct Declared {
     /// Values of `override`s, by their names or numbers.
     #[serde(default, rename = "override")]
     pub(crate) overrides: BTreeMap<String, OverrideValue>,
-    /// Another function, in `f64`, returns the same.
+    /// Another WGSL function, which Karat executes in `f64`, returns the same.
     agrees_with: Option<String>,
     /// Each row's result is what the row of this CSV file says.
     table: Option<PathBuf>,
-    /// Results are those that were accepted as `golden/NAME.csv`.
+    /// Results are those that were accepted: `golden/NAME.csv`, which `karat accept` writes.
     golden: Option<String>,
     /// Each result is this value.
     equals: Option<Value>,
@@ -160,9 +160,10 @@ pub(crate) struct Declared {
     finite: Option<bool>,
     /// Each result is a vector of length 1: `true`.
     unit: Option<bool>,
-    /// Each result is a vector at right angles to this argument.
+    /// Each result is a vector at right angles to this argument. Zeros have no angle, and fail.
     perpendicular_to: Option<String>,
-    /// Each result is three unit vectors at right angles, the third the cross product of the first two: `true`.
+    /// Each result is three unit vectors at right angles, the third the cross product of the first two, as columns of
+    /// a `mat3x3f` or members of a structure: `true`.
     right_handed_frame: Option<bool>,
     /// Each component lies in this range: `"0..1"`, `[0, 1]`, or `"0..<1"` without its end.
     in_range: Option<Range>,
@@ -174,7 +175,8 @@ pub(crate) struct Declared {
     limit: Option<BTreeMap<String, Value>>,
     /// The integral over the last argument, a direction; its keys stand below.
     integral: Option<Integral>,
-    /// Nothing inside becomes NaN or infinite, loses half of its digits or is undefined: `true`, or a list of kinds.
+    /// No operation inside has a hazard: `true`, or a list of kinds: `["nan", "out_of_range"]`. Not for functions
+    /// that write storage.
     no_hazards: Option<NoHazards>,
     /// Hazards of `no_hazards` that are meant, each operation with the reason.
     #[serde(default)]
@@ -321,7 +323,7 @@ pub(crate) struct Frame {
     pub(crate) samples: Option<u32>,
     /// Its width and height in pixels: `[256, 256]`.
     pub(crate) size: Pair<u32>,
-    /// The format of each location: `"rgba8unorm-srgb"`; without them floats.
+    /// The format of each location: `["float", "rgba8unorm-srgb", "r32uint"]`; without it floats.
     #[serde(default)]
     pub(crate) formats: Vec<String>,
     /// The location that is compared, from 0.
@@ -335,7 +337,8 @@ pub(crate) struct Frame {
     /// Values of `override`s, by their names or numbers.
     #[serde(default, rename = "override")]
     pub(crate) overrides: BTreeMap<String, OverrideValue>,
-    /// The largest relative difference of a pixel that passes: `1e-3`.
+    /// The largest relative difference of a pixel that passes: `1e-3`. Without it HDR-FLIP may pass a pixel that is
+    /// further off.
     pub(crate) tolerance: Option<Relative>,
     /// Paths on which the test fails, each with the reason. It must fail there: `{ gl = "clamps faces" }`.
     #[serde(default)]

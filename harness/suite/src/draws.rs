@@ -23,17 +23,18 @@ pub(crate) struct Declared {
     pub(crate) vertex: Option<String>,
     /// The fragment function; without one only depth is drawn.
     pub(crate) fragment: Option<String>,
-    /// A CSV file with a row for each corner, relative to this file.
+    /// A CSV file with a row for each corner: its columns are the inputs of the vertex function with a `@location`,
+    /// and location 0 is the position.
     mesh: Option<PathBuf>,
     /// Corners of triangles; without them three rows are one.
     indices: Option<Vec<u32>>,
-    /// The number of vertices, where there is no mesh.
+    /// The number of vertices without a mesh, by `@builtin(vertex_index)`; 3 without it.
     vertices: Option<u32>,
     /// The number of instances; 1 without it.
     instances: Option<u32>,
     /// The faces that aren't drawn: `"none"`, `"front"`, `"back"`.
     cull: Option<String>,
-    /// The comparison by which a pixel is drawn, as WebGPU names it: `"less"`.
+    /// The comparison by which a pixel is drawn, by WebGPU's names: `"less"`, `"greater-equal"`.
     depth_compare: Option<String>,
     /// Depth is written: `true`.
     depth_write: Option<bool>,
