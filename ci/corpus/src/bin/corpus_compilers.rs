@@ -113,7 +113,7 @@ fn tables(wanted: &[Wanted]) -> Result<String, String> {
             true => String::new(),
             false => format!(" (uses {})", native.join(", ")),
         };
-        let message = message.replace('|', "\\|");
+        let message = message.replace('|', "\\|").replace('<', "\\<");
         writeln!(text, "| {module} | {place} | {message}{native} |").expect("a text");
     }
     Ok(text)

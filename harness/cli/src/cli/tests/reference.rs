@@ -90,7 +90,8 @@ fn without_links(sentence: &str) -> String {
 fn table(page: &mut String, [left, right]: [&str; 2], rows: &[Key]) {
     let _ = writeln!(page, "\n| {left} | {right} |\n|---|---|");
     for (key, sentence) in rows {
-        let _ = writeln!(page, "| `{key}` | {} |", sentence.replace('|', "\\|"));
+        let _ =
+            writeln!(page, "| `{}` | {} |", key.replace('|', "\\|"), sentence.replace('|', "\\|"));
     }
 }
 
