@@ -2,8 +2,8 @@
 //!
 //! Exit codes: 0 when all is well; 1 when a check fails, a frame differs, a golden is unreferenced,
 //! an acceptance is refused or a path is missing; 2 when the command couldn't do its work or write
-//! its output; 3 when what it should look at isn't there: an image, a golden, a pending frame, the
-//! record of a full run. The code is the same whether or not anybody reads the output.
+//! its output; 3 when its input is missing: an image, a golden, a pending frame, the record of a full
+//! run. A closed output pipe doesn't change the code.
 
 mod artefact;
 mod browser;
@@ -58,15 +58,15 @@ use karat::package::Feature;
 use karat::unstable::golden::AcceptError;
 use karat::unstable::output::{Output, tell, trusted, visible, visible_json};
 
-/// The exit code of a command that did its work: whether all was well.
+/// The result of a command that did its work.
 type Outcome = anyhow::Result<Ending>;
 
-/// Whether what a command looked at is as it should be.
+/// The finding of a command about its input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Ending {
     Good,
     Bad,
-    /// What it should be compared with isn't there.
+    /// The input, or the thing to compare it with, is missing.
     Missing,
 }
 
@@ -80,12 +80,12 @@ impl From<Ending> for ExitCode {
     }
 }
 
-/// A command couldn't do its work, and the program that it ran has said why.
+/// The error of a command whose child program has printed the cause already.
 #[derive(Debug, thiserror::Error)]
 #[error("see above")]
 struct Reported;
 
-/// What a command was to look at isn't there.
+/// The error of a command whose input is missing.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
 struct NotThere(String);
@@ -95,14 +95,14 @@ struct NotThere(String);
     name = "karat",
     version,
     about = "Tests WGSL shaders: functions against references, frames against goldens.",
-    after_help = "Start with `karat init`, then `karat watch`; `karat doctor` says which drivers open.\n\
+    after_help = "Start with `karat init`, then `karat watch`; `karat doctor` lists the drivers that open.\n\
                   Environment: KARAT_PATHS (vulkan, gl, all), KARAT_REQUIRE (paths that must run), \
                   KARAT_ADAPTER (part of a name),\nKARAT_TIMEOUT (seconds), KARAT_FUEL (rounds of loops on `cpu`), KARAT_SEED and \
                   KARAT_CASE (replay),\nKARAT_OVERLAY (a folder of files that stand in for \
                   modules), NO_COLOR.\n\
                   Exit codes: 0 good; 1 a check failed, a frame differs, an acceptance is refused; \
-                  2 the command couldn't do its work;\n3 what it was to look at isn't there. \
-                  They are the same whether or not anybody reads the output."
+                  2 the command couldn't do its work;\n3 its input is missing (an image, a golden, a record). \
+                  A closed output pipe doesn't change the code."
 )]
 struct Cli {
     #[command(subcommand)]
@@ -111,7 +111,7 @@ struct Cli {
 
 #[derive(Subcommand)]
 enum Command {
-    /// Run the tests and print function x path with cases and worst error
+    /// Runs the tests, and prints a row for each function and path with its cases and its worst error
     #[command(after_help = "Examples:\n  karat test\n  karat test schlick --paths all\n  \
                             karat test --failed                what failed in the last run\n  \
                             karat test shaders                 tests without Rust: @test, *.test.toml\n  \
@@ -121,41 +121,41 @@ enum Command {
                             Fails if a test fails, or if no check ran at all. On GitHub (or with \
                             --github) failures are annotated\nand summarised.")]
     Test(test::Args),
-    /// Run tests again at each edit: those that it concerns, in milliseconds
+    /// Watches files, and runs the tests that an edit affects
     #[command(after_help = "Examples:\n  karat watch\n  karat watch my/shaders\n  \
                             karat watch shaders fresnel --paths cpu\n\
                             Tests without Rust (functions with `@test`, `*.test.toml`), and in a Cargo project \
-                            its Rust tests, too.\nAn edit runs the tests that it concerns, and a comment none; \
-                            only an edit of Rust builds.\nWithout a terminal it prints lines.\n\
+                            its Rust tests, too.\nAn edit of shaders runs the tests that it affects; an edit of \
+                            comments runs none. Only an edit of Rust builds.\nWithout a terminal it prints lines.\n\
                             Keys: r runs all, f filters by name, n shows the next failure, arrow and page keys scroll, a accepts frames,\no opens the report, q quits.")]
     Watch(watch::Args),
-    /// Serve an editor: what isn't valid and what fails as you type and save, and lenses beside functions
+    /// Serves an editor (LSP): shows invalid modules, failing tests, and a lens beside each function
     #[command(
         after_help = "An editor starts it: docs/editors.md has the lines for VS Code, Helix, Zed and Neovim.\n\
-                            It shows modules that aren't valid, as you type; failures of the last `karat test`;\n\
-                            and those of tests without Rust, which run after each save. Verdicts of files that\n\
-                            changed since aren't shown. A lens beside each function has its worst error, and\n\
+                            It shows invalid modules as you type, and failures of the last `karat test`. After each\n\
+                            save it runs the tests without Rust. It hides verdicts of files that have changed\n\
+                            since. A lens beside each function has its worst error, and\n\
                             runs its tests. Without a server, `karat test --short` has a line for each failure.\n\
                             Exit codes: 0 the editor asked it to shut down; 1 it didn't."
     )]
     Lsp(lsp::Args),
-    /// Run the tests of a folder of shaders as `karat test` does, and print lines
+    /// Runs the tests of a folder of shaders as `karat test` does, and prints lines
     #[command(hide = true)]
     Suite(suite::Args),
-    /// Run the tests in a browser that opens a page of this machine
+    /// Runs the tests in a browser on this machine
     #[command(after_help = "Examples:\n  karat browser\n  karat browser --open shaders\n  \
                             karat browser -- tests/brdf --junit out.xml    what `karat test` takes\n\
-                            The page is for this machine alone, and its URL has a secret. Paths `dawn` and `chromium` need no page.\n\
+                            Only this machine can reach the page, and its URL has a secret. Paths `dawn` and `chromium` need no page.\n\
                             Exit codes: those of `karat test`; 2 also if no browser opens the page.")]
     Browser(browser::Args),
-    /// Run the case again that a check of the last run failed on
+    /// Runs again the case on which a check of the last run failed
     #[command(after_help = "Examples:\n  karat replay          the only failure\n  \
                             karat replay 3f2a     as `karat test` names it\n  \
                             karat replay 3f2a --print    the whole command, for a debugger or CI\n\
                             It is the simplest case that was found, on the first path that fails.\n\
                             Exit codes: 0 it passes now; 1 it fails; 2 it can't be run; 3 there is no such failure.")]
     Replay(replay::Args),
-    /// Run tests by another runner, and keep what they check as a run
+    /// Runs your own test command, and records the verdicts of its checks
     #[command(after_help = "Examples:\n  karat record -- cargo nextest run\n  \
                             karat record --into part-1 -- cargo nextest run --partition count:1/3\n  \
                             karat report --merge part-1 part-2 part-3 --html report.html\n\
@@ -163,7 +163,7 @@ enum Command {
                             Exit codes: 0 the command and each check passed; 1 one didn't; 2 no check ran, or the \
                             command can't be run.")]
     Record(record::Args),
-    /// Print what the last run recorded, and write it for CI
+    /// Prints the verdicts of the last run, and writes reports for CI
     #[command(after_help = "Examples:\n  karat report\n  karat report --github\n  \
                             karat report --junit target/karat/junit.xml\n  \
                             karat report --html report.html\n  \
@@ -171,7 +171,7 @@ enum Command {
                             Exit codes: 0 every check passed; 1 one failed; 2 the record can't be \
                             read; 3 there is none.")]
     Report(report::Args),
-    /// Validate the shader packages whole, with all entry points, and run nothing
+    /// Validates every module and entry point of the shader packages, and runs no test
     #[command(after_help = "Examples:\n  karat check\n  karat check --shaders shaders\n\
                             `karat test` does it, too. A module that is valid only with features is \
                             declared in Cargo.toml:\n  [package.metadata.karat.features]\n  \
@@ -179,29 +179,29 @@ enum Command {
                             Exit codes: 0 all modules are valid; 1 one isn't; 2 a package can't be \
                             read.")]
     Check(check::Args),
-    /// Write a first test that passes, for a folder of shaders, and what goes with it
+    /// Writes a first passing test for a folder of shaders, with .gitignore lines and a CI workflow
     #[command(after_help = "Examples:\n  karat init\n  karat init my/shaders --github\n\
                             It looks at the functions and compute passes, writes a `*.test.toml` for one of them, lines for \
                             .gitignore, and with\n--github or --gitlab a workflow; then it runs the tests. \
                             What is there already stays as it is.")]
     Init(init::Args),
-    /// List the functions of the shader packages, with signatures and whether they are tested
+    /// Lists the functions of the shader packages with their signatures, and marks the tested ones
     #[command(after_help = "Examples:\n  karat list\n  karat list --crate bevy_pbr@0.20.1\n\
                             Exit codes: 0 every module is valid; 1 one isn't, and its functions are \
                             listed as far as they are;\n2 a package can't be read.")]
     List(list::Args),
-    /// Print the linked shader of a function with its generated kernel
+    /// Prints the linked shader of a function with its generated kernel
     Show(show::Args),
-    /// Print what naga makes of a function or a module in another shading language
+    /// Translates a function or a module with naga, and prints the SPIR-V, GLSL, HLSL, MSL or WGSL
     #[command(after_help = "Examples:\n  karat translate fresnel::schlick --to hlsl\n  \
                             karat translate scene --to msl --validate\n  \
                             karat translate scene --to glsl --entry-point fs_main --out scene.frag\n  \
                             karat translate fresnel::schlick --to spirv | spirv-dis\n\
-                            The options are those that wgpu has; the first line tells them.\n\
+                            The options are those of wgpu; the first line of the output lists them.\n\
                             Exit codes: 0 translated, and valid if that was asked; 1 a validator \
                             rejects it;\n2 naga doesn't translate it, or the shader can't be read.")]
     Translate(translate::Args),
-    /// Translate every function and entry point, validate, run and compare what naga makes of them
+    /// Translates every function and entry point with naga, then validates, runs and compares the results
     #[command(
         after_help = "Examples:\n  karat matrix\n  karat matrix my/shaders\n  karat matrix --crate bevy_pbr@0.20.1\n  \
                             karat matrix --columns vulkan,vulkan:hlsl,msl --only fresnel\n  \
@@ -210,11 +210,11 @@ enum Command {
                             `executed` on inputs drawn\nfrom its signature, and `agrees` with another \
                             column. Without a validator nothing is valid.\n\
                             Exit codes: 0 nothing is wrong but what karat.toml declares, and what \
-                            --require names is reached;\n1 something is, or it isn't; 2 a function \
+                            --require names is reached;\n1 anything else is wrong, or a requirement isn't reached; 2 a function \
                             can't be read, or nothing was judged."
     )]
     Matrix(matrix::Args),
-    /// Find what can go wrong inside of functions, without a test: NaN, infinities, lost digits
+    /// Finds operations that can go wrong, without a test: NaN, infinities, lost digits
     #[command(after_help = "Examples:\n  karat hazards\n  karat hazards my/shaders --all\n  \
                             karat hazards --only fresnel --input roughness=0.05..1\n\
                             Karat's own engine runs each function in f32, in f64 and in intervals; no \
@@ -222,10 +222,10 @@ enum Command {
                             vector, `n_dot_l` and `roughness` are from 0 to 1.\n`[inputs]` in karat.toml \
                             declares others: roughness = [0.05, 1]. `[[hazard]]` accepts what is meant: \
                             functions, text\n(the operation) and reason.\n\
-                            Exit codes: 0 there is no fault, and no requirement where --deny names these; 1 there is, or a \
-                            module\ncan't be read, or naga rejects a function; 2 nothing could be looked at, or a declaration isn't true.")]
+                            Exit codes: 0 no fault (with --deny, no requirement either); 1 a hazard of these kinds, or a \
+                            module\ncan't be read, or naga rejects a function; 2 nothing could be checked, or a declaration isn't true.")]
     Hazards(hazards::Args),
-    /// Tell what an edit changed: every function before and after it, with no test written
+    /// Compares the results of every function before and after an edit, without a test
     #[command(
         after_help = "Examples:\n  karat compare HEAD\n  karat compare HEAD my/shaders\n  karat compare main --only fresnel\n  \
                             karat compare ../old/shaders --paths cpu,vulkan\n\
@@ -237,26 +237,26 @@ enum Command {
                             be read."
     )]
     Compare(compare::Args),
-    /// Tell whether the tests would see a slip: mutants of the shaders, and why some live
+    /// Measures your tests: makes mutants of the shaders, and lists those that no test kills
     #[command(
         after_help = "Examples:\n  karat mutate\n  karat mutate my/shaders --only fresnel\n  \
                             karat mutate --in-diff main --fail-under 95\n  karat mutate --stryker mutation.json\n\
-                            Each mutant is one slip of a shader: another operator, a number that is off, a guard removed.\n\
+                            Each mutant has one small change: another operator, another number, a guard removed.\n\
                             Tests that use what changed run on Karat's engine until one fails. No file changes.\n\
-                            Of a mutant that lives the output says where it returns something else, with a test to paste.\n\
+                            For each surviving mutant the output has arguments whose result differs, and a test to paste.\n\
                             Exit codes: 0 the score is reached, or --in-diff finds no mutant;\n\
                             1 it isn't, or karat.toml accepts a mutant that a test kills;\n\
                             2 a test fails without a mutant, or there is no test or no mutant."
     )]
     Mutate(mutate::Args),
-    /// Find the lines and branches of shaders that no test runs, and lines whose values none looks at
+    /// Finds lines and branches of shaders that no test runs, and lines whose values no test checks
     #[command(
         after_help = "Examples:\n  karat coverage --missing\n  karat coverage shaders --html coverage.html\n  \
                       karat coverage --in-diff main --fail-under-lines 90\n  karat coverage --lcov lcov.info -- -p my-crate\n\n\
                       Exit codes: 0 the tests pass, and enough lines ran; 1 they don't, or too few did; 2 nothing was counted."
     )]
     Coverage(coverage::Args),
-    /// Call a function and print its value on every path
+    /// Calls a function, and prints its value on every path
     #[command(after_help = "Examples:\n  karat call fresnel::schlick 0.04,0.04,0.04 0.3\n  \
                             karat call layering::thin_coat --path vulkan -- -1,0,0 1,1,1 0.5\n  \
                             karat call fresnel::schlick --table in.csv --out out.csv --path vulkan\n  \
@@ -266,18 +266,18 @@ enum Command {
                             and one scalar a column;\nits head names them (f0.x,f0.y,f0.z,v_dot_h) or \
                             is left out. Numbers read and print as the exact f32.")]
     Call(call::Args),
-    /// Tell which execution paths open, with drivers and versions, and how to get what is missing
+    /// Lists the execution paths that open, with drivers and versions, and says how to get the others
     #[command(after_help = "Examples:\n  karat doctor\n  karat doctor my/shaders --write\n  \
                             KARAT_EXECUTORS='mine=python3 mine.py' karat doctor --executor mine\n\
                             Exit codes: 0 all is well; 1 a required path doesn't open, no path does, a module isn't \
                             whole, or a\nprogram answers a job wrongly; 2 a program or a folder can't be asked.")]
     Doctor(doctor::Args),
-    /// List frames that differ from their golden, or have none
+    /// Lists frames that differ from their golden or have no golden
     #[command(after_help = "Examples:\n  karat pending\n  karat pending --from karat.zip --json\n\
                       Exit codes: 0 nothing is pending; 1 a frame differs; 2 a file can't be read; \
                       3 frames are new, none differs.")]
     Pending(goldens::PendingArgs),
-    /// Make a pending frame the golden
+    /// Makes a pending frame the golden
     #[command(
         after_help = "Examples:\n  karat accept scene --because \"the coat conserves energy\"\n  \
                             karat accept 'furnace/*' --because \"new mesh\"\n  \
@@ -287,23 +287,23 @@ enum Command {
                             such frame is pending."
     )]
     Accept(goldens::AcceptArgs),
-    /// Delete a pending frame
+    /// Deletes a pending frame
     #[command(after_help = "Examples:\n  karat reject scene\n  karat reject '*'\n\
                             Exit codes: 0 deleted; 2 a file can't be deleted; 3 no such frame is \
                             pending.")]
     Reject(goldens::RejectArgs),
-    /// Look at pending frames beside their goldens in a browser, and accept or reject them there
+    /// Shows pending frames beside their goldens in a browser, where you accept or reject them
     #[command(after_help = "Examples:\n  karat review --open\n  \
                             karat review --port 8000      (with `ssh -L 8000:127.0.0.1:8000`)\n  \
                             karat review --static report  (files; open report/index.html)\n  \
                             karat review --from karat.zip (what a CI run left; accepted here)\n\
                             Only this machine can reach the page, and only with its URL, which \
-                            is secret: whoever has it can accept.\nPress ? there for the keys: \
+                            is secret: anyone who has it can accept.\nPress ? there for the keys: \
                             j and k go from frame to frame, / filters them.\nA URL that ends in \
                             #name shows that frame.\nExit codes: 0 nothing is left pending, or \
                             the page is written; 1 some are; 2 an error.")]
     Review(review::Args),
-    /// List goldens that no test compared in the last full run
+    /// Lists goldens that no test compared in the last full run
     #[command(after_help = "Examples:\n  karat test && karat unreferenced\n  \
                             karat unreferenced --delete\n\
                             A test that is ignored, or behind a feature that is off, compares \
@@ -314,30 +314,30 @@ enum Command {
                             full run that passed\nand compared frames with this folder's, and so \
                             no verdict.")]
     Unreferenced(unreferenced::Args),
-    /// Compare an image that another program drew with its golden
+    /// Compares an image that another program drew with its golden
     #[command(name = "match", after_help = matching::EXAMPLES)]
     Match(matching::Args),
-    /// Compare any two images, EXR or PNG
+    /// Compares any two images, EXR or PNG
     #[command(after_help = diff::EXAMPLES)]
     Diff(diff::Args),
-    /// Write frames of the project's gallery as EXR (linear, 32-bit float) and PNG (to look at)
+    /// Writes frames of the project's gallery as EXR (linear, 32-bit float) and PNG (to look at)
     #[command(after_help = "Examples:\n  karat render --list\n  karat render --first\n  \
                             karat render 'furnace/*' --size 640x360 --samples 256 --exposure -1\n\
                             The gallery is a cargo binary of the project, made of a \
                             karat_gallery::Gallery and named in `metadata.karat`\nof Cargo.toml. Fails if \
                             a frame can't be rendered or has values that are not finite.")]
     Render(karat_gallery::RenderArguments),
-    /// Show a value of a frame's fragment functions on every pixel, as a picture and in numbers
+    /// Shows a value of a frame's fragment functions on every pixel, as a picture and in numbers
     #[command(after_help = tap::EXAMPLES)]
     Tap(tap::Args),
-    /// Show how a pixel of a frame comes about, step by step
+    /// Shows, step by step, how a frame gets the value of one pixel
     #[command(after_help = trace::EXAMPLES)]
     Trace(trace::Args),
-    /// Write an EXR image as a tone-mapped PNG, to look at it
+    /// Writes an EXR image as a tone-mapped PNG
     Preview(preview::Args),
-    /// Build the manual of the karat that your project uses, and open it in a browser
+    /// Builds the manual of the karat that your project uses, and opens it in a browser
     Manual(manual::Args),
-    /// Print a completion script for a shell
+    /// Prints a completion script for a shell
     Completions {
         /// The shell
         shell: clap_complete::Shell,
@@ -384,11 +384,12 @@ struct PackageArgs {
     /// (`bevy_pbr@0.20.1`), which cargo fetches and doesn't compile
     #[arg(long = "crate", value_name = "NAME[@VERSION]", conflicts_with = "package")]
     krate: Option<String>,
-    /// Folder of the crate's modules, if it isn't the one that karat finds; `NAME=DIR`: that of a crate which it
-    /// imports from; may be repeated
+    /// Folder of the crate's modules, in place of the one that karat finds; `NAME=DIR` sets the folder
+    /// of an imported crate; may be repeated
     #[arg(long = "root", value_name = "[NAME=]DIR", requires = "krate")]
     roots: Vec<String>,
-    /// Feature of conditions (`@if(NAME)`, `#ifdef NAME`), or its value; may be repeated
+    /// Turns a feature on (`@if(NAME)`, `#ifdef NAME`), or gives it a value (`NAME=3`, `NAME=false`);
+    /// may be repeated
     #[arg(long = "feature", value_name = "NAME[=VALUE]", value_parser = feature)]
     features: Vec<(String, Feature)>,
 }
@@ -446,7 +447,7 @@ pub(crate) fn run() -> ExitCode {
         Ok(cli) => settled(cli.command, &mut out).map(ExitCode::from),
         Err(error) => explain(error, &mut out),
     };
-    // What was written is part of the work.
+    // Writing the output is part of the work.
     let result = match (result, out.finish()) {
         (Err(error), _) => Err(error),
         (Ok(_), Err(error)) => Err(anyhow::Error::from(error).context("can't write the output")),
@@ -460,7 +461,7 @@ pub(crate) fn run() -> ExitCode {
     })
 }
 
-/// Runs a command in an environment that can be used: a setting with a slip would do nothing.
+/// Runs a command after checking the KARAT_ settings: a misspelt setting would be ignored.
 fn settled(wanted: Command, out: &mut dyn Write) -> Outcome {
     if !matches!(wanted, Command::Completions { .. }) {
         karat::unstable::settings::check()?;
@@ -511,7 +512,7 @@ fn command(command: Command, out: &mut dyn Write) -> Outcome {
     }
 }
 
-/// Arguments that are wrong, or that ask for help.
+/// Prints help, or the error of wrong arguments.
 fn explain(error: clap::Error, out: &mut dyn Write) -> anyhow::Result<ExitCode> {
     // The message quotes arguments, which may be names of files, among styles of its own.
     let words = std::env::args_os().map(|word| visible(&word.to_string_lossy()).into_owned());
@@ -525,24 +526,24 @@ fn explain(error: clap::Error, out: &mut dyn Write) -> anyhow::Result<ExitCode> 
     Ok(u8::try_from(error.exit_code()).map_or(ExitCode::FAILURE, ExitCode::from))
 }
 
-/// An error for people.
+/// Prints an error to standard error.
 fn complain(text: &str) {
     let prefix = if text.starts_with("error") { "" } else { "error: " };
     tell(&format!("{prefix}{text}"));
 }
 
-/// Refuses an output that is an input, under whatever name: it may be all that there is of it.
+/// Refuses an output that is also an input, even under another name: it may be the only copy.
 fn spare<'a>(
     what: &str,
     output: &Path,
     inputs: impl IntoIterator<Item = &'a Path>,
 ) -> anyhow::Result<()> {
-    // A device or a pipe isn't replaced, and asking what it is would open it.
+    // Only regular files are replaced. Comparing a device or a pipe would open it.
     if !output.is_file() {
         return Ok(());
     }
     for input in inputs.into_iter().filter(|input| input.is_file()) {
-        // What isn't there isn't the other; that an input isn't is told when it is read.
+        // A missing file can't be the other one. Reading it reports a missing input.
         if same_file::is_same_file(output, input).unwrap_or(false) {
             bail!(
                 "the {what} `{}` would overwrite `{}`, which is read: name another file",
@@ -554,14 +555,14 @@ fn spare<'a>(
     Ok(())
 }
 
-/// Where a path leads, whether or not there is something: through links, and without `..`.
+/// The absolute path after links and without `..`, also of a file that doesn't exist.
 fn resolved(path: &Path) -> PathBuf {
     let mut whole = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
-    // A link to what isn't there yet leads there all the same.
+    // A link may lead to a file that doesn't exist yet.
     if let Ok(target) = std::fs::read_link(&whole) {
         whole = whole.parent().unwrap_or(Path::new("")).join(target);
     }
-    // What isn't there has no links.
+    // The part of the path that doesn't exist has no links.
     let mut rest = Vec::new();
     while let Some(parent) = whole.parent() {
         if let Ok(there) = whole.canonicalize() {
@@ -581,7 +582,7 @@ fn resolved(path: &Path) -> PathBuf {
     whole
 }
 
-/// Whether something would be in the folder of a package, or is its file.
+/// True when the output would lie in the folder of a package, or is its file.
 fn is_in_package(output: &Path, package: &karat::Package) -> bool {
     resolved(output).starts_with(resolved(&package.root()))
 }
@@ -607,7 +608,7 @@ fn spare_shaders(what: &str, output: &Path, packages: &[karat::Package]) -> anyh
     spare(what, output, files.iter().map(PathBuf::as_path))
 }
 
-/// Whether the error is that something isn't there, and not that it can't be used.
+/// True when the error is a missing file, golden or record, and not an unusable one.
 fn is_missing(error: &anyhow::Error) -> bool {
     let missing = |image: &ImageError| matches!(image, ImageError::Missing { .. });
     error.is::<NotThere>()
