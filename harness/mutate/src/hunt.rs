@@ -81,6 +81,9 @@ pub enum Fate {
         /// The test that sees other values with the mutant, and allows them; of several, the one closest to failing.
         #[serde(skip_serializing_if = "Option::is_none")]
         hidden: Option<Hidden>,
+        /// `true` if all of these tests show the values that they compare: none of them saw a difference, unless one hides it.
+        #[serde(skip)]
+        seen: bool,
         /// The reason why it lived.
         why: Lived,
     },
@@ -552,7 +555,11 @@ impl Request {
             None => {
                 let why = lived::why(&self.package, &package, one);
                 let hidden = Hidden::nearest(hidden, others.hidden);
-                if tests == 0 { Fate::Untested { why } } else { Fate::Lived { tests, hidden, why } }
+                let seen = concerned.iter().all(|(_, test)| test.shows_values());
+                match tests {
+                    0 => Fate::Untested { why },
+                    _ => Fate::Lived { tests, hidden, seen, why },
+                }
             }
         }
     }

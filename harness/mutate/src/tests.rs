@@ -156,6 +156,26 @@ fn guards_that_never_act_are_equal() {
     assert_eq!(fate("k", "5.0", "10.0"), Fate::Equal { by: Equality::Operations });
 }
 
+/// Tests of passes judge what the passes are linked with, and nothing else.
+#[test]
+fn passes_judge_their_own_module() {
+    let folder = folder("fn apart(x: f32) -> f32 { return x + 1.0; }\n", "");
+    let write = |file: &str, text: &str| {
+        std::fs::write(folder.path().join(file), text).expect("written");
+    };
+    write(
+        "sums.wgsl",
+        "@group(0) @binding(0) var<storage, read_write> total: array<f32>;\n\
+         @compute @workgroup_size(1) fn sum() { total[0] = 2.0; }\n",
+    );
+    let test = "[[compute]]\nentry = \"sum\"\nworkgroups = 1\nwith = { total = { size = 1, range = \"0..1\" } }\n\
+                after = { total = { equals = [2], tolerance = \"exact\" } }\n";
+    write("sums.test.toml", test);
+    std::fs::remove_file(folder.path().join("calc.test.toml")).expect("it was there");
+    let hunted = hunted(folder.path());
+    assert!(matches!(of(&hunted, "apart", "+", "-").fate, Fate::Untested { .. }));
+}
+
 /// A test that sets an override can't begin where nothing reads it, and fails.
 #[test]
 fn a_declaration_that_no_longer_fits_kills() {

@@ -193,6 +193,12 @@ fn number(scalar: Scalar, value: &Value) -> Result<Part, String> {
             };
             let end = |text: &str| {
                 let text = text.strip_prefix('=').unwrap_or(text).trim();
+                if text.starts_with('.') {
+                    // `0...1` isn't two dots and a fraction.
+                    return Err(format!(
+                        "`{text}` is no number: a range has two dots, and `0.5` has its 0"
+                    ));
+                }
                 text.parse::<f64>().map_err(|_| match text.starts_with('<') {
                     true => "a domain has both its ends: `0..1`, and no `<`".to_owned(),
                     false => format!("`{text}` is no number"),
@@ -437,6 +443,7 @@ mod tests {
         for (shape, text, part) in [
             (&float, "\"0-1\"", "no domain"),
             (&float, "\"a..1\"", "`a` is no number"),
+            (&float, "\"-1...1\"", "a range has two dots"),
             (&float, "true", "no f32"),
             (&float, "\"ani\"", "did you mean `any`?"),
             (&float, "\"unit_vector\"", "is a vec2, vec3 or vec4 of f32, and this is a f32"),

@@ -119,6 +119,13 @@ impl Test {
             }
     }
 
+    /// Returns `true` if a run shows the values that it compares. A test in WGSL compares in the shader, a frame compares
+    /// images.
+    #[must_use]
+    pub fn shows_values(&self) -> bool {
+        !matches!(self.kind, Kind::Wgsl(_) | Kind::Frame(_))
+    }
+
     /// Returns `true` if it draws a frame, which needs a driver.
     #[must_use]
     pub fn is_frame(&self) -> bool {

@@ -104,6 +104,11 @@ fn content(file: &Path) -> Option<String> {
     Some(blake3::hash(&bytes).to_hex().to_string())
 }
 
+/// The values of a table that may name files. A range, `"0..1"`, names none.
+fn values(table: &toml::Table) -> Vec<&Value> {
+    table.iter().filter(|(key, _)| *key != "range").map(|(_, value)| value).collect()
+}
+
 /// The files that values name for binding.
 fn named<'v>(
     with: impl IntoIterator<Item = &'v Value>,
@@ -115,8 +120,7 @@ fn named<'v>(
             Value::String(name) => drop(all.insert(folder.join(name_and_space(name).0))),
             Value::Array(list) => named(list, folder, all),
             Value::Table(table) => {
-                let values: Vec<&Value> = table.values().collect();
-                named(values, folder, all);
+                named(values(table), folder, all);
             }
             _ => {}
         }
@@ -134,10 +138,7 @@ fn files<'v>(mut with: impl Iterator<Item = &'v Value>, folder: &Path) -> Option
                 None => all,
             },
             Value::Array(list) => all + &files(list.iter(), folder)?,
-            Value::Table(table) => {
-                let values: Vec<&Value> = table.values().collect();
-                all + &files(values.into_iter(), folder)?
-            }
+            Value::Table(table) => all + &files(values(table).into_iter(), folder)?,
             _ => all,
         })
     })

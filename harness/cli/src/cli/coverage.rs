@@ -77,7 +77,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         }
     }
     let folder = tempfile::tempdir().context("no temporary folder")?;
-    let (passed, folder) = tests(args, folder, paths.iter().all(is_engine))?;
+    let only_engine = paths.iter().all(is_engine);
+    let (passed, folder) = tests(args, folder, only_engine)?;
     let ran = Ran::all(folder.path()).context("what the tests ran can't be read")?;
     ensure!(!ran.is_empty(), "no test ran anything on `cpu`: nothing was counted");
     let used = ran.iter().flat_map(|ran| &ran.statements).map(|one| one.file.as_path());
@@ -92,7 +93,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     let (mut union, mut invalid) = (Union::default(), Vec::new());
     for package in &packages {
-        invalid.extend(add(&mut union, package)?);
+        invalid.extend(add(&mut union, package, only_engine)?);
     }
     ran.iter().for_each(|ran| union.run(ran));
     if args.in_diff.is_some() {
@@ -191,7 +192,7 @@ fn tests(args: &Args, folder: TempDir, only_engine: bool) -> anyhow::Result<(boo
 }
 
 /// Adds all that a package has. Returns the modules that aren't valid.
-fn add(union: &mut Union, package: &Package) -> anyhow::Result<Vec<String>> {
+fn add(union: &mut Union, package: &Package, no_frames: bool) -> anyhow::Result<Vec<String>> {
     let suite = Suite::of(package.clone())?;
     let tests: BTreeSet<&str> = suite.tests.iter().map(|test| &*test.name).collect();
     let mut invalid = Vec::new();
@@ -207,6 +208,16 @@ fn add(union: &mut Union, package: &Package) -> anyhow::Result<Vec<String>> {
         }
     }
     union.leave_out(tests.iter().map(|test| (*test).to_owned()));
+    // Functions of frames that weren't drawn aren't measured.
+    for test in suite.tests.iter().filter(|test| no_frames && test.is_frame()) {
+        for entry in test.draws() {
+            let (module, own) = entry.rsplit_once("::").unwrap_or(("", &entry));
+            let Ok(program) = Program::of_items(package, module, &[own]) else { continue };
+            let mut statements = statements_of(&program);
+            statements.iter_mut().for_each(|one| one.count = None);
+            union.run(&Ran { test: test.name.clone(), variant: String::new(), statements });
+        }
+    }
     Ok(invalid)
 }
 

@@ -324,8 +324,8 @@ fn write_one(hunted: &Hunted, args: &Args, out: &mut dyn Write) -> std::io::Resu
             false => 0,
         };
         let (style, word, why) = match &one.fate {
-            Fate::Lived { tests, hidden, why } => {
-                let tests = passing(*tests, hidden.as_ref());
+            Fate::Lived { tests, hidden, seen, why } => {
+                let tests = passing(*tests, hidden.is_none() && *seen);
                 let word = if hidden.is_some() { "hidden" } else { "lived" };
                 let by = hidden.iter().map(|Hidden { test, ratios: [before, after] }| {
                     let percent = |ratio: &f64| format!("{:.3}%", 100.0 * ratio);
@@ -385,14 +385,14 @@ fn write_one(hunted: &Hunted, args: &Args, out: &mut dyn Write) -> std::io::Resu
 }
 
 /// How many tests pass with a mutant. Where one of them sees other values, a line of its own says so.
-fn passing(tests: usize, hidden: Option<&Hidden>) -> String {
+fn passing(tests: usize, unseen: bool) -> String {
     let tests = match tests {
         1 => "1 test passes with it".to_owned(),
         many => format!("{many} tests pass with it"),
     };
-    match hidden {
-        Some(_) => tests,
-        None => format!("{tests}: no value that they compare depends on it"),
+    match unseen {
+        true => format!("{tests}: no value that they compare depends on it"),
+        false => tests,
     }
 }
 

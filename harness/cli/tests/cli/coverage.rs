@@ -175,6 +175,19 @@ fn an_edit_is_measured_by_its_lines() {
     assert!(edited.out.contains("lines 0% (0 of 1)"), "{edited:?}");
 }
 
+/// A frame that the engine doesn't draw leaves its functions unmeasured, and not uncovered.
+#[test]
+fn functions_of_frames_are_not_measured() {
+    let folder = folder();
+    let frame =
+        format!("{TESTS}[[frame]]\nname = \"shade\"\nfragment = \"shade\"\nsize = [4, 4]\n");
+    write(&folder.path().join("shaders"), "calc.test.toml", &frame);
+    let out = karat(folder.path(), &["coverage", "--missing"]).good();
+    assert!(!out.contains("18 no test runs it"), "{out}");
+    assert!(out.contains("1 line not measured: frames and drivers alone run them"), "{out}");
+    assert!(out.contains("9 no test runs it, of `calc::lonely`"), "{out}");
+}
+
 /// Tests beside a single file belong to its folder, and the last line names them.
 #[test]
 fn tests_beside_a_file_are_named() {
