@@ -491,7 +491,11 @@ fn with_nearest(message: &str) -> String {
     let unknown = names.next().filter(|_| message.starts_with("unknown "));
     match unknown.and_then(|unknown| nearest(unknown, names)) {
         Some(_) if message.contains("did you mean") => message.to_owned(),
-        Some(near) => format!("{message}; did you mean `{near}`?"),
+        // In place of all that are known.
+        Some(near) => {
+            let unknown = message.split(", expected").next().unwrap_or(message);
+            format!("{unknown}; did you mean `{near}`?")
+        }
         None => message.to_owned(),
     }
 }
