@@ -41,7 +41,7 @@ impl Pending {
 
 impl Table {
     /// The rows that differ from the golden's row with the same arguments, the largest differences first.
-    /// Rows that only one of the tables has come first of all. Without a golden, or if its columns are
+    /// Rows that are missing on one side come first. Without a golden, or if its columns are
     /// others, all rows are returned.
     #[must_use]
     pub fn changed_rows(&self, golden: Option<&Self>) -> Vec<ChangedRow> {
