@@ -185,7 +185,7 @@ pub struct PathRecord {
     /// The counts in the worst configuration of a sampler that fails; `None` in all other records.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub histogram: Option<Histogram>,
-    /// Number of a sampler's configurations that were judged, of which [`failures`](Self::failures) failed;
+    /// Number of a sampler's configurations that were judged, of which `failures` failed;
     /// `None` if single cases are judged, or if an older Karat wrote the record.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub configurations: Option<u64>,
@@ -415,8 +415,7 @@ pub(crate) fn saw(rows: &mut dyn Iterator<Item = &[u32]>, ratio: f64) {
         if let Some(seen) = seen {
             let mut hasher = blake3::Hasher::new();
             hasher.update(&seen.values);
-            // WGSL may ignore the sign of a zero (15.7.2), so -0 is hashed as 0. So is the smallest integer,
-            // with the same bits.
+            // WGSL may ignore a zero's sign (15.7.2), so -0 is hashed as 0, and so is the smallest integer: same bits.
             const NEGATIVE_ZERO: u32 = 1 << 31;
             for word in rows.flatten() {
                 let word = if *word == NEGATIVE_ZERO { 0 } else { *word };
