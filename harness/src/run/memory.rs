@@ -52,8 +52,8 @@ pub(crate) struct Descent {
 }
 
 impl Memory {
-    /// The inputs of the running test. `None`: they are turned off, neither Cargo nor another known program runs the test,
-    /// or one case is replayed.
+    /// The inputs of the running test. `None`: one case is replayed, this is turned off, or the program that
+    /// runs the test isn't known.
     pub(crate) fn open(identity: &Identity) -> Option<Self> {
         if !identity.remembers() {
             return None;
