@@ -198,7 +198,7 @@ pub(super) fn compare(
         PairError::GoldenNonFinite(census) => FrameDifference::GoldenNonFinite(census),
         PairError::Mask(error) => FrameDifference::Mask(error),
     })?;
-    // Pinned exposures were chosen from all pixels, so a mask rules them out: masked pixels must not count.
+    // Pinned exposures depend on all pixels. With a mask they aren't used: masked pixels must not count.
     let pair = match terms.exposures.filter(|_| terms.mask.is_none()) {
         Some(exposures) => pair.with_exposures(exposures),
         None => pair,

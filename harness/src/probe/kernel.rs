@@ -277,8 +277,7 @@ impl Kernel {
         writeln!(text, "    let karat_to = karat_case * {stride_out}u;")?;
         let canary = format!("karat_out[karat_to + {words_out}u] = karat_batch.y ^ karat_case;");
         if form.discards && form.alone {
-            // llvmpipe's GL drops a store that is repeated behind a `discard`, so the two places must look
-            // different to it.
+            // llvmpipe's GL drops a store that is repeated behind a `discard`, so the two places must look different.
             writeln!(
                 text,
                 "    // The results of a pixel that is discarded, which writes no others.\n    \

@@ -14,8 +14,8 @@ enum Number {
     Sint,
 }
 
-/// A format whose texels can be written and read: channels of whole bytes, or [`Packed`](Self::packed)
-/// ones, which are only read.
+/// A format whose texels can be written and read. Channels of 8, 16 or 32 bits are stored one after the other;
+/// channels of other widths share a word of 32 bits.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Codec {
     pub(crate) format: wgpu::TextureFormat,

@@ -17,7 +17,7 @@ pub enum NotBegun {
     /// The environment has a setting that can't be used.
     #[error(transparent)]
     Settings(#[from] SettingsError),
-    /// Another check is to be replayed, and this check's thread can't belong to that check's test.
+    /// Another check is to be replayed, and the test of this check isn't known.
     #[error(transparent)]
     NotReplayed(#[from] NotReplayed),
 }
