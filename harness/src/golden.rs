@@ -88,7 +88,7 @@ pub(crate) struct Rendered<'a> {
     pub(crate) adapter: &'a Adapter,
     pub(crate) shader: String,
     pub(crate) modules: Vec<LinkedModule>,
-    /// `None`: the default for the golden and the adapter.
+    /// The declared tolerance. `None`: the default for this golden and this adapter.
     pub(crate) tolerance: Option<&'a FrameTolerance>,
     pub(crate) mask: Option<&'a Mask>,
     /// The variance of each pixel, if the frame is noisy.

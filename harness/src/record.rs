@@ -409,7 +409,7 @@ pub(crate) fn is_unrecorded() -> bool {
     SEEN.with_borrow(Option::is_some)
 }
 
-/// Adds rows that a check judged, and the largest ratio of their errors.
+/// Within [`unrecorded`]: adds rows that a check judged to the hash, and notes the largest ratio of their errors.
 pub(crate) fn saw(rows: &mut dyn Iterator<Item = &[u32]>, ratio: f64) {
     SEEN.with_borrow_mut(|seen| {
         if let Some(seen) = seen {

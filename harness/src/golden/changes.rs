@@ -41,8 +41,8 @@ impl Pending {
 
 impl Table {
     /// The rows that differ from the golden's row with the same arguments, the largest differences first.
-    /// Rows that are missing on one side come first. Without a golden, or if its columns are
-    /// others, all rows are returned.
+    /// Rows that only one of the two tables has come before these. Returns all rows if there is no golden, or
+    /// if its columns are others.
     #[must_use]
     pub fn changed_rows(&self, golden: Option<&Self>) -> Vec<ChangedRow> {
         let (given, all) = (self.arguments, self.columns.len());

@@ -111,7 +111,7 @@ pub enum FrameDifference {
     GoldenNonFinite(NonFinite),
     /// The mask can't be used.
     Mask(MaskError),
-    /// The tolerance has a bound that every frame passes.
+    /// The tolerance has an unusable bound: every frame passes it, or none can.
     Tolerance(String),
     /// Values differ by more than the tolerance.
     Values(Box<Deviation>),

@@ -58,14 +58,14 @@ pub struct Provenance {
     /// The profile whose golden this frame was compared with; empty for the golden for all profiles.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub compared_profile: String,
-    /// The finding of the comparison; `None` for a golden.
+    /// The finding of the comparison, if this is a pending frame that failed one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub finding: Option<FrameFinding>,
     /// The exposures of HDR-FLIP. Accepting the golden pins them, so that they don't change with later
     /// frames.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exposures: Option<ExposureRange>,
-    /// Types of a table's columns; `None` for a frame.
+    /// The facts about a table's columns; `None` for a frame.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub table: Option<TableFacts>,
     /// Name of the person who accepted it.

@@ -404,7 +404,7 @@ mod tests {
     #[derive(Debug)]
     enum Error {
         Late,
-        /// Of another reason.
+        /// A path stops for this reason.
         Other(&'static str),
         Refused,
         Declaration,

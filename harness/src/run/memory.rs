@@ -36,8 +36,8 @@ pub(crate) struct Entry {
     pub(crate) path: String,
     /// The lanes of the arguments; empty for an integral, whose cases needn't be words.
     pub(crate) words: Vec<u32>,
-    /// The origin of the value. A mapped domain can't be asked for a value, so the origin shows if it still
-    /// has the value.
+    /// The origin of the value. A mapped domain can't test if it has a value. Karat then makes the value again
+    /// from its origin, and compares.
     pub(crate) descent: Descent,
     /// The arguments as text, for people.
     pub(crate) comment: String,
