@@ -258,7 +258,7 @@ impl<F: Fn(usize, &[u32]) -> Judged + Sync> Judge for F {
     }
 }
 
-/// The cases of a batch whose errors are stored, which are evenly spaced, and the cases that fail.
+/// The evenly spaced cases of a batch whose errors are stored, and the cases that fail.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Picked {
     /// True if failing cases are stored.

@@ -219,7 +219,7 @@ impl PathRecord {
 /// errors, another driver may fail the check and be right.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Allowance {
-    /// Number of cases that were examined, which are a sample.
+    /// Number of examined cases, a sample of all cases.
     pub cases: u64,
     /// Number of these cases in which WGSL allows a larger error than the tolerance.
     pub wider: u64,

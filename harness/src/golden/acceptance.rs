@@ -298,8 +298,8 @@ impl Goldens {
         Ok(accepted)
     }
 
-    /// Checks that the golden that the frame was compared with hasn't changed since, even if another golden
-    /// is written. A profile that had no golden of its own must still have none.
+    /// Fails if the golden that the frame was compared with has changed since then. This golden may be
+    /// another file than `written`. A profile that had no golden of its own must still have none.
     fn unchanged(&self, pending: &Pending, written: &Path) -> Result<(), AcceptError> {
         let known = &pending.provenance;
         let own = self.golden_of(&pending.case, &pending.profile());

@@ -11,7 +11,7 @@ use crate::value::format_lane;
 /// A row of values that differs from the golden's row.
 #[derive(Clone, Debug)]
 pub struct ChangedRow {
-    /// The row's index, from 0; for a row that only the golden has, its index there.
+    /// The row's index, from 0; for a removed row, its index in the golden.
     pub row: usize,
     /// The row's arguments, as text.
     pub arguments: Vec<String>,
@@ -40,9 +40,9 @@ impl Pending {
 }
 
 impl Table {
-    /// The rows that differ from the golden's row with the same arguments, the largest differences first.
-    /// Rows that only one of the two tables has come before these. Returns all rows if there is no golden, or
-    /// if its columns are others.
+    /// The rows that changed. New and removed rows come first, and then rows whose results differ, the
+    /// largest differences first. A row is compared with the golden's row of the same arguments. Returns all
+    /// rows if there is no golden, or if its columns are others.
     #[must_use]
     pub fn changed_rows(&self, golden: Option<&Self>) -> Vec<ChangedRow> {
         let (given, all) = (self.arguments, self.columns.len());
@@ -66,7 +66,7 @@ impl Table {
         let mut changed = Vec::new();
         let mut gone = vec![true; old_rows.len()];
         for (at, new) in self.rows().enumerate() {
-            // Rows are paired by their arguments, wherever they are: of several, the first that isn't paired yet.
+            // The golden's first row of the same arguments that isn't paired yet.
             let old = by_arguments.get_mut(&new[..given]).and_then(Vec::pop);
             match old.map(|old| (old, old_rows[old])) {
                 None => changed.push(row(at, None, Some(new), f64::INFINITY)),

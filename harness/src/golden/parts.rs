@@ -38,8 +38,8 @@ pub(super) fn read(path: &Path, name: &str) -> Result<Option<Image>, ImageError>
     Ok(parts.into_iter().find(|part| part.name == name).map(|part| part.image))
 }
 
-/// A variance as a part. Half floats hold no variance below 6e-8, so floats hold it, rounded to seven bits of
-/// mantissa: further bits mean nothing and don't compress.
+/// A variance as a part with 32-bit floats, because half floats hold no variance below 6e-8. Seven bits of
+/// the mantissa are kept: further bits mean nothing and don't compress.
 pub(super) fn variance(image: &Image) -> Part {
     let mut coarse = image.clone();
     for value in coarse.pixels_mut().iter_mut().flatten() {

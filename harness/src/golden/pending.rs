@@ -283,7 +283,7 @@ fn ending(name: &str) -> Option<&'static str> {
 }
 
 /// Finds `*.new.exr` and `*.new.csv` in a folder and its subfolders, sorted. Karat enters each folder once, even if
-/// several links lead to it. The folder of frames under an overlay is left out: they can't be accepted.
+/// several links lead to it. It leaves out frames under an overlay: they can't be accepted.
 fn find(
     folder: &Path,
     entered: &mut BTreeSet<PathBuf>,

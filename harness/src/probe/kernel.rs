@@ -101,7 +101,7 @@ impl Kernel {
         kernel
     }
 
-    /// The kernel that calls a function that runs alone once per pixel of a draw. The pixels are its cases,
+    /// The kernel that calls the function once per pixel of a draw, with each call alone. The pixels are its cases,
     /// row by row.
     pub fn of_pixels(&self) -> Self {
         let mut kernel = Self { inputs: Inputs::Storage, ..self.clone() };

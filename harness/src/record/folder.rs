@@ -46,7 +46,7 @@ impl Running {
         let folder = loop {
             let folder = records.join(names.next().expect("numbers enough"));
             match std::fs::create_dir(&folder) {
-                // This name is taken by a process with the same number, which has ended or is in another container.
+                // Another process had this number: it has ended, or runs in another container.
                 Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
                 made => break made.map(|()| folder)?,
             }

@@ -15,7 +15,7 @@ pub struct Host {
     pub folder: PathBuf,
     /// The folder in `.karat/failures/` for these tests.
     pub target: String,
-    /// The output folder of tests, which has the pending frames in CI.
+    /// The output folder of tests. In CI it has the pending frames.
     pub output: PathBuf,
 }
 

@@ -25,7 +25,7 @@ pub struct KnownIssue {
     pub failures: u64,
 }
 
-/// The failures of several paths, for cases in which one failure isn't the whole message.
+/// The failures of several paths. It is used if a single failure isn't the whole message.
 #[derive(Debug)]
 pub struct PathFailures<E> {
     /// Failures of values, and wrong declarations.

@@ -193,7 +193,7 @@ fn file_name(test: &str) -> String {
     name_within(&plain, LONGEST).into_owned()
 }
 
-/// Prints a line to standard error, which test runners show for tests that fail.
+/// Prints a line to standard error. Test runners show it for tests that fail.
 fn note(file: &Path, text: &str) {
     let line = format!("note: `{}`: {text}", file.display());
     eprintln!("{}", crate::output::visible(&line));
