@@ -101,8 +101,8 @@ impl Kernel {
         kernel
     }
 
-    /// The kernel that calls the function once per pixel of a draw, with each call alone. The pixels are its cases,
-    /// row by row.
+    /// The kernel that calls the function once per pixel of a draw. The pixels are its cases, row by row. It
+    /// is for functions whose cases run alone otherwise.
     pub fn of_pixels(&self) -> Self {
         let mut kernel = Self { inputs: Inputs::Storage, ..self.clone() };
         kernel.function.form.fragment = true;
