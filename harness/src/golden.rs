@@ -1,9 +1,9 @@
-//! Goldens: what a frame should look like, in HDR, and which values a function or a buffer should have.
+//! Goldens: accepted HDR frames, and accepted values of functions and buffers.
 //!
-//! The golden of a frame is two files: `<case>.exr`, and `<case>.toml` with the same facts as text. That
-//! of values is one, `<case>.csv`, a [`Table`] with its facts as comments. What differs or has no golden
-//! fails, and leaves `<case>.new.exr` or `<case>.new.csv` beside the golden (if `CI` is set, in the folder
-//! of build output instead). Only accepting writes a golden.
+//! The golden of a frame has two files: `<case>.exr`, and `<case>.toml` with the same facts as text. The
+//! golden of values has one file, `<case>.csv`: a [`Table`] whose comments are its facts. A frame that has no
+//! golden, or differs from its golden, fails. Karat then writes `<case>.new.exr` or `<case>.new.csv` beside
+//! the golden, or into the folder of build output if `CI` is set. Only accepting writes a golden.
 
 pub(crate) mod acceptance;
 pub(crate) mod changes;
@@ -63,7 +63,7 @@ use crate::path::Adapter;
 pub struct Goldens {
     base: std::borrow::Cow<'static, str>,
     folder: std::borrow::Cow<'static, str>,
-    /// Whether pending frames lie beside their goldens whatever the environment says.
+    /// True if pending frames are written beside their goldens even if `CI` is set.
     beside: bool,
 }
 
@@ -88,18 +88,19 @@ pub(crate) struct Rendered<'a> {
     pub(crate) adapter: &'a Adapter,
     pub(crate) shader: String,
     pub(crate) modules: Vec<LinkedModule>,
-    /// `None`: the default for the golden and the adapter.
+    /// The declared tolerance. `None`: the default for this golden and this adapter.
     pub(crate) tolerance: Option<&'a FrameTolerance>,
     pub(crate) mask: Option<&'a Mask>,
-    /// Variance of each pixel, of a frame that is noisy.
+    /// The variance of each pixel, if the frame is noisy.
     pub(crate) variance: Option<&'a Image>,
-    /// What its author says of it.
+    /// Facts that the author of the test adds, by name.
     pub(crate) facts: &'a BTreeMap<String, String>,
-    /// What else is kept of its pixels; rendered where the frame is, and only if it is kept.
+    /// Further parts for the file, such as AOVs. They are drawn on the frame's own path, and only if the file
+    /// is written.
     pub(crate) aovs: &'a dyn Fn() -> Vec<Part>,
-    /// Whether it is known to differ: there is nothing to review then.
+    /// True if a known issue is declared for the frame: then Karat writes no pending frame.
     pub(crate) known_issue: bool,
-    /// True if the frame of another path waits already: one is looked at, decided about, and the test runs
+    /// True if the frame of another path is pending. You decide about that frame first, and run the test
     /// again.
     pub(crate) other_waits: bool,
 }
@@ -109,24 +110,23 @@ impl Rendered<'_> {
         self.tolerance.and_then(FrameTolerance::first_gate).unwrap_or_default()
     }
 
-    /// How it is stored: half floats, unless their rounding could be taken for a difference.
+    /// The samples' format in the file: half floats, unless rounding to half floats could look like a difference.
     fn precision(&self) -> Precision {
         self.gate().precision_for(self.image, self.mask)
     }
 
-    /// Whether half floats hide what its tolerance wouldn't, whatever the golden is stored in. Only
-    /// then it is worth a look at all pixels: by what is above, an ordinary frame is rounded by
-    /// less.
+    /// True if the tolerance needs 32-bit floats, even if the golden has half floats. Only then does Karat
+    /// examine all pixels: rounding an ordinary frame to half floats changes it by less than its tolerance.
     fn asks_for_floats(&self) -> bool {
         self.gate().relative < f16::EPSILON.to_f32() && self.precision() == Precision::Float
     }
 }
 
-/// Why a frame fails, or can't be judged.
+/// The reason why a frame fails, or can't be compared.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum GoldenError {
-    /// A name that isn't one path component or several joined by `/`.
+    /// The name isn't one or more path components joined by `/`.
     #[error("`{0}` can't name a golden: use letters, digits, `-`, `_` and `/`")]
     Name(String),
     /// There is no golden yet.
@@ -135,44 +135,44 @@ pub enum GoldenError {
          `karat accept {case}{arguments} --because \"...\"`"
     )]
     Missing {
-        /// The golden.
+        /// The golden's name.
         case: String,
-        /// The frame that was rendered.
+        /// The file of the rendered frame.
         pending: String,
-        /// What accepting needs besides: `--any-adapter`.
+        /// Further arguments that `karat accept` needs: `--any-adapter`.
         arguments: String,
     },
-    /// The golden can't be read. It isn't overwritten.
+    /// The golden can't be read. Karat doesn't overwrite it.
     #[error("the golden of frame `{case}` can't be used: {cause}{}",
         if matches!(cause, ImageError::Corrupt { .. }) { "; restore it from version control" } else { "" })]
     Unreadable {
-        /// The golden.
+        /// The golden's name.
         case: String,
-        /// Why.
+        /// The reason.
         cause: ImageError,
     },
     /// The golden's metadata can't be used.
     #[error("the golden of frame `{case}` can't be used: {cause}")]
     Provenance {
-        /// The golden.
+        /// The golden's name.
         case: String,
-        /// Why.
+        /// The reason.
         cause: ProvenanceError,
     },
-    /// The frame differs.
+    /// The frame differs from its golden.
     #[error(
         "frame `{case}` differs from its golden `{golden}`: {difference}\n  look at `{pending}`, {advice}"
     )]
     Differs {
-        /// The golden.
+        /// The golden's name.
         case: String,
         /// The golden's file.
         golden: String,
-        /// How.
+        /// The difference.
         difference: Box<FrameDifference>,
-        /// The frame that was rendered.
+        /// The file of the rendered frame.
         pending: String,
-        /// What to do after looking at it.
+        /// Advice on the next step, after you have looked at the frame.
         advice: String,
     },
     /// There is no golden yet, and the frame can't become one.
@@ -181,35 +181,35 @@ pub enum GoldenError {
          mend the shader"
     )]
     Unacceptable {
-        /// The golden.
+        /// The golden's name.
         case: String,
-        /// What is wrong.
+        /// The defect of the frame.
         difference: Box<FrameDifference>,
-        /// The frame that was rendered.
+        /// The file of the rendered frame.
         pending: String,
     },
     /// The mask can't be used.
     #[error("frame `{case}` can't be compared: {cause}")]
     Mask {
-        /// The golden.
+        /// The golden's name.
         case: String,
-        /// Why.
+        /// The reason.
         cause: MaskError,
     },
     /// The pending frame can't be written.
     #[error("frame `{case}` fails ({failure}), and its pending image can't be written: {cause}")]
     Pending {
-        /// The golden.
+        /// The golden's name.
         case: String,
-        /// The failure that it would have shown.
+        /// The failure of the frame itself.
         failure: String,
-        /// Why.
+        /// The reason.
         cause: ImageError,
     },
 }
 
 impl GoldenError {
-    /// Says how the worst pixel comes about, or the first that is no number.
+    /// Adds the command that shows how the worst pixel, or the first non-finite one, gets its value.
     pub(crate) fn point_at_worst(&mut self) {
         let Self::Differs { case, difference, advice, .. } = self else { return };
         let (what, at) = match &**difference {
@@ -226,7 +226,7 @@ impl GoldenError {
 }
 
 impl Goldens {
-    /// A folder relative to `base`. [`goldens!`](crate::goldens) fills in the manifest's folder.
+    /// Goldens in a folder relative to `base`. [`goldens!`](crate::goldens) passes the folder of the manifest.
     ///
     /// ```
     /// use karat::Goldens;
@@ -243,7 +243,7 @@ impl Goldens {
         Self { base: Cow::Borrowed(base), folder: Cow::Borrowed(folder), beside: false }
     }
 
-    /// A folder.
+    /// Goldens in this folder.
     ///
     /// ```
     /// use karat::Goldens;
@@ -271,26 +271,26 @@ impl Goldens {
         Path::new(self.base.as_ref()).join(self.folder.as_ref())
     }
 
-    /// The golden of all profiles.
+    /// The file of the golden for all profiles.
     fn golden(&self, case: &str) -> PathBuf {
         self.folder().join(format!("{case}.exr"))
     }
 
-    /// The golden of one profile.
+    /// The file of one profile's golden.
     fn golden_of(&self, case: &str, profile: &Profile) -> PathBuf {
         self.folder().join(format!("@{profile}/{case}.exr"))
     }
 
-    /// The golden that a profile is compared with, and whether it is its own: that of the profile
-    /// where there is one, or else the one for all. No other file ever stands in.
+    /// The golden that a profile is compared with, and true if the golden is the profile's own. A profile
+    /// without its own golden uses the golden for all profiles, and never that of another profile.
     fn used(&self, case: &str, profile: &Profile) -> (PathBuf, bool) {
         let own = self.golden_of(case, profile);
-        // A link to nothing is a golden that is missing, and not one that was never made.
+        // A broken link is a missing golden: the golden was made once.
         if own.symlink_metadata().is_ok() { (own, true) } else { (self.golden(case), false) }
     }
 
-    /// The files that a comparison depends on: the golden of the adapter's profile, and the one for
-    /// all, whichever is there.
+    /// The files that a comparison depends on: the golden of the adapter's profile, and the golden for all
+    /// profiles. Files that don't exist are left out.
     pub(crate) fn files(&self, case: &str, adapter: &Adapter) -> Vec<FileRead> {
         if !is_name(case) {
             return Vec::new();
@@ -322,8 +322,8 @@ impl Goldens {
         }
     }
 
-    /// Compares an image that another program drew with a golden, within the usual tolerance of frames. One that differs, or
-    /// is the first of its name, waits for a review.
+    /// Compares an image that another program drew with a golden, within the default tolerance of frames. An
+    /// image that differs, or has no golden yet, becomes a pending frame.
     ///
     /// ```no_run
     /// use karat::unstable::path::Adapter;
@@ -338,7 +338,7 @@ impl Goldens {
     /// ```
     ///
     /// # Errors
-    /// If it differs, or there is nothing to compare with.
+    /// If the image differs from the golden, or there is no golden.
     ///
     /// *Unstable*: for programs around tests.
     pub fn check_image(
@@ -369,7 +369,7 @@ impl Goldens {
         )
     }
 
-    /// Compares a frame with its golden: it is loaded, compared, and what follows is settled.
+    /// Loads the golden of a frame, compares the frame with it, and writes or removes the pending frame.
     pub(crate) fn check(
         &self,
         case: &str,
@@ -402,7 +402,7 @@ impl Goldens {
         Ok(Loaded { file, golden, profile })
     }
 
-    /// Removes what waits of a frame that agrees, or leaves the frame to be looked at.
+    /// Removes the pending frame if the frame agrees with its golden; otherwise writes the frame as pending.
     fn settle(
         &self,
         case: &str,
@@ -424,7 +424,7 @@ impl Goldens {
             }
             compared => compared.err(),
         };
-        // A frame that is known to differ has nothing to be decided about.
+        // A known issue needs no decision, so no pending frame is written.
         let is_known = loaded.golden.is_some()
             && frame.known_issue
             && difference.as_ref().is_some_and(FrameDifference::is_of_values);
@@ -468,13 +468,13 @@ impl Goldens {
         })
     }
 
-    /// Whether the golden for all serves a profile that has one of its own.
+    /// True if a profile with its own golden would also pass with the golden for all profiles.
     fn base_passes(&self, case: &str, frame: &Rendered<'_>) -> bool {
         let base = Reference::read(&self.golden(case), frame.variance.is_some());
         base.is_ok_and(|base| base.compare(frame).is_ok())
     }
 
-    /// What to do with a frame that differs.
+    /// Advice about a frame that differs.
     fn advice(&self, pending: &Pending, difference: &FrameDifference, golden: &Path) -> String {
         if matches!(difference, FrameDifference::NonFinite(_)) {
             return "and mend the shader: nothing could ever agree with such a frame".to_owned();
@@ -493,7 +493,7 @@ impl Goldens {
     }
 }
 
-/// Whether this can name a golden: it leaves no folder, on any system.
+/// True if a golden can have this name: letters, digits, `-`, `_` and `/` only, so that no name leaves the folder.
 fn is_name(case: &str) -> bool {
     let sound = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_');
     case.split('/').all(|part| !part.is_empty() && part.chars().all(sound))
@@ -509,7 +509,8 @@ struct Loaded {
 }
 
 impl Loaded {
-    /// A frame without a golden is compared with itself: one with NaN is wrong with and without.
+    /// Compares a frame with its golden. A frame without a golden is compared with itself, which finds NaN
+    /// and infinities.
     fn compare(&self, frame: &Rendered<'_>) -> Result<FrameMargin, FrameDifference> {
         match &self.golden {
             Some(golden) => golden.compare(frame),
@@ -528,7 +529,7 @@ impl Loaded {
         }
     }
 
-    /// The facts of its comparison that a pending frame keeps.
+    /// The facts of the comparison, which are stored in the pending frame.
     fn against(&self, frame: &Rendered<'_>, finding: Option<FrameFinding>) -> Against {
         Against {
             hash: self.golden.as_ref().map_or_else(String::new, Reference::hash),

@@ -1,4 +1,4 @@
-//! The judge of cases and elements: rows of words beside what is asserted of them, and what they add up to.
+//! The judges of cases and of buffer elements: they compare rows of words with assertions, and add up the results.
 
 use std::ops::Range;
 
@@ -8,7 +8,7 @@ use crate::record::{self, ExpectationDetails};
 use crate::tolerance::{LaneError, Tolerance, Unit};
 use crate::value::Scalar;
 
-/// The judgement of one case: its worst lane.
+/// The judgement of one case: that of its worst lane.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Judged {
     pub(crate) measure: LaneError,
@@ -16,7 +16,7 @@ pub(crate) struct Judged {
     pub(crate) class: Class,
 }
 
-/// How a failing value is wrong.
+/// The kind of a failure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Class {
     Nan,
@@ -24,20 +24,20 @@ pub(crate) enum Class {
     WrongSign,
     TooLow,
     TooHigh,
-    /// WGSL doesn't allow the reference.
+    /// WGSL doesn't allow the reference's value, so the shader is wrong.
     Shader,
-    /// WGSL doesn't allow the result.
+    /// WGSL doesn't allow the result, so the driver is wrong.
     Driver,
-    /// WGSL allows results that are too far apart.
+    /// WGSL allows results that differ by more than the check permits.
     Conditioning,
     /// WGSL allows any result.
     Unbounded,
-    /// Nothing was asserted in this case.
+    /// The case asserted nothing.
     Idle,
     Other,
 }
 
-/// How many cases failed, and how.
+/// The number of failing cases, by kind.
 ///
 /// ```
 /// # use karat::check::Failure;
@@ -50,41 +50,41 @@ pub(crate) enum Class {
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Census {
-    /// Cases that were compared.
+    /// Number of cases that were compared.
     pub cases: u64,
-    /// Cases that failed.
+    /// Number of cases that failed.
     pub failures: u64,
-    /// Failures whose worst component is NaN.
+    /// Number of failures whose worst component is NaN.
     pub nan: u64,
-    /// Failures whose worst component is infinite.
+    /// Number of failures whose worst component is infinite.
     pub infinite: u64,
-    /// Failures whose worst component has the opposite sign of the reference.
+    /// Number of failures whose worst component has the opposite sign of the reference.
     pub wrong_sign: u64,
-    /// Failures below the reference.
+    /// Number of failures whose worst component is below the reference.
     pub too_low: u64,
-    /// Failures above the reference.
+    /// Number of failures whose worst component is above the reference.
     pub too_high: u64,
-    /// Failures by [`Spec`](crate::Spec): WGSL doesn't allow the function to return the reference.
+    /// Number of failures under [`Spec`](crate::Spec) because WGSL doesn't allow the reference's value.
     pub shader: u64,
-    /// Failures by [`Spec`](crate::Spec): WGSL doesn't allow the result.
+    /// Number of failures under [`Spec`](crate::Spec) because WGSL doesn't allow the result.
     pub driver: u64,
-    /// Failures by [`Spec`](crate::Spec): WGSL allows results that are too far apart.
+    /// Number of failures under [`Spec`](crate::Spec) because WGSL allows results that are too far apart.
     pub ill_conditioned: u64,
-    /// Failures by [`Spec`](crate::Spec): WGSL allows any result.
+    /// Number of failures under [`Spec`](crate::Spec) because WGSL allows any result.
     pub unbounded: u64,
-    /// Cases in which a test in WGSL called no expectation.
+    /// Number of cases in which a test in WGSL called no expectation.
     pub idle: u64,
-    /// How many of the cases are inputs on which the test has failed before.
+    /// Number of cases that are inputs on which the test has failed before.
     pub remembered: u64,
 }
 
 impl Census {
-    /// Cases in which something was asserted.
+    /// Number of cases in which something was asserted.
     pub(crate) fn judged(&self) -> u64 {
         self.cases - self.idle
     }
 
-    /// How many fail in each way, as the end of a sentence: `, 3 NaN, 9 too low`.
+    /// The numbers of failures of each kind, as the end of a sentence: `, 3 NaN, 9 too low`.
     pub(crate) fn ways(&self) -> String {
         let ways = [
             (self.nan, "NaN"),
@@ -102,7 +102,7 @@ impl Census {
     }
 }
 
-/// A case worth showing.
+/// A case that messages show.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Shown {
     pub(crate) case: u64,
@@ -110,19 +110,19 @@ pub(crate) struct Shown {
 }
 
 impl Shown {
-    /// The place of its worst lane among the words of cases that stand one after the other.
+    /// The index of the worst lane in an array that has `width` words for each case.
     pub(crate) fn at(&self, width: usize) -> usize {
         usize::try_from(self.case).expect("they are in memory") * width + self.judged.lane
     }
 }
 
-/// The sum over a path's cases. Merging is independent of order.
+/// The sum over a path's cases. The order of merging doesn't matter.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Tally {
     pub(crate) census: Census,
-    /// The largest ratio; of equals the first case.
+    /// The case with the largest ratio; of several, the first.
     pub(crate) worst: Option<Shown>,
-    /// The failing case of the lowest index: edges come first, and are the simplest.
+    /// The failing case with the lowest index. Edges come first and are the simplest.
     pub(crate) first: Option<Shown>,
 }
 
@@ -195,34 +195,33 @@ fn either(
     }
 }
 
-/// Cases that one task judges; large enough that a task costs more than its start.
+/// Cases that one task judges: enough that a task takes longer than its start.
 const TASK: usize = 2048;
 
-/// The text of a failing case, in place of its result.
+/// A text that replaces the result of a failing case.
 pub(crate) struct Described {
     pub(crate) expectations: Vec<ExpectationDetails>,
     pub(crate) notes: Vec<(&'static str, String)>,
 }
 
-/// How the cases of a batch are judged. A case is given by its index in the batch and the words of
-/// its result.
+/// A judge of the cases of a batch. A case is given by its index in the batch and the words of its result.
 pub(crate) trait Judge: Sync {
     fn judge(&self, case: usize, actual: &[u32]) -> Judged;
 
-    /// Whether the case passes and its ratio is at most `ratio`, where that is known at less cost
-    /// than by judging it. `false` says nothing.
+    /// A fast test: true if the case passes with a ratio of at most `ratio`. False means only that
+    /// [`judge`](Self::judge) must find out.
     fn is_within(&self, case: usize, actual: &[u32], ratio: f64) -> bool {
         let _ = (case, actual, ratio);
         false
     }
 
-    /// What a failing case is told by, if its result says nothing to people.
+    /// The text for a failing case, if the words of its result mean nothing to people.
     fn describe(&self, actual: &[u32]) -> Option<Described> {
         let _ = actual;
         None
     }
 
-    /// Adds some cases of a batch, of which the first has the index `first_case`.
+    /// Adds cases of a batch to the tally. The first case of the batch has the index `first_case`.
     fn add(
         &self,
         (tally, picked): (&mut Tally, &mut Picked),
@@ -232,7 +231,7 @@ pub(crate) trait Judge: Sync {
     ) {
         for case in cases {
             let actual = results.of(case);
-            // An author's closure is called once a case, whoever looks on.
+            // Each case is judged once, because a judge may call a closure of the test's author.
             if picked.wants(case) {
                 let judged = self.judge(case, actual);
                 picked.ratios.push((case, judged.measure.ratio));
@@ -240,7 +239,7 @@ pub(crate) trait Judge: Sync {
                 tally.add(first_case + case as u64, judged);
                 continue;
             }
-            // What passes and isn't worse than the worst is only counted.
+            // A case that passes and isn't worse than the worst one is only counted.
             let worst = tally.worst.map_or(f64::NEG_INFINITY, |worst| worst.judged.measure.ratio);
             if self.is_within(case, actual, worst.min(1.0)) {
                 tally.census.cases += 1;
@@ -259,31 +258,31 @@ impl<F: Fn(usize, &[u32]) -> Judged + Sync> Judge for F {
     }
 }
 
-/// Cases of a batch whose errors are kept, evenly spaced, and those that fail.
+/// The evenly spaced cases of a batch whose errors are stored, and the cases that fail.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Picked {
-    /// Whether failing cases are wanted.
+    /// True if failing cases are stored.
     wants_failing: bool,
-    /// Their indices in the batch.
+    /// Indices of failing cases in the batch.
     pub(crate) failing: Vec<usize>,
-    /// Each so many; 0: none.
+    /// Distance between two stored cases; 0: none are stored.
     every: usize,
-    /// The cases' indices in the batch, and their errors divided by their bounds.
+    /// Indices of stored cases in the batch, with their errors divided by their tolerances.
     pub(crate) ratios: Vec<(usize, f64)>,
 }
 
 impl Picked {
-    /// About `count` of so many cases.
+    /// Stores about `count` cases of `of`.
     pub(crate) fn some(count: usize, of: usize) -> Self {
         Self { every: of.div_ceil(count).max(1), ..Self::default() }
     }
 
-    /// With the cases that fail.
+    /// Stores the cases that fail, too.
     pub(crate) fn and_failing(self) -> Self {
         Self { wants_failing: true, ..self }
     }
 
-    /// The same, with nothing in it.
+    /// An empty copy with the same selection.
     fn empty(&self) -> Self {
         Self { every: self.every, wants_failing: self.wants_failing, ..Self::default() }
     }
@@ -299,7 +298,7 @@ impl Picked {
     }
 }
 
-/// Judges each case of a batch, of which the first has the index `first_case`; `picked` gets errors.
+/// Judges each case of a batch. The first case has the index `first_case`; `picked` gets the errors.
 pub(crate) fn tally(
     first_case: u64,
     results: View<'_>,
@@ -324,7 +323,7 @@ pub(crate) fn tally(
     all
 }
 
-/// Compares a result with its reference lane by lane; the worst lane counts.
+/// Compares a result with its reference lane by lane. The worst lane is the result's judgement.
 pub(crate) fn compare(
     scalars: &[Scalar],
     actual: &[u32],
@@ -340,7 +339,7 @@ pub(crate) fn compare(
     Judged { measure, lane, class }
 }
 
-/// Whether each lane passes with a ratio of at most `ratio`; see [`Tolerance::is_within`].
+/// True if each lane passes with a ratio of at most `ratio`; see [`Tolerance::is_within`].
 #[inline]
 pub(crate) fn is_within(
     scalars: &[Scalar],
@@ -349,7 +348,7 @@ pub(crate) fn is_within(
     tolerance: &Tolerance,
     ratio: f64,
 ) -> bool {
-    // Written as a loop: tests run with little optimisation, and this runs for each case.
+    // A loop, and no iterators: it runs for each case, and tests are built with little optimisation.
     for (lane, scalar) in scalars.iter().enumerate() {
         let (word, expected) = (actual[lane], expected[lane]);
         let within = if scalar.is_float() {
@@ -380,7 +379,7 @@ pub(crate) fn classify(actual: f64, expected: f64) -> Class {
     }
 }
 
-/// Fails where a component isn't a finite number.
+/// Fails if a component is NaN or infinite.
 pub(crate) fn finite(scalars: &[Scalar], actual: &[u32]) -> Judged {
     let bad = scalars
         .iter()
@@ -429,7 +428,7 @@ mod tests {
         }
     }
 
-    /// Where nothing is allowed each failure is infinitely far off by its bound: the error itself tells the worst.
+    /// With a tolerance of 0 each ratio of a failure is infinite, so the error itself decides the worst case.
     #[test]
     fn the_worst_of_exact_cases_is_the_farthest() {
         let tolerance = Tolerance::from(Abs(0.0));

@@ -1,9 +1,9 @@
-//! Calling one WGSL function over many cases.
+//! Calls of one WGSL function with many cases.
 //!
-//! The kernel is ordinary WGSL (`karat show` prints it). Results are poisoned before a dispatch
-//! and each invocation writes back a canary that only this dispatch knows, so a kernel that
-//! doesn't run, or runs on other data, is an error and never a verdict. What runs it is an
-//! [`Executor`](crate::executor::Executor).
+//! The kernel is ordinary WGSL, which `karat show` prints. Before a dispatch, all results are poison. Each
+//! invocation writes a canary that belongs to this dispatch only. So a kernel that doesn't run, or that runs
+//! on other data, is an error and never a verdict. An [`Executor`](crate::executor::Executor) runs the
+//! kernel.
 
 mod borders;
 mod bound;
@@ -45,14 +45,14 @@ use crate::path::{Ability, Path, PathError};
 use crate::reflect::{Function, Overrides, Program, ReflectError, State};
 use crate::value::Shape;
 
-/// A function, linked, reflected, and with its kernel.
+/// A function that is linked and reflected, with its kernel.
 #[derive(Clone, Debug)]
 pub struct Probed {
-    /// The text that it stands in.
+    /// The linked text of the function.
     pub program: Arc<Program>,
     /// Its signature.
     pub function: Function,
-    /// What calls it.
+    /// The kernel that calls the function.
     pub kernel: Kernel,
 }
 
@@ -60,15 +60,15 @@ impl Probed {
     /// Prepares a probe of `path` (`fresnel::schlick`).
     ///
     /// # Errors
-    /// If there is no such function, the shader isn't valid, or a kernel can't call it.
+    /// If there is no such function, if the shader isn't valid, or if a kernel can't call the function.
     pub fn new(package: &Package, path: &str) -> Result<Self, ProbeError> {
         Self::with_overrides(package, path, &Overrides::new())
     }
 
-    /// The same with values of overrides, by their names or numbers.
+    /// The same as [`new`](Self::new), with values of overrides by their names or numbers.
     ///
     /// # Errors
-    /// Those of [`new`](Self::new); and if an override has no value, or there is no such override.
+    /// Those of [`new`](Self::new). Also if an override has no value, or if a name or number is unknown.
     pub fn with_overrides(
         package: &Package,
         path: &str,
@@ -77,8 +77,8 @@ impl Probed {
         Self::in_state(package, path, overrides, &State::new())
     }
 
-    /// The same that takes and gives private variables, too, of which a function gets and leaves values, as
-    /// [`Program::state_of`] gives them.
+    /// The same as [`with_overrides`](Self::with_overrides), with private variables as further arguments and
+    /// results: `state` says which ones the function reads and writes, as [`Program::state_of`] finds them.
     ///
     /// # Errors
     /// Those of [`with_overrides`](Self::with_overrides).
@@ -96,11 +96,11 @@ impl Probed {
         Ok(Self { program, function, kernel })
     }
 
-    /// The same of a test. An engine takes a module whole, so what the function doesn't reach must be valid, too, but where
-    /// somebody else wrote it: modules of crates are whole with some features only.
+    /// The same as [`with_overrides`](Self::with_overrides), for a test. The function's whole module must be valid,
+    /// because an engine compiles it as a whole. Modules of crates are exempt: many are valid with some features only.
     ///
     /// # Errors
-    /// Those of [`with_overrides`](Self::with_overrides); and if the module isn't valid.
+    /// Those of [`with_overrides`](Self::with_overrides). Also if the module isn't valid.
     pub fn in_valid(
         package: &Package,
         path: &str,
@@ -114,10 +114,11 @@ impl Probed {
         Ok(probed)
     }
 
-    /// The same with another source of the arguments.
+    /// The same probe with another source of arguments.
     ///
     /// # Errors
-    /// If one case's arguments don't fit into a uniform buffer.
+    /// If the arguments of one case don't fit into a uniform buffer, or if the function can only run with a
+    /// storage buffer.
     pub(crate) fn with_inputs(self, inputs: Inputs) -> Result<Self, ProbeError> {
         let form = &self.function.form;
         if inputs != Inputs::Storage && (form.alone || form.fragment) {
@@ -132,7 +133,7 @@ impl Probed {
         Ok(Self { kernel, ..self })
     }
 
-    /// Takes note of how long what it writes is, which its fixtures say.
+    /// Sets the lengths of the resources that the function writes, from their fixtures.
     ///
     /// # Errors
     /// If fixtures and variables don't match.
@@ -152,8 +153,8 @@ impl Probed {
         Ok(())
     }
 
-    /// The same where these parameters are given with their derivatives. Others are too, in vain, if
-    /// the function isn't one of fragments.
+    /// The same probe with derivatives of these parameters as further inputs. They have no effect if the
+    /// function takes no derivatives.
     #[must_use]
     pub fn with_quads(mut self, varying: &[bool]) -> Self {
         if varying.contains(&true) {
@@ -167,7 +168,7 @@ impl Probed {
         self
     }
 
-    /// The same for arguments of these types: those that are quads vary, if it takes derivatives.
+    /// The same probe for arguments of these types. Quads get derivatives if the function takes derivatives.
     pub(crate) fn with_quads_of(self, arguments: &[Shape]) -> Self {
         if !self.takes_derivatives() {
             return self;
@@ -176,15 +177,14 @@ impl Probed {
         self.with_quads(&varying)
     }
 
-    /// The same where each parameter that has a float is given with its derivatives, if the function
-    /// takes any: with arguments that don't vary each derivative is 0, and nothing is tried.
+    /// The same probe with derivatives of each parameter that has a float, if the function takes derivatives.
+    /// With constant arguments each derivative would be 0 and nothing would be tested.
     #[must_use]
     pub fn with_varying(self) -> Self {
         if self.takes_derivatives() { self.varying() } else { self }
     }
 
-    /// The same where each parameter that has a float is given with its derivatives, be they taken or
-    /// not.
+    /// The same probe with derivatives of each parameter that has a float, even if the function takes none.
     pub fn varying(self) -> Self {
         let parameters = self.function.parameters.iter();
         let floats = |shape: &Shape| shape.lanes().iter().any(|scalar| scalar.is_float());
@@ -192,7 +192,7 @@ impl Probed {
         self.with_quads(&varying)
     }
 
-    /// Whether only fragment shaders may call it, so that each case is a quad of pixels.
+    /// True if only fragment shaders may call the function. Each case is then a quad of 2 x 2 pixels.
     #[must_use]
     pub fn takes_derivatives(&self) -> bool {
         self.function.form.fragment
@@ -204,16 +204,16 @@ impl Probed {
         &self.function
     }
 
-    /// The function with all that it uses.
+    /// The function, linked with everything that it uses.
     #[must_use]
     pub fn program(&self) -> &Program {
         &self.program
     }
 
-    /// The entry point of the kernel.
+    /// Name of the kernel's entry point.
     pub const ENTRY_POINT: &str = kernel::ENTRY_POINT;
 
-    /// The whole text that is compiled: the function with all that it uses, then the kernel.
+    /// The whole text that is compiled: the function with everything that it uses, and then the kernel.
     #[must_use]
     pub fn kernel(&self) -> &str {
         &self.kernel.text
@@ -221,7 +221,7 @@ impl Probed {
 }
 
 impl ProbeError {
-    /// Whether it is the path that can't do what the function needs, so that others may.
+    /// True if the path lacks something that the function needs. Other paths may have it.
     #[must_use]
     pub fn is_of_path(&self) -> bool {
         match self {
@@ -231,8 +231,8 @@ impl ProbeError {
         }
     }
 
-    /// True if a path refuses what it is given before any of it runs: its compiler or its route doesn't take
-    /// it, or the path lacks what it needs.
+    /// True if a path refuses the program before any part of it runs: its compiler or its route rejects the
+    /// program, or the path lacks something that the program needs.
     pub(crate) fn is_refusal(&self) -> bool {
         match self {
             Self::Lacks { .. } => true,
@@ -243,11 +243,11 @@ impl ProbeError {
     }
 }
 
-/// Why a function gave no results.
+/// The reason why a function gave no results.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ProbeError {
-    /// The shader is at fault, or can't be probed.
+    /// The shader has an error, or can't be probed.
     #[error(transparent)]
     Reflect(#[from] ReflectError),
     /// Fixtures and variables don't match.
@@ -261,10 +261,10 @@ pub enum ProbeError {
     Compile {
         /// The function.
         function: String,
-        /// What the driver says.
+        /// The driver's message.
         error: PathError,
     },
-    /// The path hasn't all that the function needs.
+    /// The path lacks something that the function needs.
     #[error("`{function}` needs {ability}, which path `{path}` doesn't have")]
     Lacks {
         /// The function.
@@ -274,14 +274,14 @@ pub enum ProbeError {
         /// The ability that it lacks.
         ability: Ability,
     },
-    /// The arguments can't come from this source.
+    /// The arguments can't have this source.
     #[error("the arguments of `{function}` can't come from {inputs} inputs: {reason}")]
     Inputs {
         /// The function.
         function: String,
         /// The source.
         inputs: Inputs,
-        /// Why not.
+        /// The reason.
         reason: String,
     },
     /// Some cases have no result.
@@ -296,12 +296,12 @@ pub enum ProbeError {
         path: Path,
         /// First case without a result.
         first: u32,
-        /// How many have none.
+        /// Number of cases without a result.
         count: usize,
-        /// Of how many.
+        /// Number of cases.
         cases: usize,
     },
-    /// The loops of a case take more rounds than the driver allows.
+    /// The loops of a case make more rounds than the driver allows.
     #[error("{diagnostic}")]
     Rounds {
         /// Index of the case in its dispatch.
@@ -312,7 +312,7 @@ pub enum ProbeError {
     /// An assertion of the shader is false.
     #[error("{0}")]
     Asserted(Box<Diagnostic>),
-    /// Some results weren't written: they still are what they were set to before the kernel ran.
+    /// Some results still are poison: the kernel didn't write them.
     #[error(
         "the kernel of `{function}` ran on path `{path}`, but never wrote {count} of {words} result \
          words (first: `result{component}` of case {first} of its dispatch): the driver drops \
@@ -323,18 +323,18 @@ pub enum ProbeError {
         function: String,
         /// The path.
         path: Path,
-        /// The first component that wasn't written: `""` for a scalar, `.x`.
+        /// The first component that wasn't written: `""` for a scalar, `.x` for a vector.
         component: String,
-        /// Its case.
+        /// Index of its case.
         first: u32,
-        /// How many words weren't written.
+        /// Number of words that weren't written.
         count: usize,
-        /// Of how many.
+        /// Number of words.
         words: usize,
-        /// The text that was written.
+        /// All results, including those that weren't written.
         partial: Box<Partial>,
     },
-    /// The executor has no room for even one case.
+    /// The executor hasn't enough memory for even one case.
     #[error("the executor of path `{path}` has room for no case of `{function}`")]
     NoRoom {
         /// The function.
@@ -342,25 +342,25 @@ pub enum ProbeError {
         /// The path.
         path: Path,
     },
-    /// The read-back has the wrong length.
+    /// The results have the wrong length.
     #[error("path `{path}` returned {found} words instead of {expected}")]
     Length {
         /// The path.
         path: Path,
-        /// Words that were asked for.
+        /// Number of expected words.
         expected: usize,
-        /// Words that were returned.
+        /// Number of returned words.
         found: usize,
     },
 }
 
-/// Results of which some words were never written. They still are a NaN.
+/// Results in which some words were never written. These words still are the poison, a NaN.
 #[derive(Debug)]
 pub struct Partial {
-    /// The words of each case, and one more.
+    /// The words of each case, and its canary.
     pub(crate) words: Vec<u32>,
     pub(crate) stride: usize,
-    /// Which of them weren't written.
+    /// The indices of the words that weren't written.
     pub(crate) unwritten: Vec<usize>,
 }
 

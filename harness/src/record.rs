@@ -1,9 +1,8 @@
-//! What a run found, as data: one JSON line for each verdict.
+//! The verdicts of a run as data: one line of JSON per verdict.
 //!
-//! Every process of a run appends to a file of its own in the folder that `KARAT_RECORD` names;
-//! the command line reads them all. Nothing is written when the variable isn't set. Whoever starts
-//! a run gives it a folder of its own ([`Running`]). When the run has ended, `run.json` says how it
-//! was made ([`Run`]).
+//! Each process of a run appends to its own file in the folder that `KARAT_RECORD` names, and the command
+//! line reads all files. Without the variable nothing is written. A command that starts a run gives it its
+//! own folder ([`Running`]). When the run has ended, `run.json` says how it was made ([`Run`]).
 
 mod details;
 mod errors;
@@ -31,69 +30,69 @@ pub use crate::dispatch::{Violation, ViolationAccess, Watched};
 use crate::output;
 use crate::path::Adapter;
 
-/// Version of the format. Lines with another version are refused.
+/// Version of the format. Karat refuses lines of other versions.
 pub const SCHEMA: u32 = 5;
 
-/// What a check concluded.
+/// The conclusion of a check.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Verdict {
-    /// Every case of every path agreed.
+    /// Every case passes on every path.
     Pass,
-    /// At least one path fails as was declared; on the others every case agreed.
+    /// At least one path fails as declared, and every case passes on the other paths.
     KnownIssue,
-    /// At least one case disagreed.
+    /// At least one case fails.
     Fail,
     /// Nothing could be compared.
     Error,
 }
 
-/// One verdict.
+/// A verdict on one function or frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Record {
-    /// See [`SCHEMA`].
+    /// Version of the record's format, [`SCHEMA`].
     pub schema: u32,
-    /// Name of the test that made it.
+    /// Name of the test that made the record.
     pub test: String,
-    /// The Cargo package that has the test. Empty if it isn't Cargo's, or if an older Karat wrote the record.
+    /// The Cargo package that has the test; empty if Cargo didn't run it, or if an older Karat wrote the record.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub cargo_package: String,
-    /// What was checked.
+    /// The function or frame that was checked.
     pub subject: Subject,
-    /// The verdict.
+    /// The verdict on all paths together.
     pub verdict: Verdict,
-    /// Each path that ran.
+    /// The results of each path that ran.
     pub paths: Vec<PathRecord>,
-    /// The whole message of a failure or error, for people: [`details`](Self::details) has the same as data.
+    /// The whole message of a failure or error, for people; [`Details`] has the same as data.
     pub message: Option<String>,
-    /// What failed, as data; `None` if the check passes.
+    /// The failure or error as data; `None` if the check passes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub details: Option<Details>,
-    /// How much of compute passes the sanitizer looked through; `None` of what has no passes.
+    /// The part of compute passes that the sanitizer examined; `None` if the check has no passes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub watched: Option<Watched>,
-    /// The folder whose files replaced modules (`KARAT_OVERLAY`). Such a verdict says nothing about
-    /// the package as it is.
+    /// The folder whose files replaced modules (`KARAT_OVERLAY`); the verdict is then about these files and
+    /// not about the package.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub overlay: Option<String>,
-    /// The files that the verdict depends on, each once: modules, goldens, and the images of
-    /// fixtures, masks and variances. Two kinds are missing: images whose pixels were copied into
-    /// another image, and files that a reference reads. If the check ended before its function was
-    /// compiled, only the function's module is listed. Empty if an older Karat wrote the record.
+    /// The files on which the verdict depends, each once: modules, goldens, and the images of fixtures, masks
+    /// and variances; empty if an older Karat wrote the record. Two kinds of files are missing: images whose
+    /// pixels were copied into another image, and files that a reference reads. If the check ended before its
+    /// function was compiled, only the function's module is listed.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub read: Vec<FileRead>,
-    /// When it was made; `None` if an older Karat wrote the record.
+    /// The time at which the verdict was made; `None` if an older Karat wrote the record.
     #[serde(flatten)]
     pub time: Option<Time>,
 }
 
-/// When a verdict was made and how long it took, for people who look for slow tests. It isn't part
-/// of the verdict, and differs from run to run.
+/// The time of a verdict and its duration, with which you find slow tests. It isn't part of the verdict, and
+/// differs from run to run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Time {
-    /// When the check began, in UTC: `2026-01-31T12:00:00.000Z`.
+    /// Time at which the check began, in UTC: `2026-01-31T12:00:00.000Z`.
     pub started: String,
-    /// How long it took by the clock, even if other tests ran at the same time.
+    /// Duration of the check in seconds by the clock, even if other tests ran at the same time.
     pub seconds: f64,
 }
 
@@ -101,7 +100,7 @@ pub struct Time {
 #[derive(Debug)]
 pub(crate) struct Stopwatch {
     started: SystemTime,
-    /// The clock of the system may be set meanwhile.
+    /// A monotonic clock, because the system's clock may be set during the check.
     running: Instant,
 }
 
@@ -111,7 +110,7 @@ impl Stopwatch {
     }
 
     pub(crate) fn time(&self) -> Time {
-        // There are no names for times before the epoch.
+        // Times before 1970 can't be written.
         let started = self.started.max(SystemTime::UNIX_EPOCH);
         Time {
             started: humantime::format_rfc3339_millis(started).to_string(),
@@ -120,7 +119,7 @@ impl Stopwatch {
     }
 }
 
-/// What a verdict is about.
+/// The subject of a verdict.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum Subject {
@@ -128,15 +127,15 @@ pub enum Subject {
     Function {
         /// Folder of the package.
         package: String,
-        /// `fresnel::schlick`
+        /// The function's path: `fresnel::schlick`.
         function: String,
-        /// Which check: `agrees_with`, ...
+        /// The verb of the check, such as `agrees_with`.
         check: String,
-        /// What was asserted: the tolerance, or the statement.
+        /// The assertion: a tolerance or a statement.
         assertion: String,
-        /// `file:line:column` of the function; empty if it wasn't found.
+        /// `file:line:column` of the function; empty if Karat didn't find it.
         location: String,
-        /// Where arguments come from, in words, if the domain was made at run time: `x from 0 to 1`.
+        /// The domains of the arguments in words, if the test made them at run time: `x from 0 to 1`.
         #[serde(default, skip_serializing_if = "String::is_empty")]
         domain: String,
         /// Seed of the cases.
@@ -149,7 +148,7 @@ pub enum Subject {
         /// The folder of goldens; empty if the frame was compared with a number.
         #[serde(default)]
         folder: String,
-        /// `file:line:column` of the call in the test. The file is as the compiler was given it.
+        /// `file:line:column` of the call in the test. The file is written as the compiler got it.
         #[serde(default)]
         location: String,
     },
@@ -158,45 +157,45 @@ pub enum Subject {
 /// The results of one path.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PathRecord {
-    /// Path, adapter and driver.
+    /// The path's name, its adapter and its driver.
     pub adapter: Adapter,
-    /// Cases (or pixels) that were compared.
+    /// Number of cases, or of pixels, that were compared.
     pub cases: u64,
-    /// How many of them failed.
+    /// Number of cases, or of pixels, that failed.
     pub failures: u64,
-    /// The largest error, in its unit: `2.5 ulp`.
+    /// The largest error with its unit: `2.5 ulp`.
     pub worst: String,
-    /// The largest error divided by its bound; `None` if that isn't a number.
+    /// The largest error divided by its tolerance; `None` if the quotient isn't a finite number.
     pub ratio: Option<f64>,
-    /// What was asserted on this path: the tolerance, or the statement.
+    /// The assertion on this path: a tolerance or a statement.
     pub asserted: String,
-    /// Why this path was declared to fail; `None` if it should pass.
+    /// The reason for the declaration that this path fails; `None` without a declaration.
     pub known_issue: Option<String>,
-    /// What WGSL allows where a tolerance is declared; `None` for what declares none, and for functions
-    /// that the engine doesn't execute.
+    /// The errors that WGSL allows, compared with the tolerance; `None` without a declared tolerance, or if
+    /// Karat's engine can't run the function.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub allowed: Option<Allowance>,
-    /// How large the errors of some cases are; `None` for what isn't judged case by case, or if an older
+    /// The distribution of the errors of some cases; `None` if no single cases are judged, or if an older
     /// Karat wrote the record.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub errors: Option<Errors>,
-    /// Where the errors are; for paths that fail.
+    /// The errors of some cases and their arguments; `None` if the path passes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub plot: Option<Plot>,
-    /// What was counted in the worst configuration of a sampler that is rejected.
+    /// The counts in the worst configuration of a sampler that fails; `None` in all other records.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub histogram: Option<Histogram>,
-    /// How many configurations of a sampler were judged, each by many samples: `failures` are of them.
-    /// `None` for what is judged case by case, or if an older Karat wrote the record.
+    /// Number of a sampler's configurations that were judged, of which `failures` failed;
+    /// `None` if single cases are judged, or if an older Karat wrote the record.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub configurations: Option<u64>,
-    /// The least and the largest number of invocations of a subgroup, if passes depend on it.
+    /// The smallest and the largest size of a subgroup; `None` if no pass depends on it.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub subgroups: Option<[u32; 2]>,
 }
 
 impl PathRecord {
-    /// A record of a path with nothing in it yet.
+    /// An empty record of a path.
     pub(crate) fn of(adapter: Adapter) -> Self {
         Self {
             adapter,
@@ -216,63 +215,63 @@ impl PathRecord {
     }
 }
 
-/// What WGSL allows a function to return, compared with the tolerance of a check. Where it allows more,
-/// another driver may fail the check and be right.
+/// The errors that WGSL allows a function, compared with the tolerance of a check. If WGSL allows larger
+/// errors, another driver may fail the check and be right.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Allowance {
-    /// Cases that were looked at: a sample.
+    /// Number of examined cases, a sample of all cases.
     pub cases: u64,
-    /// In how many of them it allows a larger error than the tolerance.
+    /// Number of these cases in which WGSL allows a larger error than the tolerance.
     pub wider: u64,
-    /// The largest error that it allows, divided by the tolerance; `None` if that is no number: it allows
-    /// anything, or an error where the tolerance allows none.
+    /// The largest error that WGSL allows, divided by the tolerance; `None` if the quotient isn't finite. It
+    /// isn't if WGSL allows any result, or allows an error where the tolerance is 0.
     pub worst: Option<f64>,
-    /// In how many cases it allows anything; 0 in records of older versions.
+    /// Number of cases in which WGSL allows any result; 0 in records of older versions.
     #[serde(default)]
     pub unbounded: u64,
 }
 
-/// How a run was made: `run.json`, beside its records. If it is missing, the run didn't end, so the
-/// records may be incomplete: they don't show that something wasn't tested.
+/// How a run was made: `run.json`, beside its records. If the file is missing, the run didn't end. Its
+/// records may then be incomplete, and don't show that something wasn't tested.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Run {
-    /// See [`SCHEMA`].
+    /// Version of the format, [`SCHEMA`].
     pub schema: u32,
-    /// What selected the tests: a filter, packages, targets. If it is empty, every test ran.
+    /// The selection of tests: a filter, packages, targets. If it is empty, every test ran.
     pub selected: Vec<String>,
-    /// True if every test passed and each module is valid. A test that fails records nothing after its
+    /// True if every test passed and every module is valid. A test that fails records nothing after its
     /// failure.
     pub passed: bool,
-    /// Tests that failed, as far as their runner named them, whether or not a check of theirs did.
+    /// Names of tests that failed, as their runner printed them. The cause may be something else than a check.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub failed: Vec<String>,
-    /// Modules that aren't valid, whether or not a test uses them.
+    /// Modules that aren't valid, including modules that no test uses.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub invalid: Vec<String>,
-    /// What is wrong with them.
+    /// The errors in these modules.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub errors: Vec<ModuleError>,
-    /// Packages that aren't valid, and of which no module is to blame: one that requires Tint's verdict and has none, or one
-    /// without a module.
+    /// Packages that aren't valid for a reason that no module has. Such a package requires Tint's verdict and
+    /// didn't get it, or has no modules.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub invalid_packages: Vec<String>,
-    /// Remarks that fail nothing: modules that Tint rejects, or why it wasn't asked.
+    /// Remarks that don't fail the run: modules that Tint rejects, or the reason why Tint wasn't asked.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub remarks: Vec<String>,
-    /// Tests that the runner left out after a failure, by its own word. They were to run.
+    /// Number of selected tests that the runner left out after a failure, as the runner printed it.
     #[serde(default, skip_serializing_if = "is_none")]
     pub not_run: u64,
-    /// True if the runner stopped at a failure, and didn't say how many tests it left out.
+    /// True if the runner stopped at a failure and didn't print how many tests it left out.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub stopped: bool,
 }
 
-/// An error of a module that isn't valid.
+/// An error in a module.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct ModuleError {
-    /// `file:line:column`; empty if it has no place.
+    /// `file:line:column`; empty if the error has no place.
     pub place: String,
-    /// What is wrong.
+    /// The error's message.
     pub message: String,
 }
 
@@ -282,7 +281,7 @@ fn is_none(count: &u64) -> bool {
 }
 
 impl Default for Run {
-    /// Of every test, which passed.
+    /// A run of every test, which passed.
     fn default() -> Self {
         let (selected, failed, invalid, invalid_packages, remarks) = Default::default();
         let errors = Vec::new();
@@ -303,10 +302,10 @@ impl Default for Run {
 }
 
 impl Run {
-    /// The file in the folder of records.
+    /// The file's name in the folder of records.
     const FILE: &'static str = "run.json";
 
-    /// Writes it beside the records of a folder.
+    /// Writes `run.json` into a folder of records.
     ///
     /// # Errors
     /// If the file can't be written.
@@ -315,8 +314,8 @@ impl Run {
         crate::image::write_whole(&folder.join(Self::FILE), text.as_bytes())
     }
 
-    /// How the run of a folder's records was made; `None` if that isn't written down. For a folder
-    /// of runs, it is the run that ended last.
+    /// Reads how the run of a folder's records was made. In a folder of runs, this is the run that ended
+    /// last. `None` if there is no `run.json`.
     ///
     /// ```no_run
     /// use karat::unstable::record::Run;
@@ -327,7 +326,7 @@ impl Run {
     /// ```
     ///
     /// # Errors
-    /// If the file can't be read or isn't of this version.
+    /// If the file can't be read, or isn't of this version.
     pub fn read(folder: &Path) -> Result<Option<Self>, RecordError> {
         Ok(Recorded::read(folder)?.and_then(|recorded| recorded.run))
     }
@@ -348,13 +347,13 @@ impl Run {
     }
 }
 
-/// The overlay that is in force, as records have it.
+/// The overlay that is in use, as records name it.
 pub(crate) fn overlay() -> Option<String> {
     crate::settings::overlay().map(|folder| folder.display().to_string())
 }
 
 impl Allowance {
-    /// With other cases of the check.
+    /// Adds other cases of the same check.
     pub(crate) fn merge(self, other: Self) -> Self {
         let worst = self.worst.zip(other.worst).map(|(a, b)| a.max(b));
         Self {
@@ -367,16 +366,16 @@ impl Allowance {
 }
 
 thread_local! {
-    /// False while verdicts of this thread say nothing of the package as it is.
+    /// False while the verdicts of this thread aren't about the package itself, but about a mutant of it.
     static KEPT: Cell<bool> = const { Cell::new(true) };
 }
 
 /// The values that the checks of a test saw.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Seen {
-    /// Stands for all values that they judged, in their order.
+    /// Hash of all values that the checks judged, in their order.
     pub values: [u8; 32],
-    /// The largest error divided by its bound; 0 of what has neither.
+    /// The largest error divided by its tolerance; 0 for checks without a tolerance.
     pub ratio: f64,
 }
 
@@ -385,13 +384,13 @@ thread_local! {
     static SEEN: RefCell<Option<Seen>> = const { RefCell::new(None) };
 }
 
-/// Writes what lines of shaders print in a test, under the test's name, and once: each path prints the same.
+/// Prints the lines that shaders print, below the test's name. It prints them once, because each path has the same.
 pub(crate) fn tell_prints(text: &str) {
     thread_local! {
         static TOLD: RefCell<String> = const { RefCell::new(String::new()) };
     }
     TOLD.with_borrow_mut(|told| {
-        // Mutants and counted runs repeat what the tests print.
+        // Mutants and counted runs repeat the lines that the tests print.
         if *told != text
             && !text.is_empty()
             && !is_unrecorded()
@@ -410,13 +409,13 @@ pub(crate) fn is_unrecorded() -> bool {
     SEEN.with_borrow(Option::is_some)
 }
 
-/// Adds rows that a check judged, and the largest ratio of their errors.
+/// Within [`unrecorded`]: adds rows that a check judged to the hash, and notes the largest ratio of their errors.
 pub(crate) fn saw(rows: &mut dyn Iterator<Item = &[u32]>, ratio: f64) {
     SEEN.with_borrow_mut(|seen| {
         if let Some(seen) = seen {
             let mut hasher = blake3::Hasher::new();
             hasher.update(&seen.values);
-            // WGSL lets the sign of a zero be ignored (15.7.2). As an integer it would be the least one.
+            // WGSL may ignore a zero's sign (15.7.2), so -0 is hashed as 0, and so is the smallest integer: same bits.
             const NEGATIVE_ZERO: u32 = 1 << 31;
             for word in rows.flatten() {
                 let word = if *word == NEGATIVE_ZERO { 0 } else { *word };
@@ -428,8 +427,8 @@ pub(crate) fn saw(rows: &mut dyn Iterator<Item = &[u32]>, ratio: f64) {
     });
 }
 
-/// Runs tests whose verdicts say nothing of the package as it is, such as those of a mutant: they are neither recorded nor
-/// remembered. Returns what their checks saw, too.
+/// Runs tests whose verdicts aren't about the package itself, such as the tests of a mutant. Their verdicts
+/// and failing inputs aren't stored. Returns the values that their checks saw, too.
 pub fn unrecorded<R>(run: impl FnOnce() -> R) -> (R, Seen) {
     struct Before(bool);
     impl Drop for Before {
@@ -448,15 +447,15 @@ pub(crate) fn is_kept() -> bool {
     KEPT.get()
 }
 
-/// Whether a record is kept.
+/// True if verdicts are recorded.
 pub(crate) fn wanted() -> bool {
     is_kept() && crate::settings::record().is_some()
 }
 
-/// Appends a verdict to this process's file, if a run is being recorded.
+/// Appends a verdict to this process's file, if the run is recorded.
 ///
 /// # Panics
-/// If the record can't be written: a verdict that is lost would be missing from the report.
+/// If the record can't be written: without it, the report would be incomplete.
 pub(crate) fn write(record: &Record) {
     let Some(folder) = crate::settings::record().filter(|_| is_kept()) else { return };
     let folder = folder.as_path();
@@ -478,20 +477,20 @@ pub(crate) fn write(record: &Record) {
     }
 }
 
-/// How files end that have the tests whose frames are left out.
+/// Ending of the files that list tests whose frames are left out.
 const LEFT_OUT: &str = "left-out";
 
-/// Notes that a test has a frame that isn't drawn, if a run is being recorded.
+/// Notes that a test has a frame that isn't drawn, if the run is recorded.
 ///
 /// # Panics
-/// As [`write`].
+/// If the note can't be written, as for [`write`].
 pub(crate) fn leave_out(test: &str) {
     if let Some(folder) = crate::settings::record() {
         crate::image::append_line(&folder, LEFT_OUT, test);
     }
 }
 
-/// The tests of a folder of records whose frames were left out (`KARAT_FRAMES=off`).
+/// Reads the names of the tests whose frames were left out (`KARAT_FRAMES=off`) from a folder of records.
 ///
 /// # Errors
 /// If a file can't be read.
@@ -506,7 +505,7 @@ pub fn left_out(folder: &Path) -> std::io::Result<BTreeSet<String>> {
     Ok(tests)
 }
 
-/// Why a record can't be read.
+/// The reason why records can't be read.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RecordError {
@@ -515,7 +514,7 @@ pub enum RecordError {
     Read {
         /// The folder or file.
         path: String,
-        /// Why.
+        /// The reason.
         cause: std::io::Error,
     },
     /// A line isn't a record of this version.
@@ -525,25 +524,25 @@ pub enum RecordError {
         path: String,
         /// The line, from 1.
         line: usize,
-        /// Why.
+        /// The reason.
         reason: String,
     },
 }
 
-/// The record of a run.
+/// The records of a run.
 #[derive(Clone, Debug)]
 pub struct Recorded {
-    /// Where it is.
+    /// The folder of the records.
     pub folder: PathBuf,
     /// The verdicts of all processes, in an order that doesn't depend on their timing.
     pub records: Vec<Record>,
-    /// How the run was made; `None` if that isn't written down.
+    /// How the run was made. `None`: there is no `run.json`.
     pub run: Option<Run>,
 }
 
 impl Recorded {
-    /// Reads the record of a folder. If it is a folder of runs, that is the record of the run that
-    /// ended last; otherwise the files in the folder itself. `None` if there is neither.
+    /// Reads the records of a folder. In a folder of runs, these are the records of the run that ended last;
+    /// otherwise, the files in the folder itself. `None` if the folder has neither.
     ///
     /// ```
     /// # let folder = tempfile::tempdir()?;
@@ -558,12 +557,12 @@ impl Recorded {
     /// ```
     ///
     /// # Errors
-    /// If a file can't be read or a line isn't a record.
+    /// If a file can't be read, or a line isn't a record.
     pub fn read(folder: &Path) -> Result<Option<Self>, RecordError> {
         if !folder.is_dir() {
             return Ok(None);
         }
-        // A run that ends meanwhile removes no record that is being read.
+        // Another run may end meanwhile: the lock keeps it from removing these records.
         let last = || folder::last(folder).filter(|last| last.is_dir());
         let _turn = match last() {
             Some(_) => Some(Turn::wait(folder, File::try_lock_shared).map_err(|cause| {
@@ -578,14 +577,14 @@ impl Recorded {
     }
 }
 
-/// Whether a run of a folder of records was killed, and none has begun since.
+/// True if a run in a folder of records was killed, and no other has begun since.
 #[must_use]
 pub fn was_killed(records: &Path) -> bool {
-    // One that has ended holds nothing.
+    // A run that ended has no file `running`.
     folder::dead(records).iter().any(|run| run.join(folder::RUNNING).exists())
 }
 
-/// Reads the verdicts of a folder as [`Recorded::read`] does.
+/// Reads the verdicts of a folder, as [`Recorded::read`] does.
 ///
 /// ```no_run
 /// use karat::unstable::record::Verdict;
@@ -597,7 +596,7 @@ pub fn was_killed(records: &Path) -> bool {
 /// ```
 ///
 /// # Errors
-/// If the folder or a file can't be read or a line isn't a record.
+/// If the folder or a file can't be read, or a line isn't a record.
 pub fn read(folder: &Path) -> Result<Vec<Record>, RecordError> {
     if !folder.is_dir() {
         return records(folder);
@@ -636,7 +635,7 @@ fn records(folder: &Path) -> Result<Vec<Record>, RecordError> {
 }
 
 impl Record {
-    /// With names that every format can hold: a record may come from another program or machine.
+    /// Replaces characters in names that some formats can't hold: a record may come from another program or machine.
     fn named(mut self) -> Self {
         let mut names = vec![&mut self.test, &mut self.cargo_package];
         match &mut self.subject {
@@ -652,7 +651,7 @@ impl Record {
         self
     }
 
-    /// Orders records by what they are about, and those of one test about the same as they were made.
+    /// Sorts records by their subjects. Records of one test and one subject stay in the order in which they were made.
     pub fn sort(records: &mut [Self]) {
         let key = |record: &Self| {
             let subject = match &record.subject {

@@ -1,5 +1,5 @@
-//! The running test: which one it is, what it failed on before, which failures are declared, and
-//! how its verdicts are recorded. Checks of functions and of frames are treated alike.
+//! The running test: its name, the inputs on which it failed before, its declared failures, and the records
+//! of its verdicts. Functions and frames use the same code.
 
 mod host;
 mod identity;

@@ -1,4 +1,4 @@
-//! Accepting: the only thing that writes a golden.
+//! Accepting a pending frame. Nothing else writes goldens.
 
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -13,43 +13,42 @@ use crate::image::{ImageError, Staged};
 use crate::lines;
 use crate::output::visible;
 
-/// A golden larger than this, in bytes, is accepted with a warning: every clone of the project
-/// holds each version of it for ever.
+/// Size in bytes above which accepting a golden gives a warning: every clone of the project keeps each
+/// version of it for ever.
 const LARGE: u64 = 128 << 10;
-/// A golden larger than this isn't accepted.
+/// Size in bytes above which a golden isn't accepted.
 const TOO_LARGE: u64 = 1 << 20;
-/// Columns and rows of frames that are larger than they need be.
+/// Columns and rows above which accepting a frame gives a warning: smaller frames usually suffice.
 const WIDE: (u32, u32) = (640, 360);
 
-/// The decision to accept.
+/// The decision to accept a pending frame.
 #[derive(Clone, Debug, Default)]
 pub struct Acceptance {
-    /// Why the new image is right.
+    /// The reason why the new image is right.
     pub because: String,
-    /// Who accepts; `None`: Git's `user.name`, else the login name.
+    /// Name of the person who accepts. `None`: Git's `user.name`, or else the login name.
     pub by: Option<String>,
-    /// Whether the frame may come from an adapter other than lavapipe.
+    /// True if the frame may come from an adapter other than lavapipe.
     pub any_adapter: bool,
-    /// The profile whose own golden the frame becomes. It has to be the profile of the frame's
-    /// adapter, and the golden for all has to fail there. `None`: the frame becomes the golden for
-    /// all.
+    /// The profile whose own golden the frame becomes. The frame must come from this profile, and must fail
+    /// with the golden for all profiles. `None`: the frame becomes the golden for all profiles.
     pub profile: Option<String>,
-    /// True if a golden may be written where `CI` is set. Otherwise nothing is written into sources there.
+    /// True if a golden may be written although `CI` is set. Otherwise Karat writes nothing into sources in CI.
     pub ci_may_write: bool,
 }
 
-/// What accepting did.
+/// The result of accepting.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Accepted {
-    /// The golden.
+    /// The golden's file.
     pub golden: PathBuf,
-    /// Whether it was written. It isn't if its pixels and facts are already the same.
+    /// True if the golden was written. False if the golden has the same pixels and facts already.
     pub written: bool,
-    /// What a reviewer should know.
+    /// Warnings for a reviewer.
     pub warnings: Vec<String>,
 }
 
-/// Why a pending frame isn't accepted.
+/// The reason why a pending frame isn't accepted.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum AcceptError {
@@ -57,7 +56,7 @@ pub enum AcceptError {
     #[error("`{case}` isn't pending{}",
         nearest.as_ref().map_or_else(String::new, |name| format!("; did you mean `{name}`?")))]
     NotPending {
-        /// What was asked for.
+        /// The name that was asked for.
         case: String,
         /// The closest pending frame.
         nearest: Option<String>,
@@ -65,24 +64,24 @@ pub enum AcceptError {
     /// No reason was given.
     #[error("accepting `{0}` needs a reason that a reviewer can check: --because \"...\"")]
     NoReason(String),
-    /// The environment says that this is a CI run.
+    /// `CI` is set.
     #[error(
         "`{0}` isn't accepted: `CI` is set, and CI writes nothing into your sources; accept it on your own \
          machine, with --from and what this run leaves, or say --ci-may-write"
     )]
     InCi(String),
-    /// The frame wasn't rendered on lavapipe, where goldens are made.
+    /// The frame wasn't rendered on lavapipe, on which goldens are made.
     #[error(
         "`{case}` was rendered on {adapter}; goldens are made on lavapipe (path vulkan), so that \
          any machine can check them: render it there, or say --any-adapter"
     )]
     Adapter {
-        /// The golden.
+        /// The golden's name.
         case: String,
-        /// What rendered it.
+        /// The adapter that rendered the frame.
         adapter: String,
     },
-    /// The frame has NaN or infinite pixels, so no other could match it.
+    /// The frame has NaN or infinite pixels, so no frame could ever equal it.
     #[error("`{0}` has NaN or infinite pixels; nothing could ever agree with it")]
     NonFinite(String),
     /// The golden has changed since the frame was compared with it.
@@ -90,23 +89,23 @@ pub enum AcceptError {
         "the golden of `{0}` has changed since the pending frame was rendered; run the test again"
     )]
     Stale(String),
-    /// The file's pixels don't have the hash in its metadata.
+    /// The hash in the file's metadata isn't that of its pixels.
     #[error(
         "the pixels of the pending frame of `{0}` don't match the hash in its file, so it was changed \
          later; run the test again"
     )]
     Altered(String),
-    /// Two files say that they are the same frame.
+    /// Two files claim to be the same frame.
     #[error(
         "frame `{case}` is pending twice, as `{first}` and as `{second}`: delete one, or take one \
          job's artefact at a time"
     )]
     Twice {
-        /// The golden.
+        /// The golden's name.
         case: String,
-        /// A file.
+        /// One of the files.
         first: String,
-        /// Another one.
+        /// The other file.
         second: String,
     },
     /// A file's metadata can't be used.
@@ -114,29 +113,29 @@ pub enum AcceptError {
     Provenance {
         /// The file.
         path: String,
-        /// Why.
+        /// The reason.
         cause: ProvenanceError,
     },
     /// The frame was compared with goldens of another folder.
     #[error("`{case}` was compared with goldens of `{folder}`: name them with --goldens {folder}")]
     Elsewhere {
-        /// The golden.
+        /// The golden's name.
         case: String,
         /// The folder, from the project's root.
         folder: String,
     },
-    /// The folder that a frame says its goldens are in can't be one of this project.
+    /// The folder of goldens that the frame names can't be a folder of this project.
     #[error(
         "`{case}` says that its goldens are in `{folder}`, which is no folder of a project here: name the \
          folder with --goldens DIR"
     )]
     Nowhere {
-        /// The golden.
+        /// The golden's name.
         case: String,
-        /// The folder that it says.
+        /// The folder that the frame names.
         folder: String,
     },
-    /// A pending file isn't where its own metadata says.
+    /// A pending file isn't at the place that its own metadata names.
     #[error("`{path}` says that it is frame `{case}`; delete it and run its test again")]
     Misplaced {
         /// The file.
@@ -147,7 +146,7 @@ pub enum AcceptError {
     /// The frame comes from another profile.
     #[error("`{case}` was rendered on profile {found}, and can't be the golden of {asked}")]
     Profile {
-        /// The golden.
+        /// The golden's name.
         case: String,
         /// The frame's profile.
         found: Profile,
@@ -160,12 +159,12 @@ pub enum AcceptError {
          --profile {profile}"
     )]
     Own {
-        /// The golden.
+        /// The golden's name.
         case: String,
         /// The profile.
         profile: String,
     },
-    /// The profile needs no golden of its own: the golden for all passes there, or doesn't exist
+    /// The profile needs no golden of its own: it passes with the golden for all profiles, or there is none
     /// yet.
     #[error(
         "`{case}` needs no golden of profile {profile}: {}",
@@ -176,11 +175,11 @@ pub enum AcceptError {
         }
     )]
     Needless {
-        /// The golden.
+        /// The golden's name.
         case: String,
         /// The profile.
         profile: Profile,
-        /// Whether there is no golden for all.
+        /// True if there is no golden for all profiles.
         missing: bool,
     },
     /// The file would be too large.
@@ -191,12 +190,12 @@ pub enum AcceptError {
         TOO_LARGE >> 10
     )]
     TooLarge {
-        /// The golden.
+        /// The golden's name.
         case: String,
-        /// Size of the file.
+        /// Size of the file in bytes.
         bytes: u64,
     },
-    /// Values have one golden for all profiles.
+    /// A profile was given for values, whose golden serves all profiles.
     #[error(
         "the values `{0}` have one golden for all: give a path its own tolerance in the test          (`.tolerance_on(...)`), not a profile"
     )]
@@ -207,7 +206,7 @@ pub enum AcceptError {
     /// A file can't be read or written.
     #[error(transparent)]
     Image(#[from] ImageError),
-    /// The pending file has no provenance.
+    /// The pending file has no provenance: Karat didn't write it.
     #[error("`{0}` wasn't written by Karat: it has no provenance")]
     Foreign(String),
 }
@@ -216,9 +215,14 @@ impl Goldens {
     /// Makes a pending frame the golden.
     ///
     /// # Errors
-    /// If no reason is given; if `CI` is set and may not write; if the golden changed since the frame was compared; if the frame
-    /// wasn't rendered on lavapipe and other adapters aren't allowed; if a profile doesn't need its
-    /// own golden; if the file is too large or can't be written. The golden is then unchanged.
+    /// - If no reason is given.
+    /// - If `CI` is set and [`ci_may_write`](Acceptance::ci_may_write) is false.
+    /// - If the golden changed since the frame was compared.
+    /// - If the frame wasn't rendered on lavapipe, and other adapters aren't allowed.
+    /// - If a profile doesn't need its own golden.
+    /// - If the file is too large or can't be written.
+    ///
+    /// The golden is then unchanged.
     ///
     /// *Unstable*: for programs around tests.
     pub fn accept(
@@ -237,11 +241,11 @@ impl Goldens {
             let folder = pending.provenance.folder.clone();
             return Err(AcceptError::Elsewhere { case, folder });
         }
-        // Between looking at the golden and replacing it nobody else does so.
+        // No other process may replace the golden between the check and the write.
         let _lock = lock(&self.folder())?;
         self.tidy();
         let (content, _) = match Content::read(&pending.path) {
-            // Somebody has decided while this waited.
+            // Another process accepted or rejected the frame while this one waited.
             Err(AcceptError::Image(ImageError::Missing { .. })) => {
                 return Err(AcceptError::NotPending { case, nearest: None });
             }
@@ -275,15 +279,15 @@ impl Goldens {
             compared_profile: String::new(),
             finding: None,
             exposures: content.exposures(),
-            // Facts with control characters can't be read again.
+            // Provenance with control characters can't be read again.
             accepted_by: visible(&acceptance.by.clone().unwrap_or_else(person)).into_owned(),
             accepted_at: humantime::format_rfc3339_seconds(SystemTime::now()).to_string(),
             because: visible(because).into_owned(),
             ..pending.provenance.clone()
         };
         let accepted = if is_there(&path, &content, &provenance) {
-            // It may have been accepted by somebody who was interrupted before the frame was
-            // removed: that the golden isn't what the frame was compared with is no matter then.
+            // An interrupted acceptance may have written this golden without removing the pending frame. Then
+            // the golden differs from the one that was compared, and that is fine.
             let warnings = vec![format!("`{}` has these pixels and facts already", shown(&path))];
             Accepted { golden: path, written: false, warnings }
         } else {
@@ -294,8 +298,8 @@ impl Goldens {
         Ok(accepted)
     }
 
-    /// The golden that a frame was compared with, which needn't be the one that is written, is what
-    /// it was then. A profile that had none of its own still has none.
+    /// Fails if the golden that the frame was compared with has changed since then. This golden may be
+    /// another file than `written`. A profile that had no golden of its own must still have none.
     fn unchanged(&self, pending: &Pending, written: &Path) -> Result<(), AcceptError> {
         let known = &pending.provenance;
         let own = self.golden_of(&pending.case, &pending.profile());
@@ -305,8 +309,8 @@ impl Goldens {
         let current = match Content::read(&self.compared(pending)) {
             Ok((golden, _)) => golden.hash(),
             Err(AcceptError::Image(ImageError::Missing { .. })) => String::new(),
-            // A golden that is damaged is replaced by accepting; it can't be lost twice. One that
-            // Git has not fetched isn't lost.
+            // Accepting may replace a damaged golden: nothing more can be lost. A golden that Git LFS hasn't
+            // fetched isn't lost.
             Err(
                 AcceptError::Image(ImageError::Corrupt { .. })
                 | AcceptError::Provenance { .. }
@@ -321,8 +325,8 @@ impl Goldens {
         }
     }
 
-    /// Where the golden of a profile goes, if the profile is the frame's and the golden for all
-    /// fails there.
+    /// The place of a profile's golden. Fails if the frame comes from another profile, or passes with the
+    /// golden for all profiles.
     fn needed(&self, pending: &Pending, asked: &str) -> Result<PathBuf, AcceptError> {
         let (case, known) = (pending.case.clone(), &pending.provenance);
         let profile = pending.profile();
@@ -333,7 +337,7 @@ impl Goldens {
         if !self.golden(&pending.case).is_file() {
             return needless(true);
         }
-        // By the tolerance and mask of its test, which alone knows them.
+        // Only the test knows its tolerance and mask, so the finding that it stored decides.
         if known.finding.as_ref().is_some_and(|finding| finding.base_passes) {
             return needless(false);
         }
@@ -341,7 +345,7 @@ impl Goldens {
     }
 }
 
-/// Writes a golden and its facts, both or neither. A table has its facts within.
+/// Writes a golden and its facts: both files or neither. A table has its facts in its own file.
 fn write_golden(
     path: &Path,
     content: Content,
@@ -361,14 +365,14 @@ fn write_golden(
         Err(error) if error.kind() == ErrorKind::NotFound => None,
         Err(cause) => return Err(ImageError::Read { path: shown(&sidecar), cause }.into()),
     };
-    // Both are on the disk before either takes its place.
+    // Both files are on the disk before the first one is renamed.
     let facts = facts.map(|facts| Staged::new(&sidecar, &facts)).transpose();
     let facts = facts.map_err(|error| failed(&sidecar, error))?;
     let golden = Staged::new(path, &bytes).map_err(|error| failed(path, error))?;
     let beside = facts.is_some();
     facts.map_or(Ok(()), Staged::commit).map_err(|error| failed(&sidecar, error))?;
     if let Err(error) = golden.commit() {
-        // The error that matters is the first one.
+        // The first error is reported.
         drop(match before {
             _ if !beside => Ok(()),
             Some(before) => crate::image::write_whole(&sidecar, &before),
@@ -380,7 +384,7 @@ fn write_golden(
     Ok(Accepted { golden: path.to_owned(), written: true, warnings })
 }
 
-/// Whether the golden has this content and these facts, in both files of a frame.
+/// True if the golden already has this content and these facts; for a frame, in both files.
 fn is_there(path: &Path, content: &Content, provenance: &Provenance) -> bool {
     let decision_aside = |known: &Provenance| {
         let (accepted_by, accepted_at, because) = Default::default();
@@ -396,7 +400,7 @@ fn is_there(path: &Path, content: &Content, provenance: &Provenance) -> bool {
         && golden.is(content)
 }
 
-/// What a reviewer should know of the golden that was written.
+/// The warnings for a reviewer about the golden that was written.
 fn warnings(path: &Path, bytes: u64, provenance: &Provenance) -> Vec<String> {
     let mut warnings = Vec::new();
     if bytes > LARGE {
@@ -418,7 +422,7 @@ fn warnings(path: &Path, bytes: u64, provenance: &Provenance) -> Vec<String> {
     warnings
 }
 
-/// Who accepts: the name that Git signs commits with, or the login name.
+/// The name of the person who accepts: Git's `user.name`, or else the login name.
 fn person() -> String {
     let mut git = std::process::Command::new("git");
     let git = lines::output(git.args(["config", "user.name"]), lines::LOOK_UP, u64::MAX);

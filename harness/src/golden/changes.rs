@@ -1,4 +1,4 @@
-//! What changed in values that wait, row by row, for whoever accepts or rejects them.
+//! The rows of pending values that changed, for a person who accepts or rejects them.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -8,27 +8,26 @@ use super::{AcceptError, Goldens, Pending};
 use crate::image::ImageError;
 use crate::value::format_lane;
 
-/// A row of values that isn't its golden's.
+/// A row of values that differs from the golden's row.
 #[derive(Clone, Debug)]
 pub struct ChangedRow {
-    /// The row, from 0; of one that is gone, the golden's.
+    /// The row's index, from 0; for a removed row, its index in the golden.
     pub row: usize,
-    /// Its arguments, as text.
+    /// The row's arguments, as text.
     pub arguments: Vec<String>,
     /// The golden's values, as text; empty if the golden has no such row.
     pub golden: Vec<String>,
     /// The new values, as text; empty if they have no such row.
     pub actual: Vec<String>,
-    /// The largest difference of a component, relative to the golden's value.
+    /// The largest difference of a component, divided by the golden's value.
     pub relative: f64,
 }
 
 impl Pending {
-    /// The rows that differ from the golden's, the largest differences first; all rows if there is no
-    /// golden.
+    /// The rows that differ from the golden's, the largest differences first. Without a golden, all rows.
     ///
     /// # Errors
-    /// If one of the files can't be read, or holds no table.
+    /// If one of the files can't be read, or has no table.
     pub fn changed_rows(&self, goldens: &Goldens) -> Result<Vec<ChangedRow>, AcceptError> {
         let (actual, _) = Table::read(&self.path)?;
         let golden = match Table::read(&goldens.values(&self.case)) {
@@ -41,8 +40,9 @@ impl Pending {
 }
 
 impl Table {
-    /// The rows that differ from those of a golden with the same arguments, the largest differences first,
-    /// those among them that are new or gone; all rows if there is no golden, or one of other columns.
+    /// The rows that changed. New and removed rows come first, and then rows whose results differ, the
+    /// largest differences first. A row is compared with the golden's row of the same arguments. Returns all
+    /// rows if there is no golden, or if its columns are others.
     #[must_use]
     pub fn changed_rows(&self, golden: Option<&Self>) -> Vec<ChangedRow> {
         let (given, all) = (self.arguments, self.columns.len());
@@ -56,7 +56,7 @@ impl Table {
             let (golden, actual) = (cells(old, given..all), cells(new, given..all));
             ChangedRow { row, arguments, golden, actual, relative }
         };
-        // Rows of other columns aren't rows of these.
+        // A golden with other columns has no rows to compare with.
         let golden = golden.filter(|golden| golden.columns == self.columns);
         let old_rows: Vec<&[u32]> = golden.iter().flat_map(|golden| golden.rows()).collect();
         let mut by_arguments: HashMap<&[u32], Vec<usize>> = HashMap::new();
@@ -66,7 +66,7 @@ impl Table {
         let mut changed = Vec::new();
         let mut gone = vec![true; old_rows.len()];
         for (at, new) in self.rows().enumerate() {
-            // The same arguments, wherever they stood: of several the first that is left.
+            // The golden's first row of the same arguments that isn't paired yet.
             let old = by_arguments.get_mut(&new[..given]).and_then(Vec::pop);
             match old.map(|old| (old, old_rows[old])) {
                 None => changed.push(row(at, None, Some(new), f64::INFINITY)),
@@ -86,7 +86,7 @@ impl Table {
     }
 }
 
-/// The largest difference of a result's component, relative to the golden's.
+/// The largest difference of a result's component, divided by the golden's value.
 fn relative(table: &Table, old: &[u32], new: &[u32]) -> f64 {
     let cells = table.columns.iter().zip(old.iter().zip(new)).skip(table.arguments);
     let differences = cells.map(|(column, (old, new))| {
@@ -118,7 +118,7 @@ mod tests {
         now.changed_rows(before).into_iter().map(row).collect()
     }
 
-    /// A result is compared with that of the same arguments, and with none of others.
+    /// A result is compared only with a result of the same arguments.
     #[test]
     fn rows_are_paired_by_their_arguments() {
         let names = ["x", "result"];
@@ -131,7 +131,7 @@ mod tests {
             shown(&now, Some(&before)),
             ["2: 2 ->8", "2: 0.5 2->", "3: 1 4->", "0: 0 1->1.5"]
         );
-        // Values of other columns can't be compared.
+        // Tables with other columns can't be compared.
         let other = table(&["y", "result"], &[[0.0, 1.0]]);
         assert_eq!(shown(&other, Some(&before)), ["0: 0 ->1"]);
         assert_eq!(shown(&other, None), ["0: 0 ->1"]);

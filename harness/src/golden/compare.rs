@@ -1,4 +1,4 @@
-//! The verdict on a frame: the cheapest comparison comes first.
+//! The verdict on a frame. The cheapest comparison comes first.
 
 use std::fmt;
 
@@ -12,25 +12,25 @@ use crate::metric::{
 use crate::output::counted;
 use crate::tolerance::significant;
 
-/// How far within its bounds a passing frame is.
+/// The margin by which a frame passes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrameMargin {
-    /// Pixels compared.
+    /// Number of pixels that were compared.
     pub pixels: u64,
-    /// Pixels of the frame.
+    /// Number of pixels in the frame.
     pub frame_pixels: u64,
-    /// What decided that it passes.
+    /// The criterion that decided that the frame passes.
     pub decided_by: FrameCriterion,
-    /// What that criterion measured, divided by its bound.
+    /// The measured value of that criterion divided by its bound.
     pub ratio: f64,
-    /// The largest difference relative to the golden's value, or to the golden's key where the
-    /// golden is darker.
+    /// The largest relative difference: a difference divided by the golden's value, or by the golden's key if
+    /// the golden is darker than its key.
     pub relative: f32,
-    /// Pixels that are off by more than the gate allows: none, unless a later stage decided.
+    /// Pixels that differ by more than the gate allows: 0, unless a later criterion decided.
     pub beyond_gate: usize,
-    /// All that was measured. Empty if every bit is equal.
+    /// All measurements. Empty if every bit is equal.
     pub margins: Vec<CriterionMargin>,
-    /// How much the frame was allowed to differ.
+    /// The frame's tolerance, as text.
     pub tolerance: String,
     /// The golden's file.
     pub golden: String,
@@ -39,7 +39,7 @@ pub struct FrameMargin {
 }
 
 impl FrameMargin {
-    /// Whether every bit is equal.
+    /// True if every bit is equal.
     #[must_use]
     pub fn is_identical(&self) -> bool {
         self.decided_by == FrameCriterion::Bits
@@ -78,7 +78,7 @@ impl fmt::Display for FrameMargin {
     }
 }
 
-/// What of a frame is compared, if it isn't all.
+/// The part of a frame that is compared, if it isn't the whole frame.
 struct Share {
     compared: u64,
     of: u64,
@@ -94,56 +94,56 @@ impl fmt::Display for Share {
     }
 }
 
-/// How a frame differs from its golden.
+/// The way in which a frame differs from its golden.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum FrameDifference {
-    /// Another size.
+    /// Golden and frame have different sizes.
     Size {
         /// Width and height of the golden.
         golden: (u32, u32),
         /// Width and height of the frame.
         actual: (u32, u32),
     },
-    /// NaN or infinities in the frame.
+    /// The frame has NaN or infinities.
     NonFinite(NonFinite),
-    /// NaN or infinities in the golden: nothing can agree with it.
+    /// The golden has NaN or infinities, so no frame can agree with it.
     GoldenNonFinite(NonFinite),
     /// The mask can't be used.
     Mask(MaskError),
-    /// The tolerance has a bound that bounds nothing.
+    /// The tolerance has an unusable bound: every frame passes it, or none can.
     Tolerance(String),
-    /// Values differ by more than is allowed.
+    /// Values differ by more than the tolerance.
     Values(Box<Deviation>),
 }
 
-/// By how much the values of a frame differ.
+/// The differences between the values of a frame and its golden.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Deviation {
-    /// Pixels with a channel out of bounds.
+    /// Number of pixels with a channel out of bounds.
     pub outliers: usize,
-    /// Pixels compared.
+    /// Number of pixels that were compared.
     pub pixels: usize,
-    /// Pixels of the frame.
+    /// Number of pixels in the frame.
     pub frame_pixels: usize,
-    /// Smallest rectangle that holds the outliers.
+    /// Smallest rectangle that has all outliers.
     pub bounds: Rect,
-    /// The worst one.
+    /// The outlier with the largest difference.
     pub worst: Option<WorstPixel>,
     /// The gate that an outlier exceeds.
     pub gate: Gate,
-    /// Share of outliers, in per cent, at 1, 10, 100 and 1000 times the tolerance.
+    /// Percentage of pixels that are outliers at 1, 10, 100 and 1000 times the tolerance.
     pub sweep: [f32; 4],
-    /// All that was measured.
+    /// All measurements.
     pub margins: Vec<CriterionMargin>,
-    /// The exposures that HDR-FLIP looked at.
+    /// The exposures that HDR-FLIP used.
     pub exposures: ExposureRange,
-    /// Whether the golden pins the exposures.
+    /// True if the exposures are pinned in the golden.
     pub pinned: bool,
 }
 
 impl FrameDifference {
-    /// True if pixels have other values than the golden's. NaN and infinities are values.
+    /// True if the frame's values differ from the golden's. NaN and infinities are values.
     pub(crate) fn is_of_values(&self) -> bool {
         matches!(self, Self::Values(_) | Self::NonFinite(_))
     }
@@ -165,24 +165,24 @@ impl fmt::Display for FrameDifference {
     }
 }
 
-/// What a comparison is made by.
+/// The terms of a comparison.
 pub(super) struct Terms<'a> {
     pub(super) tolerance: &'a FrameTolerance,
     pub(super) mask: Option<&'a Mask>,
-    /// Those pinned with the golden.
+    /// The exposures that are pinned in the golden.
     pub(super) exposures: Option<ExposureRange>,
     /// The variance of the golden, if it has one, and of the frame.
     pub(super) noise: Option<(Option<&'a Image>, &'a Image)>,
 }
 
 impl<'a> Terms<'a> {
-    /// A tolerance and nothing else.
+    /// Terms with a tolerance only.
     pub(super) fn of(tolerance: &'a FrameTolerance) -> Self {
         Self { tolerance, mask: None, exposures: None, noise: None }
     }
 }
 
-/// Compares by size, finiteness, bits, and then what the tolerance asks for, in its order.
+/// Compares size, finiteness and bits, and then the criteria of the tolerance in its order.
 pub(super) fn compare(
     golden: &Image,
     actual: &Image,
@@ -198,7 +198,7 @@ pub(super) fn compare(
         PairError::GoldenNonFinite(census) => FrameDifference::GoldenNonFinite(census),
         PairError::Mask(error) => FrameDifference::Mask(error),
     })?;
-    // What is pinned was chosen from all pixels, and those that are left out have no say.
+    // Pinned exposures depend on all pixels. With a mask they aren't used: masked pixels must not count.
     let pair = match terms.exposures.filter(|_| terms.mask.is_none()) {
         Some(exposures) => pair.with_exposures(exposures),
         None => pair,
@@ -207,11 +207,11 @@ pub(super) fn compare(
 }
 
 impl FrameTolerance {
-    /// Compares two images as [`Frame::matches`](crate::Frame::matches) compares a frame with its
-    /// golden. The exposures that HDR-FLIP looks at are chosen from the golden.
+    /// Compares two images as [`Frame::matches`](crate::Frame::matches) compares a frame with its golden.
+    /// HDR-FLIP's exposures are chosen from the golden.
     ///
     /// # Errors
-    /// If they differ by more than this allows, or can't be compared.
+    /// If the images differ by more than the tolerance, or can't be compared.
     ///
     /// *Unstable*: for programs around tests.
     pub fn compare(
@@ -227,7 +227,7 @@ impl FrameTolerance {
     }
 }
 
-/// What of the difference is more than the noise of both.
+/// Judges the noise-corrected difference: the part that the noise of both images doesn't explain.
 fn judge_noise(pair: &Pair<'_>, golden: Option<&Image>, actual: &Image) -> CriterionMargin {
     let measured = match golden {
         Some(golden) => Noise { golden, actual }.measure(pair),

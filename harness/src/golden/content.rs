@@ -1,4 +1,4 @@
-//! What a pending file and a golden hold: the parts of a frame, or a table.
+//! The content of a pending file or a golden: the parts of a frame, or a table.
 
 use std::path::Path;
 
@@ -7,17 +7,17 @@ use super::{AcceptError, Provenance, parts};
 use crate::image::{ExrFile, ImageError, Part};
 use crate::metric::ExposureRange;
 
-/// How the file of a table ends that waits.
+/// Ending of a pending table's file name.
 pub(super) const PENDING_TABLE: &str = ".new.csv";
-/// How the file of a frame ends that waits.
+/// Ending of a pending frame's file name.
 pub(super) const PENDING_FRAME: &str = ".new.exr";
 
-/// Whether a file holds a table, by its name.
+/// True if a file with this name has a table.
 pub(super) fn is_table(file: &Path) -> bool {
     file.extension().is_some_and(|ending| ending == "csv")
 }
 
-/// What a file holds.
+/// The content of a file.
 #[derive(Debug)]
 pub(super) enum Content {
     Frame(Vec<Part>),
@@ -25,7 +25,7 @@ pub(super) enum Content {
 }
 
 impl Content {
-    /// Reads a file with its facts, if it has some.
+    /// Reads a file, and its facts if it has any.
     pub(super) fn read(file: &Path) -> Result<(Self, Option<Provenance>), AcceptError> {
         let path = || crate::diagnostic::shown(file);
         if is_table(file) {
@@ -43,7 +43,7 @@ impl Content {
         Ok((Self::Frame(parts), provenance))
     }
 
-    /// Of its pixels or cells.
+    /// Hash of the pixels or cells.
     pub(super) fn hash(&self) -> String {
         match self {
             Self::Frame(parts) => parts.first().map_or_else(String::new, |part| part.image.hash()),
@@ -51,7 +51,7 @@ impl Content {
         }
     }
 
-    /// Whether something that counts is no finite number.
+    /// True if a value that counts is NaN or infinite. Masked pixels don't count.
     pub(super) fn non_finite(&self) -> bool {
         match self {
             Self::Frame(parts) => parts::non_finite(parts),
@@ -66,7 +66,7 @@ impl Content {
         }
     }
 
-    /// Whether both hold the same, bit by bit, as NaN under a mask equals nothing.
+    /// True if both have the same bits. Comparing values would fail for NaN below a mask.
     pub(super) fn is(&self, other: &Self) -> bool {
         let same = |(a, b): (&Part, &Part)| {
             a.name == b.name && a.precision == b.precision && a.image.hash() == b.image.hash()
@@ -78,7 +78,7 @@ impl Content {
         }
     }
 
-    /// The bytes of its file, with these facts.
+    /// The bytes of the file, with these facts.
     pub(super) fn bytes(self, file: &Path, provenance: &Provenance) -> Result<Vec<u8>, ImageError> {
         match self {
             Self::Frame(parts) => {

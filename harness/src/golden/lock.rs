@@ -9,22 +9,22 @@ use crate::diagnostic::shown;
 use crate::image::ImageError;
 use crate::output::tell;
 
-/// How long an acceptance is waited for; it takes a second for a large frame.
+/// How long Karat waits for another acceptance, which takes a second for a large frame.
 const PATIENCE: Duration = Duration::from_secs(30);
-/// After this time whoever waits is told.
+/// How long Karat waits before it says that it waits.
 const SILENT: Duration = Duration::from_secs(1);
-/// Between two looks.
+/// Pause between two attempts.
 const PAUSE: Duration = Duration::from_millis(20);
 
-/// Waits for the folder's lock, which is given back when the file is dropped.
+/// Waits for the lock of a folder. Dropping the returned file releases the lock.
 ///
-/// The file lies among the temporary ones: nothing foreign is put beside goldens, and some systems
-/// can't lock a folder.
+/// The lock file lies among the temporary files, so that Karat puts no files of its own beside goldens, and
+/// because some systems can't lock a folder.
 pub(super) fn lock(folder: &Path) -> Result<File, ImageError> {
     let file = place(folder);
     let failed = |cause: Error| ImageError::Write { path: shown(&file), cause };
     let opened = match OpenOptions::new().create(true).append(true).open(&file) {
-        // Another user's, who may be using the same folder: reading suffices for a lock.
+        // The file is that of another user of the same folder. Opening it for reading suffices for a lock.
         Err(error) if error.kind() == ErrorKind::PermissionDenied => File::open(&file),
         opened => opened,
     };

@@ -1,4 +1,4 @@
-//! Numbers that JSON has no word for, as text: `inf`, `NaN`.
+//! Numbers that JSON can't write, as text: `inf`, `NaN`.
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 

@@ -1,4 +1,4 @@
-//! Frames that wait to be accepted or rejected.
+//! Pending frames and values: you haven't accepted or rejected them yet.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::ErrorKind;
@@ -10,16 +10,16 @@ use super::{AcceptError, FrameFinding, Goldens, Profile, Provenance, Rendered, p
 use crate::diagnostic::{nearest, shown};
 use crate::image::{ExrFile, ImageError, Part};
 
-/// What a frame was compared with, and what came of it.
+/// The golden that a frame was compared with, and the finding.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Against {
-    /// Of the golden's pixels; empty if there was none.
+    /// Hash of the golden's pixels; empty if there was no golden.
     pub(super) hash: String,
-    /// Whose golden it was; empty: that of all.
+    /// The profile whose golden it was; empty for the golden for all profiles.
     pub(super) profile: String,
-    /// What the frame might differ by.
+    /// The frame's tolerance, as text.
     pub(super) tolerance: String,
-    /// `None`: there was nothing to compare with.
+    /// The finding of the comparison. `None`: there was no golden.
     pub(super) finding: Option<FrameFinding>,
 }
 
@@ -28,26 +28,26 @@ pub(super) struct Against {
 pub struct Pending {
     /// Name of the golden.
     pub case: String,
-    /// Its file.
+    /// The pending file.
     pub path: PathBuf,
-    /// What made it, and what comparing it found.
+    /// The origin of the frame, and the finding of its comparison.
     pub provenance: Provenance,
 }
 
 impl Pending {
-    /// Whether it was compared with goldens of this folder; true if that isn't known.
+    /// True if it was compared with goldens of this folder, or if its folder isn't known.
     #[must_use]
     pub fn is_of(&self, goldens: &Goldens) -> bool {
         let (own, folder) = (goldens.key(), &self.provenance.folder);
         own.is_empty() || folder.is_empty() || own == *folder
     }
 
-    /// The folder of goldens that it was compared with, in the project around a folder. The first golden of
-    /// a package makes it. `None`: the frame doesn't say, as one of an older Karat.
+    /// The folder of goldens that it was compared with, in the project around the folder `here`. The folder may not
+    /// exist yet: a package's first golden creates it. `None`: an older Karat wrote the file, without the folder.
     ///
     /// # Errors
-    /// If the name that it says leaves the project, or is of a folder that tools keep (`.git`): a frame may
-    /// come from another machine. If the folder given is in no project.
+    /// If `here` is in no project, or if the folder leaves the project or has a part that begins with a dot,
+    /// such as `.git`. Pending frames come from other machines, too, so their folders aren't trusted.
     pub fn goldens(&self, here: &Path) -> Result<Option<Goldens>, AcceptError> {
         let folder = &self.provenance.folder;
         if folder.is_empty() {
@@ -61,33 +61,33 @@ impl Pending {
         }
     }
 
-    /// The profile that rendered it.
+    /// The profile on which it was made.
     #[must_use]
     pub fn profile(&self) -> Profile {
         Profile::of(&self.provenance.adapter)
     }
 
-    /// Whether there is no golden that it could have been compared with.
+    /// True if there was no golden to compare it with.
     #[must_use]
     pub fn is_new(&self) -> bool {
         self.provenance.compared_with.is_empty()
     }
 
-    /// Whether it is a table of values and no frame.
+    /// True if it is a table of values; false for a frame.
     #[must_use]
     pub fn is_table(&self) -> bool {
         is_table(&self.path)
     }
 
-    /// Whether it was made on lavapipe, or is a table that Karat's engine made. Goldens for all profiles
-    /// are made there, because any machine can have them.
+    /// True for a frame from lavapipe, and for a table from lavapipe or Karat's engine. Goldens for all
+    /// profiles are made there, because both run on any machine.
     #[must_use]
     pub fn is_canonical(&self) -> bool {
         let adapter = &self.provenance.adapter;
         adapter.is_lavapipe() || (self.is_table() && adapter.path == "cpu")
     }
 
-    /// What `karat accept` needs besides name and reason: ` --profile gl-llvmpipe`.
+    /// Arguments that `karat accept` needs besides the name and the reason: ` --profile gl-llvmpipe`.
     #[must_use]
     pub fn accept_arguments(&self) -> String {
         if self.is_table() {
@@ -112,23 +112,23 @@ pub struct PendingFrames {
     pub unusable: Vec<Unusable>,
 }
 
-/// A file or folder that can't be used, where pending frames are looked for.
+/// A file or folder that can't be used, among those searched for pending frames.
 #[derive(Debug)]
 pub struct Unusable {
     /// The file or folder.
     pub path: PathBuf,
-    /// Why.
+    /// The reason.
     pub reason: AcceptError,
 }
 
 impl PendingFrames {
-    /// Whether there are neither pending frames nor unusable files.
+    /// True if the folder has no pending frames and no unusable files.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.frames.is_empty() && self.unusable.is_empty()
     }
 
-    /// Rejects both of two files in a folder that say they are the same frame of the same goldens.
+    /// Makes two files unusable that claim to be the same frame of the same folder of goldens.
     fn without_doubles(mut self, folder: &Path) -> Self {
         fn name(pending: &Pending) -> (&str, &str, bool) {
             (&pending.case, &pending.provenance.folder, pending.is_table())
@@ -154,7 +154,7 @@ impl PendingFrames {
 }
 
 impl Goldens {
-    /// Leaves a frame to be looked at, unless that of another path waits.
+    /// Writes a pending frame, unless the frame of another path is pending.
     pub(super) fn write_pending(
         &self,
         case: &str,
@@ -177,8 +177,7 @@ impl Goldens {
         self.pending_folder().join(format!("{case}{PENDING_FRAME}"))
     }
 
-    /// Removes what waits of a frame that agrees again, if it was rendered on the same profile.
-    /// That there was none is no error.
+    /// Removes the pending frame of a profile whose frame agrees again. A missing file is no error.
     pub(super) fn remove_pending(&self, case: &str, profile: &Profile) {
         let file = self.pending_file(case);
         if named(&file).is_ok_and(|pending| pending.profile() == *profile) {
@@ -204,7 +203,7 @@ impl Goldens {
         found.without_doubles(&self.folder())
     }
 
-    /// The pending frames of this name. A file that can't be used is selected by the file's name.
+    /// The pending frames of this name. An unusable file is selected by its file name.
     ///
     /// # Errors
     /// If nothing has this name.
@@ -214,7 +213,7 @@ impl Goldens {
         self.select_by(name, |_| false)
     }
 
-    /// [`select`](Self::select), for a name or a pattern that `matches` understands.
+    /// The same as [`select`](Self::select), for a name or for a pattern that `matches` understands.
     ///
     /// # Errors
     /// If nothing has this name or matches the pattern.
@@ -241,7 +240,7 @@ impl Goldens {
         Ok(selected)
     }
 
-    /// The name that a pending file in this folder has by its place, whatever it says itself.
+    /// The name of a pending file by its place in this folder, whatever its metadata says.
     ///
     /// *Unstable*: for programs around tests.
     #[must_use]
@@ -270,21 +269,21 @@ impl Goldens {
     }
 }
 
-/// Removes the preview of a frame that waits no longer, which `karat preview` writes beside it:
-/// `<case>.new.png`. That there was none is no error.
+/// Removes the preview of a frame that is no longer pending: `<case>.new.png`, which `karat preview` writes.
+/// A missing preview is no error.
 fn remove_preview(pending: &Path) {
     if ending(&pending.to_string_lossy()) == Some(PENDING_FRAME) {
         drop(std::fs::remove_file(pending.with_extension("png")));
     }
 }
 
-/// How the name of a file ends that waits; `None`: it doesn't.
+/// The ending of a pending file's name. `None`: the name isn't that of a pending file.
 fn ending(name: &str) -> Option<&'static str> {
     [PENDING_FRAME, PENDING_TABLE].into_iter().find(|ending| name.ends_with(ending))
 }
 
-/// Finds `*.new.exr` and `*.new.csv` in a folder and the folders below it, sorted. Each folder is entered once,
-/// however many links lead there. Frames of overlaid shaders are nobody's to accept.
+/// Finds `*.new.exr` and `*.new.csv` in a folder and its subfolders, sorted. Karat enters each folder once, even if
+/// several links lead to it. It leaves out frames under an overlay: they can't be accepted.
 fn find(
     folder: &Path,
     entered: &mut BTreeSet<PathBuf>,
@@ -312,7 +311,7 @@ fn find(
     entries.sort_by_key(std::fs::DirEntry::file_name);
     for entry in entries {
         let path = entry.path();
-        // A folder of such a name is in the way, and is told of.
+        // A folder with such a name is reported as unusable.
         if ending(&entry.file_name().to_string_lossy()).is_some() {
             files.push(path);
         } else if entry.file_name() != OVERLAID && path.is_dir() {
@@ -321,8 +320,8 @@ fn find(
     }
 }
 
-/// A pending frame whose name is that of its file: names become the paths of goldens, and a file
-/// may come from somebody else's machine.
+/// Reads a pending frame. Its name must be that of its file: the name becomes the path of a golden, and the
+/// file may come from another machine.
 fn named(path: &Path) -> Result<Pending, AcceptError> {
     let (_, provenance) = Content::read(path)?;
     let provenance = provenance.ok_or_else(|| AcceptError::Foreign(shown(path)))?;
@@ -336,7 +335,7 @@ fn named(path: &Path) -> Result<Pending, AcceptError> {
 }
 
 impl Rendered<'_> {
-    /// What is stored of the frame: what is known of it, and the parts of its file.
+    /// The frame's provenance and parts, for its file.
     fn stored(&self, case: &str, against: &Against) -> (Provenance, Vec<Part>) {
         let (width, height) = (self.image.width(), self.image.height());
         let precision = self.precision();
@@ -374,7 +373,7 @@ impl Rendered<'_> {
     }
 }
 
-/// Vendor and model of the processor, where the system tells.
+/// Vendor and model of the processor, if the system reports them.
 pub(super) fn processor() -> String {
     let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let field = |name: &str| {

@@ -1,4 +1,4 @@
-//! Where goldens are, and where their frames wait.
+//! The places of goldens and of pending frames.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -9,18 +9,18 @@ use crate::diagnostic::shown;
 use crate::image::remove_leftover;
 use crate::package::LinkedModule;
 
-/// The folder of frames that were rendered under an overlay. No golden's name has an `@`.
+/// The folder of frames that were rendered under an overlay. Names of goldens have no `@`.
 pub(super) const OVERLAID: &str = "@overlay";
 
 impl Goldens {
-    /// Where pending frames are written: beside their goldens or, in CI, in the folder of build
-    /// output, as nothing may change the sources there. There, too, under an overlay: its frames
-    /// are to be looked at and not to be accepted. Each folder of goldens has a place of its own.
+    /// The folder of pending frames. Usually the folder of their goldens; in CI, a folder of build output,
+    /// because nothing may change the sources there. Frames under an overlay go into a folder of build
+    /// output, too, because they must not be accepted. Each folder of goldens has its own pending folder.
     pub(super) fn pending_folder(&self) -> PathBuf {
         if self.beside {
             self.folder()
         } else if crate::settings::overlay().is_some() {
-            // In what a CI run leaves, too, they aren't found among those that may be accepted.
+            // Outside of `pending`, so that `karat accept --from` doesn't find them in CI's output.
             output().join(OVERLAID).join(self.key())
         } else if in_ci() {
             output().join("pending").join(self.key())
@@ -29,16 +29,16 @@ impl Goldens {
         }
     }
 
-    /// The folder as seen from the project's root, with `/`: the same on all machines that have the
-    /// project. Empty where there is no project.
+    /// The folder's path from the project's root, with `/`: the same on each machine that has the project.
+    /// Empty if the folder is in no project.
     pub(crate) fn key(&self) -> String {
         let Some(folder) = resolved(&self.folder()) else { return String::new() };
         let below = root(&folder).and_then(|root| folder.strip_prefix(root).ok());
         below.map_or_else(String::new, with_slashes)
     }
 
-    /// The Cargo package that has the folder: the name in the nearest `Cargo.toml`. Empty where there is
-    /// none, as in a folder of shaders without Cargo. The folder needn't be there yet.
+    /// The name of the Cargo package that has the folder, from the nearest `Cargo.toml`. Empty without a
+    /// `Cargo.toml`, as for a folder of shaders without Cargo. The folder may not exist yet.
     ///
     /// ```
     /// let goldens = karat::goldens!("golden");
@@ -57,8 +57,8 @@ impl Goldens {
         folder.ancestors().find_map(name).unwrap_or_default()
     }
 
-    /// The folder of the project that the goldens belong to: where its lock file is, or its repository.
-    /// `None`: there is neither. The folder itself needn't be there yet.
+    /// The root of the project that has the goldens: the folder of its `Cargo.lock`, or else of its
+    /// repository. `None`: there is neither. The folder of goldens may not exist yet.
     ///
     /// ```
     /// use karat::Goldens;
@@ -74,8 +74,8 @@ impl Goldens {
         root(&resolved(&self.folder())?).map(Path::to_path_buf)
     }
 
-    /// Hashes of modules, by their files as seen from the project's root. One that isn't in the
-    /// project, such as another crate's, goes by its name, which is the same on all machines, too.
+    /// Hashes of modules, by their files' paths from the project's root. A module outside of the project,
+    /// such as another crate's, has its name as the key, which is also the same on each machine.
     pub(super) fn module_hashes(&self, modules: &[LinkedModule]) -> BTreeMap<String, String> {
         let project = self.project();
         let name = |module: &LinkedModule| {
@@ -86,7 +86,8 @@ impl Goldens {
         modules.iter().map(|module| (name(module), module.hash.clone())).collect()
     }
 
-    /// Whether commands find the folder by themselves: `golden` in a package, or where they run.
+    /// True if commands find the folder without being given it: `golden` in a Cargo package or in the working
+    /// directory.
     fn is_usual(&self) -> bool {
         let folder = self.folder();
         let Some(folder) = resolved(&folder) else { return false };
@@ -98,9 +99,8 @@ impl Goldens {
             })
     }
 
-    /// Removes the temporary files that killed acceptances and tests left in the folder and below
-    /// it. Files that a living process is writing stay. A file that can't be removed stays, too,
-    /// and is found by whoever looks for stray files.
+    /// Removes temporary files of killed acceptances and tests from the folder and its subfolders. Files that
+    /// a living process is writing stay, and so do files that can't be removed.
     ///
     /// ```no_run
     /// karat::Goldens::open("golden".as_ref()).tidy();
@@ -111,8 +111,8 @@ impl Goldens {
         tidy(&self.folder());
     }
 
-    /// What commands need to find frames that don't wait beside their goldens, and goldens that aren't
-    /// where a project has them.
+    /// The arguments with which commands find pending frames that aren't beside their goldens, and goldens
+    /// that aren't in the usual folder.
     pub(super) fn arguments(&self) -> String {
         if self.beside {
             return String::new();
@@ -139,22 +139,22 @@ impl Goldens {
     }
 }
 
-/// Where a program leaves what it makes that Cargo doesn't run.
+/// The output folder of a program that runs tests without Cargo.
 static HOSTED: OnceLock<PathBuf> = OnceLock::new();
 
-/// Says where this program leaves what it makes. A second call changes nothing.
+/// Sets this program's output folder. A second call changes nothing.
 pub(crate) fn leave_in(folder: PathBuf) {
     drop(HOSTED.set(folder));
 }
 
-/// The folder of what tests leave behind.
+/// The output folder of tests.
 pub(crate) fn output() -> PathBuf {
     HOSTED.get().cloned().unwrap_or_else(|| build_output().join("karat"))
 }
 
 fn tidy(folder: &Path) {
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
-        // A link to a folder may lead anywhere.
+        // A link may lead to any folder, so links to folders aren't followed.
         if entry.file_type().is_ok_and(|kind| kind.is_dir()) {
             tidy(&entry.path());
         } else {
@@ -163,7 +163,7 @@ fn tidy(folder: &Path) {
     }
 }
 
-/// Whether this is a CI run, as its systems say: `CI` is set, and not to `false` or `0`.
+/// True in a CI run: `CI` is set, and its value isn't `false` or `0`.
 ///
 /// ```
 /// if karat::unstable::golden::in_ci() {
@@ -176,12 +176,13 @@ pub fn in_ci() -> bool {
     !["", "0", "false"].iter().any(|no| value.eq_ignore_ascii_case(no))
 }
 
-/// A path as it is written on all systems.
+/// A path with `/` between its parts, as on all systems.
 fn with_slashes(path: &Path) -> String {
     path.iter().map(|part| part.to_string_lossy()).collect::<Vec<_>>().join("/")
 }
 
-/// A folder by its whole name, also one that isn't there yet: a package has no goldens before its first.
+/// A folder's absolute path without links. The folder may not exist yet: a package has no folder before its
+/// first golden.
 fn resolved(folder: &Path) -> Option<PathBuf> {
     let folder = std::path::absolute(folder).ok()?;
     let whole = |above: &Path| {
@@ -191,15 +192,15 @@ fn resolved(folder: &Path) -> Option<PathBuf> {
     folder.ancestors().find_map(whole)
 }
 
-/// The project's root: where its lock file is, or its repository.
+/// The project's root: the folder of `Cargo.lock`, or else of the repository.
 pub(super) fn root(folder: &Path) -> Option<&Path> {
     let with = |name: &str| folder.ancestors().find(|above| above.join(name).exists());
     with("Cargo.lock").or_else(|| with(".git"))
 }
 
-/// Cargo's target folder: the one that Cargo marked with a `CACHEDIR.TAG`. Cargo doesn't mark a
-/// target folder that it didn't make; that one is the folder above the profile's. If the test
-/// wasn't built by Cargo, the working directory.
+/// Cargo's target folder, which has a file `CACHEDIR.TAG`. Cargo doesn't put this file into a target folder
+/// that existed before; then the result is the folder above that of the Cargo profile. The result is empty,
+/// which means the working directory, if Cargo didn't build the test.
 ///
 /// ```
 /// let leftovers = karat::unstable::golden::build_output().join("karat");

@@ -1,4 +1,4 @@
-//! Profiles: execution path and driver, on which a rasteriser's results depend, as a file name.
+//! Profiles: an execution path and a driver, as a part of file names. The results of a rasteriser depend on both.
 
 use std::fmt;
 
@@ -6,8 +6,8 @@ use crate::path::Adapter;
 
 /// An execution path and the family of its driver: `vulkan-llvmpipe`, `gl-nvidia`.
 ///
-/// A golden for all profiles is `<case>.exr`. If it can't serve a profile, that profile has its
-/// own, `@<profile>/<case>.exr`, which no other profile uses.
+/// The golden for all profiles is `<case>.exr`. If a profile fails with it, the profile can have its own
+/// golden, `@<profile>/<case>.exr`, which no other profile uses.
 ///
 /// ```
 /// # use karat::unstable::path::Adapter;
@@ -21,8 +21,8 @@ use crate::path::Adapter;
 pub struct Profile(String);
 
 impl Profile {
-    /// The profile of an adapter. If its driver's family isn't known, the profile has the first
-    /// word of the adapter's name instead.
+    /// The profile of an adapter. If its driver's family is unknown, the first word of the adapter's name
+    /// replaces it.
     ///
     /// ```
     /// use karat::unstable::golden::Profile;
@@ -34,7 +34,7 @@ impl Profile {
     /// ```
     #[must_use]
     pub fn of(adapter: &Adapter) -> Self {
-        // The driver is named by its family, however the path was named; a program by its own name.
+        // A driver is named by its family, whatever the path's suffix is; a program, by its own name.
         if let Some(name) = adapter.path.strip_prefix("process@") {
             return Self(format!("process-{name}"));
         }

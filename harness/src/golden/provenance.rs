@@ -1,4 +1,4 @@
-//! What is known of a golden or a pending frame, stored in its EXR and beside it as TOML.
+//! The provenance of a golden or a pending frame, stored in its EXR, and beside it as TOML.
 
 use std::collections::BTreeMap;
 
@@ -12,7 +12,7 @@ use crate::image::Precision;
 use crate::metric::{ExposureRange, Rect};
 use crate::path::Adapter;
 
-/// What is known of a golden or a pending frame.
+/// The provenance of a golden or a pending frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Provenance {
     /// Version of this format: [`Provenance::SCHEMA`].
@@ -21,84 +21,84 @@ pub struct Provenance {
     pub case: String,
     /// [`text_hash`](crate::diagnostic::text_hash) of the linked WGSL.
     pub shader: String,
-    /// The same of each module that it was linked from, by its file from the project's root; a module
-    /// that isn't in the project has its name instead. Goldens of older versions have none.
+    /// Hashes of the modules that it was linked from, by their files' paths from the project's root. A module
+    /// outside of the project has its name as the key. Empty for goldens of older versions.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub modules: BTreeMap<String, String>,
-    /// blake3 of size and pixels, as stored; of a table, of its columns and cells.
+    /// blake3 hash of size and pixels, as stored; for a table, of its columns and cells.
     pub pixels: String,
-    /// Pixels across, or columns of a table.
+    /// Width in pixels, or number of columns of a table.
     pub width: u32,
-    /// Pixels down, or rows of a table.
+    /// Height in pixels, or number of rows of a table.
     pub height: u32,
     /// Colour space of the values; empty for a table.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub color_space: String,
-    /// How samples are stored.
+    /// Format of the stored samples.
     pub precision: Precision,
-    /// How much the frame may differ: `rel 1e-3 or (FLIP tile 0.01 and mean FLIP 0.005)`.
+    /// The tolerance of the frame: `rel 1e-3 or (FLIP tile 0.01 and mean FLIP 0.005)`.
     pub tolerance: String,
-    /// What rendered it. The name of a software rasteriser holds its compiler's version and its
-    /// vector width, which its results depend on.
+    /// The adapter that rendered it. The name of a software rasteriser includes its compiler's version and
+    /// its vector width, on which its results depend.
     pub adapter: Adapter,
-    /// Vendor and model of the processor: software rasterisers differ between them.
+    /// Vendor and model of the processor, on which the results of software rasterisers depend.
     pub processor: String,
-    /// Facts that its author added, by name: the seed, samples a pixel.
+    /// Facts that the author added, by name: the seed, the number of samples per pixel.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub facts: BTreeMap<String, String>,
     /// The folder of the goldens that a pending frame was compared with, from the project's root.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub folder: String,
-    /// The Cargo package that has that folder; empty where none has, or if an older Karat wrote it.
+    /// The Cargo package that has this folder; empty if there is none, or if an older Karat wrote the file.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub cargo_package: String,
-    /// Pixels of the golden that this frame was compared with; empty if there was none.
+    /// Hash of the pixels of the golden that this frame was compared with; empty if there was no golden.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub compared_with: String,
-    /// The profile whose golden this frame was compared with; empty if it was the one for all.
+    /// The profile whose golden this frame was compared with; empty for the golden for all profiles.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub compared_profile: String,
-    /// What comparing found, if this is a pending frame.
+    /// The finding of the comparison, if this is a pending frame that failed one.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub finding: Option<FrameFinding>,
-    /// The exposures that HDR-FLIP looks at. They are pinned when the golden is accepted, and don't
-    /// change with the frame.
+    /// The exposures of HDR-FLIP. Accepting the golden pins them, so that they don't change with later
+    /// frames.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exposures: Option<ExposureRange>,
-    /// What the columns of a table are; `None` for a frame.
+    /// The facts about a table's columns; `None` for a frame.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub table: Option<TableFacts>,
-    /// Who accepted it.
+    /// Name of the person who accepted it.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub accepted_by: String,
-    /// When, in UTC.
+    /// The time of acceptance, in UTC.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub accepted_at: String,
-    /// Why.
+    /// The reason for accepting it.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub because: String,
 }
 
-/// Why the facts in a file can't be used.
+/// The reason why the facts in a file can't be used.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ProvenanceError {
-    /// They were written by a newer version.
+    /// A newer version wrote the facts.
     #[error("it was written by a newer Karat (facts of version {0}, this one reads {max}): update Karat", max = Provenance::SCHEMA)]
     Newer(u32),
-    /// They can't be parsed, or have control characters.
+    /// The facts can't be parsed, or have control characters.
     #[error("its metadata can't be read ({0})")]
     Damaged(String),
 }
 
 impl Provenance {
-    /// Version of the format that is written, and the latest that is read.
+    /// Version of the format that Karat writes, and the latest version that it reads.
     pub const SCHEMA: u32 = 1;
 
     /// Reads the metadata of an EXR file.
     ///
     /// # Errors
-    /// If it is of a later version, or isn't a provenance.
+    /// If the metadata is of a later version, or isn't a provenance.
     pub fn parse(metadata: &str) -> Result<Self, ProvenanceError> {
         #[derive(Deserialize)]
         struct Version {
@@ -107,7 +107,7 @@ impl Provenance {
         let damaged = |error: serde_json::Error| ProvenanceError::Damaged(error.to_string());
         let all = serde_json::from_str(metadata).map_err(damaged)?;
         if has_controls(&all) {
-            // They would reach the terminal of whoever lists what a stranger's CI run left.
+            // Frames may come from a stranger's CI run, and listing them would send these characters to a terminal.
             return Err(ProvenanceError::Damaged("it has control characters".to_owned()));
         }
         match serde_json::from_str(metadata).map_err(damaged)? {
@@ -124,13 +124,13 @@ impl Provenance {
         Self::parse(&all.to_string())
     }
 
-    /// As text for an EXR's attribute.
+    /// The provenance as text, for the EXR's attribute.
     pub(super) fn metadata(&self) -> String {
         serde_json::to_string(self).expect("provenance is plain data")
     }
 }
 
-/// Whether a text has a control character other than those that break lines.
+/// True if a text has a control character that isn't a line break.
 fn has_controls(value: &Value) -> bool {
     let controls = |text: &str| text.chars().any(|c| c.is_control() && !"\n\r\t".contains(c));
     match value {
@@ -143,15 +143,15 @@ fn has_controls(value: &Value) -> bool {
     }
 }
 
-/// What comparing a frame with its golden found, as the test said it.
+/// The finding of a comparison of a frame with its golden, from the test itself.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FrameFinding {
-    /// How the frame differs, in words.
+    /// The difference, in words.
     pub verdict: String,
-    /// All that was measured, in order.
+    /// All measurements, in order.
     pub margins: Vec<CriterionMargin>,
-    /// For a frame that was compared with its profile's own golden: whether it would pass with the
-    /// golden for all. If so, the profile needs no golden of its own.
+    /// True if the frame was compared with its profile's own golden and would pass with the golden for all
+    /// profiles. Then the profile needs no golden of its own.
     #[serde(default)]
     pub base_passes: bool,
 }

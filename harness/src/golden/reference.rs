@@ -1,4 +1,4 @@
-//! What a frame is compared with: a golden's pixels, and what is known of them.
+//! The golden that a frame is compared with: its pixels and its provenance.
 
 use std::path::Path;
 
@@ -7,16 +7,16 @@ use super::{FrameTolerance, Profile, Provenance, ProvenanceError, Rendered, part
 use crate::image::{Image, ImageError, Precision};
 use crate::metric::DEFAULT_RELATIVE;
 
-/// A golden that was read.
+/// A golden from its file.
 pub(super) struct Reference {
     image: Image,
-    /// `None`: it was made by another tool.
+    /// `None`: another tool made the file.
     provenance: Option<Provenance>,
-    /// Its variance, if it has one and somebody asked.
+    /// The golden's variance, if it has one and the frame is noisy.
     variance: Option<Image>,
 }
 
-/// Why a golden can't be compared with.
+/// The reason why a frame can't be compared with its golden.
 pub(super) enum ReferenceError {
     Image(ImageError),
     Provenance(ProvenanceError),
@@ -38,7 +38,7 @@ impl Reference {
         Ok(Self { image, provenance, variance })
     }
 
-    /// Another tool's is taken to be, to be on the safe side.
+    /// True if the file has 32-bit floats. A file of another tool counts as 32-bit, which is the stricter assumption.
     fn is_in_floats(&self) -> bool {
         self.provenance.as_ref().is_none_or(|known| known.precision == Precision::Float)
     }
@@ -47,16 +47,16 @@ impl Reference {
         self.image.hash()
     }
 
-    /// What a frame may differ by from this golden.
+    /// The tolerance of a frame for this golden.
     pub(super) fn tolerance(&self, frame: &Rendered<'_>) -> FrameTolerance {
         if let Some(declared) = frame.tolerance {
             return declared.clone();
         }
         if frame.variance.is_some() {
-            // FLIP would see the noise, and let pass what is fainter.
+            // FLIP would measure the noise, and miss fainter differences.
             return FrameTolerance::gate(DEFAULT_RELATIVE);
         }
-        // Of an unknown origin it is held to the bounds of its own profile.
+        // With a golden of unknown origin, the stricter bounds apply: those for the golden's own profile.
         let made_on = self.provenance.as_ref().map(|known| Profile::of(&known.adapter));
         FrameTolerance::standard(made_on.is_some_and(|made| made != Profile::of(frame.adapter)))
     }
@@ -71,9 +71,9 @@ impl Reference {
         if self.is_in_floats() || frame.asks_for_floats() {
             return compare(&self.image, frame.image, &terms);
         }
-        // A frame as this golden's file would hold it.
+        // The frame is rounded as in the golden's file.
         match compare(&self.image, &frame.image.rounded_to(Precision::Half), &terms) {
-            // What half floats can't hold may be finite all the same.
+            // The frame may have finite values that are too large for half floats.
             Err(FrameDifference::NonFinite(_)) => compare(&self.image, frame.image, &terms),
             compared => compared,
         }

@@ -1,5 +1,4 @@
-//! Tables of values as text: the results of a function beside its arguments, or the elements of a
-//! buffer.
+//! Tables of values as text: arguments of a function and their results, or elements of a buffer.
 //!
 //! ```text
 //! # schema = 1
@@ -8,8 +7,8 @@
 //! 0.5,0.25,0.0796
 //! ```
 //!
-//! The comments are the facts, as TOML. The rest is CSV whose cells are numbers, `true` and `false`, so
-//! that neither quotes nor commas are in them.
+//! The comments are the facts, as TOML. The rest is CSV. Its cells are numbers, `true` or `false`, so it
+//! needs no quotes.
 
 use std::path::Path;
 
@@ -24,9 +23,9 @@ use crate::value::{Scalar, format_lane};
 /// A column of a [`Table`].
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Column {
-    /// `n_dot_h`, `result.x`; of a buffer the component, such as `sums.x`.
+    /// The column's name: `n_dot_h`, `result.x`, or a component of a buffer such as `sums.x`.
     pub name: String,
-    /// What its cells are.
+    /// The type of its cells.
     pub scalar: Scalar,
 }
 
@@ -35,44 +34,44 @@ pub struct Column {
 pub struct Table {
     /// The columns: arguments first.
     pub columns: Vec<Column>,
-    /// How many columns are arguments.
+    /// The number of columns that are arguments.
     pub arguments: usize,
-    /// The lanes of all rows, one row after the other.
+    /// The lanes of all rows, row by row.
     pub(crate) words: Vec<u32>,
 }
 
-/// What the facts say of a table's columns.
+/// The facts about a table's columns.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct TableFacts {
-    /// How many columns are arguments.
+    /// The number of columns that are arguments.
     pub arguments: usize,
-    /// What each column's cells are: `f32`, `f16`, `i32`, `u32` or `bool`.
+    /// The type of each column's cells: `f32`, `f16`, `i32`, `u32` or `bool`.
     pub types: Vec<String>,
 }
 
-/// Why a file isn't a table that can be used.
+/// The reason why a file isn't a usable table.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum TableError {
-    /// It can't be read at all.
+    /// The file can't be read.
     #[error(transparent)]
     File(#[from] ImageError),
-    /// Its facts can't be used.
+    /// The facts can't be used.
     #[error("`{path}` can't be used: {cause}")]
     Provenance {
         /// The file.
         path: String,
-        /// Why.
+        /// The reason.
         cause: ProvenanceError,
     },
-    /// A line isn't what it should be.
+    /// A line isn't valid.
     #[error("`{path}`:{line} {reason}")]
     Line {
         /// The file.
         path: String,
-        /// The line, from 1.
+        /// The line's number, from 1.
         line: usize,
-        /// What is wrong with it.
+        /// The defect of the line.
         reason: String,
     },
 }
@@ -88,19 +87,19 @@ impl Table {
         self.rows().map(|row| row.split_at(self.arguments.min(row.len())))
     }
 
-    /// How many rows there are.
+    /// The number of rows.
     #[must_use]
     pub fn len(&self) -> usize {
         self.words.len() / self.columns.len().max(1)
     }
 
-    /// Whether there is no row.
+    /// True if the table has no rows.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }
 
-    /// The first cell that is no finite number: its row, its column, and what it holds.
+    /// The first cell that is NaN or infinite: its row, its column, and its value.
     pub(super) fn non_finite(&self) -> Option<(usize, usize, f64)> {
         self.rows().enumerate().find_map(|(at, row)| {
             let cells = self.columns.iter().zip(row).enumerate();
@@ -115,12 +114,12 @@ impl Table {
         TableFacts { arguments: self.arguments, types }
     }
 
-    /// blake3 of columns and cells.
+    /// blake3 hash of columns and cells.
     pub(super) fn hash(&self) -> String {
         blake3::hash(self.cells().as_bytes()).to_hex().to_string()
     }
 
-    /// The file of a table, with its facts.
+    /// The file's text: the facts and the table.
     pub(super) fn text(&self, provenance: &Provenance) -> String {
         let facts = toml::to_string(provenance).expect("provenance is plain data");
         let facts = facts.lines().map(|line| match line {
@@ -145,7 +144,7 @@ impl Table {
     /// Reads a table with its facts.
     ///
     /// # Errors
-    /// If there is no such file, or a line of it isn't what it should be.
+    /// If the file can't be read, or a line isn't valid.
     pub fn read(file: &Path) -> Result<(Self, Provenance), TableError> {
         parts::check_file(file)?;
         let path = || shown(file);

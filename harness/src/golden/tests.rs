@@ -1,4 +1,4 @@
-//! Frames that nothing rendered, against goldens in a folder of their own.
+//! Synthetic frames, compared with goldens in a temporary folder.
 
 mod acceptance;
 mod kept;
@@ -44,7 +44,7 @@ fn no_aovs() -> Vec<Part> {
     Vec::new()
 }
 
-/// A frame of which nothing is declared.
+/// A frame without declared tolerance, mask or facts.
 fn rendered<'a>(image: &'a Image, adapter: &'a Adapter) -> Rendered<'a> {
     Rendered {
         image,
@@ -61,7 +61,7 @@ fn rendered<'a>(image: &'a Image, adapter: &'a Adapter) -> Rendered<'a> {
     }
 }
 
-/// Eight by eight pixels that are off.
+/// The ramp with a wrong square of 8 x 8 pixels.
 fn spot(factor: f32) -> Image {
     let pixels: Vec<_> = (8..16).flat_map(|y| (24..32).map(move |x| (x, y))).collect();
     with(&pixels, factor)
@@ -79,7 +79,7 @@ impl Project {
         Self { folder, goldens }
     }
 
-    /// With a golden made on lavapipe.
+    /// A project with a golden that was made on lavapipe.
     fn with_golden() -> Self {
         let project = Self::new();
         let failed = project.check("vulkan", &ramp(), None, None).expect_err("no golden");
@@ -99,7 +99,7 @@ impl Project {
         self.goldens.check("room/ramp", &frame)
     }
 
-    /// Accepts what a failed frame has left, wherever that is.
+    /// Accepts the pending file of a failed frame, wherever the file is.
     fn accept(
         &self,
         failed: &GoldenError,

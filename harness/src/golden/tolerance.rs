@@ -1,4 +1,4 @@
-//! How much a frame may differ from its golden.
+//! The tolerance of a frame.
 
 use std::fmt;
 use std::sync::Arc;
@@ -9,15 +9,15 @@ use super::number;
 use crate::metric::{DEFAULT_RELATIVE, Flip, Gate, Measured, Metric, Pair, Rect};
 use crate::tolerance::{power, significant};
 
-/// The largest mean FLIP error of a tile, on the profile that the golden was made on. Half floats
-/// give .004, twenty scattered pixels of edges .02, and faults of shaders .09 and more.
+/// The largest mean FLIP error of a tile, on the profile on which the golden was made. Rounding to half
+/// floats gives 0.004, twenty scattered pixels of edges 0.02, and faults of shaders 0.09 and more.
 const TILE_BOUND: f64 = 0.01;
-/// The same on other profiles, whose rasterisers put more edges on other pixels.
+/// The same bound for other profiles, whose rasterisers draw edges with other pixels.
 const FOREIGN_TILE_BOUND: f64 = 0.03;
-/// The mean FLIP error of a frame.
+/// The largest mean FLIP error of a frame.
 const MEAN_BOUND: f64 = 0.005;
 
-/// How much a frame may differ from its golden: bounds of metrics, and their combinations.
+/// The tolerance of a frame: bounds of metrics, and their combinations.
 ///
 /// The default is [`FrameTolerance::standard`].
 ///
@@ -30,22 +30,22 @@ const MEAN_BOUND: f64 = 0.005;
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub enum FrameTolerance {
-    /// Each channel of each pixel. See [`Gate`].
+    /// A bound for each channel of each pixel. See [`Gate`].
     Gate(Gate),
-    /// The largest mean error of a tile of 16 x 16 pixels under HDR-FLIP, at most this.
+    /// The largest mean HDR-FLIP error of a tile of 16 x 16 pixels that passes.
     FlipTile(f64),
-    /// The mean error under HDR-FLIP, at most this.
+    /// The largest mean HDR-FLIP error of the frame that passes.
     FlipMean(f64),
     /// A metric, and the largest value that passes.
     Metric(Arc<dyn Metric>, f64),
     /// Passes if all parts pass.
     All(Vec<Self>),
-    /// Passes if any part passes; the first that passes decides.
+    /// Passes if any part passes. The first part that passes decides.
     Any(Vec<Self>),
 }
 
 impl FrameTolerance {
-    /// Each channel of each pixel within `relative`. See [`Gate`].
+    /// A bound for the relative difference of each channel of each pixel. See [`Gate`].
     ///
     /// ```
     /// use karat::golden::FrameTolerance;
@@ -73,9 +73,9 @@ impl FrameTolerance {
         Self::Metric(Arc::new(metric), bound)
     }
 
-    /// The default: a frame passes the gate of 1e-3, or its HDR-FLIP errors are small: at most 0.01
-    /// in each tile, and 0.005 on average. If the frame's profile isn't the golden's (`foreign`), a
-    /// tile may have 0.03.
+    /// The default. A frame passes if it passes the gate of 1e-3. It also passes if its HDR-FLIP errors are
+    /// small: a mean of at most 0.01 in each tile, and of 0.005 in the frame. If the golden was made on
+    /// another profile (`foreign`), a tile may have 0.03.
     ///
     /// ```
     /// use karat::golden::FrameTolerance;
@@ -90,10 +90,10 @@ impl FrameTolerance {
         Self::Any(vec![Self::gate(DEFAULT_RELATIVE), flip])
     }
 
-    /// The first bound that bounds nothing.
+    /// The first bound that every frame passes, or none can, as text.
     pub(crate) fn unusable(&self) -> Option<String> {
         let number = |bound: f64| !(bound >= 0.0 && bound.is_finite());
-        // With 1 a black frame passes, and so does each frame by FLIP, whose errors end there.
+        // A relative bound of 1 passes a black frame, and a FLIP bound of 1 every frame.
         let share = |bound: f64| !(0.0..1.0).contains(&bound);
         match self {
             Self::Gate(Gate { relative, .. }) if share(f64::from(*relative)) => {
@@ -122,7 +122,7 @@ impl FrameTolerance {
         }
     }
 
-    /// The gate that messages speak of: the first there is, else the default one.
+    /// The first gate of the tolerance, which messages mention.
     pub(super) fn first_gate(&self) -> Option<Gate> {
         match self {
             Self::Gate(gate) => Some(*gate),
@@ -131,7 +131,7 @@ impl FrameTolerance {
         }
     }
 
-    /// Measures what is needed to decide, cheapest first as the tree is written.
+    /// Measures the criteria in their order, until the verdict is clear.
     pub(super) fn judge(&self, pair: &Pair<'_>) -> Judgement {
         let leaf = |criterion: FrameCriterion, metric: &dyn Metric, bound: f64| {
             let Measured { value, place, note, .. } = metric.measure(pair);
@@ -147,7 +147,7 @@ impl FrameTolerance {
             Self::All(parts) => {
                 let mut all = Judgement { passes: true, decisive: 0, margins: Vec::new() };
                 for judged in parts.iter().map(|part| part.judge(pair)) {
-                    // What decides is what fails, or else what has the least room.
+                    // A part that fails decides; if all pass, the part with the largest ratio.
                     let tighter = all.margins.get(all.decisive).is_none_or(|so_far| {
                         let new = judged.margins[judged.decisive].ratio();
                         (all.passes && !judged.passes)
@@ -183,7 +183,7 @@ impl Default for FrameTolerance {
     }
 }
 
-/// The gate alone, with this relative difference.
+/// The gate alone, with this relative bound.
 impl From<f32> for FrameTolerance {
     fn from(relative: f32) -> Self {
         Self::gate(relative)
@@ -223,7 +223,7 @@ impl fmt::Display for FrameTolerance {
     }
 }
 
-/// The criteria that decide about a frame, the cheapest first.
+/// The criteria that decide the verdict on a frame, the cheapest first.
 ///
 /// ```
 /// use karat::Image;
@@ -243,18 +243,18 @@ pub enum FrameCriterion {
     Finite,
     /// Every bit is equal.
     Bits,
-    /// See [`Gate`].
+    /// Each channel of each pixel is within the gate: see [`Gate`].
     Gate,
-    /// See [`Flip`].
+    /// HDR-FLIP errors are small: see [`Flip`].
     Flip,
-    /// A metric that isn't Karat's.
+    /// A metric of your own.
     Metric,
     /// The noise of frame and golden explains every difference: see
     /// [`Frame::noise`](crate::Frame::noise).
     Noise,
 }
 
-/// What a metric measured, and its bound.
+/// The value of a metric, and its bound.
 ///
 /// ```
 /// # use karat::Image;
@@ -268,25 +268,25 @@ pub enum FrameCriterion {
 /// ```
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct CriterionMargin {
-    /// What kind of metric.
+    /// The kind of metric.
     pub criterion: FrameCriterion,
-    /// Its name.
+    /// The metric's name.
     pub name: String,
-    /// What it measured.
+    /// The measured value.
     #[serde(with = "number")]
     pub value: f64,
     /// The largest value that passes.
     pub bound: f64,
-    /// Where the value was measured, if it has a place.
+    /// The pixels that have this value, if it belongs to a part of the frame.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub place: Option<Rect>,
-    /// What else there is to say.
+    /// A remark on the measurement.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub note: Option<String>,
 }
 
 impl CriterionMargin {
-    /// Whether the value is within the bound. NaN isn't.
+    /// True if the value is within the bound. NaN isn't.
     ///
     /// ```
     /// # use karat::Image;
@@ -343,8 +343,8 @@ impl fmt::Display for CriterionMargin {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Judgement {
     pub(super) passes: bool,
-    /// All that was measured.
+    /// All measurements.
     pub(super) margins: Vec<CriterionMargin>,
-    /// What of it decided.
+    /// The index of the measurement that decided.
     pub(super) decisive: usize,
 }

@@ -1,4 +1,4 @@
-//! Goldens of values: what functions returned for fixed arguments, and what passes left in buffers.
+//! Goldens of values: the results of functions for fixed arguments, and the buffers that passes wrote.
 
 use std::fmt::Write;
 
@@ -11,23 +11,23 @@ use crate::image::{ImageError, Precision, write_whole};
 use crate::package::LinkedModule;
 use crate::path::Adapter;
 
-/// Values that were made, and by what.
+/// Values and their origin.
 pub(crate) struct Made<'a> {
     pub(crate) table: Table,
     pub(crate) adapter: &'a Adapter,
     /// Hash of the linked WGSL.
     pub(crate) shader: String,
-    /// What it was linked from.
+    /// The modules that were linked.
     pub(crate) modules: Vec<LinkedModule>,
-    /// How much the values may differ.
+    /// The tolerance of the values, as text.
     pub(crate) tolerance: String,
 }
 
-/// Why values fail, or can't be judged by a golden.
+/// The reason why values fail, or can't be compared.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ValuesError {
-    /// A name that isn't one path component or several joined by `/`.
+    /// The name isn't one or more path components joined by `/`.
     #[error("`{0}` can't name a golden: use letters, digits, `-`, `_` and `/`")]
     Name(String),
     /// There is no golden yet.
@@ -36,72 +36,72 @@ pub enum ValuesError {
          `karat accept {case}{arguments} --because \"...\"`"
     )]
     Missing {
-        /// The golden.
+        /// The golden's name.
         case: String,
-        /// The values that were made.
+        /// The file of the new values.
         pending: String,
-        /// What accepting needs besides: `--any-adapter`.
+        /// Further arguments that `karat accept` needs: `--any-adapter`.
         arguments: String,
     },
-    /// The golden can't be used. It isn't overwritten.
+    /// The golden can't be used. Karat doesn't overwrite it.
     #[error("the golden of the values `{case}` can't be used: {cause}{}",
         if matches!(cause, TableError::File(_)) { "" } else { "; restore it from version control, or remove it and accept what its test makes" })]
     Unreadable {
-        /// The golden.
+        /// The golden's name.
         case: String,
-        /// Why.
+        /// The reason.
         cause: TableError,
     },
-    /// The values differ.
+    /// The values differ from the golden's.
     #[error("the values `{case}` differ from their golden `{golden}`: {difference}\n  {advice}")]
     Differs {
-        /// The golden.
+        /// The golden's name.
         case: String,
         /// The golden's file.
         golden: String,
-        /// How.
+        /// The difference.
         difference: String,
-        /// What to do.
+        /// Advice on the next step.
         advice: String,
     },
-    /// The values can't become a golden.
+    /// A value is NaN or infinite, so the values can't become a golden.
     #[error(
         "the values `{case}` can't be compared: {column} is {value} in row {row}, and nothing could \
          ever agree with it; {advice}"
     )]
     NonFinite {
-        /// The golden.
+        /// The golden's name.
         case: String,
         /// The column.
         column: String,
-        /// What it holds there.
+        /// The value in this column.
         value: f64,
-        /// The row, from 1.
+        /// The row's number, from 1.
         row: usize,
-        /// What to do.
+        /// Advice on the next step.
         advice: &'static str,
     },
-    /// The values can't be written.
+    /// The pending file can't be written.
     #[error("the values `{case}` fail ({failure}), and can't be left to be looked at: {cause}")]
     Pending {
-        /// The golden.
+        /// The golden's name.
         case: String,
-        /// The failure that they would have shown.
+        /// The failure of the values themselves.
         failure: String,
-        /// Why.
+        /// The reason.
         cause: ImageError,
     },
 }
 
 impl ValuesError {
-    /// Whether the values are wrong: otherwise nobody can say.
+    /// True if the values are wrong; false if they couldn't be compared.
     pub(crate) fn is_failure(&self) -> bool {
         matches!(self, Self::Differs { .. } | Self::NonFinite { .. })
     }
 }
 
 impl Goldens {
-    /// The golden of values. It has no profiles: paths have tolerances of their own.
+    /// The golden's file. Values have no goldens of profiles: give paths their own tolerances instead.
     pub(super) fn values(&self, case: &str) -> std::path::PathBuf {
         self.folder().join(format!("{case}.csv"))
     }
@@ -111,7 +111,7 @@ impl Goldens {
         is_name(case).then(|| FileRead::now(&self.values(case)))
     }
 
-    /// The golden's values; `None`: there is no golden yet.
+    /// The golden's values. `None`: there is no golden yet.
     pub(crate) fn table(&self, case: &str) -> Result<Option<Table>, ValuesError> {
         if !is_name(case) {
             return Err(ValuesError::Name(case.to_owned()));
@@ -123,7 +123,7 @@ impl Goldens {
         }
     }
 
-    /// Leaves values that have no golden to be looked at.
+    /// Writes values without a golden as pending.
     pub(crate) fn without_golden(&self, case: &str, made: &Made<'_>) -> ValuesError {
         match self.leave(case, made, None) {
             Ok(pending) => ValuesError::Missing {
@@ -135,8 +135,7 @@ impl Goldens {
         }
     }
 
-    /// Leaves values that aren't those of their golden to be looked at. `difference` says how they
-    /// differ.
+    /// Writes values that differ from their golden as pending. `difference` is the text of the difference.
     pub(crate) fn unlike_golden(
         &self,
         case: &str,
@@ -162,7 +161,7 @@ impl Goldens {
         }
     }
 
-    /// Removes what waits of values that agree again. That there was none is no error.
+    /// Removes the pending file of values that agree again. A missing file is no error.
     pub(crate) fn values_agree(&self, case: &str) {
         drop(std::fs::remove_file(self.pending_values(case)));
     }
@@ -233,7 +232,7 @@ impl Goldens {
     }
 }
 
-/// How the columns of values differ from those of their golden; `None`: they don't.
+/// The difference between the columns of values and their golden's. `None`: the columns are the same.
 pub(crate) fn other_columns(golden: &Table, made: &Table) -> Option<String> {
     if golden.columns == made.columns && golden.arguments == made.arguments {
         return None;

@@ -1,25 +1,24 @@
-//! The texels that a driver keeps around the faces of a cube map.
+//! The border texels of a cube map's faces.
 //!
-//! SwiftShader stores each face with a border of its neighbours' texels, which its linear filter
-//! reads at edges. It fills the border when a draw has the cube map among its resources, and never
-//! for a dispatch (`DescriptorSet::PrepareForSampling` is called in `Renderer.cpp`, not in
-//! `ComputeProgram.cpp`): a kernel reads what the memory held before. Functions that sample cube
-//! maps mostly run in fragment shaders, where the driver is right, and here in kernels. So each
-//! cube map is drawn with once, as a program would that shows it.
+//! SwiftShader stores each face with a border of its neighbours' texels, which its linear filter reads at
+//! edges. It fills the border when a draw has the cube map among its resources, and never for a dispatch
+//! (`DescriptorSet::PrepareForSampling` is called in `Renderer.cpp`, not in `ComputeProgram.cpp`). So a
+//! kernel would read old memory. Most functions that sample cube maps run in fragment shaders, where the
+//! driver is right, but Karat calls them in kernels. So Karat uses each cube map in one draw first, as a
+//! program would that displays it.
 
 use crate::path::{Device, PathError};
 
-/// A triangle beyond the edge of what is drawn. The driver takes note of the resources of a draw
-/// that shades no pixel.
+/// A triangle outside of the target. The driver uses a draw's resources even if the draw shades no pixel.
 const NOTHING: &str = "
 @vertex fn vertex() -> @builtin(position) vec4f { return vec4f(2.0, 2.0, 0.0, 1.0); }
 @fragment fn fragment() -> @location(0) vec4f { return vec4f(0.0); }
 ";
 
-/// What is drawn to: one pixel, which nobody reads.
+/// The format of the target, which has one pixel. Nothing reads it.
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
 
-/// Has the driver fill the borders of a cube map that was written, if it is one that needs it.
+/// Makes the driver fill the borders of a new cube map, if the driver needs a draw for this.
 pub(super) fn fill(device: &Device, cube_map: &wgpu::TextureView) -> Result<(), PathError> {
     if !device.fills_borders_by_draws() {
         return Ok(());

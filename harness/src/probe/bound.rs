@@ -7,14 +7,14 @@ use super::kernel::{ENTRY_POINT, Kernel};
 use super::{ProbeError, Resource, quads};
 use crate::path::{Device, PathError, Pipeline};
 
-/// The fixtures of each group, with their binding numbers; immediates are in a group that isn't one.
+/// The fixtures of each bind group, with their binding numbers. Immediates have a group of their own that isn't bound.
 pub(super) type Resources = BTreeMap<u32, Vec<(u32, Resource)>>;
 
 /// A compiled kernel with its bindings.
 pub(super) struct Bound {
     pub(super) pipeline: Compiled,
     pub(super) groups: Vec<wgpu::BindGroup>,
-    /// What is set with the commands.
+    /// The immediates, which are set with the commands.
     immediates: Option<Vec<u8>>,
 }
 
@@ -25,7 +25,7 @@ pub(super) enum Compiled {
 }
 
 impl Compiled {
-    /// Where a resource of WGSL's is bound.
+    /// The group and the binding of a WGSL resource in this pipeline.
     fn place(&self, group: u32, binding: u32) -> Option<(u32, u32)> {
         match self {
             Self::Dispatched(pipeline) => pipeline.place(group, binding),
@@ -59,7 +59,7 @@ impl Bound {
         pass.draw(0..3, 0..u32::try_from(cases).expect("a batch fits in 32 bits"));
     }
 
-    /// Sets all that a dispatch needs.
+    /// Sets everything that a dispatch needs.
     pub(super) fn set(&self, pass: &mut wgpu::ComputePass<'_>) {
         let Compiled::Dispatched(pipeline) = &self.pipeline else { return };
         pass.set_pipeline(&pipeline.pipeline);
@@ -89,7 +89,7 @@ pub(super) fn compile(
     Ok(Compiled::Dispatched(pipeline))
 }
 
-/// Binds the fixtures, and in group 0 the arguments, the results and the batch, in this order.
+/// Binds the fixtures. Group 0 also gets the arguments, the results and the batch, in this order.
 pub(super) fn bind(
     device: &Device,
     pipeline: Compiled,

@@ -1,6 +1,6 @@
 //! A kernel on a device: buffers, bind groups, dispatch and read-back.
 //!
-//! Poison and canaries show that each word was written once, by its case.
+//! Poison and canaries show that the right case wrote each word.
 
 use std::cell::Cell;
 
@@ -16,14 +16,14 @@ use crate::fixture::{self, Fixtures};
 use crate::path::{Device, Turn, guard};
 use crate::reflect::BindingKind;
 
-/// Cases of a batch if each runs alone: each has commands of its own, and a copy of what is written.
+/// Cases of a batch whose cases run alone: each case has its own commands, and a copy of the resources that it writes.
 const ALONE: usize = 64;
 
 /// One kernel on one device.
 pub(super) struct Dispatcher<'d> {
     device: &'d Device,
     kernel: Kernel,
-    /// `None` where the arguments are constants, and each dispatch has a kernel of its own.
+    /// `None`: the arguments are constants, and each dispatch has its own kernel.
     bound: Option<Bound>,
     resources: Resources,
     arguments: Option<wgpu::Buffer>,
@@ -31,16 +31,16 @@ pub(super) struct Dispatcher<'d> {
     poison: Poison,
     batch: wgpu::Buffer,
     staging: wgpu::Buffer,
-    /// What is drawn into, if the kernel is a fragment function.
+    /// The render target, if the kernel is a fragment function.
     target: Option<Target>,
-    /// What a batch is for each case, and the resources that are written, if each case runs alone.
+    /// If each case runs alone: a batch per case, and the resources that the function writes.
     alone: Option<(wgpu::Buffer, Vec<Kept>)>,
     capacity: usize,
     words_in: usize,
     evidence: Evidence,
-    /// Where it stands.
+    /// The place of the function.
     place: Span,
-    /// The turn in which the fields above are released.
+    /// The turn on the device in which the fields above are released.
     last: Turn<'d>,
 }
 
@@ -54,30 +54,30 @@ impl Drop for Dispatcher<'_> {
 #[must_use]
 pub(crate) struct Dispatch<'d> {
     device: &'d Device,
-    /// Whether somebody waited for it.
+    /// True after waiting for the dispatch.
     waited: Cell<bool>,
     cases: usize,
     canary: u32,
-    /// Workgroups in a row, and rows.
+    /// Number of workgroups per row, and number of rows.
     groups: (u32, u32),
-    /// The kernel with the arguments as constants, if they are.
+    /// The kernel with the arguments as constants, if they are constants.
     constants: Option<Bound>,
     _deadline: crate::path::Guard,
 }
 
 impl Drop for Dispatch<'_> {
-    /// A driver's threads may not outlive the process: it unloads what they run.
+    /// Waits, because a driver's threads must end before the process unloads the driver's code.
     fn drop(&mut self) {
         if !self.waited.get() {
             let _turn = self.device.turn();
-            // Nobody wants its results, and whoever comes next is told what is wrong with the device.
+            // The results aren't needed. The next user of the device gets its error.
             drop(self.device.wait());
         }
     }
 }
 
 impl<'d> Dispatcher<'d> {
-    /// Uploads the fixtures and makes room for `cases` cases a dispatch, or for as many as the
+    /// Uploads the fixtures, and allocates buffers for `cases` cases per dispatch, or for as many as the
     /// device's limits allow. Without a pipeline each dispatch compiles one.
     pub(super) fn new(
         device: &'d Device,
@@ -173,7 +173,7 @@ impl<'d> Dispatcher<'d> {
         kernel.largest_batch().map_or(largest, |batch| batch.min(largest))
     }
 
-    /// The kernel that holds these arguments as constants.
+    /// Compiles the kernel with these arguments as constants.
     fn of_constants(&self, arguments: &[u32]) -> Result<Bound, ProbeError> {
         let text = self.kernel.of_constants(arguments).map_err(|reason| {
             let (function, inputs) = (self.evidence.function.clone(), self.kernel.inputs);
@@ -188,7 +188,7 @@ impl<'d> Dispatcher<'d> {
         self.capacity
     }
 
-    /// Whether a texture's floats have 16 bits on this device.
+    /// True if textures have 16-bit floats on this device and the function reads a texture.
     pub(super) fn reads_half_floats(&self) -> bool {
         let mut resources = self.resources.values().flatten();
         self.device.float_format() == wgpu::TextureFormat::Rgba16Float
@@ -199,14 +199,13 @@ impl<'d> Dispatcher<'d> {
         self.device
     }
 
-    /// Words between one case's results and the next one's.
+    /// Number of words from one case's results to the next case's.
     pub(crate) fn stride_out(&self) -> usize {
         self.evidence.stride
     }
 
-    /// Starts a dispatch over `cases` cases with these arguments, with so many invocations a case,
-    /// of which the first one calls the function. `canary` is written back by each invocation,
-    /// mixed with its index.
+    /// Starts a dispatch over `cases` cases with these arguments. Each case has `invocations` invocations,
+    /// and the first one calls the function. Each case writes `canary`, mixed with its index.
     pub(super) fn dispatch(
         &self,
         cases: usize,
@@ -253,7 +252,7 @@ impl<'d> Dispatcher<'d> {
         Ok(dispatch)
     }
 
-    /// Runs the kernel over results that are set to `poison`. The arguments are on the device.
+    /// Fills the results with `poison` and runs the kernel. The arguments are on the device already.
     fn submit(&self, dispatch: &Dispatch<'_>, poison: &Poison) -> Result<(), ProbeError> {
         let bound = dispatch
             .constants
@@ -304,8 +303,8 @@ impl<'d> Dispatcher<'d> {
         (cases * self.stride_out() * 4) as u64
     }
 
-    /// Waits for a dispatch and hands its results to `read`: for each case, the words of its
-    /// result and one more. Each case's canary has been checked, and each word was written.
+    /// Waits for a dispatch and passes its results to `read`: the words of each case's result, and its
+    /// canary. Before that it checks that each canary is right and that each word was written.
     pub(crate) fn read<T>(
         &self,
         dispatch: Dispatch<'_>,
@@ -319,7 +318,7 @@ impl<'d> Dispatcher<'d> {
             Ok(value) => return Ok(value),
             Err(suspicious) => suspicious,
         };
-        // Words that a function returns are returned over another poison as well.
+        // Results that equal the poison are computed again over another poison: the function may return this word.
         let _turn = self.device.turn();
         let words_of_all = dispatch.cases * self.stride_out();
         let poison =
@@ -330,13 +329,13 @@ impl<'d> Dispatcher<'d> {
         Ok(read(&words))
     }
 
-    /// Whether each case runs alone.
+    /// True if each case runs alone.
     pub(super) fn is_alone(&self) -> bool {
         self.alone.is_some()
     }
 
-    /// Waits for a dispatch whose cases run alone. For each case the words of what the function returns,
-    /// of what its pointers point to and of the resources that it writes; and how many they are.
+    /// Waits for a dispatch whose cases run alone. Returns the words of all cases, and the number of words per case:
+    /// those that the function returns, those that its pointers point to, and those of the resources that it writes.
     pub(super) fn rows(&self, dispatch: Dispatch<'_>) -> Result<(Vec<u32>, usize), ProbeError> {
         let (cases, width) = (dispatch.cases, self.stride_out() - 1);
         let words = self.read(dispatch, <[u32]>::to_vec)?;
@@ -352,8 +351,7 @@ impl<'d> Dispatcher<'d> {
         Ok((rows, stride))
     }
 
-    /// Waits for a dispatch and hands its results to `read`, after each case's canary has been
-    /// checked.
+    /// Waits for a dispatch, checks the canary of each case, and passes the results to `read`.
     fn read_checked<T>(
         &self,
         dispatch: &Dispatch<'_>,

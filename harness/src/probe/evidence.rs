@@ -1,21 +1,23 @@
-//! Shows that each word of a batch was written once, by its case.
+//! The evidence that each word of a batch was written by its case.
 //!
-//! Behind each result its case writes a canary that only this dispatch knows, and all words are poison before.
+//! Before a dispatch all words are poison. Behind its result, each case writes a canary that belongs to this
+//! dispatch only.
 
 use super::{Partial, ProbeError};
 use crate::domain::Source;
 use crate::path::Path;
 use crate::reflect::Function;
 
-/// A quiet NaN that hardly a function returns. A result that still is this word is computed again
-/// over the [`OTHER`] one: it is the function's if it is the same again, and was never written if
-/// not.
+/// The poison: a quiet NaN that functions hardly ever return. If a result equals it, Karat computes the
+/// result again over the poison [`OTHER`]. If the result is the same again, the function returned it;
+/// otherwise it was never written.
 pub(crate) const WORD: u32 = 0x7fc0_dead;
 
-/// The other poison, for results that are computed again.
+/// The second poison, for results that are computed again.
 pub(crate) const OTHER: u32 = 0x7fc1_beef;
 
-/// A number that no earlier run of Karat had, so that results that are kept from then are seen: one for each call.
+/// A new number per call, which earlier runs of Karat didn't have: it exposes results that are left from an
+/// earlier run.
 pub(crate) fn unheard_of() -> u64 {
     use std::hash::{BuildHasher, RandomState};
     use std::sync::LazyLock;
@@ -26,7 +28,7 @@ pub(crate) fn unheard_of() -> u64 {
     FIRST.wrapping_add(COUNT.fetch_add(1, Ordering::Relaxed)) & ((1 << 53) - 1)
 }
 
-/// A word that another dispatch writes back by chance only, once in 2^32.
+/// A canary. Another dispatch writes the same word with a probability of 1 in 2^32.
 pub(crate) fn canary() -> u32 {
     Source::new(0, unheard_of()).bits()
 }
@@ -35,20 +37,20 @@ pub(crate) fn canary() -> u32 {
 pub(crate) struct Evidence {
     pub(crate) function: String,
     pub(crate) path: Path,
-    /// Words from one case to the next: those of a result, and the canary.
+    /// Words from one case to the next: those of the result, and the canary.
     pub(crate) stride: usize,
-    /// The names of a result's words: `""` of a scalar, `.x`.
+    /// Names of the words of a result: `""` for a scalar, `.x` for a vector.
     lane_names: Vec<String>,
 }
 
 impl Evidence {
-    /// Of results of so many words.
+    /// The evidence for results of `words` words.
     pub(crate) fn of(function: &Function, path: Path, words: usize) -> Self {
         let lane_names = function.result.lane_names();
         Self { function: function.name.clone(), path, stride: words + 1, lane_names }
     }
 
-    /// Refuses results of another length, and those whose canary isn't this dispatch's.
+    /// Fails if the results have another length, or if a canary isn't this dispatch's.
     pub(crate) fn expect_canaries(
         &self,
         words: &[u32],
@@ -69,10 +71,10 @@ impl Evidence {
         Err(ProbeError::NotWritten { function, path, first, count, cases })
     }
 
-    /// The places of result words that are poison.
+    /// The indices of result words that are poison. Canaries don't count.
     pub(crate) fn poisoned(&self, words: &[u32]) -> Vec<usize> {
-        // Nearly always there are none, which this sees at the speed of memory: a loop that ends
-        // at the first one isn't made of vector instructions.
+        // Usually there are none, and this loop finds that at the speed of memory. A loop that ends at the
+        // first one wouldn't be compiled to vector instructions.
         let is_in = |part: &[u32]| part.iter().fold(false, |is, word| is | (*word == WORD));
         if !words.chunks(1024).any(is_in) {
             return Vec::new();
@@ -82,7 +84,7 @@ impl Evidence {
         places.map(|(place, _)| place).filter(|place| !canary(place)).collect()
     }
 
-    /// Refuses words that are poison, and were the other poison when they were computed again over that.
+    /// Fails if a word is poison and, computed again over the other poison, isn't the same again.
     pub(crate) fn expect_written(
         &self,
         words: &[u32],

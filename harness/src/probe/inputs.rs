@@ -1,4 +1,4 @@
-//! Where a kernel takes its arguments from.
+//! The source of a kernel's arguments.
 
 use std::fmt;
 
@@ -21,10 +21,10 @@ use std::fmt;
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Inputs {
-    /// A storage buffer, which holds the arguments of a whole batch.
+    /// A storage buffer with the arguments of a whole batch.
     #[default]
     Storage,
-    /// A uniform buffer of 16 KiB, which every device has. It takes many small dispatches.
+    /// A uniform buffer of 16 KiB, which every device supports. It needs many small dispatches.
     Uniform,
     /// Constants in the kernel's text: at most 64 cases, because each is a separate call. NaN and
     /// infinities can't be constants in WGSL.
@@ -45,7 +45,7 @@ impl Inputs {
         }
     }
 
-    /// What a report adds to a path; nothing for a storage buffer.
+    /// The text that reports add to a path's name; empty for a storage buffer.
     pub(crate) fn remark(self) -> &'static str {
         match self {
             Self::Storage => "",

@@ -1,4 +1,4 @@
-//! Resources that shaders write: what they hold before, and what they hold afterwards.
+//! Resources that shaders write: their contents before and after each run.
 
 use std::sync::Arc;
 
@@ -8,23 +8,23 @@ use crate::fixture::Fixture;
 use crate::path::Device;
 use crate::reflect::{Binding, BindingKind, Program};
 
-/// A resource that is written, with a copy of what it holds before.
+/// A resource that the shader writes, with a copy of its original contents.
 pub(crate) struct Kept {
     program: Arc<Program>,
     binding: Binding,
     live: Memory,
     before: Memory,
-    /// What it holds after each of so many runs.
+    /// Its contents after each run.
     after: wgpu::Buffer,
     staging: wgpu::Buffer,
-    /// Bytes of one copy of it, a multiple of what copies are aligned to.
+    /// Size of one copy in bytes, a multiple of the alignment of copies.
     stride: u64,
 }
 
 /// Memory of a device.
 enum Memory {
     Buffer(wgpu::Buffer),
-    /// The texture, and how its texels are kept.
+    /// The texture, and the format of its texels.
     Texture(wgpu::Texture, Codec),
 }
 
@@ -41,7 +41,7 @@ impl Memory {
         })
     }
 
-    /// Bytes of a copy of it: rows of texels are aligned.
+    /// Size of a copy in bytes. Rows of texels are aligned.
     fn size(&self) -> u64 {
         match self {
             Self::Buffer(buffer) => buffer.size(),
@@ -53,14 +53,14 @@ impl Memory {
     }
 }
 
-/// Bytes of a row of texels in a buffer.
+/// Size of a row of texels in a buffer, in bytes.
 fn row(texture: &wgpu::Texture, codec: Codec) -> u64 {
     let bytes = texture.width() * codec.size() as u32;
     u64::from(bytes.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT))
 }
 
 impl Kept {
-    /// The resource of a binding that is written, with room for what it holds after `runs` runs.
+    /// The resource of a binding that the shader writes, with buffers for its contents after `runs` runs.
     pub(crate) fn new(
         device: &Device,
         program: &Arc<Program>,
@@ -92,7 +92,7 @@ impl Kept {
         Ok(Some(Self { program, binding, live, before, after, staging, stride }))
     }
 
-    /// Gives it back what it held before.
+    /// Restores the original contents.
     pub(crate) fn reset(&self, encoder: &mut wgpu::CommandEncoder) {
         match (&self.before, &self.live) {
             (Memory::Buffer(before), Memory::Buffer(live)) => {
@@ -106,7 +106,7 @@ impl Kept {
         }
     }
 
-    /// Keeps what it holds after a run, by the run's number.
+    /// Copies the contents after a run into the slot with the run's number.
     pub(crate) fn keep(&self, encoder: &mut wgpu::CommandEncoder, run: usize) {
         let offset = self.stride * run as u64;
         match &self.live {
@@ -125,20 +125,20 @@ impl Kept {
         }
     }
 
-    /// Makes the first runs' copies ready to be read.
+    /// Copies the contents after the first `runs` runs into the buffer that can be read.
     pub(crate) fn stage(&self, encoder: &mut wgpu::CommandEncoder, runs: usize) {
         let size = self.stride * runs as u64;
         encoder.copy_buffer_to_buffer(&self.after, 0, &self.staging, 0, size);
     }
 
-    /// The lanes of what it held after each of the first runs.
+    /// The contents after each of the first `runs` runs, as lanes.
     pub(crate) fn lanes(&self, device: &Device, runs: usize) -> Result<Vec<Vec<u32>>, ProbeError> {
         let words = self.words(device, runs)?;
         let lanes = |words: &Vec<u32>| self.program.lanes_of_words(&self.binding, words);
         Ok(words.iter().map(lanes).collect())
     }
 
-    /// The words of its memory after each of the first runs: of a texture four a texel.
+    /// The contents after each of the first `runs` runs, as words; a texel has four words.
     pub(crate) fn words(&self, device: &Device, runs: usize) -> Result<Vec<Vec<u32>>, ProbeError> {
         let size = self.stride * runs as u64;
         let of = |bytes: &[u8]| {
@@ -162,7 +162,7 @@ impl Kept {
     }
 }
 
-/// The number that says how long a resource is that is written: bytes of a buffer, texels of a texture.
+/// The length of a resource that the shader writes: bytes of a buffer, texels of a texture.
 pub(crate) fn count(
     program: &Program,
     binding: &Binding,

@@ -7,29 +7,29 @@ use crate::path::MOST_ROUNDS;
 use crate::reflect::{COUNTERS, Function, Overrides, Passed, Program};
 use crate::value::{Scalar, Shape, format_f32, hexfloat};
 
-/// Invocations of a workgroup: what every device supports, and a multiple of every vector width.
+/// Invocations of a workgroup: a number that every device supports, and a multiple of every vector width.
 pub(crate) const WORKGROUP: u32 = 64;
 
-/// Words of the uniform buffer that arguments may come from: 16 KiB, which every device has.
+/// Words of the uniform buffer for arguments: 16 KiB, which every device supports.
 pub(crate) const UNIFORM_WORDS: usize = 4096;
 
-/// Cases whose arguments are constants: each is a call of its own, which the driver may inline.
+/// Cases whose arguments are constants. Each case is a call of its own, which the driver may inline.
 pub(crate) const CONSTANTS: usize = 64;
 
-/// Calls of one kernel with constants. Compilers take more than in proportion for large kernels,
-/// and wgpu's GL panics where a thread waits longer than six seconds for another one's.
+/// Calls in one kernel with constants. The time of compilers grows faster than the kernel, and wgpu's GL
+/// panics if a thread waits longer than six seconds for another thread.
 const CALLS: usize = 16;
 
-/// The variable of results.
+/// The variable with the results.
 pub(crate) const RESULTS: &str = "karat_out";
 
 /// Name of the generated entry point.
 pub(super) const ENTRY_POINT: &str = "karat_probe";
 
-/// Name of the vertex function beside an entry point that is a fragment function.
+/// Name of the vertex function that a kernel has if its entry point is a fragment function.
 pub(super) const VERTEX: &str = "karat_vertex";
 
-/// Pixels along a side of what a quad has for itself, with room for a triangle that covers it.
+/// Side of the square of pixels around each quad. A triangle that covers the quad fits into it.
 pub(super) const CELL: u32 = 4;
 
 /// A kernel and the layout of its buffers.
@@ -37,20 +37,20 @@ pub(super) const CELL: u32 = 4;
 pub struct Kernel {
     /// Linked text followed by the kernel: readable WGSL.
     pub text: String,
-    /// Words of one case's arguments.
+    /// Number of words of one case's arguments.
     pub(super) words_in: usize,
-    /// Words of one case's result, without the canary that follows it.
+    /// Number of words of one case's result, without the canary behind it.
     pub(super) words_out: usize,
     /// First of three binding numbers in group 0: arguments, results, batch.
     pub(super) first_binding: u32,
-    /// Where the arguments come from. The text with constants holds none until
+    /// The source of the arguments. If they are constants, the text has none until
     /// [`of_constants`](Self::of_constants) writes those of a batch.
     pub(super) inputs: Inputs,
-    /// Whether cases can be kept apart, each in a vector of its own: the batch says so.
+    /// True if the batch can say that each case gets its own vector of lanes.
     pub(super) apart: bool,
-    /// How many counters there are, which are the results then.
+    /// The number of counters, if the results are counters.
     counted: Option<usize>,
-    /// The linked text, and the function that is called.
+    /// The linked text, without the kernel.
     linked: String,
     function: Function,
     /// Values of overrides, by their names in the text.
@@ -63,10 +63,10 @@ impl Kernel {
         Self::with_inputs(program, function, Inputs::Storage)
     }
 
-    /// Writes the kernel with another source of its arguments.
+    /// Writes the kernel for this source of its arguments.
     pub(crate) fn with_inputs(program: &Program, function: &Function, inputs: Inputs) -> Self {
         let lanes = |shape: &Shape| shape.lanes().len();
-        // A driver may read nothing from storage for the pixels of a quad that aren't drawn.
+        // For pixels of a quad that aren't drawn, a driver may read nothing from storage buffers.
         let form = &function.form;
         let inputs = if form.fragment && form.alone { Inputs::Uniform } else { inputs };
         let words_in = function.parameters.iter().map(|(_, shape)| lanes(shape)).sum();
@@ -88,8 +88,8 @@ impl Kernel {
         kernel
     }
 
-    /// The same call with the rounds of its `loops` as results; the loops are instrumented in naga's
-    /// IR of this text.
+    /// The kernel that makes the same call and returns the rounds of its `loops`. Karat adds the counting to
+    /// the loops in naga's IR of this text.
     pub(super) fn counting(&self, loops: usize) -> Self {
         let mut kernel = Self {
             words_out: loops,
@@ -101,7 +101,8 @@ impl Kernel {
         kernel
     }
 
-    /// The call of a function that runs alone, in each pixel of a draw: their rows are its cases, row after row.
+    /// The kernel that calls the function once per pixel of a draw. The pixels are its cases, row by row. It
+    /// is for functions whose cases run alone otherwise.
     pub fn of_pixels(&self) -> Self {
         let mut kernel = Self { inputs: Inputs::Storage, ..self.clone() };
         kernel.function.form.fragment = true;
@@ -109,7 +110,7 @@ impl Kernel {
         kernel
     }
 
-    /// The most cases of one dispatch that the source of the arguments allows.
+    /// The largest number of cases of one dispatch that the source of the arguments allows. `None`: any number.
     pub(crate) fn largest_batch(&self) -> Option<usize> {
         match self.inputs {
             Inputs::Storage => None,
@@ -118,38 +119,38 @@ impl Kernel {
         }
     }
 
-    /// The first of three bindings in group 0: arguments, results, batch.
+    /// The first of the three bindings in group 0: arguments, results, batch.
     pub fn first_binding(&self) -> u32 {
         self.first_binding
     }
 
-    /// The words of one case's arguments, and of its results without the canary.
+    /// The numbers of words of one case's arguments, and of its results without the canary.
     pub fn words(&self) -> (usize, usize) {
         (self.words_in, self.words_out)
     }
 
-    /// Workgroups in a row, of which there are so many at most, and rows, for so many invocations.
+    /// The number of workgroups per row, at most `limit`, and the number of rows, for this many invocations.
     pub(crate) fn workgroups(invocations: u32, limit: u32) -> [u32; 2] {
         let groups = invocations.div_ceil(WORKGROUP);
         [groups.min(limit), groups.div_ceil(limit)]
     }
 
-    /// Where the arguments come from.
+    /// The source of the arguments.
     pub fn inputs(&self) -> Inputs {
         self.inputs
     }
 
-    /// Whether it is a fragment function, whose cases are quads.
+    /// True if the kernel is a fragment function, whose cases are quads.
     pub(super) fn is_drawn(&self) -> bool {
         self.function.form.fragment
     }
 
-    /// Whether each case has a dispatch of its own.
+    /// True if each case has its own dispatch.
     pub(super) fn is_alone(&self) -> bool {
         self.function.form.alone
     }
 
-    /// The text for cases whose arguments are constants; or why they can't be.
+    /// The text for cases whose arguments are constants. Fails if an argument can't be a constant.
     pub(crate) fn of_constants(&self, arguments: &[u32]) -> Result<String, String> {
         let scalars: Vec<Scalar> =
             self.function.parameters.iter().flat_map(|(_, shape)| shape.lanes()).collect();
@@ -164,7 +165,7 @@ impl Kernel {
         Ok(self.write(arguments).expect("writing to a String never fails"))
     }
 
-    /// The kernel; `constants` are the arguments of its cases if they are constants.
+    /// Writes the text. `constants` are the arguments of all cases, if they are constants.
     fn write(&self, constants: &[u32]) -> Result<String, std::fmt::Error> {
         let Self { words_in, words_out, first_binding: binding, inputs, .. } = self;
         let mut text = self.linked.clone();
@@ -177,7 +178,7 @@ impl Kernel {
                 text,
                 "@group(0) @binding({binding}) var<storage, read> karat_in: array<u32>;"
             )?,
-            // Elements of arrays in uniform buffers are 16 bytes apart: four words each.
+            // Elements of arrays in uniform buffers are 16 bytes apart, so each has four words.
             Inputs::Uniform if *words_in > 0 => writeln!(
                 text,
                 "@group(0) @binding({binding}) var<uniform> karat_in: array<vec4<u32>, {}>;",
@@ -187,7 +188,7 @@ impl Kernel {
         }
         let (results, batch) = (binding + 1, binding + 2);
         let counters = self.counted.map_or_else(String::new, |loops| {
-            // Each by itself: glslang's HLSL has no zero for an array of several.
+            // One variable per counter: glslang's HLSL has no zero for arrays with several elements.
             let one = |index| format!("var<private> {COUNTERS}{index}: u32;\n");
             (0..loops).map(one).collect::<String>() + "\n"
         });
@@ -276,7 +277,7 @@ impl Kernel {
         writeln!(text, "    let karat_to = karat_case * {stride_out}u;")?;
         let canary = format!("karat_out[karat_to + {words_out}u] = karat_batch.y ^ karat_case;");
         if form.discards && form.alone {
-            // llvmpipe's GL drops what is stored again behind a `discard`, so that both places must look different to it.
+            // llvmpipe's GL drops a store that is repeated behind a `discard`, so the two places must look different.
             writeln!(
                 text,
                 "    // The results of a pixel that is discarded, which writes no others.\n    \
@@ -319,7 +320,7 @@ impl Kernel {
         Ok(text)
     }
 
-    /// One call: arguments made of `lane`s, and the words of the result.
+    /// Writes one call. `lane` writes the scalars of the arguments.
     fn call(
         &self,
         text: &mut String,
@@ -348,7 +349,7 @@ impl Kernel {
                         let [value, dx, dy] =
                             [0, 1, 2].map(|part| lane(scalar, index + part * width));
                         match scalar {
-                            // A function without derivatives takes what is at the pixel.
+                            // A function without derivatives gets the value at the pixel.
                             _ if !form.fragment => value,
                             Scalar::F32 => {
                                 format!("{value} + karat_step.x * {dx} + karat_step.y * {dy}")
@@ -356,7 +357,7 @@ impl Kernel {
                             Scalar::F16 => format!(
                                 "{value} + f16(karat_step.x) * {dx} + f16(karat_step.y) * {dy}"
                             ),
-                            // Integers and booleans are the same at all four pixels.
+                            // Integers and booleans have the same value at all four pixels.
                             _ => value,
                         }
                     })
@@ -384,7 +385,7 @@ impl Kernel {
             arguments.push(name);
         }
         let call = format!("{}({})", function.linked, arguments.join(", "));
-        // A variable: a value of array type can't be indexed otherwise on all translations.
+        // A variable, because some translations can't index a value of array type.
         match &form.returns {
             Some(_) => writeln!(text, "    var karat_r = {call};")?,
             None => writeln!(text, "    {call};")?,
@@ -423,7 +424,7 @@ impl Kernel {
         Ok(())
     }
 
-    /// Variables that pointers to other address spaces than a function's point to.
+    /// Declares the variables for pointers into other address spaces than `function`.
     fn pointed(&self) -> String {
         let function = &self.function;
         let of = function.parameters.iter().zip(&function.form.passed).enumerate();
@@ -435,7 +436,7 @@ impl Kernel {
     }
 }
 
-/// A scalar from the word that it travels in.
+/// The expression that turns a word into a scalar.
 fn from_word(scalar: Scalar, word: &str) -> String {
     match scalar {
         Scalar::F32 => format!("bitcast<f32>({word})"),
@@ -446,7 +447,7 @@ fn from_word(scalar: Scalar, word: &str) -> String {
     }
 }
 
-/// A scalar as a literal of exactly its bits.
+/// A scalar as a literal with exactly these bits.
 fn constant(scalar: Scalar, word: u32) -> String {
     match scalar {
         Scalar::F32 => format!("{}f", hexfloat(f32::from_bits(word))),
@@ -457,7 +458,7 @@ fn constant(scalar: Scalar, word: u32) -> String {
     }
 }
 
-/// The expression that puts a value together from its lanes.
+/// The expression that builds a value from its lanes.
 fn compose(shape: &Shape, lane: &mut dyn FnMut(Scalar) -> String) -> String {
     let mut list = |count: usize, element: &Shape| {
         (0..count).map(|_| compose(element, lane)).collect::<Vec<_>>().join(", ")
@@ -487,8 +488,8 @@ mod tests {
     use super::*;
     use crate::package::{KERNEL_WORDS, Package};
 
-    /// A shader may declare names of WGSL's, and those that kernels use get other names then: so
-    /// each name that a kernel uses must be known.
+    /// A shader may declare names that WGSL has already. Karat renames those that kernels use, so it must
+    /// know each name that a kernel uses.
     #[test]
     fn kernels_use_no_other_names_than_they_say() {
         let mut shapes =
@@ -506,7 +507,7 @@ mod tests {
                  for (var i = 0u; i < n; i++) {{ y = x; }} return y; }}"
             )
         };
-        // Kernels that are drawn, and those that run alone.
+        // Kernels that are drawn, and kernels whose cases run alone.
         let writes = "@group(0) @binding(0) var<storage, read_write> d: f32;\n";
         let drawn = ["d = x;", "_ = dpdx(x);", "d = dpdx(x);", "if x > 0.5 { discard; } d = x;"]
             .map(|body| format!("{writes}fn same(x: f32, n: u32) -> f32 {{ {body} for (var i = 0u; i < n; i++) {{}} return x; }}"));

@@ -1,9 +1,9 @@
-//! Probes of a function's let-bindings: what a driver has for each while it computes the result.
+//! Probes of a function's let-bindings: the values that they have on a driver while it computes the result.
 //!
-//! A copy of the linked text stores the binding in a private variable, and a function that calls the
-//! author's one returns that variable. So control flow, arguments and resources are the author's; a
-//! binding in a loop has its last value. The text is the linked one, so nothing of the author's file
-//! is touched.
+//! A copy of the linked text stores the binding in a private variable. A second function calls the author's
+//! function and then returns this variable. So control flow, arguments and resources are those of the author.
+//! A binding in a loop has its last value. The author's file doesn't change, because Karat copies the linked
+//! text.
 
 use std::collections::BTreeMap;
 
@@ -13,20 +13,20 @@ use crate::package::{LetStatement, Package, let_statements};
 
 /// A let-binding.
 pub struct Let {
-    /// Its own name.
+    /// The binding's name.
     pub name: String,
-    /// Its name, in the author's file.
+    /// The place of its name in the author's file.
     pub span: Option<Span>,
-    /// Whether it is in a loop: then what is returned is its last value.
+    /// True if the binding is in a loop. Its probe then returns its last value.
     pub repeats: bool,
-    /// Which of the function's bindings of this name it is, and of how many.
+    /// Its index among the function's bindings of the same name, and the number of these.
     pub of_name: (usize, usize),
-    /// What returns it, called with the function's arguments. `None`: it is a pointer, stands in the
-    /// head of a `for`, or comes behind `MOST` others.
+    /// The probe that returns the binding, with the function's arguments. `None`: the binding is a pointer,
+    /// stands in the head of a `for`, or comes after `MOST` others.
     pub probed: Option<Probed>,
 }
 
-/// Bindings of one function that are looked at, each with a pipeline on both columns.
+/// Largest number of probed bindings of a function. Each probe needs a pipeline on two paths.
 const MOST: usize = 48;
 
 /// The let-bindings of a function, in the order of its text.
@@ -56,8 +56,8 @@ pub fn lets(probed: &Probed) -> Vec<Let> {
     each.collect()
 }
 
-/// The type of each binding: what naga infers for a `var` behind it. One that no variable can hold has
-/// none.
+/// The types of the bindings: naga infers them for a `var` behind each binding. Bindings that can't be the
+/// value of a variable have no type.
 fn types(text: &str, function: &str, statements: &[LetStatement]) -> BTreeMap<usize, String> {
     let all: Vec<usize> = (0..statements.len()).collect();
     types_of(text, function, statements, &all).unwrap_or_else(|| {
@@ -87,7 +87,7 @@ fn types_of(
     Some(indices.iter().filter_map(ty).collect())
 }
 
-/// A function with the parameters of another one, that calls it and returns one of its bindings.
+/// A function that has another function's parameters, calls it, and returns one of its bindings.
 fn copy_that_returns(probed: &Probed, one: &LetStatement, ty: &str) -> Option<Probed> {
     let (program, text) = (&probed.program, probed.program.text());
     let locals = program.locals(&probed.function().name)?;

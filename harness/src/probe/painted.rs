@@ -1,21 +1,21 @@
-//! Textures that only draws can fill: depths, and those with several samples a texel.
+//! Textures that only draws can fill: depth textures, and multisampled textures.
 
 use crate::path::{Device, PathError};
 
-/// A triangle that covers everything.
+/// A triangle that covers the whole target.
 const VERTEX: &str = "
 @vertex fn vertex(@builtin(vertex_index) i: u32) -> @builtin(position) vec4f {
     return vec4f(f32(i & 1u) * 4.0 - 1.0, f32(i >> 1u) * 4.0 - 1.0, 0.0, 1.0);
 }
 ";
 
-/// What is drawn into one layer of one level.
+/// The texels of one layer of one level.
 pub(super) struct Layer<'t> {
     pub(super) texture: &'t wgpu::Texture,
     pub(super) level: u32,
     pub(super) layer: u32,
     pub(super) width: u32,
-    /// Samples of a texel are neighbours.
+    /// The samples of a texel lie side by side.
     pub(super) words: &'t [[u32; 4]],
 }
 
@@ -28,7 +28,7 @@ fn scalar(format: wgpu::TextureFormat) -> &'static str {
     }
 }
 
-/// Draws texels into a texture, each at its place.
+/// Draws each texel at its place in a texture.
 pub(super) fn paint(device: &Device, layer: &Layer<'_>) -> Result<(), PathError> {
     device.checked(|| draw(device, layer))
 }

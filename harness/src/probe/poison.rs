@@ -1,9 +1,8 @@
-//! Sets results to poison on a device.
+//! Filling results with poison on a device.
 
 use crate::path::Device;
 
-/// Words that are copied at once. A small buffer stays in the caches, where one for all results
-/// would be written, uploaded and read from memory.
+/// Words per copy. A small buffer stays in the caches, while one for all results would go through memory.
 const WORDS: usize = 16_384;
 
 /// A buffer of poison.
@@ -12,7 +11,7 @@ pub(super) struct Poison {
 }
 
 impl Poison {
-    /// Poison for `words` words of results.
+    /// Creates poison for results of `words` words.
     pub(super) fn new(device: &Device, word: u32, words: usize) -> Self {
         let poison = vec![word; words.min(WORDS)];
         let buffer = device.device.create_buffer(&wgpu::BufferDescriptor {
@@ -25,7 +24,7 @@ impl Poison {
         Self { buffer }
     }
 
-    /// Sets the first `bytes` of the results.
+    /// Fills the first `bytes` bytes of the results.
     pub(super) fn fill(
         &self,
         encoder: &mut wgpu::CommandEncoder,

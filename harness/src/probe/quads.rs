@@ -1,22 +1,22 @@
-//! Kernels that are fragment functions: what they are drawn into.
+//! Kernels that are fragment functions, and their render targets.
 
 use super::ProbeError;
 use super::kernel::{CELL, ENTRY_POINT, VERTEX};
 use crate::path::Device;
 use crate::reflect::{Overrides, on_deep_stack, parsed_with};
 
-/// What is drawn into; nobody reads it.
+/// Format of the target, which nothing reads.
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
 
 /// The target of a kernel's quads.
 pub(super) struct Target {
     view: wgpu::TextureView,
-    /// Quads in a row, and rows.
+    /// Number of quads per row, and number of rows.
     pub(super) grid: [u32; 2],
 }
 
 impl Target {
-    /// Room for so many quads.
+    /// A target for `cases` quads.
     pub(super) fn new(device: &Device, cases: usize) -> Result<Self, ProbeError> {
         let cases = u32::try_from(cases).expect("a batch fits in 32 bits").max(1);
         let columns = cases.isqrt() + u32::from(!cases.isqrt().pow(2).eq(&cases));
@@ -41,7 +41,7 @@ impl Target {
         Ok(Self { view, grid: [columns, rows] })
     }
 
-    /// A pass that draws its first pixel.
+    /// A render pass that draws the target's first pixel only.
     pub(super) fn pass_of_one<'e>(
         &self,
         encoder: &'e mut wgpu::CommandEncoder,
@@ -51,7 +51,7 @@ impl Target {
         pass
     }
 
-    /// A pass that draws into it.
+    /// A render pass that draws into the target.
     pub(super) fn pass<'e>(&self, encoder: &'e mut wgpu::CommandEncoder) -> wgpu::RenderPass<'e> {
         encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             color_attachments: &[Some(wgpu::RenderPassColorAttachment {

@@ -1,11 +1,10 @@
 //! Loops that a driver leaves before they end.
 //!
-//! Mesa's llvmpipe counts the rounds of all loops of an invocation and of its neighbours in the
-//! same vector of lanes, because all lanes go round together, and one round of each loop that no lane
-//! enters. After [`MOST_ROUNDS`] it leaves every loop without a message, and results are wrong. So
-//! where naga's IR shows no bound, a copy of the kernel counts the rounds. If no case exceeds the limit
-//! by itself, but several in one vector might, the kernel runs again with each case in a vector of its
-//! own.
+//! Mesa's llvmpipe runs several invocations as the lanes of one vector. It counts the rounds of all loops of
+//! a vector together, because all lanes run the same round. It also counts one round for each loop that no
+//! lane enters. After [`MOST_ROUNDS`] rounds it leaves every loop without a message, and the results are
+//! wrong. So if naga's IR shows no bound of a loop, a copy of the kernel counts the rounds. If no case
+//! exceeds the limit alone, but several in one vector might, the kernel runs again with one case per vector.
 
 use super::bound::Compiled;
 use super::dispatcher::Dispatcher;
@@ -14,7 +13,7 @@ use crate::fixture::Fixtures;
 use crate::path::{Device, MOST_ROUNDS};
 use crate::reflect::{CountedLoop, Nesting, count_rounds};
 
-/// Invocations that may share a vector: llvmpipe's widest has 512 bits.
+/// Number of invocations that may share a vector. llvmpipe's widest vectors have 512 bits.
 pub(crate) const VECTOR: u32 = 16;
 
 /// A kernel that counts the rounds of each loop of each case.
@@ -49,7 +48,8 @@ impl<'d> Rounds<'d> {
         Ok(Self { dispatcher, loops: counting.loops, nesting: counting.nesting, function })
     }
 
-    /// Whether cases must be kept apart for the driver not to leave a loop.
+    /// True if each case needs its own vector, because the driver would leave a loop otherwise. Fails if a
+    /// single case makes too many rounds.
     pub(super) fn apart(
         &self,
         cases: usize,
@@ -58,8 +58,8 @@ impl<'d> Rounds<'d> {
     ) -> Result<bool, ProbeError> {
         let rounds = self.count(cases, arguments, canary, 1)?;
         let stride = self.loops.len();
-        // Each round of a vector is one of some lane: less in all lanes together than the driver
-        // allows is never cut short.
+        // Each round of a vector is a round of one of its lanes. So a vector can't reach the limit if the sum
+        // over all its lanes is below the limit.
         let together = |rounds: &[u64]| rounds.iter().sum::<u64>();
         let vector = stride * VECTOR as usize;
         if rounds.chunks(vector).all(|lanes| together(lanes) < MOST_ROUNDS) {
@@ -71,8 +71,8 @@ impl<'d> Rounds<'d> {
                 return Err(self.too_many(case, counts));
             }
         }
-        // Lanes go round one loop together as often as the one that does so most; loops in loops
-        // may take turns.
+        // In one loop, a vector makes as many rounds as its busiest lane. Lanes may run nested loops one
+        // after the other.
         let at_most = |lanes: &[u64]| -> u64 {
             let of_loop = |(index, counted): (usize, &CountedLoop)| {
                 let counts = lanes.iter().skip(index).step_by(stride).copied();
@@ -83,7 +83,7 @@ impl<'d> Rounds<'d> {
         Ok(rounds.chunks(vector).any(|lanes| at_most(lanes) >= MOST_ROUNDS))
     }
 
-    /// The rounds that the driver counts of each loop of each case.
+    /// The number of rounds of each loop of each case, as the driver counts them.
     fn count(
         &self,
         cases: usize,

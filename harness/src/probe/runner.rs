@@ -1,4 +1,4 @@
-//! A function's kernel on a device, with its loops watched where a driver leaves them.
+//! A function's kernel on a device. Its loops are counted if the driver leaves long loops.
 
 use super::bound::compile;
 use super::dispatcher::{Dispatch, Dispatcher};
@@ -8,13 +8,13 @@ use super::{Inputs, Prepared, ProbeError, Probed, Started};
 use crate::fixture::Fixtures;
 use crate::path::{Device, guard};
 
-/// Cases of one dispatch. Large enough to fill a GPU, small enough for 20 MB of a wide function.
+/// Cases of one dispatch: enough to fill a GPU, and few enough that a function with many words needs 20 MB.
 pub(crate) const BATCH: usize = 65_536;
 
 /// One probe on one device.
 pub(crate) struct Runner<'d> {
     dispatcher: Dispatcher<'d>,
-    /// Counts the rounds of loops, where a driver leaves them after too many.
+    /// The counter of rounds, if the driver leaves loops after too many.
     rounds: Option<Rounds<'d>>,
 }
 
@@ -32,7 +32,7 @@ impl Prepared for Runner<'_> {
                 Ok(())
             }));
         }
-        // The canary stays behind each result.
+        // Each result still has its canary behind it.
         Ok(Box::new(move |reader| {
             let stride = self.dispatcher.stride_out();
             self.dispatcher.read(dispatch, |words| reader(words, stride))
@@ -45,7 +45,7 @@ impl Prepared for Runner<'_> {
 }
 
 impl<'d> Runner<'d> {
-    /// Compiles the kernel, uploads the fixtures and makes room for `cases` cases a dispatch, or
+    /// Compiles the kernel, uploads the fixtures, and allocates buffers for `cases` cases per dispatch, or
     /// for as many as the device's limits allow.
     pub(crate) fn new(
         device: &'d Device,
@@ -69,8 +69,8 @@ impl<'d> Runner<'d> {
         Ok(Self { dispatcher, rounds })
     }
 
-    /// Starts a dispatch over `cases` cases with these arguments. `canary` is written back by
-    /// each invocation, mixed with its index.
+    /// Starts a dispatch over `cases` cases with these arguments. Each case writes `canary`, mixed with its
+    /// index.
     fn dispatch(
         &self,
         cases: usize,

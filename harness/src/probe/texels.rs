@@ -1,28 +1,28 @@
-//! Texels in the formats of textures: how their channels are kept.
+//! Texels in the formats of textures: the encoding of their channels.
 
 use half::f16;
 
-/// How a channel's bits are read.
+/// The meaning of a channel's bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Number {
     Float,
     Unorm,
-    /// Red, green and blue in sRGB's transfer function, alpha as it is.
+    /// Red, green and blue with sRGB's transfer function; alpha is linear.
     Srgb,
     Snorm,
     Uint,
     Sint,
 }
 
-/// A format whose texels can be written and read: channels of whole bytes, or [`Packed`](Self::packed)
-/// ones, which are only read.
+/// A format whose texels can be written and read. Channels of 8, 16 or 32 bits are stored one after the other;
+/// channels of other widths share a word of 32 bits.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Codec {
     pub(crate) format: wgpu::TextureFormat,
     number: Number,
-    /// Bits of the channels, in their order in memory.
+    /// Number of bits of each channel, in the order in memory.
     bits: &'static [u8],
-    /// Blue comes first.
+    /// True if blue comes first.
     swapped: bool,
 }
 
@@ -37,7 +37,7 @@ const fn swapped(codec: Codec) -> Codec {
 use Number::{Float, Sint, Snorm, Srgb, Uint, Unorm};
 use wgpu::TextureFormat as F;
 
-/// What storage textures and targets of frames may have.
+/// The formats of storage textures and of targets of frames.
 const CODECS: [Codec; 41] = [
     codec(F::R8Unorm, Unorm, &[8]),
     codec(F::R8Snorm, Snorm, &[8]),
@@ -87,27 +87,27 @@ impl Codec {
         CODECS.into_iter().find(|codec| codec.format == format)
     }
 
-    /// By WGSL's name of a storage format, which is that of WebGPU.
+    /// The codec of a storage format, by its name in WGSL and WebGPU.
     pub(crate) fn named(name: &str) -> Option<Self> {
         CODECS.into_iter().find(|codec| format!("{:?}", codec.format).to_lowercase() == name)
     }
 
-    /// Bytes of a texel.
+    /// Size of a texel in bytes.
     pub(crate) fn size(self) -> usize {
         self.bits.iter().map(|bits| usize::from(*bits)).sum::<usize>() / 8
     }
 
-    /// How many channels it has.
+    /// The number of channels.
     pub(crate) fn channels(self) -> usize {
         self.bits.len()
     }
 
-    /// Whether its channels are integers, which are no colours.
+    /// True if the channels are integers, which aren't colours.
     pub(crate) fn is_integer(self) -> bool {
         matches!(self.number, Uint | Sint)
     }
 
-    /// Appends a texel, given by the bits of four scalars.
+    /// Appends a texel. `words` has the bits of four scalars.
     pub(crate) fn encode(self, mut words: [u32; 4], bytes: &mut Vec<u8>) {
         if self.swapped {
             words.swap(0, 2);
@@ -152,14 +152,14 @@ impl Codec {
         }
     }
 
-    /// The bits of the four scalars that a shader reads of a texel: 0, 0, 0, 1 where it has no channel.
+    /// The bits of the four scalars that a shader reads from a texel. Channels that it doesn't have are 0, 0, 0, 1.
     pub(crate) fn decode(self, bytes: &[u8]) -> [u32; 4] {
         let one = if self.is_integer() { 1 } else { 1_f32.to_bits() };
         let mut words = [0, 0, 0, one];
         let mut at = 0;
         for (channel, &bits) in self.bits.iter().enumerate() {
             let mut code = 0_u32;
-            // Bit by bit where channels aren't whole bytes: there are few such texels.
+            // Bit by bit if channels aren't whole bytes; such texels are rare.
             for bit in 0..u32::from(bits) {
                 let place = at + bit as usize;
                 code |= u32::from(bytes[place / 8] >> (place % 8) & 1) << bit;
@@ -193,7 +193,7 @@ impl Codec {
     }
 }
 
-/// A float without a sign, with five bits of exponent: the upper bits of a half float, to the nearest.
+/// The bits of an unsigned float with five bits of exponent: the upper bits of a half float, rounded to nearest.
 fn small_float(value: f32, bits: u8) -> u32 {
     let drop = 15 - u32::from(bits);
     let half = u32::from(f16::from_f32(value.max(0.0)).to_bits());
@@ -204,7 +204,7 @@ fn of_small_float(code: u32, bits: u8) -> f32 {
     f16::from_bits((code << (15 - bits)) as u16).to_f32()
 }
 
-/// IEC 61966-2-1.
+/// Decodes sRGB, by IEC 61966-2-1.
 fn to_linear(value: f64) -> f64 {
     if value <= 0.04045 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
 }
@@ -245,7 +245,7 @@ mod tests {
         );
     }
 
-    /// sRGB keeps linear values: 188 of 255 is about one half.
+    /// sRGB stores light in a non-linear way: 188 of 255 is about one half.
     #[test]
     fn srgb_is_decoded_to_linear() {
         let codec = Codec::of(F::Rgba8UnormSrgb).expect("it is known");

@@ -13,12 +13,12 @@ pub(crate) enum Resource {
     Buffer(wgpu::Buffer),
     View(wgpu::TextureView),
     Sampler(wgpu::Sampler),
-    /// Bytes that are set with the commands.
+    /// The bytes of immediates, which are set with the commands.
     Immediate(Vec<u8>),
 }
 
 impl Resource {
-    /// What a group of bindings takes; `None` of what isn't bound.
+    /// The resource for a bind group. `None`: the resource isn't bound.
     pub(crate) fn binding(&self) -> Option<wgpu::BindingResource<'_>> {
         Some(match self {
             Self::Buffer(buffer) => buffer.as_entire_binding(),
@@ -29,7 +29,7 @@ impl Resource {
     }
 }
 
-/// Puts a fixture on a device. The fixture has the variable's kind.
+/// Puts a fixture on a device. The fixture must fit the variable's kind.
 pub(crate) fn upload(
     device: &Device,
     program: &Program,
@@ -39,8 +39,8 @@ pub(crate) fn upload(
     upload_shared(device, program, &[binding], fixture)
 }
 
-/// Puts a fixture on a device for several variables, the first of which is the program's. It has the
-/// kind of each.
+/// Puts a fixture on a device for several variables, the first of which is the program's. The fixture must
+/// fit the kind of each.
 pub(crate) fn upload_shared(
     device: &Device,
     program: &Program,
@@ -72,7 +72,7 @@ pub(crate) fn upload_shared(
     }
 }
 
-/// A buffer that holds these bytes.
+/// Creates a buffer with these bytes.
 fn buffer(device: &Device, bindings: &[&Binding], bytes: &[u8]) -> Result<Resource, FixtureError> {
     use wgpu::BufferUsages as Usage;
     let usage = |binding: &&Binding| match binding.kind {
@@ -92,7 +92,7 @@ fn buffer(device: &Device, bindings: &[&Binding], bytes: &[u8]) -> Result<Resour
     })?)
 }
 
-/// wgpu's name of a comparison.
+/// wgpu's comparison function.
 pub(crate) fn compare(compare: Compare) -> wgpu::CompareFunction {
     match compare {
         Compare::Never => wgpu::CompareFunction::Never,
@@ -143,7 +143,7 @@ fn texture(
     bindings: &[&Binding],
     given: &Given<'_>,
 ) -> Result<Resource, FixtureError> {
-    // A storage texture says its format; whoever samples it takes what there is.
+    // A storage texture declares its format. A sampled texture with the same fixture gets this format, too.
     let is_storage =
         |binding: &&&Binding| matches!(binding.kind, BindingKind::StorageTexture { .. });
     let binding = *bindings.iter().find(is_storage).unwrap_or(&bindings[0]);
@@ -164,7 +164,7 @@ fn texture(
             let format = match kind.texels {
                 Texels::Depth => wgpu::TextureFormat::Depth32Float,
                 Texels::Float if kind.multisampled => device.multisampled_format(),
-                // What no sampler filters has full precision on each path.
+                // A texture that no sampler filters has full precision on each path.
                 Texels::Float if !bindings.iter().any(|binding| binding.sampled) => {
                     wgpu::TextureFormat::Rgba32Float
                 }
@@ -246,7 +246,7 @@ fn unusable(binding: &Binding, reason: String) -> FixtureError {
     FixtureError::Unusable { variable: binding.path.clone(), reason }
 }
 
-/// What wgpu's GL takes for something else without a word (`Texture::get_info_from_desc` of wgpu-hal 30).
+/// Textures that wgpu's GL silently replaces by others (`Texture::get_info_from_desc` of wgpu-hal 30).
 fn unsupported(device: &Device, binding: &Binding, given: &Given<'_>) -> Option<&'static str> {
     if device.path().api() != Api::Gl {
         return None;
@@ -271,7 +271,7 @@ fn unsupported(device: &Device, binding: &Binding, given: &Given<'_>) -> Option<
     }
 }
 
-/// Refuses texels that the format would change beyond rounding.
+/// Fails if the format would change texels by more than rounding.
 fn expect_kept(
     device: &Device,
     binding: &Binding,
@@ -303,7 +303,7 @@ fn expect_kept(
         codec.encode(*texel, &mut bytes);
         let kept = codec.decode(&bytes);
         let changed = texel.iter().zip(kept).position(|(given, kept)| *given != kept);
-        // Channels that the format lacks are nobody's.
+        // Channels that the format doesn't have may change.
         if let Some(channel) = changed.filter(|channel| *channel < codec.channels()) {
             let value = texel[channel];
             let reason = format!("a texel is {value}, which {format:?} can't hold");

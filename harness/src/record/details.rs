@@ -1,5 +1,5 @@
-//! A failure or an error as data. [`Record::message`](super::Record::message) is made of the same values, for
-//! people; programs read these.
+//! A failure or an error as data, for programs. [`Record::message`](super::Record::message) has the same for
+//! people.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,78 +9,78 @@ use crate::dispatch::Violation;
 use crate::output::headline;
 use crate::path::Adapter;
 
-/// A failure as data.
+/// A failure or an error as data.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Details {
-    /// It in one line.
+    /// The failure or error in one line.
     pub headline: String,
-    /// `file:line:column` of what is wrong, if that is another place than the subject's own.
+    /// `file:line:column` of the cause, if it isn't the subject's own place.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub place: Option<String>,
-    /// Each path that fails, or that stopped.
+    /// The paths that fail, or that have no values.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub paths: Vec<PathDetails>,
-    /// Violations of compute passes.
+    /// The violations in compute passes.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub violations: Vec<Violation>,
-    /// The command that runs a check again that no path alone fails, as that of passes whose invocations race.
+    /// The command that runs the check again, if its failure belongs to no single path, such as a race in passes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub replay: Option<Replay>,
 }
 
-/// What one path has of a failure.
+/// A failure on one path.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PathDetails {
-    /// Path, adapter and driver.
+    /// The path's name, its adapter and its driver.
     pub adapter: Adapter,
-    /// Why it has no verdict; `None`: it has one.
+    /// The reason why the path has no values; `None` if it has values.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stopped: Option<String>,
-    /// The property that tells the arguments of failing cases from the others, if one does.
+    /// A property that the arguments of failing cases have and those of other cases don't; `None` if Karat found none.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cause: Option<String>,
     /// The case with the largest error.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub worst: Option<CaseDetails>,
-    /// The failing case of the lowest index, if it is another one.
+    /// The failing case with the lowest index, if it isn't the worst case.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub first: Option<CaseDetails>,
-    /// The simplest case that the worst one could be reduced to.
+    /// The simplest failing case that Karat found, starting at the worst case.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub simplest: Option<CaseDetails>,
 }
 
-/// One failing case: of a function, an element of a buffer, or a configuration of a sampler.
+/// One failing case: of a function, of an element of a buffer, or of a configuration of a sampler.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct CaseDetails {
     /// Index of the case.
     pub case: u64,
-    /// Each argument: its name, and its value as WGSL would write it.
+    /// The arguments, each with its name and its value in WGSL.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub arguments: Vec<(String, String)>,
     /// The whole result.
     #[serde(skip_serializing_if = "String::is_empty")]
     pub result: String,
-    /// The worst component: empty for a scalar, `.y`, or the element of a buffer, `[12].x`.
+    /// The worst component of the result: empty for a scalar, `.y` for a vector, `[12].x` for an element of a buffer.
     #[serde(skip_serializing_if = "String::is_empty")]
     pub component: String,
-    /// The component's value.
+    /// The value of the worst component.
     #[serde(skip_serializing_if = "String::is_empty")]
     pub actual: String,
-    /// The expected value; empty if a statement judged.
+    /// The expected value of the worst component; empty for statements.
     #[serde(skip_serializing_if = "String::is_empty")]
     pub expected: String,
-    /// The error in its unit, with what is allowed; empty if a statement judged.
+    /// The error in its unit, and the tolerance; empty for statements.
     #[serde(skip_serializing_if = "String::is_empty")]
     pub error: String,
-    /// Notes by name: the interval that WGSL allows, and the first let-binding outside of it.
+    /// Notes by name, such as the interval that WGSL allows and the first let-binding outside of its interval.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub notes: Vec<(String, String)>,
-    /// The expectations of a test in WGSL that fail.
+    /// The expectations of a test in WGSL that fail in this case.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub expectations: Vec<ExpectationDetails>,
-    /// The command that runs it again.
+    /// The command that runs the case again.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub replay: Option<Replay>,
 }
@@ -88,9 +88,9 @@ pub struct CaseDetails {
 /// An expectation that fails.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ExpectationDetails {
-    /// `file:line:column`; empty if the report is broken.
+    /// `file:line:column` of the expectation; empty if its report is damaged.
     pub place: String,
-    /// Its text and what it saw.
+    /// The text of the expectation, and the values that it got.
     pub seen: String,
 }
 
@@ -104,19 +104,19 @@ impl std::fmt::Display for ExpectationDetails {
 }
 
 impl Details {
-    /// A failure that isn't about values: its message in one line.
+    /// A failure without values: its message in one line.
     pub(crate) fn of(message: &str) -> Self {
         Self { headline: headline(message).to_owned(), ..Self::default() }
     }
 
-    /// With the place of a message, if that has one.
+    /// Adds the place of a message, if it has one.
     pub(crate) fn at(self, diagnostic: Option<&Diagnostic>) -> Self {
         let place = diagnostic.and_then(Diagnostic::location).map(ToString::to_string);
         Self { place, ..self }
     }
 
-    /// The commands that run failing cases again: for each path that of the worst case, then that of the
-    /// simplest one; and that of a failure that is no path's.
+    /// The commands that run failing cases again. For each path, the worst case comes first and the simplest
+    /// case last; then comes the command of a failure that belongs to no single path.
     pub fn replays(&self) -> impl Iterator<Item = &Replay> {
         self.paths.iter().flat_map(PathDetails::replays).chain(&self.replay)
     }
@@ -130,7 +130,7 @@ impl PathDetails {
         Self { adapter: adapter.clone(), stopped, cause, worst, first, simplest }
     }
 
-    /// The commands that run its failing cases again: that of the simplest one comes last.
+    /// The commands that run the path's failing cases again. The command for the simplest case comes last.
     pub fn replays(&self) -> impl Iterator<Item = &Replay> {
         [&self.worst, &self.simplest].into_iter().flatten().filter_map(|case| case.replay.as_ref())
     }

@@ -1,23 +1,23 @@
-//! How errors are distributed, for reports.
+//! The distribution of errors, for reports.
 
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-/// Errors of some of a check's cases, each divided by its bound.
+/// Errors of some cases of a check, each divided by its tolerance.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Errors {
     /// Cases without any error.
     pub exact: u64,
-    /// How many cases have a ratio of at most two to this power, and above the one before. Powers above 20
-    /// or below -20 count as these.
+    /// Number of cases for each power of two: their ratio is at most this power, and above the next lower
+    /// one. Powers above 20 count as 20, and those below -20 as -20.
     pub powers: BTreeMap<i32, u64>,
     /// Cases whose error is infinite or NaN.
     pub not_finite: u64,
 }
 
 impl Errors {
-    /// Of these ratios.
+    /// Counts these ratios.
     pub(crate) fn of(ratios: impl Iterator<Item = f64>) -> Self {
         let mut errors = Self::default();
         for ratio in ratios {
@@ -34,37 +34,37 @@ impl Errors {
         errors
     }
 
-    /// Cases that were looked at.
+    /// The number of cases that were counted.
     #[must_use]
     pub fn cases(&self) -> u64 {
         self.exact + self.powers.values().sum::<u64>() + self.not_finite
     }
 }
 
-/// Some cases of a check that fails: its arguments, lane by lane, and its error divided by its bound.
+/// Some cases of a check that fails: the lanes of their arguments, and their errors divided by the tolerance.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Plot {
     /// Names of the lanes: `n_dot_v`, `f0.x`.
     pub arguments: Vec<String>,
-    /// The lanes' values and then the ratio, of each case. What isn't finite is `null`.
+    /// A row per case: the values of its lanes, and then its ratio. NaN and infinities are `null`.
     #[serde(deserialize_with = "with_nan")]
     pub rows: Vec<Vec<f64>>,
 }
 
-/// How many samples each cell of a sampler's support got, and should have got.
+/// The numbers of samples in the cells of a sampler's support, and the expected numbers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Histogram {
-    /// What rows and columns stand for: `theta` and `phi`; the second is empty on a line.
+    /// Names of the axes of rows and columns: `theta` and `phi`. The second is empty on a line.
     pub axes: [String; 2],
-    /// How many cells each row has. Cells of a row lie side by side; rows needn't have the same number.
+    /// The number of cells in each row. Rows may have different numbers of cells.
     pub rows: Vec<usize>,
-    /// Samples in each cell, row by row.
+    /// The number of samples in each cell, row by row.
     pub observed: Vec<u64>,
-    /// What the density has there.
+    /// The number of samples that the density predicts for each cell.
     pub expected: Vec<f64>,
 }
 
-/// Rows in which `null` is NaN: JSON has no name for what isn't finite.
+/// Reads rows in which `null` is NaN: JSON can't write NaN and infinities.
 fn with_nan<'de, D: serde::Deserializer<'de>>(rows: D) -> Result<Vec<Vec<f64>>, D::Error> {
     let rows: Vec<Vec<Option<f64>>> = Deserialize::deserialize(rows)?;
     let number = |value: Option<f64>| value.unwrap_or(f64::NAN);

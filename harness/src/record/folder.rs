@@ -1,43 +1,42 @@
-//! Folders of records: each run has its own, and the file `last` names the run that ended last.
+//! Folders of records. Each run has its own folder, and the file `last` names the run that ended last.
 //!
-//! `ci` compiles this file, too, so it uses nothing but the standard library. Only one process at a
-//! time changes a folder of records (`lock`). A run holds a lock on the file `running` in its own
-//! folder as long as it lives. So a run that was killed is noticed, and removed when another begins
-//! or ends.
+//! `ci` compiles this file, too, so it uses the standard library only. Only one process at a time changes a
+//! folder of records (`lock`). A run holds a lock on the file `running` in its own folder until its process
+//! ends. So the next run that begins or ends recognises a killed run, and removes its folder.
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Error, ErrorKind, Result};
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-/// Names the folder of the run that ended last.
+/// The file that names the run that ended last.
 const LAST: &str = "last";
-/// How folders of runs begin.
+/// The start of the names of runs' folders.
 const RUN: &str = "run-";
-/// Held by a run that lives.
+/// The file that a living run locks.
 pub(crate) const RUNNING: &str = "running";
-/// Held by whoever looks at all runs, or changes which are there.
+/// The file that a process locks while it reads the list of runs, or changes it.
 const LOCK: &str = "lock";
-/// How long a turn is waited for. It takes the time to read a record.
+/// How long a process waits for the lock, which others hold for as long as they read records.
 const PATIENCE: Duration = Duration::from_secs(30);
-/// Between two looks.
+/// Pause between two attempts.
 const PAUSE: Duration = Duration::from_millis(5);
 
-/// A run that hasn't ended. If it never ends, its folder is removed.
+/// A run that hasn't ended. If it never ends, a later run removes its folder.
 #[derive(Debug)]
 pub struct Running {
     records: PathBuf,
     folder: PathBuf,
-    /// `None`: it has ended, or the file system knows no locks.
+    /// `None`: the run has ended, or the file system has no locks.
     held: Option<File>,
     ended: bool,
 }
 
 impl Running {
-    /// Makes the folder of a run in a folder of records, and removes the folders of killed runs.
+    /// Creates the folder of a run in a folder of records, and removes the folders of killed runs.
     ///
     /// # Errors
-    /// If the folder can't be made.
+    /// If the folder can't be created.
     pub fn begin(records: &Path) -> Result<Self> {
         std::fs::create_dir_all(records)?;
         let turn = Turn::wait(records, File::try_lock)?;
@@ -47,7 +46,7 @@ impl Running {
         let folder = loop {
             let folder = records.join(names.next().expect("numbers enough"));
             match std::fs::create_dir(&folder) {
-                // Of a process of the same number, that ended or is in another container.
+                // Another process had this number: it has ended, or runs in another container.
                 Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
                 made => break made.map(|()| folder)?,
             }
@@ -57,20 +56,20 @@ impl Running {
         Ok(Self { records: records.to_owned(), folder, held, ended: false })
     }
 
-    /// The folder that its processes write records into (`KARAT_RECORD`).
+    /// The folder into which the run's processes write records (`KARAT_RECORD`).
     #[must_use]
     pub fn folder(&self) -> &Path {
         &self.folder
     }
 
-    /// Makes this the run that ended last, in one step, and removes the run before it.
+    /// Makes this run the one that ended last, in one step, and removes the run before it.
     ///
     /// # Errors
-    /// If that can't be written. Then the run before it stays the last one.
+    /// If `last` can't be written. Then the run before it stays the last one.
     pub fn end(mut self) -> Result<PathBuf> {
         let turn = Turn::wait(&self.records, File::try_lock)?;
         let name = self.folder.file_name().unwrap_or_default();
-        // Nobody else has this name, since turns are taken.
+        // Only the holder of the lock writes this file.
         let beside = self.records.join(format!("{LAST}.tmp"));
         std::fs::write(&beside, name.as_encoded_bytes())?;
         std::fs::rename(&beside, self.records.join(LAST))?;
@@ -85,14 +84,14 @@ impl Running {
 impl Drop for Running {
     fn drop(&mut self) {
         if !self.ended {
-            // Some systems remove no file that is open. What stays is cleared away by the next run.
+            // Some systems can't remove an open file. The next run removes the folder if it is left.
             self.held = None;
             drop(std::fs::remove_dir_all(&self.folder));
         }
     }
 }
 
-/// The folder of the run that ended last, if a folder of records says which one did.
+/// The folder of the run that ended last, if `last` names one.
 pub(crate) fn last(records: &Path) -> Option<PathBuf> {
     let name = std::fs::read_to_string(records.join(LAST)).ok()?;
     let sound = |c: char| c.is_ascii_digit() || c == '-';
@@ -100,25 +99,25 @@ pub(crate) fn last(records: &Path) -> Option<PathBuf> {
     is_run.then(|| records.join(name))
 }
 
-/// What is done to a folder of records while nobody else changes it.
+/// The lock of a folder of records: no other process changes the folder meanwhile.
 #[derive(Debug)]
 pub(crate) struct Turn {
-    /// `None`: the file system knows no locks, or there is none as nobody changes the folder.
+    /// `None`: the file system has no locks, or the folder is read-only without a lock file.
     held: Option<File>,
 }
 
 impl Turn {
-    /// Waits for a turn: `File::try_lock` to change something, `File::try_lock_shared` to read.
+    /// Waits for the lock: with `File::try_lock` to change something, with `File::try_lock_shared` to read.
     ///
     /// # Errors
-    /// If another process stays in its turn.
+    /// If another process holds the lock for too long.
     pub(crate) fn wait(
         records: &Path,
         take: impl Fn(&File) -> std::result::Result<(), TryLockError>,
     ) -> Result<Self> {
         let place = records.join(LOCK);
         let opened = OpenOptions::new().create(true).append(true).open(&place);
-        // What was downloaded, or belongs to somebody else, may be readable only.
+        // A downloaded folder, or that of another user, may be read-only.
         let Ok(file) = opened.or_else(|_| File::open(&place)) else {
             return Ok(Self { held: None });
         };
@@ -137,25 +136,25 @@ impl Turn {
         }
     }
 
-    /// Removes the folders of runs that neither live nor are the last one.
+    /// Removes the folders of runs that ended or were killed, except that of the last run.
     fn clear(&self, records: &Path) {
-        // Without locks nobody knows who lives.
+        // Without locks, living runs can't be recognised.
         if self.held.is_none() {
             return;
         }
-        // Without the name of the last run each of them may be that one.
+        // If the name of the last run can't be read, each folder may be that of the last run.
         let named = std::fs::read_to_string(records.join(LAST));
         if named.is_err_and(|error| error.kind() != ErrorKind::NotFound) {
             return;
         }
         for folder in dead(records) {
-            // What can't be removed is in nobody's way.
+            // A folder that can't be removed does no harm.
             drop(std::fs::remove_dir_all(&folder));
         }
     }
 }
 
-/// The folders of runs that neither live nor are the last one.
+/// The folders of runs that ended or were killed, except that of the last run.
 pub(crate) fn dead(records: &Path) -> Vec<PathBuf> {
     let last = last(records);
     let mut found = Vec::new();
@@ -170,11 +169,11 @@ pub(crate) fn dead(records: &Path) -> Vec<PathBuf> {
     found
 }
 
-/// Whether the run of a folder has ended or was killed.
+/// True if the run of a folder has ended or was killed.
 fn is_dead(folder: &Path) -> bool {
     match File::open(folder.join(RUNNING)) {
         Ok(file) => file.try_lock().is_ok(),
-        // It ended, or its tests live on and made its folder once more.
+        // The run ended, or its tests created the folder again after it was removed.
         Err(error) => error.kind() == ErrorKind::NotFound,
     }
 }

@@ -4,12 +4,12 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-/// Runs a failing case again: variables of the environment, a program and its arguments.
+/// Runs a failing case again: environment variables, a program and its arguments.
 ///
-/// `Display` writes it as a shell reads it.
+/// `Display` writes the command for a shell.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Replay {
-    /// Variables, in the order in which they are shown.
+    /// Environment variables, in the order in which messages show them.
     pub variables: Vec<(String, String)>,
     /// `cargo`, `karat`, or the path of another program.
     pub program: String,
@@ -27,10 +27,10 @@ impl fmt::Display for Replay {
     }
 }
 
-/// A word as a shell reads it.
+/// A word, quoted for a shell if necessary.
 fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "_-:./@,#+=".contains(c);
-    // A comment begins a word.
+    // A `#` at the start of a word would begin a comment.
     match word.chars().all(plain) && !word.starts_with('#') {
         true => word.to_owned(),
         false => format!("'{}'", word.replace('\'', "'\\''")),

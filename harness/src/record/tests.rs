@@ -29,7 +29,7 @@ fn records_have_a_time_or_none() {
     }
 }
 
-/// A record of one verdict, of a run that has this name.
+/// Writes a record with one verdict in the folder of a run.
 fn written(running: &Running, test: &str) -> PathBuf {
     let line = serde_json::to_string(&Record { test: test.into(), ..record(None) });
     std::fs::write(running.folder().join("1.jsonl"), line.expect("plain data")).expect("written");
@@ -69,7 +69,7 @@ fn what_a_killed_run_left_is_cleared_away_and_a_live_one_is_not() {
     let folder = temporary.path();
     let live = Running::begin(folder).expect("a folder");
     written(&live, "live");
-    // Nobody holds the first. The second was made again by tests that outlived their run.
+    // No process locks the first. The second was created again by tests that outlived their run.
     let [held, bare, foreign] = ["run-1-0", "run-1-1", "mine"].map(|name| folder.join(name));
     for folder in [&held, &bare, &foreign] {
         std::fs::create_dir(folder).expect("a folder");
@@ -84,14 +84,14 @@ fn what_a_killed_run_left_is_cleared_away_and_a_live_one_is_not() {
     assert_eq!(last(folder).as_deref(), Some("live"));
 }
 
-/// `cargo test` with KARAT_RECORD, and what an older Karat left.
+/// Such a folder comes from `cargo test` with KARAT_RECORD, or from an older Karat.
 #[test]
 fn a_folder_without_runs_is_a_record_itself() {
     let temporary = tempfile::tempdir().expect("a temporary folder");
     let line = serde_json::to_string(&record(None)).expect("plain data");
     std::fs::write(temporary.path().join("1.jsonl"), line).expect("written");
     assert_eq!(read(temporary.path()).expect("readable").len(), 1);
-    // A name that leads elsewhere is none.
+    // A name that isn't that of a run's folder is ignored.
     for name in ["../elsewhere", "run-1/../..", "run-", ""] {
         std::fs::write(temporary.path().join("last"), name).expect("written");
         assert_eq!(read(temporary.path()).expect("readable").len(), 1, "{name}");
@@ -110,7 +110,7 @@ fn a_stopwatch_measures() {
     assert!(started <= SystemTime::now(), "{time:?}");
 }
 
-/// A record of another version says nothing that can be relied on, wherever the number stands.
+/// Karat refuses records of other versions, wherever the version stands in the line.
 #[test]
 fn another_version_is_refused() {
     let temporary = tempfile::tempdir().expect("a temporary folder");
@@ -130,7 +130,7 @@ fn another_version_is_refused() {
     wrong("run.json` line 1");
 }
 
-/// The findings of a check's parts add up, and each part counts.
+/// Allowances of a check's parts are added up.
 #[test]
 fn allowances_add_up() {
     let part = |wider, worst, unbounded| Allowance { cases: 10, wider, worst, unbounded };
@@ -154,7 +154,7 @@ fn tests_whose_frames_were_left_out_are_known() {
     assert_eq!(known, ["room", "scene"]);
 }
 
-/// The name of the last run is that of a folder beside it, and of no other place.
+/// The name in `last` leads to a folder beside it only.
 #[test]
 fn the_name_of_the_last_run_leads_nowhere_else() {
     let temporary = tempfile::tempdir().expect("a temporary folder");

@@ -1,39 +1,39 @@
-//! Programs that run tests in place of Cargo.
+//! Programs that run tests without Cargo.
 
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-/// What a program that runs tests itself says of them.
+/// A description of a program that runs tests without Cargo.
 ///
-/// Cargo's test programs say it by what Cargo tells them. Any other program names each test by the name
-/// of the thread that runs it, and calls [`host`] before the first.
+/// Cargo gives its test programs these facts in environment variables and paths. Any other program calls
+/// [`host`] before the first test, and names the thread of each test after the test.
 #[derive(Clone, Debug)]
 pub struct Host {
-    /// The words of the command that runs one test: its name follows. `karat test shaders --exact`
+    /// The words of the command that runs one test, without the test's name: `karat test shaders --exact`.
     pub command: Vec<String>,
-    /// The folder that has `.karat/failures/`, where inputs are kept on which tests have failed.
+    /// The folder that has `.karat/failures/`, with the inputs on which tests have failed.
     pub folder: PathBuf,
-    /// The folder in there for these tests.
+    /// The folder in `.karat/failures/` for these tests.
     pub target: String,
-    /// The folder of what tests leave behind: in CI, what waits to be accepted.
+    /// The output folder of tests. In CI it has the pending frames.
     pub output: PathBuf,
 }
 
 static HOST: OnceLock<Host> = OnceLock::new();
 
-/// Says who runs the tests of this process. A second call changes nothing.
+/// Sets the program that runs the tests of this process. A second call changes nothing.
 pub fn host(host: Host) {
     crate::golden::leave_in(host.output.clone());
     drop(HOST.set(host));
 }
 
-/// Who runs the tests of this process, if it isn't Cargo.
+/// The program that runs the tests of this process; `None` for Cargo.
 pub(super) fn current() -> Option<&'static Host> {
     HOST.get()
 }
 
 impl Host {
-    /// The folder of remembered failures.
+    /// The folder of inputs on which tests have failed.
     pub(super) fn failures(&self) -> PathBuf {
         failures(&self.folder, &self.target)
     }
@@ -46,7 +46,7 @@ impl Host {
     }
 }
 
-/// Where a package of tests keeps what they failed on.
+/// The folder in which a package of tests stores the inputs on which they failed.
 pub(super) fn failures(package: &Path, target: &str) -> PathBuf {
     package.join(".karat").join("failures").join(target)
 }

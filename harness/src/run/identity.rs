@@ -1,4 +1,4 @@
-//! Which test is running: its name seeds its cases and leads the replay command.
+//! The running test. Its name is a part of the seeds of its cases and of its replay commands.
 
 use std::cell::RefCell;
 use std::collections::HashMap;
@@ -11,29 +11,29 @@ use crate::probe::Inputs;
 use crate::record::Replay;
 use crate::settings::{self, SelectedCase, Settings, SettingsError};
 
-/// Why a check can't begin.
+/// The reason why a check can't begin.
 #[derive(Clone, Debug, thiserror::Error)]
 pub enum NotBegun {
     /// The environment has a setting that can't be used.
     #[error(transparent)]
     Settings(#[from] SettingsError),
-    /// Another check is to be replayed, and this one doesn't run in a test that could have it.
+    /// Another check is to be replayed, and the test of this check isn't known.
     #[error(transparent)]
     NotReplayed(#[from] NotReplayed),
 }
 
-/// The running check, and what the environment says of it.
+/// The running check, and the settings from the environment.
 #[derive(Clone, Debug)]
 pub(crate) struct Identity {
     /// The test's name: its module path inside the test binary.
     pub(crate) test: String,
-    /// The verb of the check; of a function's second check by the same verb `agrees_with#2`. It
-    /// names the check in seeds, replay commands and the file of failures.
+    /// The verb of the check. The second check of a function with the same verb is `agrees_with#2`. Seeds,
+    /// replay commands and the file of failing inputs use this name.
     pub(crate) check: String,
     settings: &'static Settings,
 }
 
-/// A case to be replayed, or what is to be in its place.
+/// A case to be replayed, and the arguments that replace its own.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Replayed<'a> {
     pub(crate) case: u64,
@@ -42,8 +42,8 @@ pub(crate) struct Replayed<'a> {
 }
 
 impl Identity {
-    /// One check of the running test. Checks of a function by one verb are told apart by their
-    /// order in the test.
+    /// Begins a check of the running test. Checks of a function with the same verb are numbered in the test's
+    /// order.
     pub(crate) fn of(function: &str, verb: &str) -> Result<Self, NotBegun> {
         thread_local! {
             static SEEN: RefCell<HashMap<String, u32>> = RefCell::default();
@@ -59,7 +59,7 @@ impl Identity {
         Ok(Self { test, check, settings })
     }
 
-    /// The selected case, if the environment names this check or none.
+    /// The selected case, if the environment names this check, or a case without a check.
     fn selected(&self, function: &str, check: &str) -> Option<&SelectedCase> {
         self.settings.case.as_ref().filter(|selected| match &selected.check {
             Some(named) => *named == label(function, check),
@@ -67,11 +67,11 @@ impl Identity {
         })
     }
 
-    /// The seed of a check: from the names of test, function and check, so that it stays the same
-    /// wherever and in whatever order the tests run.
+    /// The seed of a check. It is a hash of the names of test, function and check, so it doesn't depend on
+    /// the machine or on the order of the tests.
     pub(crate) fn seed(&self, function: &str, check: &str) -> u64 {
         let Settings { seed, case, .. } = self.settings;
-        // All sources of arguments have the same cases.
+        // All sources of arguments have the same seed, and so the same cases.
         let speaks = self.inputs(function, check).is_some()
             || case.is_none()
             || self.selected(function, check).is_some();
@@ -81,12 +81,12 @@ impl Identity {
         })
     }
 
-    /// The index of the only case to run, if the environment selects one of this check.
+    /// The index of the only case to run, if the environment selects a case of this check.
     pub(crate) fn case(&self, function: &str, check: &str) -> Option<u64> {
         Some(self.selected(function, check)?.case)
     }
 
-    /// The source of arguments that the environment names for this check, if it names the check.
+    /// The source of arguments that the environment names for this check. `None`: it doesn't name this check.
     pub(crate) fn inputs(&self, function: &str, check: &str) -> Option<Inputs> {
         let named = self.settings.case.as_ref()?.check.as_ref()?;
         Inputs::ALL
@@ -94,22 +94,22 @@ impl Identity {
             .find(|inputs| *named == label(function, &with_inputs(check, *inputs)))
     }
 
-    /// Whether failing inputs are remembered: not where one case is replayed, or they are turned off.
+    /// True if failing inputs are stored: this is turned on, and no single case is replayed.
     pub(super) fn remembers(&self) -> bool {
         self.settings.case.is_none() && self.settings.failures
     }
 
-    /// The arguments that the selected case of a check has in place of its own.
+    /// The arguments that replace those of the check's selected case.
     pub(crate) fn input(&self, function: &str, check: &str) -> Option<&[u32]> {
         self.selected(function, check)?.input.as_deref()
     }
 
-    /// The steps to a simpler value from that of the selected case of a check.
+    /// The steps of simplification from the check's selected case.
     pub(crate) fn steps(&self, function: &str, check: &str) -> &[usize] {
         self.selected(function, check).map_or(&[], |selected| &selected.steps)
     }
 
-    /// The command that runs a check again, on one path and one case.
+    /// The command that runs a check again, on one path and with one case.
     pub(crate) fn replay(
         &self,
         path: Option<Path>,
@@ -143,7 +143,7 @@ impl Identity {
             return host.command(&self.test);
         }
         let exe = std::env::current_exe().unwrap_or_default();
-        // Cargo tells a test which package it belongs to; a test's thread has the test's name.
+        // Cargo passes the package's name to the test. Threads of tests have the names of their tests.
         let package = std::env::var("CARGO_PKG_NAME").ok().filter(|_| self.test != "main");
         let Some(package) = package else { return (exe.display().to_string(), Vec::new()) };
         let mut arguments = vec!["test".to_owned(), "-p".to_owned(), package.clone()];
@@ -154,13 +154,13 @@ impl Identity {
     }
 }
 
-/// A check, as a replay command names it.
+/// A check's name in replay commands.
 fn label(function: &str, check: &str) -> String {
     format!("{}/{check}", output::name(function))
 }
 
-/// Arguments by which a test's program runs a test of this name. What no line can hold is selected by a part
-/// of its name.
+/// The arguments with which a test's program runs the test of this name. A part of the name selects a test
+/// whose name doesn't fit on one line.
 fn selecting(test: &str) -> Vec<String> {
     if output::name(test) == test {
         return vec!["--exact".to_owned(), test.to_owned()];
@@ -171,10 +171,10 @@ fn selecting(test: &str) -> Vec<String> {
     vec![longest[..longest.floor_char_boundary(PART)].to_owned()]
 }
 
-/// Bytes by which a test is selected whose name is longer than a line holds.
+/// Largest number of bytes of such a part.
 const PART: usize = 100;
 
-/// A check's name with the source of its arguments, unless that is a storage buffer.
+/// A check's name with the source of its arguments. The storage buffer, the default source, isn't added.
 pub(crate) fn with_inputs(check: &str, inputs: Inputs) -> String {
     match inputs {
         Inputs::Storage => check.to_owned(),
@@ -182,19 +182,19 @@ pub(crate) fn with_inputs(check: &str, inputs: Inputs) -> String {
     }
 }
 
-/// Lanes as the environment and files have them: `3f800000,00000000`.
+/// Lanes as text, for environment variables and files: `3f800000,00000000`.
 pub(super) fn write_words(words: &[u32]) -> String {
     let words: Vec<String> = words.iter().map(|word| format!("{word:08x}")).collect();
     words.join(",")
 }
 
-/// Steps as the environment and files have them: `3.0`.
+/// Steps as text, for environment variables and files: `3.0`.
 pub(super) fn write_steps(steps: &[usize]) -> String {
     let steps: Vec<String> = steps.iter().map(ToString::to_string).collect();
     steps.join(".")
 }
 
-/// The Cargo package of the running test; empty if another program runs it.
+/// The Cargo package of the running test; empty if Cargo doesn't run it.
 pub(crate) fn cargo_package() -> String {
     match host::current() {
         None => std::env::var("CARGO_PKG_NAME").unwrap_or_default(),
@@ -207,19 +207,19 @@ pub(crate) fn leave_frame_out() {
     crate::record::leave_out(&test());
 }
 
-/// The running test. The test runner names each test's thread; a program that isn't a test runs on
+/// The name of the running test. Test runners name the thread of each test; a program without tests runs on
 /// `main`.
 pub(crate) fn test() -> String {
     output::name(&test_as_named()).into_owned()
 }
 
-/// The running test, by the name that its author gave it.
+/// The name of the running test as its author wrote it.
 fn test_as_named() -> String {
     std::thread::current().name().unwrap_or("main").to_owned()
 }
 
-/// Cargo's options for the target that a test binary was built from, by where it lies and what it
-/// is called: `target/debug/deps/fresnel-1a2b...`.
+/// Cargo's options for the target of a test binary, from the binary's folder and file name:
+/// `target/debug/deps/fresnel-1a2b...`.
 fn target(exe: &FilePath, package: &str) -> Vec<String> {
     let stem = exe.file_stem().unwrap_or_default().to_string_lossy();
     let name = stem.rsplit_once('-').map_or(&*stem, |(name, _)| name);
@@ -280,7 +280,7 @@ mod tests {
         assert_eq!((none.case("a::f", "satisfies"), none.seed("a::f", "satisfies")), (None, 1));
     }
 
-    /// Tests, functions and checks draw other cases than one another.
+    /// Each test, function and check has different cases.
     #[test]
     fn each_check_has_a_seed_of_its_own() {
         let settings = Box::leak(Box::new(Settings::read([]).expect("nothing is set")));

@@ -1,7 +1,7 @@
-//! Declarations for paths, and one verdict of all of them.
+//! Declarations of failures on paths, and the verdict on all paths together.
 //!
-//! A path that is declared to fail must fail. If it passes, the check fails, so that no declaration
-//! outlives the bug that it names. Functions, frames and compute passes are judged here alike.
+//! A path that is declared to fail must fail. If it passes, the check fails, so that you remove the
+//! declaration when the bug is fixed. Functions, frames and compute passes use the same rules.
 
 use std::collections::BTreeSet;
 use std::fmt::{self, Display};
@@ -12,32 +12,32 @@ use crate::executor::{self, Executor};
 use crate::path::{Adapter, Path, PathError, Selected, Selector};
 use crate::record::{Details, PathDetails, PathRecord};
 
-/// A failure that was declared with `fails_on` or `refused_on`, and did occur.
+/// A failure that was declared with `fails_on` or `refused_on`, and that occurred.
 #[derive(Clone, Debug, PartialEq)]
 pub struct KnownIssue {
-    /// Path, adapter and driver.
+    /// The path's name, its adapter and its driver.
     pub adapter: Adapter,
-    /// What its author declared.
+    /// The reason in the declaration.
     pub reason: String,
-    /// Cases (or pixels) that were compared; 0 where the path refuses what it is given.
+    /// Number of cases, or of pixels, that were compared; 0 if the path refuses the program.
     pub cases: u64,
-    /// How many of them fail; 1 where the path refuses what it is given.
+    /// Number of these that failed; 1 if the path refuses the program.
     pub failures: u64,
 }
 
-/// The failures of several paths, where one failure alone doesn't say all.
+/// The failures of several paths. It is used if a single failure isn't the whole message.
 #[derive(Debug)]
 pub struct PathFailures<E> {
-    /// Failures of values, and of declarations.
+    /// Failures of values, and wrong declarations.
     pub failures: Vec<E>,
-    /// Each path without values, and why it has none.
+    /// Each path without values, and the reason.
     pub stopped: Vec<(Adapter, E)>,
-    /// The other paths, unless a failure names them.
+    /// The paths that agree, unless a failure lists them.
     pub agreeing: Vec<Adapter>,
 }
 
 impl<E: Display> PathFailures<E> {
-    /// The same as data, of which the first failure is the headline.
+    /// The same as data. The first failure is the headline.
     pub(crate) fn details(&self, of: impl Fn(&E) -> Details) -> Details {
         let mut all = self.failures.iter().map(&of);
         let mut details = all.next();
@@ -56,7 +56,7 @@ impl<E: Display> PathFailures<E> {
 }
 
 impl<E> PathFailures<E> {
-    /// All that is wrong, on whichever path.
+    /// All failures on all paths.
     pub(crate) fn all(&self) -> impl Iterator<Item = &E> {
         self.failures.iter().chain(self.stopped.iter().map(|(_, error)| error))
     }
@@ -76,10 +76,10 @@ impl<E: Display> Display for PathFailures<E> {
     }
 }
 
-/// A declaration of a path that doesn't hold, or names no bug.
+/// A declaration about a path that isn't true, or that has no reason.
 #[derive(Clone, Debug, thiserror::Error)]
 pub enum WrongDeclaration {
-    /// A path that is declared to fail agrees.
+    /// A path is declared to fail, and passes.
     #[error(
         "`{subject}` is as it should be on {path}, where it is declared to fail: {reason}\n\
          the bug is gone, or hidden: remove its `fails_on`"
@@ -89,10 +89,10 @@ pub enum WrongDeclaration {
         subject: String,
         /// The path.
         path: Path,
-        /// The declaration.
+        /// The reason in the declaration.
         reason: String,
     },
-    /// A path runs what it is declared to refuse.
+    /// A path is declared to refuse a program, and runs it.
     #[error(
         "{path} is declared to refuse `{subject}`, and runs it: {reason}\n\
          the bug is gone, or hidden: remove its `refused_on`"
@@ -102,7 +102,7 @@ pub enum WrongDeclaration {
         subject: String,
         /// The path.
         path: Path,
-        /// The declaration.
+        /// The reason in the declaration.
         reason: String,
     },
     /// A declaration has no reason.
@@ -115,17 +115,17 @@ pub enum WrongDeclaration {
         /// The paths.
         on: Selector,
     },
-    /// A declaration names no path.
+    /// A declaration names an unknown path.
     #[error("{error}")]
     Path {
         /// `fails_on`, `refused_on` or `tolerance_on`.
         setting: &'static str,
-        /// What is wrong with the name.
+        /// The error in the name.
         error: PathError,
     },
 }
 
-/// Refuses texts that name no path, of a setting.
+/// Fails if a setting has a text that isn't the name of a path.
 pub(crate) fn sound_paths<T>(
     setting: &'static str,
     declared: &Selected<T>,
@@ -134,7 +134,7 @@ pub(crate) fn sound_paths<T>(
 }
 
 impl WrongDeclaration {
-    /// True if it is of a bug that is gone: otherwise there is no verdict.
+    /// True if a declared bug is gone, which is a verdict. Other wrong declarations are errors.
     pub(crate) fn is_verdict(&self) -> bool {
         matches!(self, Self::UnexpectedPass { .. } | Self::NotRefused { .. })
     }
@@ -145,7 +145,7 @@ impl WrongDeclaration {
 pub(crate) struct KnownIssues {
     /// Paths whose values are wrong.
     values: Selected<String>,
-    /// Paths that refuse what they are given.
+    /// Paths that refuse the program.
     refusals: Selected<String>,
 }
 
@@ -155,12 +155,12 @@ impl KnownIssues {
         declare(&mut self.values, on, reason);
     }
 
-    /// Declares that a path refuses what it is given.
+    /// Declares that a path refuses the program.
     pub(crate) fn declare_refusal(&mut self, on: Selector, reason: &str) {
         declare(&mut self.refusals, on, reason);
     }
 
-    /// Wants paths that can be, and a reason for each that is declared to fail.
+    /// Fails unless each declaration names a known path and has a reason.
     pub(crate) fn expect_sound<E>(&self, subject: &str) -> Result<(), E>
     where
         E: From<WrongDeclaration>,
@@ -179,18 +179,19 @@ impl KnownIssues {
         self.values.is_empty() && self.refusals.is_empty()
     }
 
-    /// True if something is declared of a path.
+    /// True if there is a declaration for a path.
     pub(crate) fn names(&self, path: Path, adapter: &Adapter) -> bool {
         self.values.on(path, adapter).or_else(|| self.refusals.on(path, adapter)).is_some()
     }
 
-    /// Has each path judged, and says what that means by what is declared of it. No path is left out,
-    /// whatever became of the others. This is the rule for functions, frames and compute passes:
+    /// Judges each path, and combines the verdict with the path's declaration. Every path is judged, whatever
+    /// happens on the others. Functions, frames and compute passes have the same rules:
     ///
-    /// - `fails_on` is about values. At least one of a path's has to be wrong, unless one case that is
-    ///   replayed stands for all. NaN and infinities are values.
-    /// - `refused_on` is about a path that refuses what it is given, before any of it runs.
-    /// - Whatever else stops a path is an error, declared or not: then it has no values.
+    /// - `fails_on` is about values. At least one value of the path must be wrong, unless a single case is
+    ///   replayed. NaN and infinities are values.
+    /// - `refused_on` is about a path that refuses the program before any part of it runs.
+    /// - Anything else that stops a path is an error, with or without a declaration, because the path then
+    ///   has no values.
     ///
     /// The record of each path is added to `records`.
     pub(crate) fn conclude<V, E: Stop>(
@@ -263,28 +264,28 @@ fn declare(all: &mut Selected<String>, on: Selector, reason: &str) {
     }
 }
 
-/// The record of a path that has no values.
+/// The record of a path without values.
 fn without_values(adapter: Adapter, worst: &str) -> PathRecord {
     PathRecord { failures: 1, worst: worst.to_owned(), ..PathRecord::of(adapter) }
 }
 
-/// A path's values, once they were judged.
+/// The values of a path, after they were judged.
 pub(crate) struct Judged<V> {
-    /// The record of the path; `conclude` adds what is declared of it.
+    /// The record of the path; `conclude` adds the declaration to it.
     pub(crate) record: PathRecord,
     pub(crate) values: V,
 }
 
-/// Has one path judged.
+/// A function that judges one path.
 pub(crate) type JudgePath<'j, V, E> =
     &'j mut dyn FnMut(&dyn Executor, &Adapter) -> Result<Judged<V>, E>;
 
-/// Why a check, a frame or passes fail.
+/// The reason why a check, a frame or passes fail.
 pub(crate) trait Stop: Fails + From<WrongDeclaration> {
-    /// True if a path refused what it was given, before any of it ran.
+    /// True if a path refused the program before any part of it ran.
     fn is_refusal(&self) -> bool;
 
-    /// The cause in words, which paths that stop alike have in common.
+    /// The cause in words. Paths with the same cause are reported together.
     fn cause(&self) -> String {
         self.to_string()
     }
@@ -312,18 +313,18 @@ impl<V, E> Default for Conclusion<V, E> {
     }
 }
 
-/// The paths that agree, and those that fail as was declared.
+/// The paths that agree, and those that fail as declared.
 pub(crate) type Agreed<V> = (Vec<(Adapter, V)>, Vec<KnownIssue>);
 
 impl<V, E: Stop> Conclusion<V, E> {
-    /// True if every path gave the same error: then no path is to blame.
+    /// True if every path had the same error: then the cause is no single path.
     fn all_stop_alike(&self) -> bool {
         let Some(((_, first), others)) = self.stopped.split_first() else { return false };
         let first = first.cause();
         self.stopped.len() == self.asked && others.iter().all(|(_, error)| error.cause() == first)
     }
 
-    /// Adds what other paths gave, or the same paths in another way.
+    /// Adds the results of other paths, or of the same paths with another source of arguments.
     pub(crate) fn extend(&mut self, other: Self) {
         self.asked += other.asked;
         self.agreeing.extend(other.agreeing);
@@ -333,8 +334,8 @@ impl<V, E: Stop> Conclusion<V, E> {
         self.known.extend(other.known);
     }
 
-    /// Returns the paths that agree, or all failures. `differ` makes failures of the paths whose values are
-    /// wrong, beside those that agree.
+    /// Returns the paths that agree, or all failures. `differ` makes failures from the paths whose values are
+    /// wrong and from those that agree.
     pub(crate) fn verdict(
         mut self,
         differ: impl FnOnce(Vec<(Adapter, V)>, &[(Adapter, V)]) -> Vec<E>,
@@ -355,7 +356,7 @@ impl<V, E: Stop> Conclusion<V, E> {
             (0, 0) => Ok((agreeing, known)),
             (1, 0) => Err(failures.swap_remove(0)),
             _ => {
-                // A path may be judged once for each source of its arguments. It agrees if it does from all.
+                // A path may be judged once for each source of its arguments. It agrees if it agrees with all sources.
                 let mut seen = BTreeSet::new();
                 stopped.retain(|(adapter, error)| {
                     seen.insert((adapter.path.clone(), error.to_string()))
@@ -384,7 +385,7 @@ impl Blamed for WrongDeclaration {
     }
 }
 
-/// Prefers failures whose text names a place, then those about a setting.
+/// Prefers a failure whose text names a place, and then a failure about a setting.
 impl<E: Blamed> Blamed for PathFailures<E> {
     fn blame(&self) -> Blame<'_> {
         let all = || self.all().map(Blamed::blame);
@@ -403,7 +404,7 @@ mod tests {
     #[derive(Debug)]
     enum Error {
         Late,
-        /// Of another reason.
+        /// A path stops for this reason.
         Other(&'static str),
         Refused,
         Declaration,
@@ -454,7 +455,7 @@ mod tests {
         Adapter { path, name, driver: String::new(), software: true }
     }
 
-    /// The first failure is the headline, and each path has a fault of its own.
+    /// The first failure is the headline, and the other paths keep their own failures.
     #[test]
     fn the_fault_of_each_path_is_kept() {
         let of = |failures: Vec<Error>, stopped: Vec<(Adapter, Error)>| {
@@ -477,7 +478,7 @@ mod tests {
         assert_eq!(of(Vec::new(), stopped()), ("lost".to_owned(), vec![c, d]));
     }
 
-    /// Paths that stop for one reason are one error, and those that stop for several are told apart.
+    /// Paths that stop for the same reason are one error; paths with different reasons are reported separately.
     #[test]
     fn paths_stop_alike_for_one_reason() {
         let of = |asked: usize, reasons: &[&'static str]| {
@@ -504,7 +505,7 @@ mod tests {
         assert_eq!(of(3, &["lost", "lost", "late"]), format!("{told}lost{third}"));
     }
 
-    /// What is declared twice has both reasons, and none if one of them names no bug.
+    /// A path that is declared twice has both reasons. If one of them is empty, the result is empty.
     #[test]
     fn reasons_add_up() {
         let of = |declared: &[(&'static str, &str)]| {
@@ -535,7 +536,7 @@ mod tests {
         );
     }
 
-    /// A path that a test judges itself.
+    /// A path whose verdict the test chooses.
     #[derive(Debug)]
     struct Judge(&'static str);
 
@@ -549,8 +550,8 @@ mod tests {
         }
     }
 
-    /// What becomes of a path by its verdict, failing cases or why it has none, and what is declared of it: `gl` fails,
-    /// and `vulkan` refuses.
+    /// The outcome of a path by its verdict and its declaration. The declarations say that `gl` fails, and
+    /// that `vulkan` refuses.
     #[test]
     fn each_verdict_has_a_meaning_by_what_is_declared() {
         let mut declared = KnownIssues::default();
@@ -600,7 +601,7 @@ mod tests {
         }
     }
 
-    /// The same paths are asked more than once, and each answer counts.
+    /// Results of the same paths can be added several times, and each one counts.
     #[test]
     fn answers_add_up() {
         let stops = |path: &str| Conclusion::<(), Error> {
@@ -626,7 +627,7 @@ mod tests {
         all.extend(agrees("b"));
         let (agreeing, issues) = all.verdict(|_, _| Vec::new()).expect("they agree");
         assert_eq!((agreeing.len(), issues), (2, vec![known("a"), known("b")]));
-        // A failure hides no path that stopped.
+        // A failure doesn't hide paths that stopped.
         let mut all = agrees("a");
         all.extend(Conclusion { differing: vec![(adapter("b"), ())], ..stops("c") });
         let found = all.verdict(|differing, agreeing| {
@@ -642,7 +643,7 @@ mod tests {
         assert_eq!(all, ["off", "lost"]);
     }
 
-    /// Why declarations are none.
+    /// The error of a wrong declaration.
     struct Unsound;
 
     impl From<PathError> for Unsound {
@@ -657,7 +658,7 @@ mod tests {
         }
     }
 
-    /// With two sources of arguments each path is judged twice, and named once.
+    /// With two sources of arguments, each path is judged twice and named once.
     #[test]
     fn a_path_is_named_once() {
         let mut all = Conclusion::<(), Error>::default();

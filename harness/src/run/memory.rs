@@ -1,9 +1,9 @@
-//! Inputs on which a test has failed, kept in a file and tried first in its next runs.
+//! Inputs on which a test has failed: a file keeps them, and the test's next runs try them first.
 //!
-//! The file lies beside the package's `Cargo.toml`: `.karat/failures/<target>/<test>.txt`, a line
-//! for each input. An input stays there even when it passes, until the file is deleted. An input
-//! that the function or the domain doesn't take any more is ignored with a note.
-//! `KARAT_FAILURES=off` turns this off. In CI and under an overlay, files are read but not written.
+//! The file lies beside the package's `Cargo.toml`: `.karat/failures/<target>/<test>.txt`, with one line per
+//! input. An input stays in the file even when it passes, until you delete the file. If the function or the
+//! domain no longer accepts an input, Karat ignores it with a note. `KARAT_FAILURES=off` turns this off. In
+//! CI and under an overlay, Karat reads the files and doesn't write them.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -19,7 +19,7 @@ const HEAD: &str = "\
 # function, check, path, arguments as hexadecimal words (or -), seed:case:steps # arguments
 ";
 
-/// The inputs that one test has failed on.
+/// The inputs on which one test has failed.
 #[derive(Debug)]
 pub(crate) struct Memory {
     file: PathBuf,
@@ -32,19 +32,18 @@ pub(crate) struct Memory {
 pub(crate) struct Entry {
     pub(crate) function: String,
     pub(crate) check: String,
-    /// The path that it failed on first. It is tried on every path.
+    /// The path on which the input failed first. Karat tries it on every path.
     pub(crate) path: String,
-    /// The lanes of the arguments; none for an integral, whose cases needn't be words.
+    /// The lanes of the arguments; empty for an integral, whose cases needn't be words.
     pub(crate) words: Vec<u32>,
-    /// How the value came about. It says whether a mapped domain, which can't be asked, still has
-    /// the value.
+    /// The origin of the value. A mapped domain can't test if it has a value. Karat then makes the value again
+    /// from its origin, and compares.
     pub(crate) descent: Descent,
-    /// The arguments as they read.
+    /// The arguments as text, for people.
     pub(crate) comment: String,
 }
 
-/// How a reduced value came about: from a case of a seed, by one of the simpler values in each
-/// round.
+/// The origin of a simplified value: a seed, a case, and the simpler value that was chosen in each round.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Descent {
     pub(crate) seed: u64,
@@ -53,8 +52,8 @@ pub(crate) struct Descent {
 }
 
 impl Memory {
-    /// The memory of the running test; `None` if it has none: it is turned off, the test isn't run
-    /// by Cargo, or one case is replayed.
+    /// The inputs of the running test. `None`: one case is replayed, this is turned off, or the program that
+    /// runs the test isn't known.
     pub(crate) fn open(identity: &Identity) -> Option<Self> {
         if !identity.remembers() {
             return None;
@@ -70,7 +69,7 @@ impl Memory {
             }
         };
         let ci = crate::golden::in_ci();
-        // Under an overlay it is the overlay's module that fails.
+        // Under an overlay the failing module is the overlay's, not the package's.
         let writable = !ci && crate::settings::overlay().is_none() && crate::record::is_kept();
         Some(Self::read(folder.join(format!("{}.txt", file_name(&identity.test))), writable))
     }
@@ -95,7 +94,7 @@ impl Memory {
         Self { file, entries, writable }
     }
 
-    /// The inputs of one check, each once.
+    /// The inputs of one check, without duplicates.
     pub(crate) fn of(&self, function: &str, check: &str) -> Vec<&Entry> {
         let mut found: Vec<&Entry> = Vec::new();
         for entry in &self.entries {
@@ -107,13 +106,13 @@ impl Memory {
         found
     }
 
-    /// Says that an input isn't tried.
+    /// Prints that an input isn't tried.
     pub(crate) fn ignore(&self, entry: &Entry, reason: &str) {
         let Entry { function, check, comment, .. } = entry;
         note(&self.file, &format!("`{function}` {check} ({comment}) is ignored: {reason}"));
     }
 
-    /// Adds an input, unless it is there.
+    /// Adds an input, unless the file has it already.
     pub(crate) fn keep(&self, entry: &Entry) {
         let known = self.of(&entry.function, &entry.check);
         if !self.writable || known.iter().any(|known| known.is_same(entry)) {
@@ -128,8 +127,8 @@ impl Memory {
         if let Some(folder) = self.file.parent() {
             std::fs::create_dir_all(folder)?;
         }
-        // Two paths may fail on the same input; whole lines are appended, so processes may share
-        // the file.
+        // Two paths may fail on the same input. Processes can share the file, because they append whole
+        // lines.
         let text = match std::fs::read_to_string(&self.file) {
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => String::new(),
             read => read?,
@@ -149,7 +148,7 @@ impl Memory {
 }
 
 impl Entry {
-    /// Whether both are the same input of one check.
+    /// True if both are the same input of the same check.
     fn is_same(&self, other: &Self) -> bool {
         match (&*self.words, &*other.words) {
             ([], []) => self.comment == other.comment,
@@ -184,17 +183,17 @@ impl Entry {
     }
 }
 
-/// Bytes of a file's name, without its ending: systems take 255.
+/// Largest number of bytes in a file's name, without its ending: systems allow 255.
 const LONGEST: usize = 200;
 
-/// A test's name as the name of a file: `module__test`.
+/// The file name for a test: `module__test`.
 fn file_name(test: &str) -> String {
     let plain = |c: char| if c.is_alphanumeric() || c == '_' { c } else { '-' };
     let plain: String = test.replace("::", "__").chars().map(plain).collect();
     name_within(&plain, LONGEST).into_owned()
 }
 
-/// A line on standard error, which the test runner shows where the test fails.
+/// Prints a line to standard error. Test runners show it for tests that fail.
 fn note(file: &Path, text: &str) {
     let line = format!("note: `{}`: {text}", file.display());
     eprintln!("{}", crate::output::visible(&line));

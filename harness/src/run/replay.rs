@@ -1,9 +1,9 @@
-//! A test that should replay a case, but replays none, must not pass.
+//! A test that should replay a case fails if it replays none.
 //!
-//! `KARAT_CASE` names one check. A test runs its checks in order, so those before the named one run
-//! as usual. Only when the test ends is it known that none of them was the named one. Test runners
-//! have no hook there. But each test has a thread, and the thread's values are dropped before the
-//! runner goes on: at that point the process says what is wrong, and ends.
+//! `KARAT_CASE` names one check. A test runs its checks in order, so the checks before the named one run as
+//! usual. Only at the end of the test is it clear that none of them was the named check. Test runners have no
+//! hook there. But each test has its own thread, and the thread's values are dropped before the runner goes
+//! on. At that point this process prints an error and ends.
 
 use std::cell::RefCell;
 use std::io::Write;
@@ -16,33 +16,33 @@ thread_local! {
     static REPLAY: RefCell<Replay> = RefCell::default();
 }
 
-/// What the running test has done of the replay that the environment asks for.
+/// The progress of the running test with the replay that the environment asks for.
 #[derive(Debug, Default)]
 struct Replay {
-    /// `function/check` of what ran, each once.
+    /// The checks that ran, as `function/check`, without duplicates.
     checks: Vec<String>,
-    /// Whether the selected case ran, or the test fails anyway.
+    /// True if the selected case ran, or if the test fails anyway.
     done: bool,
 }
 
-/// Another check is to be replayed, and this one runs in a thread whose test isn't known.
+/// Another check is to be replayed, and this check runs in a thread whose test isn't known.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "KARAT_CASE selects `{selected}`, but `{check}` runs in a thread without a name, so its test isn't \
      known"
 )]
 pub struct NotReplayed {
-    /// The function and the check, or the frame.
+    /// The check with its function, or the frame.
     pub check: String,
-    /// What the environment selects.
+    /// The selection in the environment.
     pub selected: String,
 }
 
-/// A check begins, or the comparison of a frame.
+/// Notes that a check, or the comparison of a frame, begins.
 ///
 /// # Errors
-/// If it isn't the selected check, and a thread runs it that a test has started itself: that may
-/// end long before the selected one runs.
+/// If it isn't the selected check and runs in a thread that the test started itself. Such a thread may end
+/// long before the selected check runs, so its end isn't the end of the test.
 pub(crate) fn begin(settings: &Settings, check: &str) -> Result<(), NotReplayed> {
     let Some(selected) = &settings.case else { return Ok(()) };
     let named = selected.check.as_deref();
@@ -59,15 +59,15 @@ pub(crate) fn begin(settings: &Settings, check: &str) -> Result<(), NotReplayed>
     Ok(())
 }
 
-/// The comparison of a frame begins.
+/// Notes that the comparison of a frame begins.
 ///
 /// # Errors
-/// If a setting can't be used, or as [`begin`] says.
+/// If a setting can't be used, and the errors of [`begin`].
 pub(crate) fn begin_frame(name: &str) -> Result<(), NotBegun> {
     Ok(begin(settings::current()?, &format!("frame {name}"))?)
 }
 
-/// The selected case runs, or the test fails for a reason of its own.
+/// Notes that the selected case runs, or that the test fails for a reason of its own.
 pub(crate) fn done() {
     REPLAY.with_borrow_mut(|replay| replay.done = true);
 }
@@ -77,8 +77,8 @@ fn plain(check: &str) -> &str {
     check.split_once('@').map_or(check, |(plain, _)| plain)
 }
 
-/// That the running test has replayed nothing, where it should have replayed a case. A program that runs tests in
-/// place of Cargo asks at the end of each; otherwise the process ends with the test.
+/// Returns an error message if the running test should have replayed a case and replayed none. A program that runs
+/// tests without Cargo calls this at the end of each test. In Cargo's test programs the process ends with the message.
 #[must_use]
 pub fn not_replayed() -> Option<String> {
     REPLAY.with_borrow_mut(|replay| {
@@ -105,7 +105,7 @@ impl Drop for Replay {
         if self.done || self.checks.is_empty() {
             return;
         }
-        // Past the test runner's capture, which dies with the process.
+        // Written to standard error directly: the test runner's captured output is lost with the process.
         drop(std::io::stderr().write_all(format!("\n{}\n", self.message()).as_bytes()));
         std::process::abort();
     }

@@ -1,4 +1,4 @@
-//! Hands a verdict to its record and to the test that asked for it.
+//! Passes a verdict to its record, and to the test with the check.
 
 use std::collections::BTreeSet;
 use std::fmt::Display;
@@ -10,44 +10,44 @@ use crate::dispatch::Watched;
 use crate::output::visible;
 use crate::record::{self, Details, PathRecord, Record, Stopwatch, Subject, Verdict};
 
-/// Why a check fails, as far as its record is concerned.
+/// The reason why a check fails, as far as its record needs it.
 pub trait Fails: Display + Blamed {
-    /// True if values are wrong, or a declaration is: otherwise there is no verdict.
+    /// True if values or a declaration are wrong, which is a verdict. Otherwise the record has an error.
     fn is_verdict(&self) -> bool;
 
-    /// True if the shader leaves nothing that could fail, such as a result that is the same for all inputs.
+    /// True if nothing in the shader could fail, for example because the result is the same for all inputs.
     fn is_vacuous(&self) -> bool {
         false
     }
 
-    /// The same as data.
+    /// The failure as data.
     fn details(&self) -> Details {
         Details::of(&self.to_string()).at(self.blame().message)
     }
 
-    /// `file:line:column` of the function, where a failure knows it.
+    /// `file:line:column` of the function, if the failure has it.
     fn location(&self) -> Option<String> {
         None
     }
 }
 
-/// What a check found that didn't fail.
+/// The result of a check that passed.
 pub(crate) trait Passed {
-    /// Paths that fail as was declared.
+    /// Paths that fail as declared.
     fn known_issues(&self) -> &[KnownIssue];
 }
 
-/// The record of a check, as it grows.
+/// The record of a check, while it runs.
 pub(crate) struct Report {
     pub(crate) subject: Subject,
     pub(crate) paths: Vec<PathRecord>,
-    /// The files that its verdict depends on.
+    /// The files on which the verdict depends.
     pub(crate) read: Vec<FileRead>,
-    /// How much of compute passes the sanitizer looked through.
+    /// The part of compute passes that the sanitizer examined.
     pub(crate) watched: Option<Watched>,
 }
 
-/// Judges something, and records how that ended unless `recorded` says then that it isn't to be.
+/// Judges a subject, and then records the verdict if `recorded` returns true.
 pub(crate) fn reported<T: Passed, E: Fails>(
     subject: Subject,
     recorded: &dyn Fn() -> bool,
@@ -59,17 +59,17 @@ pub(crate) fn reported<T: Passed, E: Fails>(
     if recorded() {
         report.record(&stopwatch, &result);
     }
-    // Where no Rust test is that could go on, the failure is the test's.
+    // Under a program that runs tests without Cargo, no Rust test can go on after a failure: the test fails.
     if result.is_err() && host::current().is_some() {
         replay::done();
     }
     result
 }
 
-/// Records that the running test couldn't begin: what declares it is wrong, so that no check could say so. The
-/// subject's location is the place of what is wrong.
+/// Records that the running test couldn't begin, because its declaration is wrong and so no check ran. The
+/// subject's location is the place of the error.
 ///
-/// `message` is all that is wrong, for people, and `headline` is its first sentence.
+/// `message` is the whole error, for people, and `headline` is its first sentence.
 pub fn record_unbegun(subject: Subject, headline: &str, message: &str) {
     let report = Report { subject, paths: Vec::new(), read: Vec::new(), watched: None };
     let details = Details { headline: headline.to_owned(), ..Details::default() };
@@ -84,7 +84,7 @@ impl Report {
             Err(failure) if failure.is_verdict() => (Verdict::Fail, Some(failure)),
             Err(failure) => (Verdict::Error, Some(failure)),
         };
-        // A check that ends before its function runs has found it all the same.
+        // The failure of a check that ended before its function ran may have the function's place.
         if let (Subject::Function { location, .. }, Some(known)) =
             (&mut self.subject, failure.and_then(E::location))
             && location.is_empty()
@@ -95,7 +95,7 @@ impl Report {
         self.write(verdict, failure, stopwatch);
     }
 
-    /// Writes it down with the message and the data of its failure.
+    /// Writes the record, with the message and the data of the failure.
     fn write(self, verdict: Verdict, failure: Option<(String, Details)>, stopwatch: &Stopwatch) {
         let Self { subject, paths, read, watched } = self;
         let (message, details) = failure.unzip();
@@ -116,7 +116,7 @@ impl Report {
     }
 }
 
-/// The test fails with what is wrong.
+/// Panics with the failure's message, so that the test fails.
 #[track_caller]
 pub(crate) fn or_panic<T, E: Display>(result: Result<T, E>) -> T {
     match result {

@@ -17,8 +17,8 @@ fn the_exposures_are_pinned_when_a_golden_is_accepted() {
     assert!(failed.to_string().contains(&format!("FLIP looked at {expected}")), "{failed}");
 }
 
-/// They explain a difference. A frame whose modules are others, or a golden that is older than this
-/// fact, is compared as before.
+/// The hashes explain a difference. A frame with other modules, or a golden without these hashes, is compared
+/// as before.
 #[test]
 fn a_golden_has_the_hash_of_each_of_its_modules() {
     let project = Project::with_golden();
@@ -60,7 +60,7 @@ fn a_golden_has_the_hash_of_each_of_its_modules() {
     project.check("vulkan", &changed, None, None).expect("its modules aren't compared");
 }
 
-/// A checkout on Windows may end lines with `\r\n`.
+/// On Windows, Git may check files out with `\r\n`.
 #[test]
 fn ends_of_lines_make_no_other_module_or_program() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -102,7 +102,7 @@ fn a_golden_that_would_not_change_is_not_written() {
     let accepted = project.accept(&same, "again", None).expect("nothing speaks against it");
     assert!(!accepted.written && accepted.warnings[0].contains("has these pixels and facts"));
     assert_eq!(std::fs::read(&golden_file).expect("there"), before);
-    // Facts that somebody has edited are those of the image again.
+    // Accepting replaces facts that were edited by hand.
     let sidecar = golden_file.with_extension("toml");
     let facts = std::fs::read_to_string(&sidecar).expect("there");
     std::fs::write(&sidecar, facts.replace("first", "edited")).expect("written");
@@ -121,7 +121,7 @@ fn a_golden_that_would_not_change_is_not_written() {
     assert_ne!(std::fs::read(&golden_file).expect("there"), before);
 }
 
-/// Pixels that aren't compared may be anything.
+/// Masked pixels may have any value.
 #[test]
 fn a_frame_with_nan_under_its_mask_is_accepted() {
     let project = Project::new();
@@ -143,7 +143,7 @@ fn a_preview_waits_no_longer_than_its_frame() {
     let project = Project::with_golden();
     let file = |ending: &str| project.folder.path().join(format!("room/ramp{ending}"));
     let preview = || file(".new.png");
-    // One of the golden is somebody's own.
+    // The golden's own PNG belongs to the user, and Karat doesn't remove it.
     std::fs::write(file(".png"), "kept").expect("written");
     let differs = || {
         let failed = project.check("vulkan", &spot(1.5), None, None).expect_err("it differs");
@@ -188,7 +188,7 @@ fn one_of_two_acceptances_is_carried_out() {
     }
 }
 
-/// What a frame was compared with decides whether it may be accepted, and nothing else does.
+/// A frame may be accepted only if the golden that it was compared with hasn't changed.
 #[test]
 fn a_stale_acceptance_is_refused() {
     let golden = |project: &Project| project.folder.path().join("room/ramp.exr");
@@ -198,7 +198,7 @@ fn a_stale_acceptance_is_refused() {
     let waiting = |project: &Project, path: &str| {
         project.check(path, &spot(2.0), None, None).expect_err("it differs")
     };
-    // Another golden, none any more, and one where there was none.
+    // The golden was replaced, then removed; and a golden appeared where there was none.
     let project = Project::with_golden();
     let failed = waiting(&project, "vulkan");
     replace(&golden(&project), &spot(3.0));
@@ -215,7 +215,7 @@ fn a_stale_acceptance_is_refused() {
     let failed = waiting(&new, "vulkan");
     replace(&golden(&new), &spot(3.0));
     stale(new.accept(&failed, "why", None));
-    // A profile that has got a golden of its own, and one whose own golden is another.
+    // A profile got its own golden, and a profile's own golden was replaced.
     let project = Project::with_golden();
     let failed = waiting(&project, "gl");
     let own = project.folder.path().join("@gl-llvmpipe/room/ramp.exr");
@@ -227,7 +227,8 @@ fn a_stale_acceptance_is_refused() {
     stale(project.accept(&failed, "why", Some("gl-llvmpipe")));
 }
 
-/// An acceptance that was killed before it removed the frame: what it wrote stays, and the frame goes.
+/// An acceptance was killed before it removed the pending frame. Accepting again keeps the golden and removes
+/// the frame.
 #[test]
 fn an_acceptance_may_be_repeated() {
     let project = Project::with_golden();
@@ -245,7 +246,7 @@ fn an_acceptance_may_be_repeated() {
         let again = project.accept(&failed, "again", profile).expect("accepted");
         assert!(!again.written && !waiting.exists(), "{path}: {again:?}");
         assert!(read() == before, "{path}: as it was accepted first");
-        // Facts that were edited aren't what it wrote.
+        // Edited facts aren't those of the first acceptance.
         std::fs::write(&waiting, &frame).expect("written");
         std::fs::write(&files[1], "edited").expect("written");
         let stale = project.accept(&failed, "again", profile);
@@ -277,7 +278,7 @@ fn what_was_interrupted_is_tidied_up_by_the_next_decision() {
     assert!(gone());
 }
 
-/// Both files of a golden are written, or neither.
+/// Accepting writes both files of a golden, or neither.
 #[test]
 fn a_golden_without_its_facts_is_not_written() {
     let project = Project::with_golden();
@@ -310,7 +311,7 @@ fn a_golden_without_its_facts_is_not_written() {
     assert_eq!(files.count(), 3, "no temporary file stays");
 }
 
-/// Frames are accepted where they were compared.
+/// A frame is accepted only in the folder of goldens that it was compared with.
 #[test]
 fn a_frame_of_another_folder_is_refused() {
     let project = Project::with_golden();

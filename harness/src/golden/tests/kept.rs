@@ -1,4 +1,4 @@
-//! What is kept with goldens and pending frames.
+//! Data that is stored with goldens and pending frames.
 
 use super::*;
 use crate::golden::tolerance::FrameCriterion;
@@ -31,7 +31,7 @@ fn large_goldens_are_warned_of_and_refused() {
     assert!(error.to_string().contains("and at most 1024 are accepted"), "{error}");
 }
 
-/// Pixels that differ by their noise pass by it; a tile that differs by more does not.
+/// Pixels that differ by their noise pass; a tile that differs by more than its noise fails.
 #[test]
 fn noise_is_kept_with_the_golden() {
     let project = Project::new();
@@ -41,7 +41,7 @@ fn noise_is_kept_with_the_golden() {
         let frame = Rendered { variance: Some(variance), ..rendered(image, adapter) };
         project.goldens.check("room/ramp", &frame)
     };
-    // Alternating signs: the mean of a tile stays.
+    // The signs alternate, so that the mean of a tile stays the same.
     let noisy = |amplitude: f32, bias: f32| {
         let mut image = ramp();
         for (index, pixel) in (0_u32..).zip(image.pixels_mut()) {
@@ -65,7 +65,7 @@ fn noise_is_kept_with_the_golden() {
     let failed = check(&noisy(-0.1, 0.05), 0.01).expect_err("it is brighter");
     assert!(failed.to_string().contains("noise alone has"), "{failed}");
     check(&noisy(-0.1, 0.0), f32::NAN).expect_err("no variance");
-    // A frame that is no longer noisy leaves no variance.
+    // If the frame isn't noisy any more, the new golden has no variance.
     let still = project.check("vulkan", &ramp(), None, None).expect_err("the golden was noisy");
     project.accept(&still, "without noise", None).expect("accepted");
     assert_eq!(project.parts(), ["color"]);
@@ -107,7 +107,7 @@ fn what_the_test_found_waits_with_the_frame() {
     assert_eq!(finding.margins[0].place, Some(Rect::new(6, 1, 1, 1)));
 }
 
-/// What half floats can't hold is stored in floats, and compared as it is.
+/// A frame that half floats can't hold is stored and compared in 32-bit floats.
 #[test]
 fn frames_are_stored_as_precisely_as_they_are_compared() {
     for (light, precision) in
@@ -127,7 +127,7 @@ fn frames_are_stored_as_precisely_as_they_are_compared() {
         image.pixels_mut()[64 * 8..][..64 * 8].iter_mut().for_each(|pixel| pixel[0] *= 2.0);
         project.check("vulkan", &image, None, None).expect_err("rows are off");
     }
-    // A golden in half floats, and a frame that they can't hold.
+    // The golden has half floats, and the frame doesn't fit into them.
     let project = Project::with_golden();
     let mut bright = ramp();
     bright.pixels_mut()[70][0] = 7e4;
@@ -135,7 +135,7 @@ fn frames_are_stored_as_precisely_as_they_are_compared() {
     assert!(failed.contains("70000 instead of"), "{failed}");
 }
 
-/// What waits is what somebody has to decide about.
+/// A pending frame stays until a frame of its own profile agrees.
 #[test]
 fn a_pending_frame_stays_until_its_own_profile_agrees() {
     let project = Project::with_golden();
@@ -154,7 +154,7 @@ fn a_pending_frame_stays_until_its_own_profile_agrees() {
     assert!(!file.exists(), "nobody decides about a known issue");
 }
 
-/// Where the golden for all would do, a profile's own is to go.
+/// The message names a profile's own golden that can be deleted, because the golden for all profiles passes.
 #[test]
 fn a_golden_of_a_profile_that_is_not_needed_any_more_is_named() {
     let project = Project::with_golden();
@@ -163,7 +163,7 @@ fn a_golden_of_a_profile_that_is_not_needed_any_more_is_named() {
     let on_gl = with(&[(3, 30), (50, 3)], 1.5);
     let failed = project.check("gl", &on_gl, Some(strict), Some(mask)).expect_err("on GL");
     project.accept(&failed, "why", Some("gl-llvmpipe")).expect("it fails there");
-    // By the mask of the test, which no other program knows.
+    // Only the test knows its mask.
     let mended = with(&[(50, 3)], 1.5);
     let failed = project.check("gl", &mended, Some(strict), Some(mask)).expect_err("another");
     let text = project.text(&failed);
@@ -202,7 +202,7 @@ fn what_an_author_says_is_kept_and_aovs_are_drawn_when_they_are_needed() {
     assert_eq!(golden.provenance.facts, facts);
 }
 
-/// Facts that can't be relied on are no licence to compare without them.
+/// Facts that can't be used are an error: Karat doesn't compare without them.
 #[test]
 fn facts_that_cannot_be_used_are_errors() {
     let project = Project::with_golden();
@@ -219,7 +219,7 @@ fn facts_that_cannot_be_used_are_errors() {
     project.check("vulkan", &ramp(), None, None).expect("another tool's");
 }
 
-/// A folder that is reached by a link is looked into, once.
+/// Karat enters a linked folder, once.
 #[cfg(unix)]
 #[test]
 fn frames_behind_a_link_to_a_folder_are_found() {
@@ -235,7 +235,7 @@ fn frames_behind_a_link_to_a_folder_are_found() {
     assert!(unusable.is_empty(), "{unusable:?}");
 }
 
-/// One bad file is in nobody's way.
+/// One unusable file doesn't hide the usable ones.
 #[test]
 fn files_that_cannot_be_used_are_named_beside_the_others() {
     let project = Project::new();

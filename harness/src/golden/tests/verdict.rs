@@ -1,9 +1,9 @@
-//! What is compared, and what the message says.
+//! Comparisons and their messages.
 
 use super::*;
 use crate::golden::tolerance::FrameCriterion;
 
-/// Some pixels of an edge, a hole, and what to do about them.
+/// The message names some pixels of an edge, a hole, and the next steps.
 #[test]
 fn a_frame_that_differs_says_what_and_where() {
     let project = Project::with_golden();
@@ -89,7 +89,7 @@ fn what_passes_says_what_decided() {
     assert_eq!(margin.decided_by, FrameCriterion::Gate);
     assert!(margin.ratio > 0.9 && margin.ratio <= 1.0, "{margin:?}");
 
-    // A pixel of an edge, a twentieth off.
+    // A pixel of an edge that differs by a twentieth.
     let edge = with(&[(3, 30)], 1.05);
     let margin = project.check("vulkan", &edge, None, None).expect("FLIP sees next to nothing");
     assert_eq!((margin.decided_by, margin.beyond_gate), (FrameCriterion::Flip, 1));
@@ -155,7 +155,7 @@ fn tolerances_are_trees() {
     assert_eq!(error, "frame `room/ramp` can't be compared: the mask leaves no pixel to compare");
 }
 
-/// A profile's own golden is used by that profile alone, and accepted only where it is needed.
+/// Only a profile itself uses its own golden, and it is accepted only if the profile needs it.
 #[test]
 fn profiles_have_goldens_of_their_own() {
     let project = Project::with_golden();
@@ -176,7 +176,7 @@ fn profiles_have_goldens_of_their_own() {
     project.check("vulkan", &on_gl, Some(strict), None).expect_err("the golden of GL isn't used");
     project.check("metal", &on_gl, Some(strict), None).expect_err("the golden of GL isn't used");
 
-    // What the golden for all passes needs no golden of its own.
+    // A profile that passes with the golden for all profiles needs no golden of its own.
     let failed = project.check("gl", &ramp(), Some(strict), None).expect_err("GL has its own");
     assert!(project.text(&failed).contains("from its golden `golden/@gl-llvmpipe/room/ramp.exr`"));
     let error = project.accept(&failed, "why", None).expect_err("it is GL's");
@@ -189,7 +189,7 @@ fn profiles_have_goldens_of_their_own() {
     insta::assert_snapshot!(error, @"`room/ramp` needs no golden of profile gl-llvmpipe: there is no golden for all yet; accept one first");
 }
 
-/// The bounds of FLIP are wider on another profile than the golden's.
+/// The bounds of FLIP are wider for a frame of another profile than the golden's.
 #[test]
 fn another_profile_has_the_wider_bound() {
     let project = Project::with_golden();
@@ -202,7 +202,7 @@ fn another_profile_has_the_wider_bound() {
     assert_eq!((bound("vulkan"), bound("gl"), bound("metal")), (0.01, 0.03, 0.03));
 }
 
-/// A tolerance that half floats can't show is held against the frame as it is.
+/// A frame isn't rounded to half floats if its tolerance is smaller than this rounding.
 #[test]
 fn a_tolerance_that_is_tightened_holds() {
     let project = Project::with_golden();
@@ -220,7 +220,7 @@ fn a_tolerance_that_is_tightened_holds() {
     project.check("vulkan", &near, Some(&fine), None).expect("equal");
 }
 
-/// Transmittance leaves roundings where nothing is opaque.
+/// Alpha from transmittance has rounding errors in transparent pixels.
 #[test]
 fn alpha_that_is_next_to_nothing_is_equal() {
     let with = |alpha: f32| {
@@ -239,7 +239,7 @@ fn alpha_that_is_next_to_nothing_is_equal() {
     project.check("vulkan", &with(0.01), Some(&loose), None).expect("as somebody says");
 }
 
-/// What cannot become a golden isn't compared with one that isn't there.
+/// The message says that a frame with NaN can't become a golden.
 #[test]
 fn a_frame_with_nan_and_no_golden_says_so() {
     let project = Project::new();
@@ -253,7 +253,7 @@ fn a_frame_with_nan_and_no_golden_says_so() {
     assert!(matches!(failed, GoldenError::Unacceptable { .. }));
 }
 
-/// A known issue is a difference of values; whatever else is wrong isn't known.
+/// A known issue covers differences of values only: other errors still fail.
 #[test]
 fn a_known_issue_hides_no_other() {
     let project = Project::with_golden();

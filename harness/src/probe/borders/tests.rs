@@ -1,6 +1,6 @@
 use super::*;
 
-/// In the middle of an edge between two faces: half of each.
+/// The middle of an edge between two faces: half of each face's texel.
 const EDGE: &str = "
 @group(0) @binding(0) var cube: texture_cube<f32>;
 @group(0) @binding(1) var cube_sampler: sampler;
@@ -10,7 +10,7 @@ const EDGE: &str = "
 }
 ";
 
-/// Of 4 texels a side.
+/// Each face has 4 x 4 texels.
 const SIZE: wgpu::Extent3d = wgpu::Extent3d { width: 4, height: 4, depth_or_array_layers: 6 };
 
 /// A cube map of one colour, and a kernel that samples it across an edge.
@@ -86,7 +86,7 @@ impl<'d> Sampled<'d> {
         self.device.queue.write_texture(target, &[value; 4 * 4 * 4 * 6], layout, SIZE);
     }
 
-    /// What the kernel finds, in steps of 1/255.
+    /// The kernel's result, in steps of 1/255.
     fn dispatch(&self) -> f32 {
         let gpu = &self.device.device;
         let mut encoder = gpu.create_command_encoder(&wgpu::CommandEncoderDescriptor::default());
@@ -111,9 +111,9 @@ fn view(texture: &wgpu::Texture) -> wgpu::TextureView {
     })
 }
 
-/// A cube map is painted in one colour, drawn with, and painted in another: a dispatch finds half
-/// of the old colour across an edge, on those drivers that are said to need a draw and on no
-/// other. The next draw mends it.
+/// The test fills a cube map with one colour, draws with it, and fills it with another colour. On drivers
+/// that are listed as needing a draw, and on no others, a dispatch then finds half of the old colour across
+/// an edge. The next draw corrects this.
 #[test]
 fn borders_are_those_of_the_last_draw_on_swiftshader() {
     for device in crate::path::chosen()

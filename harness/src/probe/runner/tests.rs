@@ -35,7 +35,7 @@ fn each_case_of_a_batch_is_computed_at_any_size() {
     }
 }
 
-/// A kernel that returns before it writes: the results are poison, and no verdict.
+/// The kernel returns before it writes, so the results are poison, which is an error and no verdict.
 #[test]
 fn a_kernel_that_never_writes_is_an_error() {
     let guard = "if karat_case >= karat_batch.x { return; }";
@@ -47,7 +47,7 @@ fn a_kernel_that_never_writes_is_an_error() {
     }
 }
 
-/// A kernel that skips one case of many.
+/// The kernel skips one case of many.
 #[test]
 fn one_unwritten_case_is_an_error() {
     let guard = "if karat_case >= karat_batch.x { return; }";
@@ -58,7 +58,7 @@ fn one_unwritten_case_is_an_error() {
     }
 }
 
-/// The canary is written and the results aren't, as one driver did: all of them, or one
+/// The kernel writes the canary and not the results, as one driver did: all results are missing, or one
 /// component of one case.
 #[test]
 fn a_kernel_that_writes_only_its_canary_is_an_error() {
@@ -79,7 +79,7 @@ fn a_kernel_that_writes_only_its_canary_is_an_error() {
     }
 }
 
-/// A function may return the very word that results are poisoned with.
+/// A function may return exactly the poison word.
 #[test]
 fn a_result_that_equals_the_poison_is_a_result() {
     let wgsl = format!("fn f(x: u32) -> u32 {{ return x ^ {}u; }}", evidence::WORD);
@@ -104,7 +104,7 @@ fn a_result_that_equals_the_poison_is_a_result() {
     }
 }
 
-/// A kernel of another dispatch: right shape, wrong canary.
+/// The results of another dispatch have the right shape and the wrong canary.
 #[test]
 fn a_stale_canary_is_an_error() {
     let stale = probed(|text| text.replace("karat_batch.y ^ karat_case", "karat_case"));
@@ -113,8 +113,8 @@ fn a_stale_canary_is_an_error() {
     }
 }
 
-/// While another thread has its turn nothing of a probe reaches GL's driver, up to its release;
-/// other drivers serve several threads at once.
+/// While another thread has its turn, a probe doesn't call GL's driver, up to and including its release.
+/// Other drivers serve several threads at once.
 #[test]
 fn threads_take_turns_on_gl() {
     use std::sync::mpsc::channel;
