@@ -179,11 +179,11 @@ enum Command {
                             Exit codes: 0 all modules are valid; 1 one isn't; 2 a package can't be \
                             read.")]
     Check(check::Args),
-    /// Writes a first passing test for a folder of shaders, with .gitignore lines and a CI workflow
+    /// Writes a first passing test for a folder of shaders, and its lines for .gitignore
     #[command(after_help = "Examples:\n  karat init\n  karat init my/shaders --github\n\
-                            It looks at the functions and compute passes, writes a `*.test.toml` for one of them, lines for \
-                            .gitignore, and with\n--github or --gitlab a workflow; then it runs the tests. \
-                            What is there already stays as it is.")]
+                            It writes a `*.test.toml` for one function or compute pass, and lines for .gitignore. \
+                            With --github or\n--gitlab it also writes a CI workflow. Then it runs the tests. \
+                            It changes no existing file but .gitignore.")]
     Init(init::Args),
     /// Lists the functions of the shader packages with their signatures, and marks the tested ones
     #[command(after_help = "Examples:\n  karat list\n  karat list --crate bevy_pbr@0.20.1\n\
@@ -222,8 +222,9 @@ enum Command {
                             vector, `n_dot_l` and `roughness` are from 0 to 1.\n`[inputs]` in karat.toml \
                             declares others: roughness = [0.05, 1]. `[[hazard]]` accepts what is meant: \
                             functions, text\n(the operation) and reason.\n\
-                            Exit codes: 0 no fault (with --deny, no requirement either); 1 a hazard of these kinds, or a \
-                            module\ncan't be read, or naga rejects a function; 2 nothing could be checked, or a declaration isn't true.")]
+                            Exit codes: 0 no fault, and with `--deny requirements` no requirement; 1 a fault, a denied requirement, \
+                            a module\nthat can't be read, or a function that naga rejects; 2 nothing could be checked, or a declaration isn't true.\n\
+                            Without --deny, requirements don't change the exit code.")]
     Hazards(hazards::Args),
     /// Compares the results of every function before and after an edit, without a test
     #[command(
@@ -339,7 +340,7 @@ enum Command {
     Manual(manual::Args),
     /// Prints a completion script for a shell
     Completions {
-        /// The shell
+        /// The shell to complete in
         shell: clap_complete::Shell,
     },
 }
@@ -347,7 +348,7 @@ enum Command {
 /// Where the shaders are; a folder needs no option.
 #[derive(clap::Args)]
 struct PlaceArgs {
-    /// Folder of WGSL modules, or one file: as with `--shaders`
+    /// Folder of WGSL modules, or one file; the same as `--shaders`
     #[arg(value_name = "FOLDER", conflicts_with_all = ["package", "krate"])]
     folder: Option<PathBuf>,
     #[command(flatten)]
@@ -375,17 +376,17 @@ impl PlaceArgs {
 /// Where the shaders are.
 #[derive(Clone, clap::Args, Default)]
 struct PackageArgs {
-    /// Folder of WGSL modules, or one file [default: as in `metadata.karat` of Cargo.toml, else
-    /// `shaders` beside one and the folders that recorded tests used; without a Cargo.toml `shaders`, or
-    /// else the working directory]
+    /// Uses this folder of WGSL modules, or one file [default: the folders in `metadata.karat` of Cargo.toml, else
+    /// `shaders` beside a Cargo.toml and the folders of recorded tests; without a Cargo.toml, `shaders`, else the
+    /// working directory]
     #[arg(long = "shaders", value_name = "DIR")]
     package: Option<PathBuf>,
-    /// Shaders of a crate that the project builds (`bevy_pbr`), or of any at an exact version
+    /// Uses the shaders of a crate that the project builds (`bevy_pbr`), or of any crate at an exact version
     /// (`bevy_pbr@0.20.1`), which cargo fetches and doesn't compile
     #[arg(long = "crate", value_name = "NAME[@VERSION]", conflicts_with = "package")]
     krate: Option<String>,
-    /// Folder of the crate's modules, in place of the one that karat finds; `NAME=DIR` sets the folder
-    /// of an imported crate; may be repeated
+    /// Takes the crate's modules from this folder, in place of the folder that Karat finds; `NAME=DIR` sets the
+    /// folder of an imported crate; may be repeated
     #[arg(long = "root", value_name = "[NAME=]DIR", requires = "krate")]
     roots: Vec<String>,
     /// Turns a feature on (`@if(NAME)`, `#ifdef NAME`), or gives it a value (`NAME=3`, `NAME=false`);

@@ -29,19 +29,19 @@ const GONE: Duration = Duration::from_secs(30);
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// Port on 127.0.0.1 [default: any that is free]
+    /// Serves the page on this port of 127.0.0.1 [default: any free port]
     #[arg(long, value_name = "PORT", default_value_t = 0, hide_default_value = true)]
     port: u16,
-    /// Open the page in the usual browser
+    /// Opens the page in your default browser
     #[arg(long)]
     open: bool,
-    /// How long to wait until a browser opens the page
+    /// Waits this many seconds for a browser to open the page
     #[arg(long, value_name = "SECONDS", default_value_t = 120)]
     wait: u64,
-    /// Arguments of `karat test`
+    /// Arguments for `karat test`
     #[arg(value_name = "TEST ARGUMENTS", trailing_var_arg = true, allow_hyphen_values = true)]
     words: Vec<String>,
-    /// Run jobs by the process that this file names
+    /// Passes jobs to the `karat browser` whose port and secret this file holds
     #[arg(long, hide = true, value_name = "FILE")]
     relay: Option<PathBuf>,
 }

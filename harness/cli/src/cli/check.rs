@@ -17,7 +17,7 @@ use super::{Ending, Outcome, PlaceArgs};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// Fail unless this compiler accepts each module, too, whatever karat.toml says
+    /// Fails unless this compiler also accepts each module, even where karat.toml doesn't ask for it
     #[arg(long, value_name = "COMPILER")]
     require: Option<Compiler>,
     #[command(flatten)]

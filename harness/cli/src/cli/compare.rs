@@ -21,25 +21,25 @@ use super::{Ending, Outcome, PlaceArgs, call, write_json};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// What to compare with: a revision of git (`HEAD`, `main`, `v1.2`), or a folder or file
+    /// The old shaders: a revision of git (`HEAD`, `main`, `v1.2`), or a folder or file
     before: String,
-    /// Only functions whose name contains this; may be repeated
+    /// Compares only functions whose name contains this text; may be repeated
     #[arg(long, value_name = "NAME")]
     only: Vec<String>,
-    /// Paths that functions run on
+    /// Runs the functions on these paths
     #[arg(long, value_name = "PATHS", default_value = "cpu", env = "KARAT_PATHS")]
     paths: String,
-    /// Inputs of each function
+    /// Calls each function with this number of generated inputs
     #[arg(long, value_name = "COUNT", default_value_t = 4096,
         value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
     cases: u32,
-    /// Value of an override on both sides, in each function that has one of this name or `@id`; may be repeated
+    /// Sets an `override` on both sides, by its name or its `@id`, in each function that uses it; may be repeated
     #[arg(long = "override", value_name = "NAME=VALUE")]
     overrides: Vec<String>,
-    /// List functions that weren't edited, too
+    /// Also lists functions that weren't edited
     #[arg(long)]
     all: bool,
-    /// Print JSON
+    /// Prints JSON
     #[arg(long)]
     json: bool,
     #[command(flatten)]

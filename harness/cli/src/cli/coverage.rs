@@ -28,33 +28,33 @@ use self::union::{Sum, Union};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// Only tests whose names contain this
+    /// Runs only tests whose names contain this text
     #[arg(long, value_name = "FILTER")]
     tests: Option<String>,
-    /// List the lines that no test runs, and the ways of branches that none takes
+    /// Lists the lines and the sides of branches that no test runs
     #[arg(long)]
     missing: bool,
-    /// Only lines that changed since this branch left a revision of git, such as `main`
+    /// Counts only lines that changed since your branch left this revision of git, such as `main`
     #[arg(long, value_name = "REVISION")]
     in_diff: Option<String>,
-    /// Fail if less of the measured lines ran, in per cent
+    /// Fails if the tests ran less than this share of the measured lines, in per cent
     #[arg(long, value_name = "PERCENT", value_parser = super::percent)]
     fail_under_lines: Option<f64>,
-    /// Write LCOV's format into this file, with a record for each test
+    /// Writes an LCOV tracefile to this file, with a record for each test
     #[arg(long, value_name = "FILE")]
     lcov: Option<PathBuf>,
-    /// Write a page into this file: click a line to see which tests and which inputs come to it
+    /// Writes an HTML page to this file; a click on a line shows the tests and inputs that run it
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
-    /// Print JSON
+    /// Prints JSON
     #[arg(long, conflicts_with = "missing")]
     json: bool,
-    /// The paths that tests run on: `cpu` alone counts
+    /// Runs the tests on these paths; only the path `cpu` counts lines
     #[arg(long, value_name = "PATHS", default_value = "cpu")]
     paths: String,
     #[command(flatten)]
     place: PlaceArgs,
-    /// More arguments of `karat test`
+    /// More arguments for `karat test`
     #[arg(last = true, value_name = "ARGUMENTS")]
     more: Vec<String>,
 }

@@ -47,28 +47,30 @@ mean}, heatmap, heatmap_full (the error that its last colour stands for).";
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// What the other image should be: EXR or PNG
+    /// The expected image: EXR or PNG
     a: PathBuf,
-    /// The image that is compared with it
+    /// The actual image, which is compared with the expected one: EXR or PNG
     b: PathBuf,
-    /// Largest relative difference of a channel [default: 1e-3]
+    /// Accepts this relative difference in each channel [default: 1e-3]
     #[arg(long, value_name = "R", value_parser = relative, allow_hyphen_values = true)]
     rel: Option<f64>,
-    /// Largest mean HDR-FLIP of a tile, where --rel fails
+    /// Also accepts images of which each tile of 16 x 16 pixels has at most this mean HDR-FLIP, if a channel differs
+    /// too much [default: 0.01, or no such rule if you give --rel]
     #[arg(long, value_name = "E", value_parser = bound, allow_hyphen_values = true)]
     flip_tile: Option<f64>,
-    /// Largest mean HDR-FLIP of the image, where --rel fails
+    /// Also accepts images with at most this mean HDR-FLIP, if a channel differs too much [default: 0.005, or no such
+    /// rule if you give --rel]
     #[arg(long, value_name = "E", value_parser = bound, allow_hyphen_values = true)]
     flip_mean: Option<f64>,
-    /// Compare only the pixels whose red is above a half in this image, as it is stored (in a PNG of
-    /// 8 bits from 128 on), or in its part `mask` if it has one
+    /// Compares only the pixels whose stored red is above a half in this image (128 or more in a PNG of 8 bits). If
+    /// the image is an EXR file with a part `mask`, Karat uses that part
     #[arg(long, value_name = "IMAGE")]
     mask: Option<PathBuf>,
-    /// Write HDR-FLIP of each pixel: as PNG in colours (magma), black for 0, on a scale that suits the
-    /// largest error and is drawn below; or as EXR, the errors themselves
+    /// Writes HDR-FLIP of each pixel to this file. A PNG has colours (magma, black for 0) and a legend with the
+    /// scale, which suits the largest error; an EXR has the errors themselves
     #[arg(long, value_name = "OUT", value_parser = heatmap::file)]
     heatmap: Option<PathBuf>,
-    /// Print JSON
+    /// Prints JSON
     #[arg(long)]
     json: bool,
 }

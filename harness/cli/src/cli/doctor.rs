@@ -20,20 +20,21 @@ use super::{Ending, Outcome, write_json};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// A folder of modules: what keeps them from being whole, and what to write into its karat.toml. Without it,
-    /// what this machine has
+    /// Folder of modules: `doctor` says what its modules lack, such as imports or features, and which lines its
+    /// karat.toml needs. Without a folder it lists the paths and tools of this machine
     #[arg(value_name = "PACKAGE")]
     package: Option<std::path::PathBuf>,
-    /// Write these lines into the package's karat.toml
+    /// Writes the missing lines into the package's karat.toml
     #[arg(long, requires = "package")]
     write: bool,
-    /// Fail unless these paths open
+    /// Fails unless these paths open
     #[arg(long, value_name = "PATHS", value_delimiter = ',', env = "KARAT_REQUIRE")]
     require: Vec<String>,
-    /// Ask a program that KARAT_EXECUTORS names, or another path, jobs with known answers, and fail if one is wrong
+    /// Sends jobs with known results to a program that KARAT_EXECUTORS names, or to another path, and fails if a
+    /// result is wrong
     #[arg(long, value_name = "NAME", conflicts_with_all = ["package", "write"])]
     executor: Option<String>,
-    /// Print JSON
+    /// Prints JSON
     #[arg(long)]
     json: bool,
 }

@@ -21,7 +21,7 @@ use super::{Ending, Outcome, Reported, complain, write_json};
 
 #[derive(clap::Args)]
 pub(super) struct FolderArgs {
-    /// Folder of goldens [default: as in `metadata.karat` of Cargo.toml, else `golden`]
+    /// Uses the goldens in this folder [default: the folder that `metadata.karat` of Cargo.toml names, else `golden`]
     #[arg(long, alias = "golden", value_name = "DIR")]
     goldens: Option<PathBuf>,
 }
@@ -94,7 +94,7 @@ fn has_pending(folder: &str) -> bool {
 /// Permission to write into sources in CI.
 #[derive(clap::Args)]
 pub(super) struct CiArgs {
-    /// Write into your sources although `CI` is set
+    /// Allows writing into your sources although `CI` is set
     #[arg(long)]
     pub(super) ci_may_write: bool,
 }
@@ -114,7 +114,7 @@ impl CiArgs {
 /// Where the pending frames are.
 #[derive(clap::Args)]
 pub(super) struct FromArgs {
-    /// Take the pending frames of a CI run: its downloaded artefact, a folder or a zip
+    /// Takes the pending frames of a CI run from its downloaded artefact, a folder or a zip
     #[arg(long, value_name = "DIR|ZIP")]
     from: Option<PathBuf>,
 }
@@ -133,9 +133,8 @@ impl FromArgs {
 
 #[derive(clap::Args)]
 pub(super) struct PendingArgs {
-    /// Print JSON: of each frame status (differs or new), file, profile, and its provenance (case,
-    /// width, height, adapter, compared_with, finding, ...); of a file that can't be used status
-    /// (unusable), file and error
+    /// Prints JSON. Each frame has status (differs or new), file, profile, and its provenance (case, width, height,
+    /// adapter, compared_with, finding, ...). Each file that Karat can't use has status (unusable), file and error
     #[arg(long)]
     json: bool,
     #[command(flatten)]
@@ -146,22 +145,23 @@ pub(super) struct PendingArgs {
 
 #[derive(clap::Args)]
 pub(super) struct AcceptArgs {
-    /// Names or globs of pending frames; of one crate: `crate::name`
+    /// Names or globs of pending frames; `crate::name` selects frames of one crate
     #[arg(required = true)]
     frames: Vec<String>,
-    /// Why the new image is right; kept with the golden
+    /// Keeps this reason with the golden: why the new image is right
     #[arg(long, value_name = "REASON", alias = "reason")]
     because: String,
-    /// Who accepts [default: Git's user.name, else the login name]
+    /// Keeps this name with the golden: who accepted it [default: Git's user.name, else the login name]
     #[arg(long, value_name = "NAME")]
     by: Option<String>,
-    /// Accept a frame that wasn't rendered on lavapipe
+    /// Accepts a frame even if another driver than lavapipe rendered it
     #[arg(long)]
     any_adapter: bool,
-    /// Make it the golden of one profile, where the golden for all fails: `gl-llvmpipe`
+    /// Makes the frame the golden of this profile alone, such as `gl-llvmpipe`, if the golden for all profiles fails
+    /// there
     #[arg(long, value_name = "PROFILE")]
     profile: Option<String>,
-    /// Print JSON: of each frame case, accepted, golden, written, warnings, error
+    /// Prints JSON: case, accepted, golden, written, warnings and error for each frame
     #[arg(long)]
     json: bool,
     #[command(flatten)]
@@ -174,10 +174,10 @@ pub(super) struct AcceptArgs {
 
 #[derive(clap::Args)]
 pub(super) struct RejectArgs {
-    /// Names or globs of pending frames; of one crate: `crate::name`
+    /// Names or globs of pending frames; `crate::name` selects frames of one crate
     #[arg(required = true)]
     frames: Vec<String>,
-    /// Print JSON: of each frame case and file
+    /// Prints JSON: case and file for each frame
     #[arg(long)]
     json: bool,
     #[command(flatten)]

@@ -26,33 +26,34 @@ const LINES: usize = 4;
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// Only functions whose name contains this; may be repeated
+    /// Checks only functions whose name contains this text; may be repeated
     #[arg(long, value_name = "NAME")]
     only: Vec<String>,
-    /// Only hazards of this kind: `nan`, `infinite`, `out_of_range`, `by_zero`, `lost_digits`, `unbounded`, ...;
-    /// may be repeated
+    /// Reports only hazards of this kind: `nan`, `infinite`, `out_of_range`, `by_zero`, `lost_digits`, `unbounded`,
+    /// ...; may be repeated
     #[arg(long = "kind", value_name = "KIND", value_parser = kind)]
     kinds: Vec<Kind>,
-    /// What arguments of a name are: `roughness=0.05..1`; may be repeated
+    /// Declares the range of arguments with this name: `roughness=0.05..1`; may be repeated
     #[arg(long = "input", value_name = "NAME=LEAST..MOST", value_parser = input)]
     inputs: Vec<(String, RangeInclusive<f64>)>,
-    /// The value of an `override`, by its name or its `@id`; may be repeated
+    /// Sets an `override`, by its name or its `@id`; may be repeated
     #[arg(long = "override", value_name = "NAME=VALUE")]
     overrides: Vec<String>,
-    /// Inputs of each function
+    /// Runs each function on this number of generated inputs
     #[arg(long, value_name = "COUNT", default_value_t = 1024,
         value_parser = clap::value_parser!(u32).range(1..=65_536))]
     cases: u32,
-    /// Fail the run for these, too: `requirements`
+    /// Also fails if there are findings of this class
     #[arg(long, value_name = "CLASS", value_parser = ["requirements"])]
     deny: Vec<String>,
-    /// Show all, with what callers meet and what is dropped, and the functions that weren't looked at
+    /// Shows every finding, also those that no caller triggers and those whose value is dropped, and the functions
+    /// that weren't checked
     #[arg(long)]
     all: bool,
-    /// Show those that karat.toml accepts, too
+    /// Also shows the hazards that karat.toml accepts
     #[arg(long)]
     accepted: bool,
-    /// Print JSON
+    /// Prints JSON
     #[arg(long)]
     json: bool,
     #[command(flatten)]

@@ -27,13 +27,13 @@ use super::{Ending, Outcome, PackageArgs, check};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// Folder of shaders [default: the first that `karat test` finds, such as `shaders`, else the working
+    /// Folder of shaders [default: the first folder that `karat test` finds, such as `shaders`, else the working
     /// directory]
     folder: Option<PathBuf>,
-    /// Write a workflow for GitHub Actions
+    /// Writes a workflow for GitHub Actions
     #[arg(long)]
     github: bool,
-    /// Write a pipeline for GitLab
+    /// Writes a pipeline for GitLab
     #[arg(long)]
     gitlab: bool,
     #[command(flatten)]

@@ -22,10 +22,10 @@ use super::{Ending, Outcome, PlaceArgs, resolved, write_json};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// List the tests beside the shaders in place of functions
+    /// Lists the tests beside the shaders, in place of functions
     #[arg(long)]
     tests: bool,
-    /// Print JSON
+    /// Prints JSON
     #[arg(long)]
     json: bool,
     #[command(flatten)]

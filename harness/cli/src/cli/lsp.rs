@@ -37,10 +37,10 @@ const LOOK: Duration = Duration::from_millis(500);
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// Execution paths on which tests without Rust run after each save, each in a process of its own
+    /// Runs the tests without Rust on these paths after each save, with one process per path
     #[arg(long, value_name = "PATHS", default_value = "cpu", env = "KARAT_PATHS")]
     paths: String,
-    /// What editors pass for the only way that there is
+    /// Does nothing: editors pass it, and the server always uses standard input and output
     #[arg(long, hide = true)]
     stdio: bool,
 }

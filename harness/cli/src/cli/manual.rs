@@ -11,7 +11,7 @@ use super::{Ending, Outcome};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// Print the place of the manual, and open no browser
+    /// Prints the path of the manual, and opens no browser
     #[arg(long)]
     no_open: bool,
 }

@@ -26,9 +26,9 @@ Exit codes: 0 it matches; 1 it differs, or there is no golden; 2 it can't be rea
 pub(super) struct Args {
     /// The name of the golden
     name: String,
-    /// EXR, or PNG, which is made linear
+    /// The image to compare: EXR, or PNG, which is made linear
     image: PathBuf,
-    /// The program that drew it
+    /// Keeps the name of the program that drew the image
     #[arg(long, value_name = "PROGRAM", default_value = "another program")]
     by: String,
     #[command(flatten)]

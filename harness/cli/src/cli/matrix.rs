@@ -23,45 +23,46 @@ use super::{
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// Columns: paths (`vulkan:hlsl`) and languages (`msl`) [default: all that are usual]
+    /// Shows these columns: paths (`vulkan:hlsl`) and languages (`msl`) [default: 12 usual columns]
     #[arg(long, value_name = "COLUMNS", value_delimiter = ',')]
     columns: Vec<Column>,
-    /// Fail unless every row gets that far: `vulkan:hlsl=executed`; may be a list. A row that
-    /// `[[matrix]]` in `karat.toml` declares not to get there is left out, and must not get there
+    /// Fails unless every row reaches this status in this column: `vulkan:hlsl=executed`; may be a list. A row that
+    /// `[[matrix]]` in `karat.toml` declares as failing there is exempt, and must still fail
     #[arg(long, value_name = "COLUMN=STATUS", value_delimiter = ',', value_parser = requirement)]
     require: Vec<(String, Status)>,
-    /// Only rows whose name contains this; may be repeated
+    /// Runs only rows whose name contains this text; may be repeated
     #[arg(long, value_name = "NAME")]
     only: Vec<String>,
-    /// Inputs of each function
+    /// Runs each function on this number of generated inputs
     #[arg(long, value_name = "COUNT", default_value_t = 512)]
     cases: usize,
-    /// How far two columns' results may differ, relative or absolute
+    /// Accepts this relative or absolute difference between the results of two columns
     #[arg(long, value_name = "BOUND", default_value_t = 1e-3, value_parser = bound)]
     within: f64,
-    /// The value of an `override`, by its name or its `@id`; may be repeated
+    /// Sets an `override`, by its name or its `@id`; may be repeated
     #[arg(long = "override", value_name = "NAME=VALUE")]
     overrides: Vec<String>,
-    /// Print JSON
+    /// Prints JSON
     #[arg(long)]
     json: bool,
-    /// Write the table as Markdown
+    /// Writes the table as Markdown to this file
     #[arg(long, value_name = "FILE")]
     markdown: Option<PathBuf>,
-    /// Write a page: each cell with its evidence, and the translation beside the author's text
+    /// Writes an HTML page to this file: each cell with its evidence, and the translation beside the WGSL
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
-    /// Write JUnit XML
+    /// Writes JUnit XML to this file
     #[arg(long, value_name = "FILE")]
     junit: Option<PathBuf>,
-    /// Write a folder for each row that differs or is rejected, to be attached to a bug report; DIR
-    /// must be new or empty
+    /// Writes a folder below DIR for each row that differs or is rejected, to attach to a bug report; DIR must be new
+    /// or empty
     #[arg(long, value_name = "DIR")]
     reproduce: Option<PathBuf>,
-    /// Judge functions by what their tests found on the same paths, in the record of the last run
+    /// Judges functions by the verdicts of their tests on the same paths, from the record of the last run
     #[arg(long)]
     tests: bool,
-    /// Write to this file which row runs where, for when one ends the process
+    /// Writes each row and its column to this file before it runs, so that the file names the row that ended the
+    /// process
     #[arg(long, hide = true)]
     journal: Option<PathBuf>,
     #[command(flatten)]

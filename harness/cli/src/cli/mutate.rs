@@ -30,49 +30,50 @@ use self::rust::{OfPackage, RustTests};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// Only mutants of functions and constants whose names contain this, or the one with this id; may be repeated
+    /// Tries only mutants of functions and constants whose names contain this text, or the mutant with this id; may
+    /// be repeated
     #[arg(long, value_name = "NAME")]
     only: Vec<String>,
-    /// Only tests whose names contain this
+    /// Runs only tests whose names contain this text
     #[arg(long, value_name = "FILTER")]
     tests: Option<String>,
-    /// Only tests in Rust of this Cargo package; may be repeated [default: the whole workspace]
+    /// Runs only the Rust tests of this Cargo package; may be repeated [default: the whole workspace]
     #[arg(short = 'p', long = "package", value_name = "NAME")]
     cargo_packages: Vec<String>,
-    /// Try so many mutants of each package, by the seed
+    /// Tries a random sample of this many mutants of each package
     #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u32).range(1..))]
     sample: Option<u32>,
-    /// The seed of a sample
+    /// Chooses the sample by this seed
     #[arg(long, value_name = "SEED", default_value_t = 1, requires = "sample")]
     seed: u64,
-    /// Only lines that changed since this branch left a revision of git, such as `main`
+    /// Tries only mutants of lines that changed since your branch left this revision of git, such as `main`
     #[arg(long, value_name = "REVISION")]
     in_diff: Option<String>,
-    /// Fail below this score, in per cent [default: 100]
+    /// Fails if the score is below this number of per cent [default: 100]
     #[arg(long, value_name = "PERCENT", value_parser = super::percent)]
     fail_under: Option<f64>,
-    /// The path that tests run on
+    /// Runs the tests on this path
     #[arg(long, value_name = "PATH", default_value = "cpu")]
     paths: String,
-    /// Show all mutants: killed, equal and accepted ones, those that aren't valid, and each that no test uses
+    /// Shows all mutants: also those that are killed, equal, accepted, invalid, or used by no test
     #[arg(long)]
     all: bool,
-    /// The language of suggested tests
+    /// Suggests tests in this language
     #[arg(long, value_name = "LANGUAGE", value_enum, default_value = "toml")]
     suggest: Suggest,
-    /// List the mutants, and try none
+    /// Lists the mutants, and tries none
     #[arg(long, conflicts_with_all = ["json", "stryker", "all", "fail_under"])]
     list: bool,
-    /// Write Stryker's report, `mutation.json`, into this file
+    /// Writes a report in the format of Stryker's `mutation.json` to this file
     #[arg(long, value_name = "FILE")]
     stryker: Option<PathBuf>,
-    /// Annotate the lines of mutants that lived, as on GitHub
+    /// Annotates the lines of surviving mutants for GitHub
     #[arg(long)]
     github: bool,
-    /// Print JSON
+    /// Prints JSON
     #[arg(long, conflicts_with = "github")]
     json: bool,
-    /// The folder for what tests leave: this is the process that tries the mutants
+    /// Tries the mutants in this process, and keeps the files of the tests in this folder
     #[arg(long, hide = true)]
     scratch: Option<PathBuf>,
     #[command(flatten)]

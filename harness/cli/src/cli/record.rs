@@ -17,13 +17,13 @@ use super::{Outcome, child};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// Keep the record in this folder, new or empty, for `karat report --merge` [default: as the last
-    /// run of the project]
+    /// Keeps the record in this new or empty folder, for `karat report --merge` [default: the record of the project's
+    /// last run]
     #[arg(long, value_name = "DIR")]
     into: Option<PathBuf>,
     #[command(flatten)]
     output: OutputArgs,
-    /// What runs the tests, with its arguments
+    /// The command that runs the tests, with its arguments
     #[arg(last = true, required = true, value_name = "COMMAND")]
     command: Vec<OsString>,
 }

@@ -14,9 +14,9 @@ use super::{Ending, NotThere, Outcome, child};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// The name that `karat test` gives a failure [default: the only one]
+    /// The name that `karat test` prints for a failure [default: the only failure]
     name: Option<String>,
-    /// Print the whole command, and run nothing
+    /// Prints the whole command, and runs nothing
     #[arg(long)]
     print: bool,
 }

@@ -43,33 +43,32 @@ use super::{NotThere, Outcome, spare};
 /// What is written besides the tables.
 #[derive(clap::Args)]
 pub(super) struct OutputArgs {
-    /// Write JUnit XML
+    /// Writes JUnit XML to this file
     #[arg(long, value_name = "FILE")]
     junit: Option<PathBuf>,
-    /// Write one page, which opens from a file: verdicts, errors, plots of what fails
+    /// Writes the HTML report to this file, one page that needs no other files: verdicts, errors, plots of failures
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
-    /// Write all records as JSON
+    /// Writes all records as JSON to this file
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Where the page of frames is, which `karat review --static` writes; the report links to it
+    /// Links the HTML report to the page of frames at this URL, which `karat review --static` writes
     #[arg(long, value_name = "URL", requires = "html")]
     review: Option<String>,
-    /// Where the page of translations is, which `karat matrix --html` writes; the report links to it
+    /// Links the HTML report to the page of translations at this URL, which `karat matrix --html` writes
     #[arg(long, value_name = "URL", requires = "html")]
     matrix: Option<String>,
-    /// Look for hazards, too, and show them on the page
+    /// Finds hazards as `karat hazards` does, and shows them on the HTML page
     #[arg(long, requires = "html")]
     hazards: bool,
-    /// Print each check that passes, where otherwise those of a module are one line
+    /// Prints a line for each check that passes, in place of one line per module
     #[arg(long)]
     pub(super) all: bool,
-    /// Print a line for each failure, `file:line:column: error: message`, and how many there are, and
-    /// nothing else: for editors
+    /// Prints, for editors, only one line per failure, `file:line:column: error: message`, and the number of failures
     #[arg(long, conflicts_with_all = ["all", "github"])]
     pub(super) short: bool,
-    /// Print GitHub's annotations of failures and append to the job's summary [default: where
-    /// GITHUB_ACTIONS is `true`]
+    /// Prints failures as GitHub annotations, and appends to the job's summary [default: on if GITHUB_ACTIONS is
+    /// `true`]
     #[arg(long)]
     github: bool,
 }
@@ -78,10 +77,10 @@ pub(super) struct OutputArgs {
 pub(super) struct Args {
     #[command(flatten)]
     output: OutputArgs,
-    /// Folder of records, or a project, of which the last run is taken [default: the project here]
+    /// Reads this folder of records, or the last run of the project in this folder [default: the current project]
     #[arg(long, value_name = "DIR")]
     record: Option<PathBuf>,
-    /// Folders of records of parts of one run, as `karat record --into` makes them; may be repeated
+    /// Merges these folders of records, the parts of one run, which `karat record --into` wrote; may be repeated
     #[arg(long, value_name = "DIR", num_args = 1.., conflicts_with = "record")]
     merge: Vec<PathBuf>,
 }

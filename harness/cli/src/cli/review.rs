@@ -21,20 +21,20 @@ use super::{Ending, Outcome, PackageArgs};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// Write the page into a folder instead: it opens from there without a server, and shows the
-    /// commands to type
+    /// Writes the page into this folder, and starts no server. Open the page from there; it shows the commands to
+    /// type
     #[arg(long = "static", value_name = "DIR", conflicts_with_all = ["port", "open"])]
     files: Option<PathBuf>,
-    /// Port on 127.0.0.1 [default: any that is free]
+    /// Serves the page on this port of 127.0.0.1 [default: any free port]
     #[arg(long, value_name = "PORT", default_value_t = 0, hide_default_value = true)]
     port: u16,
-    /// Open the page in a browser
+    /// Opens the page in your default browser
     #[arg(long)]
     open: bool,
-    /// Let VS Code show the page in a panel
+    /// Lets VS Code show the page in a panel
     #[arg(long, conflicts_with = "files")]
     in_editor: bool,
-    /// Show all goldens, too, with their history
+    /// Also shows all goldens, with their history
     #[arg(long)]
     all_goldens: bool,
     #[command(flatten)]

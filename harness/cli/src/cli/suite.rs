@@ -25,27 +25,27 @@ mod serve;
 pub(super) struct Args {
     /// Folder of shaders, or one file
     folder: PathBuf,
-    /// Only tests whose names contain this, or call a function whose name does
+    /// Runs only tests whose name contains this text, or that call a function whose name contains it
     filter: Option<String>,
-    /// Only the test of exactly this name
+    /// Runs only the test with exactly this name
     #[arg(long)]
     exact: bool,
-    /// Leave frames out
+    /// Leaves frames out
     #[arg(long, alias = "functions")]
     no_frames: bool,
-    /// Run tests whenever a line of standard input asks for it, and tell verdicts in lines of JSON
+    /// Runs tests whenever a line of standard input asks for it, and prints verdicts as lines of JSON
     #[arg(long, hide = true)]
     serve: bool,
-    /// With `--serve`: the tests are Rust's, of the Cargo project in the folder
+    /// With `--serve`, runs the Rust tests of the Cargo project in the folder
     #[arg(long, hide = true)]
     cargo: bool,
-    /// End when standard input ends, as the program that waits for the verdicts is gone then
+    /// Ends when standard input ends, because the program that waits for the verdicts has ended then
     #[arg(long, hide = true)]
     attended: bool,
-    /// Print the names, and run nothing
+    /// Prints the names, and runs nothing
     #[arg(long)]
     list: bool,
-    /// Feature of conditions; may be repeated
+    /// Turns a feature on (`@if(NAME)`, `#ifdef NAME`), or gives it a value (`NAME=3`, `NAME=false`); may be repeated
     #[arg(long = "feature", value_name = "NAME[=VALUE]", value_parser = super::feature)]
     features: Vec<(String, Feature)>,
 }

@@ -27,20 +27,20 @@ Exit codes: 0 each value was told; 1 one can't be; 2 there is no such frame, or 
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// The frame, or the compute pass
+    /// The name of a frame or of a compute pass
     frame: String,
-    /// A `let` or a parameter by its name, an expression that stands once, a place (FILE:LINE, FILE:LINE:COLUMN), or
-    /// `karat:print`
+    /// The value to show: the name of a `let` or a parameter, an expression that occurs once, a place (FILE:LINE,
+    /// FILE:LINE:COLUMN), or `karat:print`
     #[arg(value_name = "VALUE")]
     values: Vec<String>,
-    /// The value that a pixel computes for this time, from 1 [default: the last]
+    /// Shows the value of the Nth time that a pixel computes it, from 1 [default: the last time]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     round: Option<u32>,
-    /// A pixel, or an invocation, at which the engine's value stands beside the driver's; may be repeated
+    /// Also prints the value that Karat's engine computes at this pixel or invocation; may be repeated
     #[arg(long, value_name = "X,Y", value_parser = karat_gallery::pixel, requires = "values")]
     at: Vec<(u32, u32)>,
-    /// Draw the frame's colours beside the value, and compare them with the frame: a driver may compute otherwise what it
-    /// computes alone
+    /// Draws the frame's colours and the value together, and compares these colours with the usual frame. They differ
+    /// if the driver computes the frame in another way while it shows a value
     #[arg(long)]
     beside: bool,
     #[command(flatten)]

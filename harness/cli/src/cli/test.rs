@@ -27,37 +27,38 @@ use super::{NotThere, Outcome, PackageArgs, check, child, suite};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// Only tests whose names contain this, or that check a function or a golden whose name does; or a
-    /// folder or file of shaders, whose own tests are run: functions with `@test`, and `*.test.toml`
+    /// Runs only tests whose names contain this text, or that check a function or a golden whose name contains it. A
+    /// folder or file of shaders runs its own tests: functions with `@test`, and `*.test.toml`
     #[arg(value_name = "FILTER|FOLDER")]
     what: Option<String>,
-    /// With a folder: only tests whose names contain this, or that of a function that they call
+    /// With a folder, runs only tests whose name contains this text, or that call a function whose name contains it
     filter: Option<String>,
-    /// Only the test of exactly this name
+    /// Runs only the test with exactly this name
     #[arg(long)]
     exact: bool,
-    /// Only the test of exactly this name; may be repeated. Lenses of an editor have several
+    /// Runs only the test with exactly this name; may be repeated, as an editor's lens may have several tests
     #[arg(long, value_name = "NAME", hide = true, conflicts_with_all = ["exact", "failed", "filter"])]
     named: Vec<String>,
-    /// Only the tests that failed in the last run
+    /// Runs only the tests that failed in the last run
     #[arg(long, conflicts_with_all = ["exact", "filter"])]
     failed: bool,
-    /// Only tests of this Cargo package; may be repeated [default: the whole workspace]
+    /// Runs only tests of this Cargo package; may be repeated [default: the whole workspace]
     #[arg(short = 'p', long = "package", value_name = "NAME")]
     cargo_packages: Vec<String>,
-    /// Only this test target (the name of a file in `tests/`); may be repeated
+    /// Runs only this test target, the name of a file in `tests/`; may be repeated
     #[arg(long = "test", value_name = "NAME")]
     targets: Vec<String>,
-    /// Execution paths: `vulkan`, `vulkan,gl`, or `all` that open
+    /// Runs the checks on these paths: `vulkan`, `vulkan,gl`, or `all` for all drivers that open [default: the first
+    /// driver that opens, else `cpu`]
     #[arg(long, value_name = "PATHS", env = "KARAT_PATHS")]
     paths: Option<String>,
-    /// Paths that must run
+    /// Fails if one of these paths didn't run
     #[arg(long, value_name = "PATHS", env = "KARAT_REQUIRE")]
     require: Option<String>,
-    /// Orders of invocations that are drawn for compute passes with more than 4,096 orders [default: 16]
+    /// Samples this many orders of invocations for each compute pass that has more than 4,096 orders [default: 16]
     #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u64).range(..=65536))]
     schedules: Option<u64>,
-    /// Leave frames out, which need a driver
+    /// Leaves out frames, which need a driver
     #[arg(long, alias = "functions")]
     no_frames: bool,
     #[command(flatten)]

@@ -29,18 +29,18 @@ Exit codes: 0 it was traced, and no step differs; 1 it can't be, or a step diffe
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// The frame
+    /// The name of the frame
     frame: String,
-    /// The pixel: its column and its row
+    /// The column and the row of the pixel, from 0,0 at the upper left
     #[arg(value_name = "X,Y", value_parser = karat_gallery::pixel)]
     pixel: (u32, u32),
-    /// The draw that covers the pixel: 1 is the one that it shows, 2 the one that it would show without that one
+    /// Traces the Nth draw from the front that covers the pixel: 1 is the visible draw, 2 the draw behind it
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     layer: u32,
-    /// Compare the steps with those of the shaders at a revision of git
+    /// Compares the steps with those of the shaders at this revision of git
     #[arg(long, value_name = "REVISION")]
     against: Option<String>,
-    /// Print JSON
+    /// Prints JSON
     #[arg(long)]
     json: bool,
     #[command(flatten)]

@@ -15,18 +15,19 @@ use super::{Ending, Outcome, PackageArgs, spare_shaders};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// The function, `module::name`, which gets a small entry point; or a module, with its own
+    /// The function, `module::name`, for which Karat writes a small entry point; or a module with entry points of its
+    /// own
     what: String,
-    /// The language
+    /// Translates into this language
     #[arg(long, value_name = "LANGUAGE", value_parser = language())]
     to: String,
-    /// One entry point of the module [default: all, one text each where the language wants that]
+    /// Translates only this entry point of the module [default: all; some languages need one text per entry point]
     #[arg(long, value_name = "NAME")]
     entry_point: Option<String>,
-    /// Write it to a file
+    /// Writes the translation to this file [default: standard output]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Ask the validators that are installed; `karat doctor` lists them
+    /// Validates the translation with the installed validators; `karat doctor` lists them
     #[arg(long)]
     validate: bool,
     #[command(flatten)]

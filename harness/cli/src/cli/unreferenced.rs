@@ -25,16 +25,15 @@ use super::{Ending, NotThere, Outcome, write_json};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// Delete them, with their facts, after listing them
+    /// Lists the unreferenced goldens, then deletes them with their facts (`.toml`)
     #[arg(long)]
     delete: bool,
-    /// Print JSON: record, compared, unreferenced {case, profile, file}, unjudged (the same),
-    /// doubtful {case, profile, file, problem} (their facts are missing, or others than their
-    /// image's), stray {file, reason}, deleted (files), left (unreferenced goldens that --delete
-    /// left alone)
+    /// Prints JSON: record, compared, unreferenced {case, profile, file}, unjudged (the same), doubtful {case,
+    /// profile, file, problem} (facts are missing, or don't match the image), stray {file, reason}, deleted (files),
+    /// left (unreferenced goldens that --delete kept)
     #[arg(long)]
     json: bool,
-    /// Folder of records [default: that of the last run]
+    /// Reads the records in this folder [default: the record of the last run]
     #[arg(long, value_name = "DIR")]
     record: Option<PathBuf>,
     #[command(flatten)]

@@ -42,15 +42,15 @@ const PATHS: &str = "cpu,vulkan";
 pub(super) struct Args {
     /// Cargo project, folder of shaders, or one file [default: the working directory]
     folder: Option<PathBuf>,
-    /// Only tests whose names contain this
+    /// Runs only tests whose names contain this text
     filter: Option<String>,
-    /// Execution paths, each in a process of its own; the first has its verdict first
+    /// Runs the tests on these paths, with one process per path; the first path gives its verdict first
     #[arg(long, value_name = "PATHS", default_value = PATHS, env = "KARAT_PATHS")]
     paths: String,
-    /// Print lines, as where there is no terminal
+    /// Prints lines, as it does without a terminal
     #[arg(long)]
     lines: bool,
-    /// Run the tests once, and end
+    /// Runs the tests once, and ends
     #[arg(long, hide = true)]
     once: bool,
 }
