@@ -98,7 +98,7 @@ struct NotThere(String);
     after_help = "Start with `karat init`, then `karat watch`; `karat doctor` lists the drivers that open.\n\
                   Environment: KARAT_PATHS (vulkan, gl, all), KARAT_REQUIRE (paths that must run), \
                   KARAT_ADAPTER (part of a name),\nKARAT_TIMEOUT (seconds), KARAT_FUEL (rounds of loops on `cpu`), KARAT_SEED and \
-                  KARAT_CASE (replay),\nKARAT_OVERLAY (a folder of files that stand in for \
+                  KARAT_CASE (replay),\nKARAT_OVERLAY (a folder of files that replace \
                   modules), NO_COLOR.\n\
                   Exit codes: 0 good; 1 a check failed, a frame differs, an acceptance is refused; \
                   2 the command couldn't do its work;\n3 its input is missing (an image, a golden, a record). \
@@ -113,7 +113,7 @@ struct Cli {
 enum Command {
     /// Runs the tests, and prints a row for each function and path with its cases and its worst error
     #[command(after_help = "Examples:\n  karat test\n  karat test schlick --paths all\n  \
-                            karat test --failed                what failed in the last run\n  \
+                            karat test --failed                the failures of the last run\n  \
                             karat test shaders                 tests without Rust: @test, *.test.toml\n  \
                             karat test -p tests --require vulkan,gl\n  \
                             karat test --junit target/karat/junit.xml\n  \
@@ -131,12 +131,12 @@ enum Command {
     Watch(watch::Args),
     /// Serves an editor (LSP): shows invalid modules, failing tests, and a lens beside each function
     #[command(
-        after_help = "An editor starts it: docs/editors.md has the lines for VS Code, Helix, Zed and Neovim.\n\
+        after_help = "An editor starts the server: docs/editors.md has the settings for VS Code, Helix, Zed and Neovim.\n\
                             It shows invalid modules as you type, and failures of the last `karat test`. After each\n\
                             save it runs the tests without Rust. It hides verdicts of files that have changed\n\
                             since. A lens beside each function has its worst error, and\n\
                             runs its tests. Without a server, `karat test --short` has a line for each failure.\n\
-                            Exit codes: 0 the editor asked it to shut down; 1 it didn't."
+                            Exit codes: 0 the editor asked the server to shut down; 1 the editor ended without asking."
     )]
     Lsp(lsp::Args),
     /// Runs the tests of a folder of shaders as `karat test` does, and prints lines
@@ -144,7 +144,7 @@ enum Command {
     Suite(suite::Args),
     /// Runs the tests in a browser on this machine
     #[command(after_help = "Examples:\n  karat browser\n  karat browser --open shaders\n  \
-                            karat browser -- tests/brdf --junit out.xml    what `karat test` takes\n\
+                            karat browser -- tests/brdf --junit out.xml    with arguments for `karat test`\n\
                             Only this machine can reach the page, and its URL has a secret. Paths `dawn` and `chromium` need no page.\n\
                             Exit codes: those of `karat test`; 2 also if no browser opens the page.")]
     Browser(browser::Args),
@@ -152,15 +152,15 @@ enum Command {
     #[command(after_help = "Examples:\n  karat replay          the only failure\n  \
                             karat replay 3f2a     as `karat test` names it\n  \
                             karat replay 3f2a --print    the whole command, for a debugger or CI\n\
-                            It is the simplest case that was found, on the first path that fails.\n\
-                            Exit codes: 0 it passes now; 1 it fails; 2 it can't be run; 3 there is no such failure.")]
+                            It runs the simplest failing case that was found, on the first path that fails.\n\
+                            Exit codes: 0 the case passes now; 1 it fails; 2 it can't be run; 3 there is no such failure.")]
     Replay(replay::Args),
     /// Runs your own test command, and records the verdicts of its checks
     #[command(after_help = "Examples:\n  karat record -- cargo nextest run\n  \
                             karat record --into part-1 -- cargo nextest run --partition count:1/3\n  \
                             karat report --merge part-1 part-2 part-3 --html report.html\n\
                             It sets KARAT_RECORD for the command, and prints the table of `karat test` after it.\n\
-                            Exit codes: 0 the command and each check passed; 1 one didn't; 2 no check ran, or the \
+                            Exit codes: 0 the command and all checks passed; 1 the command or a check failed; 2 no check ran, or the \
                             command can't be run.")]
     Record(record::Args),
     /// Prints the verdicts of the last run, and writes reports for CI
@@ -168,27 +168,27 @@ enum Command {
                             karat report --junit target/karat/junit.xml\n  \
                             karat report --html report.html\n  \
                             karat report --merge shard1 shard2 shard3 --html report.html\n\
-                            Exit codes: 0 every check passed; 1 one failed; 2 the record can't be \
-                            read; 3 there is none.")]
+                            Exit codes: 0 every check passed; 1 a check failed; 2 the record can't be \
+                            read; 3 there is no record.")]
     Report(report::Args),
     /// Validates every module and entry point of the shader packages, and runs no test
     #[command(after_help = "Examples:\n  karat check\n  karat check --shaders shaders\n\
-                            `karat test` does it, too. A module that is valid only with features is \
-                            declared in Cargo.toml:\n  [package.metadata.karat.features]\n  \
+                            `karat test` does it, too. If a module is valid only with features, \
+                            declare them in Cargo.toml:\n  [package.metadata.karat.features]\n  \
                             \"debug::overlay\" = [\"DEBUG\"]\n\
-                            Exit codes: 0 all modules are valid; 1 one isn't; 2 a package can't be \
+                            Exit codes: 0 all modules are valid; 1 a module is invalid; 2 a package can't be \
                             read.")]
     Check(check::Args),
-    /// Writes a first passing test for a folder of shaders, and its lines for .gitignore
+    /// Writes a first test for a folder of shaders and lines for .gitignore, and on request a CI workflow
     #[command(after_help = "Examples:\n  karat init\n  karat init my/shaders --github\n\
                             It writes a `*.test.toml` for one function or compute pass, and lines for .gitignore. \
                             With --github or\n--gitlab it also writes a CI workflow. Then it runs the tests. \
-                            It changes no existing file but .gitignore.")]
+                            It keeps what you wrote,\nand only adds lines to .gitignore, Cargo.toml, package.json and karat.toml.")]
     Init(init::Args),
     /// Lists the functions of the shader packages with their signatures, and marks the tested ones
     #[command(after_help = "Examples:\n  karat list\n  karat list --crate bevy_pbr@0.20.1\n\
-                            Exit codes: 0 every module is valid; 1 one isn't, and its functions are \
-                            listed as far as they are;\n2 a package can't be read.")]
+                            Exit codes: 0 every module is valid; 1 a module is invalid, and its \
+                            list may be incomplete;\n2 a package can't be read.")]
     List(list::Args),
     /// Prints the linked shader of a function with its generated kernel
     Show(show::Args),
@@ -198,30 +198,29 @@ enum Command {
                             karat translate scene --to glsl --entry-point fs_main --out scene.frag\n  \
                             karat translate fresnel::schlick --to spirv | spirv-dis\n\
                             The options are those of wgpu; the first line of the output lists them.\n\
-                            Exit codes: 0 translated, and valid if that was asked; 1 a validator \
-                            rejects it;\n2 naga doesn't translate it, or the shader can't be read.")]
+                            Exit codes: 0 translated, and valid if you asked with --validate; 1 a validator \
+                            rejects the translation;\n2 naga can't translate the shader, or the shader can't be read.")]
     Translate(translate::Args),
     /// Translates every function and entry point with naga, then validates, runs and compares the results
     #[command(
         after_help = "Examples:\n  karat matrix\n  karat matrix my/shaders\n  karat matrix --crate bevy_pbr@0.20.1\n  \
                             karat matrix --columns vulkan,vulkan:hlsl,msl --only fresnel\n  \
                             karat matrix --require vulkan:hlsl=executed,vulkan:glsl=agrees\n\
-                            A row is `translated` by naga, `valid` for all validators that are here, \
-                            `executed` on inputs drawn\nfrom its signature, and `agrees` with another \
-                            column. Without a validator nothing is valid.\n\
-                            Exit codes: 0 nothing is wrong but what karat.toml declares, and what \
-                            --require names is reached;\n1 anything else is wrong, or a requirement isn't reached; 2 a function \
-                            can't be read, or nothing was judged."
+                            The status of a row is `translated` if naga translates it, `valid` if all installed validators accept it,\n\
+                            `executed` if it runs on inputs generated from its signature, and `agrees` if another column has the\n\
+                            same results. Without a validator no row is `valid`.\n\
+                            Exit codes: 0 only failures that karat.toml declares, and --require is met;\n1 another failure, or \
+                            --require isn't met; 2 a function can't be read, or nothing was judged."
     )]
     Matrix(matrix::Args),
     /// Finds operations that can go wrong, without a test: NaN, infinities, lost digits
     #[command(after_help = "Examples:\n  karat hazards\n  karat hazards my/shaders --all\n  \
                             karat hazards --only fresnel --input roughness=0.05..1\n\
-                            Karat's own engine runs each function in f32, in f64 and in intervals; no \
-                            driver is needed.\nArguments come from their types and names: `n` is a unit \
+                            Karat's own engine runs each function in f32, in f64 and in intervals; it needs no \
+                            driver.\nKarat generates arguments from types and names: `n` is a unit \
                             vector, `n_dot_l` and `roughness` are from 0 to 1.\n`[inputs]` in karat.toml \
-                            declares others: roughness = [0.05, 1]. `[[hazard]]` accepts what is meant: \
-                            functions, text\n(the operation) and reason.\n\
+                            declares other ranges: roughness = [0.05, 1]. `[[hazard]]` accepts an intended \
+                            hazard,\nwith functions, text (the operation) and reason.\n\
                             Exit codes: 0 no fault, and with `--deny requirements` no requirement; 1 a fault, a denied requirement, \
                             a module\nthat can't be read, or a function that naga rejects; 2 nothing could be checked, or a declaration isn't true.\n\
                             Without --deny, requirements don't change the exit code.")]
@@ -230,12 +229,10 @@ enum Command {
     #[command(
         after_help = "Examples:\n  karat compare HEAD\n  karat compare HEAD my/shaders\n  karat compare main --only fresnel\n  \
                             karat compare ../old/shaders --paths cpu,vulkan\n\
-                            Arguments come from their types, three in four from where their names say. \
-                            Functions whose text is the\nsame but for comments and blanks aren't run; results are \
-                            compared bit by bit.\n\
-                            Exit codes: 0 nothing changed but that functions were added; 1 a result, a signature, an \
-                            interface or the\nset of functions did, or something can't be compared; 2 the revision can't \
-                            be read."
+                            Karat generates arguments from their types, and three in four from the range that their names suggest.\n\
+                            It skips functions that differ only in comments and blanks, and compares results bit by bit.\n\
+                            Exit codes: 0 no change, or only new functions; 1 a result, a signature or an interface changed, a \
+                            function\nis gone, or something can't be compared; 2 the revision can't be read."
     )]
     Compare(compare::Args),
     /// Measures your tests: makes mutants of the shaders, and lists those that no test kills
@@ -243,10 +240,10 @@ enum Command {
         after_help = "Examples:\n  karat mutate\n  karat mutate my/shaders --only fresnel\n  \
                             karat mutate --in-diff main --fail-under 95\n  karat mutate --stryker mutation.json\n\
                             Each mutant has one small change: another operator, another number, a guard removed.\n\
-                            Tests that use what changed run on Karat's engine until one fails. No file changes.\n\
+                            Tests that use the mutated code run on Karat's engine until one fails. No file changes.\n\
                             For each surviving mutant the output has arguments whose result differs, and a test to paste.\n\
                             Exit codes: 0 the score is reached, or --in-diff finds no mutant;\n\
-                            1 it isn't, or karat.toml accepts a mutant that a test kills;\n\
+                            1 the score isn't reached, or karat.toml accepts a mutant that a test kills;\n\
                             2 a test fails without a mutant, or there is no test or no mutant."
     )]
     Mutate(mutate::Args),
@@ -254,7 +251,7 @@ enum Command {
     #[command(
         after_help = "Examples:\n  karat coverage --missing\n  karat coverage shaders --html coverage.html\n  \
                       karat coverage --in-diff main --fail-under-lines 90\n  karat coverage --lcov lcov.info -- -p my-crate\n\n\
-                      Exit codes: 0 the tests pass, and enough lines ran; 1 they don't, or too few did; 2 nothing was counted."
+                      Exit codes: 0 the tests pass, and enough lines ran; 1 a test fails, or too few lines ran; 2 no line was counted."
     )]
     Coverage(coverage::Args),
     /// Calls a function, and prints its value on every path
@@ -263,20 +260,20 @@ enum Command {
                             karat call fresnel::schlick --table in.csv --out out.csv --path vulkan\n  \
                             karat call double 21 --shaders my.wgsl\n  \
                             karat call fresnel::schlick 0.04,0.04,0.04 0.3 --trace --html trace.html\n\
-                            A vector's components are joined by commas. A table has one case a row \
-                            and one scalar a column;\nits head names them (f0.x,f0.y,f0.z,v_dot_h) or \
+                            A vector's components are joined by commas. A table has one case per row \
+                            and one scalar per column;\nits head names the columns (f0.x,f0.y,f0.z,v_dot_h), or \
                             is left out. Numbers read and print as the exact f32.")]
     Call(call::Args),
     /// Lists the execution paths that open, with drivers and versions, and says how to get the others
     #[command(after_help = "Examples:\n  karat doctor\n  karat doctor my/shaders --write\n  \
                             KARAT_EXECUTORS='mine=python3 mine.py' karat doctor --executor mine\n\
-                            Exit codes: 0 all is well; 1 a required path doesn't open, no path does, a module isn't \
-                            whole, or a\nprogram answers a job wrongly; 2 a program or a folder can't be asked.")]
+                            Exit codes: 0 all is well; 1 a required path or every path fails to open, a module isn't \
+                            whole, or a\nprogram's result is wrong; 2 a program doesn't run, or a folder can't be read.")]
     Doctor(doctor::Args),
     /// Lists frames that differ from their golden or have no golden
     #[command(after_help = "Examples:\n  karat pending\n  karat pending --from karat.zip --json\n\
                       Exit codes: 0 nothing is pending; 1 a frame differs; 2 a file can't be read; \
-                      3 frames are new, none differs.")]
+                      3 all pending frames are new.")]
     Pending(goldens::PendingArgs),
     /// Makes a pending frame the golden
     #[command(
@@ -297,23 +294,22 @@ enum Command {
     #[command(after_help = "Examples:\n  karat review --open\n  \
                             karat review --port 8000      (with `ssh -L 8000:127.0.0.1:8000`)\n  \
                             karat review --static report  (files; open report/index.html)\n  \
-                            karat review --from karat.zip (what a CI run left; accepted here)\n\
+                            karat review --from karat.zip (a CI run's frames; accepted here)\n\
                             Only this machine can reach the page, and only with its URL, which \
                             is secret: anyone who has it can accept.\nPress ? there for the keys: \
                             j and k go from frame to frame, / filters them.\nA URL that ends in \
-                            #name shows that frame.\nExit codes: 0 nothing is left pending, or \
-                            the page is written; 1 some are; 2 an error.")]
+                            #name shows that frame.\nExit codes: 0 no frame is left pending, or \
+                            the page is written; 1 a frame is left pending; 2 an error.")]
     Review(review::Args),
     /// Lists goldens that no test compared in the last full run
     #[command(after_help = "Examples:\n  karat test && karat unreferenced\n  \
                             karat unreferenced --delete\n\
                             A test that is ignored, or behind a feature that is off, compares \
-                            nothing; a comparison\nthat is `.unrecorded()` counts for nothing, too.\n\
-                            Exit codes: 0 each golden was compared; 1 one wasn't, its facts \
-                            (`.toml`) aren't those of its image,\nor a file is no golden's; 2 a file \
-                            can't be read; 3 there is no golden, or no record of a \
-                            full run that passed\nand compared frames with this folder's, and so \
-                            no verdict.")]
+                            no golden; a comparison\nthat is `.unrecorded()` doesn't count, either.\n\
+                            Exit codes: 0 each golden was compared; 1 a golden wasn't compared, its facts \
+                            (`.toml`) don't match its image,\nor a file belongs to no golden; 2 a file \
+                            can't be read; 3 no verdict: there is no golden, or no record of a \
+                            full run that passed\nand compared frames with goldens of this folder.")]
     Unreferenced(unreferenced::Args),
     /// Compares an image that another program drew with its golden
     #[command(name = "match", after_help = matching::EXAMPLES)]
