@@ -27,18 +27,18 @@ Examples:
   karat diff a.exr b.exr --flip-tile 0.03 --heatmap flip.png
   karat diff a.exr b.exr --mask sky.png --json
 
-The first image is what the second should be. A PNG is made linear before it is compared. The
-bounds are those of frames: each channel within 1e-3, or else no tile of 16 x 16 pixels above 0.01
-under HDR-FLIP and a mean of at most 0.005. --rel alone leaves the gate alone. FLIP looks at the
-exposures that the first image's golden pins, or else at those that suit the first image. Of two
-PNGs LDR-FLIP is printed, too, the number that other FLIP tools have; no bound applies to it.
-Values are compared as the files have them, whatever primaries their chromaticities name; a note
-tells where these differ. Of an EXR the data window is compared, wherever it lies.
-Of a file of several parts the first with colours is compared. Without --mask, that of the second
-file is used, if it is a frame whose test declares one: its part `mask`. The noise that a golden's
-variance explains isn't taken into account, as a test does.
-Exit codes: 0 within the bounds; 1 differs, in size too; 2 an image can't be read or compared; 3 an
-image isn't there. NaN and infinities differ from everything.
+The first image is the expected one. Karat makes a PNG linear before it compares. The bounds are
+those of frames: each channel within 1e-3 (the gate), or else every 16 x 16 tile at most 0.01 under
+HDR-FLIP and the mean at most 0.005. With --rel alone, only the gate counts. FLIP uses the
+exposures in the first image's golden, or else exposures that suit the first image. For two PNGs
+Karat also prints LDR-FLIP, the number of other FLIP tools; no bound applies to it.
+Karat compares the stored values, whatever primaries the chromaticities name; a note says if the
+chromaticities differ. It compares the data windows of EXR files, wherever they lie.
+In a file of several parts it compares the first part with colours. Without --mask, it uses the part
+`mask` of the second file, which a frame has if its test declares a mask. Unlike a test, it doesn't
+subtract the noise that a golden's variance explains.
+Exit codes: 0 within the bounds; 1 the values or the sizes differ; 2 an image can't be read or
+compared; 3 an image is missing. NaN and infinities differ from everything.
 JSON: a, b {file, width, height, nan, infinite, first_non_finite, parts, chromaticities (CIE x and y
 of red, green, blue and white)}, verdict (equal, within, differs), reason (size, non_finite, values,
 or null), tolerance, compared, own_mask, gate {relative, off, bounds, worst, sweep}, flip

@@ -14,16 +14,16 @@ use super::{Ending, Outcome, PackageArgs, render};
 
 pub(super) const EXAMPLES: &str = "\
 Examples:
-  karat tap scene                          the values that the frame `scene` has
-  karat tap scene n_dot_v half             two of them, by the names of their `let`
-  karat tap scene shaders/brdf.wgsl:42:13  the largest expression that begins there
-  karat tap scene half --at 120,64         and what Karat's engine computes there
-  karat tap scene term --round 3           what each pixel computed for the third time
-  karat tap scene karat:print              what its lines print: `//karat: print x`
-FRAME is the name of a `[[frame]]` in a `*.test.toml`, a frame of the gallery that `karat render` draws, or the last entry
-point of a `[[compute]]`, of which each invocation has a value.
-The driver computes each value in the frame's own draws. Pixels that don't come to it are transparent, and counted.
-Exit codes: 0 each value was told; 1 one can't be; 2 there is no such frame, or no driver.";
+  karat tap scene                          lists the values of the frame `scene`
+  karat tap scene n_dot_v half             shows two of them, by the names of their `let`
+  karat tap scene shaders/brdf.wgsl:42:13  shows the largest expression that begins there
+  karat tap scene half --at 120,64         also shows the value that Karat's engine computes there
+  karat tap scene term --round 3           shows the third value that each pixel computed
+  karat tap scene karat:print              shows the values of its lines `//karat: print x`
+FRAME is the name of a `[[frame]]` in a `*.test.toml`, a frame of the gallery that `karat render` draws, or the last
+entry point of a `[[compute]]`, where each invocation has a value.
+The driver computes each value in the frame's own draws. Pixels that don't compute it are transparent, and counted.
+Exit codes: 0 every value is shown; 1 a value can't be shown; 2 there is no such frame, or no driver.";
 
 #[derive(clap::Args)]
 pub(super) struct Args {

@@ -19,13 +19,13 @@ use super::{Ending, Outcome, PackageArgs, call, child, render, write_json};
 
 pub(super) const EXAMPLES: &str = "\
 Examples:
-  karat trace scene 120,64                 column 120, row 64, from 0,0 at the upper left
-  karat trace scene 120,64 --against HEAD  the first step that differs from a revision of git
-  karat trace scene 120,64 --layer 2       the draw behind the one that the pixel shows
+  karat trace scene 120,64                 traces column 120, row 64; 0,0 is at the upper left
+  karat trace scene 120,64 --against HEAD  shows the first step that differs from a revision of git
+  karat trace scene 120,64 --layer 2       traces the draw behind the visible one
 FRAME is the name of a `[[frame]]` in a `*.test.toml`, or a frame of the gallery that `karat render` draws.
-The driver tells what the pixel's fragment function is given, and Karat's engine runs it: each step in f32,
-in f64, and within what WGSL allows.
-Exit codes: 0 it was traced, and no step differs; 1 it can't be, or a step differs; 2 there is no such frame, or no driver.";
+The driver gives the inputs of the pixel's fragment function, and Karat's engine runs it: each step in f32,
+in f64, and with the bounds of WGSL.
+Exit codes: 0 traced, and no step differs; 1 the pixel can't be traced, or a step differs; 2 no such frame, or no driver.";
 
 #[derive(clap::Args)]
 pub(super) struct Args {
