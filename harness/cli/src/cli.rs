@@ -80,7 +80,7 @@ impl From<Ending> for ExitCode {
     }
 }
 
-/// The error of a command whose child program has printed the cause already.
+/// The error of a command whose child program has already printed the cause.
 #[derive(Debug, thiserror::Error)]
 #[error("see above")]
 struct Reported;
@@ -341,7 +341,7 @@ enum Command {
     },
 }
 
-/// Where the shaders are; a folder needs no option.
+/// The place of the shaders, where a folder needs no option.
 #[derive(clap::Args)]
 struct PlaceArgs {
     /// Folder of WGSL modules, or one file; the same as `--shaders`
@@ -352,14 +352,14 @@ struct PlaceArgs {
 }
 
 impl PlaceArgs {
-    /// The same as options.
+    /// The place as options.
     fn package(&self) -> PackageArgs {
         let mut package = self.package.clone();
         package.package = package.package.or_else(|| self.folder.clone());
         package
     }
 
-    /// Says which tests aren't run, unless a package is named.
+    /// Names the tests outside of the package that don't run, unless the command names a package.
     fn write_outside(&self, out: &mut dyn Write) -> anyhow::Result<()> {
         let package = self.package();
         match package.package.is_none() && package.krate.is_none() {
@@ -369,7 +369,7 @@ impl PlaceArgs {
     }
 }
 
-/// Where the shaders are.
+/// The place of the shaders, by options.
 #[derive(Clone, clap::Args, Default)]
 struct PackageArgs {
     /// Uses this folder of WGSL modules, or one file [default: the folders in `metadata.karat` of Cargo.toml, else
@@ -392,13 +392,13 @@ struct PackageArgs {
 }
 
 impl PackageArgs {
-    /// A package with the features that are given.
+    /// A package with the features of the options.
     fn featured(&self, package: karat::Package) -> karat::Package {
         featured(package, &self.features)
     }
 }
 
-/// A share in per cent, as options have it.
+/// Parses a share in per cent, from 0 to 100.
 fn percent(text: &str) -> Result<f64, String> {
     let number = text.trim_end_matches('%').trim().parse::<f64>();
     let number = number.ok().filter(|number| (0.0..=100.0).contains(number));
@@ -410,7 +410,7 @@ fn featured(package: karat::Package, features: &[(String, Feature)]) -> karat::P
     features.iter().fold(package, |package, (name, value)| package.feature(name, *value))
 }
 
-/// `NAME`, `NAME=false`, `NAME=3`.
+/// Parses a feature: `NAME`, `NAME=false`, `NAME=3`.
 fn feature(text: &str) -> Result<(String, Feature), String> {
     let (name, value) = text.split_once('=').unwrap_or((text, "true"));
     let is_name = |c: char| c.is_alphanumeric() || c == '_';
@@ -428,7 +428,7 @@ fn feature(text: &str) -> Result<(String, Feature), String> {
     Ok((name.to_owned(), value))
 }
 
-/// Runs the command of the process's arguments.
+/// Runs the command that the process's arguments name.
 pub(crate) fn run() -> ExitCode {
     match loader::with_second_driver() {
         None => {}
@@ -444,7 +444,7 @@ pub(crate) fn run() -> ExitCode {
         Ok(cli) => settled(cli.command, &mut out).map(ExitCode::from),
         Err(error) => explain(error, &mut out),
     };
-    // Writing the output is part of the work.
+    // A command that can't write its output fails.
     let result = match (result, out.finish()) {
         (Err(error), _) => Err(error),
         (Ok(_), Err(error)) => Err(anyhow::Error::from(error).context("can't write the output")),
@@ -458,7 +458,7 @@ pub(crate) fn run() -> ExitCode {
     })
 }
 
-/// Runs a command after checking the KARAT_ settings: a misspelt setting would be ignored.
+/// Checks the KARAT_ variables, as a misspelt one would have no effect, and runs the command.
 fn settled(wanted: Command, out: &mut dyn Write) -> Outcome {
     if !matches!(wanted, Command::Completions { .. }) {
         karat::unstable::settings::check()?;
@@ -501,7 +501,7 @@ fn command(command: Command, out: &mut dyn Write) -> Outcome {
         Command::Preview(args) => preview::run(&args, out),
         Command::Manual(args) => manual::run(&args, out),
         Command::Completions { shell } => {
-            // The generator panics where it can't write, so it writes to memory.
+            // The generator panics if it can't write, so it writes to memory.
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Cli::command(), "karat", &mut script);
             out.write_all(&script).map(|()| Ending::Good).map_err(Into::into)
@@ -511,7 +511,8 @@ fn command(command: Command, out: &mut dyn Write) -> Outcome {
 
 /// Prints help, or the error of wrong arguments.
 fn explain(error: clap::Error, out: &mut dyn Write) -> anyhow::Result<ExitCode> {
-    // The message quotes arguments, which may be names of files, among styles of its own.
+    // The message quotes arguments, and the names of files in them may hold escape sequences. They are made visible
+    // before clap adds its own.
     let words = std::env::args_os().map(|word| visible(&word.to_string_lossy()).into_owned());
     let error = Cli::try_parse_from(words).err().unwrap_or(error);
     let text = trusted(&error.render().ansi().to_string());
@@ -540,7 +541,7 @@ fn spare<'a>(
         return Ok(());
     }
     for input in inputs.into_iter().filter(|input| input.is_file()) {
-        // A missing file can't be the other one. Reading it reports a missing input.
+        // A missing input isn't the output. Reading the input later reports that it is missing.
         if same_file::is_same_file(output, input).unwrap_or(false) {
             bail!(
                 "the {what} `{}` would overwrite `{}`, which is read: name another file",
@@ -552,7 +553,7 @@ fn spare<'a>(
     Ok(())
 }
 
-/// The absolute path after links and without `..`, also of a file that doesn't exist.
+/// Returns the absolute path, with links followed and `..` removed. The file needn't exist.
 fn resolved(path: &Path) -> PathBuf {
     let mut whole = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     // A link may lead to a file that doesn't exist yet.
@@ -579,13 +580,12 @@ fn resolved(path: &Path) -> PathBuf {
     whole
 }
 
-/// True when the output would lie in the folder of a package, or is its file.
+/// Returns `true` if the output lies in the folder of a package, or is the package's file.
 fn is_in_package(output: &Path, package: &karat::Package) -> bool {
     resolved(output).starts_with(resolved(&package.root()))
 }
 
-/// Refuses an output that is a module of one of these packages or would become one, or their
-/// `karat.toml`.
+/// Refuses an output that would replace a file of one of these packages, or would become a module of it.
 fn spare_shaders(what: &str, output: &Path, packages: &[karat::Package]) -> anyhow::Result<()> {
     let is_read = |name: &str| [".wgsl", ".wesl"].iter().any(|end| name.ends_with(end));
     let name = output.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
@@ -605,7 +605,7 @@ fn spare_shaders(what: &str, output: &Path, packages: &[karat::Package]) -> anyh
     spare(what, output, files.iter().map(PathBuf::as_path))
 }
 
-/// True when the error is a missing file, golden or record, and not an unusable one.
+/// Returns `true` if the error is a missing file, golden or record. An unusable file is another error.
 fn is_missing(error: &anyhow::Error) -> bool {
     let missing = |image: &ImageError| matches!(image, ImageError::Missing { .. });
     error.is::<NotThere>()
@@ -617,7 +617,7 @@ fn is_missing(error: &anyhow::Error) -> bool {
         })
 }
 
-/// Writes JSON, indented, with an end of line. It is JSON for terminals, too.
+/// Writes indented JSON with a line end. Control characters are escaped, also for terminals.
 fn write_json(value: &impl serde::Serialize, out: &mut dyn Write) -> anyhow::Result<()> {
     let json = serde_json::to_string_pretty(value).context("the result isn't JSON")?;
     writeln!(out, "{}", visible_json(&json))?;

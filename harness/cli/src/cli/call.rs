@@ -146,7 +146,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         );
         let compute = compute.dispatch(&args.function, groups);
         let invocation = args.invocation.unwrap_or_default();
-        // The error about an invocation that isn't there comes first.
+        // The error about a missing invocation comes first.
         let steps = match args.trace || args.html.is_some() {
             true => karat::unstable::compute::trace(&compute, invocation)?,
             false => Vec::new(),
@@ -222,9 +222,9 @@ impl Args {
     }
 }
 
-/// The paths that are named; else every driver that opens, and the engine.
+/// Returns the paths of the options, or else every driver that opens, and the engine.
 fn paths(probed: &Probed, fixtures: &Fixtures, names: &[String]) -> anyhow::Result<Vec<Path>> {
-    // A variable that is set to nothing counts as not set.
+    // An empty variable counts as unset.
     let names: Vec<&str> =
         names.iter().map(|name| name.trim()).filter(|name| !name.is_empty()).collect();
     let named = if names.is_empty() { "all".to_owned() } else { names.join(",") };
@@ -243,7 +243,7 @@ fn paths(probed: &Probed, fixtures: &Fixtures, names: &[String]) -> anyhow::Resu
     if named.trim() != "all" {
         return Ok(paths);
     }
-    // Unless they are asked for, paths are left out that can't do what is needed.
+    // Paths that lack a needed ability are left out, unless an option names them.
     let (mut able, mut reasons) = (Vec::new(), Vec::new());
     for path in paths {
         match karat::unstable::executor::call(probed, path, &[], fixtures) {
@@ -262,7 +262,7 @@ fn paths(probed: &Probed, fixtures: &Fixtures, names: &[String]) -> anyhow::Resu
     Ok(able)
 }
 
-/// Prints what was made up, and from what.
+/// Prints the generated values, and the ranges that they were taken from.
 fn write_made_up(
     function: &Function,
     made_up: &MadeUp,
@@ -281,11 +281,12 @@ fn write_made_up(
     Ok(())
 }
 
-/// Numbers of a result that are shown in hexadecimal, too: those of a matrix. Of a buffer they would hide the rest.
+/// The most numbers of a result that are also shown in hexadecimal: as many as a matrix has. For a buffer they would
+/// hide the values.
 const MOST_HEXADECIMAL: usize = 16;
 
 impl Args {
-    /// Shows the steps of a call, if they are asked for.
+    /// Shows the steps of a call, if an option asks for them.
     fn show_steps(
         &self,
         name: &str,
