@@ -1,7 +1,8 @@
-//! `karat browser`: tests in whichever browser opens a page of this machine.
 //!
-//! The test programs start this program again as one that runs jobs (`KARAT_EXECUTORS`). It hands each job to the process
-//! that serves the page, by a port whose number and secret are in a file that this user alone can read.
+//! `karat browser`: runs the tests in the browser that opens its page.
+//!
+//! The test programs start this program again as an executor (`KARAT_EXECUTORS`). It passes each job to the process
+//! that serves the page. A file that only this user can read holds the port and the secret of that process.
 
 use std::io::{BufRead, BufReader, Write};
 use std::net::{Ipv4Addr, TcpListener, TcpStream};

@@ -54,7 +54,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let overrides = call::bind::overrides_in(&packages, &args.overrides)?;
     let mut all: Vec<Compared> = Vec::new();
     for after in &packages {
-        // Lives as long as its package is read.
+        // The folder must exist while its package is read.
         let folder = tempfile::tempdir().context("no temporary folder")?;
         let before = match Path::new(&args.before) {
             path if path.exists() => Package::open(path)?,
@@ -66,16 +66,16 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             overrides.iter().fold(request, |all, (name, value)| all.set_override(name, *value));
         let request = request.only(args.only.iter().map(String::as_str));
         let request = request.cases(args.cases as usize).paths(paths.clone());
-        // Of a revision the files are elsewhere for a moment: git's name of it says more.
+        // The files of a revision are in a temporary folder, so messages name the revision.
         let written = format!("{}{}", folder.path().display(), std::path::MAIN_SEPARATOR);
-        // Drawn on a terminal alone.
+        // The bar shows on a terminal only.
         let bar = ProgressBar::new(0).with_message(after.name());
         bar.set_style(ProgressStyle::with_template("{msg}: {pos} of {len} functions {wide_bar}")?);
         let (sender, verdicts) = mpsc::channel();
         let (first, mut wrote) = (all.len(), Ok(()));
         let compared = std::thread::scope(|scope| {
             let tell = move |one: &Compared, done, of| {
-                // Its reader lives as long as there are verdicts.
+                // The receiver lives as long as there are verdicts.
                 drop(sender.send((one.clone(), done, of)));
             };
             let comparing = scope.spawn(move || request.run_with(&tell));
@@ -112,7 +112,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     let broken = search::broken_files(&packages)?;
     match args.json {
-        // What is read as JSON has no place for it.
+        // The JSON has no field for broken files.
         true => broken.iter().for_each(|broken| tell(&broken.wrong.message)),
         false => search::write_broken(&broken, out)?,
     }
@@ -127,7 +127,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(if good { Ending::Good } else { Ending::Bad })
 }
 
-/// Prints a verdict as it comes: one of so many.
+/// Prints one verdict, with its number and the number of all.
 fn write_one(
     one: &Compared,
     untouched: bool,
@@ -204,7 +204,7 @@ fn write_one(
     Ok(())
 }
 
-/// Prints the last line.
+/// Prints the last line, with the counts.
 fn write_sum(all: &[Compared], out: &mut dyn Write) -> anyhow::Result<()> {
     let (mut changed, mut added, mut removed, mut unjudged, mut same, mut quiet) =
         (0, 0, 0, 0, 0, 0);
@@ -260,7 +260,7 @@ fn write_sum(all: &[Compared], out: &mut dyn Write) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Arguments and members of buffers that are shown: those of a camera alone may be forty.
+/// The most arguments and members of buffers that are shown: a camera alone may have forty members.
 const INPUTS: usize = 12;
 
 fn write_path(change: &PathChange, dispatched: bool, out: &mut dyn Write) -> anyhow::Result<()> {
@@ -272,7 +272,7 @@ fn write_path(change: &PathChange, dispatched: bool, out: &mut dyn Write) -> any
         (Some(ulp @ ..NEAR), Some(share)) => format!(", by up to {ulp} ulp (rel {share:.2e})"),
         (Some(ulp @ ..NEAR), None) => format!(", by up to {ulp} ulp"),
         (Some(_), Some(share)) => format!(", by up to rel {share:.2e}"),
-        // Integers, a sign or a NaN: the values say it.
+        // For integers, signs and NaN the values are enough.
         _ => String::new(),
     };
     let shown = arguments.iter().take(INPUTS).map(|(name, value)| format!("{name} = {value}"));

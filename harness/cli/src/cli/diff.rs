@@ -1,4 +1,4 @@
-//! `karat diff`: how far two images are from each other.
+//! `karat diff`: measures the difference of two images.
 
 mod comparison;
 mod message;
@@ -75,16 +75,16 @@ pub(super) struct Args {
     json: bool,
 }
 
-/// A number that begins with a hyphen is one that is refused here, and no option.
+/// Parses a bound. A negative number is refused with its own message, not as an unknown option.
 fn bound(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
-        // A sum with 0 is no negative zero.
+        // Adding 0 turns -0 into 0.
         Ok(bound) if bound >= 0.0 && bound <= f64::from(f32::MAX) => Ok(bound + 0.0),
         _ => Err("a bound is a finite number of at least 0".to_owned()),
     }
 }
 
-/// Values are compared in floats, and so is what they may differ by.
+/// Parses a relative bound, which an `f32` must hold, as values are compared as `f32`.
 fn relative(text: &str) -> Result<f64, String> {
     let bound = bound(text)?;
     #[expect(clippy::cast_possible_truncation, reason = "a bound is no larger than a float can be")]
@@ -105,7 +105,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let sides = [(&args.a, &a), (&args.b, &b)]
         .map(|(file, read)| Side::of(file, &read.image, read.parts.clone(), read.chromaticities));
     let mask = args.mask.as_deref().map(mask).transpose()?;
-    // What a test left out is left out here, too.
+    // Pixels that the test left out are left out here, too.
     let own = mask.is_none() && b.mask.is_some();
     let mask = mask.or(b.mask);
     let pair = match mask {
@@ -149,27 +149,27 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(if comparison.passes() { Ending::Good } else { Ending::Bad })
 }
 
-/// The mask of a file: its part of that name, as goldens have it, or else what it shows.
+/// Reads the mask in a file: its part `mask`, as in goldens, or else the image itself.
 fn mask(file: &Path) -> anyhow::Result<Mask> {
-    // What can't be read as OpenEXR may be a PNG.
+    // A file that isn't OpenEXR may be a PNG.
     match ExrFile::read(file).ok().and_then(|file| file.mask()) {
         Some(mask) => Ok(mask),
         None => Ok(Mask::image(Image::read_stored(file)?)),
     }
 }
 
-/// What is compared, and what a file says of it.
+/// An image to compare, and the data in its file.
 struct File {
     image: Image,
-    /// Those that it pins if it is a golden.
+    /// The exposures that it pins, if it is a golden.
     exposures: Option<ExposureRange>,
-    /// Names of the parts that could be compared; the first is.
+    /// The names of the parts with colours; the first one is compared.
     parts: Vec<String>,
-    /// Of a frame whose test declares one.
+    /// The mask of a frame whose test declares one.
     mask: Option<Mask>,
-    /// The primaries that it names.
+    /// The primaries that the file names.
     chromaticities: [f32; 8],
-    /// Whether it is what a display shows.
+    /// `true` if it is a PNG, whose values are for a display.
     is_png: bool,
 }
 
@@ -179,7 +179,7 @@ impl File {
             Ok((image, metadata)) => {
                 let known = metadata.and_then(|text| Provenance::parse(&text).ok());
                 let parts = ExrFile::part_names(file)?;
-                // Another tool's part of this name may be anything.
+                // Another tool's part `mask` may mean something else.
                 let mask = match &known {
                     Some(_) if parts.len() > 1 => ExrFile::read(file)?.mask(),
                     _ => None,
@@ -188,11 +188,11 @@ impl File {
                 let chromaticities = ExrFile::chromaticities(file)?;
                 Ok(Self { image, exposures, parts, mask, chromaticities, is_png: false })
             }
-            // Its content tells what it is.
+            // The content decides the format, not the name.
             Err(ImageError::Corrupt { format: ImageFormat::OpenExr, .. }) => {
                 let image = Image::read(file)?;
                 let (exposures, parts, mask) = (None, Vec::new(), None);
-                // sRGB's.
+                // sRGB has the primaries of BT.709.
                 let chromaticities = ExrFile::BT709;
                 Ok(Self { image, exposures, parts, mask, chromaticities, is_png: true })
             }
