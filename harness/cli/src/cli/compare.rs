@@ -265,7 +265,7 @@ const INPUTS: usize = 12;
 
 fn write_path(change: &PathChange, dispatched: bool, out: &mut dyn Write) -> anyhow::Result<()> {
     let PathChange { path, cases, ulp, relative, arguments, before, after, words, .. } = change;
-    /// Steps of an eighth of a number. Numbers further apart have their relative size alone.
+    /// The distance in ULP from which only the relative difference is shown: an eighth of the number.
     const NEAR: u64 = 1 << 20;
     let by = match (ulp, relative) {
         (Some(0), _) => ", by the sign of a zero".to_owned(),
