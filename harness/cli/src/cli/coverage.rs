@@ -165,8 +165,8 @@ fn parts(
     parts
 }
 
-/// Runs the tests, and returns `true` if they passed. Their output and this command's results go to different
-/// streams.
+/// Runs the tests, and returns `true` if they passed. Their output goes to standard error, beside this command's
+/// results.
 fn tests(args: &Args, folder: TempDir, only_engine: bool) -> anyhow::Result<(bool, TempDir)> {
     let program = std::env::current_exe().context("this program isn't where it was")?;
     let mut command = Command::new(program);

@@ -1,4 +1,4 @@
-//! `karat match`: an image that another program drew, beside its golden.
+//! `karat match`: compares an image that another program drew with its golden.
 
 use std::io::Write;
 use std::path::PathBuf;

@@ -69,7 +69,7 @@ pub(super) struct Args {
     place: PlaceArgs,
 }
 
-/// `vulkan:hlsl=executed`
+/// Parses `vulkan:hlsl=executed`.
 fn requirement(text: &str) -> Result<(String, Status), String> {
     let (column, status) = text.split_once('=').ok_or("write COLUMN=STATUS")?;
     let status = status.parse()?;
@@ -90,7 +90,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
 }
 
-/// Runs this command in a process of its own, which a driver that hangs or crashes may end: then it begins
+/// Runs this command in a process of its own. If a driver hangs or crashes and ends that process, the command starts
 /// again without that row.
 fn supervise() -> Outcome {
     let folder = tempfile::tempdir().context("can't make a temporary folder")?;
@@ -123,7 +123,7 @@ fn make(args: &Args, journal: &Path, out: &mut dyn Write) -> Outcome {
     let overrides = call::bind::overrides_in(&packages, &args.overrides)?;
     let mut matrices = Vec::new();
     for package in &packages {
-        // Drawn on a terminal alone.
+        // The bar shows on a terminal only.
         let bar = ProgressBar::new(0).with_message(package.name());
         bar.set_style(ProgressStyle::with_template("{msg}: {pos} of {len} rows {wide_bar}")?);
         let request = karat_inspect::matrix(package)
@@ -180,7 +180,7 @@ fn make(args: &Args, journal: &Path, out: &mut dyn Write) -> Outcome {
     Ok(ending)
 }
 
-/// Refuses outputs that would overwrite shaders or each other, before there is any work.
+/// Refuses outputs that would overwrite shaders or each other, before the work starts.
 fn expect_outputs(args: &Args, packages: &[karat::Package]) -> anyhow::Result<()> {
     let files = [&args.markdown, &args.html, &args.junit].into_iter().flatten();
     for file in files.clone() {
@@ -214,7 +214,7 @@ fn expect_outputs(args: &Args, packages: &[karat::Package]) -> anyhow::Result<()
     Ok(())
 }
 
-/// Refuses a path that was asked for by name and isn't here: nothing is known of that column.
+/// Refuses a path that the options name and that doesn't open, as its column would be empty.
 fn expect_opened(matrix: &Matrix, name: &str) -> anyhow::Result<()> {
     let Some(index) = matrix.columns.iter().position(|head| head.name == name) else {
         return Ok(());
@@ -225,7 +225,7 @@ fn expect_opened(matrix: &Matrix, name: &str) -> anyhow::Result<()> {
     let Some(stop) = cells().find_map(|cell| cell.stopped.as_ref().filter(|_| absent(cell))) else {
         return Ok(());
     };
-    // An entry point that nothing runs has stopped for another reason.
+    // An entry point that no path runs stopped for another reason.
     let ran = |cell: &Cell| matches!(cell.status, Some(Status::Executed | Status::Agrees));
     let lacks_path = matches!(stop, Stop::Unavailable(_));
     ensure!(
@@ -238,7 +238,7 @@ fn expect_opened(matrix: &Matrix, name: &str) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Says which cells are wrong and which declarations aren't true any more; how many there are.
+/// Lists the wrong cells and the declarations that are no longer true. Returns their number.
 fn tell_findings(matrices: &[Matrix]) -> usize {
     let findings: Vec<Finding> = matrices.iter().flat_map(Matrix::findings).collect();
     let (outdated, wrong): (Vec<&Finding>, Vec<&Finding>) =
@@ -270,7 +270,7 @@ fn tell_findings(matrices: &[Matrix]) -> usize {
     findings.len()
 }
 
-/// A row that isn't in the matrix is an error: nothing is known of it.
+/// Returns an error if a row couldn't be read, as the matrix lacks it.
 fn expect_no_errors(matrices: &[Matrix]) -> anyhow::Result<()> {
     let rows = || matrices.iter().flat_map(|m| &m.rows).filter(|row| row.is_judged());
     let Some(error) = rows().find_map(|row| row.error.as_ref()) else { return Ok(()) };
@@ -278,7 +278,7 @@ fn expect_no_errors(matrices: &[Matrix]) -> anyhow::Result<()> {
     bail!("these rows aren't in the matrix: {}\n{error}", few(same.map(|row| row.name.clone())))
 }
 
-/// The first of many names.
+/// Returns the first of many names.
 fn few(names: impl Iterator<Item = String>) -> String {
     let all: Vec<String> = names.collect();
     let more = all.len().saturating_sub(4);
@@ -366,7 +366,7 @@ fn write_text(matrix: &Matrix, out: &mut dyn Write) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// A cell's word; how many cases stand behind it, where WGSL leaves most of them open; and how many of
+/// Returns a cell's status. If WGSL leaves most cases undefined, it adds the number of the others, and how many of
 /// those differ.
 fn shown(cell: &Cell, row: &Row, cases: usize) -> String {
     let few = row.kind == "function" && cell.compared * 2 < cases;
@@ -385,7 +385,7 @@ fn is_bad(cell: &Cell) -> bool {
     cell.fails_as_declared().is_none() && cell.stopped.as_ref().is_some_and(wrong)
 }
 
-/// How many rows got how far on each column.
+/// Counts the rows per status on each column.
 fn summary(matrix: &Matrix) -> String {
     let judged = matrix.rows.iter().filter(|row| row.is_judged()).count();
     let lines = matrix.columns.iter().enumerate().map(|(index, head)| {
