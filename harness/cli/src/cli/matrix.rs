@@ -366,8 +366,8 @@ fn write_text(matrix: &Matrix, out: &mut dyn Write) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Returns a cell's status. If WGSL leaves most cases undefined, it adds the number of the others, and how many of
-/// those differ.
+/// Returns a cell's status, with the number of compared cases if they are fewer than half, and the number of
+/// differences that WGSL allows.
 fn shown(cell: &Cell, row: &Row, cases: usize) -> String {
     let few = row.kind == "function" && cell.compared * 2 < cases;
     let word = match cell.status {
