@@ -112,7 +112,7 @@ pub(in crate::cli) fn side_by_side(records: Vec<Record>) -> Vec<Record> {
     records
 }
 
-/// Returns a rank of a record: the worst verdict first.
+/// Returns the rank of a record. A worse verdict has a higher rank, and so has the earlier of two equal verdicts.
 fn rank(record: &Record) -> (u8, Reverse<Option<&str>>) {
     let started = record.time.as_ref().map(|time| &*time.started);
     (severity(record.verdict), Reverse(started))

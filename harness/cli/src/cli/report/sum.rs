@@ -106,7 +106,7 @@ impl Sum {
             failed: records.iter().filter(|record| is_failure(record)).count(),
             known: count(Verdict::KnownIssue),
             cases: records.iter().flat_map(|record| &record.paths).map(|path| path.cases).sum(),
-            // In a run that passed, such a line is other output of a test.
+            // In a run that passed, a line that looks like a failed test is other output.
             outside: run
                 .filter(|run| !run.passed)
                 .map_or_else(Vec::new, |run| outside(records, &run.failed)),
@@ -181,7 +181,7 @@ impl Sum {
         all
     }
 
-    /// Returns the line, without the remarks.
+    /// Returns the line, without the number of compared cases and the remarks.
     pub(in crate::cli) fn line(&self) -> String {
         let Self { checks, failed, known, .. } = *self;
         let mut parts = self.reasons();
@@ -204,7 +204,7 @@ impl Sum {
         self.remarks.iter().map(|remark| format!("; {}", one_line(remark))).collect()
     }
 
-    /// Writes the line, with the remarks.
+    /// Writes the line, the number of compared cases and the remarks.
     pub(in crate::cli) fn write(&self, out: &mut dyn Write) -> std::io::Result<()> {
         let (style, line, remarks) = (self.style(), self.line(), self.remarks());
         let cases = match self.checks {
