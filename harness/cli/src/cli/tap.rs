@@ -1,4 +1,4 @@
-//! `karat tap`: values of a frame's fragment functions as pictures.
+//! `karat tap`: shows values of a frame's fragment functions as images.
 
 use std::io::Write;
 
@@ -64,9 +64,9 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     tell_of(&frame.map_err(|wrong| anyhow!("{}", wrong.message))?, args, &project, out)
 }
 
-/// Of the passes of a `[[compute]]`, if there are some of this name.
+/// Taps the passes of a `[[compute]]`, if there are passes of this name.
 fn passes(args: &Args, project: &Project, out: &mut dyn Write) -> anyhow::Result<Option<Ending>> {
-    // Without a folder of shaders there may be a gallery: the frames come next, with the error.
+    // Without a folder of shaders there may be a gallery. The search for frames comes next, and reports the error.
     for package in project.packages(&args.package).unwrap_or_default() {
         let suite = Suite::of(package)?;
         if let Some(compute) = suite.compute(&args.frame) {
@@ -84,7 +84,7 @@ fn tell_of(subject: &dyn Tappable, args: &Args, project: &Project, out: &mut dyn
     std::fs::create_dir_all(&folder)?;
     let tap = |value: &String| Tap::new(value).round(args.round).beside(args.beside);
     let taps: Vec<Tap> = args.values.iter().map(tap).collect();
-    // A pass is named by its path.
+    // The file has the pass's full name.
     let name = args.frame.replace("::", "-");
     match karat_gallery::tap(subject, &name, &folder, path, (&taps, &args.at), out) {
         Ok(()) => Ok(Ending::Good),
@@ -95,7 +95,7 @@ fn tell_of(subject: &dyn Tappable, args: &Args, project: &Project, out: &mut dyn
     }
 }
 
-/// The suite with the `[[frame]]` of a name; `None`: it is one of the gallery's, if there is one.
+/// Returns the suite with the `[[frame]]` of a name, or `None`: then the gallery may have the frame.
 pub(super) fn find(
     frame: &str,
     project: &Project,
@@ -128,7 +128,7 @@ pub(super) fn find(
     }
 }
 
-/// The path to draw a `[[frame]]` on, which says the rest itself.
+/// Returns the path to draw a `[[frame]]` on, and refuses options that the frame sets itself.
 pub(super) fn expect_own(drawn: &DrawArguments) -> anyhow::Result<Option<karat::Path>> {
     ensure!(
         drawn.size.is_none() && drawn.samples.is_none() && drawn.environment.is_none(),
@@ -138,7 +138,7 @@ pub(super) fn expect_own(drawn: &DrawArguments) -> anyhow::Result<Option<karat::
     Ok(drawn.path)
 }
 
-/// Says why a value isn't told. What was written before stays.
+/// Prints why a value can't be shown. Earlier output stays.
 pub(super) fn refuse(error: &dyn std::error::Error) {
     let text = error.to_string();
     tell(&if text.starts_with("error") { text } else { format!("error: {text}") });

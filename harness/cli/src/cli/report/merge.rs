@@ -35,7 +35,7 @@ pub(super) fn merged(parts: &[Recorded]) -> Recorded {
         not_run: 0,
         stopped: false,
     });
-    // The records are in the order of their times.
+    // The merged records, and the index of each check among them.
     let (mut records, mut places) = (Vec::<Record>::new(), BTreeMap::<String, usize>::new());
     for part in parts {
         // A test may make one check several times, and each of them stays a separate check.
