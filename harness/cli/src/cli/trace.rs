@@ -1,4 +1,4 @@
-//! `karat trace`: how a pixel of a frame comes about, step by step.
+//! `karat trace`: shows, step by step, how a frame gets the value of one pixel.
 
 use std::io::Write;
 use std::path::Path;
@@ -69,7 +69,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         return Ok(Ending::Good);
     };
     match args.json {
-        // As the page of `karat review` reads them.
+        // The page of `karat review` reads this form.
         true => write_json(&[&before, &traced].map(|one| told(args, one, &project)), out)?,
         false => write_parting(&before, &traced, revision, out)?,
     }
@@ -78,7 +78,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(if same && before.engine == traced.engine { Ending::Good } else { Ending::Bad })
 }
 
-/// A pixel as JSON has it: numbers are texts, since JSON has no NaN.
+/// A pixel in JSON. Numbers are strings, since JSON has no NaN.
 #[derive(Serialize)]
 struct Told<'t> {
     frame: &'t str,
@@ -93,7 +93,7 @@ fn told<'t>(args: &'t Args, traced: &'t Traced, project: &Project) -> Told<'t> {
     Told { frame: &args.frame, pixel: args.pixel, golden: golden(args, project), traced }
 }
 
-/// The pixel; `None` if it can't be traced: then the reason is on standard error.
+/// Traces the pixel. If it can't be traced, prints the reason to standard error and returns `None`.
 fn traced(args: &Args, project: &Project) -> anyhow::Result<Option<Traced>> {
     if let Some(suite) = tap::find(&args.frame, project, &args.package)? {
         let path = tap::expect_own(&args.drawn)?;
@@ -119,7 +119,7 @@ fn traced(args: &Args, project: &Project) -> anyhow::Result<Option<Traced>> {
     Ok(Some(traced))
 }
 
-/// The same pixel with the shaders of a revision; `None` if these are today's.
+/// Traces the same pixel with the shaders of a revision, or returns `None` if they haven't changed.
 fn at_revision(args: &Args, project: &Project, revision: &str) -> anyhow::Result<Option<Traced>> {
     let folder = tempfile::tempdir().context("no temporary folder")?;
     let overlay = folder.path().join("overlay");
@@ -135,7 +135,7 @@ fn at_revision(args: &Args, project: &Project, revision: &str) -> anyhow::Result
     }
     let program = std::env::current_exe().context("this program isn't where it was")?;
     let mut command = Command::new(program);
-    // The same words but for the revision, whose shaders the overlay has.
+    // The same arguments without the revision, whose shaders are in the overlay.
     let mut words = std::env::args_os().skip(1);
     while let Some(word) = words.next() {
         match word.to_str() {
@@ -164,7 +164,7 @@ fn at_revision(args: &Args, project: &Project, revision: &str) -> anyhow::Result
     ensure!(status.success(), "with the shaders of {revision} the pixel can't be traced:\n{said}");
     let parsed = serde_json::from_str(&lines.join("\n"));
     let mut before: Traced = parsed.context("this program printed no pixel")?;
-    // Of a revision the files are elsewhere for a moment: git's name of it says more.
+    // The files of a revision are in a temporary folder, so messages name the revision.
     let written = format!("{}{}", overlay.display(), std::path::MAIN_SEPARATOR);
     for row in &mut before.steps {
         let own = row.file.strip_prefix(&written).unwrap_or(&row.file);
@@ -173,7 +173,7 @@ fn at_revision(args: &Args, project: &Project, revision: &str) -> anyhow::Result
     Ok(Some(before))
 }
 
-/// Moves those files into an overlay that are others today. Whether there are some.
+/// Moves the files that differ today into an overlay. Returns `true` if there are some.
 fn keep_changed(before: &Path, today: &Path, overlay: &Path) -> anyhow::Result<bool> {
     let mut any = false;
     let mut open = vec![before.to_owned()];
@@ -186,7 +186,7 @@ fn keep_changed(before: &Path, today: &Path, overlay: &Path) -> anyhow::Result<b
             }
             let own = path.strip_prefix(before).context("it is in the folder")?;
             let is_module = path.extension().is_some_and(|end| end == "wgsl" || end == "wesl");
-            // A module that is gone today is read by nothing.
+            // No module imports a module that doesn't exist today.
             let Ok(now) = std::fs::read(today.join(own)) else { continue };
             if is_module && now != std::fs::read(&path)? {
                 let to = overlay.join(own);
@@ -227,7 +227,7 @@ fn write(
     Ok(())
 }
 
-/// The pixel of a golden of the frame's name.
+/// Returns the pixel of the golden with the frame's name.
 fn golden(args: &Args, project: &Project) -> Option<String> {
     let (x, y) = args.pixel;
     let own = |folder: std::path::PathBuf| {
@@ -242,14 +242,14 @@ fn golden(args: &Args, project: &Project) -> Option<String> {
     project.goldens().into_iter().find_map(own)
 }
 
-/// How many steps are alike until one differs.
+/// Returns the number of equal steps before the first that differs.
 fn first_difference(before: &Traced, after: &Traced) -> usize {
     let pairs = before.steps.iter().zip(&after.steps);
     let alike = |(a, b): &(&Row, &Row)| a.operation == b.operation && a.single == b.single;
     pairs.take_while(alike).count()
 }
 
-/// Prints where the steps of two revisions part.
+/// Prints the first step that differs between two revisions.
 fn write_parting(
     before: &Traced,
     after: &Traced,
