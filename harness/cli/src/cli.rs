@@ -511,8 +511,7 @@ fn command(command: Command, out: &mut dyn Write) -> Outcome {
 
 /// Prints help, or the error of wrong arguments.
 fn explain(error: clap::Error, out: &mut dyn Write) -> anyhow::Result<ExitCode> {
-    // The message quotes arguments, and the names of files in them may hold escape sequences. They are made visible
-    // before clap adds its own.
+    // Arguments in the message may hold escape sequences, which are made visible.
     let words = std::env::args_os().map(|word| visible(&word.to_string_lossy()).into_owned());
     let error = Cli::try_parse_from(words).err().unwrap_or(error);
     let text = trusted(&error.render().ansi().to_string());

@@ -16,7 +16,7 @@ pub(super) struct Args {
     no_open: bool,
 }
 
-/// The part of `cargo metadata` that is read.
+/// The part of `cargo metadata` that the command reads.
 #[derive(Deserialize)]
 struct Metadata {
     packages: Vec<Package>,

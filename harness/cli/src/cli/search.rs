@@ -1,13 +1,13 @@
-//! The search for what is to run: the packages of a project, and the files in them that were meant as tests.
-//! Each command that runs, validates or lists something calls it.
+//! The search for packages, and for the files in them that declare tests. Each command that runs, validates or lists
+//! shaders calls it.
 //!
-//! - A package that is named, by `--shaders`, `--crate` or a command's folder, is the only one.
-//! - `metadata.karat.packages` of a Cargo.toml says which packages lie in its folder and below: the
-//!   workspace's for all members, a member's for itself.
-//! - Where none says, packages are the folders `shaders` beside the Cargo.toml of the workspace and of its
+//! - If `--shaders`, `--crate` or a command's folder names a package, it is the only one.
+//! - `metadata.karat.packages` of a Cargo.toml lists the packages in its folder and below: the workspace's list is
+//!   for all members, a member's list for itself.
+//! - Without such a list, the packages are the folders `shaders` beside the Cargo.toml of the workspace and of its
 //!   members, and the folders that recorded tests used.
-//! - Without Cargo a command without a folder takes `shaders`, if there is one, or else the working directory. A
-//!   folder that is named stands for its `shaders` only if that has a karat.toml and all modules.
+//! - Without Cargo and without a named folder, the package is the folder `shaders`, or else the working directory. A
+//!   named folder stands for its `shaders` only if that has a karat.toml and all modules.
 
 use std::collections::BTreeSet;
 use std::io::Write;

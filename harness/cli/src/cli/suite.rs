@@ -126,8 +126,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if !failures.is_empty() {
         failures.sort_by(|(one, _), (other, _)| one.cmp(other));
         writeln!(out, "\nfailures:\n")?;
-        // A race fails each assertion of its passes, and a path that doesn't open fails each test. The message is
-        // printed once.
+        // A race, or a path that doesn't open, fails many tests with one message, which is printed once.
         let mut told: HashMap<String, &str> = HashMap::new();
         for (name, wrong) in &failures {
             writeln!(out, "---- {name} ----")?;

@@ -1,4 +1,4 @@
-//! `karat test`: runs the tests and prints what their records hold.
+//! `karat test`: runs the tests, and prints their verdicts from the records.
 
 mod progress;
 pub(super) mod subjects;

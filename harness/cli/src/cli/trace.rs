@@ -83,7 +83,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
 struct Told<'t> {
     frame: &'t str,
     pixel: (u32, u32),
-    /// The golden's pixel, if there is one of the frame's name and size.
+    /// The golden's pixel, if a golden has the frame's name and size.
     golden: Option<String>,
     #[serde(flatten)]
     traced: &'t Traced,

@@ -28,7 +28,7 @@ const LEAST: usize = 8;
 /// The marks of the curves, in order.
 const MARKS: [char; 6] = ['*', 'o', '+', 'x', '#', '@'];
 
-/// The ends of the axes; `None` if nothing is finite.
+/// Returns the ends of the axes, or `None` if no value is finite.
 fn ends(curves: &[Curve]) -> Option<[(f64, f64); 2]> {
     let points = || {
         let all = curves.iter().flat_map(|curve| &curve.points);

@@ -69,7 +69,7 @@ mod tests {
         assert_eq!(found(own), [("karat-engine", 2)]);
     }
 
-    /// What README recommends is enough.
+    /// The profile that README recommends is enough.
     #[test]
     fn the_profile_of_readme_is_enough() {
         let readme = crate::cli::doctor::beside("README.md");

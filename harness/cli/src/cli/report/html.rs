@@ -138,7 +138,7 @@ impl<'r> Row<'r> {
         is_failure(self.record)
     }
 
-    /// What is shown in full has its name there.
+    /// Returns the anchor of the row, unless the record is shown in full, which has the anchor then.
     fn id(&self) -> Option<&str> {
         (!self.fails()).then_some(&self.anchor)
     }

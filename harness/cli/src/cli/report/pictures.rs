@@ -167,8 +167,7 @@ mod tests {
         let place = tempfile::tempdir().expect("a folder");
         let pictures = place.path().join("target/karat/report");
         std::fs::create_dir_all(&pictures).expect("a folder");
-        // Two folders of a crate share a name, so that the name has the folder; and a name leads out of the folder of
-        // pictures.
+        // A name in two folders of a crate, which has the folder; and a name that leads out.
         let out = format!("{}/none/../../golden", place.path().display());
         let (one, other) = (frame("dusk", "../../../w/golden"), frame("dusk", &out));
         let records = [one, other, frame("../../../dusk", ""), frame("/dusk", "")];

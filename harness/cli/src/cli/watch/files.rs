@@ -29,8 +29,8 @@ pub(in crate::cli) struct Watching {
     _ends: Sender<()>,
 }
 
-/// Calls `tell` with each burst of changes below a folder, or of a file, until it returns `false`. If the folder is
-/// removed or replaced, this is a change, too, and the new folder is watched.
+/// Calls `tell` with each burst of changes below a folder, or of a file, until `tell` returns `false`. A removed or
+/// replaced folder is a change, too, and a new folder in its place is watched.
 pub(in crate::cli) fn watch(
     folder: &Path,
     tell: impl Fn(Vec<PathBuf>) -> bool + Send + 'static,

@@ -19,8 +19,7 @@ pub(super) fn pending(project: &Project, shaders: impl Iterator<Item = PathBuf>)
     let mut waiting = Waiting::new();
     for folder in project.goldens().into_iter().chain(shaders) {
         for frame in Goldens::open(&folder).pending().frames {
-            // A folder of shaders may contain several folders of goldens. The path below such a folder is the frame's
-            // name.
+            // A folder of shaders may have several folders of goldens, with the frame's name below.
             let mut above = frame.path.ancestors().skip(1 + frame.case.matches('/').count());
             if let Some(goldens) = above.next() {
                 // A folder may have two paths.

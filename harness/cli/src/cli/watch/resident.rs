@@ -71,7 +71,7 @@ impl Resident {
         }
     }
 
-    /// Sends the waiting request, once no test runs.
+    /// Takes the waiting request, once no test runs.
     pub(in crate::cli) fn waited(&mut self) -> Option<Request> {
         self.waiting.take_if(|_| !self.busy)
     }

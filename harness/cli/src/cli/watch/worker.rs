@@ -46,8 +46,8 @@ pub(in crate::cli) struct Request {
 pub(in crate::cli) enum Said {
     /// A test ran; `wrong` if it failed.
     Test { name: String, wrong: Option<Wrong> },
-    /// All tests have a verdict. `tests` are all tests, `broken` the ones that can't be read, and `idle` those that
-    /// this path can't judge.
+    /// All tests have a verdict. `tests` are all tests, `broken` are tests that can't be read, and `idle` is the
+    /// number of tests that this path can't judge.
     Done {
         tests: BTreeSet<String>,
         #[serde(default)]
@@ -100,7 +100,7 @@ pub(in crate::cli) struct Worker {
 }
 
 impl Worker {
-    /// Starts a process for a path, and calls `tell` with its messages until it returns `false`.
+    /// Starts a process for a path, and calls `tell` with its messages until `tell` returns `false`.
     pub(in crate::cli) fn start(
         path: &str,
         source: &Source,
