@@ -150,7 +150,7 @@ enum Command {
     Browser(browser::Args),
     /// Runs again the case on which a check of the last run failed
     #[command(after_help = "Examples:\n  karat replay          the only failure\n  \
-                            karat replay 3f2a     as `karat test` names it\n  \
+                            karat replay 3f2a     the failure of this name in `karat test`\n  \
                             karat replay 3f2a --print    the whole command, for a debugger or CI\n\
                             It runs the simplest failing case that was found, on the first path that fails.\n\
                             Exit codes: 0 the case passes now; 1 it fails; 2 it can't be run; 3 there is no such failure.")]
@@ -159,8 +159,8 @@ enum Command {
     #[command(after_help = "Examples:\n  karat record -- cargo nextest run\n  \
                             karat record --into part-1 -- cargo nextest run --partition count:1/3\n  \
                             karat report --merge part-1 part-2 part-3 --html report.html\n\
-                            It sets KARAT_RECORD for the command, and prints the table of `karat test` after it.\n\
-                            Exit codes: 0 the command and all checks passed; 1 the command or a check failed; 2 no check ran, or the \
+                            It sets KARAT_RECORD for the command, and then prints the table of `karat test`.\n\
+                            Exit codes: 0 the command and all checks passed; 1 the command or a check failed; 2 no check ran,\nor the \
                             command can't be run.")]
     Record(record::Args),
     /// Prints the verdicts of the last run, and writes reports for CI
@@ -173,7 +173,7 @@ enum Command {
     Report(report::Args),
     /// Validates every module and entry point of the shader packages, and runs no test
     #[command(after_help = "Examples:\n  karat check\n  karat check --shaders shaders\n\
-                            `karat test` does it, too. If a module is valid only with features, \
+                            `karat test` also validates. If a module is valid only with features, \
                             declare them in Cargo.toml:\n  [package.metadata.karat.features]\n  \
                             \"debug::overlay\" = [\"DEBUG\"]\n\
                             Exit codes: 0 all modules are valid; 1 a module is invalid; 2 a package can't be \
@@ -187,8 +187,8 @@ enum Command {
     Init(init::Args),
     /// Lists the functions of the shader packages with their signatures, and marks the tested ones
     #[command(after_help = "Examples:\n  karat list\n  karat list --crate bevy_pbr@0.20.1\n\
-                            Exit codes: 0 every module is valid; 1 a module is invalid, and its \
-                            list may be incomplete;\n2 a package can't be read.")]
+                            Exit codes: 0 every module is valid; 1 a module is invalid, and the list of its \
+                            functions may be incomplete;\n2 a package can't be read.")]
     List(list::Args),
     /// Prints the linked shader of a function with its generated kernel
     Show(show::Args),
@@ -308,8 +308,8 @@ enum Command {
                             no golden; a comparison\nthat is `.unrecorded()` doesn't count, either.\n\
                             Exit codes: 0 each golden was compared; 1 a golden wasn't compared, its facts \
                             (`.toml`) don't match its image,\nor a file belongs to no golden; 2 a file \
-                            can't be read; 3 no verdict: there is no golden, or no record of a \
-                            full run that passed\nand compared frames with goldens of this folder.")]
+                            can't be read; 3 no verdict: there is no golden,\nor no record of a \
+                            full run that passed and compared frames with goldens of this folder.")]
     Unreferenced(unreferenced::Args),
     /// Compares an image that another program drew with its golden
     #[command(name = "match", after_help = matching::EXAMPLES)]
