@@ -80,7 +80,7 @@ impl From<Ending> for ExitCode {
     }
 }
 
-/// The error of a command whose child program has printed the cause already.
+/// The error of a command whose child program has already printed the cause.
 #[derive(Debug, thiserror::Error)]
 #[error("see above")]
 struct Reported;
@@ -98,7 +98,7 @@ struct NotThere(String);
     after_help = "Start with `karat init`, then `karat watch`; `karat doctor` lists the drivers that open.\n\
                   Environment: KARAT_PATHS (vulkan, gl, all), KARAT_REQUIRE (paths that must run), \
                   KARAT_ADAPTER (part of a name),\nKARAT_TIMEOUT (seconds), KARAT_FUEL (rounds of loops on `cpu`), KARAT_SEED and \
-                  KARAT_CASE (replay),\nKARAT_OVERLAY (a folder of files that stand in for \
+                  KARAT_CASE (replay),\nKARAT_OVERLAY (a folder of files that replace \
                   modules), NO_COLOR.\n\
                   Exit codes: 0 good; 1 a check failed, a frame differs, an acceptance is refused; \
                   2 the command couldn't do its work;\n3 its input is missing (an image, a golden, a record). \
@@ -113,7 +113,7 @@ struct Cli {
 enum Command {
     /// Runs the tests, and prints a row for each function and path with its cases and its worst error
     #[command(after_help = "Examples:\n  karat test\n  karat test schlick --paths all\n  \
-                            karat test --failed                what failed in the last run\n  \
+                            karat test --failed                the failures of the last run\n  \
                             karat test shaders                 tests without Rust: @test, *.test.toml\n  \
                             karat test -p tests --require vulkan,gl\n  \
                             karat test --junit target/karat/junit.xml\n  \
@@ -131,12 +131,12 @@ enum Command {
     Watch(watch::Args),
     /// Serves an editor (LSP): shows invalid modules, failing tests, and a lens beside each function
     #[command(
-        after_help = "An editor starts it: docs/editors.md has the lines for VS Code, Helix, Zed and Neovim.\n\
+        after_help = "An editor starts the server: docs/editors.md has the settings for VS Code, Helix, Zed and Neovim.\n\
                             It shows invalid modules as you type, and failures of the last `karat test`. After each\n\
                             save it runs the tests without Rust. It hides verdicts of files that have changed\n\
                             since. A lens beside each function has its worst error, and\n\
                             runs its tests. Without a server, `karat test --short` has a line for each failure.\n\
-                            Exit codes: 0 the editor asked it to shut down; 1 it didn't."
+                            Exit codes: 0 the editor asked the server to shut down; 1 the editor ended without asking."
     )]
     Lsp(lsp::Args),
     /// Runs the tests of a folder of shaders as `karat test` does, and prints lines
@@ -144,23 +144,23 @@ enum Command {
     Suite(suite::Args),
     /// Runs the tests in a browser on this machine
     #[command(after_help = "Examples:\n  karat browser\n  karat browser --open shaders\n  \
-                            karat browser -- tests/brdf --junit out.xml    what `karat test` takes\n\
+                            karat browser -- tests/brdf --junit out.xml    with arguments for `karat test`\n\
                             Only this machine can reach the page, and its URL has a secret. Paths `dawn` and `chromium` need no page.\n\
                             Exit codes: those of `karat test`; 2 also if no browser opens the page.")]
     Browser(browser::Args),
     /// Runs again the case on which a check of the last run failed
     #[command(after_help = "Examples:\n  karat replay          the only failure\n  \
-                            karat replay 3f2a     as `karat test` names it\n  \
+                            karat replay 3f2a     the failure of this name in `karat test`\n  \
                             karat replay 3f2a --print    the whole command, for a debugger or CI\n\
-                            It is the simplest case that was found, on the first path that fails.\n\
-                            Exit codes: 0 it passes now; 1 it fails; 2 it can't be run; 3 there is no such failure.")]
+                            It runs the simplest failing case that was found, on the first path that fails.\n\
+                            Exit codes: 0 the case passes now; 1 it fails; 2 it can't be run; 3 there is no such failure.")]
     Replay(replay::Args),
     /// Runs your own test command, and records the verdicts of its checks
     #[command(after_help = "Examples:\n  karat record -- cargo nextest run\n  \
                             karat record --into part-1 -- cargo nextest run --partition count:1/3\n  \
                             karat report --merge part-1 part-2 part-3 --html report.html\n\
-                            It sets KARAT_RECORD for the command, and prints the table of `karat test` after it.\n\
-                            Exit codes: 0 the command and each check passed; 1 one didn't; 2 no check ran, or the \
+                            It sets KARAT_RECORD for the command, and then prints the table of `karat test`.\n\
+                            Exit codes: 0 the command and all checks passed; 1 the command or a check failed; 2 no check ran,\nor the \
                             command can't be run.")]
     Record(record::Args),
     /// Prints the verdicts of the last run, and writes reports for CI
@@ -168,27 +168,27 @@ enum Command {
                             karat report --junit target/karat/junit.xml\n  \
                             karat report --html report.html\n  \
                             karat report --merge shard1 shard2 shard3 --html report.html\n\
-                            Exit codes: 0 every check passed; 1 one failed; 2 the record can't be \
-                            read; 3 there is none.")]
+                            Exit codes: 0 every check passed; 1 a check failed; 2 the record can't be \
+                            read; 3 there is no record.")]
     Report(report::Args),
     /// Validates every module and entry point of the shader packages, and runs no test
     #[command(after_help = "Examples:\n  karat check\n  karat check --shaders shaders\n\
-                            `karat test` does it, too. A module that is valid only with features is \
-                            declared in Cargo.toml:\n  [package.metadata.karat.features]\n  \
+                            `karat test` also validates. If a module is valid only with features, \
+                            declare them in Cargo.toml:\n  [package.metadata.karat.features]\n  \
                             \"debug::overlay\" = [\"DEBUG\"]\n\
-                            Exit codes: 0 all modules are valid; 1 one isn't; 2 a package can't be \
+                            Exit codes: 0 all modules are valid; 1 a module is invalid; 2 a package can't be \
                             read.")]
     Check(check::Args),
-    /// Writes a first passing test for a folder of shaders, with .gitignore lines and a CI workflow
+    /// Writes a first test for a folder of shaders and lines for .gitignore, and on request a CI workflow
     #[command(after_help = "Examples:\n  karat init\n  karat init my/shaders --github\n\
-                            It looks at the functions and compute passes, writes a `*.test.toml` for one of them, lines for \
-                            .gitignore, and with\n--github or --gitlab a workflow; then it runs the tests. \
-                            What is there already stays as it is.")]
+                            It writes a `*.test.toml` for one function or compute pass, and lines for .gitignore. \
+                            With --github or\n--gitlab it also writes a CI workflow. Then it runs the tests. \
+                            It keeps what you wrote,\nand only adds lines to .gitignore, Cargo.toml, package.json and karat.toml.")]
     Init(init::Args),
     /// Lists the functions of the shader packages with their signatures, and marks the tested ones
     #[command(after_help = "Examples:\n  karat list\n  karat list --crate bevy_pbr@0.20.1\n\
-                            Exit codes: 0 every module is valid; 1 one isn't, and its functions are \
-                            listed as far as they are;\n2 a package can't be read.")]
+                            Exit codes: 0 every module is valid; 1 a module is invalid, and the list of its \
+                            functions may be incomplete;\n2 a package can't be read.")]
     List(list::Args),
     /// Prints the linked shader of a function with its generated kernel
     Show(show::Args),
@@ -198,43 +198,41 @@ enum Command {
                             karat translate scene --to glsl --entry-point fs_main --out scene.frag\n  \
                             karat translate fresnel::schlick --to spirv | spirv-dis\n\
                             The options are those of wgpu; the first line of the output lists them.\n\
-                            Exit codes: 0 translated, and valid if that was asked; 1 a validator \
-                            rejects it;\n2 naga doesn't translate it, or the shader can't be read.")]
+                            Exit codes: 0 translated, and valid if you asked with --validate; 1 a validator \
+                            rejects the translation;\n2 naga can't translate the shader, or the shader can't be read.")]
     Translate(translate::Args),
     /// Translates every function and entry point with naga, then validates, runs and compares the results
     #[command(
         after_help = "Examples:\n  karat matrix\n  karat matrix my/shaders\n  karat matrix --crate bevy_pbr@0.20.1\n  \
                             karat matrix --columns vulkan,vulkan:hlsl,msl --only fresnel\n  \
                             karat matrix --require vulkan:hlsl=executed,vulkan:glsl=agrees\n\
-                            A row is `translated` by naga, `valid` for all validators that are here, \
-                            `executed` on inputs drawn\nfrom its signature, and `agrees` with another \
-                            column. Without a validator nothing is valid.\n\
-                            Exit codes: 0 nothing is wrong but what karat.toml declares, and what \
-                            --require names is reached;\n1 anything else is wrong, or a requirement isn't reached; 2 a function \
-                            can't be read, or nothing was judged."
+                            The status of a row is `translated` if naga translates it, `valid` if all installed validators accept it,\n\
+                            `executed` if it runs on inputs generated from its signature, and `agrees` if another column has the\n\
+                            same results. Without a validator no row is `valid`.\n\
+                            Exit codes: 0 only failures that karat.toml declares, and --require is met;\n1 another failure, or \
+                            --require isn't met; 2 a function can't be read, or nothing was judged."
     )]
     Matrix(matrix::Args),
     /// Finds operations that can go wrong, without a test: NaN, infinities, lost digits
     #[command(after_help = "Examples:\n  karat hazards\n  karat hazards my/shaders --all\n  \
                             karat hazards --only fresnel --input roughness=0.05..1\n\
-                            Karat's own engine runs each function in f32, in f64 and in intervals; no \
-                            driver is needed.\nArguments come from their types and names: `n` is a unit \
+                            Karat's own engine runs each function in f32, in f64 and in intervals; it needs no \
+                            driver.\nKarat generates arguments from types and names: `n` is a unit \
                             vector, `n_dot_l` and `roughness` are from 0 to 1.\n`[inputs]` in karat.toml \
-                            declares others: roughness = [0.05, 1]. `[[hazard]]` accepts what is meant: \
-                            functions, text\n(the operation) and reason.\n\
-                            Exit codes: 0 no fault (with --deny, no requirement either); 1 a hazard of these kinds, or a \
-                            module\ncan't be read, or naga rejects a function; 2 nothing could be checked, or a declaration isn't true.")]
+                            declares other ranges: roughness = [0.05, 1]. `[[hazard]]` accepts an intended \
+                            hazard,\nwith functions, text (the operation) and reason.\n\
+                            Exit codes: 0 no fault, and with `--deny requirements` no requirement; 1 a fault, a denied requirement, \
+                            a module\nthat can't be read, or a function that naga rejects; 2 nothing could be checked, or a declaration isn't true.\n\
+                            Without --deny, requirements don't change the exit code.")]
     Hazards(hazards::Args),
     /// Compares the results of every function before and after an edit, without a test
     #[command(
         after_help = "Examples:\n  karat compare HEAD\n  karat compare HEAD my/shaders\n  karat compare main --only fresnel\n  \
                             karat compare ../old/shaders --paths cpu,vulkan\n\
-                            Arguments come from their types, three in four from where their names say. \
-                            Functions whose text is the\nsame but for comments and blanks aren't run; results are \
-                            compared bit by bit.\n\
-                            Exit codes: 0 nothing changed but that functions were added; 1 a result, a signature, an \
-                            interface or the\nset of functions did, or something can't be compared; 2 the revision can't \
-                            be read."
+                            Karat generates arguments from their types, and three in four from the range that their names suggest.\n\
+                            It skips functions that differ only in comments and blanks, and compares results bit by bit.\n\
+                            Exit codes: 0 no change, or only new functions; 1 a result, a signature or an interface changed, a \
+                            function\nis gone, or something can't be compared; 2 the revision can't be read."
     )]
     Compare(compare::Args),
     /// Measures your tests: makes mutants of the shaders, and lists those that no test kills
@@ -242,10 +240,10 @@ enum Command {
         after_help = "Examples:\n  karat mutate\n  karat mutate my/shaders --only fresnel\n  \
                             karat mutate --in-diff main --fail-under 95\n  karat mutate --stryker mutation.json\n\
                             Each mutant has one small change: another operator, another number, a guard removed.\n\
-                            Tests that use what changed run on Karat's engine until one fails. No file changes.\n\
+                            Tests that use the mutated code run on Karat's engine until one fails. No file changes.\n\
                             For each surviving mutant the output has arguments whose result differs, and a test to paste.\n\
                             Exit codes: 0 the score is reached, or --in-diff finds no mutant;\n\
-                            1 it isn't, or karat.toml accepts a mutant that a test kills;\n\
+                            1 the score isn't reached, or karat.toml accepts a mutant that a test kills;\n\
                             2 a test fails without a mutant, or there is no test or no mutant."
     )]
     Mutate(mutate::Args),
@@ -253,7 +251,7 @@ enum Command {
     #[command(
         after_help = "Examples:\n  karat coverage --missing\n  karat coverage shaders --html coverage.html\n  \
                       karat coverage --in-diff main --fail-under-lines 90\n  karat coverage --lcov lcov.info -- -p my-crate\n\n\
-                      Exit codes: 0 the tests pass, and enough lines ran; 1 they don't, or too few did; 2 nothing was counted."
+                      Exit codes: 0 the tests pass, and enough lines ran; 1 a test fails, or too few lines ran; 2 no line was counted."
     )]
     Coverage(coverage::Args),
     /// Calls a function, and prints its value on every path
@@ -262,20 +260,20 @@ enum Command {
                             karat call fresnel::schlick --table in.csv --out out.csv --path vulkan\n  \
                             karat call double 21 --shaders my.wgsl\n  \
                             karat call fresnel::schlick 0.04,0.04,0.04 0.3 --trace --html trace.html\n\
-                            A vector's components are joined by commas. A table has one case a row \
-                            and one scalar a column;\nits head names them (f0.x,f0.y,f0.z,v_dot_h) or \
+                            A vector's components are joined by commas. A table has one case per row \
+                            and one scalar per column;\nits head names the columns (f0.x,f0.y,f0.z,v_dot_h), or \
                             is left out. Numbers read and print as the exact f32.")]
     Call(call::Args),
     /// Lists the execution paths that open, with drivers and versions, and says how to get the others
     #[command(after_help = "Examples:\n  karat doctor\n  karat doctor my/shaders --write\n  \
                             KARAT_EXECUTORS='mine=python3 mine.py' karat doctor --executor mine\n\
-                            Exit codes: 0 all is well; 1 a required path doesn't open, no path does, a module isn't \
-                            whole, or a\nprogram answers a job wrongly; 2 a program or a folder can't be asked.")]
+                            Exit codes: 0 all is well; 1 a required path or every path fails to open, a module isn't \
+                            whole, or a\nprogram's result is wrong; 2 a program doesn't run, or a folder can't be read.")]
     Doctor(doctor::Args),
     /// Lists frames that differ from their golden or have no golden
     #[command(after_help = "Examples:\n  karat pending\n  karat pending --from karat.zip --json\n\
                       Exit codes: 0 nothing is pending; 1 a frame differs; 2 a file can't be read; \
-                      3 frames are new, none differs.")]
+                      3 all pending frames are new.")]
     Pending(goldens::PendingArgs),
     /// Makes a pending frame the golden
     #[command(
@@ -296,23 +294,22 @@ enum Command {
     #[command(after_help = "Examples:\n  karat review --open\n  \
                             karat review --port 8000      (with `ssh -L 8000:127.0.0.1:8000`)\n  \
                             karat review --static report  (files; open report/index.html)\n  \
-                            karat review --from karat.zip (what a CI run left; accepted here)\n\
+                            karat review --from karat.zip (a CI run's frames; accepted here)\n\
                             Only this machine can reach the page, and only with its URL, which \
                             is secret: anyone who has it can accept.\nPress ? there for the keys: \
                             j and k go from frame to frame, / filters them.\nA URL that ends in \
-                            #name shows that frame.\nExit codes: 0 nothing is left pending, or \
-                            the page is written; 1 some are; 2 an error.")]
+                            #name shows that frame.\nExit codes: 0 no frame is left pending, or \
+                            the page is written; 1 a frame is left pending; 2 an error.")]
     Review(review::Args),
     /// Lists goldens that no test compared in the last full run
     #[command(after_help = "Examples:\n  karat test && karat unreferenced\n  \
                             karat unreferenced --delete\n\
                             A test that is ignored, or behind a feature that is off, compares \
-                            nothing; a comparison\nthat is `.unrecorded()` counts for nothing, too.\n\
-                            Exit codes: 0 each golden was compared; 1 one wasn't, its facts \
-                            (`.toml`) aren't those of its image,\nor a file is no golden's; 2 a file \
-                            can't be read; 3 there is no golden, or no record of a \
-                            full run that passed\nand compared frames with this folder's, and so \
-                            no verdict.")]
+                            no golden; a comparison\nthat is `.unrecorded()` doesn't count, either.\n\
+                            Exit codes: 0 each golden was compared; 1 a golden wasn't compared, its facts \
+                            (`.toml`) don't match its image,\nor a file belongs to no golden; 2 a file \
+                            can't be read; 3 no verdict: there is no golden,\nor no record of a \
+                            full run that passed and compared frames with goldens of this folder.")]
     Unreferenced(unreferenced::Args),
     /// Compares an image that another program drew with its golden
     #[command(name = "match", after_help = matching::EXAMPLES)]
@@ -339,15 +336,15 @@ enum Command {
     Manual(manual::Args),
     /// Prints a completion script for a shell
     Completions {
-        /// The shell
+        /// The shell to complete in
         shell: clap_complete::Shell,
     },
 }
 
-/// Where the shaders are; a folder needs no option.
+/// The place of the shaders, where a folder needs no option.
 #[derive(clap::Args)]
 struct PlaceArgs {
-    /// Folder of WGSL modules, or one file: as with `--shaders`
+    /// Folder of WGSL modules, or one file; the same as `--shaders`
     #[arg(value_name = "FOLDER", conflicts_with_all = ["package", "krate"])]
     folder: Option<PathBuf>,
     #[command(flatten)]
@@ -355,14 +352,14 @@ struct PlaceArgs {
 }
 
 impl PlaceArgs {
-    /// The same as options.
+    /// The place as options.
     fn package(&self) -> PackageArgs {
         let mut package = self.package.clone();
         package.package = package.package.or_else(|| self.folder.clone());
         package
     }
 
-    /// Says which tests aren't run, unless a package is named.
+    /// Names the tests outside of the package that don't run, unless the command names a package.
     fn write_outside(&self, out: &mut dyn Write) -> anyhow::Result<()> {
         let package = self.package();
         match package.package.is_none() && package.krate.is_none() {
@@ -372,20 +369,20 @@ impl PlaceArgs {
     }
 }
 
-/// Where the shaders are.
+/// The place of the shaders, by options.
 #[derive(Clone, clap::Args, Default)]
 struct PackageArgs {
-    /// Folder of WGSL modules, or one file [default: as in `metadata.karat` of Cargo.toml, else
-    /// `shaders` beside one and the folders that recorded tests used; without a Cargo.toml `shaders`, or
-    /// else the working directory]
+    /// Uses this folder of WGSL modules, or one file [default: the folders in `metadata.karat` of Cargo.toml, else
+    /// `shaders` beside a Cargo.toml and the folders of recorded tests; without a Cargo.toml, `shaders`, else the
+    /// working directory]
     #[arg(long = "shaders", value_name = "DIR")]
     package: Option<PathBuf>,
-    /// Shaders of a crate that the project builds (`bevy_pbr`), or of any at an exact version
+    /// Uses the shaders of a crate that the project builds (`bevy_pbr`), or of any crate at an exact version
     /// (`bevy_pbr@0.20.1`), which cargo fetches and doesn't compile
     #[arg(long = "crate", value_name = "NAME[@VERSION]", conflicts_with = "package")]
     krate: Option<String>,
-    /// Folder of the crate's modules, in place of the one that karat finds; `NAME=DIR` sets the folder
-    /// of an imported crate; may be repeated
+    /// Takes the crate's modules from this folder, in place of the folder that Karat finds; `NAME=DIR` sets the
+    /// folder of an imported crate; may be repeated
     #[arg(long = "root", value_name = "[NAME=]DIR", requires = "krate")]
     roots: Vec<String>,
     /// Turns a feature on (`@if(NAME)`, `#ifdef NAME`), or gives it a value (`NAME=3`, `NAME=false`);
@@ -395,13 +392,13 @@ struct PackageArgs {
 }
 
 impl PackageArgs {
-    /// A package with the features that are given.
+    /// A package with the features of the options.
     fn featured(&self, package: karat::Package) -> karat::Package {
         featured(package, &self.features)
     }
 }
 
-/// A share in per cent, as options have it.
+/// Parses a share in per cent, from 0 to 100.
 fn percent(text: &str) -> Result<f64, String> {
     let number = text.trim_end_matches('%').trim().parse::<f64>();
     let number = number.ok().filter(|number| (0.0..=100.0).contains(number));
@@ -413,7 +410,7 @@ fn featured(package: karat::Package, features: &[(String, Feature)]) -> karat::P
     features.iter().fold(package, |package, (name, value)| package.feature(name, *value))
 }
 
-/// `NAME`, `NAME=false`, `NAME=3`.
+/// Parses a feature: `NAME`, `NAME=false`, `NAME=3`.
 fn feature(text: &str) -> Result<(String, Feature), String> {
     let (name, value) = text.split_once('=').unwrap_or((text, "true"));
     let is_name = |c: char| c.is_alphanumeric() || c == '_';
@@ -431,7 +428,7 @@ fn feature(text: &str) -> Result<(String, Feature), String> {
     Ok((name.to_owned(), value))
 }
 
-/// Runs the command of the process's arguments.
+/// Runs the command that the process's arguments name.
 pub(crate) fn run() -> ExitCode {
     match loader::with_second_driver() {
         None => {}
@@ -447,7 +444,7 @@ pub(crate) fn run() -> ExitCode {
         Ok(cli) => settled(cli.command, &mut out).map(ExitCode::from),
         Err(error) => explain(error, &mut out),
     };
-    // Writing the output is part of the work.
+    // A command that can't write its output fails.
     let result = match (result, out.finish()) {
         (Err(error), _) => Err(error),
         (Ok(_), Err(error)) => Err(anyhow::Error::from(error).context("can't write the output")),
@@ -461,7 +458,7 @@ pub(crate) fn run() -> ExitCode {
     })
 }
 
-/// Runs a command after checking the KARAT_ settings: a misspelt setting would be ignored.
+/// Checks the KARAT_ variables, as a misspelt one would have no effect, and runs the command.
 fn settled(wanted: Command, out: &mut dyn Write) -> Outcome {
     if !matches!(wanted, Command::Completions { .. }) {
         karat::unstable::settings::check()?;
@@ -504,7 +501,7 @@ fn command(command: Command, out: &mut dyn Write) -> Outcome {
         Command::Preview(args) => preview::run(&args, out),
         Command::Manual(args) => manual::run(&args, out),
         Command::Completions { shell } => {
-            // The generator panics where it can't write, so it writes to memory.
+            // The generator panics if it can't write, so it writes to memory.
             let mut script = Vec::new();
             clap_complete::generate(shell, &mut Cli::command(), "karat", &mut script);
             out.write_all(&script).map(|()| Ending::Good).map_err(Into::into)
@@ -514,7 +511,7 @@ fn command(command: Command, out: &mut dyn Write) -> Outcome {
 
 /// Prints help, or the error of wrong arguments.
 fn explain(error: clap::Error, out: &mut dyn Write) -> anyhow::Result<ExitCode> {
-    // The message quotes arguments, which may be names of files, among styles of its own.
+    // Arguments in the message may hold escape sequences, which are made visible.
     let words = std::env::args_os().map(|word| visible(&word.to_string_lossy()).into_owned());
     let error = Cli::try_parse_from(words).err().unwrap_or(error);
     let text = trusted(&error.render().ansi().to_string());
@@ -543,7 +540,7 @@ fn spare<'a>(
         return Ok(());
     }
     for input in inputs.into_iter().filter(|input| input.is_file()) {
-        // A missing file can't be the other one. Reading it reports a missing input.
+        // A missing input isn't the output. Reading the input later reports that it is missing.
         if same_file::is_same_file(output, input).unwrap_or(false) {
             bail!(
                 "the {what} `{}` would overwrite `{}`, which is read: name another file",
@@ -555,7 +552,7 @@ fn spare<'a>(
     Ok(())
 }
 
-/// The absolute path after links and without `..`, also of a file that doesn't exist.
+/// Returns the absolute path, with links followed and `..` removed. The file needn't exist.
 fn resolved(path: &Path) -> PathBuf {
     let mut whole = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     // A link may lead to a file that doesn't exist yet.
@@ -582,13 +579,12 @@ fn resolved(path: &Path) -> PathBuf {
     whole
 }
 
-/// True when the output would lie in the folder of a package, or is its file.
+/// Returns `true` if the output lies in the folder of a package, or is the package's file.
 fn is_in_package(output: &Path, package: &karat::Package) -> bool {
     resolved(output).starts_with(resolved(&package.root()))
 }
 
-/// Refuses an output that is a module of one of these packages or would become one, or their
-/// `karat.toml`.
+/// Refuses an output that would replace a file of one of these packages, or would become a module of it.
 fn spare_shaders(what: &str, output: &Path, packages: &[karat::Package]) -> anyhow::Result<()> {
     let is_read = |name: &str| [".wgsl", ".wesl"].iter().any(|end| name.ends_with(end));
     let name = output.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
@@ -608,7 +604,7 @@ fn spare_shaders(what: &str, output: &Path, packages: &[karat::Package]) -> anyh
     spare(what, output, files.iter().map(PathBuf::as_path))
 }
 
-/// True when the error is a missing file, golden or record, and not an unusable one.
+/// Returns `true` if the error is a missing file, golden or record. An unusable file is another error.
 fn is_missing(error: &anyhow::Error) -> bool {
     let missing = |image: &ImageError| matches!(image, ImageError::Missing { .. });
     error.is::<NotThere>()
@@ -620,7 +616,7 @@ fn is_missing(error: &anyhow::Error) -> bool {
         })
 }
 
-/// Writes JSON, indented, with an end of line. It is JSON for terminals, too.
+/// Writes indented JSON with a line end. Control characters are escaped, also for terminals.
 fn write_json(value: &impl serde::Serialize, out: &mut dyn Write) -> anyhow::Result<()> {
     let json = serde_json::to_string_pretty(value).context("the result isn't JSON")?;
     writeln!(out, "{}", visible_json(&json))?;

@@ -1,8 +1,8 @@
-//! Keeps Mesa from complaining of where it runs.
+//! Turns off a warning of Mesa's about its environment.
 
-/// Mesa's device-select layer looks for a window system, and complains twice where `XDG_RUNTIME_DIR` is no
-/// folder: in CI, and in containers. A variable turns the layer off, if it is there before the first thread
-/// is. So this program begins once more with it.
+/// Mesa's device-select layer looks for a window system, and warns twice if `XDG_RUNTIME_DIR` isn't a folder, as in
+/// CI and in containers. A variable turns the layer off, if it is set before the first thread starts. So this program
+/// restarts once with the variable.
 #[cfg(target_os = "linux")]
 pub(crate) fn begin() {
     use std::os::unix::process::CommandExt;
@@ -11,7 +11,7 @@ pub(crate) fn begin() {
 
     let is_folder = |value: std::ffi::OsString| Path::new(&value).is_dir();
     let is_set = |name: &str| std::env::var_os(name).is_some();
-    // Who chooses a device by the layer needs it.
+    // A user who selects a device by the layer needs it.
     let is_wanted = is_set("MESA_VK_DEVICE_SELECT") || is_set("DRI_PRIME");
     if is_set("NODEVICE_SELECT")
         || is_wanted
@@ -23,7 +23,7 @@ pub(crate) fn begin() {
     if let (Some(name), Ok(program)) = (arguments.next(), std::env::current_exe()) {
         let mut again = Command::new(program);
         again.arg0(name).args(arguments).env("NODEVICE_SELECT", "1");
-        // It returns where it failed. Then there are complaints, and nothing else is other.
+        // `exec` returns only if it failed. Then the warnings appear, and nothing else changes.
         drop(again.exec());
     }
 }

@@ -19,13 +19,13 @@ pub struct RenderArguments {
     /// Names or globs of frames
     #[arg(value_name = "FRAME")]
     pub(super) frames: Vec<String>,
-    /// Render the first frame of the gallery: the project's scene
+    /// Renders the first frame of the gallery: the project's scene
     #[arg(long, conflicts_with_all = ["frames", "all", "list"])]
     pub(super) first: bool,
-    /// Print the names of the frames, and what they show
+    /// Prints the names and descriptions of the frames
     #[arg(long, conflicts_with_all = ["frames", "all"])]
     pub(super) list: bool,
-    /// Render every frame
+    /// Renders every frame
     #[arg(long, conflicts_with = "frames")]
     pub(super) all: bool,
     #[command(flatten)]
@@ -56,23 +56,23 @@ pub struct RenderArguments {
 #[derive(clap::Args, Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct DrawArguments {
-    /// Folder that images are written into [default: `karat/frames` in Cargo's target folder]
+    /// Writes the images into this folder [default: `karat/frames` in Cargo's target folder]
     #[arg(long, value_name = "DIR")]
     pub out: Option<PathBuf>,
-    /// Width and height in pixels, such as 640x360 [default: the frame's own]
+    /// Sets width and height in pixels, such as 640x360 [default: the frame's own]
     #[arg(long, value_name = "WxH", value_parser = size)]
     pub size: Option<(u32, u32)>,
-    /// Samples a pixel, or as the frame defines; at least 1 [default: the frame's own]
+    /// Sets the samples per pixel, or another count that the frame defines, at least 1 [default: the frame's own]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub samples: Option<u32>,
-    /// The light around the scene, such as an EXR panorama, for frames that take one
+    /// Sets the light around the scene, such as an EXR panorama, for frames that use such a file
     #[arg(
         long,
         value_name = "FILE",
         value_parser = PathBufValueParser::new().try_map(existing_file)
     )]
     pub environment: Option<PathBuf>,
-    /// Path to render on: `vulkan`, `gl`, ... [default: the first one that tests run on]
+    /// Renders on this path: `vulkan`, `gl`, ... [default: the first path that tests run on]
     #[arg(long, value_name = "PATH")]
     pub path: Option<Path>,
 }
@@ -81,8 +81,8 @@ pub struct DrawArguments {
 #[derive(clap::Args, Clone, Copy, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct ExposureArguments {
-    /// Stops to add to the automatic exposure of the PNG: 1 is twice as bright, -1 half. EXR
-    /// stays linear
+    /// Adds this number of stops to the automatic exposure of the PNG: 1 is twice as bright, -1 half as bright. The
+    /// EXR stays linear
     #[arg(
         long = "exposure",
         value_name = "STOPS",

@@ -14,26 +14,26 @@ use zip::ZipArchive;
 
 use super::NotThere;
 
-/// Entries of a zip that are looked at.
+/// The largest number of entries of a zip.
 const MOST_ENTRIES: usize = 20_000;
-/// Frames that are unpacked.
+/// The largest number of frames that are unpacked.
 const MOST_FRAMES: usize = 2_000;
-/// Bytes of a frame; a golden has at most 1 MiB, a frame with NaN is stored in floats.
+/// The most bytes of a frame. A golden has at most 1 MiB, but a frame with NaN is stored as floats.
 const LARGEST_FRAME: u64 = 64 << 20;
-/// Bytes of all frames.
+/// The most bytes of all frames together.
 const LARGEST: u64 = 1 << 30;
 
 /// The pending frames of a CI run.
 #[derive(Debug)]
 pub(super) struct Artefact {
     folder: PathBuf,
-    /// Where a zip is unpacked, as long as this lives.
+    /// The temporary folder of an unpacked zip, which is deleted with this value.
     unpacked: Option<TempDir>,
 }
 
 impl Artefact {
-    /// A folder, or a zip that is unpacked. It holds frames, or the record of a run that left none:
-    /// that nothing is pending in anything else says nothing.
+    /// Opens a folder, or unpacks a zip. It must hold pending frames or the record of a run: in any other folder, an
+    /// empty list of pending frames would mean nothing.
     pub(super) fn open(path: &Path) -> anyhow::Result<Self> {
         let shown = path.display();
         if path.is_dir() {
@@ -50,7 +50,7 @@ impl Artefact {
         Ok(Self { folder: unpacked.path().to_owned(), unpacked: Some(unpacked) })
     }
 
-    /// Whether the frames are copies: deleting them changes nothing.
+    /// Returns `true` if the frames are copies from a zip, so that deleting them has no effect on the artefact.
     pub(super) fn is_zip(&self) -> bool {
         self.unpacked.is_some()
     }
@@ -66,31 +66,31 @@ impl Artefact {
     }
 }
 
-/// How frames and values end that a run leaves.
+/// The endings of pending frames and values.
 const WAITING: [&str; 2] = [".new.exr", ".new.csv"];
 
-/// Whether a file may wait to be accepted, by its name.
+/// Returns `true` if a file's name is that of a pending frame or pending values.
 fn waits(name: &str) -> bool {
     WAITING.iter().any(|ending| name.ends_with(ending))
 }
 
-/// What a folder or zip shows of where it comes from.
+/// The evidence that a folder or zip comes from a run.
 #[derive(Debug, Default)]
 struct Contents {
-    /// Whether it has a frame, or a record.
+    /// `true` if it has a pending frame or a record.
     of_run: bool,
-    /// A zip in it.
+    /// The name of a zip inside of it.
     zip: Option<String>,
 }
 
 impl Contents {
     fn of(folder: &Path) -> anyhow::Result<Self> {
         let below = |pattern: &str| -> anyhow::Result<Option<PathBuf>> {
-            // The folder's name is no pattern, whatever it holds.
+            // The folder's name may have characters of a glob, and isn't one.
             let folder = glob::Pattern::escape(&folder.to_string_lossy());
             let pattern = Path::new(&folder).join("**").join(pattern);
             let first = glob::glob(&pattern.to_string_lossy())?.next();
-            // A folder that can't be looked into is told by those who look for frames.
+            // The search for frames reports a folder that can't be read.
             Ok(first.map(|found| found.unwrap_or_else(|error| error.path().to_owned())))
         };
         let [frame, table] = WAITING.map(|ending| format!("*{ending}"));
@@ -103,7 +103,7 @@ impl Contents {
         Ok(Self { of_run: false, zip })
     }
 
-    /// Takes an entry of a zip into account.
+    /// Adds an entry of a zip.
     fn add(&mut self, relative: &Path, name: &str) {
         let mut above = relative.ancestors().skip(1).take(2);
         let in_record = above.any(|folder| folder.ends_with("record"));
@@ -132,7 +132,7 @@ impl Contents {
 
 fn unpack(path: &Path, folder: &Path) -> anyhow::Result<Contents> {
     let mut archive = ZipArchive::new(File::open(path)?).context("it isn't a readable zip")?;
-    // Of such entries the crate has only the last, and others may have shown another.
+    // The crate `zip` keeps the last of two such entries, and another program may have shown the first.
     ensure!(!archive.has_duplicate_names(), "two of its entries have the same name");
     let entries = archive.len();
     ensure!(entries <= MOST_ENTRIES, "it has {entries} entries, at most {MOST_ENTRIES} are read");
@@ -140,7 +140,7 @@ fn unpack(path: &Path, folder: &Path) -> anyhow::Result<Contents> {
     for index in 0..entries {
         let entry = archive.by_index(index).context("an entry can't be read")?;
         let name = entry.name().context("an entry has no name")?.escape_debug().to_string();
-        // The crate makes `/etc/x` relative, which is safe, and a sign of nothing good.
+        // The crate `zip` makes `/etc/x` relative. That is safe, but such a zip is suspicious.
         let relative = entry.enclosed_name().filter(|_| !name.starts_with(['/', '\\']));
         let Some(relative) = relative else {
             bail!("its entry `{name}` would lie outside of the folder it is unpacked into");
@@ -154,7 +154,7 @@ fn unpack(path: &Path, folder: &Path) -> anyhow::Result<Contents> {
         }
         frames += 1;
         ensure!(frames <= MOST_FRAMES, "it has more than {MOST_FRAMES} frames");
-        // What the zip says of its sizes needn't be so.
+        // The sizes in a zip may be wrong, so the limit applies to the bytes that are read.
         let mut content = Vec::new();
         entry
             .take(LARGEST_FRAME + 1)
@@ -170,7 +170,7 @@ fn unpack(path: &Path, folder: &Path) -> anyhow::Result<Contents> {
     Ok(contents)
 }
 
-/// Writes a frame where nothing else is.
+/// Writes a frame to a new file.
 fn place(folder: &Path, relative: &Path, content: &[u8]) -> anyhow::Result<()> {
     let place = folder.join(relative);
     ensure!(!place.is_dir(), "other entries lie in a folder of that name");
@@ -178,7 +178,7 @@ fn place(folder: &Path, relative: &Path, content: &[u8]) -> anyhow::Result<()> {
         bail!("`{}` is an entry, too, and no folder", file.display().to_string().escape_debug());
     }
     std::fs::create_dir_all(place.parent().unwrap_or(folder))?;
-    // Two names may be one file: `a/./b`, or where capitals don't count.
+    // Two names may be one file: `a/./b`, or names that differ in capitals alone.
     let mut file = match File::create_new(&place) {
         Err(error) if error.kind() == ErrorKind::AlreadyExists => {
             bail!("another entry is the same file")

@@ -1,7 +1,8 @@
-//! `karat browser`: tests in whichever browser opens a page of this machine.
 //!
-//! The test programs start this program again as one that runs jobs (`KARAT_EXECUTORS`). It hands each job to the process
-//! that serves the page, by a port whose number and secret are in a file that this user alone can read.
+//! `karat browser`: runs the tests in the browser that opens its page.
+//!
+//! The test programs start this program again as an executor (`KARAT_EXECUTORS`). It passes each job to the process
+//! that serves the page. A file that only this user can read holds the port and the secret of that process.
 
 use std::io::{BufRead, BufReader, Write};
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
@@ -18,30 +19,30 @@ use serde::Deserialize;
 
 use super::{Ending, Outcome, child};
 
-/// The longest answer that is read, as of other programs that run jobs: a frame of 4096 by 4096 pixels.
+/// The most bytes of an answer, as for other executors: a frame of 4096 by 4096 pixels.
 const LONGEST: u64 = 1 << 30;
 
-/// A page asks again after this time; proxies and browsers give up after half a minute.
+/// The time after which a page without a job asks again. Proxies and browsers give up after 30 seconds.
 const POLL: Duration = Duration::from_secs(5);
 
-/// A page that has no job and hasn't asked for so long is gone. Tabs behind others ask later than once a second.
+/// The time after which a page without a job counts as closed if it hasn't asked. Background tabs ask late.
 const GONE: Duration = Duration::from_secs(30);
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// Port on 127.0.0.1 [default: any that is free]
+    /// Serves the page on this port of 127.0.0.1 [default: any free port]
     #[arg(long, value_name = "PORT", default_value_t = 0, hide_default_value = true)]
     port: u16,
-    /// Open the page in the usual browser
+    /// Opens the page in your default browser
     #[arg(long)]
     open: bool,
-    /// How long to wait until a browser opens the page
+    /// Waits this many seconds for a browser to open the page
     #[arg(long, value_name = "SECONDS", default_value_t = 120)]
     wait: u64,
-    /// Arguments of `karat test`
+    /// Arguments for `karat test`
     #[arg(value_name = "TEST ARGUMENTS", trailing_var_arg = true, allow_hyphen_values = true)]
     words: Vec<String>,
-    /// Run jobs by the process that this file names
+    /// Passes jobs to the `karat browser` whose port and secret this file holds
     #[arg(long, hide = true, value_name = "FILE")]
     relay: Option<PathBuf>,
 }
@@ -80,7 +81,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let file = scratch.path().join("page");
     let listener =
         TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).context("the jobs can't be handed on")?;
-    // The folder is this user's alone.
+    // Only this user can read the folder.
     std::fs::write(&file, format!("{} {}", listener.local_addr()?.port(), desk.door.token()))?;
     let relaying = Arc::clone(&desk);
     std::thread::spawn(move || {
@@ -108,13 +109,13 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         Some(0) => Ok(Ending::Good),
         Some(1) => Ok(Ending::Bad),
         Some(3) => Ok(Ending::Missing),
-        // It has said why.
+        // The program has printed its error.
         Some(_) => Err(super::Reported.into()),
         None => bail!("the tests ended ({status})"),
     }
 }
 
-/// Hands jobs on, line by line, as a program of `KARAT_EXECUTORS`.
+/// Passes jobs on, line by line, as a program of `KARAT_EXECUTORS`.
 fn relay(file: &Path, out: &mut dyn Write) -> Outcome {
     let told = std::fs::read_to_string(file).context("`karat browser` has ended")?;
     let (port, token) = told.split_once(' ').context("the file says neither port nor secret")?;
@@ -135,7 +136,7 @@ fn relay(file: &Path, out: &mut dyn Write) -> Outcome {
     }
 }
 
-/// A message of the page: its number, and an answer or a greeting.
+/// A message of the page: the page's number, and an answer or a greeting.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Said {
@@ -148,31 +149,31 @@ struct Said {
     answer: Option<String>,
     #[serde(default)]
     closed: bool,
-    /// Why it can't run jobs.
+    /// The reason why the page can't run jobs.
     #[serde(default)]
     failed: Option<String>,
 }
 
-/// The page that runs jobs, and the job that it has.
+/// The state of the page that runs jobs, and of its job.
 #[derive(Default)]
 struct State {
     page: Option<(String, Instant)>,
     greeting: String,
-    /// Jobs so far: the number of the last one.
+    /// The number of jobs so far, which is the number of the last job.
     jobs: u64,
     /// The job that no page has taken.
     waiting: Option<String>,
     /// The answer to the last job.
     answer: Option<String>,
-    /// True while a page has the job.
+    /// `true` while a page runs the job.
     is_taken: bool,
-    /// Why a page can't run jobs.
+    /// The reason why a page can't run jobs.
     failed: Option<String>,
 }
 
 struct Desk {
     door: Door,
-    /// Held by the one that asks.
+    /// Held by the program whose job runs.
     turn: Mutex<()>,
     state: Mutex<State>,
     changed: Condvar,
@@ -182,7 +183,7 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Tells if the other end keeps the stream open.
+/// Returns `true` if the other end keeps the stream open.
 fn is_open(stream: &TcpStream) -> bool {
     let peeked = stream.set_nonblocking(true).and_then(|()| stream.peek(&mut [0]));
     let is_blocking = stream.set_nonblocking(false).is_ok();
@@ -190,7 +191,7 @@ fn is_open(stream: &TcpStream) -> bool {
 }
 
 impl Desk {
-    /// True once a page is there, which is waited for.
+    /// Waits for a page, and returns `true` if one opened in time.
     fn is_greeted(&self, patience: Duration) -> bool {
         let is_alone = |state: &mut State| state.page.is_none() && state.failed.is_none();
         let waited = self.changed.wait_timeout_while(locked(&self.state), patience, is_alone);
@@ -258,7 +259,7 @@ impl Desk {
             }
         }
         state.page = Some((said.page, Instant::now()));
-        // An answer that comes late belongs to no job any more.
+        // A late answer belongs to a job that was given up.
         if let Some(answer) = said.answer
             && state.is_taken
             && said.number == state.jobs
@@ -296,7 +297,8 @@ impl Desk {
         Ok(())
     }
 
-    /// The page's answer to a job. A hung job has the deadline of the program that asks, which closes its stream then.
+    /// Returns the page's answer to a job. The program that asks has a deadline, and closes its stream when a job
+    /// hangs.
     fn ask(&self, job: String, asking: &TcpStream) -> Result<String, &'static str> {
         let _turn = locked(&self.turn);
         let mut state = locked(&self.state);

@@ -29,61 +29,63 @@ use curve::Curve;
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// The function: `module::name`
+    /// The function to call: `module::name`
     function: String,
-    /// Its arguments, in order or as NAME=VALUE; components are joined by commas, or all is JSON: a structure
-    /// `m={"f0": [1, 1, 1], "roughness": 0.5}`. `0..1:100` sweeps a
-    /// component (`x=-1..1:100` if it begins with a minus), `0.5@0.1@0` has the derivatives of a
-    /// fragment function's argument to the right and downwards, `0.5,1@0.1,0@0,0.1` those of a vector
+    /// The function's arguments, in order or as NAME=VALUE. Join the components of a vector by commas: `1,0,0`. Write
+    /// a structure as JSON: `m={"f0": [1, 1, 1], "roughness": 0.5}`. `0..1:100` sweeps a component from 0 to 1 in 100
+    /// points; write `x=-1..1:100` if the range begins with a minus. For a fragment function `0.5@0.1@0` is the value
+    /// 0.5 with its derivatives to the right and downwards; `0.5,1@0.1,0@0,0.1` is the same for a vector
     #[arg(allow_negative_numbers = true)]
     arguments: Vec<String>,
-    /// What a variable holds: an image or a colour, a value as JSON or in a file (.json, .toml, .bin),
-    /// a sampler (`linear repeat`)
+    /// Sets a variable of the shader: to an image file or a colour, to a value as JSON or in a file (.json, .toml,
+    /// .bin), or to a sampler (`linear repeat`); may be repeated
     #[arg(long = "bind", value_name = "NAME=VALUE")]
     bind: Vec<String>,
-    /// Make up what isn't given, as `karat hazards` does: all arguments, and what variables hold; another CASE
-    /// is another choice, and the first ones are ends of ranges
+    /// Generates all arguments, and the variables that --bind doesn't set, as `karat hazards` does. Each CASE, a
+    /// number from 0, gives other values; the first cases take ends of ranges [default CASE: 0]
     #[arg(long, alias = "made-up", value_name = "CASE", num_args = 0..=1, default_missing_value = "0", require_equals = true,
         conflicts_with_all = ["table", "arguments"])]
     arbitrary: Option<usize>,
-    /// Dispatch a compute entry point over so many workgroups, `4` or `4,2,1`, and show what it leaves; without it a
-    /// single invocation is called, whose builtin values are arguments
+    /// Dispatches a compute entry point over this number of workgroups, such as `4` or `4,2,1`, and shows the results
+    /// in its buffers and textures. Without this option Karat calls one invocation, and its builtin values are
+    /// arguments
     #[arg(long, value_name = "X,Y,Z", value_parser = dispatch::workgroups,
         conflicts_with_all = ["arguments", "table", "plot", "out"])]
     dispatch: Option<[u32; 3]>,
-    /// The invocation of that dispatch that --trace and --html show, by its `global_invocation_id` [default: 0,0,0]
+    /// Shows the invocation with this `global_invocation_id` in --trace and --html of a dispatch [default: 0,0,0]
     #[arg(long, value_name = "X,Y,Z", value_parser = dispatch::invocation, requires = "dispatch")]
     invocation: Option<[u32; 3]>,
-    /// The value of an `override`, by its name or its `@id`
+    /// Sets an `override`, by its name or its `@id`; may be repeated
     #[arg(long = "override", value_name = "NAME=VALUE")]
     overrides: Vec<String>,
-    /// Path to run on; may be repeated [default: every path that opens]
+    /// Runs on this path; may be repeated [default: every path that opens]
     #[arg(long = "path", value_name = "PATH", value_delimiter = ',', env = "KARAT_PATHS")]
     paths: Vec<String>,
-    /// Evaluate a table (CSV) instead, of at most 256 MB and 4194304 cases
+    /// Evaluates every row of a table (CSV) of at most 256 MB and 4194304 cases, in place of ARGUMENTS
     #[arg(long, alias = "cases", value_name = "IN.CSV", conflicts_with = "arguments")]
     table: Option<PathBuf>,
-    /// Where the table goes [default: standard output]
+    /// Writes the table of results to this file [default: standard output]
     #[arg(long, value_name = "OUT.CSV")]
     out: Option<PathBuf>,
-    /// Compare each case with this column of the table, within --tolerance, and fail if one differs. Of
-    /// vectors there is a column for each component, `COLUMN.x`; of several results for each of them,
-    /// `COLUMN.result` and so on
+    /// Compares each case with this column of the table, within --tolerance, and fails if a case differs. For a
+    /// vector the table needs one column per component: `COLUMN.x`, `COLUMN.y`. For several results it needs one
+    /// column per result: `COLUMN.result` and so on
     #[arg(long, value_name = "COLUMN", requires = "table", requires = "tolerance")]
     expect: Option<String>,
-    /// How far results may be from what is expected: `4 ulp`, `rel 1e-4 or abs 1e-6`, `exact`
+    /// Accepts results within this tolerance of the column that --expect names: `4 ulp`, `rel 1e-4 or abs 1e-6`,
+    /// `exact`
     #[arg(long, requires = "expect")]
     tolerance: Option<String>,
-    /// Write floats in hexadecimal, each bit of them
+    /// Writes floats in hexadecimal, with all their bits
     #[arg(long, alias = "exact")]
     hex: bool,
-    /// Plot a sweep: in the terminal, or into FILE.SVG
+    /// Plots a sweep in the terminal, or writes the plot to FILE.SVG
     #[arg(long, value_name = "FILE.SVG", num_args = 0..=1, require_equals = true, conflicts_with = "table")]
     plot: Option<Option<PathBuf>>,
-    /// Show each intermediate in f32, in f64 and as WGSL bounds it
+    /// Shows each intermediate value in f32, in f64, and with the bounds that WGSL gives it
     #[arg(long, conflicts_with = "table")]
     trace: bool,
-    /// Write that as a page, beside the source
+    /// Writes the intermediate values of --trace beside the source, as an HTML page, to this file
     #[arg(long, value_name = "FILE", conflicts_with = "table")]
     html: Option<PathBuf>,
     #[command(flatten)]
@@ -144,7 +146,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         );
         let compute = compute.dispatch(&args.function, groups);
         let invocation = args.invocation.unwrap_or_default();
-        // The error about an invocation that isn't there comes first.
+        // The error about a missing invocation comes first.
         let steps = match args.trace || args.html.is_some() {
             true => karat::unstable::compute::trace(&compute, invocation)?,
             false => Vec::new(),
@@ -220,9 +222,9 @@ impl Args {
     }
 }
 
-/// The paths that are named; else every driver that opens, and the engine.
+/// Returns the paths of the options, or else every driver that opens, and the engine.
 fn paths(probed: &Probed, fixtures: &Fixtures, names: &[String]) -> anyhow::Result<Vec<Path>> {
-    // A variable that is set to nothing counts as not set.
+    // An empty variable counts as unset.
     let names: Vec<&str> =
         names.iter().map(|name| name.trim()).filter(|name| !name.is_empty()).collect();
     let named = if names.is_empty() { "all".to_owned() } else { names.join(",") };
@@ -241,7 +243,7 @@ fn paths(probed: &Probed, fixtures: &Fixtures, names: &[String]) -> anyhow::Resu
     if named.trim() != "all" {
         return Ok(paths);
     }
-    // Unless they are asked for, paths are left out that can't do what is needed.
+    // Paths that lack a needed ability are left out, unless an option names them.
     let (mut able, mut reasons) = (Vec::new(), Vec::new());
     for path in paths {
         match karat::unstable::executor::call(probed, path, &[], fixtures) {
@@ -260,7 +262,7 @@ fn paths(probed: &Probed, fixtures: &Fixtures, names: &[String]) -> anyhow::Resu
     Ok(able)
 }
 
-/// Prints what was made up, and from what.
+/// Prints the generated values, and the ranges that they were taken from.
 fn write_made_up(
     function: &Function,
     made_up: &MadeUp,
@@ -279,11 +281,12 @@ fn write_made_up(
     Ok(())
 }
 
-/// Numbers of a result that are shown in hexadecimal, too: those of a matrix. Of a buffer they would hide the rest.
+/// The most numbers of a result that are also shown in hexadecimal: as many as a matrix has. For a buffer they would
+/// hide the values.
 const MOST_HEXADECIMAL: usize = 16;
 
 impl Args {
-    /// Shows the steps of a call, if they are asked for.
+    /// Shows the steps of a call, if an option asks for them.
     fn show_steps(
         &self,
         name: &str,

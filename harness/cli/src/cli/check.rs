@@ -17,7 +17,7 @@ use super::{Ending, Outcome, PlaceArgs};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// Fail unless this compiler accepts each module, too, whatever karat.toml says
+    /// Fails unless this compiler also accepts each module, even where karat.toml doesn't ask for it
     #[arg(long, value_name = "COMPILER")]
     require: Option<Compiler>,
     #[command(flatten)]
@@ -60,7 +60,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(if good { Ending::Good } else { Ending::Bad })
 }
 
-/// The packages as the tests of the last run used them; none if there was no run.
+/// Returns the packages as the tests of the last run used them, or none if there was no run.
 pub(super) fn recorded_uses(project: &Project) -> anyhow::Result<Vec<Package>> {
     match Recorded::read(&project.record())? {
         Some(last) => uses(&last.folder),
@@ -68,8 +68,8 @@ pub(super) fn recorded_uses(project: &Project) -> anyhow::Result<Vec<Package>> {
     }
 }
 
-/// Validates packages and prints each module that isn't valid; whether all are. With `all` valid
-/// packages are told, too.
+/// Validates packages, prints each invalid module, and returns `true` if all modules are valid. With `all` it also
+/// lists valid packages.
 pub(super) fn validate(
     packages: &[Package],
     all: bool,
@@ -79,7 +79,8 @@ pub(super) fn validate(
     Ok(validate_found(&found, &[], all, out)?.0)
 }
 
-/// [`validate`], by what tests use where no author states a package; with what others than naga say.
+/// [`validate`] that judges a package without a declaration by its tests, and also returns the opinions of other
+/// compilers than naga.
 fn validate_found(
     found: &[Found],
     uses: &[Package],
@@ -124,7 +125,7 @@ fn validate_found(
     Ok((valid, opinion))
 }
 
-/// Objections to modules that naga accepts: in a line, and then each remark; `None`: there are none.
+/// Writes the objections to modules that naga accepts: a line, and then each remark. `None` if there are none.
 pub(super) fn remarks(opinion: &Opinion) -> Option<String> {
     let mut text = opinion.remark()?;
     for remark in opinion.remarks() {
@@ -133,7 +134,7 @@ pub(super) fn remarks(opinion: &Opinion) -> Option<String> {
     Some(text)
 }
 
-/// Remarks of Tint, of WebGPU's limits and about shipped tests, each once.
+/// Writes the remarks of Tint, about WebGPU's limits and about shipped tests, each once.
 pub(super) fn write_remarks(opinion: &Opinion, out: &mut dyn Write) -> std::io::Result<()> {
     write_each(&opinion.remarks(), out)?;
     write_broke(opinion, out)
@@ -154,13 +155,13 @@ fn write_broke(opinion: &Opinion, out: &mut dyn Write) -> std::io::Result<()> {
     Ok(())
 }
 
-/// Packages that aren't valid, by their names, as people read it.
+/// Prints invalid packages, by their names.
 pub(super) fn write(invalid: &[(String, Invalid)], out: &mut dyn Write) -> std::io::Result<()> {
     let mut each = invalid.iter();
     each.try_for_each(|(name, invalid)| writeln!(out, "\n{HEAD}{name}{HEAD:#}: {invalid}"))
 }
 
-/// The modules of packages that aren't valid, and the packages of which no module is to blame.
+/// Returns the invalid modules of packages, and the names of invalid packages without an invalid module.
 pub(super) fn names(invalid: &[(String, Invalid)]) -> (Vec<String>, Vec<String>) {
     let (mut modules, mut packages) = (Vec::new(), Vec::new());
     for (package, invalid) in invalid {
@@ -175,8 +176,8 @@ pub(super) fn names(invalid: &[(String, Invalid)]) -> (Vec<String>, Vec<String>)
     (modules, packages)
 }
 
-/// The packages that aren't valid: as their folders say where they are stated, or else as the tests of a run
-/// used them. With what others than naga say of all.
+/// Returns the invalid packages, and the opinions of other compilers than naga about all packages. A declared package
+/// is validated with the settings of its folder, another one as the tests of a run used it.
 pub(super) fn invalid(
     found: &[Found],
     run: &Path,
@@ -203,7 +204,7 @@ pub(super) fn invalid(
     Ok((all, opinion))
 }
 
-/// The folders and files of shaders that the tests of a run linked.
+/// Returns the folders and files of shaders that the tests of a run linked.
 pub(super) fn linked(run: &Path) -> anyhow::Result<Vec<PathBuf>> {
     let all = Dependence::all(run).with_context(|| unread(run))?;
     Ok(all.iter().filter_map(|one| Some(one.place()?.to_owned())).collect())
@@ -213,14 +214,14 @@ fn unread(run: &Path) -> String {
     format!("can't read what tests used in `{}`", run.display())
 }
 
-/// The packages as the tests of a run used them.
+/// Returns the packages as the tests of a run used them.
 pub(super) fn uses(run: &Path) -> anyhow::Result<Vec<Package>> {
     let all = Dependence::all(run).with_context(|| unread(run))?;
     Ok(all.iter().filter_map(Dependence::package).collect())
 }
 
-/// The modules that are still invalid as tests use the package. A module is valid if it is as its folder says, or
-/// as a test uses the package, with features and dependencies.
+/// Returns the modules that are invalid both with the settings of their folder and as each test uses the package,
+/// with its features and dependencies.
 pub(super) fn as_used(
     mut invalid: Invalid,
     package: &Package,

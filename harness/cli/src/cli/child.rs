@@ -1,4 +1,4 @@
-//! Programs that commands run. They end in the same way whether or not anybody reads their output.
+//! Programs that commands run. A closed output pipe doesn't change how they end.
 
 use std::io::{BufRead, BufReader, IsTerminal, Read, Write};
 use std::process::{ChildStderr, Command, ExitStatus, Stdio};
@@ -9,7 +9,7 @@ use anyhow::Context;
 use karat::unstable::output::{Output, with_colours};
 use tempfile::TempDir;
 
-/// Runs a program whose output is ours. Terminals show it as it comes, with its colours.
+/// Runs a program, and passes its output on as it comes. Terminals show its colours.
 pub(super) fn pass_on(command: &mut Command, out: &mut dyn Write) -> anyhow::Result<ExitStatus> {
     if std::io::stdout().is_terminal() && std::io::stderr().is_terminal() {
         let name = command.get_program().display().to_string();
@@ -21,29 +21,29 @@ pub(super) fn pass_on(command: &mut Command, out: &mut dyn Write) -> anyhow::Res
     })
 }
 
-/// The test and the word of a line that Rust's test runner writes after a test:
-/// `test fresnel::is_reciprocal ... ok`.
+/// Returns the test and the verdict in a line of Rust's test runner: `test fresnel::is_reciprocal ... ok`.
 pub(super) fn verdict(line: &str) -> Option<(&str, &str)> {
     let (name, word) = line.strip_prefix("test ")?.rsplit_once(" ... ")?;
     Some((name.strip_suffix(" - should panic").unwrap_or(name), word))
 }
 
-/// Runs a program, with each line of its standard output given to `line`.
 ///
-/// What it writes to standard error passes through here, too, unless a terminal shows it: a pipe
-/// that nobody reads would end the program, and its verdict would be lost.
+/// Runs a program, and calls `line` with each line of its standard output.
+///
+/// Without a terminal, standard error passes through this process, too: a closed pipe would end the program, and lose
+/// its verdict.
 pub(super) fn run(
     command: &mut Command,
     line: impl FnMut(&str) -> anyhow::Result<()>,
 ) -> anyhow::Result<ExitStatus> {
     let is_seen = std::io::stderr().is_terminal();
     command.stderr(if is_seen { Stdio::inherit() } else { Stdio::piped() });
-    // As it comes: colours were chosen by whoever wrote them.
+    // Unchanged: the program chose its colours.
     let mut err = Output::new(std::io::stderr());
     listen(command, |text| Ok(writeln!(err, "{text}")?), line)
 }
 
-/// Runs a program, with each line of its standard error given to `error`, and of its output to `line`.
+/// Runs a program, and calls `error` with each line of its standard error and `line` with each line of its output.
 pub(super) fn run_heard(
     command: &mut Command,
     error: impl FnMut(&str) -> anyhow::Result<()> + Send,
@@ -61,7 +61,7 @@ fn listen(
     let mut child =
         command.stdout(Stdio::piped()).spawn().with_context(|| format!("can't run `{name}`"))?;
     let (stdout, stderr) = (child.stdout.take(), child.stderr.take());
-    // Open to its end, for one that ends with its input.
+    // Standard input stays open until the program ends: some programs end with their input.
     let _stdin = child.stdin.take();
     std::thread::scope(|scope| {
         scope.spawn(|| drop(stderr.map(|stderr| lines(stderr, error))));
@@ -70,7 +70,7 @@ fn listen(
     child.wait().with_context(|| format!("`{name}` vanished"))
 }
 
-/// What a program writes to standard error, which is read beside its output.
+/// The standard error of a program, which a thread reads while another one reads its output.
 pub(super) struct LastWords(JoinHandle<Vec<u8>>);
 
 impl LastWords {
@@ -82,14 +82,14 @@ impl LastWords {
         }))
     }
 
-    /// All of them, once the program has ended.
+    /// Returns the whole text, once the program has ended.
     pub(super) fn heard(self) -> String {
         let text = self.0.join().unwrap_or_default();
         String::from_utf8_lossy(&text).trim().to_owned()
     }
 }
 
-/// Lines of any bytes.
+/// Calls `line` with each line, of any bytes.
 fn lines(from: impl Read, mut line: impl FnMut(&str) -> anyhow::Result<()>) -> anyhow::Result<()> {
     for bytes in BufReader::new(from).split(b'\n') {
         let text = bytes.context("the output of a program ended early")?;
@@ -99,7 +99,8 @@ fn lines(from: impl Read, mut line: impl FnMut(&str) -> anyhow::Result<()>) -> a
     Ok(())
 }
 
-/// Runs a process over a temporary folder. Ctrl-C reaches that process, too: this one stays until the folder is gone.
+/// Runs a process that uses a temporary folder. Ctrl-C ends that process; this process goes on until it has deleted
+/// the folder.
 pub(super) fn status_over(
     command: &mut Command,
     folder: TempDir,

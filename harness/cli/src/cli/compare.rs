@@ -21,25 +21,25 @@ use super::{Ending, Outcome, PlaceArgs, call, write_json};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// What to compare with: a revision of git (`HEAD`, `main`, `v1.2`), or a folder or file
+    /// The old shaders: a revision of git (`HEAD`, `main`, `v1.2`), or a folder or file
     before: String,
-    /// Only functions whose name contains this; may be repeated
+    /// Compares only functions whose name contains this text; may be repeated
     #[arg(long, value_name = "NAME")]
     only: Vec<String>,
-    /// Paths that functions run on
+    /// Runs the functions on these paths
     #[arg(long, value_name = "PATHS", default_value = "cpu", env = "KARAT_PATHS")]
     paths: String,
-    /// Inputs of each function
+    /// Calls each function with this number of generated inputs
     #[arg(long, value_name = "COUNT", default_value_t = 4096,
         value_parser = clap::value_parser!(u32).range(1..=1_048_576))]
     cases: u32,
-    /// Value of an override on both sides, in each function that has one of this name or `@id`; may be repeated
+    /// Sets an `override` on both sides, by its name or its `@id`, in each function that uses it; may be repeated
     #[arg(long = "override", value_name = "NAME=VALUE")]
     overrides: Vec<String>,
-    /// List functions that weren't edited, too
+    /// Also lists functions that weren't edited
     #[arg(long)]
     all: bool,
-    /// Print JSON
+    /// Prints JSON
     #[arg(long)]
     json: bool,
     #[command(flatten)]
@@ -54,7 +54,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let overrides = call::bind::overrides_in(&packages, &args.overrides)?;
     let mut all: Vec<Compared> = Vec::new();
     for after in &packages {
-        // Lives as long as its package is read.
+        // The folder must exist while its package is read.
         let folder = tempfile::tempdir().context("no temporary folder")?;
         let before = match Path::new(&args.before) {
             path if path.exists() => Package::open(path)?,
@@ -66,16 +66,16 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             overrides.iter().fold(request, |all, (name, value)| all.set_override(name, *value));
         let request = request.only(args.only.iter().map(String::as_str));
         let request = request.cases(args.cases as usize).paths(paths.clone());
-        // Of a revision the files are elsewhere for a moment: git's name of it says more.
+        // The files of a revision are in a temporary folder, so messages name the revision.
         let written = format!("{}{}", folder.path().display(), std::path::MAIN_SEPARATOR);
-        // Drawn on a terminal alone.
+        // The bar shows on a terminal only.
         let bar = ProgressBar::new(0).with_message(after.name());
         bar.set_style(ProgressStyle::with_template("{msg}: {pos} of {len} functions {wide_bar}")?);
         let (sender, verdicts) = mpsc::channel();
         let (first, mut wrote) = (all.len(), Ok(()));
         let compared = std::thread::scope(|scope| {
             let tell = move |one: &Compared, done, of| {
-                // Its reader lives as long as there are verdicts.
+                // The receiver lives as long as there are verdicts.
                 drop(sender.send((one.clone(), done, of)));
             };
             let comparing = scope.spawn(move || request.run_with(&tell));
@@ -112,7 +112,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     let broken = search::broken_files(&packages)?;
     match args.json {
-        // What is read as JSON has no place for it.
+        // The JSON has no field for broken files.
         true => broken.iter().for_each(|broken| tell(&broken.wrong.message)),
         false => search::write_broken(&broken, out)?,
     }
@@ -127,7 +127,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(if good { Ending::Good } else { Ending::Bad })
 }
 
-/// Prints a verdict as it comes: one of so many.
+/// Prints one verdict, with its number and the number of all.
 fn write_one(
     one: &Compared,
     untouched: bool,
@@ -204,7 +204,7 @@ fn write_one(
     Ok(())
 }
 
-/// Prints the last line.
+/// Prints the last line, with the counts.
 fn write_sum(all: &[Compared], out: &mut dyn Write) -> anyhow::Result<()> {
     let (mut changed, mut added, mut removed, mut unjudged, mut same, mut quiet) =
         (0, 0, 0, 0, 0, 0);
@@ -260,19 +260,19 @@ fn write_sum(all: &[Compared], out: &mut dyn Write) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Arguments and members of buffers that are shown: those of a camera alone may be forty.
+/// The most arguments and members of buffers that are shown: a camera alone may have forty members.
 const INPUTS: usize = 12;
 
 fn write_path(change: &PathChange, dispatched: bool, out: &mut dyn Write) -> anyhow::Result<()> {
     let PathChange { path, cases, ulp, relative, arguments, before, after, words, .. } = change;
-    /// Steps of an eighth of a number. Numbers further apart have their relative size alone.
+    /// The distance in ULP from which only the relative difference is shown: an eighth of the number.
     const NEAR: u64 = 1 << 20;
     let by = match (ulp, relative) {
         (Some(0), _) => ", by the sign of a zero".to_owned(),
         (Some(ulp @ ..NEAR), Some(share)) => format!(", by up to {ulp} ulp (rel {share:.2e})"),
         (Some(ulp @ ..NEAR), None) => format!(", by up to {ulp} ulp"),
         (Some(_), Some(share)) => format!(", by up to rel {share:.2e}"),
-        // Integers, a sign or a NaN: the values say it.
+        // For integers, signs and NaN the values are enough.
         _ => String::new(),
     };
     let shown = arguments.iter().take(INPUTS).map(|(name, value)| format!("{name} = {value}"));

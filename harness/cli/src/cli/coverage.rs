@@ -28,33 +28,33 @@ use self::union::{Sum, Union};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// Only tests whose names contain this
+    /// Runs only tests whose names contain this text
     #[arg(long, value_name = "FILTER")]
     tests: Option<String>,
-    /// List the lines that no test runs, and the ways of branches that none takes
+    /// Lists the lines and the sides of branches that no test runs
     #[arg(long)]
     missing: bool,
-    /// Only lines that changed since this branch left a revision of git, such as `main`
+    /// Counts only lines that changed since your branch left this revision of git, such as `main`
     #[arg(long, value_name = "REVISION")]
     in_diff: Option<String>,
-    /// Fail if less of the measured lines ran, in per cent
+    /// Fails if the tests ran less than this share of the measured lines, in per cent
     #[arg(long, value_name = "PERCENT", value_parser = super::percent)]
     fail_under_lines: Option<f64>,
-    /// Write LCOV's format into this file, with a record for each test
+    /// Writes an LCOV tracefile to this file, with a record for each test
     #[arg(long, value_name = "FILE")]
     lcov: Option<PathBuf>,
-    /// Write a page into this file: click a line to see which tests and which inputs come to it
+    /// Writes an HTML page to this file; a click on a line shows the tests and inputs that run it
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
-    /// Print JSON
+    /// Prints JSON
     #[arg(long, conflicts_with = "missing")]
     json: bool,
-    /// The paths that tests run on: `cpu` alone counts
+    /// Runs the tests on these paths; only the path `cpu` counts lines
     #[arg(long, value_name = "PATHS", default_value = "cpu")]
     paths: String,
     #[command(flatten)]
     place: PlaceArgs,
-    /// More arguments of `karat test`
+    /// More arguments for `karat test`
     #[arg(last = true, value_name = "ARGUMENTS")]
     more: Vec<String>,
 }
@@ -68,7 +68,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         args.paths
     );
     let project = Project::find()?;
-    // Errors of the arguments come before the tests run.
+    // Errors of the arguments are reported before the tests run.
     let mut packages = project.packages(&args.place.package())?;
     let mut changed = BTreeMap::new();
     for package in &packages {
@@ -84,7 +84,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let used = ran.iter().flat_map(|ran| &ran.statements).map(|one| one.file.as_path());
     let used: BTreeSet<_> = used.collect();
     if args.place.package().package.is_none() {
-        // A folder of shaders that no test uses is none of theirs, as in `karat test`.
+        // As in `karat test`, a folder of shaders that no test uses doesn't count.
         let is_used = |package: &Package| {
             let root = std::path::absolute(package.root()).unwrap_or_else(|_| package.root());
             used.iter().any(|file| file.starts_with(&root))
@@ -109,7 +109,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             .with_context(|| format!("can't write `{}`", file.display()))?;
     }
     let least = args.fail_under_lines.unwrap_or_default();
-    // Of an edit without shaders there is nothing to measure.
+    // In an edit without shaders there is nothing to measure.
     let enough = match sum.percent() {
         Some(percent) => percent >= least,
         None => args.in_diff.is_some(),
@@ -136,7 +136,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(if good { Ending::Good } else { Ending::Bad })
 }
 
-/// The last line: the figures, and what isn't in them. `short` is what was asked for and isn't reached.
+/// Returns the parts of the last line: the figures, and the code that they leave out. `short` is the share that the
+/// options ask for, if it isn't reached.
 fn parts(
     sum: &Sum,
     tests: usize,
@@ -165,7 +166,8 @@ fn parts(
     parts
 }
 
-/// Runs the tests, with what they print beside this command's results. Whether they passed.
+/// Runs the tests, and returns `true` if they passed. Their output goes to standard error, beside this command's
+/// results.
 fn tests(args: &Args, folder: TempDir, only_engine: bool) -> anyhow::Result<(bool, TempDir)> {
     let program = std::env::current_exe().context("this program isn't where it was")?;
     let mut command = Command::new(program);
@@ -185,7 +187,7 @@ fn tests(args: &Args, folder: TempDir, only_engine: bool) -> anyhow::Result<(boo
     match status.code() {
         Some(0) => Ok((true, folder)),
         Some(1) => Ok((false, folder)),
-        // They have said why.
+        // The tests have printed the reason.
         Some(2 | 3) => Err(super::Reported.into()),
         _ => anyhow::bail!("the tests ended without a result ({status})"),
     }
@@ -198,12 +200,12 @@ fn add(union: &mut Union, package: &Package, no_frames: bool) -> anyhow::Result<
     let mut invalid = Vec::new();
     for module in package.modules()? {
         match Program::of_module(package, &module) {
-            // A test isn't what is tested.
+            // Functions that are tests don't count.
             Ok(program) => union.add(
                 &package.root(),
                 statements_of(&program).into_iter().filter(|one| !tests.contains(&*one.function)),
             ),
-            // The tests' own output says why.
+            // The tests' own output gives the reason.
             Err(_) => invalid.push(module),
         }
     }
@@ -221,7 +223,7 @@ fn add(union: &mut Union, package: &Package, no_frames: bool) -> anyhow::Result<
     Ok(invalid)
 }
 
-/// A row for each file.
+/// Prints a row for each file.
 fn write_files(union: &Union, out: &mut dyn Write) -> std::io::Result<()> {
     let head = ["file", "lines", "ways", "functions", "not run", "not looked at", "not measured"];
     let mut table = Table::new(&head, &[1, 2, 3, 4, 5, 6]).leaving(&[3, 5, 6]);
@@ -241,7 +243,7 @@ fn write_files(union: &Union, out: &mut dyn Write) -> std::io::Result<()> {
     writeln!(out)
 }
 
-/// The lines that each variant ran, if there are several.
+/// Prints the lines that each variant ran, if there are several variants.
 fn write_variants(union: &Union, out: &mut dyn Write) -> std::io::Result<()> {
     let variants = union.variants();
     if variants.len() < 2 {
@@ -256,7 +258,7 @@ fn write_variants(union: &Union, out: &mut dyn Write) -> std::io::Result<()> {
     writeln!(out)
 }
 
-/// The lines that no test runs, and the ways that none takes.
+/// Prints the lines and the sides of branches that no test runs.
 fn write_missing(union: &Union, out: &mut dyn Write) -> std::io::Result<()> {
     for (file, own) in union.files() {
         let missing = own.missing();

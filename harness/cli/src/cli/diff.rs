@@ -1,4 +1,4 @@
-//! `karat diff`: how far two images are from each other.
+//! `karat diff`: measures the difference of two images.
 
 mod comparison;
 mod message;
@@ -27,18 +27,18 @@ Examples:
   karat diff a.exr b.exr --flip-tile 0.03 --heatmap flip.png
   karat diff a.exr b.exr --mask sky.png --json
 
-The first image is what the second should be. A PNG is made linear before it is compared. The
-bounds are those of frames: each channel within 1e-3, or else no tile of 16 x 16 pixels above 0.01
-under HDR-FLIP and a mean of at most 0.005. --rel alone leaves the gate alone. FLIP looks at the
-exposures that the first image's golden pins, or else at those that suit the first image. Of two
-PNGs LDR-FLIP is printed, too, the number that other FLIP tools have; no bound applies to it.
-Values are compared as the files have them, whatever primaries their chromaticities name; a note
-tells where these differ. Of an EXR the data window is compared, wherever it lies.
-Of a file of several parts the first with colours is compared. Without --mask, that of the second
-file is used, if it is a frame whose test declares one: its part `mask`. The noise that a golden's
-variance explains isn't taken into account, as a test does.
-Exit codes: 0 within the bounds; 1 differs, in size too; 2 an image can't be read or compared; 3 an
-image isn't there. NaN and infinities differ from everything.
+The first image is the expected one. Karat makes a PNG linear before it compares. The bounds are
+those of frames: each channel within 1e-3 (the gate), or else every 16 x 16 tile at most 0.01 under
+HDR-FLIP and the mean at most 0.005. With --rel alone, only the gate counts. FLIP uses the
+exposures in the first image's golden, or else exposures that suit the first image. For two PNGs
+Karat also prints LDR-FLIP, the number of other FLIP tools; no bound applies to it.
+Karat compares the stored values, whatever primaries the chromaticities name; a note says if the
+chromaticities differ. It compares the data windows of EXR files, wherever they lie.
+In a file of several parts it compares the first part with colours. Without --mask, it uses the part
+`mask` of the second file, which a frame has if its test declares a mask. Unlike a test, it doesn't
+subtract the noise that a golden's variance explains.
+Exit codes: 0 within the bounds; 1 the values or the sizes differ; 2 an image can't be read or
+compared; 3 an image is missing. NaN and infinities differ from everything.
 JSON: a, b {file, width, height, nan, infinite, first_non_finite, parts, chromaticities (CIE x and y
 of red, green, blue and white)}, verdict (equal, within, differs), reason (size, non_finite, values,
 or null), tolerance, compared, own_mask, gate {relative, off, bounds, worst, sweep}, flip
@@ -47,42 +47,44 @@ mean}, heatmap, heatmap_full (the error that its last colour stands for).";
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// What the other image should be: EXR or PNG
+    /// The expected image: EXR or PNG
     a: PathBuf,
-    /// The image that is compared with it
+    /// The actual image, which is compared with the expected one: EXR or PNG
     b: PathBuf,
-    /// Largest relative difference of a channel [default: 1e-3]
+    /// Accepts this relative difference in each channel [default: 1e-3]
     #[arg(long, value_name = "R", value_parser = relative, allow_hyphen_values = true)]
     rel: Option<f64>,
-    /// Largest mean HDR-FLIP of a tile, where --rel fails
+    /// Also accepts images of which each tile of 16 x 16 pixels has at most this mean HDR-FLIP, if a channel differs
+    /// too much [default: 0.01, or no such rule if you give --rel]
     #[arg(long, value_name = "E", value_parser = bound, allow_hyphen_values = true)]
     flip_tile: Option<f64>,
-    /// Largest mean HDR-FLIP of the image, where --rel fails
+    /// Also accepts images with at most this mean HDR-FLIP, if a channel differs too much [default: 0.005, or no such
+    /// rule if you give --rel]
     #[arg(long, value_name = "E", value_parser = bound, allow_hyphen_values = true)]
     flip_mean: Option<f64>,
-    /// Compare only the pixels whose red is above a half in this image, as it is stored (in a PNG of
-    /// 8 bits from 128 on), or in its part `mask` if it has one
+    /// Compares only the pixels whose stored red is above a half in this image (128 or more in a PNG of 8 bits). If
+    /// the image is an EXR file with a part `mask`, Karat uses that part
     #[arg(long, value_name = "IMAGE")]
     mask: Option<PathBuf>,
-    /// Write HDR-FLIP of each pixel: as PNG in colours (magma), black for 0, on a scale that suits the
-    /// largest error and is drawn below; or as EXR, the errors themselves
+    /// Writes HDR-FLIP of each pixel to this file. A PNG has colours (magma, black for 0) and a legend with the
+    /// scale, which suits the largest error; an EXR has the errors themselves
     #[arg(long, value_name = "OUT", value_parser = heatmap::file)]
     heatmap: Option<PathBuf>,
-    /// Print JSON
+    /// Prints JSON
     #[arg(long)]
     json: bool,
 }
 
-/// A number that begins with a hyphen is one that is refused here, and no option.
+/// Parses a bound. A negative number is refused with its own message, not as an unknown option.
 fn bound(text: &str) -> Result<f64, String> {
     match text.parse::<f64>() {
-        // A sum with 0 is no negative zero.
+        // Adding 0 turns -0 into 0.
         Ok(bound) if bound >= 0.0 && bound <= f64::from(f32::MAX) => Ok(bound + 0.0),
         _ => Err("a bound is a finite number of at least 0".to_owned()),
     }
 }
 
-/// Values are compared in floats, and so is what they may differ by.
+/// Parses a relative bound, which an `f32` must hold, as values are compared as `f32`.
 fn relative(text: &str) -> Result<f64, String> {
     let bound = bound(text)?;
     #[expect(clippy::cast_possible_truncation, reason = "a bound is no larger than a float can be")]
@@ -103,7 +105,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let sides = [(&args.a, &a), (&args.b, &b)]
         .map(|(file, read)| Side::of(file, &read.image, read.parts.clone(), read.chromaticities));
     let mask = args.mask.as_deref().map(mask).transpose()?;
-    // What a test left out is left out here, too.
+    // Pixels that the test left out are left out here, too.
     let own = mask.is_none() && b.mask.is_some();
     let mask = mask.or(b.mask);
     let pair = match mask {
@@ -147,27 +149,27 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(if comparison.passes() { Ending::Good } else { Ending::Bad })
 }
 
-/// The mask of a file: its part of that name, as goldens have it, or else what it shows.
+/// Reads the mask in a file: its part `mask`, as in goldens, or else the image itself.
 fn mask(file: &Path) -> anyhow::Result<Mask> {
-    // What can't be read as OpenEXR may be a PNG.
+    // A file that isn't OpenEXR may be a PNG.
     match ExrFile::read(file).ok().and_then(|file| file.mask()) {
         Some(mask) => Ok(mask),
         None => Ok(Mask::image(Image::read_stored(file)?)),
     }
 }
 
-/// What is compared, and what a file says of it.
+/// An image to compare, and the data in its file.
 struct File {
     image: Image,
-    /// Those that it pins if it is a golden.
+    /// The exposures that it pins, if it is a golden.
     exposures: Option<ExposureRange>,
-    /// Names of the parts that could be compared; the first is.
+    /// The names of the parts with colours; the first one is compared.
     parts: Vec<String>,
-    /// Of a frame whose test declares one.
+    /// The mask of a frame whose test declares one.
     mask: Option<Mask>,
-    /// The primaries that it names.
+    /// The primaries that the file names.
     chromaticities: [f32; 8],
-    /// Whether it is what a display shows.
+    /// `true` if it is a PNG, whose values are for a display.
     is_png: bool,
 }
 
@@ -177,7 +179,7 @@ impl File {
             Ok((image, metadata)) => {
                 let known = metadata.and_then(|text| Provenance::parse(&text).ok());
                 let parts = ExrFile::part_names(file)?;
-                // Another tool's part of this name may be anything.
+                // Another tool's part `mask` may mean something else.
                 let mask = match &known {
                     Some(_) if parts.len() > 1 => ExrFile::read(file)?.mask(),
                     _ => None,
@@ -186,11 +188,11 @@ impl File {
                 let chromaticities = ExrFile::chromaticities(file)?;
                 Ok(Self { image, exposures, parts, mask, chromaticities, is_png: false })
             }
-            // Its content tells what it is.
+            // The content decides the format, not the name.
             Err(ImageError::Corrupt { format: ImageFormat::OpenExr, .. }) => {
                 let image = Image::read(file)?;
                 let (exposures, parts, mask) = (None, Vec::new(), None);
-                // sRGB's.
+                // sRGB has the primaries of BT.709.
                 let chromaticities = ExrFile::BT709;
                 Ok(Self { image, exposures, parts, mask, chromaticities, is_png: true })
             }

@@ -20,25 +20,26 @@ use super::{Ending, Outcome, write_json};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// A folder of modules: what keeps them from being whole, and what to write into its karat.toml. Without it,
-    /// what this machine has
+    /// Folder of modules: `doctor` says what its modules lack, such as imports or features, and which lines its
+    /// karat.toml needs. Without a folder it lists the paths and tools of this machine
     #[arg(value_name = "PACKAGE")]
     package: Option<std::path::PathBuf>,
-    /// Write these lines into the package's karat.toml
+    /// Writes the missing lines into the package's karat.toml
     #[arg(long, requires = "package")]
     write: bool,
-    /// Fail unless these paths open
+    /// Fails unless these paths open
     #[arg(long, value_name = "PATHS", value_delimiter = ',', env = "KARAT_REQUIRE")]
     require: Vec<String>,
-    /// Ask a program that KARAT_EXECUTORS names, or another path, jobs with known answers, and fail if one is wrong
+    /// Sends jobs with known results to a program that KARAT_EXECUTORS names, or to another path, and fails if a
+    /// result is wrong
     #[arg(long, value_name = "NAME", conflicts_with_all = ["package", "write"])]
     executor: Option<String>,
-    /// Print JSON
+    /// Prints JSON
     #[arg(long)]
     json: bool,
 }
 
-/// Libraries whose versions decide results; a test compares them with Cargo.lock.
+/// The libraries whose versions affect results. A test compares them with Cargo.lock.
 pub(super) const LIBRARIES: [(&str, &str); 2] = [("wgpu", "30.0.1"), ("naga", "30.0.1")];
 
 #[derive(Serialize)]
@@ -49,13 +50,13 @@ struct Report {
     paths: Vec<PathReport>,
     /// The paths that checks run on.
     selected: Vec<&'static str>,
-    /// Why they run on none.
+    /// The reason why no path can be used.
     unusable: Option<String>,
     /// Compilers of WGSL besides naga.
     compilers: Vec<CompilerReport>,
     tools: Vec<ToolReport>,
     settings: Vec<SettingReport>,
-    /// What the project compiles with too little optimisation.
+    /// The crates that the project compiles with too little optimisation.
     unoptimised: Vec<profile::Unoptimised>,
 }
 
@@ -95,7 +96,7 @@ fn tools() -> Vec<ToolReport> {
 #[derive(Serialize)]
 struct CompilerReport {
     name: &'static str,
-    /// Where it is, and its version.
+    /// The compiler's place and its version.
     here: Option<(String, String)>,
     missing: Option<String>,
     remedy: Option<String>,
@@ -134,9 +135,9 @@ struct SettingReport {
 #[derive(Serialize)]
 struct PathReport {
     path: &'static str,
-    /// What goldens of this path and driver alone are filed under.
+    /// The profile under which goldens of this path and driver are stored.
     profile: Option<String>,
-    /// What its driver is called behind the `@` of a path.
+    /// The driver's name after the `@` of a path.
     family: Option<String>,
     adapter: Option<Adapter>,
     missing: Option<String>,
@@ -160,7 +161,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         }
         return package::run(folder, args.write, args.json, out);
     }
-    // A required path is looked at even where the platform can't have it, and so is one of a driver.
+    // Required paths are tried even if the platform doesn't support them, and so are paths that name a driver.
     let usual = Path::ALL.into_iter().filter(|path| path.is_supported() || required.contains(path));
     let mut all: Vec<Path> =
         usual.chain([Path::CPU]).chain(karat::unstable::path::programs()?).collect();
@@ -301,7 +302,7 @@ fn write_text(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
     Ok(())
 }
 
-/// How to get a path on this platform.
+/// Returns how to get a path on this platform.
 fn remedy(path: Path) -> &'static str {
     match path.via() {
         _ if path.api() == Api::Cpu => return "there are `cpu`, `cpu:fma` and `cpu:ftz`",
@@ -335,7 +336,7 @@ fn remedy(path: Path) -> &'static str {
     }
 }
 
-/// A file of the repository, or the copy of it that a published package has.
+/// Reads a file of the repository, or its copy in a published package.
 #[cfg(test)]
 fn beside(file: &str) -> String {
     let package = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));

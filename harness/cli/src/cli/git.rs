@@ -1,4 +1,4 @@
-//! Git, asked for a moment.
+//! Queries of git.
 
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
@@ -9,7 +9,7 @@ use anyhow::{Context, bail, ensure};
 use karat::unstable::output::visible;
 use karat::unstable::process;
 
-/// The output of git in a folder. Names are whole and unquoted under any configuration.
+/// Returns the output of git in a folder. File names are complete and unquoted under any configuration.
 pub(super) fn git(folder: &Path, arguments: &[&str]) -> anyhow::Result<Vec<u8>> {
     let mut command = Command::new("git");
     command.current_dir(folder);
@@ -26,7 +26,8 @@ pub(super) fn git(folder: &Path, arguments: &[&str]) -> anyhow::Result<Vec<u8>> 
     Ok(output.stdout)
 }
 
-/// The lines of a folder's files that changed since this branch left a revision, and those of files that git doesn't know.
+/// Returns the lines of a folder's files that changed since this branch left a revision, and all lines of untracked
+/// files.
 pub(super) fn lines_since(
     revision: &str,
     folder: &Path,
@@ -58,7 +59,7 @@ pub(super) fn lines_since(
     let mut file = None;
     for line in diff.lines() {
         if let Some(name) = line.strip_prefix("+++ ") {
-            // A tab ends a name that has blanks.
+            // Git ends a name that has blanks with a tab.
             let name = name.trim_end_matches('\t');
             ensure!(!name.starts_with('"'), "git names a file that can't be read here: {name}");
             file = name.strip_prefix("b/").map(place).transpose()?;
@@ -78,8 +79,7 @@ pub(super) fn lines_since(
     Ok(all)
 }
 
-/// The shaders of a folder or file as they were at a revision, written into another folder;
-/// where they are there.
+/// Writes the shaders of a folder or file at a revision into another folder, and returns their place there.
 pub(super) fn shaders_at(revision: &str, root: &Path, folder: &Path) -> anyhow::Result<PathBuf> {
     let root = root.canonicalize().with_context(|| format!("`{}`", root.display()))?;
     let (base, file) = match root.is_file() {

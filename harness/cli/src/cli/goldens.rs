@@ -21,18 +21,18 @@ use super::{Ending, Outcome, Reported, complain, write_json};
 
 #[derive(clap::Args)]
 pub(super) struct FolderArgs {
-    /// Folder of goldens [default: as in `metadata.karat` of Cargo.toml, else `golden`]
+    /// Uses the goldens in this folder [default: the folder that `metadata.karat` of Cargo.toml names, else `golden`]
     #[arg(long, alias = "golden", value_name = "DIR")]
     goldens: Option<PathBuf>,
 }
 
 impl FolderArgs {
-    /// The folder that was named.
+    /// Returns the folder of the option.
     pub(super) fn named(&self) -> Option<&Path> {
         self.goldens.as_deref()
     }
 
-    /// The folder that was named, or else that of the project. It is there.
+    /// Returns the folder of the option, or else that of the project; a missing folder is an error.
     pub(super) fn path(&self) -> anyhow::Result<PathBuf> {
         if let Some(folder) = &self.goldens {
             anyhow::ensure!(folder.is_dir(), "{}", absent(folder, &[]));
@@ -50,8 +50,8 @@ impl FolderArgs {
         Ok(folder)
     }
 
-    /// The goldens that a review decides about: of what a CI run left, those that its frames were compared
-    /// with, which a first golden makes.
+    /// Opens the goldens that a review changes. For a CI run's frames they are the goldens that the frames were
+    /// compared with; the folder needn't exist.
     pub(super) fn open(&self, from: Option<&Artefact>) -> anyhow::Result<Goldens> {
         let (None, Some(artefact)) = (&self.goldens, from) else {
             return Ok(Goldens::open(&self.path()?));
@@ -73,7 +73,7 @@ impl FolderArgs {
     }
 }
 
-/// That a folder of goldens isn't there, and which are.
+/// Returns the message that a folder of goldens is missing, with the folders that exist.
 fn absent(folder: &Path, others: &[String]) -> String {
     let others = match others.join("`, `") {
         none if none.is_empty() => String::new(),
@@ -94,13 +94,13 @@ fn has_pending(folder: &str) -> bool {
 /// Permission to write into sources in CI.
 #[derive(clap::Args)]
 pub(super) struct CiArgs {
-    /// Write into your sources although `CI` is set
+    /// Allows writing into your sources although `CI` is set
     #[arg(long)]
     pub(super) ci_may_write: bool,
 }
 
 impl CiArgs {
-    /// Refuses what writes into sources in CI, unless it may.
+    /// Refuses a command that writes into sources in CI, unless the option allows it.
     pub(super) fn check(&self, what: &str) -> anyhow::Result<()> {
         anyhow::ensure!(
             self.ci_may_write || !karat::unstable::golden::in_ci(),
@@ -111,21 +111,21 @@ impl CiArgs {
     }
 }
 
-/// Where the pending frames are.
+/// The place of the pending frames.
 #[derive(clap::Args)]
 pub(super) struct FromArgs {
-    /// Take the pending frames of a CI run: its downloaded artefact, a folder or a zip
+    /// Takes the pending frames of a CI run from its downloaded artefact, a folder or a zip
     #[arg(long, value_name = "DIR|ZIP")]
     from: Option<PathBuf>,
 }
 
 impl FromArgs {
-    /// What was named.
+    /// Returns the artefact of the option.
     pub(super) fn named(&self) -> Option<&Path> {
         self.from.as_deref()
     }
 
-    /// `None`: those of the project.
+    /// Opens the artefact; `None`: the pending frames of the project.
     pub(super) fn open(&self) -> anyhow::Result<Option<Artefact>> {
         self.from.as_deref().map(Artefact::open).transpose()
     }
@@ -133,9 +133,8 @@ impl FromArgs {
 
 #[derive(clap::Args)]
 pub(super) struct PendingArgs {
-    /// Print JSON: of each frame status (differs or new), file, profile, and its provenance (case,
-    /// width, height, adapter, compared_with, finding, ...); of a file that can't be used status
-    /// (unusable), file and error
+    /// Prints JSON. Each frame has status (differs or new), file, profile, and its provenance (case, width, height,
+    /// adapter, compared_with, finding, ...). Each file that Karat can't use has status (unusable), file and error
     #[arg(long)]
     json: bool,
     #[command(flatten)]
@@ -146,22 +145,23 @@ pub(super) struct PendingArgs {
 
 #[derive(clap::Args)]
 pub(super) struct AcceptArgs {
-    /// Names or globs of pending frames; of one crate: `crate::name`
+    /// Names or globs of pending frames; `crate::name` selects frames of one crate
     #[arg(required = true)]
     frames: Vec<String>,
-    /// Why the new image is right; kept with the golden
+    /// Keeps this reason with the golden: why the new image is right
     #[arg(long, value_name = "REASON", alias = "reason")]
     because: String,
-    /// Who accepts [default: Git's user.name, else the login name]
+    /// Keeps this name with the golden: who accepted it [default: Git's user.name, else the login name]
     #[arg(long, value_name = "NAME")]
     by: Option<String>,
-    /// Accept a frame that wasn't rendered on lavapipe
+    /// Accepts a frame even if another driver than lavapipe rendered it
     #[arg(long)]
     any_adapter: bool,
-    /// Make it the golden of one profile, where the golden for all fails: `gl-llvmpipe`
+    /// Makes the frame the golden of this profile alone, such as `gl-llvmpipe`, if the golden for all profiles fails
+    /// there
     #[arg(long, value_name = "PROFILE")]
     profile: Option<String>,
-    /// Print JSON: of each frame case, accepted, golden, written, warnings, error
+    /// Prints JSON: case, accepted, golden, written, warnings and error for each frame
     #[arg(long)]
     json: bool,
     #[command(flatten)]
@@ -174,10 +174,10 @@ pub(super) struct AcceptArgs {
 
 #[derive(clap::Args)]
 pub(super) struct RejectArgs {
-    /// Names or globs of pending frames; of one crate: `crate::name`
+    /// Names or globs of pending frames; `crate::name` selects frames of one crate
     #[arg(required = true)]
     frames: Vec<String>,
-    /// Print JSON: of each frame case and file
+    /// Prints JSON: case and file for each frame
     #[arg(long)]
     json: bool,
     #[command(flatten)]
@@ -188,12 +188,12 @@ pub(super) struct RejectArgs {
     folder: FolderArgs,
 }
 
-/// What JSON says of a pending frame. Fields are added, not changed.
+/// A pending frame in JSON. Fields may be added, and never change.
 #[derive(Serialize)]
 struct PendingEntry<'a> {
     status: Status,
     file: &'a Path,
-    /// Why the file can't be used.
+    /// The reason why the file can't be used.
     #[serde(skip_serializing_if = "Option::is_none")]
     error: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -205,7 +205,7 @@ struct PendingEntry<'a> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 enum Status {
-    /// From its golden.
+    /// The frame differs from its golden.
     Differs,
     /// There is no golden.
     New,
@@ -241,7 +241,7 @@ impl<'a> From<&'a Unusable> for PendingEntry<'a> {
 pub(super) fn pending(args: &PendingArgs, out: &mut dyn Write) -> Outcome {
     let artefact = args.from.open()?;
     let waiting = Waiting::of(&args.folder, artefact.as_ref())?;
-    // There, nothing may change the sources unasked.
+    // In CI, the sources don't change without permission.
     if artefact.is_none() && !karat::unstable::golden::in_ci() {
         waiting.places.iter().for_each(Goldens::tidy);
     }
@@ -264,7 +264,7 @@ pub(super) fn pending(args: &PendingArgs, out: &mut dyn Write) -> Outcome {
     })
 }
 
-/// Complains of files that can't be used. The others were taken care of, but not all is done.
+/// Reports files that can't be used. The other files were handled, but the command still fails.
 pub(super) fn report(unusable: &[Unusable]) -> anyhow::Result<()> {
     for Unusable { reason, .. } in unusable {
         complain(&reason.to_string());
@@ -292,22 +292,22 @@ fn write_table(frames: &[Frame], out: &mut dyn Write) -> std::io::Result<()> {
     table.write(out)
 }
 
-/// Frames and values that wait, of one folder of goldens or of all crates of a project.
+/// Pending frames and values, of one folder of goldens or of all crates of a project.
 struct Waiting {
-    /// Where it lies.
+    /// The folders that hold them.
     places: Vec<Goldens>,
-    /// The goldens that were named. Otherwise each frame has those that it was compared with.
+    /// The goldens of the option. Without it, each frame has the goldens that it was compared with.
     named: Option<Goldens>,
-    /// The project into which goldens go that a CI run's frames become.
+    /// The project whose goldens a CI run's frames become.
     project: Option<Project>,
 }
 
-/// A frame that waits, or values.
+/// A pending frame, or pending values.
 struct Frame {
     pending: Pending,
-    /// The goldens that it becomes one of.
+    /// The folder whose golden it becomes.
     goldens: Goldens,
-    /// Its name, with its crate where several crates have frames of that name: `lamp::dusk`.
+    /// Its name, with its crate if several crates have frames of that name: `lamp::dusk`.
     name: String,
 }
 
@@ -330,7 +330,7 @@ impl Waiting {
         Ok(Self { places, named, project: None })
     }
 
-    /// The goldens that a frame becomes one of, which lies here.
+    /// Returns the folder whose golden a pending frame in `place` becomes.
     fn goldens(&self, place: &Goldens, pending: &Pending) -> Result<Goldens, AcceptError> {
         match (&self.named, &self.project) {
             (Some(named), _) => Ok(named.clone()),
@@ -342,7 +342,7 @@ impl Waiting {
         }
     }
 
-    /// All that waits, by name.
+    /// Returns all pending frames and values, by name.
     fn all(&self) -> anyhow::Result<(Vec<Frame>, Vec<Unusable>)> {
         let (mut frames, mut unusable) = (Vec::new(), Vec::new());
         for place in &self.places {
@@ -361,7 +361,7 @@ impl Waiting {
         Ok((frames, unusable))
     }
 
-    /// Selects what waits by names and globs, each once.
+    /// Selects pending frames and values by names and globs, each once.
     fn select(&self, names: &[String]) -> anyhow::Result<(Vec<Frame>, Vec<Unusable>)> {
         let (all, broken) = self.all()?;
         let (mut chosen, mut told) = (vec![false; all.len()], vec![false; broken.len()]);
@@ -398,7 +398,7 @@ impl Waiting {
     }
 }
 
-/// A name or glob that was typed, with its crate if that was, too.
+/// A name or glob of the command line, with its crate if it has one.
 struct Wanted {
     krate: Option<Option<glob::Pattern>>,
     name: String,
@@ -431,7 +431,7 @@ impl Wanted {
 }
 
 impl Frame {
-    /// The Cargo package of its goldens.
+    /// Returns the Cargo package of its goldens.
     fn krate(&self) -> String {
         match &*self.pending.provenance.cargo_package {
             "" => self.goldens.cargo_package(),
@@ -440,7 +440,7 @@ impl Frame {
     }
 }
 
-/// The folder of a frame's goldens, as the project names it.
+/// Returns the folder of a frame's goldens, relative to the project.
 fn folder_of(frame: &Frame) -> String {
     match &*frame.pending.provenance.folder {
         "" => below_project(&frame.goldens),
@@ -448,7 +448,7 @@ fn folder_of(frame: &Frame) -> String {
     }
 }
 
-/// Gives frames their crates' names where several folders of goldens have frames of one name.
+/// Adds the crate to a frame's name if several folders of goldens have frames of that name.
 fn name_crates(frames: &mut [Frame]) {
     let mut homes: BTreeMap<String, BTreeMap<PathBuf, Home>> = BTreeMap::new();
     for frame in &*frames {
@@ -466,7 +466,7 @@ fn name_crates(frames: &mut [Frame]) {
     }
 }
 
-/// The name that a file which can't be used has by its place.
+/// Returns the name of an unusable file, by its place.
 fn file_case(place: &Goldens, Unusable { path, reason }: &Unusable) -> String {
     match reason {
         AcceptError::Twice { case, .. } | AcceptError::Nowhere { case, .. } => case.clone(),
@@ -474,7 +474,7 @@ fn file_case(place: &Goldens, Unusable { path, reason }: &Unusable) -> String {
     }
 }
 
-/// What JSON says of a frame that was to be accepted. Fields are added, not changed.
+/// The outcome of accepting a frame, in JSON. Fields may be added, and never change.
 #[derive(Default, Serialize)]
 struct AcceptEntry {
     case: String,
@@ -482,7 +482,7 @@ struct AcceptEntry {
     golden: Option<PathBuf>,
     written: bool,
     warnings: Vec<String>,
-    /// Why it is refused.
+    /// The reason why the frame is refused.
     error: Option<String>,
 }
 
@@ -491,7 +491,7 @@ pub(super) fn accept(args: &AcceptArgs, out: &mut dyn Write) -> Outcome {
     let artefact = args.from.open()?;
     let waiting = Waiting::of(&args.folder, artefact.as_ref())?;
     let (frames, unusable) = waiting.select(&args.frames)?;
-    // What a CI run left may be of several folders of goldens, of which one was named.
+    // A CI run may leave frames of several folders of goldens, and the option names one folder.
     let (own, others): (Vec<_>, Vec<_>) =
         frames.into_iter().partition(|frame| frame.pending.is_of(&frame.goldens));
     if !own.is_empty() && !others.is_empty() {
@@ -519,7 +519,7 @@ pub(super) fn accept(args: &AcceptArgs, out: &mut dyn Write) -> Outcome {
                 error: None,
             },
             Err(error @ AcceptError::NoReason(_)) => return Err(error.into()),
-            // What happens to one frame says nothing of the others.
+            // A frame that fails doesn't stop the others.
             Err(error) => {
                 failed |= matches!(error, AcceptError::Image(_));
                 AcceptEntry { case, error: Some(error.to_string()), ..AcceptEntry::default() }

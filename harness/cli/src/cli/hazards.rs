@@ -18,57 +18,58 @@ use super::project::{self, Project};
 use super::table::{BAD, DIM, GOOD, HEAD, KNOWN};
 use super::{Ending, Outcome, PlaceArgs, call, terminal, write_json};
 
-/// Reasons that are shown why functions weren't looked at.
+/// The most reasons that are shown for unchecked functions.
 const REASONS: usize = 4;
 
-/// Lines of a screen that a finding takes, on the average.
+/// The average number of lines of a finding.
 const LINES: usize = 4;
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// Only functions whose name contains this; may be repeated
+    /// Checks only functions whose name contains this text; may be repeated
     #[arg(long, value_name = "NAME")]
     only: Vec<String>,
-    /// Only hazards of this kind: `nan`, `infinite`, `out_of_range`, `by_zero`, `lost_digits`, `unbounded`, ...;
-    /// may be repeated
+    /// Reports only hazards of this kind: `nan`, `infinite`, `out_of_range`, `by_zero`, `lost_digits`, `unbounded`,
+    /// ...; may be repeated
     #[arg(long = "kind", value_name = "KIND", value_parser = kind)]
     kinds: Vec<Kind>,
-    /// What arguments of a name are: `roughness=0.05..1`; may be repeated
+    /// Declares the range of arguments with this name: `roughness=0.05..1`; may be repeated
     #[arg(long = "input", value_name = "NAME=LEAST..MOST", value_parser = input)]
     inputs: Vec<(String, RangeInclusive<f64>)>,
-    /// The value of an `override`, by its name or its `@id`; may be repeated
+    /// Sets an `override`, by its name or its `@id`; may be repeated
     #[arg(long = "override", value_name = "NAME=VALUE")]
     overrides: Vec<String>,
-    /// Inputs of each function
+    /// Runs each function on this number of generated inputs
     #[arg(long, value_name = "COUNT", default_value_t = 1024,
         value_parser = clap::value_parser!(u32).range(1..=65_536))]
     cases: u32,
-    /// Fail the run for these, too: `requirements`
+    /// Also fails if there are findings of this class
     #[arg(long, value_name = "CLASS", value_parser = ["requirements"])]
     deny: Vec<String>,
-    /// Show all, with what callers meet and what is dropped, and the functions that weren't looked at
+    /// Shows every finding, also those that no caller triggers and those whose value is dropped, and the functions
+    /// that weren't checked
     #[arg(long)]
     all: bool,
-    /// Show those that karat.toml accepts, too
+    /// Also shows the hazards that karat.toml accepts
     #[arg(long)]
     accepted: bool,
-    /// Print JSON
+    /// Prints JSON
     #[arg(long)]
     json: bool,
     #[command(flatten)]
     place: PlaceArgs,
 }
 
-/// The range of an input by name.
+/// An input's name and its range.
 type Input = (String, RangeInclusive<f64>);
 
-/// A kind as JSON, and as `no_hazards` of a `*.test.toml` has it.
+/// Parses a kind, by its name in JSON and in `no_hazards` of a `*.test.toml`.
 fn kind(text: &str) -> Result<Kind, String> {
     let name = serde_json::Value::String(text.replace('-', "_"));
     serde_json::from_value(name).map_err(|error| error.to_string())
 }
 
-/// `roughness=0.05..1`
+/// Parses `roughness=0.05..1`.
 fn input(text: &str) -> Result<Input, String> {
     let wrong = || "write NAME=LEAST..MOST, such as roughness=0.05..1".to_owned();
     let (name, range) = text.split_once('=').ok_or_else(wrong)?;
@@ -90,14 +91,14 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     let overrides = call::bind::overrides_in(&packages, &args.overrides)?;
     let mut all = Vec::new();
-    // Of several packages each has inputs of its own; one that none has is an error.
+    // Each of several packages has its own inputs. An input that no package has is an error.
     let mut unknown: BTreeMap<String, Vec<HazardError>> = BTreeMap::new();
     for package in &packages {
         tell_beside(package);
         let mut inputs: Vec<&Input> = args.inputs.iter().collect();
         let mut found = loop {
             match look(args, package, (&inputs, &overrides))? {
-                // One that a package's own `karat.toml` declares is an error of that one.
+                // An unknown input in a package's own `karat.toml` is an error of that package.
                 Err(HazardError::UnknownInput { name, nearest, place })
                     if packages.len() > 1 && place.is_empty() =>
                 {
@@ -139,7 +140,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(if good { Ending::Good } else { Ending::Bad })
 }
 
-/// Tells of a `karat.toml` beside a folder of modules, which looks as if it were read.
+/// Warns of a `karat.toml` beside a folder of modules, which Karat doesn't read.
 fn tell_beside(package: &Package) {
     let root = package.root();
     let beside = root.parent().map(|around| around.join(project::MANIFEST));
@@ -150,7 +151,7 @@ fn tell_beside(package: &Package) {
     }
 }
 
-/// Keeps hazards of some kinds, or all if none is named. Returns how many of others there were.
+/// Keeps hazards of some kinds, or all if `kinds` is empty. Returns the number of removed hazards.
 fn keep_kinds(hazards: &mut Hazards, kinds: &[Kind]) -> usize {
     let Hazards { found, others, .. } = hazards;
     let is_asked = |hazard: &Hazard| {
@@ -161,13 +162,13 @@ fn keep_kinds(hazards: &mut Hazards, kinds: &[Kind]) -> usize {
     found.extract_if(.., |hazard| !is_asked(hazard)).count()
 }
 
-/// Looks for hazards in a package, with these inputs.
+/// Finds the hazards of a package, with these inputs.
 fn look(
     args: &Args,
     package: &Package,
     (inputs, overrides): (&[&Input], &BTreeMap<String, f64>),
 ) -> anyhow::Result<Result<Hazards, HazardError>> {
-    // Drawn on a terminal alone.
+    // The bar shows on a terminal only.
     let bar = ProgressBar::new(0).with_message(package.name());
     bar.set_style(ProgressStyle::with_template("{msg}: {pos} of {len} functions {wide_bar}")?);
     let request = karat_inspect::hazards(package).only(args.only.iter().map(String::as_str));
@@ -263,10 +264,10 @@ fn write_text(
     Ok(())
 }
 
-/// Names of a line that says what arguments were drawn from.
+/// The most names in a line about the ranges of arguments.
 const NAMES: usize = 12;
 
-/// Prints what arguments were drawn from.
+/// Prints the ranges that arguments were generated from.
 fn write_drawn(drawn: &Drawn, all: bool, out: &mut dyn Write) -> anyhow::Result<()> {
     for line in drawn.lines(if all { usize::MAX } else { NAMES }) {
         writeln!(out, "{DIM}drawn {line}{DIM:#}")?;
@@ -274,7 +275,7 @@ fn write_drawn(drawn: &Drawn, all: bool, out: &mut dyn Write) -> anyhow::Result<
     Ok(())
 }
 
-/// Why functions weren't looked at: each reason once.
+/// Prints why functions weren't checked, each reason once.
 fn write_reasons(skipped: &[(String, String)], out: &mut dyn Write) -> anyhow::Result<()> {
     let mut reasons: Vec<(&str, &str, usize)> = Vec::new();
     for (name, why) in skipped {
@@ -295,8 +296,8 @@ fn write_reasons(skipped: &[(String, String)], out: &mut dyn Write) -> anyhow::R
     Ok(())
 }
 
-/// The requirements of each function that need the same inputs, together, in the order of the first of each; of those that
-/// no single input averts, those of one kind.
+/// Groups the requirements of each function that the same inputs avert. Requirements that no single input averts are
+/// grouped by kind. Groups are in the order of their first finding.
 fn groups(found: &[Hazard]) -> Vec<Vec<&Hazard>> {
     let mut groups: Vec<Vec<&Hazard>> = Vec::new();
     let mut known = BTreeMap::new();
@@ -312,7 +313,7 @@ fn groups(found: &[Hazard]) -> Vec<Vec<&Hazard>> {
     groups
 }
 
-/// Prints the first finding of each group, with how many others are like it, as far as a screen goes.
+/// Prints the first finding of each group with the number of similar ones, up to one screen.
 fn write_groups(found: &[Hazard], out: &mut dyn Write) -> anyhow::Result<()> {
     let groups = groups(found);
     let shown = groups.len().min(terminal::size().rows / LINES);

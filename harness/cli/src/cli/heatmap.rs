@@ -1,4 +1,4 @@
-//! HDR-FLIP of each pixel as a picture.
+//! HDR-FLIP of each pixel as an image.
 
 mod canvas;
 mod legend;
@@ -25,12 +25,12 @@ pub(super) struct Heatmap {
 }
 
 impl Heatmap {
-    /// HDR-FLIP of all pixels: as published and, where that is too bright to see what is off, as
-    /// verdicts have it, which look at darker exposures there.
+    /// Computes HDR-FLIP of all pixels at the published exposures, and at the darker exposures that verdicts add
+    /// where the published ones are too bright to show the error.
     pub(super) fn flip(pair: &Pair<'_>) -> Result<Self, FlipFailure> {
         let (width, height) = (pair.golden().width(), pair.golden().height());
         let judged = Flip::LARGEST_TILE.map(pair).ok();
-        // A verdict that looked at every pixel has looked at the published exposures, too.
+        // A verdict about every pixel includes the published exposures.
         let all = Rect::new(0, 0, width, height);
         if let Some(judged) = judged.as_ref().filter(|map| map.rect() == all) {
             return Ok(Self { width, height, errors: judged.values().to_vec() });
@@ -42,8 +42,8 @@ impl Heatmap {
         Ok(Self { width, height, errors })
     }
 
-    /// Writes the errors themselves as EXR, or their colours as PNG with a legend below; the error
-    /// that the last colour stands for. A file in its place is replaced as a whole or not at all.
+    /// Writes the errors themselves as EXR, or their colours as PNG with a legend below. Returns the error of the
+    /// last colour. An existing file is replaced completely or not at all.
     pub(super) fn write(&self, path: &Path) -> anyhow::Result<Option<f32>> {
         if path.extension().is_some_and(|extension| extension.eq_ignore_ascii_case("exr")) {
             let pixels = self.errors.iter().map(|error| [*error, *error, *error, 1.0]).collect();
@@ -62,7 +62,7 @@ impl Heatmap {
         Ok(Some(full))
     }
 
-    /// The colours of all pixels, and below them what the colours stand for.
+    /// Draws the colours of all pixels, and the legend below them.
     fn picture(&self, full: f32) -> Canvas {
         let legend = Legend::of(self.width, full);
         let mut canvas = Canvas::new(self.width.max(legend.width()), self.height + legend.height());
@@ -75,7 +75,7 @@ impl Heatmap {
     }
 }
 
-/// A file for a heatmap, by its name.
+/// Parses the name of a heatmap file.
 pub(super) fn file(name: &str) -> Result<PathBuf, String> {
     let path = PathBuf::from(name);
     let extension = path.extension().unwrap_or_default().to_ascii_lowercase();

@@ -1,4 +1,4 @@
-//! `karat init`: a first test, green or red, and what goes with it.
+//! `karat init`: writes a first test, passing or failing, and the settings around it.
 
 mod npm;
 mod pass;
@@ -27,27 +27,27 @@ use super::{Ending, Outcome, PackageArgs, check};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// Folder of shaders [default: the first that `karat test` finds, such as `shaders`, else the working
+    /// Folder of shaders [default: the first folder that `karat test` finds, such as `shaders`, else the working
     /// directory]
     folder: Option<PathBuf>,
-    /// Write a workflow for GitHub Actions
+    /// Writes a workflow for GitHub Actions
     #[arg(long)]
     github: bool,
-    /// Write a pipeline for GitLab
+    /// Writes a pipeline for GitLab
     #[arg(long)]
     gitlab: bool,
     #[command(flatten)]
     ci: CiArgs,
 }
 
-/// What runs leave behind and nobody commits.
+/// The output of runs, which belongs into `.gitignore`.
 const IGNORED: [&str; 4] = ["**/.karat/run/", "*.new.exr", "*.new.csv", "*.new.png"];
 
 const GITHUB: &str = include_str!("init/github.yml");
 const GITLAB: &str = include_str!("init/gitlab.yml");
 const GITLAB_FILE: &str = ".gitlab-ci.karat.yml";
 
-/// The steps that install Karat and run it, and what they are where `package.json` has it.
+/// The CI steps that install and run Karat, and their replacements if `package.json` has Karat.
 const BY_NPM: [(&str, &str); 4] = [
     ("      # Karat isn't on crates.io yet: name the repository that you have it from.\n", ""),
     ("    # Karat isn't on crates.io yet: name the repository that you have it from.\n", ""),
@@ -77,7 +77,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         writeln!(out, "{DIM}no test of these modules can pass before they are mended{DIM:#}")?;
     }
     let mut items = callable(&package)?;
-    // A fragment or vertex function is called as any other, where there is none.
+    // Fragment and vertex functions are called like any other function.
     items.extend(entry_points(&package, |stage| stage != Stage::Compute)?);
     let mut passes = entry_points(&package, |stage| stage == Stage::Compute)?;
     if !valid {
@@ -94,9 +94,9 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         "`{}` has no function and no entry point: write one, and run this again",
         folder.display()
     );
-    // Who has tests in Rust and asks for a workflow wants that alone.
+    // A project with Rust tests that asks for a workflow gets only the workflow.
     let is_cargo = Project::around(&folder.canonicalize()?)?.is_cargo();
-    // Before all else: where no test can be offered, nothing is written.
+    // This comes first: if Karat can't write a test, it writes no file.
     let written = if (args.github || args.gitlab) && is_cargo && tested(&folder)?.any() {
         writeln!(out, "{DIM}there are tests in Rust: none is written{DIM:#}")?;
         None
@@ -147,7 +147,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(if good { Ending::Good } else { Ending::Bad })
 }
 
-/// A folder is one package by its karat.toml, and none within it has another one.
+/// Refuses a folder inside of a package with a karat.toml.
 fn expect_no_package_around(folder: &Path) -> anyhow::Result<()> {
     let (whole, here) = (folder.canonicalize()?, Path::new(".").canonicalize()?);
     let around = whole.ancestors().skip(1).take_while(|around| around.starts_with(&here));
@@ -163,15 +163,15 @@ fn expect_no_package_around(folder: &Path) -> anyhow::Result<()> {
     }
 }
 
-/// The folder whose tests `karat test` runs here, if there is one.
+/// Returns the folder whose tests `karat test` runs here, or else the working directory.
 fn usual_folder() -> anyhow::Result<PathBuf> {
     let packages = Project::find()?.packages(&PackageArgs::default()).unwrap_or_default();
     let root = packages.first().map(Package::root).filter(|root| root.is_dir());
     Ok(PathBuf::from(root.map_or_else(|| ".".to_owned(), |root| shown(&root))))
 }
 
-/// Runs the folder's tests. In a project with a record of a run they add none: of its Rust tests nothing would
-/// be left in it.
+/// Runs the folder's tests. If the project has a record of a run, they don't replace it, as the verdicts of its Rust
+/// tests would be lost.
 fn run_tests(folder: &Path, out: &mut dyn Write) -> anyhow::Result<bool> {
     let suite = karat_suite::Suite::open(folder)?;
     if suite.tests.is_empty() && suite.broken.is_empty() {
@@ -191,8 +191,9 @@ fn this() -> anyhow::Result<Command> {
     Ok(Command::new(std::env::current_exe().context("this program isn't where it was")?))
 }
 
-/// Writes a test of one function beside its module, or of a compute pass where there is none: the first with arguments and a
-/// float in its result, else the first. `None` if there are tests, or if each function has one in Rust.
+/// Writes a test of one function beside its module, or of a compute pass if there is no function. It prefers a
+/// function with arguments and a float in its result. Returns `None` if there are tests, or if each function has a
+/// Rust test.
 fn first_test(
     package: &Package,
     folder: &Path,
@@ -237,15 +238,16 @@ fn first_test(
     Ok(Some(file))
 }
 
-/// Why a function has no first test.
+/// The reason why a function has no first test.
 enum Open {
-    /// It reads what a test has to bind.
+    /// It reads a variable that a test has to bind.
     Bound,
     /// It can't be called.
     Refused,
 }
 
-/// A test of a function over what its arguments' names and types say, and how little it shows: 0 is best.
+/// Returns a test of a function over the ranges that its arguments' names and types suggest, with a rank: 0 is the
+/// most useful test.
 fn function_test(package: &Package, item: &FunctionItem) -> Result<(u8, String), Open> {
     let (_, name) = item.name.rsplit_once("::").unwrap_or(("", &item.name));
     let probed = Probed::new(package, &item.name).map_err(|_| Open::Refused)?;
@@ -263,13 +265,13 @@ fn function_test(package: &Package, item: &FunctionItem) -> Result<(u8, String),
              # over = {{ {name} = \"0..1\" }}\n"
         )
     });
-    // An index outside, a division by 0, a conversion out of range.
+    // Integer results have hazards, too: an index outside of its array, a division by 0, a conversion out of range.
     let assertion = if has_float { "finite" } else { "no_hazards" };
     let text = format!("# {function}\n[[test]]\nfunction = \"{name}\"\n{over}{assertion} = true\n");
     Ok((rank, text))
 }
 
-/// The entry points of some stages in a package.
+/// Returns the entry points of some stages in a package.
 fn entry_points(
     package: &Package,
     of: impl Fn(Stage) -> bool,
@@ -279,7 +281,7 @@ fn entry_points(
     Ok(functions.flatten().filter(|item| item.entry_point.is_some_and(&of)).collect())
 }
 
-/// The file of a module's tests.
+/// Returns the file of a module's tests.
 fn beside(item: &FunctionItem, folder: &Path) -> PathBuf {
     let (module, _) = item.name.rsplit_once("::").unwrap_or(("", &item.name));
     let mut beside = folder.to_owned();
@@ -297,7 +299,7 @@ struct Why<'i> {
 
 impl Why<'_> {
     fn told(&self) -> String {
-        /// Names that a line shows.
+        /// The most names that a line shows.
         const SHOWN: usize = 4;
         let mut text = "no first test can be written".to_owned();
         for (names, thing, what) in [
@@ -323,14 +325,14 @@ impl Why<'_> {
     }
 }
 
-/// Functions that have tests: in the last run, or by their names in the Rust files of `tests`.
+/// The functions with tests, from the last run, or by their names in the Rust files of `tests`.
 struct Tested {
     ran: BTreeSet<String>,
     texts: Vec<String>,
 }
 
 impl Tested {
-    /// Whether there is a test of Karat's.
+    /// Returns `true` if there is a test with Karat.
     fn any(&self) -> bool {
         !self.ran.is_empty() || self.texts.iter().any(|text| text.contains("karat"))
     }
@@ -341,21 +343,21 @@ impl Tested {
     }
 }
 
-/// What Rust tests of the project check.
+/// Returns the functions that the project's Rust tests check.
 fn tested(folder: &Path) -> anyhow::Result<Tested> {
     let folder = folder.canonicalize()?;
     let project = Project::around(&folder)?;
     let mut texts = Vec::new();
-    // In a workspace tests are in the member's folder.
+    // In a workspace the tests are in the member's folder.
     for around in folder.ancestors().take_while(|around| around.starts_with(project.root())) {
         read_rust(&around.join("tests"), &mut texts);
     }
-    // Without Cargo all tests stand beside the modules, and there are none: a record is of tests that are gone.
+    // Without Cargo all tests are beside the modules. There are none, so a record is of deleted tests.
     let ran = if project.is_cargo() { tested_functions(&project)? } else { BTreeSet::new() };
     Ok(Tested { ran, texts })
 }
 
-/// The Rust files below a folder. What can't be read says nothing.
+/// Adds the texts of the Rust files below a folder, and skips unreadable files.
 fn read_rust(folder: &Path, texts: &mut Vec<String>) {
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
         let path = entry.path();
@@ -367,13 +369,13 @@ fn read_rust(folder: &Path, texts: &mut Vec<String>) {
     }
 }
 
-/// Adds to `.gitignore` what runs leave behind.
+/// Adds the output of runs to `.gitignore`.
 fn ignore(out: &mut dyn Write) -> anyhow::Result<()> {
     let file = Path::new(".gitignore");
     let mut text = text_of(file)?.unwrap_or_default();
     let missing: Vec<&str> = IGNORED
         .into_iter()
-        // `.karat/` has the folder of runs in it.
+        // A line `.karat/` already covers the folder of runs.
         .filter(|line| {
             let whole = [".karat/", "**/.karat/"];
             let covers =
@@ -396,8 +398,8 @@ fn ignore(out: &mut dyn Write) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Has Cargo optimise what tests wait for, in a project that depends on Karat. A level that somebody chose
-/// stays.
+/// Adds profiles to Cargo.toml that optimise the crates that tests wait for, in a project that depends on Karat.
+/// Existing profiles stay.
 fn optimise(folder: &Path, out: &mut dyn Write) -> anyhow::Result<()> {
     let project = Project::around(&folder.canonicalize()?)?;
     let file = project.root().join("Cargo.toml");
@@ -417,12 +419,12 @@ fn optimise(folder: &Path, out: &mut dyn Write) -> anyhow::Result<()> {
         if !text.ends_with('\n') {
             text.push('\n');
         }
-        // With what debuggers read the first build would take a third longer.
+        // With debug information the first build would take a third longer.
         let level = level.map_or_else(String::new, |level| format!("opt-level = {level}\n"));
         text += &format!("\n[profile.dev.package.{name}]\n{level}debug = false\n");
         added.push(name);
     }
-    // Tables may be written in a way that takes no more of them: then `karat doctor` says what is missing.
+    // The form of the existing tables may allow no new ones. Then `karat doctor` names the missing profiles.
     if added.is_empty() || text.parse::<toml::Table>().is_err() {
         return Ok(());
     }
@@ -431,7 +433,7 @@ fn optimise(folder: &Path, out: &mut dyn Write) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Writes a file for CI unless it is there.
+/// Writes a file for CI, unless the file exists.
 fn keep(file: &Path, text: &str, out: &mut dyn Write) -> anyhow::Result<()> {
     if file.exists() {
         return Ok(writeln!(out, "{DIM}{} is there already: not written{DIM:#}", file.display())?);
@@ -449,7 +451,7 @@ fn keep(file: &Path, text: &str, out: &mut dyn Write) -> anyhow::Result<()> {
         let hint = "include: { local: .gitlab-ci.karat.yml }";
         writeln!(out, "  {KNOWN}.gitlab-ci.yml runs it by `{hint}`{KNOWN:#}")?;
     }
-    // A worktree has a file `.git`.
+    // In a worktree `.git` is a file.
     let here = Path::new(".").canonicalize()?;
     let repository = here.ancestors().find(|folder| folder.join(".git").exists());
     if let Some(root) = repository.filter(|root| *root != here) {
@@ -466,14 +468,14 @@ fn with_folder(template: &str, folder: &Path) -> String {
         for (cargo, npm) in BY_NPM {
             text = text.replace(cargo, npm);
         }
-        // `npm ci` wants a lock file.
+        // `npm ci` needs a lock file.
         match Path::new("package-lock.json").is_file() {
             true => text,
             false => text.replace("npm ci\n", "npm install\n"),
         }
     });
     let template = by_npm.as_deref().unwrap_or(template);
-    // A Cargo project has Rust tests, too, and their records are with what it builds.
+    // A Cargo project also has Rust tests, whose records are in Cargo's target folder.
     if Path::new("Cargo.toml").is_file() {
         return template.replace(" SHADERS", "").replace("**/.karat/run", "target/karat");
     }

@@ -22,17 +22,17 @@ use super::{Ending, Outcome, PlaceArgs, resolved, write_json};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// List the tests beside the shaders in place of functions
+    /// Lists the tests beside the shaders, in place of functions
     #[arg(long)]
     tests: bool,
-    /// Print JSON
+    /// Prints JSON
     #[arg(long)]
     json: bool,
     #[command(flatten)]
     place: PlaceArgs,
 }
 
-/// Functions of a broken module that are read one by one, some milliseconds each.
+/// The most functions of an invalid module that are read one by one, which takes some milliseconds each.
 const MOST_ALONE: usize = 200;
 
 #[derive(Serialize)]
@@ -42,13 +42,13 @@ struct Entry {
     location: String,
     signature: Option<String>,
     doc: String,
-    /// Whether the last `karat test` checked it.
+    /// `true` if the last `karat test` checked it.
     tested: bool,
-    /// Why it can't be probed.
+    /// The reason why it can't be called.
     error: Option<String>,
 }
 
-/// A test beside the shaders, or a file that was meant to declare some.
+/// A test beside the shaders, or a file that should declare tests and can't be read.
 #[derive(Serialize)]
 struct TestEntry {
     /// The folder of the shaders.
@@ -56,14 +56,14 @@ struct TestEntry {
     name: String,
     /// The file of the test.
     file: PathBuf,
-    /// Both from 1.
+    /// The line and the column, both from 1.
     line: u32,
     column: u32,
-    /// Why it is no test.
+    /// The reason why it isn't a valid test.
     error: Option<Wrong>,
 }
 
-/// The tests of packages: functions with `@test`, and those that `*.test.toml` declare.
+/// Lists the tests of packages: functions with `@test`, and tests in `*.test.toml`.
 fn list_tests(args: &Args, out: &mut dyn Write) -> Outcome {
     let project = Project::find()?;
     let mut all: Vec<TestEntry> = Vec::new();
@@ -117,7 +117,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     for package in packages {
         let tested = with_called(&package, &ran);
         for module in package.modules()? {
-            // A module that isn't valid hides no other.
+            // An invalid module doesn't hide the other modules.
             match Program::of_module(&package, &module) {
                 Ok(program) => {
                     let items = package.functions_in(&module)?;
@@ -125,7 +125,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
                         items.into_iter().map(|item| entry(&package, &program, item, &tested)),
                     );
                 }
-                // Of the package, and not of this module.
+                // The error is about the package, and not about this module.
                 Err(ReflectError::Package(error @ PackageError::UnknownFeature { .. })) => {
                     return Err(error.into());
                 }
@@ -148,7 +148,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         write_json(&entries, out)?;
         return Ok(verdict);
     }
-    // Functions that such a run left out may have tests all the same.
+    // Functions that a filtered run left out may still have tests.
     let selected = last_selection(&project)?;
     let untested = if selected.is_some() { "not by the last run" } else { "no" };
     let mut table = Table::new(&["function", "tested", "at"], &[]);
@@ -173,7 +173,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(verdict)
 }
 
-/// A file that was meant to declare tests.
+/// Returns the entry of a file that should declare tests and can't be read.
 fn no_test(Broken { name, wrong: Wrong { message, .. }, .. }: Broken) -> Entry {
     Entry {
         package: String::new(),
@@ -186,8 +186,8 @@ fn no_test(Broken { name, wrong: Wrong { message, .. }, .. }: Broken) -> Entry {
     }
 }
 
-/// The functions that a probe could call: all but entry points, of the modules that can be read.
-/// Validation tells of the others.
+/// Returns the functions that a test can call: all but entry points, in the readable modules. Validation reports the
+/// other modules.
 pub(super) fn callable(package: &Package) -> anyhow::Result<Vec<FunctionItem>> {
     let modules = package.modules()?;
     let functions = modules.iter().filter_map(|module| package.functions_in(module).ok());
@@ -200,14 +200,14 @@ fn entry(
     item: FunctionItem,
     tested: &BTreeSet<String>,
 ) -> Entry {
-    // One that takes textures has variables of its own in their place.
+    // A function of its own, without its module, has variables in place of its texture parameters.
     let whole = program.function(&item.name);
     let whole = whole.map(|function| (program.signature(&function), function.doc));
     let described = whole.or_else(|_: ReflectError| described_alone(package, &item.name));
     of_function(package, item, described, tested)
 }
 
-/// The signature of a function and the comment above it, of what it needs alone.
+/// Returns the signature of a function and the comment above it, from the function and its dependencies alone.
 fn described_alone(package: &Package, name: &str) -> Result<(String, String), ReflectError> {
     let program = Program::of_function(package, name)?;
     let function = program.function(name)?;
@@ -223,7 +223,7 @@ fn of_function(
     let stage = item.entry_point;
     let (signature, doc, error) = match (described, stage) {
         (Ok((signature, doc)), _) => (Some(signature), doc, None),
-        // Drivers run an entry point all the same: one that discards, or that leaves nothing.
+        // Drivers can still run such an entry point: it discards, or returns nothing.
         (Err(ReflectError::Unprobeable(_)), Some(stage)) => {
             (Some(format!("@{stage} {}", item.name)), String::new(), None)
         }
@@ -240,8 +240,7 @@ fn of_function(
     }
 }
 
-/// The functions of a module that isn't valid, each by itself; none if there are more than would be
-/// read in a moment.
+/// Returns the functions of an invalid module, each read alone, or none if there are more than [`MOST_ALONE`].
 fn sound(package: &Package, module: &str, tested: &BTreeSet<String>) -> Vec<Entry> {
     let items = package.functions_in(module).unwrap_or_default();
     if items.len() > MOST_ALONE {
@@ -254,7 +253,7 @@ fn sound(package: &Package, module: &str, tested: &BTreeSet<String>) -> Vec<Entr
     items.into_iter().map(alone).collect()
 }
 
-/// A module that can't be read, linked or validated.
+/// Returns the entry of a module that can't be read, linked or validated.
 fn broken(package: &Package, module: String, error: &ReflectError) -> Entry {
     Entry {
         package: package.name(),
@@ -267,8 +266,8 @@ fn broken(package: &Package, module: String, error: &ReflectError) -> Entry {
     }
 }
 
-/// Functions that have tests, with those that tests in WGSL call, entry points whose passes come before another one, and those
-/// that frames draw.
+/// Returns the functions with tests: checked functions, functions that WGSL tests call, entry points of earlier
+/// passes, and functions that frames draw with.
 fn with_called(package: &Package, ran: &BTreeSet<String>) -> BTreeSet<String> {
     let suite = Suite::of(package.clone()).ok();
     let tests = || suite.iter().flat_map(|suite| &suite.tests);
@@ -281,14 +280,14 @@ fn with_called(package: &Package, ran: &BTreeSet<String>) -> BTreeSet<String> {
     called.chain(drawn).chain(dispatched).chain(ran.iter().cloned()).collect()
 }
 
-/// The filter, packages or targets of the last run, if it left tests out.
+/// Returns the filter, packages or targets of the last run, if it left tests out.
 fn last_selection(project: &Project) -> anyhow::Result<Option<String>> {
     let folder = project.output().join("record");
     let run = if folder.is_dir() { Run::read(&folder)? } else { None };
     Ok(run.map(|run| run.selected.join(" ")).filter(|selected| !selected.is_empty()))
 }
 
-/// The functions that the last run checked, and the tests that drew frames; none if there was no run.
+/// Returns the functions that the last run checked, and the tests that drew frames, or none if there was no run.
 pub(super) fn tested_functions(project: &Project) -> anyhow::Result<BTreeSet<String>> {
     let folder = project.output().join("record");
     let records = if folder.is_dir() { record::read(&folder)? } else { Vec::new() };

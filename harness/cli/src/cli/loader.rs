@@ -1,8 +1,9 @@
-//! A second Vulkan driver beside the system's: SwiftShader, which Chromium brings along.
 //!
-//! Vulkan's loader reads which drivers there are from the environment, before the first of them
-//! loads. So where a path names SwiftShader, this program starts itself anew with the loader's
-//! variable set; tests that it runs inherit it.
+//! SwiftShader, the Vulkan driver that Chromium contains, beside the system's drivers.
+//!
+//! Vulkan's loader reads its list of drivers from the environment, before the first one loads. So if a path names
+//! SwiftShader, this program restarts itself with the loader's variable set, and the tests that it runs inherit the
+//! variable.
 
 use std::ffi::{OsStr, OsString};
 use std::path::Path;
@@ -11,11 +12,11 @@ use std::process::{Command, ExitCode};
 use anyhow::Context;
 use karat::unstable::path::{has_chosen_drivers, swiftshader};
 
-/// What a path names.
+/// The part of a path that names SwiftShader.
 const NAMED: &str = "@swiftshader";
 
-/// Starts the program anew with the second driver, if a path names it and it isn't there already.
-/// `None`: go on.
+/// Restarts the program with SwiftShader, if a path names it and the variable isn't set yet. Returns `None` if no
+/// restart is needed.
 pub(super) fn with_second_driver() -> Option<anyhow::Result<ExitCode>> {
     let arguments: Vec<OsString> = std::env::args_os().skip(1).collect();
     let asked = ["KARAT_PATHS", "KARAT_REQUIRE"].map(std::env::var_os).into_iter().flatten();
@@ -33,7 +34,7 @@ fn again(arguments: &[OsString], manifest: &Path) -> anyhow::Result<ExitCode> {
     let program = std::env::current_exe().context("can't find out where this program is")?;
     let mut command = Command::new(program);
     command.args(arguments).env(swiftshader::ADD, OsStr::new(manifest));
-    // In place of this process where systems can, so that signals reach it.
+    // Replaces this process where the system can, so that signals reach the new one.
     #[cfg(unix)]
     return Err(std::os::unix::process::CommandExt::exec(&mut command).into());
     #[cfg(not(unix))]

@@ -1,9 +1,8 @@
-//! `karat lsp`: a language server. It tells an editor what isn't valid, what fails, and what is known of
-//! each function.
 //!
-//! Nothing is shown that isn't known of the text that the author sees: verdicts are about the files that
-//! they read, and when one of them has changed they are shown no more. Standard output is the protocol's.
-//! What an editor says wrongly is refused, and the session goes on.
+//! `karat lsp`: a language server. It shows invalid modules, failing tests, and a lens beside each function.
+//!
+//! A verdict depends on the files that its test read. When one of these files changes, the server hides the verdict.
+//! Standard output is the protocol's. The server refuses invalid messages, and the session goes on.
 
 mod documents;
 mod findings;
@@ -26,34 +25,34 @@ use self::wire::{Client, Heard, hear};
 use super::watch::Said;
 use super::{Ending, Outcome};
 
-/// Whoever types pauses for this long before modules are validated.
+/// The pause in typing after which modules are validated.
 const PAUSE: Duration = Duration::from_millis(60);
 
-/// Whoever types without a pause sees what is wrong all the same.
+/// The time after which modules are validated even without a pause in typing.
 const LONGEST: Duration = Duration::from_millis(400);
 
-/// How often it is looked whether a run has ended.
+/// The time between two checks for the end of a run.
 const LOOK: Duration = Duration::from_millis(500);
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// Execution paths on which tests without Rust run after each save, each in a process of its own
+    /// Runs the tests without Rust on these paths after each save, with one process per path
     #[arg(long, value_name = "PATHS", default_value = "cpu", env = "KARAT_PATHS")]
     paths: String,
-    /// What editors pass for the only way that there is
+    /// Does nothing: editors pass it, and the server always uses standard input and output
     #[arg(long, hide = true)]
     stdio: bool,
 }
 
-/// What happens.
+/// An event that the server handles.
 enum Event {
-    /// The editor said something.
+    /// The editor sent a message.
     Heard(Heard),
-    /// Files changed, or are gone.
+    /// Files changed or were removed.
     Files(Vec<PathBuf>),
-    /// A process that runs tests said a line, or ended.
+    /// A process that runs tests wrote a line, or ended.
     Worker(usize, Said),
-    /// Tests that a lens started have run.
+    /// The tests that a lens started have run.
     Ran(run::Ended),
 }
 
@@ -72,7 +71,7 @@ pub(super) fn run(args: &Args, _: &mut dyn Write) -> Outcome {
             }
         }
     });
-    // Not the output of other commands, which shows control characters: a length is counted in bytes.
+    // The output of other commands escapes control characters. Here it must not, as the protocol counts bytes.
     let client = Client::new(Box::new(std::io::stdout()));
     let mut server = Server::new(client, paths, sender)?;
     let (mut waits_since, mut looked): (Option<Instant>, _) = (None, Instant::now());
@@ -90,7 +89,7 @@ pub(super) fn run(args: &Args, _: &mut dyn Write) -> Outcome {
             Err(RecvTimeoutError::Timeout) => server.settle(),
             Err(RecvTimeoutError::Disconnected) => return Ok(Ending::Bad),
         }
-        // An editor that always has a question keeps it from nothing.
+        // The check runs even if requests never pause.
         if looked.elapsed() >= LOOK {
             server.look();
             looked = Instant::now();

@@ -1,4 +1,4 @@
-//! `karat match`: an image that another program drew, beside its golden.
+//! `karat match`: compares an image that another program drew with its golden.
 
 use std::io::Write;
 use std::path::PathBuf;
@@ -18,17 +18,17 @@ pub(super) const EXAMPLES: &str = "\
 Examples:
   karat match menu screenshot.png
   karat match scene frame.exr --by \"Chrome 156\" --goldens e2e/golden
-The tolerance is that of frames: each channel within 1e-3, or else HDR-FLIP. An image that differs, or is the first of its name,
-waits for `karat review`, `karat accept` and `karat reject`, as a frame of a test does.
-Exit codes: 0 it matches; 1 it differs, or there is no golden; 2 it can't be read or compared.";
+The tolerance is that of frames: each channel within 1e-3, or else HDR-FLIP. An image that differs or has no golden
+becomes pending, as a frame of a test does: see `karat review`, `karat accept` and `karat reject`.
+Exit codes: 0 the image matches; 1 it differs, or there is no golden; 2 the image can't be read or compared.";
 
 #[derive(clap::Args)]
 pub(super) struct Args {
     /// The name of the golden
     name: String,
-    /// EXR, or PNG, which is made linear
+    /// The image to compare: EXR, or PNG, which is made linear
     image: PathBuf,
-    /// The program that drew it
+    /// Keeps the name of the program that drew the image
     #[arg(long, value_name = "PROGRAM", default_value = "another program")]
     by: String,
     #[command(flatten)]

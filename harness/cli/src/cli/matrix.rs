@@ -23,52 +23,53 @@ use super::{
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// Columns: paths (`vulkan:hlsl`) and languages (`msl`) [default: all that are usual]
+    /// Shows these columns: paths (`vulkan:hlsl`) and languages (`msl`) [default: 12 usual columns]
     #[arg(long, value_name = "COLUMNS", value_delimiter = ',')]
     columns: Vec<Column>,
-    /// Fail unless every row gets that far: `vulkan:hlsl=executed`; may be a list. A row that
-    /// `[[matrix]]` in `karat.toml` declares not to get there is left out, and must not get there
+    /// Fails unless every row reaches this status in this column: `vulkan:hlsl=executed`; may be a list. A row that
+    /// `[[matrix]]` in `karat.toml` declares as failing there is exempt, and must still fail
     #[arg(long, value_name = "COLUMN=STATUS", value_delimiter = ',', value_parser = requirement)]
     require: Vec<(String, Status)>,
-    /// Only rows whose name contains this; may be repeated
+    /// Runs only rows whose name contains this text; may be repeated
     #[arg(long, value_name = "NAME")]
     only: Vec<String>,
-    /// Inputs of each function
+    /// Runs each function on this number of generated inputs
     #[arg(long, value_name = "COUNT", default_value_t = 512)]
     cases: usize,
-    /// How far two columns' results may differ, relative or absolute
+    /// Accepts this relative or absolute difference between the results of two columns
     #[arg(long, value_name = "BOUND", default_value_t = 1e-3, value_parser = bound)]
     within: f64,
-    /// The value of an `override`, by its name or its `@id`; may be repeated
+    /// Sets an `override`, by its name or its `@id`; may be repeated
     #[arg(long = "override", value_name = "NAME=VALUE")]
     overrides: Vec<String>,
-    /// Print JSON
+    /// Prints JSON
     #[arg(long)]
     json: bool,
-    /// Write the table as Markdown
+    /// Writes the table as Markdown to this file
     #[arg(long, value_name = "FILE")]
     markdown: Option<PathBuf>,
-    /// Write a page: each cell with its evidence, and the translation beside the author's text
+    /// Writes an HTML page to this file: each cell with its evidence, and the translation beside the WGSL
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
-    /// Write JUnit XML
+    /// Writes JUnit XML to this file
     #[arg(long, value_name = "FILE")]
     junit: Option<PathBuf>,
-    /// Write a folder for each row that differs or is rejected, to be attached to a bug report; DIR
-    /// must be new or empty
+    /// Writes a folder below DIR for each row that differs or is rejected, to attach to a bug report; DIR must be new
+    /// or empty
     #[arg(long, value_name = "DIR")]
     reproduce: Option<PathBuf>,
-    /// Judge functions by what their tests found on the same paths, in the record of the last run
+    /// Judges functions by the verdicts of their tests on the same paths, from the record of the last run
     #[arg(long)]
     tests: bool,
-    /// Write to this file which row runs where, for when one ends the process
+    /// Writes each row and its column to this file before it runs, so that the file names the row that ended the
+    /// process
     #[arg(long, hide = true)]
     journal: Option<PathBuf>,
     #[command(flatten)]
     place: PlaceArgs,
 }
 
-/// `vulkan:hlsl=executed`
+/// Parses `vulkan:hlsl=executed`.
 fn requirement(text: &str) -> Result<(String, Status), String> {
     let (column, status) = text.split_once('=').ok_or("write COLUMN=STATUS")?;
     let status = status.parse()?;
@@ -89,7 +90,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
 }
 
-/// Runs this command in a process of its own, which a driver that hangs or crashes may end: then it begins
+/// Runs this command in a process of its own. If a driver hangs or crashes and ends that process, the command starts
 /// again without that row.
 fn supervise() -> Outcome {
     let folder = tempfile::tempdir().context("can't make a temporary folder")?;
@@ -122,7 +123,7 @@ fn make(args: &Args, journal: &Path, out: &mut dyn Write) -> Outcome {
     let overrides = call::bind::overrides_in(&packages, &args.overrides)?;
     let mut matrices = Vec::new();
     for package in &packages {
-        // Drawn on a terminal alone.
+        // The bar shows on a terminal only.
         let bar = ProgressBar::new(0).with_message(package.name());
         bar.set_style(ProgressStyle::with_template("{msg}: {pos} of {len} rows {wide_bar}")?);
         let request = karat_inspect::matrix(package)
@@ -179,7 +180,7 @@ fn make(args: &Args, journal: &Path, out: &mut dyn Write) -> Outcome {
     Ok(ending)
 }
 
-/// Refuses outputs that would overwrite shaders or each other, before there is any work.
+/// Refuses outputs that would overwrite shaders or each other, before the work starts.
 fn expect_outputs(args: &Args, packages: &[karat::Package]) -> anyhow::Result<()> {
     let files = [&args.markdown, &args.html, &args.junit].into_iter().flatten();
     for file in files.clone() {
@@ -213,7 +214,7 @@ fn expect_outputs(args: &Args, packages: &[karat::Package]) -> anyhow::Result<()
     Ok(())
 }
 
-/// Refuses a path that was asked for by name and isn't here: nothing is known of that column.
+/// Refuses a path that the options name and that doesn't open, as its column would be empty.
 fn expect_opened(matrix: &Matrix, name: &str) -> anyhow::Result<()> {
     let Some(index) = matrix.columns.iter().position(|head| head.name == name) else {
         return Ok(());
@@ -224,7 +225,7 @@ fn expect_opened(matrix: &Matrix, name: &str) -> anyhow::Result<()> {
     let Some(stop) = cells().find_map(|cell| cell.stopped.as_ref().filter(|_| absent(cell))) else {
         return Ok(());
     };
-    // An entry point that nothing runs has stopped for another reason.
+    // An entry point that no path runs stopped for another reason.
     let ran = |cell: &Cell| matches!(cell.status, Some(Status::Executed | Status::Agrees));
     let lacks_path = matches!(stop, Stop::Unavailable(_));
     ensure!(
@@ -237,7 +238,7 @@ fn expect_opened(matrix: &Matrix, name: &str) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Says which cells are wrong and which declarations aren't true any more; how many there are.
+/// Lists the wrong cells and the declarations that are no longer true. Returns their number.
 fn tell_findings(matrices: &[Matrix]) -> usize {
     let findings: Vec<Finding> = matrices.iter().flat_map(Matrix::findings).collect();
     let (outdated, wrong): (Vec<&Finding>, Vec<&Finding>) =
@@ -269,7 +270,7 @@ fn tell_findings(matrices: &[Matrix]) -> usize {
     findings.len()
 }
 
-/// A row that isn't in the matrix is an error: nothing is known of it.
+/// Returns an error if a row couldn't be read, as the matrix lacks it.
 fn expect_no_errors(matrices: &[Matrix]) -> anyhow::Result<()> {
     let rows = || matrices.iter().flat_map(|m| &m.rows).filter(|row| row.is_judged());
     let Some(error) = rows().find_map(|row| row.error.as_ref()) else { return Ok(()) };
@@ -277,7 +278,7 @@ fn expect_no_errors(matrices: &[Matrix]) -> anyhow::Result<()> {
     bail!("these rows aren't in the matrix: {}\n{error}", few(same.map(|row| row.name.clone())))
 }
 
-/// The first of many names.
+/// Returns the first of many names.
 fn few(names: impl Iterator<Item = String>) -> String {
     let all: Vec<String> = names.collect();
     let more = all.len().saturating_sub(4);
@@ -365,8 +366,8 @@ fn write_text(matrix: &Matrix, out: &mut dyn Write) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// A cell's word; how many cases stand behind it, where WGSL leaves most of them open; and how many of
-/// those differ.
+/// Returns a cell's status, with the number of compared cases if they are fewer than half, and the number of
+/// differences that WGSL allows.
 fn shown(cell: &Cell, row: &Row, cases: usize) -> String {
     let few = row.kind == "function" && cell.compared * 2 < cases;
     let word = match cell.status {
@@ -384,7 +385,7 @@ fn is_bad(cell: &Cell) -> bool {
     cell.fails_as_declared().is_none() && cell.stopped.as_ref().is_some_and(wrong)
 }
 
-/// How many rows got how far on each column.
+/// Counts the rows per status on each column.
 fn summary(matrix: &Matrix) -> String {
     let judged = matrix.rows.iter().filter(|row| row.is_judged()).count();
     let lines = matrix.columns.iter().enumerate().map(|(index, head)| {

@@ -30,49 +30,50 @@ use self::rust::{OfPackage, RustTests};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// Only mutants of functions and constants whose names contain this, or the one with this id; may be repeated
+    /// Tries only mutants of functions and constants whose names contain this text, or the mutant with this id; may
+    /// be repeated
     #[arg(long, value_name = "NAME")]
     only: Vec<String>,
-    /// Only tests whose names contain this
+    /// Runs only tests whose names contain this text
     #[arg(long, value_name = "FILTER")]
     tests: Option<String>,
-    /// Only tests in Rust of this Cargo package; may be repeated [default: the whole workspace]
+    /// Runs only the Rust tests of this Cargo package; may be repeated [default: the whole workspace]
     #[arg(short = 'p', long = "package", value_name = "NAME")]
     cargo_packages: Vec<String>,
-    /// Try so many mutants of each package, by the seed
+    /// Tries a random sample of this many mutants of each package
     #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u32).range(1..))]
     sample: Option<u32>,
-    /// The seed of a sample
+    /// Chooses the sample by this seed
     #[arg(long, value_name = "SEED", default_value_t = 1, requires = "sample")]
     seed: u64,
-    /// Only lines that changed since this branch left a revision of git, such as `main`
+    /// Tries only mutants of lines that changed since your branch left this revision of git, such as `main`
     #[arg(long, value_name = "REVISION")]
     in_diff: Option<String>,
-    /// Fail below this score, in per cent [default: 100]
+    /// Fails if the score is below this number of per cent [default: 100]
     #[arg(long, value_name = "PERCENT", value_parser = super::percent)]
     fail_under: Option<f64>,
-    /// The path that tests run on
+    /// Runs the tests on this path
     #[arg(long, value_name = "PATH", default_value = "cpu")]
     paths: String,
-    /// Show all mutants: killed, equal and accepted ones, those that aren't valid, and each that no test uses
+    /// Shows all mutants: also those that are killed, equal, accepted, invalid, or used by no test
     #[arg(long)]
     all: bool,
-    /// The language of suggested tests
+    /// Suggests tests in this language
     #[arg(long, value_name = "LANGUAGE", value_enum, default_value = "toml")]
     suggest: Suggest,
-    /// List the mutants, and try none
+    /// Lists the mutants, and tries none
     #[arg(long, conflicts_with_all = ["json", "stryker", "all", "fail_under"])]
     list: bool,
-    /// Write Stryker's report, `mutation.json`, into this file
+    /// Writes a report in the format of Stryker's `mutation.json` to this file
     #[arg(long, value_name = "FILE")]
     stryker: Option<PathBuf>,
-    /// Annotate the lines of mutants that lived, as on GitHub
+    /// Annotates the lines of surviving mutants for GitHub
     #[arg(long)]
     github: bool,
-    /// Print JSON
+    /// Prints JSON
     #[arg(long, conflicts_with = "github")]
     json: bool,
-    /// The folder for what tests leave: this is the process that tries the mutants
+    /// Tries the mutants in this process, and keeps the files of the tests in this folder
     #[arg(long, hide = true)]
     scratch: Option<PathBuf>,
     #[command(flatten)]
@@ -121,9 +122,9 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     });
     let began = Instant::now();
     let mut all: Vec<(String, Hunted)> = Vec::new();
-    // Of several packages some have no tests, and an edit may touch no shader.
+    // Some of several packages have no tests, and an edit may change no shader.
     let mut passed_over: Vec<String> = Vec::new();
-    // Building the Rust tests takes long: only a mutant to try is worth it.
+    // Building the Rust tests takes long, so Karat builds them only if there is a mutant.
     let mut any = false;
     for (_, request) in &requests {
         any |= !request.mutants()?.0.is_empty();
@@ -149,7 +150,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     passed_over.iter().for_each(|line| tell(line));
     if all.is_empty() {
-        // A pull request without shaders is no failure.
+        // A pull request without shaders isn't a failure.
         ensure!(args.in_diff.is_some(), "no mutant was tried: nothing is known of the tests");
         writeln!(out, "{DIM}no mutant is in the lines that changed: no mutant was tried{DIM:#}")?;
         return Ok(Ending::Good);
@@ -195,7 +196,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(if good { Ending::Good } else { Ending::Bad })
 }
 
-/// The mutants of a package that are asked for.
+/// Returns the request for a package's mutants.
 fn request(args: &Args, package: &Package, paths: &[karat::Path]) -> anyhow::Result<Request> {
     let mut request = Request::new(package.clone()).only(args.only.iter().map(String::as_str));
     if let Some(filter) = &args.tests {
@@ -223,8 +224,8 @@ fn list(requests: &[(String, Request)], out: &mut dyn Write) -> Outcome {
     Ok(Ending::Good)
 }
 
-/// Runs this command in a process of its own, whose settings are those of the hunt: its tests fail on purpose, and what they
-/// leave isn't to be found beside the shaders.
+/// Runs this command in a process of its own, with settings for mutants: tests fail on purpose there, and their files
+/// mustn't be beside the shaders.
 fn apart(path: &str) -> Outcome {
     let scratch = tempfile::tempdir().context("no temporary folder")?;
     let program = std::env::current_exe().context("this program isn't where it was")?;
@@ -232,12 +233,12 @@ fn apart(path: &str) -> Outcome {
     let mut words = std::env::args_os().skip(1);
     command.args(words.next()).arg("--scratch").arg(scratch.path()).args(words);
     command.env("KARAT_PATHS", path).env("TMPDIR", scratch.path());
-    // Goldens that differ wait in the folder of output then.
+    // With `CI` set, pending frames go into the output folder.
     command.env("CI", "true");
     for setting in ["KARAT_REQUIRE", "KARAT_RECORD", "KARAT_FRAMES", "KARAT_CASE"] {
         command.env_remove(setting);
     }
-    // Tests in Rust leave their frames out, too.
+    // Rust tests leave their frames out, too.
     command.envs((path == "cpu").then_some(("KARAT_FRAMES", "off")));
     let (status, scratch) =
         child::status_over(&mut command, scratch).context("the mutants can't be tried")?;
@@ -259,7 +260,7 @@ fn hunt(
     others: Option<&OfPackage<'_>>,
     title: &str,
 ) -> Result<Hunted, MutateError> {
-    // A test that panics says so by its verdict.
+    // The verdict says that a test panicked.
     let hook = std::panic::take_hook();
     std::panic::set_hook(Box::new(|_| {}));
     let bar = ProgressBar::new(0).with_message(title.to_owned());
@@ -268,7 +269,7 @@ fn hunt(
     let (sender, seen) = mpsc::channel();
     let hunted = std::thread::scope(|scope| {
         let hunting = scope.spawn(move || {
-            // Its reader lives as long as there is something to tell.
+            // The receiver lives as long as there are messages.
             let others = others.map(|others| others as &dyn Others);
             request.run_with(others, &move |_, done, of| {
                 let _ = sender.send((done, of));
@@ -307,7 +308,8 @@ fn headline(one: &Candidate) -> String {
     )
 }
 
-/// Those that lived, each with why. Of a function that no test uses the first one stands for all.
+/// Prints the surviving mutants, each with the reason. For a function that no test uses it prints only the first
+/// mutant.
 fn write_one(hunted: &Hunted, args: &Args, out: &mut dyn Write) -> std::io::Result<()> {
     let all = args.all;
     let mut suggested: BTreeSet<String> = BTreeSet::new();
@@ -396,7 +398,7 @@ fn passing(tests: usize, unseen: bool) -> String {
     }
 }
 
-/// A warning of GitHub's at each line on which mutants lived: one for all of the line.
+/// Prints one GitHub warning for each line with surviving mutants.
 fn write_annotations(
     all: &[(String, Hunted)],
     project: &Project,
@@ -425,7 +427,7 @@ fn is_untested(one: &Tried) -> bool {
     matches!(&one.fate, Fate::Untested { .. })
 }
 
-/// Why a mutant lived, in lines.
+/// Returns the reason why a mutant survived, in lines.
 fn lines(tests: &str, why: &Lived) -> Vec<String> {
     match why {
         Lived::Differs(found) => {
@@ -448,7 +450,7 @@ fn lines(tests: &str, why: &Lived) -> Vec<String> {
     }
 }
 
-/// A row for each module.
+/// Prints a row for each module.
 fn write_modules(all: &[(String, Hunted)], out: &mut dyn Write) -> std::io::Result<()> {
     let mut modules: BTreeMap<String, Vec<&Tried>> = BTreeMap::new();
     for (title, hunted) in all {
@@ -477,7 +479,7 @@ fn write_modules(all: &[(String, Hunted)], out: &mut dyn Write) -> std::io::Resu
     table.write(out)
 }
 
-/// The last line: the score, and what wasn't judged.
+/// Returns the parts of the last line: the score, and the mutants that weren't judged.
 fn parts(
     all: &[(String, Hunted)],
     score: &Score,

@@ -4,10 +4,10 @@ use std::io::IsTerminal;
 use std::sync::mpsc::{self, RecvTimeoutError};
 use std::time::Duration;
 
-/// How long people wait without wondering.
+/// The time after which a person wonders what happens.
 pub(super) const PATIENCE: Duration = Duration::from_secs(2);
 
-/// Does work. If it takes long, says on a terminal what is being done.
+/// Does work. If it takes long, prints on a terminal what it does.
 pub(super) fn patiently<T>(doing: &str, work: impl FnOnce() -> T) -> T {
     if !std::io::stderr().is_terminal() {
         return work();
@@ -15,7 +15,7 @@ pub(super) fn patiently<T>(doing: &str, work: impl FnOnce() -> T) -> T {
     after(PATIENCE, || karat::unstable::output::tell(doing), work)
 }
 
-/// Does work, and `say`s something if it isn't done after a while.
+/// Does work, and calls `say` if it takes longer than `patience`.
 fn after<T>(patience: Duration, say: impl FnOnce() + Send, work: impl FnOnce() -> T) -> T {
     let (done, waiting) = mpsc::channel::<()>();
     std::thread::scope(|scope| {

@@ -12,7 +12,7 @@ use super::{Ending, Outcome, spare};
 pub(super) struct Args {
     /// The EXR image
     image: PathBuf,
-    /// The PNG to write [default: beside the image]
+    /// Writes the PNG to this file [default: beside the image]
     #[arg(long, value_name = "OUT.PNG")]
     out: Option<PathBuf>,
     #[command(flatten)]

@@ -1,4 +1,4 @@
-//! Where a project keeps its shaders, goldens and records.
+//! The places of a project's shaders, goldens and records.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -36,7 +36,7 @@ struct Settings {
 }
 
 impl Settings {
-    /// Reads what a manifest says of its workspace, and of its own package.
+    /// Reads the settings of a manifest for its workspace, and for its own package.
     fn of(folder: &Path, manifest: &toml::Table) -> anyhow::Result<Vec<(PathBuf, Self)>> {
         let said = ["workspace", "package"]
             .iter()
@@ -51,7 +51,7 @@ impl Settings {
     }
 }
 
-/// The text of a file; `None` if it isn't there. What isn't a file, such as a pipe, is an error.
+/// Reads the text of a file, or `None` if it doesn't exist. A pipe or a device is an error.
 pub(super) fn text_of(file: &Path) -> anyhow::Result<Option<String>> {
     use std::io::ErrorKind::{NotADirectory, NotFound};
     match karat::unstable::diagnostic::read_file(file) {
@@ -61,10 +61,10 @@ pub(super) fn text_of(file: &Path) -> anyhow::Result<Option<String>> {
     }
 }
 
-/// How far below the working directory a folder without Cargo is looked for that was tested.
+/// The number of levels below the working directory in which Karat searches for tested folders without Cargo.
 const DEPTH: usize = 3;
 
-/// Folders without Cargo that were tested, and when.
+/// Adds the tested folders without Cargo, each with the time of its last run.
 fn tested_below(folder: &Path, depth: usize, found: &mut Vec<(SystemTime, PathBuf)>) {
     let record = folder.join(".karat").join("run").join("record");
     if let Ok(ran) = record.metadata().and_then(|record| record.modified()) {
@@ -73,18 +73,18 @@ fn tested_below(folder: &Path, depth: usize, found: &mut Vec<(SystemTime, PathBu
     if depth == 0 {
         return;
     }
-    // Links aren't followed: they may lead in a circle.
+    // Links aren't followed: they may form a circle.
     let own = |path: &PathBuf| path.is_dir() && !path.is_symlink() && !is_of_tools(path);
     visible(folder).filter(own).for_each(|path| tested_below(&path, depth - 1, found));
 }
 
-/// True of a person's folder, and of the whole disk: the folders below are many projects.
+/// Returns `true` for a home folder and for the root of the disk, which hold many projects.
 fn is_no_project(folder: &Path) -> bool {
     std::env::home_dir().is_some_and(|home| home == folder) || folder.parent().is_none()
 }
 
-/// The folder below this one that has all of its modules and tests. One that is called `shaders`, or has a karat.toml, is it,
-/// whatever lies below.
+/// Returns the folder below this one that has all of its modules and tests. The search stops at a folder that is
+/// called `shaders` or has a karat.toml.
 fn narrowed(folder: &Path) -> PathBuf {
     let mut at = folder.to_owned();
     loop {
@@ -99,10 +99,10 @@ fn narrowed(folder: &Path) -> PathBuf {
     }
 }
 
-/// How far below a folder modules are looked for.
+/// The most levels below a folder in which Karat searches for modules.
 const DEEPEST: usize = 8;
 
-/// True of a file that a package is made of, and of a folder with one. Links aren't followed: they may lead in a circle.
+/// Returns `true` for a file of a package, and for a folder with one. Links aren't followed: they may form a circle.
 fn holds(path: &Path, depth: usize) -> bool {
     if !path.is_dir() {
         let ending = path.extension().unwrap_or_default();
@@ -113,7 +113,7 @@ fn holds(path: &Path, depth: usize) -> bool {
     depth > 0 && !is_of_tools(path) && visible(path).any(inside)
 }
 
-/// The entries of a folder that aren't hidden.
+/// Returns the entries of a folder that aren't hidden.
 fn visible(folder: &Path) -> impl Iterator<Item = PathBuf> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let shown = entries.filter(|entry| !entry.file_name().to_string_lossy().starts_with('.'));
@@ -130,14 +130,14 @@ pub(super) struct Project {
     root: PathBuf,
     /// The folders of a workspace's members.
     members: Vec<PathBuf>,
-    /// Settings of manifests, each with its folder: the project's own come first.
+    /// The settings of manifests, each with its folder. The project's own come first.
     settings: Vec<(PathBuf, Settings)>,
-    /// Whether it is a package or workspace of Cargo's.
+    /// `true` if it is a Cargo package or workspace.
     cargo: bool,
 }
 
-/// The name of a package among others: its folder's place where another one has the same name, as each crate may have a
-/// folder `shaders`.
+/// Returns the displayed name of a package: its folder's path if another package has the same name, as each crate may
+/// have a folder `shaders`.
 pub(super) fn title<'p>(package: &Package, all: impl IntoIterator<Item = &'p Package>) -> String {
     let name = package.name();
     match all.into_iter().filter(|other| other.name() == name).count() {
@@ -146,7 +146,7 @@ pub(super) fn title<'p>(package: &Package, all: impl IntoIterator<Item = &'p Pac
     }
 }
 
-/// Says that tests beside a package of one file didn't run: they belong to the folder.
+/// Prints that tests beside a package of one file didn't run, as they belong to the folder.
 pub(super) fn tests_beside(packages: &[Package]) -> Option<String> {
     let beside = |file: PathBuf| {
         let stem = file.file_stem()?.to_str()?;
@@ -158,13 +158,13 @@ pub(super) fn tests_beside(packages: &[Package]) -> Option<String> {
 }
 
 impl Project {
-    /// The Cargo workspace of the working directory, or else the nearest package, or else the
-    /// working directory itself or its folder `shaders`.
+    /// Finds the Cargo workspace of the working directory, or else the nearest package, or else the working directory
+    /// itself or its folder `shaders`.
     pub(super) fn find() -> anyhow::Result<Self> {
         Self::at(&here()?)
     }
 
-    /// The project around a folder. Without Cargo it is the folder's `shaders`, where there is one, or else the folder below it
+    /// Finds the project around a folder. Without Cargo it is the folder's `shaders`, or else the folder below it
     /// that has all modules and tests.
     pub(super) fn at(folder: &Path) -> anyhow::Result<Self> {
         let own = Self::around(folder)?;
@@ -177,13 +177,13 @@ impl Project {
         })
     }
 
-    /// The project whose last run commands tell of: without Cargo it is the folder that was tested last, of the
-    /// working directory and those below it.
+    /// Finds the project whose last run a command reports. Without Cargo it is the folder that was tested last, among
+    /// the working directory and the folders below it.
     pub(super) fn last_tested() -> anyhow::Result<Self> {
         Self::last_tested_at(&here()?)
     }
 
-    /// The same, of a folder.
+    /// [`last_tested`](Self::last_tested) for a folder in place of the working directory.
     pub(super) fn last_tested_at(folder: &Path) -> anyhow::Result<Self> {
         let own = Self::at(folder)?;
         if own.cargo {
@@ -228,17 +228,17 @@ impl Project {
         Self { root, members: Vec::new(), settings: Vec::new(), cargo: false }
     }
 
-    /// Whether Cargo knows it.
+    /// Returns `true` for a Cargo project.
     pub(super) fn is_cargo(&self) -> bool {
         self.cargo
     }
 
-    /// The folder of the manifest.
+    /// Returns the folder of the manifest.
     pub(super) fn root(&self) -> &Path {
         &self.root
     }
 
-    /// The packages, whose modules are validated with the features that manifests set for those below.
+    /// Returns the packages with the features that the manifests set for their modules.
     pub(super) fn with_features(&self, mut packages: Vec<Package>) -> Vec<Package> {
         for (above, settings) in &self.settings {
             let is_below = |package: &Package| package.root().starts_with(above);
@@ -247,7 +247,7 @@ impl Project {
                 let has = |package: &Package| {
                     package.modules().is_ok_and(|modules| modules.contains(module))
                 };
-                // What no package has is reported when the first one is validated.
+                // A module that no package has is reported when the first package is validated.
                 let own = packages.iter().position(|package| is_below(package) && has(package));
                 let other = || packages.iter().position(has);
                 let index = own.or_else(other).unwrap_or(0);
@@ -259,19 +259,19 @@ impl Project {
         packages
     }
 
-    /// The folder of each manifest: the project's, and those of its members.
+    /// Returns the folder of each manifest: the project's, and its members'.
     pub(super) fn manifests(&self) -> impl Iterator<Item = &Path> {
         std::iter::once(&*self.root).chain(self.members.iter().map(PathBuf::as_path))
     }
 
-    /// The packages that manifests declare.
+    /// Returns the packages that manifests declare.
     pub(super) fn declared(&self) -> impl Iterator<Item = PathBuf> {
         self.settings.iter().flat_map(|(folder, settings)| {
             settings.packages.iter().flatten().map(|package| folder.join(package))
         })
     }
 
-    /// True if a manifest above a folder lists the packages there.
+    /// Returns `true` if a manifest above a folder lists the packages there.
     pub(super) fn says(&self, folder: &Path) -> bool {
         let folder = folder.canonicalize().unwrap_or_else(|_| folder.to_owned());
         let is_above =
@@ -279,13 +279,13 @@ impl Project {
         self.settings.iter().any(|(above, said)| said.packages.is_some() && is_above(above))
     }
 
-    /// True if a manifest lists packages, be it none.
+    /// Returns `true` if a manifest has a list of packages, even an empty one.
     pub(super) fn lists_packages(&self) -> bool {
         self.settings.iter().any(|(_, said)| said.packages.is_some())
     }
 
-    /// The folder of goldens: the one that the project or else a member declares, or `golden`, or else the
-    /// only one that the last run used.
+    /// Returns the folder of goldens: the folder that the project or a member declares, or `golden`, or else the only
+    /// folder that the last run used.
     pub(super) fn golden(&self) -> PathBuf {
         let declared =
             |(above, said): &(PathBuf, Settings)| Some(above.join(said.golden.as_ref()?));
@@ -302,7 +302,7 @@ impl Project {
         }
     }
 
-    /// The record of the last run. One that can't be read is told of, once.
+    /// Returns the record of the last run. An unreadable record is reported once.
     pub(super) fn last_run(&self) -> Option<Recorded> {
         static TOLD: Once = Once::new();
         Recorded::read(&self.record()).unwrap_or_else(|error| {
@@ -311,7 +311,7 @@ impl Project {
         })
     }
 
-    /// Folders of the project with goldens that the last run used.
+    /// Returns the folders of goldens in the project that the last run used.
     pub(super) fn used_goldens(&self) -> Vec<PathBuf> {
         let Some(recorded) = self.last_run() else { return Vec::new() };
         let root = self.root.canonicalize().ok();
@@ -327,10 +327,10 @@ impl Project {
         folders.into_iter().collect()
     }
 
-    /// The folders of goldens that are there: the project's, those of its workspace's members, and those that
-    /// the last run used. Each once.
+    /// Returns the existing folders of goldens, each once: the project's, its members', and those that the last run
+    /// used.
     pub(super) fn goldens(&self) -> Vec<PathBuf> {
-        // The project's own, too: `golden()` may be a member's.
+        // This includes the project's own folder, as `golden()` may be a member's.
         let of_manifests = self.manifests().map(|manifest| {
             let mut own = self.settings.iter().filter(|(folder, _)| folder == manifest);
             let golden = own.find_map(|(_, settings)| settings.golden.as_deref());
@@ -345,7 +345,7 @@ impl Project {
         all
     }
 
-    /// The cargo binary that is the project's gallery, if one is declared.
+    /// Returns the Cargo binary that is the project's gallery, if one is declared.
     pub(super) fn gallery(&self) -> Option<&str> {
         self.settings.iter().find_map(|(_, said)| said.gallery.as_deref())
     }
@@ -355,7 +355,7 @@ impl Project {
         self.output().join("record")
     }
 
-    /// The folder of what runs leave behind.
+    /// Returns the folder for the output of runs.
     pub(super) fn output(&self) -> PathBuf {
         if !self.cargo {
             return self.root.join(".karat").join("run");

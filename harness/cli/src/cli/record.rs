@@ -1,4 +1,4 @@
-//! `karat record`: runs tests by another runner, and keeps what they check as one run.
+//! `karat record`: runs another test runner, and keeps the verdicts of its checks as one run.
 
 use std::ffi::OsString;
 use std::io::{IsTerminal, Write};
@@ -17,20 +17,20 @@ use super::{Outcome, child};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// Keep the record in this folder, new or empty, for `karat report --merge` [default: as the last
-    /// run of the project]
+    /// Keeps the record in this new or empty folder, for `karat report --merge` [default: the record of the project's
+    /// last run]
     #[arg(long, value_name = "DIR")]
     into: Option<PathBuf>,
     #[command(flatten)]
     output: OutputArgs,
-    /// What runs the tests, with its arguments
+    /// The command that runs the tests, with its arguments
     #[arg(last = true, required = true, value_name = "COMMAND")]
     command: Vec<OsString>,
 }
 
-/// Where the records of the run are kept.
+/// The place of the run's records.
 enum Place {
-    /// Of the project, where it becomes the last run.
+    /// The project, where the run becomes the last run.
     Project(Running),
     Folder(PathBuf),
 }
@@ -103,17 +103,17 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(sum.ending())
 }
 
-/// Tests that another runner left out after a failure, as far as it says so.
+/// The tests that the runner left out after a failure, according to its output.
 #[derive(Debug, Default, PartialEq, Eq)]
 struct Heard {
-    /// How many, if it says so.
+    /// The number of these tests, if the runner prints it.
     not_run: u64,
-    /// That it stopped, and no number.
+    /// `true` if the runner stopped early without a number.
     stopped: bool,
 }
 
 impl Heard {
-    /// Runs the command; whether it succeeds.
+    /// Runs the command, and returns `true` if it succeeds.
     fn run(&mut self, command: &mut Command, out: &mut dyn Write) -> anyhow::Result<bool> {
         let is_seen = std::io::stderr().is_terminal();
         // The command writes through a pipe, but a person reads it on a terminal.
@@ -132,9 +132,9 @@ impl Heard {
         Ok(child::run_heard(command, &mut error, &mut line)?.success())
     }
 
-    /// Of a line on standard error. nextest: `warning: 4/5 tests were not run due to test failure`; Cargo
-    /// stops at the first program of tests that fails: `error: test failed, to rerun pass ..`. With
-    /// `--no-fail-fast` it says so, too, but runs all, and ends with `error: 2 targets failed:`.
+    /// Reads a line of standard error. nextest prints `warning: 4/5 tests were not run due to test failure`. Cargo
+    /// stops at the first test program that fails: `error: test failed, to rerun pass ..`. With `--no-fail-fast`
+    /// Cargo prints the same, but runs all programs, and ends with `error: 2 targets failed:`.
     fn hear(&mut self, line: &str) {
         let line = anstream::adapter::strip_str(line).to_string();
         if let Some((count, _)) = line.split_once(" were not run due to ") {
@@ -172,7 +172,7 @@ mod tests {
         let doctest = "error: doctest failed, to rerun pass `--doc`";
         assert_eq!(heard(doctest), Heard { not_run: 0, stopped: true });
         assert_eq!(heard("test a ... FAILED"), Heard::default());
-        // With --no-fail-fast Cargo runs all.
+        // With --no-fail-fast Cargo runs all test programs.
         for end in ["1 target failed:", "2 targets failed:\n    `--lib`\n    `--doc`"] {
             let all = format!("{cargo}\n{doctest}\nerror: {end}\n");
             assert_eq!(heard(&all), Heard::default(), "{all}");

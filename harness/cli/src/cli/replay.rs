@@ -1,4 +1,4 @@
-//! `karat replay`: the case that a check of the last run failed on, by a short name.
+//! `karat replay`: runs a failing case of the last run again, by the short name of the failure.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -14,18 +14,18 @@ use super::{Ending, NotThere, Outcome, child};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// The name that `karat test` gives a failure [default: the only one]
+    /// The name that `karat test` prints for a failure [default: the only failure]
     name: Option<String>,
-    /// Print the whole command, and run nothing
+    /// Prints the whole command, and runs nothing
     #[arg(long)]
     print: bool,
 }
 
-/// How many characters a name has at least.
+/// The fewest characters of a name.
 const LENGTH: usize = 4;
 
-/// The names of the failures of a run: the beginnings of hashes of what failed, so that a failure keeps
-/// its name from run to run. All are as long as the longest needs to be.
+/// Returns the names of a run's failures. A name is the beginning of a hash of the check, so that a failure keeps its
+/// name from run to run. All names have the same length, which makes them distinct.
 pub(super) fn names<'r>(records: &'r [Record]) -> Vec<(String, &'r Record)> {
     let failed = records.iter().filter(|record| is_failure(record) && command(record).is_some());
     let called = Names::of(records);
@@ -39,7 +39,7 @@ pub(super) fn names<'r>(records: &'r [Record]) -> Vec<(String, &'r Record)> {
     let mut all: Vec<(String, &'r Record)> = Vec::new();
     for record in failed {
         let name = hash(record);
-        // A test that makes one check twice: the first is replayed, as it ends the test.
+        // A test may make a check twice. The first one is replayed, as its failure ends the test.
         if all.iter().all(|(known, _)| *known != name) {
             all.push((name, record));
         }
@@ -53,7 +53,7 @@ pub(super) fn names<'r>(records: &'r [Record]) -> Vec<(String, &'r Record)> {
     all.into_iter().map(|(name, record)| (name[..length].to_owned(), record)).collect()
 }
 
-/// The command that replays the simplest case of a failure, of the first path that has one.
+/// Returns the command that replays the simplest case of a failure, on the first path that has one.
 fn command(record: &Record) -> Option<&Replay> {
     let details = record.details.as_ref()?;
     let of_path = details.paths.iter().find_map(|details| details.replays().last());
@@ -109,8 +109,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(if status.success() { Ending::Good } else { Ending::Bad })
 }
 
-/// Where a recorded command runs: in the project's folder. `karat test FOLDER` was run in one that has FOLDER,
-/// which is in the project.
+/// Returns the folder in which a recorded command runs: the project's folder, or for `karat test FOLDER` the folder
+/// that contains FOLDER.
 fn start(project: &Path, arguments: &[String]) -> PathBuf {
     let named = match arguments {
         [verb, folder, ..] if *verb == "test" && !folder.starts_with('-') => Path::new(folder),
@@ -123,8 +123,8 @@ fn start(project: &Path, arguments: &[String]) -> PathBuf {
     root.ancestors().find(has).unwrap_or(project).to_owned()
 }
 
-/// The process that a recorded command asks for. A record may come from another machine: it starts no other
-/// program, and sets no other variable.
+/// Returns the process of a recorded command. As a record may come from another machine, only known programs and
+/// variables are allowed.
 fn made(replay: &Replay, folder: &Path) -> anyhow::Result<Command> {
     let Replay { variables, program, arguments } = replay;
     let mut command = match &**program {
@@ -139,7 +139,7 @@ fn made(replay: &Replay, folder: &Path) -> anyhow::Result<Command> {
         command.env(name, value);
     }
     command.current_dir(start(folder, arguments)).args(arguments);
-    // What the last run was told doesn't choose this one's paths.
+    // The required paths of the last run don't apply to this one.
     command.env_remove("KARAT_REQUIRE");
     Ok(command)
 }

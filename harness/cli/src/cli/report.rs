@@ -1,5 +1,4 @@
-//! `karat report`, and what others read of a run: a page, JSON, JUnit XML, GitHub's annotations and
-//! summary.
+//! `karat report`, and the reports of a run: a page, JSON, JUnit XML, GitHub's annotations and summary.
 
 pub(super) mod colour;
 mod github;
@@ -40,36 +39,35 @@ use super::list::callable;
 use super::project::Project;
 use super::{NotThere, Outcome, spare};
 
-/// What is written besides the tables.
+/// The reports besides the tables.
 #[derive(clap::Args)]
 pub(super) struct OutputArgs {
-    /// Write JUnit XML
+    /// Writes JUnit XML to this file
     #[arg(long, value_name = "FILE")]
     junit: Option<PathBuf>,
-    /// Write one page, which opens from a file: verdicts, errors, plots of what fails
+    /// Writes the HTML report to this file, one page that needs no other files: verdicts, errors, plots of failures
     #[arg(long, value_name = "FILE")]
     html: Option<PathBuf>,
-    /// Write all records as JSON
+    /// Writes all records as JSON to this file
     #[arg(long, value_name = "FILE")]
     json: Option<PathBuf>,
-    /// Where the page of frames is, which `karat review --static` writes; the report links to it
+    /// Links the HTML report to the page of frames at this URL, which `karat review --static` writes
     #[arg(long, value_name = "URL", requires = "html")]
     review: Option<String>,
-    /// Where the page of translations is, which `karat matrix --html` writes; the report links to it
+    /// Links the HTML report to the page of translations at this URL, which `karat matrix --html` writes
     #[arg(long, value_name = "URL", requires = "html")]
     matrix: Option<String>,
-    /// Look for hazards, too, and show them on the page
+    /// Finds hazards as `karat hazards` does, and shows them on the HTML page
     #[arg(long, requires = "html")]
     hazards: bool,
-    /// Print each check that passes, where otherwise those of a module are one line
+    /// Prints a line for each check that passes, in place of one line per module
     #[arg(long)]
     pub(super) all: bool,
-    /// Print a line for each failure, `file:line:column: error: message`, and how many there are, and
-    /// nothing else: for editors
+    /// Prints, for editors, only one line per failure, `file:line:column: error: message`, and the number of failures
     #[arg(long, conflicts_with_all = ["all", "github"])]
     pub(super) short: bool,
-    /// Print GitHub's annotations of failures and append to the job's summary [default: where
-    /// GITHUB_ACTIONS is `true`]
+    /// Prints failures as GitHub annotations, and appends to the job's summary [default: on if GITHUB_ACTIONS is
+    /// `true`]
     #[arg(long)]
     github: bool,
 }
@@ -78,10 +76,10 @@ pub(super) struct OutputArgs {
 pub(super) struct Args {
     #[command(flatten)]
     output: OutputArgs,
-    /// Folder of records, or a project, of which the last run is taken [default: the project here]
+    /// Reads this folder of records, or the last run of the project in this folder [default: the current project]
     #[arg(long, value_name = "DIR")]
     record: Option<PathBuf>,
-    /// Folders of records of parts of one run, as `karat record --into` makes them; may be repeated
+    /// Merges these folders of records, the parts of one run, which `karat record --into` wrote; may be repeated
     #[arg(long, value_name = "DIR", num_args = 1.., conflicts_with = "record")]
     merge: Vec<PathBuf>,
 }
@@ -147,7 +145,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(sum.ending())
 }
 
-/// Writes the page of records that were made path by path: their paths stand side by side.
+/// Writes the page of records that were made path by path, with the paths side by side.
 pub(super) fn write_page(
     records: Vec<Record>,
     project: &Project,
@@ -188,20 +186,20 @@ impl OutputArgs {
         })
     }
 
-    /// The files that are written.
+    /// Returns the files to write.
     fn files(&self) -> impl Iterator<Item = &Path> {
         [&self.junit, &self.html, &self.json].into_iter().flatten().map(PathBuf::as_path)
     }
 
-    /// Has GitHub's runner, where it is one that reads, take no line for a command until the commands are
-    /// Karat's own: names and messages of tests say what they like.
+    /// Stops GitHub's runner, if it reads the output, from treating lines as commands until Karat prints its own.
+    /// Names and messages of tests may look like commands.
     pub(super) fn hold_commands(&self, out: &mut dyn Write) -> std::io::Result<Held> {
         if github::runs_here() && !self.short { Held::begin(out) } else { Ok(Held::default()) }
     }
 
-    /// Removes a report of a run before, which this one may not live to replace.
+    /// Removes the report of an earlier run, as this run may end before it writes its own.
     pub(super) fn clear(&self) -> anyhow::Result<()> {
-        // A device, a pipe and a link stay what they are: only a report of an earlier run goes.
+        // Devices, pipes and links stay: only a report of an earlier run is removed.
         let is_file = |file: &&Path| file.symlink_metadata().is_ok_and(|found| found.is_file());
         self.files().filter(is_file).try_for_each(|file| match std::fs::remove_file(file) {
             Err(error) if error.kind() != std::io::ErrorKind::NotFound => {
@@ -235,7 +233,7 @@ impl OutputArgs {
         }
         if let Some(file) = &self.html {
             let packages = project.tested(records)?;
-            // What was left out on purpose isn't untested.
+            // Functions that a filter left out don't count as untested.
             let whole = run.is_some_and(|run| run.selected.is_empty());
             let untested = whole.then(|| untested(records, &packages)).transpose()?.map(names);
             let look =
@@ -249,7 +247,7 @@ impl OutputArgs {
             let errors = run.map_or(&[][..], |run| &run.errors);
             github::write(records, (sum, errors), project, out)?;
         }
-        // Behind GitHub's, which clears pictures that this one names.
+        // This comes after GitHub's summary, which deletes old pictures, as the JUnit file names the new ones.
         if let Some(file) = &self.junit {
             write(file, &junit::text(records, sum, project)?)?;
         }
@@ -257,7 +255,7 @@ impl OutputArgs {
     }
 }
 
-/// Functions that no check is about, and that no test in WGSL calls.
+/// Returns the functions that no check is about and no WGSL test calls.
 pub(super) fn untested(
     records: &[Record],
     packages: &[Package],
@@ -271,8 +269,8 @@ pub(super) fn untested(
         .collect();
     let mut all = Vec::new();
     for package in packages {
-        // Whether it is valid is told by others. While a module can't be read its tests can't run, which
-        // says nothing of what they test.
+        // Invalid modules are reported elsewhere. While a module can't be read its tests can't run, so its functions
+        // don't count as untested.
         let Ok(modules) = package.modules() else { continue };
         if modules.iter().any(|module| package.functions_in(module).is_err()) {
             continue;
@@ -292,8 +290,8 @@ fn names(items: Vec<FunctionItem>) -> Vec<String> {
     items.into_iter().map(|item| item.name).collect()
 }
 
-/// How much fails on a path: `3 of 4096 cases`; of a sampler, which is judged as a whole for each of its
-/// configurations, `2 of 8 configurations`.
+/// Returns how much fails on a path: `3 of 4096 cases`, or `2 of 8 configurations` for a sampler, which is judged
+/// once per configuration.
 fn failing(path: &PathRecord) -> String {
     match path.configurations {
         Some(all) => format!("{} of {}", path.failures, counted(all, "configuration")),
@@ -301,8 +299,8 @@ fn failing(path: &PathRecord) -> String {
     }
 }
 
-/// The tests that failed although each of their checks passed: a panic, or an assertion that isn't Karat's.
-/// `failed` are the names of all tests that failed.
+/// Returns the tests that failed although all their checks passed, by a panic or another assertion. `failed` has the
+/// names of all failed tests.
 fn outside(records: &[Record], failed: &[String]) -> Vec<String> {
     let by_check: BTreeSet<&str> = records
         .iter()
@@ -312,7 +310,7 @@ fn outside(records: &[Record], failed: &[String]) -> Vec<String> {
     failed.iter().filter(|test| !by_check.contains(&***test)).cloned().collect()
 }
 
-/// What the review shows of a run: where its frames come from, and the functions that fail.
+/// Returns the run's data for the review: the origins of its frames, and the failing functions.
 pub(super) fn review_of(records: &[Record]) -> LastRun {
     let (mut run, names) = (LastRun::default(), Names::of(records));
     for record in records {
@@ -326,7 +324,7 @@ pub(super) fn review_of(records: &[Record]) -> LastRun {
                 let modules =
                     record.read.iter().map(|read| &read.file).filter(module).cloned().collect();
                 let frame = FrameRun { test, place: location.clone(), replays, modules };
-                // Several tests may compare one golden: what fails is what waits.
+                // Several tests may compare one golden. The failing one made the pending frame.
                 if is_failure(record) || !run.frames.contains_key(golden) {
                     run.frames.insert(golden.clone(), frame);
                 }
@@ -348,19 +346,19 @@ pub(super) fn review_of(records: &[Record]) -> LastRun {
     run
 }
 
-/// The commands that replay a failure, for a shell: of the worst case first.
+/// Returns the shell commands that replay a failure, with the worst case first.
 fn replays(record: &Record) -> Vec<String> {
     record.details.iter().flat_map(Details::replays).map(ToString::to_string).collect()
 }
 
-/// A path's [values], and the command that runs the worst of them again.
+/// Returns a path's [values], and the command that replays its worst case.
 fn facts(details: &PathDetails) -> Vec<String> {
     let mut lines = values(details);
     lines.extend(details.replays().next().map(|replay| format!("replay: {replay}")));
     lines
 }
 
-/// A path's failing cases, each in a line: arguments, results, expectations that fail.
+/// Returns a path's failing cases, one per line: arguments, results, failing expectations.
 fn values(details: &PathDetails) -> Vec<String> {
     let mut lines: Vec<String> = Vec::new();
     for case in [&details.worst, &details.first, &details.simplest].into_iter().flatten() {
@@ -386,17 +384,17 @@ fn in_a_line(case: &CaseDetails) -> String {
     parts.collect::<Vec<_>>().join("; ")
 }
 
-/// Where the failure belongs, relative to the project.
+/// The place of a failure, relative to the project.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Place {
     pub(super) file: String,
     pub(super) line: u32,
-    /// In characters, from 1.
+    /// The column in characters, from 1.
     pub(super) column: u32,
 }
 
 impl Place {
-    /// That of `file:line:column`.
+    /// Parses `file:line:column`.
     pub(super) fn of(text: &str) -> Option<Self> {
         let mut parts = text.rsplitn(3, ':');
         let (column, line, file) = (parts.next()?, parts.next()?, parts.next()?);
@@ -404,14 +402,14 @@ impl Place {
     }
 }
 
-/// The place that a failure is about: that of its message, or else that of what is tested.
+/// Returns the place of a failure: the place in its message, or else that of the tested function or frame.
 fn wrong_place(record: &Record, root: &Path, workspace: &Path) -> Option<Place> {
     let told = || located(record.details.as_ref()?.place.as_deref()?, root, workspace);
     told().or_else(|| place(record, root, workspace))
 }
 
-/// The function in WGSL, or the test that draws the frame, or else the golden's facts. Files are relative to the
-/// workspace.
+/// Returns the place of the WGSL function, of the test that draws the frame, or else of the golden's facts. Files are
+/// relative to the workspace.
 fn place(record: &Record, root: &Path, workspace: &Path) -> Option<Place> {
     let located = |location: &str, package| {
         located(location, package, workspace).or_else(|| of_read(location, record, workspace))
@@ -429,12 +427,11 @@ fn place(record: &Record, root: &Path, workspace: &Path) -> Option<Place> {
     }
 }
 
-/// Variables in which GitHub, GitLab and Jenkins say where the repository is checked out.
+/// The variables with the repository's folder on GitHub, GitLab and Jenkins.
 const WORKSPACES: [&str; 3] = ["GITHUB_WORKSPACE", "CI_PROJECT_DIR", "WORKSPACE"];
 
-/// The folder that files are relative to in what CI reads: the repository's, where CI says which it is and
-/// the project is in it, or git does; otherwise the project's, or the working directory around a folder of
-/// shaders.
+/// Returns the folder to which files are relative in reports for CI: the repository's, if CI or git names it and the
+/// project is in it; otherwise the project's, or the working directory around a folder of shaders.
 fn workspace(root: &Path) -> PathBuf {
     let whole = |folder: &Path| folder.canonicalize().ok();
     let named = WORKSPACES.iter().filter_map(std::env::var_os).filter(|folder| !folder.is_empty());
@@ -450,8 +447,8 @@ fn workspace(root: &Path) -> PathBuf {
     found.unwrap_or_else(|| root.to_owned())
 }
 
-/// `file:line:column`, whose file may be relative to any folder above the package: tests run in
-/// theirs, and the compiler in the workspace.
+/// Resolves `file:line:column`. Its file may be relative to any folder above the package: tests run in their
+/// package's folder, and the compiler in the workspace.
 pub(super) fn located(location: &str, package: &Path, workspace: &Path) -> Option<Place> {
     let place = Place::of(location)?;
     let mut files = package.ancestors().map(|folder| folder.join(&place.file));
@@ -459,7 +456,7 @@ pub(super) fn located(location: &str, package: &Path, workspace: &Path) -> Optio
     Some(Place { file: relative(&file, workspace), ..place })
 }
 
-/// [`located`], among the files that a record depends on: it may have been made in another folder.
+/// [`located`] among the files that a record depends on, as the record may come from another folder.
 fn of_read(location: &str, record: &Record, workspace: &Path) -> Option<Place> {
     let file = Path::new(location.rsplitn(3, ':').nth(2)?);
     let read = record.read.iter().map(|read| &read.file).find(|read| read.ends_with(file))?;
@@ -467,7 +464,7 @@ fn of_read(location: &str, record: &Record, workspace: &Path) -> Option<Place> {
     located(location, above, workspace)
 }
 
-/// With `/`, as GitHub has it.
+/// Returns a relative path with `/`, as GitHub needs it.
 fn relative(file: &Path, root: &Path) -> String {
     let (file, root) = match (file.canonicalize(), root.canonicalize()) {
         (Ok(file), Ok(root)) => (file, root),

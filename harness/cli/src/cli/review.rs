@@ -21,20 +21,20 @@ use super::{Ending, Outcome, PackageArgs};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// Write the page into a folder instead: it opens from there without a server, and shows the
-    /// commands to type
+    /// Writes the page into this folder, and starts no server. Open the page from there; it shows the commands to
+    /// type
     #[arg(long = "static", value_name = "DIR", conflicts_with_all = ["port", "open"])]
     files: Option<PathBuf>,
-    /// Port on 127.0.0.1 [default: any that is free]
+    /// Serves the page on this port of 127.0.0.1 [default: any free port]
     #[arg(long, value_name = "PORT", default_value_t = 0, hide_default_value = true)]
     port: u16,
-    /// Open the page in a browser
+    /// Opens the page in your default browser
     #[arg(long)]
     open: bool,
-    /// Let VS Code show the page in a panel
+    /// Lets VS Code show the page in a panel
     #[arg(long, conflicts_with = "files")]
     in_editor: bool,
-    /// Show all goldens, too, with their history
+    /// Also shows all goldens, with their history
     #[arg(long)]
     all_goldens: bool,
     #[command(flatten)]
@@ -62,7 +62,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if let Some(run) = last_run(artefact.as_ref(), &goldens) {
         review = review.with_run(run);
     }
-    // A page of another machine's frames has no shaders to run.
+    // A static page of a CI run's frames has no shaders to run.
     if args.files.is_none() || artefact.is_none() {
         review = review.with_pixels(Arc::new(Told));
     }
@@ -91,7 +91,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             "no browser opens ({error}); open the URL yourself"
         ));
     }
-    // The page shows what can't be used; whoever looks here is told, too.
+    // The page shows unusable files, and the terminal, too.
     let told = report(&pending.unusable);
     server.run();
     let PendingFrames { frames, unusable } = server.pending();
@@ -105,12 +105,12 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(if frames.is_empty() { Ending::Good } else { Ending::Bad })
 }
 
-/// Values and pixels of frames, by this program in processes of its own.
+/// Taps and traces frames for the page, by running this program.
 #[derive(Debug)]
 struct Told;
 
 impl Told {
-    /// The output of a command about a frame.
+    /// Returns the output of a command about a frame.
     fn ask(
         command: &str,
         before: &[String],
@@ -122,14 +122,14 @@ impl Told {
         process.arg(command).args(before).args(["--", frame]).args(after);
         let output = process.output().map_err(|error| error.to_string())?;
         let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).trim().to_owned();
-        // Steps that differ are an answer, too.
+        // Exit code 1 is an answer, too: the steps differ.
         match text(&output.stdout) {
             told if output.status.success() || told.starts_with('[') => Ok(told),
             _ => Err(text(&output.stderr)),
         }
     }
 
-    /// How large the gallery is to draw a frame. One that a `*.test.toml` declares says it itself.
+    /// Returns the size at which the gallery draws a frame. A frame in a `*.test.toml` has its own size.
     fn size(frame: &str, (width, height): (u32, u32)) -> Result<Vec<String>, String> {
         let failed = |error: anyhow::Error| format!("{error:#}");
         let project = Project::find().map_err(failed)?;
@@ -153,7 +153,7 @@ impl Pixels for Told {
         let about = Self::ask("tap", &words, frame, &[value.to_owned()])?;
         let is_image = |path: &PathBuf| path.extension().is_some_and(|end| end == "exr");
         let image = files_below(folder.path()).into_iter().find(is_image);
-        // Without a picture there are the numbers, which say why.
+        // Without an image the numbers give the reason.
         let image = image.ok_or_else(|| about.clone())?;
         let (image, _) = Image::read_exr(&image).map_err(|error| error.to_string())?;
         let told = image.pixels().iter().filter(|pixel| pixel[3] > 0.0);
@@ -184,22 +184,22 @@ impl Pixels for Told {
     }
 }
 
-/// All files of a folder: frames may have folders in their names.
+/// Returns all files below a folder, as frames may have folders in their names.
 fn files_below(folder: &Path) -> Vec<PathBuf> {
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     let of = |path: PathBuf| if path.is_dir() { files_below(&path) } else { vec![path] };
     entries.flat_map(|entry| of(entry.path())).collect()
 }
 
-/// What the last run of the project said, or the run that left an artefact. Without it the page has its
-/// images all the same, so a record that can't be read is none.
+/// Returns the verdicts of the project's last run, or of the run that left an artefact. The page works without them,
+/// so an unreadable record is ignored.
 fn last_run(artefact: Option<&Artefact>, goldens: &Goldens) -> Option<LastRun> {
     let folder = match artefact {
         Some(artefact) => artefact.folder().to_owned(),
         None => Project::last_tested().ok()?.record(),
     };
     let mut records = Recorded::read(&folder).ok().flatten()?.records;
-    // Crates of a workspace may have frames of one name. Folders of another machine can't be told apart.
+    // Several crates may have frames of one name. The folders of another machine can't be compared with those here.
     let own = goldens.folder().canonicalize().ok();
     records.retain(|record| match &record.subject {
         Subject::Frame { folder, .. } => {
@@ -211,7 +211,7 @@ fn last_run(artefact: Option<&Artefact>, goldens: &Goldens) -> Option<LastRun> {
     Some(review_of(&records))
 }
 
-/// What the commands on the page need to find the same folders.
+/// Returns the arguments with which the commands on the page find the same folders.
 fn arguments(args: &Args) -> String {
     let named = [("--from", args.from.named()), ("--goldens", args.folder.named())];
     let given = named.into_iter().filter_map(|(name, path)| Some((name, path?)));
@@ -224,7 +224,7 @@ fn frames_pending(frames: usize) -> String {
     format!("{frames} pending {}", if frames == 1 { "frame" } else { "frames" })
 }
 
-/// A word of a POSIX shell.
+/// Quotes a word for a POSIX shell.
 fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "-_./".contains(c);
     if !word.is_empty() && word.chars().all(plain) {

@@ -1,13 +1,13 @@
-//! The search for what is to run: the packages of a project, and the files in them that were meant as tests.
-//! Each command that runs, validates or lists something calls it.
+//! The search for packages, and for the files in them that declare tests. Each command that runs, validates or lists
+//! shaders calls it.
 //!
-//! - A package that is named, by `--shaders`, `--crate` or a command's folder, is the only one.
-//! - `metadata.karat.packages` of a Cargo.toml says which packages lie in its folder and below: the
-//!   workspace's for all members, a member's for itself.
-//! - Where none says, packages are the folders `shaders` beside the Cargo.toml of the workspace and of its
+//! - If `--shaders`, `--crate` or a command's folder names a package, it is the only one.
+//! - `metadata.karat.packages` of a Cargo.toml lists the packages in its folder and below: the workspace's list is
+//!   for all members, a member's list for itself.
+//! - Without such a list, the packages are the folders `shaders` beside the Cargo.toml of the workspace and of its
 //!   members, and the folders that recorded tests used.
-//! - Without Cargo a command without a folder takes `shaders`, if there is one, or else the working directory. A
-//!   folder that is named stands for its `shaders` only if that has a karat.toml and all modules.
+//! - Without Cargo and without a named folder, the package is the folder `shaders`, or else the working directory. A
+//!   named folder stands for its `shaders` only if that has a karat.toml and all modules.
 
 use std::collections::BTreeSet;
 use std::io::Write;
@@ -34,7 +34,7 @@ pub(super) const SHADERS: &str = "shaders";
 #[derive(Clone, Debug)]
 pub(super) struct Found {
     pub(super) package: Package,
-    /// True if an author states it: otherwise only tests know how it is used.
+    /// `true` if a manifest or an option declares it. Otherwise only tests show how it is used.
     pub(super) stated: bool,
 }
 
@@ -43,14 +43,14 @@ impl Found {
         Self { package, stated: true }
     }
 
-    /// Where it is, through links.
+    /// Returns its place, with links resolved.
     pub(super) fn place(&self) -> Option<PathBuf> {
         self.package.root().canonicalize().ok()
     }
 }
 
 impl Project {
-    /// All packages: by what is declared, what lies beside a manifest, and what recorded tests used.
+    /// Returns all packages: the declared ones, those beside a manifest, and those that recorded tests used.
     pub(super) fn search(&self, args: &PackageArgs) -> anyhow::Result<Vec<Found>> {
         self.search_with(args, &self.recorded())
     }
@@ -86,7 +86,7 @@ impl Project {
             );
             found.push(Found::stated(Package::open(folder)?));
         } else if !self.is_cargo() {
-            // As it is seen from here, in messages and replays.
+            // The path is relative to the working directory, for messages and replays.
             let folder = shown(&stands_for(self.root())?);
             found.push(Found::stated(Package::open(folder).context(hint)?));
         } else {
@@ -103,7 +103,7 @@ impl Project {
         }
         let mut places = BTreeSet::new();
         found.retain(|one| one.place().is_none_or(|place| places.insert(place)));
-        // A folder of this name may be for others: shaders in another language.
+        // A folder `shaders` may have shaders in another language.
         found.retain(|one| one.stated || !is_empty(&one.package));
         let packages = found.iter().map(|one| one.package.clone()).collect();
         let packages = self.with_features(packages);
@@ -113,13 +113,13 @@ impl Project {
         Ok(found)
     }
 
-    /// The packages that a command is about: at least one.
+    /// Returns the packages of a command, at least one.
     pub(super) fn packages(&self, args: &PackageArgs) -> anyhow::Result<Vec<Package>> {
         let found = self.found(args)?;
         Ok(found.into_iter().map(|one| one.package).collect())
     }
 
-    /// [`search`](Self::search), of which nothing is an error.
+    /// [`search`](Self::search), which returns an error if there is no package.
     pub(super) fn found(&self, args: &PackageArgs) -> anyhow::Result<Vec<Found>> {
         let found = self.search(args)?;
         if !found.is_empty() {
@@ -136,14 +136,14 @@ impl Project {
         anyhow::bail!(none)
     }
 
-    /// The packages whose tests left these records, and those that are known without.
+    /// Returns the packages of these records, and those that are known without them.
     pub(super) fn tested(&self, records: &[Record]) -> anyhow::Result<Vec<Package>> {
         let used = self.used_by(records, &[]);
         let found = self.search_with(&PackageArgs::default(), &used)?;
         Ok(found.into_iter().map(|one| one.package).collect())
     }
 
-    /// The package that holds a function; the first one if none does, for its error message.
+    /// Returns the package that holds a function, or else the first package, for its error message.
     pub(super) fn package_of(&self, args: &PackageArgs, path: &str) -> anyhow::Result<Package> {
         let mut packages = self.packages(args)?;
         let holds = |package: &Package| {
@@ -153,9 +153,9 @@ impl Project {
         Ok(packages.swap_remove(index))
     }
 
-    /// Folders that tests used when they last ran.
+    /// Returns the folders that tests used when they last ran.
     pub(super) fn recorded(&self) -> BTreeSet<PathBuf> {
-        // Where all packages are stated nothing else is one.
+        // If all packages are declared, no other folder is a package.
         if self.says(self.root()) {
             return BTreeSet::new();
         }
@@ -163,28 +163,28 @@ impl Project {
         self.used_by(&last.map(|last| last.records).unwrap_or_default(), &[])
     }
 
-    /// Folders and files of the project that earlier runs used, and the tests of one by what they recorded
-    /// and linked.
+    /// Returns the folders and files of the project that earlier runs used, and those that the tests of this run
+    /// recorded and linked.
     pub(super) fn used_by(&self, records: &[Record], linked: &[PathBuf]) -> BTreeSet<PathBuf> {
         let mut used = Subjects::read(&self.record()).packages().clone();
         used.extend(self.used_in(records, linked));
         used
     }
 
-    /// Those that the tests of one run used.
+    /// Returns the folders and files that the tests of one run used.
     pub(super) fn used_in(&self, records: &[Record], linked: &[PathBuf]) -> BTreeSet<PathBuf> {
         let named = records.iter().filter_map(|record| match &record.subject {
             Subject::Function { package, .. } => Some(PathBuf::from(package)),
             Subject::Frame { .. } => None,
         });
-        // A text in memory has no place, and one that is `.` is relative to wherever its tests ran.
+        // A text in memory has no place, and the place `.` is relative to the folder of its tests.
         let all = named.chain(linked.iter().cloned());
         let all = all.filter(|place| !place.as_os_str().is_empty() && place != Path::new("."));
         let all = all.filter_map(|place| self.root().join(place).canonicalize().ok());
         all.filter(|place| self.is_own(place)).collect()
     }
 
-    /// True of a place in the project that isn't what its runs leave behind.
+    /// Returns `true` for a place in the project that isn't output of runs.
     fn is_own(&self, place: &Path) -> bool {
         let (root, output) = (self.root().canonicalize(), self.output().canonicalize());
         root.is_ok_and(|root| place.starts_with(root))
@@ -192,15 +192,15 @@ impl Project {
     }
 }
 
-/// True of a folder without a module, in which nothing was meant for Karat.
+/// Returns `true` for a folder without a module and without files for Karat.
 fn is_empty(package: &Package) -> bool {
     let is_for_karat = |file: &PathBuf| file.ends_with(MANIFEST) || karat_suite::is_meant(file);
     matches!(package.modules(), Err(PackageError::Empty(_)))
         && !package.files_beside().unwrap_or_default().iter().any(is_for_karat)
 }
 
-/// The folder that a folder without Cargo stands for: its `shaders`, where all of its modules lie, if that
-/// is a package by its own karat.toml; or else itself.
+/// Returns the package's folder of a folder without Cargo: its `shaders`, if that has a karat.toml and all modules,
+/// or else the folder itself.
 pub(super) fn stands_for(folder: &Path) -> anyhow::Result<PathBuf> {
     let shaders = folder.join(SHADERS);
     let declares = |folder: &Path| folder.join(MANIFEST).is_file();
@@ -208,12 +208,12 @@ pub(super) fn stands_for(folder: &Path) -> anyhow::Result<PathBuf> {
     Ok(if stands { shaders } else { folder.to_owned() })
 }
 
-/// A folder's content that lies outside of its `shaders`.
+/// The content of a folder outside of its `shaders`.
 #[derive(Default)]
 struct Outside {
-    /// Files of modules, and folders with some.
+    /// Modules, and folders with modules.
     packages: Vec<Package>,
-    /// Files that were meant to declare tests, beside no module.
+    /// Files that should declare tests, in folders without a module.
     files: Vec<PathBuf>,
 }
 
@@ -244,7 +244,7 @@ fn outside(folder: &Path) -> anyhow::Result<Outside> {
             }
         }
     }
-    // A module's own tests are its package's.
+    // Tests beside a module belong to its package.
     let modules: Vec<PathBuf> = all.packages.iter().map(Package::root).collect();
     all.files.retain(|file| {
         let stem = file.file_name().unwrap_or_default().to_string_lossy();
@@ -255,8 +255,8 @@ fn outside(folder: &Path) -> anyhow::Result<Outside> {
     Ok(all)
 }
 
-/// Says which tests aren't run because a folder's `shaders` alone is tested: that of the folder that is named, or of the
-/// working directory, if that is no Cargo project.
+/// Lists the tests that don't run because Karat tests only the folder's `shaders`. The folder is the named one, or
+/// the working directory if it isn't a Cargo project.
 pub(super) fn write_outside(named: Option<&Path>, out: &mut dyn Write) -> anyhow::Result<()> {
     let folder = named.unwrap_or(Path::new("."));
     let is_alone = match named {
@@ -275,7 +275,7 @@ pub(super) fn write_outside(named: Option<&Path>, out: &mut dyn Write) -> anyhow
         beside += count;
         places.extend((count > 0).then_some(place));
     }
-    // A folder with a karat.toml is a package by itself, and no part of another.
+    // A folder with a karat.toml is a package of its own.
     let is_package = folder.join(SHADERS).join(MANIFEST).is_file();
     let all = "`karat test .` runs all".to_owned();
     let some = |places: &[String]| {
@@ -302,7 +302,7 @@ pub(super) fn write_outside(named: Option<&Path>, out: &mut dyn Write) -> anyhow
     Ok(())
 }
 
-/// Refuses a second folder, of which a filter would be some other test's name: `t` is in `expect_true`.
+/// Refuses a second folder where a filter is expected. As a filter it could match by chance: `t` is in `expect_true`.
 pub(super) fn expect_filter(folder: &Path, filter: Option<&str>) -> anyhow::Result<()> {
     let second = filter.filter(|second| Path::new(second).exists()).unwrap_or_default();
     ensure!(
@@ -314,12 +314,12 @@ pub(super) fn expect_filter(folder: &Path, filter: Option<&str>) -> anyhow::Resu
     Ok(())
 }
 
-/// True of a test with a word in its name.
+/// Returns `true` for a test with a word in its name.
 pub(super) fn has_word(test: &karat_suite::Test, word: &str) -> bool {
     test.name.split(|c: char| !c.is_alphanumeric()).any(|part| part == word)
 }
 
-/// Files of packages that were meant to declare tests, and can't be read.
+/// Returns the files of packages that should declare tests and can't be read.
 pub(super) fn broken_files<'p>(
     packages: impl IntoIterator<Item = &'p Package>,
 ) -> anyhow::Result<Vec<Broken>> {
@@ -330,7 +330,7 @@ pub(super) fn broken_files<'p>(
     Ok(all)
 }
 
-/// Tells them.
+/// Prints the files that can't be read.
 pub(super) fn write_broken(broken: &[Broken], out: &mut dyn Write) -> std::io::Result<()> {
     broken.iter().try_for_each(|broken| {
         writeln!(out, "\n{HEAD}{}{HEAD:#}: {}", broken.name, broken.wrong.message.trim_end())

@@ -11,11 +11,11 @@ use super::{Ending, Outcome, PackageArgs};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// The function, `module::name`; with --plain a module
+    /// The function, `module::name`; with --plain, a module
     #[arg(required_unless_present = "plain")]
     function: Option<String>,
-    /// Print a module as one text of plain WGSL, as engines load it: imports and conditions resolved, without
-    /// tests
+    /// Prints a module as one text of plain WGSL, which a game engine can load: imports and conditions are resolved,
+    /// tests are left out
     #[arg(long)]
     plain: bool,
     #[command(flatten)]
@@ -38,7 +38,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(Ending::Good)
 }
 
-/// The module that an engine gets.
+/// Prints the module as plain WGSL, for a game engine.
 fn plain(args: &Args, module: &str, out: &mut dyn Write) -> Outcome {
     let packages = Project::find()?.packages(&args.package)?;
     let holds = |package: &&Package| {

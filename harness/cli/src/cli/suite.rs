@@ -1,7 +1,8 @@
+//!
 //! `karat suite`: the tests of a folder of shaders, as a program that `karat test` runs.
 //!
-//! It is a process of its own, as Cargo's test programs are: a shader that hangs or crashes a driver ends
-//! it, and not whoever waits for the verdicts. It prints what Rust's test runner prints.
+//! It is a process of its own, as Cargo's test programs are. A shader that hangs or crashes a driver ends only this
+//! process. Its output has the format of Rust's test runner.
 
 use std::collections::HashMap;
 use std::io::Write;
@@ -25,37 +26,37 @@ mod serve;
 pub(super) struct Args {
     /// Folder of shaders, or one file
     folder: PathBuf,
-    /// Only tests whose names contain this, or call a function whose name does
+    /// Runs only tests whose name contains this text, or that call a function whose name contains it
     filter: Option<String>,
-    /// Only the test of exactly this name
+    /// Runs only the test with exactly this name
     #[arg(long)]
     exact: bool,
-    /// Leave frames out
+    /// Leaves frames out
     #[arg(long, alias = "functions")]
     no_frames: bool,
-    /// Run tests whenever a line of standard input asks for it, and tell verdicts in lines of JSON
+    /// Runs tests whenever a line of standard input asks for it, and prints verdicts as lines of JSON
     #[arg(long, hide = true)]
     serve: bool,
-    /// With `--serve`: the tests are Rust's, of the Cargo project in the folder
+    /// With `--serve`, runs the Rust tests of the Cargo project in the folder
     #[arg(long, hide = true)]
     cargo: bool,
-    /// End when standard input ends, as the program that waits for the verdicts is gone then
+    /// Ends when standard input ends, because the program that waits for the verdicts has ended then
     #[arg(long, hide = true)]
     attended: bool,
-    /// Print the names, and run nothing
+    /// Prints the names, and runs nothing
     #[arg(long)]
     list: bool,
-    /// Feature of conditions; may be repeated
+    /// Turns a feature on (`@if(NAME)`, `#ifdef NAME`), or gives it a value (`NAME=3`, `NAME=false`); may be repeated
     #[arg(long = "feature", value_name = "NAME[=VALUE]", value_parser = super::feature)]
     features: Vec<(String, Feature)>,
 }
 
-/// Who runs the tests of a suite: how one is run again, and where it remembers.
+/// Returns the host of a suite's tests: the command that runs a test again, and the folder for failing inputs.
 pub(super) fn host(suite: &Suite, folder: &Path, features: &[(String, Feature)]) -> Host {
     Host { folder: suite.folder.clone(), ..host_of(folder, features) }
 }
 
-/// The same of a folder of shaders, which remembers in itself.
+/// [`host`] for a folder of shaders, which keeps failing inputs inside.
 pub(super) fn host_of(folder: &Path, features: &[(String, Feature)]) -> Host {
     let folder_name = karat::unstable::diagnostic::shown(folder);
     let features = written(features).flat_map(|feature| ["--feature".to_owned(), feature]);
@@ -68,7 +69,7 @@ pub(super) fn host_of(folder: &Path, features: &[(String, Feature)]) -> Host {
     }
 }
 
-/// Features as they are given to a program: `foo=true`.
+/// Writes features as arguments of a program: `foo=true`.
 pub(super) fn written(features: &[(String, Feature)]) -> impl Iterator<Item = String> {
     features.iter().map(|(name, value)| format!("{name}={value}"))
 }
@@ -86,7 +87,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             std::process::exit(1);
         });
     }
-    // What a test panics with is its message, which is printed with its name.
+    // The message of a panic is printed later, with the test's name.
     std::panic::set_hook(Box::new(|_| {}));
     let suite = Suite::of(featured(Package::open(&args.folder)?, &args.features))?;
     let wanted = |test: &Test| match &args.filter {
@@ -105,7 +106,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     karat::unstable::run::host(host(&suite, &args.folder, &args.features));
     let (tests, unsound) = suite.sound(tests);
-    // What is broken concerns all: nobody can say which tests it would have had.
+    // Broken files concern every filter, as their tests are unknown.
     let broken: Vec<&Broken> = suite.broken.iter().chain(&unsound).collect();
     writeln!(out, "running {}", counted(tests.len() + broken.len(), "test"))?;
     let mut failures: Vec<(String, Wrong)> = Vec::new();
@@ -125,7 +126,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if !failures.is_empty() {
         failures.sort_by(|(one, _), (other, _)| one.cmp(other));
         writeln!(out, "\nfailures:\n")?;
-        // A race fails each assertion of its passes, and a path that doesn't open each test: one message says it.
+        // A race, or a path that doesn't open, fails many tests with one message, which is printed once.
         let mut told: HashMap<String, &str> = HashMap::new();
         for (name, wrong) in &failures {
             writeln!(out, "---- {name} ----")?;
@@ -145,15 +146,15 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(if failures.is_empty() { Ending::Good } else { Ending::Bad })
 }
 
-/// What is done with a verdict.
+/// The function that receives a verdict.
 type Heard<'h> = &'h mut dyn FnMut(&Test, Result<(), Wrong>) -> std::io::Result<()>;
 
-/// Runs tests on all cores; each verdict is told as it comes.
+/// Runs tests on all cores, and passes each verdict on at once.
 fn each(suite: &Suite, tests: &[&Test], heard: Heard<'_>) -> std::io::Result<()> {
     let next = AtomicUsize::new(0);
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     let groups = &Suite::groups(tests);
-    // Each thread that starts takes a moment, and with one test that is felt.
+    // Starting threads takes noticeable time if there is only one test.
     if let [test] = tests {
         return heard(test, suite.run_with(test, groups));
     }

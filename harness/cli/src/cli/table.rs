@@ -19,41 +19,40 @@ pub(super) const PLAIN: Style = Style::PLAIN;
 pub(super) struct Table {
     rows: Vec<(Style, Vec<String>)>,
     right: Vec<usize>,
-    /// Columns that may be cut where the terminal is narrow.
+    /// The columns that may be cut if the terminal is narrow.
     cut: Vec<usize>,
-    /// Columns that leave where it is narrower still, the first first.
+    /// The columns that are removed, in this order, if cutting isn't enough.
     leave: Vec<usize>,
 }
 
-/// Between columns.
+/// The gap between columns.
 const GAP: &str = "  ";
 
-/// Stands for what is cut off.
+/// The mark of a cut.
 const CUT: &str = "..";
 
-/// Characters that a column keeps when it is cut.
+/// The fewest characters of a cut column.
 const KEPT: usize = 10;
 
 impl Table {
-    /// A table with a head; columns in `right` are aligned to the right.
+    /// Makes a table with a head. Columns in `right` are aligned to the right.
     pub(super) fn new(head: &[&str], right: &[usize]) -> Self {
         let head = head.iter().map(ToString::to_string).collect();
         Self { rows: vec![(HEAD, head)], right: right.to_vec(), ..Self::default() }
     }
 
-    /// The same, where cells in these columns are cut if the terminal is too narrow: their text is told in
-    /// full elsewhere.
+    /// Allows cutting cells in these columns if the terminal is too narrow. Their full text must be elsewhere.
     pub(super) fn cutting(self, columns: &[usize]) -> Self {
         Self { cut: columns.to_vec(), ..self }
     }
 
-    /// The same, where these columns leave one after the other, if cutting isn't enough.
+    /// Allows removing these columns one after the other if cutting isn't enough.
     pub(super) fn leaving(self, columns: &[usize]) -> Self {
         Self { leave: columns.to_vec(), ..self }
     }
 
     pub(super) fn row(&mut self, style: Style, cells: Vec<String>) {
-        // As wide as they are shown, and each in its row.
+        // Cells have the width that is shown, and one line each.
         let cells = cells.iter().map(|cell| one_line(cell).into_owned()).collect();
         self.rows.push((style, cells));
     }
@@ -96,9 +95,8 @@ impl Table {
         Ok(())
     }
 
-    /// Makes columns narrower, until a line fits: first those that have no cell, which leave, then those that
-    /// may be cut, the widest first. Where that isn't enough, a column leaves, and those that are left have its
-    /// place.
+    /// Makes columns narrower until a line fits. It first removes columns without cells, then cuts columns, the
+    /// widest first. If that isn't enough, it removes a column, and the others get its space.
     fn narrow(&self, widths: &mut [usize], limit: usize) {
         let cells = &self.rows[1..];
         let is_empty = |column: usize| {
@@ -118,7 +116,7 @@ impl Table {
         }
     }
 
-    /// Cuts what may be cut. Whether a line fits then.
+    /// Cuts the columns that may be cut. Returns `true` if a line fits then.
     fn cut_to(&self, widths: &mut [usize], limit: usize) -> bool {
         while line(widths) > limit {
             let may = self
@@ -133,13 +131,13 @@ impl Table {
     }
 }
 
-/// How wide a line is.
+/// Returns the width of a line.
 fn line(widths: &[usize]) -> usize {
     let shown = widths.iter().filter(|width| **width > 0);
     shown.map(|width| width + GAP.len()).sum::<usize>().saturating_sub(GAP.len())
 }
 
-/// A cell that is no wider than its column.
+/// Returns a cell's text, cut to its column's width.
 fn shortened(cell: &str, width: usize) -> Cow<'_, str> {
     if cell.chars().count() <= width {
         return Cow::Borrowed(cell);
@@ -182,7 +180,7 @@ mod tests {
         table.write_within(Some(30), &mut line).expect("memory");
         let line = String::from_utf8(line).expect("UTF-8");
         assert!(!line.contains("WGSL") && line.ends_with("m::f      nothing is left\n"), "{line}");
-        // What leaves makes room for what is left.
+        // A removed column gives its space to the others.
         let head = ["function", "path", "cases", "worst", "of bound", "asserted"];
         let mut table = Table::new(&head, &[2, 4]).cutting(&[3, 5]).leaving(&[5, 2]);
         let cells = ["module::function", "vulkan", "65536", "0.25 ulp", "6%", "4 ulp or abs 1e-30"];
@@ -199,7 +197,7 @@ mod tests {
         assert!(lines(70).contains("4 ulp or abs 1e.."), "{}", lines(70));
         assert!(lines(60).contains("65536  0.25 ulp"), "{}", lines(60));
         assert!(lines(45).ends_with("vulkan  0.25 ulp        6%\n"), "{}", lines(45));
-        // What nobody may cut stays: a name is what people copy.
+        // A column that isn't in `cut` keeps its text: people copy names.
         assert!(
             text(Some(20)).contains("a/frame_with_a_long_name  FAIL the.."),
             "{}",

@@ -1,4 +1,4 @@
-//! `karat tap`: values of a frame's fragment functions as pictures.
+//! `karat tap`: shows values of a frame's fragment functions as images.
 
 use std::io::Write;
 
@@ -14,33 +14,33 @@ use super::{Ending, Outcome, PackageArgs, render};
 
 pub(super) const EXAMPLES: &str = "\
 Examples:
-  karat tap scene                          the values that the frame `scene` has
-  karat tap scene n_dot_v half             two of them, by the names of their `let`
-  karat tap scene shaders/brdf.wgsl:42:13  the largest expression that begins there
-  karat tap scene half --at 120,64         and what Karat's engine computes there
-  karat tap scene term --round 3           what each pixel computed for the third time
-  karat tap scene karat:print              what its lines print: `//karat: print x`
-FRAME is the name of a `[[frame]]` in a `*.test.toml`, a frame of the gallery that `karat render` draws, or the last entry
-point of a `[[compute]]`, of which each invocation has a value.
-The driver computes each value in the frame's own draws. Pixels that don't come to it are transparent, and counted.
-Exit codes: 0 each value was told; 1 one can't be; 2 there is no such frame, or no driver.";
+  karat tap scene                          lists the values of the frame `scene`
+  karat tap scene n_dot_v half             shows two of them, by the names of their `let`
+  karat tap scene shaders/brdf.wgsl:42:13  shows the largest expression that begins there
+  karat tap scene half --at 120,64         also shows the value that Karat's engine computes there
+  karat tap scene term --round 3           shows the third value that each pixel computed
+  karat tap scene karat:print              shows the values of its lines `//karat: print x`
+FRAME is the name of a `[[frame]]` in a `*.test.toml`, a frame of the gallery that `karat render` draws, or the last
+entry point of a `[[compute]]`, where each invocation has a value.
+The driver computes each value in the frame's own draws. Pixels that don't compute it are transparent, and counted.
+Exit codes: 0 every value is shown; 1 a value can't be shown; 2 there is no such frame, or no driver.";
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// The frame, or the compute pass
+    /// The name of a frame or of a compute pass
     frame: String,
-    /// A `let` or a parameter by its name, an expression that stands once, a place (FILE:LINE, FILE:LINE:COLUMN), or
-    /// `karat:print`
+    /// The value to show: the name of a `let` or a parameter, an expression that occurs once, a place (FILE:LINE,
+    /// FILE:LINE:COLUMN), or `karat:print`
     #[arg(value_name = "VALUE")]
     values: Vec<String>,
-    /// The value that a pixel computes for this time, from 1 [default: the last]
+    /// Shows the value of the Nth time that a pixel computes it, from 1 [default: the last time]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     round: Option<u32>,
-    /// A pixel, or an invocation, at which the engine's value stands beside the driver's; may be repeated
+    /// Also prints the value that Karat's engine computes at this pixel or invocation; may be repeated
     #[arg(long, value_name = "X,Y", value_parser = karat_gallery::pixel, requires = "values")]
     at: Vec<(u32, u32)>,
-    /// Draw the frame's colours beside the value, and compare them with the frame: a driver may compute otherwise what it
-    /// computes alone
+    /// Draws the frame's colours and the value together, and compares these colours with the usual frame. They differ
+    /// if the driver computes the frame in another way while it shows a value
     #[arg(long)]
     beside: bool,
     #[command(flatten)]
@@ -64,9 +64,9 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     tell_of(&frame.map_err(|wrong| anyhow!("{}", wrong.message))?, args, &project, out)
 }
 
-/// Of the passes of a `[[compute]]`, if there are some of this name.
+/// Taps the passes of a `[[compute]]`, if there are passes of this name.
 fn passes(args: &Args, project: &Project, out: &mut dyn Write) -> anyhow::Result<Option<Ending>> {
-    // Without a folder of shaders there may be a gallery: the frames come next, with the error.
+    // Without a folder of shaders there may be a gallery. The search for frames comes next, and reports the error.
     for package in project.packages(&args.package).unwrap_or_default() {
         let suite = Suite::of(package)?;
         if let Some(compute) = suite.compute(&args.frame) {
@@ -84,7 +84,7 @@ fn tell_of(subject: &dyn Tappable, args: &Args, project: &Project, out: &mut dyn
     std::fs::create_dir_all(&folder)?;
     let tap = |value: &String| Tap::new(value).round(args.round).beside(args.beside);
     let taps: Vec<Tap> = args.values.iter().map(tap).collect();
-    // A pass is named by its path.
+    // The file has the pass's full name.
     let name = args.frame.replace("::", "-");
     match karat_gallery::tap(subject, &name, &folder, path, (&taps, &args.at), out) {
         Ok(()) => Ok(Ending::Good),
@@ -95,7 +95,7 @@ fn tell_of(subject: &dyn Tappable, args: &Args, project: &Project, out: &mut dyn
     }
 }
 
-/// The suite with the `[[frame]]` of a name; `None`: it is one of the gallery's, if there is one.
+/// Returns the suite with the `[[frame]]` of a name, or `None`: then the gallery may have the frame.
 pub(super) fn find(
     frame: &str,
     project: &Project,
@@ -128,7 +128,7 @@ pub(super) fn find(
     }
 }
 
-/// The path to draw a `[[frame]]` on, which says the rest itself.
+/// Returns the path to draw a `[[frame]]` on, and refuses options that the frame sets itself.
 pub(super) fn expect_own(drawn: &DrawArguments) -> anyhow::Result<Option<karat::Path>> {
     ensure!(
         drawn.size.is_none() && drawn.samples.is_none() && drawn.environment.is_none(),
@@ -138,7 +138,7 @@ pub(super) fn expect_own(drawn: &DrawArguments) -> anyhow::Result<Option<karat::
     Ok(drawn.path)
 }
 
-/// Says why a value isn't told. What was written before stays.
+/// Prints why a value can't be shown. Earlier output stays.
 pub(super) fn refuse(error: &dyn std::error::Error) {
     let text = error.to_string();
     tell(&if text.starts_with("error") { text } else { format!("error: {text}") });

@@ -1,29 +1,28 @@
-//! How much a terminal shows. Where the output isn't one, nobody's window is too narrow for it: a line of a
-//! log is as long as what it says.
+//! The size of the terminal. If the output isn't a terminal, lines have no limit.
 
 use std::io::IsTerminal;
 use std::sync::OnceLock;
 
-/// What a terminal shows at once, in characters.
+/// The size of a terminal in characters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Size {
-    /// Of a line; `None` if any length will do.
+    /// The columns of a line; `None` if there is no limit.
     pub(super) columns: Option<usize>,
     pub(super) rows: usize,
 }
 
-/// Where nothing is known of the reader.
+/// The size for an output that isn't a terminal.
 const UNKNOWN: Size = Size { columns: None, rows: 32 };
 
-/// A terminal that doesn't tell its size.
+/// The size of a terminal that doesn't report one.
 const SMALL: (u16, u16) = (80, 24);
 
-/// What nobody reads on.
+/// The smallest size that is used.
 const LEAST: (usize, usize) = (20, 4);
 
 static SIZE: OnceLock<Size> = OnceLock::new();
 
-/// Finds out what the terminal shows, if the output is one. `COLUMNS` says better how wide it is.
+/// Measures the terminal, if the output is one. `COLUMNS` has priority for the width.
 pub(super) fn measure() {
     let size = match std::io::stdout().is_terminal() {
         true => {
@@ -36,13 +35,13 @@ pub(super) fn measure() {
 }
 
 fn of((columns, rows): (u16, u16), told: Option<usize>) -> Size {
-    // One that is 0 wide has no window, such as that of a script.
+    // A terminal of width 0 has no window, such as that of a script.
     let (columns, rows) = if columns == 0 || rows == 0 { SMALL } else { (columns, rows) };
     let columns = told.filter(|columns| *columns > 0).unwrap_or(columns.into());
     Size { columns: Some(columns.max(LEAST.0)), rows: usize::from(rows).max(LEAST.1) }
 }
 
-/// What the output shows at once.
+/// Returns the size of the output.
 pub(super) fn size() -> Size {
     SIZE.get().copied().unwrap_or(UNKNOWN)
 }

@@ -1,4 +1,4 @@
-//! `karat test`: runs the tests and prints what their records hold.
+//! `karat test`: runs the tests, and prints their verdicts from the records.
 
 mod progress;
 pub(super) mod subjects;
@@ -27,37 +27,38 @@ use super::{NotThere, Outcome, PackageArgs, check, child, suite};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// Only tests whose names contain this, or that check a function or a golden whose name does; or a
-    /// folder or file of shaders, whose own tests are run: functions with `@test`, and `*.test.toml`
+    /// Runs only tests whose names contain this text, or that check a function or a golden whose name contains it. A
+    /// folder or file of shaders runs its own tests: functions with `@test`, and `*.test.toml`
     #[arg(value_name = "FILTER|FOLDER")]
     what: Option<String>,
-    /// With a folder: only tests whose names contain this, or that of a function that they call
+    /// With a folder, runs only tests whose name contains this text, or that call a function whose name contains it
     filter: Option<String>,
-    /// Only the test of exactly this name
+    /// Runs only the test with exactly this name
     #[arg(long)]
     exact: bool,
-    /// Only the test of exactly this name; may be repeated. Lenses of an editor have several
+    /// Runs only the test with exactly this name; may be repeated, as an editor's lens may have several tests
     #[arg(long, value_name = "NAME", hide = true, conflicts_with_all = ["exact", "failed", "filter"])]
     named: Vec<String>,
-    /// Only the tests that failed in the last run
+    /// Runs only the tests that failed in the last run
     #[arg(long, conflicts_with_all = ["exact", "filter"])]
     failed: bool,
-    /// Only tests of this Cargo package; may be repeated [default: the whole workspace]
+    /// Runs only tests of this Cargo package; may be repeated [default: the whole workspace]
     #[arg(short = 'p', long = "package", value_name = "NAME")]
     cargo_packages: Vec<String>,
-    /// Only this test target (the name of a file in `tests/`); may be repeated
+    /// Runs only this test target, the name of a file in `tests/`; may be repeated
     #[arg(long = "test", value_name = "NAME")]
     targets: Vec<String>,
-    /// Execution paths: `vulkan`, `vulkan,gl`, or `all` that open
+    /// Runs the checks on these paths: `vulkan`, `vulkan,gl`, or `all` for all drivers that open [default: the first
+    /// driver that opens, else `cpu`]
     #[arg(long, value_name = "PATHS", env = "KARAT_PATHS")]
     paths: Option<String>,
-    /// Paths that must run
+    /// Fails if one of these paths didn't run
     #[arg(long, value_name = "PATHS", env = "KARAT_REQUIRE")]
     require: Option<String>,
-    /// Orders of invocations that are drawn for compute passes with more than 4,096 orders [default: 16]
+    /// Samples this many orders of invocations for each compute pass that has more than 4,096 orders [default: 16]
     #[arg(long, value_name = "COUNT", value_parser = clap::value_parser!(u64).range(..=65536))]
     schedules: Option<u64>,
-    /// Leave frames out, which need a driver
+    /// Leaves out frames, which need a driver
     #[arg(long, alias = "functions")]
     no_frames: bool,
     #[command(flatten)]
@@ -66,20 +67,20 @@ pub(super) struct Args {
     package: PackageArgs,
 }
 
-/// What is asked for, with a folder told from a filter.
+/// The request, with the first argument resolved to a folder or a filter.
 struct Asked<'a> {
     args: &'a Args,
-    /// The folder or file whose own tests alone are run.
+    /// The folder or file whose own tests alone run.
     folder: Option<PathBuf>,
     filter: Option<&'a str>,
-    /// Rust tests that checked a function or a golden whose name has the filter in it, when they last ran.
+    /// The Rust tests that, in their last run, checked a function or a golden whose name contains the filter.
     about: Vec<String>,
-    /// The tests that alone are run, by their names: those that failed.
+    /// The names of the only tests to run: those that failed.
     names: Option<Vec<String>>,
 }
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
-    // What isn't a failure's line has no reader then.
+    // Then only the lines of failures are printed.
     let mut unread = std::io::sink();
     let asked = Asked::of(args)?;
     let project = asked.project()?;
@@ -90,7 +91,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let told: &mut dyn Write = if args.output.short { &mut unread } else { &mut *out };
     let mut subjects = Subjects::read(&project.record());
     asked.write_unknown(&project, &subjects, told)?;
-    // The record of the last run stays until there is another one.
+    // The record of the last run stays until the new one is complete.
     let running = Running::begin(&project.record()).with_context(|| unwritable(&project))?;
     let (mut passed, mut ran) = (true, false);
     let mut progress = Progress::of(subjects.count().filter(|_| asked.is_whole()));
@@ -103,7 +104,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         passed = asked.run_cargo(&project, running.folder(), &mut progress, told)?;
         ran = true;
     }
-    // Tests call single functions: whatever else their packages hold must be valid, too.
+    // Tests call single functions, but all modules of their packages must be valid.
     let of_rust = check::linked(running.folder())?;
     let used = project.used_by(&record::read(running.folder())?, &of_rust);
     let found = asked.packages(&project, &used)?;
@@ -115,14 +116,14 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         ran = true;
     }
     passed &= suites_passed;
-    // Whoever names some tests knows that others don't run.
+    // A run of selected tests doesn't list the others.
     let is_of_cargo = asked.folder.is_none() && project.is_cargo();
     if (asked.filter.is_none() || !ran) && !is_of_cargo {
         search::write_outside(asked.folder.as_deref(), told)?;
     }
     let left_out = asked.write_left_out(&packages, told)?;
     if !ran {
-        // What looked like a test may be no valid WGSL: `@tset`.
+        // A misspelt test may be invalid WGSL: `@tset`.
         let mut invalid = Vec::new();
         check::validate(&packages, false, &mut invalid)?;
         told.write_all(&invalid)?;
@@ -132,8 +133,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let used = project.used_in(&records, &check::linked(running.folder())?);
     subjects.add_packages(used.clone(), asked.is_whole());
     subjects.add(&records, asked.is_whole().then(|| progress.done()), progress.failed());
-    // One case run again is no run: the record of all that failed stays.
-    // Nor is one on `cpu` alone that counts what runs.
+    // Replaying one case, or counting lines on `cpu`, doesn't replace the record of the last run.
     let is_set = |name| std::env::var_os(name).is_some_and(|value| !value.is_empty());
     let is_replay = is_set("KARAT_CASE") || is_set("KARAT_COVERAGE");
     if !is_replay {
@@ -144,12 +144,12 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if !passed && suites_passed && progress.done() == 0 && records.is_empty() {
         anyhow::bail!("no test ran: they weren't built, or ended before the first, see above");
     }
-    // What can't run records nothing, and has been told.
+    // Suites that can't run record nothing, and have reported their error.
     if suites_passed || !records.is_empty() {
         tables::expect_some(&records, asked.filter)?;
     }
-    // Where nobody declares packages, tests know theirs: a folder that none of them uses fails none,
-    // whatever it is called.
+    // Without declared packages, the tests show which folders are packages. A folder that no test uses doesn't make
+    // the run fail.
     let is_used =
         |one: &Found| one.stated || one.place().is_some_and(|place| used.contains(&place));
     let (judged, idle): (Vec<Found>, Vec<Found>) = found.into_iter().partition(is_used);
@@ -172,7 +172,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         false => (running.end().context("can't keep the record")?, None),
     };
     tables::write(&records, args.output.all, told)?;
-    // With a filter, or of some of the programs, most functions aren't tested on purpose.
+    // With a filter, or with some test programs only, most functions are left out on purpose.
     let is_part = !(args.cargo_packages.is_empty() && args.targets.is_empty());
     if asked.filter.is_none() && asked.names.is_none() && !is_part {
         write_untested(&records, packages, &invalid, told)?;
@@ -200,7 +200,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(sum.ending())
 }
 
-/// Remarks of the last line, beside its verdicts.
+/// Returns the remarks of the last line, besides the verdicts.
 fn remarks(left_out: usize, opinion: &Opinion) -> Vec<String> {
     let left_out =
         (left_out > 0).then(|| format!("{} left out by conditions", counted(left_out, "test")));
@@ -208,15 +208,16 @@ fn remarks(left_out: usize, opinion: &Opinion) -> Vec<String> {
 }
 
 impl Args {
-    /// A test outside of a folder in whose name the folder's is a word, with the root of its package.
+    /// Returns a test outside of a folder whose name contains the folder's name as a word, with the root of its
+    /// package.
     fn other_test(&self, word: &str) -> Option<(PathBuf, String)> {
         let folder = Path::new(word).canonicalize().ok()?;
-        // Where there is no project, or none that can be read, the word is the folder.
+        // Without a readable project, the word is the folder.
         let packages = Project::find().and_then(|project| project.packages(&self.package));
         let others = packages.unwrap_or_default().into_iter();
         let mut others = others.filter_map(|package| {
             let root = package.root().canonicalize().ok()?;
-            // Either meaning runs the tests that lie in the folder.
+            // Both meanings run the tests in the folder.
             let inside = folder.strip_prefix(&root).ok().map(|own| {
                 own.iter().map(|part| format!("{}::", part.to_string_lossy())).collect::<String>()
             });
@@ -231,7 +232,7 @@ impl Args {
         others.next()
     }
 
-    /// By the option, or by the variable that it sets.
+    /// Returns `true` if the option or its variable leaves frames out.
     fn leaves_frames_out(&self) -> bool {
         self.no_frames || std::env::var("KARAT_FRAMES").is_ok_and(|frames| frames == "off")
     }
@@ -239,9 +240,9 @@ impl Args {
 
 impl<'a> Asked<'a> {
     fn of(args: &'a Args) -> anyhow::Result<Self> {
-        // A slip is told before minutes go into building.
+        // A misspelt path is reported before the build, which takes minutes.
         for (option, names) in [("--paths", &args.paths), ("--require", &args.require)] {
-            // A variable that is set to nothing counts as not set.
+            // An empty variable counts as unset.
             let names = names.as_deref().filter(|names| !names.trim().is_empty());
             names.map_or(Ok(Vec::new()), |names| karat::unstable::path::named(option, names))?;
         }
@@ -268,7 +269,7 @@ impl<'a> Asked<'a> {
                     word.and_then(|word| Some((word, args.other_test(word)?)))
                 {
                     let modules = Package::open(folder).and_then(|package| package.modules());
-                    // Without shaders it is none of these folders.
+                    // A folder without shaders isn't a package.
                     if matches!(modules, Err(karat::package::PackageError::Empty(_))) {
                         return Ok(Self {
                             args,
@@ -297,7 +298,7 @@ impl<'a> Asked<'a> {
         }
     }
 
-    /// With the names of the tests that failed in the last run, if those alone are asked for.
+    /// Adds the names of the tests that failed in the last run, if `--failed` asks for them.
     fn with_failed(self, project: &Project) -> anyhow::Result<Self> {
         if !self.args.failed {
             let names = (!self.args.named.is_empty()).then(|| self.args.named.clone());
@@ -307,7 +308,7 @@ impl<'a> Asked<'a> {
         let last = Recorded::read(&project.record())?.ok_or_else(none)?;
         let failed = last.records.iter().filter(|record| is_failure(record));
         let mut names: Vec<String> = failed.map(|record| record.test.clone()).collect();
-        // A test that fails otherwise than by a check has no record.
+        // A test that fails without a failing check has no record.
         names.extend(Subjects::read(&project.record()).failed().iter().cloned());
         names.sort();
         names.dedup();
@@ -325,14 +326,13 @@ impl<'a> Asked<'a> {
         Ok(Self { names: Some(names), ..self })
     }
 
-    /// With the tests that checked what the filter names when they last ran.
+    /// Adds the tests that, in their last run, checked a function or golden of the filter.
     fn with_tests_of_functions(self, project: &Project) -> Self {
         let Some(filter) = self.filter.filter(|_| !self.args.exact) else { return self };
         Self { about: Subjects::read(&project.record()).about(filter), ..self }
     }
 
-    /// Says that a test which has never run isn't known by what it checks, where the filter is a function's
-    /// name.
+    /// Prints, if the filter is a function's name, that the filter can't find tests that have never run.
     fn write_unknown(
         &self,
         project: &Project,
@@ -351,13 +351,13 @@ impl<'a> Asked<'a> {
         )
     }
 
-    /// Whether the run leaves no test out.
+    /// Returns `true` if the run has all tests.
     fn is_whole(&self) -> bool {
         let whole = self.folder.is_none() && self.names.is_none() && !self.args.exact;
         whole && self.selected(false).is_empty()
     }
 
-    /// Whether a test is among those that are asked for.
+    /// Returns `true` if the request includes a test.
     fn wants(&self, test: &Test) -> bool {
         match (&self.names, self.filter) {
             (Some(names), _) => names.contains(&test.name),
@@ -366,10 +366,10 @@ impl<'a> Asked<'a> {
         }
     }
 
-    /// The project of the folder, or of the working directory.
+    /// Returns the project of the folder, or of the working directory.
     fn project(&self) -> anyhow::Result<Project> {
         let Some(folder) = &self.folder else {
-            // The last run may have named a folder, whose failures these are.
+            // The failures may be those of a folder that the last run named.
             return if self.args.failed { Project::last_tested() } else { Project::find() };
         };
         let folder = folder.canonicalize().context("the folder can't be read")?;
@@ -377,7 +377,7 @@ impl<'a> Asked<'a> {
         Project::around(folder)
     }
 
-    /// The packages that are tested.
+    /// Returns the tested packages.
     fn packages(&self, project: &Project, used: &BTreeSet<PathBuf>) -> anyhow::Result<Vec<Found>> {
         let Some(folder) = &self.folder else {
             return project.search_with(&self.args.package, used);
@@ -386,7 +386,7 @@ impl<'a> Asked<'a> {
         Ok(vec![Found::stated(self.args.package.featured(package))])
     }
 
-    /// Says which tests aren't there because a condition doesn't hold.
+    /// Lists the tests that a condition turns off.
     fn write_left_out(&self, packages: &[Package], out: &mut dyn Write) -> anyhow::Result<usize> {
         let of = |package: &Package| package.tests_left_out(&package.modules().unwrap_or_default());
         let is_wanted =
@@ -408,16 +408,16 @@ impl<'a> Asked<'a> {
         Ok(count)
     }
 
-    /// The folders of packages that have tests of their own.
+    /// Returns the folders of packages that have tests of their own.
     fn suites(&self, found: &[Found]) -> anyhow::Result<Vec<PathBuf>> {
-        // Of Cargo's tests some are named, and these are none of them.
+        // The options name Cargo's tests, and these tests aren't Cargo's.
         if !self.args.cargo_packages.is_empty() || !self.args.targets.is_empty() {
             return Ok(Vec::new());
         }
         let mut folders = Vec::new();
         for Found { package, stated } in found {
             let suite = Suite::of(package.clone())?;
-            // A file that was meant as a test counts, with or without users of its package.
+            // A broken test file counts, even if no test uses its package.
             let broken = suite.broken.iter().any(|broken| *stated || broken.is_file);
             let has = suite.tests.iter().any(|test| self.wants(test)) || broken;
             if has && !package.root().as_os_str().is_empty() {
@@ -427,7 +427,7 @@ impl<'a> Asked<'a> {
         Ok(folders)
     }
 
-    /// That there is no test to run, and what was perhaps meant.
+    /// Returns the error that there is no test to run, with similar names.
     fn nothing(&self, packages: &[Package]) -> NotThere {
         if let Some(names) = &self.names {
             let names = some(&names.iter().map(String::as_str).collect::<Vec<_>>());
@@ -457,7 +457,7 @@ impl<'a> Asked<'a> {
         let suites = packages.iter().filter_map(|package| Suite::of(package.clone()).ok());
         let names: Vec<String> =
             suites.flat_map(|suite| suite.tests).map(|test| test.name).collect();
-        // What was meant may be a test, what several tests are of, or a folder.
+        // The similar name may be of a test, of the subject of several tests, or of a folder.
         let of = |name: &String| name.split(' ').next().unwrap_or_default().to_owned();
         let mut known: Vec<String> = names.iter().cloned().chain(names.iter().map(of)).collect();
         let here = std::fs::read_dir(".").into_iter().flatten().flatten();
@@ -481,13 +481,13 @@ impl<'a> Asked<'a> {
         })
     }
 
-    /// What chooses among the tests, as it was typed.
+    /// Returns the arguments that select tests, as they were typed.
     fn selected(&self, is_cargo: bool) -> Vec<String> {
         let args = self.args;
         let packages = args.cargo_packages.iter().map(|name| format!("-p {name}"));
         let targets = args.targets.iter().map(|name| format!("--test {name}"));
         let functions = args.no_frames.then(|| "--no-frames".to_owned());
-        // Of a Cargo project a folder's own tests are a part.
+        // In a Cargo project, a folder's own tests are only a part of the tests.
         let folder = self.folder.as_ref().filter(|_| is_cargo);
         let folder = folder.map(|folder| folder.display().to_string());
         let filter = self.filter.iter().map(ToString::to_string);
@@ -504,7 +504,7 @@ impl<'a> Asked<'a> {
             .collect()
     }
 
-    /// Runs the tests of a package that are in the package. Whether all passed.
+    /// Runs the tests beside the modules of a package, and returns `true` if all passed.
     fn run_suite(
         &self,
         folder: &Path,
@@ -523,14 +523,14 @@ impl<'a> Asked<'a> {
         let mut run = |filter: Option<&str>, exact: bool| {
             let mut command = Command::new(&program);
             command.arg("suite").arg(folder).args(filter).args(exact.then_some("--exact"));
-            // The tests end with this program.
+            // The tests end when this program ends.
             command.arg("--attended").stdin(Stdio::piped());
             command.args(no_frames.then_some("--no-frames"));
             for feature in suite::written(&self.args.package.features) {
                 command.args(["--feature", &feature]);
             }
             let status = self.run_tests(command, record, progress, out)?;
-            // A driver, the system or the deadline ended it.
+            // A driver, the system or the deadline ended the process.
             if !matches!(status.code(), Some(0..=2)) {
                 let is_of_run = |test: &&&Test| !exact || filter == Some(&*test.name);
                 let names = asked.iter().filter(is_of_run).map(|test| test.name.clone());
@@ -557,7 +557,7 @@ impl<'a> Asked<'a> {
         Ok(passed)
     }
 
-    /// Runs `cargo test`. Whether all passed.
+    /// Runs `cargo test`, and returns `true` if all tests passed.
     fn run_cargo(
         &self,
         project: &Project,
@@ -578,7 +578,7 @@ impl<'a> Asked<'a> {
                 }
             }
         }
-        // Unit tests and integration tests; examples, benchmarks and documentation check nothing.
+        // Unit tests and integration tests run. Examples, benchmarks and documentation have no checks.
         match self.args.targets.as_slice() {
             [] => {
                 command.arg("--tests");
@@ -590,7 +590,7 @@ impl<'a> Asked<'a> {
             }
         }
         if progress.line().is_seen() {
-            // It writes through a pipe, and to somebody who sees it.
+            // Cargo writes through a pipe, but a person reads its output on a terminal.
             if std::env::var_os("CARGO_TERM_COLOR").is_none() {
                 command.args(["--config", "term.color='always'"]);
             }
@@ -604,7 +604,7 @@ impl<'a> Asked<'a> {
             None if self.args.exact => {
                 command.args(["--", "--exact"]);
             }
-            // A test that has one of several names in its own runs.
+            // Each test runs whose name contains one of several names.
             None if !self.about.is_empty() => {
                 command.arg("--").args(&self.about);
             }
@@ -613,7 +613,7 @@ impl<'a> Asked<'a> {
         Ok(self.run_tests(command, record, progress, out)?.success())
     }
 
-    /// Runs a program of tests. On a terminal a bar stands for tests that pass.
+    /// Runs a test program. On a terminal a bar counts the passing tests.
     fn run_tests(
         &self,
         mut command: Command,
@@ -636,7 +636,7 @@ impl<'a> Asked<'a> {
                     return Ok(());
                 }
             }
-            // One blank line at most, between lines that say something.
+            // At most one blank line between other lines.
             let blank = line.is_empty() && told;
             if blank || !is_noise(line) {
                 above.above(|| writeln!(out, "{}", colour::line(line)))?;
@@ -645,7 +645,7 @@ impl<'a> Asked<'a> {
             Ok(())
         };
         let status = match above.is_seen() {
-            // Cargo says what it runs while the line is there, and drivers complain.
+            // Cargo and drivers print messages while the progress line is visible.
             true => {
                 let mut err = Output::new(std::io::stderr());
                 let mut error = |text: &str| Ok(above.above(|| writeln!(err, "{text}"))?);
@@ -658,7 +658,7 @@ impl<'a> Asked<'a> {
     }
 }
 
-/// That a run has no place for what it leaves.
+/// Returns the error that the output folder can't be written.
 pub(super) fn unwritable(project: &Project) -> String {
     let place = project.record();
     match project.is_cargo() {
@@ -673,7 +673,7 @@ pub(super) fn unwritable(project: &Project) -> String {
     }
 }
 
-/// Says which tests passed and have compared nothing: their authors may have forgotten to.
+/// Lists the tests that passed without a check: their authors may have forgotten it.
 fn write_silent(
     records: &[Record],
     passed: &[String],
@@ -690,15 +690,15 @@ fn write_silent(
     writeln!(out, "{DIM}{tests} passed without a check: {}{DIM:#}", some_of(&silent, all))
 }
 
-/// More names are a list that nobody reads unless asked for.
+/// The most names in a list without `--all`.
 const MOST_NAMES: usize = 5;
 
-/// The first names of a list, and how many more there are.
+/// Returns the first names of a list, and the number of the others.
 pub(super) fn some(names: &[&str]) -> String {
     some_of(names, false)
 }
 
-/// [`some`], or all.
+/// Returns all names, or those of [`some`].
 fn some_of(names: &[&str], all: bool) -> String {
     let most = if all { names.len() } else { MOST_NAMES };
     let first = names[..names.len().min(most)].join(", ");
@@ -708,12 +708,12 @@ fn some_of(names: &[&str], all: bool) -> String {
     }
 }
 
-/// Lines that say nothing beyond the table.
+/// Returns `true` for lines that repeat the table.
 fn is_noise(line: &str) -> bool {
     line.is_empty() || line.starts_with("test result: ok") || is_count(line)
 }
 
-/// How many tests a program has: `running 12 tests`.
+/// Returns `true` for the count of a program's tests: `running 12 tests`.
 fn is_count(line: &str) -> bool {
     let rest = line
         .strip_prefix("running ")
@@ -727,7 +727,7 @@ fn write_untested(
     invalid: &[(String, Invalid)],
     out: &mut dyn Write,
 ) -> anyhow::Result<()> {
-    // Tests of a module that isn't valid can't run, which says nothing of what they test.
+    // Tests of an invalid module can't run, so its functions don't count as untested.
     let is_valid = |package: &Package| invalid.iter().all(|(name, _)| *name != package.name());
     let (valid, others): (Vec<_>, Vec<_>) = packages.into_iter().partition(is_valid);
     let untested = untested(records, &valid)?;

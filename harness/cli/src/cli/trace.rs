@@ -1,4 +1,4 @@
-//! `karat trace`: how a pixel of a frame comes about, step by step.
+//! `karat trace`: shows, step by step, how a frame gets the value of one pixel.
 
 use std::io::Write;
 use std::path::Path;
@@ -19,28 +19,28 @@ use super::{Ending, Outcome, PackageArgs, call, child, render, write_json};
 
 pub(super) const EXAMPLES: &str = "\
 Examples:
-  karat trace scene 120,64                 column 120, row 64, from 0,0 at the upper left
-  karat trace scene 120,64 --against HEAD  the first step that differs from a revision of git
-  karat trace scene 120,64 --layer 2       the draw behind the one that the pixel shows
+  karat trace scene 120,64                 traces column 120, row 64; 0,0 is at the upper left
+  karat trace scene 120,64 --against HEAD  shows the first step that differs from a revision of git
+  karat trace scene 120,64 --layer 2       traces the draw behind the visible one
 FRAME is the name of a `[[frame]]` in a `*.test.toml`, or a frame of the gallery that `karat render` draws.
-The driver tells what the pixel's fragment function is given, and Karat's engine runs it: each step in f32,
-in f64, and within what WGSL allows.
-Exit codes: 0 it was traced, and no step differs; 1 it can't be, or a step differs; 2 there is no such frame, or no driver.";
+The driver gives the inputs of the pixel's fragment function, and Karat's engine runs it: each step in f32,
+in f64, and with the bounds of WGSL.
+Exit codes: 0 traced, and no step differs; 1 the pixel can't be traced, or a step differs; 2 no such frame, or no driver.";
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// The frame
+    /// The name of the frame
     frame: String,
-    /// The pixel: its column and its row
+    /// The column and the row of the pixel, from 0,0 at the upper left
     #[arg(value_name = "X,Y", value_parser = karat_gallery::pixel)]
     pixel: (u32, u32),
-    /// The draw that covers the pixel: 1 is the one that it shows, 2 the one that it would show without that one
+    /// Traces the Nth draw from the front that covers the pixel: 1 is the visible draw, 2 the draw behind it
     #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(1..))]
     layer: u32,
-    /// Compare the steps with those of the shaders at a revision of git
+    /// Compares the steps with those of the shaders at this revision of git
     #[arg(long, value_name = "REVISION")]
     against: Option<String>,
-    /// Print JSON
+    /// Prints JSON
     #[arg(long)]
     json: bool,
     #[command(flatten)]
@@ -69,7 +69,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         return Ok(Ending::Good);
     };
     match args.json {
-        // As the page of `karat review` reads them.
+        // The page of `karat review` reads this form.
         true => write_json(&[&before, &traced].map(|one| told(args, one, &project)), out)?,
         false => write_parting(&before, &traced, revision, out)?,
     }
@@ -78,12 +78,12 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(if same && before.engine == traced.engine { Ending::Good } else { Ending::Bad })
 }
 
-/// A pixel as JSON has it: numbers are texts, since JSON has no NaN.
+/// A pixel in JSON. Numbers are strings, since JSON has no NaN.
 #[derive(Serialize)]
 struct Told<'t> {
     frame: &'t str,
     pixel: (u32, u32),
-    /// The golden's pixel, if there is one of the frame's name and size.
+    /// The golden's pixel, if a golden has the frame's name and size.
     golden: Option<String>,
     #[serde(flatten)]
     traced: &'t Traced,
@@ -93,7 +93,7 @@ fn told<'t>(args: &'t Args, traced: &'t Traced, project: &Project) -> Told<'t> {
     Told { frame: &args.frame, pixel: args.pixel, golden: golden(args, project), traced }
 }
 
-/// The pixel; `None` if it can't be traced: then the reason is on standard error.
+/// Traces the pixel. If it can't be traced, prints the reason to standard error and returns `None`.
 fn traced(args: &Args, project: &Project) -> anyhow::Result<Option<Traced>> {
     if let Some(suite) = tap::find(&args.frame, project, &args.package)? {
         let path = tap::expect_own(&args.drawn)?;
@@ -119,7 +119,7 @@ fn traced(args: &Args, project: &Project) -> anyhow::Result<Option<Traced>> {
     Ok(Some(traced))
 }
 
-/// The same pixel with the shaders of a revision; `None` if these are today's.
+/// Traces the same pixel with the shaders of a revision, or returns `None` if they haven't changed.
 fn at_revision(args: &Args, project: &Project, revision: &str) -> anyhow::Result<Option<Traced>> {
     let folder = tempfile::tempdir().context("no temporary folder")?;
     let overlay = folder.path().join("overlay");
@@ -135,7 +135,7 @@ fn at_revision(args: &Args, project: &Project, revision: &str) -> anyhow::Result
     }
     let program = std::env::current_exe().context("this program isn't where it was")?;
     let mut command = Command::new(program);
-    // The same words but for the revision, whose shaders the overlay has.
+    // The same arguments without the revision, whose shaders are in the overlay.
     let mut words = std::env::args_os().skip(1);
     while let Some(word) = words.next() {
         match word.to_str() {
@@ -164,7 +164,7 @@ fn at_revision(args: &Args, project: &Project, revision: &str) -> anyhow::Result
     ensure!(status.success(), "with the shaders of {revision} the pixel can't be traced:\n{said}");
     let parsed = serde_json::from_str(&lines.join("\n"));
     let mut before: Traced = parsed.context("this program printed no pixel")?;
-    // Of a revision the files are elsewhere for a moment: git's name of it says more.
+    // The files of a revision are in a temporary folder, so messages name the revision.
     let written = format!("{}{}", overlay.display(), std::path::MAIN_SEPARATOR);
     for row in &mut before.steps {
         let own = row.file.strip_prefix(&written).unwrap_or(&row.file);
@@ -173,7 +173,7 @@ fn at_revision(args: &Args, project: &Project, revision: &str) -> anyhow::Result
     Ok(Some(before))
 }
 
-/// Moves those files into an overlay that are others today. Whether there are some.
+/// Moves the files that differ today into an overlay. Returns `true` if there are some.
 fn keep_changed(before: &Path, today: &Path, overlay: &Path) -> anyhow::Result<bool> {
     let mut any = false;
     let mut open = vec![before.to_owned()];
@@ -186,7 +186,7 @@ fn keep_changed(before: &Path, today: &Path, overlay: &Path) -> anyhow::Result<b
             }
             let own = path.strip_prefix(before).context("it is in the folder")?;
             let is_module = path.extension().is_some_and(|end| end == "wgsl" || end == "wesl");
-            // A module that is gone today is read by nothing.
+            // No module imports a module that doesn't exist today.
             let Ok(now) = std::fs::read(today.join(own)) else { continue };
             if is_module && now != std::fs::read(&path)? {
                 let to = overlay.join(own);
@@ -227,7 +227,7 @@ fn write(
     Ok(())
 }
 
-/// The pixel of a golden of the frame's name.
+/// Returns the pixel of the golden with the frame's name.
 fn golden(args: &Args, project: &Project) -> Option<String> {
     let (x, y) = args.pixel;
     let own = |folder: std::path::PathBuf| {
@@ -242,14 +242,14 @@ fn golden(args: &Args, project: &Project) -> Option<String> {
     project.goldens().into_iter().find_map(own)
 }
 
-/// How many steps are alike until one differs.
+/// Returns the number of equal steps before the first that differs.
 fn first_difference(before: &Traced, after: &Traced) -> usize {
     let pairs = before.steps.iter().zip(&after.steps);
     let alike = |(a, b): &(&Row, &Row)| a.operation == b.operation && a.single == b.single;
     pairs.take_while(alike).count()
 }
 
-/// Prints where the steps of two revisions part.
+/// Prints the first step that differs between two revisions.
 fn write_parting(
     before: &Traced,
     after: &Traced,

@@ -15,18 +15,19 @@ use super::{Ending, Outcome, PackageArgs, spare_shaders};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// The function, `module::name`, which gets a small entry point; or a module, with its own
+    /// The function, `module::name`, for which Karat writes a small entry point; or a module with entry points of its
+    /// own
     what: String,
-    /// The language
+    /// Translates into this language
     #[arg(long, value_name = "LANGUAGE", value_parser = language())]
     to: String,
-    /// One entry point of the module [default: all, one text each where the language wants that]
+    /// Translates only this entry point of the module [default: all; some languages need one text per entry point]
     #[arg(long, value_name = "NAME")]
     entry_point: Option<String>,
-    /// Write it to a file
+    /// Writes the translation to this file [default: standard output]
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
-    /// Ask the validators that are installed; `karat doctor` lists them
+    /// Validates the translation with the installed validators; `karat doctor` lists them
     #[arg(long)]
     validate: bool,
     #[command(flatten)]
@@ -85,12 +86,12 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(Ending::Good)
 }
 
-/// The shader's text; and of a function the entry point that calls it.
+/// Returns the shader's text, and for a function the entry point that calls it.
 fn source(args: &Args) -> anyhow::Result<(String, Option<String>)> {
     let project = Project::find()?;
     for package in project.packages(&args.package)? {
         let modules = package.modules()?;
-        // A package of one file has a module without a name.
+        // In a package of one file the module has no name.
         let alone = (package.name() == args.what).then(String::new);
         let module = Some(&args.what).or(alone.as_ref()).filter(|m| modules.contains(m));
         let module = module.or(alone.as_ref().filter(|m| modules.contains(m)));
@@ -124,7 +125,7 @@ fn print(translation: &Translation, out: &mut dyn Write) -> anyhow::Result<()> {
                 words.len()
             );
         }
-        // Not through `out`, which is for text.
+        // SPIR-V doesn't go through `out`, which is for text.
         Code::Words(_) => {
             let mut stdout = std::io::stdout().lock();
             let written = stdout.write_all(&translation.code.bytes()).and_then(|()| stdout.flush());

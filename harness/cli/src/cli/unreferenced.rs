@@ -1,6 +1,7 @@
-//! `karat unreferenced`: goldens that no test compares, and files that don't fit the others.
 //!
-//! The evidence is the record of a run of all tests that passed; without it there is no verdict.
+//! `karat unreferenced`: lists goldens that no test compares, and files that belong to no golden.
+//!
+//! It needs the record of a complete run that passed. Without such a record there is no verdict.
 
 mod facts;
 mod files;
@@ -25,16 +26,15 @@ use super::{Ending, NotThere, Outcome, write_json};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// Delete them, with their facts, after listing them
+    /// Lists the unreferenced goldens, then deletes them with their facts (`.toml`)
     #[arg(long)]
     delete: bool,
-    /// Print JSON: record, compared, unreferenced {case, profile, file}, unjudged (the same),
-    /// doubtful {case, profile, file, problem} (their facts are missing, or others than their
-    /// image's), stray {file, reason}, deleted (files), left (unreferenced goldens that --delete
-    /// left alone)
+    /// Prints JSON: record, compared, unreferenced {case, profile, file}, unjudged (the same), doubtful {case,
+    /// profile, file, problem} (facts are missing, or don't match the image), stray {file, reason}, deleted (files),
+    /// left (unreferenced goldens that --delete kept)
     #[arg(long)]
     json: bool,
-    /// Folder of records [default: that of the last run]
+    /// Reads the records in this folder [default: the record of the last run]
     #[arg(long, value_name = "DIR")]
     record: Option<PathBuf>,
     #[command(flatten)]
@@ -46,30 +46,30 @@ pub(super) struct Args {
 #[derive(Debug, Serialize)]
 struct Report {
     record: String,
-    /// How many goldens a test compared.
+    /// The number of goldens that a test compared.
     compared: usize,
     unreferenced: Vec<Golden>,
-    /// Goldens of profiles that didn't run.
+    /// The goldens of profiles that didn't run.
     unjudged: Vec<Golden>,
-    /// Goldens, compared or not judged, whose facts aren't their image's.
+    /// The compared or unjudged goldens whose facts don't match their image.
     doubtful: Vec<Doubt>,
     stray: Vec<Stray>,
     deleted: Vec<PathBuf>,
-    /// Unreferenced goldens that aren't Karat's to delete.
+    /// The unreferenced goldens that Karat mustn't delete.
     left: Vec<PathBuf>,
 }
 
-/// What the tests compared.
+/// The goldens that the tests compared.
 struct Evidence {
-    /// Names of goldens.
+    /// The names of the compared goldens.
     frames: BTreeSet<String>,
-    /// Other folders whose goldens were compared.
+    /// The other folders whose goldens were compared.
     elsewhere: BTreeSet<String>,
-    /// Profiles that ran.
+    /// The profiles that ran.
     profiles: BTreeSet<String>,
-    /// Names and profiles.
+    /// The compared pairs of name and profile.
     pairs: BTreeSet<(String, String)>,
-    /// Files that were read, of which some may be goldens of values.
+    /// The files that tests read, some of which may be goldens of values.
     read: BTreeSet<PathBuf>,
 }
 
@@ -112,7 +112,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     };
     for golden in goldens {
         let compared = evidence.has(&golden);
-        // What no test compares is to go, whatever is known of it.
+        // An unreferenced golden is to be deleted, so its facts don't matter.
         if compared != Some(false) {
             report.doubtful.extend(Doubt::of(&golden));
         }
@@ -149,8 +149,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
 }
 
 impl Report {
-    /// Whether nothing is there, or left, that no test compares or that is no golden's, and all
-    /// facts are those of their images.
+    /// Returns `true` if no unreferenced golden and no stray file is left, and all facts match their images.
     fn is_good(&self) -> bool {
         let gone = |file: &PathBuf| self.deleted.contains(file);
         self.doubtful.is_empty()
@@ -159,8 +158,7 @@ impl Report {
     }
 }
 
-/// The files of goldens that nobody compares, and what is left of goldens that are gone. Files that
-/// aren't Karat's are left alone.
+/// Returns the files of unreferenced goldens, and the remains of deleted goldens. Files that Karat didn't write stay.
 fn deletable(report: &Report) -> Vec<PathBuf> {
     let of = |golden: &Golden| match golden.is_table() {
         true => vec![golden.file.clone()],
@@ -175,7 +173,7 @@ fn deletable(report: &Report) -> Vec<PathBuf> {
     all
 }
 
-/// Whether a file says that it was accepted: another tool's may lie there for a reason.
+/// Returns `true` if a file's facts say that it was accepted. A file without them may be another tool's.
 fn is_golden(file: &Path) -> bool {
     if Table::read(file).is_ok() {
         return true;
@@ -222,7 +220,7 @@ fn write(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
     )
 }
 
-/// The records of the last run, which has to be one of all tests.
+/// Returns the records of the last run, which must be complete.
 fn whole_run(record: &Path) -> anyhow::Result<(PathBuf, Vec<Record>)> {
     let none = |why: String| NotThere(format!("{why}; run `karat test` without a filter first"));
     let recorded = Recorded::read(record)?;
@@ -247,7 +245,7 @@ fn whole_run(record: &Path) -> anyhow::Result<(PathBuf, Vec<Record>)> {
 }
 
 impl Evidence {
-    /// The goldens of a folder that records have compared with something.
+    /// Collects the goldens of a folder that the records compared.
     fn gather(records: &[Record], golden: &Path) -> Self {
         let (mut frames, mut profiles, mut pairs) =
             <(BTreeSet<_>, BTreeSet<_>, BTreeSet<_>)>::default();
@@ -279,7 +277,7 @@ impl Evidence {
         Self { frames, elsewhere, profiles, pairs, read }
     }
 
-    /// Whether a test compared a golden; `None` if its profile didn't run.
+    /// Returns `true` if a test compared a golden, or `None` if its profile didn't run.
     fn has(&self, golden: &Golden) -> Option<bool> {
         if golden.is_table() {
             return Some(golden.file.canonicalize().is_ok_and(|file| self.read.contains(&file)));

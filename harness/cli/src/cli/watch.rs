@@ -1,9 +1,10 @@
-//! `karat watch`: the tests of a project or of a folder of shaders, again at each edit.
 //!
-//! Processes that stay, one a path, run the tests that shaders hold: their devices, pipelines and parsed modules live on. Each
-//! knows what every test was made of, so an edit runs the tests that it concerns, and a comment none. A
-//! process that hangs or crashes is told, and the next edit starts another one. In a Cargo project there are as
-//! many again for its Rust tests.
+//! `karat watch`: runs the tests of a project or of a folder of shaders again after each edit.
+//!
+//! Long-lived processes, one per path, run the tests beside the shaders, and keep their devices, pipelines and parsed
+//! modules. Each process knows the shaders and files of every test, so it runs only the tests that an edit affects;
+//! an edit of a comment affects none. If a process hangs or crashes, the screen says so, and the next edit starts
+//! another one. In a Cargo project there is a second process per path, for the Rust tests.
 
 pub(super) mod files;
 mod keys;
@@ -31,31 +32,31 @@ use screen::Screen;
 use worker::Worker;
 pub(super) use worker::{Reads, Request, Said};
 
-/// How long a shader may take here, unless KARAT_TIMEOUT says: who waits has an editor open.
+/// The time limit of a shader in seconds, unless KARAT_TIMEOUT sets one. It is short, as a person waits in an editor.
 const DEADLINE: &str = "10";
-/// Lines by which a page is scrolled: half of a usual terminal.
+/// The lines per page when scrolling: half of a usual terminal.
 const PAGE: isize = 12;
-/// Paths, unless KARAT_PATHS says.
+/// The paths, unless KARAT_PATHS sets them.
 const PATHS: &str = "cpu,vulkan";
 
 #[derive(clap::Args)]
 pub(super) struct Args {
     /// Cargo project, folder of shaders, or one file [default: the working directory]
     folder: Option<PathBuf>,
-    /// Only tests whose names contain this
+    /// Runs only tests whose names contain this text
     filter: Option<String>,
-    /// Execution paths, each in a process of its own; the first has its verdict first
+    /// Runs the tests on these paths, with one process per path; the first path gives its verdict first
     #[arg(long, value_name = "PATHS", default_value = PATHS, env = "KARAT_PATHS")]
     paths: String,
-    /// Print lines, as where there is no terminal
+    /// Prints lines, as it does without a terminal
     #[arg(long)]
     lines: bool,
-    /// Run the tests once, and end
+    /// Runs the tests once, and ends
     #[arg(long, hide = true)]
     once: bool,
 }
 
-/// Where tests are.
+/// The place of tests.
 #[derive(Clone, Debug)]
 pub(super) enum Source {
     /// In shaders.
@@ -71,8 +72,8 @@ impl Source {
         }
     }
 
-    /// Finds the folder to watch and the tests in it: of a Cargo project its Rust tests, and those in its
-    /// shaders. Where no folder is named they are those that `karat test` runs.
+    /// Finds the folder to watch and the tests in it: the Rust tests of a Cargo project, and those beside its
+    /// shaders. Without a named folder they are the tests of `karat test`.
     fn all(named: Option<&Path>) -> anyhow::Result<(PathBuf, Vec<Self>)> {
         let project = match named {
             None => Project::find()?,
@@ -82,7 +83,7 @@ impl Source {
                     "there is no folder or file `{}`",
                     folder.display()
                 );
-                // Where it is now: the working directory may be moved, and another folder take its place.
+                // The absolute path of now, as the working directory may be moved and replaced by another folder.
                 let whole = folder.canonicalize()?;
                 if !whole.join("Cargo.toml").is_file() {
                     let shaders = if whole.is_dir() { stands_for(&whole)? } else { whole.clone() };
@@ -101,26 +102,26 @@ impl Source {
     }
 }
 
-/// What happens.
+/// An event to handle.
 pub(super) enum Event {
-    /// Files changed, or are gone.
+    /// Files changed or were removed.
     Files(Vec<PathBuf>),
-    /// A worker said a line, or ended.
+    /// A worker wrote a line, or ended.
     Worker(usize, Said),
     Key(KeyEvent),
     /// The terminal has another size.
     Resized,
-    /// Nobody reads what is printed any more.
+    /// The reader of the output has ended.
     Unread,
-    /// Ctrl-C, or the system, asks it to end.
+    /// Ctrl-C or the system asks the command to end.
     Stopped,
 }
 
-/// What is being typed.
+/// The text that is being typed.
 #[derive(Clone, Debug)]
 enum Typing {
     Filter(String),
-    /// Why these frames are right.
+    /// The reason why these frames are right.
     Reason(keys::Waiting, String),
 }
 
@@ -142,17 +143,17 @@ impl Typing {
     }
 }
 
-/// What one path has of a test.
+/// The verdicts of one path.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Verdicts {
-    /// Tests that the last edit concerned.
+    /// The number of tests that the last edit affected.
     pub(super) ran: usize,
     pub(super) took: Duration,
-    /// Tests that this path can't judge.
+    /// The number of tests that this path can't judge.
     pub(super) idle: usize,
-    /// Why there is no verdict.
+    /// The reason why there is no verdict.
     pub(super) broken: Option<String>,
-    /// Which modules aren't valid.
+    /// The errors of invalid modules.
     pub(super) invalid: Option<String>,
     /// The opinion on the modules in a line, and then each remark.
     pub(super) remarks: Option<String>,
@@ -160,21 +161,21 @@ pub(super) struct Verdicts {
 
 /// One path with its process.
 pub(super) struct Lane {
-    /// Its path, and of which tests where there are several sources.
+    /// Its path, with the source of its tests if there are several.
     pub(super) name: String,
     pub(super) resident: Resident,
     pub(super) verdicts: Verdicts,
-    /// True if all tests of its path are here.
+    /// `true` if it has all tests of its path.
     pub(super) alone: bool,
-    /// True if it validates modules, as the first of several paths does.
+    /// `true` if it validates modules, which the first path does.
     validates: bool,
-    /// Files that its tests read.
+    /// The files that its tests read.
     reads: Reads,
     began: Instant,
 }
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
-    // A variable that is set to nothing counts as not set.
+    // An empty variable counts as unset.
     let names = if args.paths.trim().is_empty() { PATHS } else { &args.paths };
     let names = karat::unstable::path::named("--paths", names)?;
     if let Some(folder) = &args.folder {
@@ -234,15 +235,15 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     ending
 }
 
-/// What is watched, and what is known of it.
+/// The watched sources, and their state.
 struct Watch {
     folder: PathBuf,
     project: Project,
     filter: String,
     typing: Option<Typing>,
-    /// What the last key led to.
+    /// The message about the last key.
     notice: Option<String>,
-    /// How many records are still awaited for a report that was asked for.
+    /// The number of paths whose records a requested report still needs.
     reports: Option<usize>,
     lanes: Vec<Lane>,
     screen: Screen,
@@ -286,7 +287,7 @@ impl Watch {
                     let Verdicts { broken, invalid, .. } = &lane.verdicts;
                     broken.is_some() || invalid.is_some() || !lane.resident.failing.is_empty()
                 };
-                // Each path has the same tests.
+                // All paths have the same tests.
                 let none = |lane: &Lane| lane.resident.tests.len() + lane.verdicts.idle == 0;
                 let bad =
                     self.lanes.iter().any(red) || self.lanes.iter().all(none) || self.is_unjudged();
@@ -295,7 +296,7 @@ impl Watch {
         }
     }
 
-    /// Whether there are tests that no path judges.
+    /// Returns `true` if there are tests that no path judges.
     fn is_unjudged(&self) -> bool {
         let of = |lane: &Lane| lane.resident.source.folder().to_owned();
         self.lanes.iter().any(|lane| {
@@ -304,7 +305,7 @@ impl Watch {
         })
     }
 
-    /// True of a file that may change a verdict.
+    /// Returns `true` for a file that may change a verdict.
     fn concerns(&self, file: &Path) -> bool {
         let name = file.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
         let ending = file.extension().unwrap_or_default();
@@ -312,10 +313,10 @@ impl Watch {
         let is_source = ["wgsl", "wesl"].iter().any(|known| ending == *known)
             || (["rs", "lock"].iter().any(|known| ending == *known)
                 && self.lanes.iter().any(is_cargo))
-            // A manifest, or what was or is meant to declare tests.
+            // The file is a manifest, or declares tests.
             || name.contains("toml")
             || karat_suite::is_meant(file);
-        // What is gone may have been a folder.
+        // A removed path may have been a folder.
         let is_folder = file.is_dir() || (ending.is_empty() && !file.exists());
         let reads = |lane: &Lane| match &lane.reads {
             Reads::Any => true,
@@ -335,7 +336,7 @@ impl Watch {
         }
     }
 
-    /// Asks a path for the tests that an edit of some files concerns, or for all.
+    /// Asks a path to run the tests that an edit affects, or all tests.
     fn ask(&mut self, index: usize, request: Request) -> anyhow::Result<()> {
         let lane = &mut self.lanes[index];
         let request = Request { filter: self.filter.clone(), validate: lane.validates, ..request };
@@ -391,7 +392,7 @@ impl Watch {
         Ok(())
     }
 
-    /// What a key does; `false` ends.
+    /// Handles a key. Returns `false` to end the command.
     fn press(&mut self, key: KeyEvent) -> anyhow::Result<bool> {
         let control = key.modifiers.contains(KeyModifiers::CONTROL);
         if control && matches!(key.code, KeyCode::Char('c' | 'd')) {
@@ -407,7 +408,7 @@ impl Watch {
                     self.notice = Some("nothing was accepted: there was no reason".to_owned());
                     return Ok(true);
                 }
-                // The goldens are files that are watched: what compares with them runs again.
+                // The goldens are watched files, so the tests that compare with them run again.
                 (KeyCode::Enter, Typing::Reason(frames, because)) => {
                     self.notice = Some(keys::accept(&self.project, frames, because.trim()));
                     return Ok(true);
@@ -450,7 +451,7 @@ impl Watch {
         keys::pending(&self.project, shaders)
     }
 
-    /// Asks each path for its records; when all have answered, the report opens.
+    /// Asks each path for its records. The report opens when all have answered.
     fn ask_for_records(&mut self) {
         let asked = self.lanes.iter_mut().map(|lane| lane.resident.ask_for_records());
         let asked = asked.filter(|asked| *asked).count();
@@ -492,12 +493,12 @@ impl Lane {
     }
 }
 
-/// A request for all tests.
+/// Returns a request for all tests.
 fn all() -> Request {
     Request { all: true, ..Request::default() }
 }
 
-/// The folder of all, and those outside of it that its packages import from.
+/// Returns the folder that holds all sources, and the folders outside of it that the packages import from.
 fn outermost(whole: &Path, sources: &[Source]) -> Vec<PathBuf> {
     let mut folders = vec![whole.to_owned()];
     let shaders = sources.iter().filter_map(|source| match source {
@@ -515,7 +516,7 @@ fn outermost(whole: &Path, sources: &[Source]) -> Vec<PathBuf> {
     folders
 }
 
-/// A file as seen from the folder that is watched.
+/// Returns a file's path relative to the watched folder.
 fn shown(file: &Path, folder: &Path) -> String {
     match file.strip_prefix(folder) {
         Ok(below) if below == Path::new("") => ".".to_owned(),
@@ -524,7 +525,8 @@ fn shown(file: &Path, folder: &Path) -> String {
     }
 }
 
-/// Tells of signals, so that temporary folders are deleted before it ends. The second one waits for nothing.
+/// Sends an event for a signal, so that temporary folders are deleted before the command ends. A second signal ends
+/// it at once.
 fn tell_when_stopped(sender: Sender<Event>) -> anyhow::Result<()> {
     const INTERRUPTED: i32 = 130; // 128 and the number of SIGINT, as shells have it
     let told = AtomicBool::new(false);
@@ -536,13 +538,14 @@ fn tell_when_stopped(sender: Sender<Event>) -> anyhow::Result<()> {
     ctrlc::set_handler(stop).context("can't wait for Ctrl-C")
 }
 
-/// Tells when whoever reads the output has gone: nothing may be written for hours, and no error would say so.
+/// Sends an event when the reader of the output has ended. The command may write nothing for hours, so a write error
+/// would come too late.
 #[cfg(unix)]
 fn tell_when_unread(sender: Sender<Event>) {
     use rustix::event::{PollFd, PollFlags, poll};
     std::thread::spawn(move || {
         let stdout = std::io::stdout();
-        // Nothing is asked for, so that only errors and the end are told.
+        // The poll asks for no event, so it reports only errors and the end.
         let mut watched = [PollFd::new(&stdout, PollFlags::empty())];
         while let Err(rustix::io::Errno::INTR) = poll(&mut watched, None) {}
         if watched[0].revents().intersects(PollFlags::ERR | PollFlags::HUP) {
@@ -551,11 +554,11 @@ fn tell_when_unread(sender: Sender<Event>) {
     });
 }
 
-/// An error of the next line says so.
+/// The error of the next write reports it.
 #[cfg(not(unix))]
 fn tell_when_unread(_: Sender<Event>) {}
 
-/// Tells of keys, as long as somebody listens.
+/// Sends events for keys, as long as there is a receiver.
 fn keys(sender: Sender<Event>) {
     std::thread::spawn(move || {
         while let Ok(event) = crossterm::event::read() {

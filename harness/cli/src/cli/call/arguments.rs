@@ -7,23 +7,23 @@ use karat::unstable::reflect::Function;
 use karat::unstable::value::{Scalar, Shape};
 use karat_suite::hexadecimal;
 
-/// Points of a sweep, at most.
+/// The most points of a sweep.
 const MOST_POINTS: u32 = 1 << 22;
 
-/// What is given on the command line.
+/// The arguments of the command line.
 pub(super) struct Given {
-    /// The lanes of each argument: one after the other, with derivatives where they are given.
+    /// The lanes of all arguments in order, each with its derivatives if it has some.
     pub(super) lanes: Vec<u32>,
-    /// Which arguments have derivatives.
+    /// For each argument, `true` if it has derivatives.
     pub(super) varying: Vec<bool>,
     pub(super) sweep: Option<Sweep>,
 }
 
-/// A component that takes one value after the other.
+/// A component that takes several values in turn.
 pub(super) struct Sweep {
-    /// Its place among the lanes.
+    /// The index of the component among the lanes.
     pub(super) lane: usize,
-    /// Its values.
+    /// The values in order.
     pub(super) values: Vec<u32>,
 }
 
@@ -87,7 +87,7 @@ impl Given {
     }
 }
 
-/// Whether an argument is written as JSON: a structure, or a list.
+/// Returns `true` if an argument is written as JSON, as a structure or a list.
 fn is_json(text: &str) -> bool {
     text.trim_start().starts_with(['{', '['])
 }
@@ -221,7 +221,7 @@ pub(super) fn parse(word: &str, scalar: Scalar) -> anyhow::Result<u32> {
                 Scalar::F16 => half::f16::from_f32(value).to_f32(),
                 _ => value,
             };
-            // An infinity is written `inf`: digits that overflow are a slip.
+            // Digits that overflow are an error: write an infinity as `inf`.
             let digits = word.contains(|c: char| c.is_ascii_digit());
             ensure!(value.is_finite() || !digits, "`{word}` is too large for {}", scalar.wgsl());
             value.to_bits()

@@ -1,4 +1,4 @@
-//! What a call binds: `--bind name=...` and `--override name=...`.
+//! The bindings of a call: `--bind name=...` and `--override name=...`.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -37,7 +37,7 @@ pub(in crate::cli) fn overrides(given: &[String]) -> anyhow::Result<BTreeMap<Str
     Ok(all)
 }
 
-/// The values of overrides, once some package takes each: another one may be a slip.
+/// Returns the values of overrides. A name that no package has is an error, as it may be misspelt.
 pub(in crate::cli) fn overrides_in(
     packages: &[Package],
     given: &[String],
@@ -49,7 +49,7 @@ pub(in crate::cli) fn overrides_in(
     }
 }
 
-/// Those of them that a package has.
+/// Returns the overrides that a package has.
 pub(in crate::cli) fn overrides_of(
     package: &Package,
     given: &BTreeMap<String, f64>,
@@ -61,7 +61,7 @@ pub(in crate::cli) fn overrides_of(
     own
 }
 
-/// Refuses `true` and `false` for what is a number.
+/// Refuses `true` and `false` for numbers.
 pub(super) fn expect_types(probed: &Probed, given: &[String]) -> anyhow::Result<()> {
     for text in given {
         let (name, value) = parted("override", text)?;
@@ -131,7 +131,7 @@ fn example(kind: BindingKind) -> &'static str {
     }
 }
 
-/// A value: JSON, numbers that are joined by commas, or else a word, such as the name of a file.
+/// Parses a value: JSON, numbers joined by commas, or else a word, such as the name of a file.
 fn parsed(text: &str) -> anyhow::Result<Value> {
     let json = |text: &str| {
         let value = karat_suite::json(text)?;

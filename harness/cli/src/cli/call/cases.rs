@@ -1,4 +1,4 @@
-//! `karat call --table`: a table of cases, evaluated, and compared if it says what is expected.
+//! `karat call --table`: evaluates a table of cases, and compares the results with a column of it.
 
 use std::fs::File;
 use std::io::{Read, Write};
@@ -20,24 +20,24 @@ use karat_suite::{Places, Wanted, begins_with_mark, head_of, line_of};
 use super::arguments::parse;
 use super::{BAD, Ending, Outcome};
 
-/// Rows of a table that are evaluated before the progress bar moves.
+/// The rows that are evaluated between two steps of the progress bar.
 const STEP: usize = 65_536;
-/// Bytes and rows of a table: what is read is kept, with all results, until the table is written.
+/// The most bytes of a table. The table and all results stay in memory until the output is written.
 const LONGEST: u64 = 256 << 20;
 const MOST_CASES: usize = 1 << 22;
-/// Rows that fail and are shown.
+/// The most failing rows that are shown.
 const SHOWN: usize = 10;
 
-/// What is done with a table.
+/// A request to evaluate a table.
 pub(super) struct Request<'a> {
     pub(super) probed: &'a Probed,
     pub(super) fixtures: &'a Fixtures,
     pub(super) paths: &'a [Path],
-    /// Where it goes; none: standard output.
+    /// The file for the results; `None`: standard output.
     pub(super) output: Option<&'a FilePath>,
-    /// Whether floats are written in hexadecimal.
+    /// `true` if floats are written in hexadecimal.
     pub(super) exact: bool,
-    /// The column of what is expected, and how far off results may be.
+    /// The column of the expected results, and the tolerance.
     pub(super) expect: Option<(&'a str, Tolerance)>,
 }
 
@@ -46,11 +46,11 @@ pub(super) struct Request<'a> {
 struct Table {
     rows: Vec<Vec<u32>>,
     text: String,
-    /// Where the reader stood in the text before each row.
+    /// The offset of each row in the text.
     starts: Vec<usize>,
-    /// What is expected of each row.
+    /// The expected results of each row.
     expected: Vec<Vec<f64>>,
-    /// Columns that are no arguments: their names, and their words in each row.
+    /// The columns that aren't arguments: their names, and their words in each row.
     others: Vec<(String, Vec<String>)>,
 }
 
@@ -83,22 +83,23 @@ pub(super) fn evaluate(request: &Request<'_>, input: &FilePath, out: &mut dyn Wr
     }
 }
 
-/// A path's results, each case a row.
+/// The results on a path, with one row per case.
 pub(super) type OfPath = (Path, Vec<Vec<u32>>);
 
 /// The results of paths.
 pub(super) struct Given {
     pub(super) results: Vec<OfPath>,
-    /// Paths that gave nothing, and why.
+    /// The paths without results, each with its error.
     stopped: Vec<(Path, ProbeError)>,
-    /// The tables of the shader's lines that print.
+    /// The tables of values that the shader's `karat: print` lines printed.
     pub(super) printed: String,
-    /// An assertion of the shader that is false for a row.
+    /// The error of an assertion in the shader that fails for a row.
     asserted: Result<(), ProbeError>,
 }
 
 impl Given {
-    /// An error that says which paths gave nothing, once what the others gave is written.
+    /// Returns an error that names the paths without results. Call it after the results of the other paths are
+    /// written.
     pub(super) fn ending(&self) -> Outcome {
         let told = |(path, error): &(Path, ProbeError)| {
             let error = error.to_string();
@@ -117,7 +118,7 @@ impl Given {
     }
 }
 
-/// The results on each path, whatever becomes of the others. It is an error if all fail.
+/// Returns the results on each path. A path that fails doesn't stop the others; if all fail, that is an error.
 pub(super) fn results(request: &Request<'_>, rows: &[Vec<u32>]) -> anyhow::Result<Given> {
     let steps = (rows.len() * request.paths.len()) as u64;
     let bar = ProgressBar::new(steps).with_style(
@@ -153,7 +154,7 @@ pub(super) fn results(request: &Request<'_>, rows: &[Vec<u32>]) -> anyhow::Resul
     Ok(Given { results, stopped, printed, asserted })
 }
 
-/// A lane as decimals that read back to it, or in hexadecimal.
+/// Writes a lane as the shortest decimals that read back to the same bits, or in hexadecimal.
 fn shown(scalar: Scalar, lane: u32, exact: bool) -> String {
     match exact && scalar.is_float() {
         true => hexfloat(f32::from_bits(lane)),
@@ -161,7 +162,7 @@ fn shown(scalar: Scalar, lane: u32, exact: bool) -> String {
     }
 }
 
-/// What was expected, in the digits of an `f32` if it is one.
+/// Writes an expected value, with the digits of an `f32` if it is one.
 fn wanted(scalar: Scalar, value: f64) -> String {
     #[expect(clippy::cast_possible_truncation, reason = "it is compared")]
     let single = value as f32;
@@ -187,7 +188,7 @@ pub(super) fn write_table(
         let lanes = function.result.lane_names().into_iter();
         results_head.extend(lanes.map(|lane| format!("{path}{lane}")));
     }
-    // A table that this command wrote has columns of these names already.
+    // A table that this command wrote already has columns of these names.
     let carried = |name: &String| match results_head.contains(name) {
         true => format!("given.{name}"),
         false => name.clone(),
@@ -216,7 +217,7 @@ pub(super) fn write_table(
     Ok(())
 }
 
-/// Compares results with what is expected. The first rows that differ are shown.
+/// Compares the results with the expected ones, and shows the first rows that differ.
 fn compare(
     request: &Request<'_>,
     columns: &[(String, Scalar)],
@@ -280,7 +281,7 @@ fn names(columns: &[(String, Scalar)]) -> String {
     columns.iter().map(|(name, _)| name.as_str()).collect::<Vec<_>>().join(",")
 }
 
-/// Which arguments have derivatives, by the table's head: `x.value`, `x.dx`, `x.dy`.
+/// Returns, for each argument, `true` if the table's head gives it derivatives: `x.value`, `x.dx`, `x.dy`.
 pub(super) fn varying(input: &FilePath, function: &Function) -> anyhow::Result<Vec<bool>> {
     let text = text(input)?;
     let mut reader = csv::ReaderBuilder::new()
@@ -390,7 +391,7 @@ fn read(
     Ok(table)
 }
 
-/// A table as text, if it has an end.
+/// Reads a table as text, up to the size limit.
 fn text(input: &FilePath) -> anyhow::Result<String> {
     let shown = input.display();
     let failed = || format!("can't read `{shown}`");
@@ -399,7 +400,7 @@ fn text(input: &FilePath) -> anyhow::Result<String> {
     let mut text = String::new();
     let mut length = announced;
     if announced <= LONGEST {
-        // A device or a pipe announces nothing, and may never end.
+        // A device or a pipe has no known size, and may never end.
         length = file.take(LONGEST + 1).read_to_string(&mut text).with_context(failed)? as u64;
     }
     ensure!(
@@ -410,7 +411,7 @@ fn text(input: &FilePath) -> anyhow::Result<String> {
     Ok(text)
 }
 
-/// Whether a word of a table's first row is a name: it reads as no value of any type.
+/// Returns `true` if a word of a table's first row is a name: it isn't a value of any type.
 fn is_name(word: &str) -> bool {
     word.parse::<f64>().is_err() && word.parse::<bool>().is_err()
 }
@@ -420,7 +421,7 @@ mod tests {
     use super::*;
     use karat::{Abs, Package};
 
-    /// Each path's rows are compared, and not the first one's alone.
+    /// The rows of each path are compared, and not only the rows of the first path.
     #[test]
     fn rows_that_differ_on_the_second_path_alone_are_bad() {
         let package = Package::from_source("m", "fn twice(x: f32) -> f32 { return 2.0 * x; }");
@@ -457,7 +458,7 @@ mod tests {
         }
     }
 
-    /// A path that gives nothing makes the command fail, whatever the others give.
+    /// A path without results makes the command fail, even if other paths have results.
     #[test]
     fn a_path_without_results_is_bad() {
         let (path, expected, found) = (Path::VULKAN, 1, 0);

@@ -16,19 +16,19 @@ pub(super) struct Curve {
     pub(super) points: Vec<(f64, f64)>,
 }
 
-/// Characters beside and below a curve in a terminal.
+/// The characters beside and below a curve in a terminal.
 const BESIDE: usize = 15;
 const BELOW: usize = 6;
-/// Characters of a curve where no terminal limits them.
+/// The size of a curve in characters, without a terminal.
 const COLUMNS: usize = 65;
 const ROWS: usize = 18;
-/// What shows no curve.
+/// The smallest number of columns and rows that can show a curve.
 const LEAST: usize = 8;
 
-/// Marks of the first curves.
+/// The marks of the curves, in order.
 const MARKS: [char; 6] = ['*', 'o', '+', 'x', '#', '@'];
 
-/// The ends of the axes; `None` if nothing is finite.
+/// Returns the ends of the axes, or `None` if no value is finite.
 fn ends(curves: &[Curve]) -> Option<[(f64, f64); 2]> {
     let points = || {
         let all = curves.iter().flat_map(|curve| &curve.points);
@@ -37,18 +37,18 @@ fn ends(curves: &[Curve]) -> Option<[(f64, f64); 2]> {
     let of = |value: &dyn Fn(&(f64, f64)) -> f64| {
         let values = || points().map(value);
         let (lo, hi) = (values().reduce(f64::min)?, values().reduce(f64::max)?);
-        // A constant has room on both sides.
+        // A constant gets room on both sides.
         let room = if lo < hi { 0.0 } else { 0.5 * lo.abs().max(1.0) };
         Some((lo - room, hi + room))
     };
-    // The axis is what was swept, whether or not there is a value.
+    // The axis covers the whole sweep, also where the result isn't finite.
     let swept = || curves.iter().flat_map(|curve| &curve.points).map(|point| point.0);
     let swept = (swept().reduce(f64::min)?, swept().reduce(f64::max)?);
     let across = if swept.0 < swept.1 { swept } else { of(&|point| point.0)? };
     Some([across, of(&|point| point.1)?])
 }
 
-/// A number at an axis, which is never wide.
+/// Writes a number at an axis, which is never wide.
 fn tick(value: f64) -> String {
     match value == 0.0 || (1e-3..1e6).contains(&value.abs()) {
         true => format!("{value:.4}"),
@@ -75,7 +75,7 @@ pub(super) fn write_text(curves: &[Curve], axis: &str, out: &mut dyn Write) -> a
         let at = (share * (count - 1) as f64).round() as usize;
         at.min(count - 1)
     };
-    // The first one is on top.
+    // The first curve is drawn last, on top.
     for (index, curve) in curves.iter().enumerate().rev() {
         let mark = MARKS[index % MARKS.len()];
         for (x, y) in curve.points.iter().filter(|(_, y)| y.is_finite()) {
@@ -127,7 +127,7 @@ pub(super) fn write_svg(curves: &[Curve], axis: &str, file: &FilePath) -> anyhow
             chart.configure_mesh().x_desc(axis).draw()?;
             for (index, curve) in curves.iter().enumerate() {
                 let colour = Palette99::pick(index).to_rgba();
-                // A point that isn't finite parts the curve.
+                // A point that isn't finite splits the curve.
                 for part in curve.points.split(|(_, y)| !y.is_finite()) {
                     chart.draw_series(LineSeries::new(part.iter().copied(), colour))?;
                 }

@@ -1,4 +1,4 @@
-//! `karat call --dispatch`: what a compute pass leaves.
+//! `karat call --dispatch`: the results of a compute pass.
 
 use std::io::Write;
 
@@ -10,10 +10,10 @@ use karat::unstable::compute::{Content, left, printed, violations};
 use super::super::table::{BAD, DIM, HEAD, KNOWN};
 use super::super::{Ending, Outcome};
 
-/// Elements of an array that are shown.
+/// The most elements of an array that are shown.
 const SHOWN: usize = 16;
 
-/// `4`, `4,2` or `4,2,1`.
+/// Parses `4`, `4,2` or `4,2,1`.
 pub(super) fn workgroups(text: &str) -> Result<[u32; 3], String> {
     let groups = numbers(text, 1);
     // WebGPU, 3.6.2: maxComputeWorkgroupsPerDimension.
@@ -21,13 +21,13 @@ pub(super) fn workgroups(text: &str) -> Result<[u32; 3], String> {
     groups.ok_or_else(|| "write workgroups as 4, or as 4,2,1; each is from 1 to 65535".to_owned())
 }
 
-/// `3`, `3,0` or `3,0,0`.
+/// Parses `3`, `3,0` or `3,0,0`.
 pub(super) fn invocation(text: &str) -> Result<[u32; 3], String> {
     let wrong = "write an invocation as 3, or as 3,0,0: its `global_invocation_id`";
     numbers(text, 0).ok_or_else(|| wrong.to_owned())
 }
 
-/// Up to three numbers; those that are missing are `others`.
+/// Parses up to three numbers; the missing ones are `others`.
 fn numbers(text: &str, others: u32) -> Option<[u32; 3]> {
     let all: Result<Vec<u32>, _> = text.split(',').map(|part| part.trim().parse()).collect();
     match all.as_deref() {
@@ -38,7 +38,7 @@ fn numbers(text: &str, others: u32) -> Option<[u32; 3]> {
     }
 }
 
-/// Looks through the passes, dispatches them on each path and prints what they leave.
+/// Checks the passes for hazards, dispatches them on each path, and prints their results.
 pub(super) fn run(compute: &Compute<'_>, paths: &[Path], out: &mut dyn Write) -> Outcome {
     let (found, watched) = violations(compute)?;
     let mut first: Vec<Content> = Vec::new();
@@ -88,14 +88,14 @@ pub(super) fn run(compute: &Compute<'_>, paths: &[Path], out: &mut dyn Write) ->
     Ok(if fails { Ending::Bad } else { Ending::Good })
 }
 
-/// True if whole numbers or truth values differ, which no driver rounds.
+/// Returns `true` if integers or booleans differ, which no driver rounds.
 fn differ(one: &Content, other: &Content) -> bool {
     let scalars = one.shape.lanes();
     let mut lanes = one.lanes.iter().zip(&other.lanes).zip(&scalars);
     lanes.any(|((one, other), scalar)| one != other && !scalar.is_float())
 }
 
-/// The content of a resource; of a long array its first elements.
+/// Writes the content of a resource, or the first elements of a long array.
 fn shown(content: &Content) -> String {
     let width = content.element().lanes().len().max(1);
     let count = content.lanes.len() / width;

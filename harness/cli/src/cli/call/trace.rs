@@ -1,4 +1,4 @@
-//! `karat call --trace`: each intermediate beside its line.
+//! `karat call --trace`: each intermediate value beside its line.
 
 use std::fmt::Write as _;
 use std::io::Write;
@@ -54,7 +54,7 @@ pub(super) fn write_html(name: &str, steps: &[Step], file: &Path) -> anyhow::Res
         writeln!(page, "<h2>{}</h2><table>", html(&source.name))?;
         writeln!(page, "<tr><th><th>operation<th>f32<th>f64<th>WGSL allows")?;
         let own = || rows.iter().filter(|row| row.file == source.name);
-        /// Lines of the source about one that computes.
+        /// The lines of source above and below a line with a step.
         const ABOUT: usize = 3;
         let mut gap = false;
         for (index, text) in source.text.lines().enumerate() {

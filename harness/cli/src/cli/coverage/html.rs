@@ -1,4 +1,4 @@
-//! A page of all files, in which a click on a line shows who comes to it.
+//! A page of all files. A click on a line shows the tests that run it.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::union::{File, Line, Sum, Union, word};
 
-/// Tests that a line shows: more of them say no more.
+/// The most tests that a line shows.
 const SHOWN: usize = 20;
 
 pub(super) fn page(union: &Union) -> anyhow::Result<String> {
@@ -102,7 +102,7 @@ fn class(line: &Line<'_>) -> &'static str {
     }
 }
 
-/// The ways of a line's branches, and the tests that come to it, each with its first input.
+/// Shows the sides of a line's branches, and the tests that run the line, each with its first input.
 fn who(line: &Line<'_>) -> Markup {
     let came = line.seen.iter().max_by_key(|seen| seen.tests.len());
     let tests = came.map(|seen| &seen.tests);

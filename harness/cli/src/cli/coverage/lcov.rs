@@ -6,7 +6,7 @@ use std::path::Path;
 
 use super::union::{File, Seen, Union};
 
-/// A record without a test for all that there is, and one for each test and file.
+/// Writes one record without a test, for all lines, and one record per test and file.
 pub(super) fn written(union: &Union) -> String {
     let mut text = String::new();
     for (file, own) in union.files() {
@@ -20,7 +20,7 @@ pub(super) fn written(union: &Union) -> String {
     text
 }
 
-/// The record of a test and a file. `None`: all that there is, at zero.
+/// Adds the record of a test and a file. `None`: all lines, with a count of 0.
 fn record(text: &mut String, file: &Path, own: &File, test: Option<&String>) {
     let count = |seen: &Seen| test.and_then(|test| seen.tests.get(test)).map_or(0, |own| own.count);
     // A name has letters, digits and `_`.
@@ -50,7 +50,7 @@ fn record(text: &mut String, file: &Path, own: &File, test: Option<&String>) {
             let count = came.map(|came| came.taken.get(way).copied().unwrap_or_default());
             ways += 1;
             taken += usize::from(count.is_some_and(|count| count > 0));
-            // A branch that nothing came to has no count.
+            // A branch that no test reached has no count.
             let count = count.map_or_else(|| "-".to_owned(), |count| count.to_string());
             line(format_args!("BRDA:{},{block},{way},{count}", seen.sum.lines[0]));
         }

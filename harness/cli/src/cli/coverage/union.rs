@@ -7,14 +7,14 @@ use std::path::{Path, PathBuf};
 
 use karat::unstable::interpret::{Counted, CountedKind, Ran};
 
-/// A statement's lines, its column and its kind.
+/// A statement's first and last line, its column and its kind.
 type Key = ([usize; 2], usize, CountedKind);
 
 /// Files, with the statements that tests ran.
 #[derive(Debug, Default)]
 pub(super) struct Union {
     files: BTreeMap<PathBuf, File>,
-    /// Functions that are tests.
+    /// The names of functions that are tests.
     tests: BTreeSet<String>,
 }
 
@@ -24,13 +24,13 @@ pub(super) struct File {
     pub(super) statements: BTreeMap<Key, Seen>,
 }
 
-/// A statement, and who came to it.
+/// A statement, and the tests that ran it.
 #[derive(Debug)]
 pub(super) struct Seen {
     pub(super) sum: Counted,
-    /// True if something ran it without counting.
+    /// `true` if a path without counts ran it.
     unmeasured: bool,
-    /// The tests that came, each with the count, the first input and the ways that it took.
+    /// The tests that ran it, each with the count, the first input and the sides of branches that it took.
     pub(super) tests: BTreeMap<String, Came>,
     variants: BTreeSet<String>,
 }
@@ -43,20 +43,20 @@ pub(super) struct Came {
     pub(super) taken: Vec<u64>,
 }
 
-/// A line, by its statements.
+/// A line with statements.
 #[derive(Clone, Debug)]
 pub(super) struct Line<'u> {
-    /// How many came.
+    /// The number of runs of the line.
     pub(super) count: u64,
-    /// False if frames and drivers alone run it.
+    /// `false` if only frames and drivers run it.
     pub(super) measured: bool,
-    /// True if it runs, and nothing that a test looks at is computed from it.
+    /// `true` if it runs, but no checked value depends on it.
     pub(super) weak: bool,
-    /// Its statements.
+    /// The statements on the line.
     pub(super) seen: Vec<&'u Seen>,
 }
 
-/// Counts of lines, ways and functions, and of those that are covered.
+/// The numbers of lines, sides of branches and functions, and how many of each are covered.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 pub(super) struct Sum {
     pub(super) lines: usize,
@@ -70,12 +70,12 @@ pub(super) struct Sum {
 }
 
 impl Union {
-    /// Adds statements of a package, which nothing ran yet.
+    /// Adds the statements of a package, with counts of 0.
     pub(super) fn add(&mut self, root: &Path, all: impl Iterator<Item = Counted>) {
         let root = root.canonicalize().unwrap_or_else(|_| root.to_owned());
         for one in all {
             let file = canonical(&one.file);
-            // Imported modules of others have tests of their own.
+            // Modules that are imported from other packages have tests of their own.
             if file.starts_with(&root) {
                 self.files.entry(file).or_default().seen(&one);
             }
@@ -87,11 +87,11 @@ impl Union {
         self.tests.extend(tests);
     }
 
-    /// Adds what a test ran, of the files that are known.
+    /// Adds the counts of a test, for the known files.
     pub(super) fn run(&mut self, ran: &Ran) {
         for one in &ran.statements {
             let Some(file) = self.files.get_mut(&canonical(&one.file)) else { continue };
-            // Under another variant a file has other statements. What imports it has a name of its own for it.
+            // Under another variant a file has other statements. Each importing package names it in its own way.
             let is_new = !file.statements.contains_key(&(one.lines, one.column, one.kind));
             let is = |test: &String| format!("::{}", one.function).ends_with(&format!("::{test}"));
             if is_new && self.tests.iter().any(is) {
@@ -111,7 +111,7 @@ impl Union {
                 }
             }
             if one.count.is_some_and(|count| count > 0) {
-                // A run that doesn't come here says nothing of what is looked at.
+                // A run that doesn't reach the statement doesn't show whether its value is checked.
                 match seen.sum.count {
                     Some(0) => {
                         let function = std::mem::take(&mut seen.sum.function);
@@ -123,7 +123,7 @@ impl Union {
         }
     }
 
-    /// Keeps what is in some lines of files.
+    /// Keeps only the statements in some lines of files.
     pub(super) fn keep_lines(&mut self, lines: &BTreeMap<PathBuf, Vec<RangeInclusive<usize>>>) {
         for (file, own) in &mut self.files {
             let kept = lines.get(file);
@@ -146,7 +146,8 @@ impl Union {
         self.files.values().fold(Sum::default(), |sum, file| sum.and(file.sum()))
     }
 
-    /// Each variant, with the lines that ran under it, and those of them that ran under no other.
+    /// Returns each variant, with the number of lines that ran under it, and of those that ran under no other
+    /// variant.
     pub(super) fn variants(&self) -> Vec<(&str, usize, usize)> {
         let mut known: BTreeMap<&str, (usize, usize)> = BTreeMap::new();
         for line in self.files.values().flat_map(|file| file.lines().into_values()) {
@@ -193,7 +194,7 @@ impl File {
         self.statements.entry((one.lines, one.column, one.kind)).or_insert_with(new)
     }
 
-    /// Each line that has a statement.
+    /// Returns each line that has a statement.
     pub(super) fn lines(&self) -> BTreeMap<usize, Line<'_>> {
         let mut lines: BTreeMap<usize, Line<'_>> = BTreeMap::new();
         for seen in self.statements.values() {
@@ -213,7 +214,7 @@ impl File {
         lines
     }
 
-    /// The branches that are measured. Nothing is known of the ways of a `select` whose value nothing needs.
+    /// Returns the measured branches. The sides of a `select` whose value isn't used are unknown.
     pub(super) fn branches(&self) -> impl Iterator<Item = &Seen> {
         self.statements.values().filter(|seen| {
             let is_idle = seen.sum.kind == CountedKind::Select && !seen.sum.needed;
@@ -221,7 +222,7 @@ impl File {
         })
     }
 
-    /// The functions, each with its first line and how many came there.
+    /// Returns the functions, each with its first line and its number of calls.
     pub(super) fn functions(&self) -> BTreeMap<&str, (usize, u64)> {
         let mut functions: BTreeMap<&str, (usize, u64)> = BTreeMap::new();
         for seen in self.statements.values().filter(|seen| seen.is_measured()) {
@@ -248,7 +249,8 @@ impl File {
         }
     }
 
-    /// The gaps, in the order of lines: the first and the last one, what it is, and whether a test could run more.
+    /// Returns the gaps, in the order of lines: the first and last line, a description, and `true` if a test could
+    /// run more.
     pub(super) fn missing(&self) -> Vec<([usize; 2], String, bool)> {
         let mut all: Vec<([usize; 2], String, bool)> = Vec::new();
         let mut add = |line: usize, why: String, is_gap: bool| match all.last_mut() {
@@ -272,7 +274,7 @@ impl File {
             if !never.is_empty() {
                 let what = match seen.sum.kind {
                     CountedKind::Clause(number) => format!("clause {} of `switch`", number + 1),
-                    // A line may have several.
+                    // A line may have several branches.
                     kind @ (CountedKind::Logical | CountedKind::Select) => {
                         format!("`{}` at column {}", word(kind), seen.sum.column)
                     }
@@ -287,7 +289,7 @@ impl File {
     }
 }
 
-/// A branch as WGSL writes it.
+/// Returns the word or operator of a branch in WGSL.
 pub(super) fn word(kind: CountedKind) -> &'static str {
     match kind {
         CountedKind::Plain => "statement",
@@ -324,7 +326,7 @@ impl Sum {
         }
     }
 
-    /// The lines that ran, in per cent of those that are measured; `None` if none is.
+    /// Returns the share of the measured lines that ran, in per cent, or `None` if no line is measured.
     pub(super) fn percent(&self) -> Option<f64> {
         per_cent(self.ran, self.lines - self.unmeasured)
     }
@@ -335,7 +337,7 @@ impl Sum {
     }
 }
 
-/// Not rounded up: 100 is all.
+/// Returns per cent, rounded down, so that 100 means all.
 #[expect(clippy::cast_precision_loss, reason = "a share to a tenth of a per cent")]
 fn per_cent(some: usize, all: usize) -> Option<f64> {
     (all > 0).then(|| (1000 * some / all) as f64 / 10.0)

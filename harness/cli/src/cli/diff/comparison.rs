@@ -1,4 +1,4 @@
-//! What is measured of two images. Its JSON is for other programs: fields are added, not changed.
+//! The measured difference of two images. Its JSON is for other programs: fields may be added, and never change.
 
 use std::path::Path;
 
@@ -10,10 +10,11 @@ use karat::unstable::metric::{
 };
 use serde::{Serialize, Serializer};
 
-/// Writers round differently: D65 is 0.3127 or 0.31271. No two sets of primaries are so near.
+/// The distance up to which primaries count as equal. Programs round differently: D65 is 0.3127 or 0.31271. Different
+/// sets of primaries are further apart.
 const SAME_PRIMARY: f32 = 5e-4;
 
-/// What the images may differ by.
+/// The bounds of the difference.
 #[derive(Clone, Debug)]
 pub(super) struct Bounds {
     gate: Gate,
@@ -23,12 +24,12 @@ pub(super) struct Bounds {
 }
 
 impl Bounds {
-    /// The default of frames, if nothing is given; a relative bound alone is the only one.
+    /// Returns the bounds. Without options they are those of frames; with a relative bound alone, FLIP has no bounds.
     pub(super) fn new(rel: Option<f64>, flip_tile: Option<f64>, flip_mean: Option<f64>) -> Self {
         #[expect(clippy::cast_possible_truncation, reason = "checked when it was parsed")]
         let relative = rel.map_or(DEFAULT_RELATIVE, |rel| rel as f32);
         let gate = Gate { relative, absolute: None };
-        // One bound of FLIP doesn't take the other away.
+        // If one bound of FLIP is given, the other one keeps its default.
         let (flip_tile, flip_mean) = match rel {
             None => (flip_tile.or(Some(0.01)), flip_mean.or(Some(0.005))),
             Some(_) => (flip_tile, flip_mean),
@@ -50,22 +51,22 @@ pub(super) struct Comparison {
     pub(super) a: Side,
     pub(super) b: Side,
     pub(super) verdict: Ending,
-    /// Why they differ.
+    /// The reason why the images differ.
     pub(super) reason: Option<Reason>,
-    /// What they may differ by.
+    /// The tolerance, in words.
     pub(super) tolerance: String,
-    /// Pixels that were compared.
+    /// The number of compared pixels.
     pub(super) compared: usize,
-    /// Whether a mask of the second file's own chose them.
+    /// `true` if a mask in the second file chose the pixels.
     pub(super) own_mask: bool,
-    /// `None`: there is nothing to measure.
+    /// The result of the gate; `None` if nothing can be measured.
     pub(super) gate: Option<GateResult>,
     pub(super) flip: Option<FlipResult>,
-    /// Of two PNGs; no bound applies to it.
+    /// LDR-FLIP of two PNGs; no bound applies to it.
     pub(super) ldr_flip: Option<LdrResult>,
     /// The file of the heatmap.
     pub(super) heatmap: Option<String>,
-    /// The error that its last colour stands for; `None`: it holds the errors themselves.
+    /// The error that the heatmap's last colour stands for; `None` if it holds the errors themselves.
     pub(super) heatmap_full: Option<f32>,
 }
 
@@ -75,13 +76,13 @@ pub(super) struct Side {
     pub(super) file: String,
     pub(super) width: u32,
     pub(super) height: u32,
-    /// Pixels with a NaN.
+    /// The number of pixels with a NaN.
     pub(super) nan: usize,
-    /// Pixels with an infinity and no NaN.
+    /// The number of pixels with an infinity and no NaN.
     pub(super) infinite: usize,
-    /// Column and row of the first of them.
+    /// The column and row of the first pixel with a NaN or an infinity.
     pub(super) first_non_finite: Option<(u32, u32)>,
-    /// Names of the parts that could be compared, if there are several. The first one is.
+    /// The names of the parts with colours, if there are several. The first one is compared.
     pub(super) parts: Vec<String>,
     /// CIE x and y of red, green, blue and white, as the file names them.
     pub(super) chromaticities: [f32; 8],
@@ -90,7 +91,7 @@ pub(super) struct Side {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub(super) enum Ending {
-    /// Every bit that is compared is equal.
+    /// All compared bits are equal.
     Equal,
     Within,
     Differs,
@@ -107,12 +108,12 @@ pub(super) enum Reason {
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct GateResult {
     pub(super) relative: f32,
-    /// Pixels that are off by more.
+    /// The number of pixels above the bound.
     pub(super) off: usize,
     #[serde(serialize_with = "rect")]
     pub(super) bounds: Option<Rect>,
     pub(super) worst: Option<Worst>,
-    /// Share of pixels that are off, in per cent, at 1, 10, 100 and 1000 times the bound.
+    /// The shares of pixels above 1, 10, 100 and 1000 times the bound, in per cent.
     pub(super) sweep: [f32; 4],
 }
 
@@ -123,25 +124,25 @@ pub(super) struct Worst {
     pub(super) channel: &'static str,
     pub(super) a: f32,
     pub(super) b: f32,
-    /// Difference over what is allowed; `null` in JSON if nothing is.
+    /// The difference divided by the bound; `null` in JSON if the bound is 0.
     pub(super) ratio: f32,
 }
 
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct FlipResult {
-    /// The largest mean of a tile; `null` in JSON if FLIP doesn't see what is off.
+    /// The largest mean of a tile; `null` in JSON if FLIP can't measure the difference.
     pub(super) largest_tile: f64,
     #[serde(serialize_with = "rect")]
     pub(super) tile: Option<Rect>,
     pub(super) mean: f64,
-    /// `None`: FLIP isn't asked.
+    /// `None` if FLIP has no bound.
     pub(super) tile_bound: Option<f64>,
     pub(super) mean_bound: Option<f64>,
     pub(super) exposures: ExposureRange,
     pub(super) note: Option<String>,
 }
 
-/// What other tools say of images that are what a display shows.
+/// LDR-FLIP, which other tools compute for display images.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct LdrResult {
     /// The largest mean of a tile.
@@ -182,7 +183,7 @@ impl Side {
 }
 
 impl Comparison {
-    /// Images that can't be measured.
+    /// Returns the comparison of images that can't be measured.
     pub(super) fn impossible([a, b]: [Side; 2], bounds: &Bounds, reason: Reason) -> Self {
         let (verdict, reason) = (Ending::Differs, Some(reason));
         let tolerance = bounds.tolerance.to_string();
@@ -228,7 +229,7 @@ impl Comparison {
         }
     }
 
-    /// Whether the files name other primaries, so that equal values are other colours.
+    /// Returns `true` if the files name different primaries, so that equal values are different colours.
     pub(super) fn of_other_primaries(&self) -> bool {
         let mut pairs = self.a.chromaticities.iter().zip(&self.b.chromaticities);
         !pairs.all(|(a, b)| (a - b).abs() <= SAME_PRIMARY)
@@ -274,7 +275,7 @@ impl FlipResult {
         }
     }
 
-    /// Whether FLIP is asked, and sees next to nothing. NaN is more than any bound.
+    /// Returns `true` if FLIP has bounds and both are met. NaN is above any bound.
     fn passes(&self) -> bool {
         let within = |value: f64, bound: Option<f64>| bound.is_none_or(|bound| value <= bound);
         (self.tile_bound.is_some() || self.mean_bound.is_some())

@@ -1,4 +1,4 @@
-//! A comparison for people.
+//! A comparison in words.
 
 use std::io::{self, Write};
 
@@ -62,7 +62,7 @@ fn primaries(side: &Side) -> String {
     points.join(", ")
 }
 
-/// What of the file isn't compared.
+/// Names the parts of the file that aren't compared.
 fn write_parts(side: &Side, out: &mut dyn Write) -> io::Result<()> {
     let [compared, others @ ..] = side.parts.as_slice() else { return Ok(()) };
     write!(out, ", part `{compared}`, not `{}`", others.join("`, `"))
@@ -94,14 +94,14 @@ fn write_gate(gate: &GateResult, compared: usize, out: &mut dyn Write) -> io::Re
     let (x, y, channel) = (worst.x, worst.y, worst.channel);
     write!(out, "  worst: pixel ({x}, {y}) {channel}: {b} instead of {a}, ")?;
     match f64::from(worst.ratio) {
-        // Of a bound of 0 no error is a multiple.
+        // A bound of 0 has no multiples.
         ratio if ratio.is_infinite() => {
             let error = short(f64::from((worst.b - worst.a).abs()));
             writeln!(out, "abs {error}, and nothing is allowed")?;
         }
         ratio => writeln!(out, "{} times what is allowed", short(ratio))?,
     }
-    // Multiples of nothing are nothing.
+    // Multiples of 0 are 0.
     if *relative == 0.0 {
         return Ok(());
     }
@@ -125,13 +125,13 @@ fn write_flip(flip: &FlipResult, out: &mut dyn Write) -> io::Result<()> {
     writeln!(out, "; mean {mean}{}; at {}", of(flip.mean_bound), flip.exposures)
 }
 
-/// The number that other FLIP tools have of PNGs.
+/// Writes LDR-FLIP, the number of other FLIP tools for PNGs.
 fn write_ldr(flip: &LdrResult, out: &mut dyn Write) -> io::Result<()> {
     let (mean, tile) = (short(flip.mean), short(flip.largest_tile));
     writeln!(out, "LDR-FLIP: largest tile {tile}; mean {mean}; no bound applies to it")
 }
 
-/// Three significant digits.
+/// Writes three significant digits.
 fn short(value: f64) -> String {
     let rounded: f64 = format!("{value:.2e}").parse().unwrap_or(value);
     if rounded != 0.0 && !(1e-4..1e6).contains(&rounded.abs()) {

@@ -1,4 +1,5 @@
-//! `karat doctor PACKAGE`: the lines of `karat.toml` that make modules whole, and the modules that stay as they are.
+//! `karat doctor PACKAGE`: finds the lines of `karat.toml` that make modules whole, and lists the modules that these
+//! lines don't mend.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
@@ -17,31 +18,31 @@ use super::super::project::Project;
 use super::super::table::{BAD, DIM, GOOD, HEAD};
 use super::super::{Ending, Outcome, write_json};
 
-/// Rounds of lines: one error of a module hides the next.
+/// The most rounds of adding lines: one error of a module hides the next.
 const ROUNDS: usize = 32;
 
-/// Modules that have lines of their own: a screen has no more.
+/// The most modules that get a line of output each, as a screen has no more.
 const TOLD: usize = 12;
 
 /// A remark for a value that only the engine knows.
 const MADE_UP: &str = "made up: write what your engine gives";
 
-/// A feature's value: an array of so many elements is still small.
+/// The value of a feature with an unknown number: an array of 4 elements is small.
 const FEATURE: &str = "4";
 
-/// A placeholder's value: most are sizes of workgroups.
+/// The value of a placeholder: most placeholders are sizes of workgroups.
 const VALUE: &str = "64";
 
-/// A name in capitals may be a macro, or misspelt.
+/// A remark for an undeclared name in capitals.
 const UNDECLARED: &str = "made up, as nothing declares it: a macro of your engine's, or a slip";
 
-/// A remark for a feature that decides which declarations there are.
+/// A remark for a feature that switches declarations on or off.
 const VARIANT: &str = "a name needs it: your engine may set another variant";
 
 /// A remark for a text that only the engine knows.
 const TEXT: &str = "empty: write what your engine puts there";
 
-/// Advice where a line needs more than is known here.
+/// Returns advice for an error that needs the author's knowledge.
 fn advice(mend: &Mend) -> Option<String> {
     match mend {
         Mend::Elsewhere(sentence) => Some(sentence.clone()),
@@ -85,15 +86,15 @@ struct Left {
 struct Report {
     package: String,
     modules: usize,
-    /// Modules that are whole as the package is.
+    /// The number of modules that are whole without new lines.
     whole: usize,
     lines: Vec<Line>,
-    /// Modules that are whole with these lines.
+    /// The number of modules that are whole with the new lines.
     then_whole: usize,
-    /// Lines that errors ask for, and that make no module whole by themselves, or don't fit into the file.
+    /// Lines that errors ask for, but that make no module whole alone, or don't fit into the file.
     not_enough: Vec<Line>,
     left: Vec<Left>,
-    /// Why `karat check` refuses the file itself.
+    /// The reason why `karat check` refuses the file itself.
     refused: Option<String>,
     written: bool,
 }
@@ -102,7 +103,7 @@ struct Report {
 struct Trial<'p> {
     package: &'p Package,
     file: PathBuf,
-    /// The file as it is.
+    /// The present text of the file.
     text: String,
     table: toml::Table,
     modules: Vec<String>,
@@ -158,13 +159,13 @@ impl<'p> Trial<'p> {
                 return Err(error).with_context(|| format!("can't read `{}`", shown(&file)));
             }
         };
-        // Other commands tell what is wrong with the file itself, in the same words.
+        // Errors of the file itself are those of other commands.
         let modules = package.modules()?;
         let table = text.parse().with_context(|| format!("`{}`", shown(&file)))?;
         Ok(Self { package, file, text, table, modules, lines: Vec::new() })
     }
 
-    /// The text of the file with some lines, which end as its own do.
+    /// Returns the file's text with new lines, which end as the file's own lines do.
     fn with(&self, lines: &[Line]) -> String {
         let is_windows = self.text.contains("\r\n");
         let mut text = self.text.replace("\r\n", "\n");
@@ -192,7 +193,8 @@ impl<'p> Trial<'p> {
         if is_windows { text.replace('\n', "\r\n") } else { text }
     }
 
-    /// True if the file has a place for a line: another form of its section would be declared twice.
+    /// Returns `true` if a line fits into the file. It doesn't if its section is there in another form, and would be
+    /// declared twice.
     fn fits(&self, line: &Line) -> bool {
         self.with(std::slice::from_ref(line))
             .trim_start_matches('\u{feff}')
@@ -200,7 +202,7 @@ impl<'p> Trial<'p> {
             .is_ok()
     }
 
-    /// Takes out the lines without which as many modules are whole.
+    /// Removes the lines that make no module whole, and returns them.
     fn sift(&mut self) -> Vec<Line> {
         let all = self.errors(&self.lines).len();
         let without = |at: usize| {
@@ -217,7 +219,7 @@ impl<'p> Trial<'p> {
         others
     }
 
-    /// The words of `karat check` on the file with these lines, where each module is whole.
+    /// Returns the error of `karat check` for the file with these lines, if each module is whole.
     fn refused(&self) -> Option<String> {
         let package = self.package.unsaved(&self.file, &self.with(&self.lines));
         match package.try_is_valid() {
@@ -254,7 +256,7 @@ impl<'p> Trial<'p> {
             .collect()
     }
 
-    /// Adds lines for as long as errors name new ones. Returns those that the file has no place for.
+    /// Adds lines while errors ask for new ones. Returns the lines that don't fit into the file.
     fn mend(&mut self) -> Vec<Line> {
         let mut tried: BTreeSet<String> = BTreeSet::new();
         let mut by_hand = Vec::new();
@@ -291,7 +293,7 @@ impl<'p> Trial<'p> {
         by_hand
     }
 
-    /// The lines that an error asks for; true of a feature that decides what there is.
+    /// Returns the lines that an error asks for, and `true` for a feature that switches declarations.
     fn lines_of(&self, error: &ReflectError, mend: Option<Mend>) -> Vec<(Line, bool)> {
         let line = |section, key: &str, value: &str, about| {
             let (key, value) = (key.to_owned(), value.to_owned());
@@ -301,7 +303,7 @@ impl<'p> Trial<'p> {
             let names: Vec<String> = unknown.iter().map(|(name, _)| format!("{name:?}")).collect();
             let listed =
                 self.table.get("features").is_some_and(|own| own.get("set_by_engine").is_some());
-            // One that is nearly another's name is misspelt, as the message says.
+            // A name close to a known one is misspelt, and the message says so.
             let has = listed || unknown.iter().any(|(_, near)| near.is_some());
             let list = line("features", "set_by_engine", &format!("[{}]", names.join(", ")), "");
             return if has { Vec::new() } else { vec![(list, false)] };
@@ -325,7 +327,8 @@ impl<'p> Trial<'p> {
         }
     }
 
-    /// Where a package lies that modules import from: beside this one, or in a crate that the project builds.
+    /// Returns the place of a package that modules import from: beside this package, or in a crate that the project
+    /// builds.
     fn dependency(&self, name: &str) -> Option<String> {
         let root = self.package.root();
         let beside = root.parent().map(|above| above.join(name));
@@ -381,7 +384,7 @@ fn write_text(report: &Report, file: &str, out: &mut dyn Write) -> std::io::Resu
     writeln!(out, "\n{} not whole{with}{rest}{first}", counted(left.len(), "module"))
 }
 
-/// Lines under the heads of their sections.
+/// Prints lines under the heads of their sections.
 fn write_lines(lines: &[Line], out: &mut dyn Write) -> std::io::Result<()> {
     let mut sections: BTreeMap<&str, Vec<String>> = BTreeMap::new();
     for line in lines {

@@ -1,28 +1,29 @@
-//! Whether a project compiles with optimisation what its tests wait for.
+//! The optimisation of the crates that tests wait for.
 
 use std::path::Path;
 
 use serde::Serialize;
 
-/// Crates that need it, with the level that README recommends, and what is slow without.
+/// The crates that need optimisation, each with the level that README recommends, and the work that is slow without
+/// it.
 const CRATES: [(&str, i64, &str); 3] = [
     ("karat-core", 2, "arguments are drawn slowly, and frames compared"),
     ("karat-engine", 3, "the path `cpu`, `Spec` and hazards are slow"),
     ("naga", 1, "each test starts slowly"),
 ];
 
-/// A crate that is compiled with less.
+/// A crate with less optimisation than recommended.
 #[derive(Debug, PartialEq, Eq, Serialize)]
 pub(in crate::cli) struct Unoptimised {
     pub(in crate::cli) name: &'static str,
-    /// The level that its profile has.
+    /// The level in its profile.
     pub(in crate::cli) level: i64,
     pub(in crate::cli) recommended: i64,
     pub(in crate::cli) about: &'static str,
 }
 
-/// The crates that the project in a folder compiles with less than is recommended; none where it has no
-/// crate `karat`.
+/// Returns the crates that the project in a folder compiles with less optimisation than recommended, or none if it
+/// has no crate `karat`.
 pub(in crate::cli) fn unoptimised(root: &Path) -> Vec<Unoptimised> {
     let read = |file: &str| std::fs::read_to_string(root.join(file)).ok();
     let uses_karat =
@@ -37,7 +38,7 @@ fn of(manifest: &toml::Table) -> Vec<Unoptimised> {
     let dev = manifest.get("profile").and_then(|profile| profile.get("dev"));
     let level = |table: &toml::Value| match table.get("opt-level")? {
         toml::Value::Integer(level) => Some(*level),
-        // For size: nearly all that 2 does.
+        // The levels for size do nearly all that level 2 does.
         _ => Some(2),
     };
     let package = |name: &str| dev?.get("package")?.get(name).and_then(level);
@@ -68,7 +69,7 @@ mod tests {
         assert_eq!(found(own), [("karat-engine", 2)]);
     }
 
-    /// What README recommends is enough.
+    /// The profile that README recommends is enough.
     #[test]
     fn the_profile_of_readme_is_enough() {
         let readme = crate::cli::doctor::beside("README.md");

@@ -1,4 +1,4 @@
-//! A picture of 8-bit colours, and numbers written into it.
+//! An image of 8-bit colours, with numbers drawn into it.
 
 /// The colour where nothing is drawn: neither end of the scale of errors.
 const GROUND: [u8; 3] = [56, 56, 56];
@@ -13,8 +13,8 @@ pub(super) struct Canvas {
 /// Columns and rows of a glyph.
 pub(super) const GLYPH: (u32, u32) = (3, 5);
 
-/// The digits and the point, row by row from the top, the leftmost pixel in the highest bit.
-/// Crates with fonts bring a library for drawing along, and numbers need no more than this.
+/// The digits and the point, row by row from the top, with the leftmost pixel in the highest bit. Crates with fonts
+/// bring a drawing library, and numbers need only these glyphs.
 const GLYPHS: [(char, [u8; 5]); 11] = [
     ('0', [0b111, 0b101, 0b101, 0b101, 0b111]),
     ('1', [0b010, 0b110, 0b010, 0b010, 0b111]),
@@ -45,13 +45,13 @@ impl Canvas {
         height
     }
 
-    /// Colours a pixel of the picture.
+    /// Colours a pixel.
     pub(super) fn set(&mut self, x: u32, y: u32, colour: [u8; 3]) {
         let start = (y as usize * self.width as usize + x as usize) * 3;
         self.bytes[start..start + 3].copy_from_slice(&colour);
     }
 
-    /// Colours a rectangle of the picture.
+    /// Colours a rectangle.
     pub(super) fn fill(
         &mut self,
         (left, top): (u32, u32),
@@ -63,7 +63,7 @@ impl Canvas {
         }
     }
 
-    /// How wide a number is, a pixel of a glyph being `size` wide.
+    /// Returns the width of a number in pixels, if a glyph's pixel is `size` wide.
     pub(super) fn measure(number: &str, size: u32) -> u32 {
         let glyphs = u32::try_from(number.len()).unwrap_or(u32::MAX);
         (glyphs * (GLYPH.0 + 1)).saturating_sub(1) * size

@@ -1,4 +1,4 @@
-//! What the colours of a heat map stand for: a strip of all colours, with numbers.
+//! The legend of a heat map: a strip of all colours, with numbers.
 
 use karat::unstable::metric::ErrorMap;
 
@@ -10,35 +10,36 @@ const INK: [u8; 3] = [230, 230, 230];
 const MARGIN: u32 = 4;
 const BAR: u32 = 8;
 const TICK: u32 = 3;
-/// A pixel of a glyph: three by five pixels would be hard to read.
+/// The size of a glyph's pixel: glyphs of three by five pixels would be hard to read.
 const DOT: u32 = 2;
-/// Pixels of a picture for which a unit is a pixel; a wider one is looked at from farther away.
+/// The width of an image in pixels up to which a unit is a pixel. In wider images the unit grows, as people view them
+/// scaled down.
 const UNIT: u32 = 960;
-/// Units of a bar that has room for [`PARTS`] and their numbers.
+/// The width in units of a bar that has room for [`PARTS`] numbers.
 const WIDE: u32 = 300;
 /// A fifth of 1, 2 or 5 has no more digits than half of it, or fewer.
 const PARTS: u32 = 5;
-/// Units of the shortest bar.
+/// The width of the shortest bar in units.
 const SHORT: u32 = 60;
 
 /// The strip below a picture.
 #[derive(Debug)]
 pub(super) struct Legend {
-    /// Pixels of a unit.
+    /// The pixels per unit.
     unit: u32,
-    /// Pixels from the left edge to the bar, with room for half a number.
+    /// The pixels from the left edge to the bar, with room for half a number.
     left: u32,
-    /// Pixels of the bar.
+    /// The width of the bar in pixels.
     bar: u32,
-    /// Numbers, from 0 to the last, at equal distances.
+    /// The numbers, from 0 to the last, at equal distances.
     numbers: Vec<String>,
 }
 
 impl Legend {
-    /// For a picture that is so wide, whose last colour stands for `full`.
+    /// Makes the legend for an image of this width, whose last colour stands for `full`.
     pub(super) fn of(width: u32, full: f32) -> Self {
         let unit = (width / UNIT).max(1);
-        // All numbers, as how many there are isn't known yet.
+        // The widest of all possible numbers, as their count isn't known yet.
         let widest = numbers(full, PARTS).iter().map(|number| Canvas::measure(number, DOT)).max();
         let left = (MARGIN + widest.unwrap_or(0).div_ceil(2)) * unit;
         let bar = width.saturating_sub(2 * left).max(SHORT * unit);
@@ -54,7 +55,7 @@ impl Legend {
         (MARGIN + BAR + TICK + DOT + GLYPH.1 * DOT + MARGIN) * self.unit
     }
 
-    /// Draws it below the picture.
+    /// Draws the legend below the image.
     pub(super) fn draw(&self, canvas: &mut Canvas, below: u32) {
         let Self { unit, left, bar, ref numbers } = *self;
         let top = below + MARGIN * unit;
@@ -75,7 +76,7 @@ impl Legend {
     }
 }
 
-/// The ends of equal parts from 0 to `full`.
+/// Writes the ends of equal parts from 0 to `full`.
 fn numbers(full: f32, parts: u32) -> Vec<String> {
     // A fifth of a thousandth has four decimals, and no scale is shorter.
     let number =

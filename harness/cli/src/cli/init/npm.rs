@@ -1,4 +1,4 @@
-//! A project for the web: a script in its `package.json`, and Tint's verdict.
+//! A project for the web: gets a script in its `package.json`, and requires Tint's verdict.
 
 use std::io::Write;
 use std::path::Path;
@@ -13,13 +13,13 @@ use crate::cli::table::{DIM, GOOD};
 /// The name of the script.
 const SCRIPT: &str = "test:shaders";
 
-/// The file of npm.
+/// The file of npm's settings.
 const FILE: &str = "package.json";
 
-/// The package of npm that brings Tint, as a part of Dawn.
+/// The npm package that has Tint, as a part of Dawn.
 const TINT: &str = "webgpu";
 
-/// Adds what a project for the web has besides; nothing elsewhere.
+/// Adds the script and the requirement in a project for the web. Changes no other project.
 pub(super) fn adapt(folder: &Path, out: &mut dyn Write) -> anyhow::Result<()> {
     let whole = folder.canonicalize()?;
     let Some(root) = whole.ancestors().find(|folder| folder.join(FILE).is_file()) else {
@@ -31,20 +31,20 @@ pub(super) fn adapt(folder: &Path, out: &mut dyn Write) -> anyhow::Result<()> {
     ask_for_tint(folder, (&whole, &root.join(FILE)), out)
 }
 
-/// True if the `package.json` of a folder has Karat, so that `npm ci` installs it.
+/// Returns `true` if the `package.json` of a folder has Karat, so that `npm ci` installs it.
 pub(super) fn brings_karat(folder: &Path) -> bool {
     let text = std::fs::read_to_string(folder.join(FILE)).unwrap_or_default();
     let manifest: Value = serde_json::from_str(&text).unwrap_or_default();
     has(&manifest, "karat")
 }
 
-/// True if a `package.json` depends on a package.
+/// Returns `true` if a `package.json` depends on a package.
 fn has(manifest: &Value, package: &str) -> bool {
     let kinds = ["dependencies", "devDependencies", "optionalDependencies"];
     kinds.iter().any(|kind| manifest[kind].get(package).is_some())
 }
 
-/// Adds the script, where the file has none of its name.
+/// Adds the script, unless the file has a script of that name.
 fn add_script(file: &Path, shaders: &str, out: &mut dyn Write) -> anyhow::Result<()> {
     let name = shown(file);
     let text = std::fs::read_to_string(file).with_context(|| format!("`{name}`"))?;
@@ -76,8 +76,8 @@ fn add_script(file: &Path, shaders: &str, out: &mut dyn Write) -> anyhow::Result
     Ok(())
 }
 
-/// The text with a member of `scripts` more, in the lines that its author writes. `None` where that isn't plain: the
-/// caller compares what comes of it with what it is to be.
+/// Returns the text with one more member of `scripts`, in the layout of its author, or `None` if the layout isn't
+/// clear. The caller compares the parsed result with the expected one.
 fn inserted(text: &str, member: &str) -> Option<String> {
     let scripts = text.find("\"scripts\"");
     let open = match scripts {
@@ -85,7 +85,7 @@ fn inserted(text: &str, member: &str) -> Option<String> {
         None => text.find('{')?,
     };
     let rest = &text[open + 1..];
-    // As the next member stands: on a line of its own, or in this one.
+    // The new member is placed as the next member is: on its own line, or on the same one.
     let blank: String = rest.chars().take_while(|c| c.is_whitespace()).collect();
     let is_empty = rest.trim_start().starts_with('}');
     let comma = if is_empty { "" } else { "," };
@@ -100,7 +100,8 @@ fn inserted(text: &str, member: &str) -> Option<String> {
     Some(format!("{}{before}{own}{comma}{after}{rest}", &text[..=open]))
 }
 
-/// In a project for the web both compilers are to accept the shaders: a browser that isn't Firefox has Tint.
+/// Makes a project for the web require that both compilers accept the shaders: Firefox has naga, other browsers have
+/// Tint.
 fn ask_for_tint(
     folder: &Path,
     (whole, manifest): (&Path, &Path),
@@ -115,7 +116,7 @@ fn ask_for_tint(
     if known.contains("[compilers]") {
         return Ok(());
     }
-    // What this machine has besides, a colleague's may lack.
+    // Only `package.json` counts: a colleague's machine may lack a Tint that this machine has.
     let text = std::fs::read_to_string(manifest).unwrap_or_default();
     let manifest: Value = serde_json::from_str(&text).unwrap_or_default();
     if !has(&manifest, TINT) {
@@ -126,7 +127,7 @@ fn ask_for_tint(
         )?;
         return Ok(());
     }
-    // A package that requires it fails without it, and a first run is green.
+    // A package that requires Tint fails without it, and the first run should pass.
     if let Err(missing) = Tint::beside(whole, true) {
         let remedy = &missing.remedy;
         writeln!(
@@ -168,7 +169,7 @@ mod tests {
             let mut said = Vec::new();
             add_script(&file, ".", &mut said).expect("a script");
             assert_eq!(std::fs::read_to_string(&file).expect("it is there"), expected, "{text}");
-            // Once is enough.
+            // A second call adds nothing.
             add_script(&file, ".", &mut said).expect("a script");
             assert_eq!(std::fs::read_to_string(&file).expect("it is there"), expected, "{text}");
         }
@@ -181,7 +182,7 @@ mod tests {
             ("[]", "isn't npm's"),
             ("{ \"scripts\": 3 }", "isn't npm's"),
             ("{ \"scripts\": [] }", "isn't npm's"),
-            // The first braces behind the word aren't those of the scripts.
+            // The first braces after the word aren't those of the scripts.
             (
                 "{ \"files\": [\"scripts\"], \"config\": { \"a\": 1 }, \"scripts\": { \"a\": \"b\" } }",
                 "add to the scripts of",

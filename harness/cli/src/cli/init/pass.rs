@@ -1,4 +1,4 @@
-//! A first `[[compute]]` for a compute entry point: resources that follow from what is dispatched.
+//! A first `[[compute]]` for a compute entry point, with resources whose sizes follow from the dispatch.
 
 use karat::Package;
 use karat::unstable::package::FunctionItem;
@@ -6,13 +6,14 @@ use karat::unstable::reflect::{BindingKind, Dimension, Program, Stage, Texels, T
 use karat::unstable::value::{Scalar, Shape};
 use karat_inspect::Usual;
 
-/// Elements of arrays without a length, at least.
+/// The fewest elements of an array without a length.
 const LEAST: u32 = 64;
 
-/// Elements of an array with a length that a test spells out.
+/// The most elements of an array with a length that a test spells out.
 const SPELLED: u32 = 16;
 
-/// A test of a pass. None if a resource has no size that follows, or nothing is written.
+/// Returns a test of a pass, or `None` if a resource's size doesn't follow from the dispatch, or the pass writes no
+/// resource.
 pub(super) fn declaration(package: &Package, item: &FunctionItem) -> Option<String> {
     let (module, name) = item.name.rsplit_once("::").unwrap_or(("", &item.name));
     let program = Program::of_items(package, module, &[name]).ok()?;
@@ -58,9 +59,9 @@ pub(super) fn declaration(package: &Package, item: &FunctionItem) -> Option<Stri
         let grows = program.buffer_of(binding, elements as usize + 1)? != shape;
         let value = match &shape {
             Shape::Array { element, .. } if grows => array(element, Some(elements)),
-            // A structure that ends in an array has no value that a person writes.
+            // A structure that ends in an array is too large to write down.
             _ if grows => return None,
-            // Too long to be spelt out.
+            // The array is too long to spell out.
             Shape::Array { element, length } if *length > SPELLED => array(element, None),
             _ => value(&shape, binding.name(), numbers)?,
         };
@@ -79,7 +80,7 @@ pub(super) fn declaration(package: &Package, item: &FunctionItem) -> Option<Stri
     ))
 }
 
-/// A texture as large as what is dispatched, of which each texel is drawn.
+/// Returns a texture of the dispatch's size, with sampled texels.
 fn drawn(kind: TextureKind, [width, height]: [u32; 2]) -> Option<String> {
     if kind.multisampled {
         return None;
@@ -98,7 +99,7 @@ fn drawn(kind: TextureKind, [width, height]: [u32; 2]) -> Option<String> {
     Some(format!("{{ size = {size}, range = \"{range}\" }}"))
 }
 
-/// An array, with its size if the shader doesn't say its length.
+/// Returns an array, with a size if the shader doesn't set its length.
 fn array(element: &Shape, size: Option<u32>) -> String {
     let size = size.map(|size| format!("size = {size}"));
     let range = range(element).map(|range| format!("range = \"{range}\""));
@@ -108,7 +109,7 @@ fn array(element: &Shape, size: Option<u32>) -> String {
     }
 }
 
-/// The range of elements that are numbers or vectors.
+/// Returns the range of elements that are numbers or vectors.
 fn range(element: &Shape) -> Option<&'static str> {
     let is_number = matches!(element, Shape::Scalar(_) | Shape::Vector { .. });
     is_number.then(|| match element.lanes().first() {
@@ -117,7 +118,8 @@ fn range(element: &Shape) -> Option<&'static str> {
     })
 }
 
-/// A value of which a whole number is what its name says, by what is dispatched, or else so large.
+/// Returns a value of a shape. The name of an integer chooses its value from the dispatch; other integers get the
+/// usual one.
 fn value(shape: &Shape, name: &str, (usual, count): (&Usual, u32)) -> Option<String> {
     let number = |lane, lanes| {
         let own = usual.number(name, lane, lanes);

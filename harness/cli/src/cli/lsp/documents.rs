@@ -1,4 +1,4 @@
-//! The files that are open in the editor, whose text may not be saved yet.
+//! The open files of the editor, whose text may be unsaved.
 
 use std::cell::RefCell;
 use std::collections::{BTreeMap, HashMap};
@@ -11,15 +11,15 @@ use lsp_types::Uri;
 
 use super::place;
 
-/// A file that is open.
+/// An open file.
 pub(super) struct Document {
-    /// As the editor writes it.
+    /// The URI as the editor writes it.
     pub(super) uri: Uri,
     pub(super) version: i32,
     pub(super) text: String,
 }
 
-/// By their files.
+/// The open documents, by their files.
 #[derive(Default)]
 pub(super) struct Documents(BTreeMap<PathBuf, Document>);
 
@@ -42,7 +42,7 @@ impl Documents {
         self.0.get(file)
     }
 
-    /// The text that the author sees; empty if there is none.
+    /// Returns the text that the author sees, or an empty text if there is none.
     pub(super) fn text(&self, file: &Path) -> String {
         match self.0.get(file) {
             Some(document) => document.text.clone(),
@@ -52,7 +52,7 @@ impl Documents {
         }
     }
 
-    /// A package with what isn't saved. Its programs stay as they are if there is nothing.
+    /// Returns a package with the unsaved texts. Without unsaved texts it keeps its cached programs.
     pub(super) fn applied(&self, package: &Package) -> Package {
         let mut package = package.clone();
         for (file, document) in self.unsaved() {
@@ -61,7 +61,7 @@ impl Documents {
         package
     }
 
-    /// Whether a file below a folder isn't saved.
+    /// Returns `true` if a file below a folder has unsaved text.
     pub(super) fn is_unsaved_below(&self, folder: &Path) -> bool {
         self.unsaved().any(|(file, _)| file.starts_with(folder))
     }
@@ -74,7 +74,7 @@ impl Documents {
     }
 }
 
-/// Files as they are now, each read once.
+/// The present state of files, each read once.
 pub(super) struct Now<'d> {
     documents: &'d Documents,
     known: RefCell<HashMap<PathBuf, FileRead>>,
@@ -85,13 +85,13 @@ impl<'d> Now<'d> {
         Self { documents, known: RefCell::default() }
     }
 
-    /// Whether a verdict is about what the author sees: each file that it depends on is as it was. What
-    /// a reference in Rust says isn't known before it is built.
+    /// Returns `true` if a verdict is about the text that the author sees, because no file that it depends on has
+    /// changed. A change of a Rust reference counts only once it is built.
     pub(super) fn is_current(&self, record: &Record, declared: Option<&Path>) -> bool {
         if record.overlay.is_some() || record.read.is_empty() {
             return false;
         }
-        // What a test declares isn't among the files that it read.
+        // The file that declares a test isn't among the files that the test read.
         let saved = declared.and_then(|file| file.metadata().ok()?.modified().ok());
         let redeclared = saved.is_some_and(|saved| began_before(record.time.as_ref(), saved));
         !redeclared && record.read.iter().all(|read| self.hash(&read.file) == read.hash)
@@ -107,8 +107,8 @@ impl<'d> Now<'d> {
     }
 }
 
-/// Whether a verdict was made before a file was saved, or nobody can tell. A record has milliseconds: what was saved
-/// within that of its beginning was there.
+/// Returns `true` if a verdict began before a file was saved, or if its time is unknown. Records have milliseconds: a
+/// file saved within the first millisecond counts as read.
 fn began_before(time: Option<&Time>, saved: SystemTime) -> bool {
     let started = time.and_then(|time| humantime::parse_rfc3339(&time.started).ok());
     started.is_none_or(|started| saved >= started + Duration::from_millis(1))
@@ -118,7 +118,7 @@ fn began_before(time: Option<&Time>, saved: SystemTime) -> bool {
 mod tests {
     use super::*;
 
-    /// A test that is asked for 0.3 ms after its file was saved has its verdict of that file.
+    /// A test that starts 0.3 ms after its file was saved has read that file.
     #[test]
     fn a_verdict_of_the_same_millisecond_is_of_the_saved_file() {
         let time = |started: &str| Time { started: started.to_owned(), seconds: 0.0 };

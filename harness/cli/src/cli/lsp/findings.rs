@@ -1,4 +1,4 @@
-//! What is wrong, as diagnostics of files.
+//! Errors and failures, as diagnostics of files.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -29,7 +29,7 @@ fn error(range: Range, message: String) -> Diagnostic {
     }
 }
 
-/// What isn't valid. What has no place in a file is returned, to be told otherwise.
+/// Adds the errors of invalid modules. Returns errors without a place in a file, for the log.
 pub(super) fn of_invalid(invalid: &Invalid, findings: &mut Findings) -> Vec<String> {
     let Invalid::Modules { errors, .. } = invalid else { return vec![invalid.to_string()] };
     let mut placeless = Vec::new();
@@ -44,7 +44,7 @@ pub(super) fn of_invalid(invalid: &Invalid, findings: &mut Findings) -> Vec<Stri
     placeless
 }
 
-/// An opinion's remarks, as warnings. Those that `karat.toml` makes errors are errors already.
+/// Adds an opinion's remarks as warnings. Remarks that `karat.toml` makes errors are already there as errors.
 pub(super) fn of_opinion(opinion: &Opinion, findings: &mut Findings) {
     for (file, mut diagnostic) in opinion.remarks().into_iter().filter_map(placed) {
         let own = findings.get(&file).map_or(&[][..], Vec::as_slice);
@@ -55,7 +55,7 @@ pub(super) fn of_opinion(opinion: &Opinion, findings: &mut Findings) {
     }
 }
 
-/// Adds a finding once: a module that others import is at fault in each of them.
+/// Adds a finding once: an error in an imported module appears in each module that imports it.
 fn insert(file: PathBuf, diagnostic: Diagnostic, findings: &mut Findings) {
     let own = findings.entry(file).or_default();
     if !own.contains(&diagnostic) {
@@ -83,14 +83,14 @@ fn placed(found: &karats::Diagnostic) -> Option<(PathBuf, Diagnostic)> {
     Some((file, diagnostic))
 }
 
-/// The file of a span; `None` if its text is in memory.
+/// Returns the file of a span, or `None` if its text is in memory.
 pub(super) fn file_of(span: &karats::Span) -> Option<PathBuf> {
     let name = &span.file.name;
     (!name.starts_with('<')).then(|| place::resolved(Path::new(name)))
 }
 
-/// What fails of some records, which are about the files as they are. `last` are those of the last run,
-/// whose failures have names.
+/// Adds the failures in records about the present files. `last` are the records of the last run, whose failures have
+/// names for `karat replay`.
 pub(super) fn of_records(
     records: &[Record],
     last: &[Record],
@@ -112,7 +112,7 @@ pub(super) fn of_records(
     }
 }
 
-/// Adds a finding, unless it has no place: then a lens or the log says it.
+/// Adds a finding that has a place. A lens or the log shows other findings.
 pub(super) fn add(
     finding: Finding,
     name: Option<String>,

@@ -1,4 +1,4 @@
-//! A line beside each function: what is known of it, and a way to run its tests.
+//! The lenses beside each function: its verdict, and a command that runs its tests.
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
@@ -20,15 +20,15 @@ use super::root::Verdicts;
 /// The command of lenses that run tests: the URI of a file, and the name of a function in it.
 pub(super) const RUN: &str = "karat.run";
 
-/// Whoever has a lens: a function, or a test in WGSL.
+/// The functions and WGSL tests that have lenses.
 pub(super) struct Subjects {
     package: String,
     tests: Tests,
-    /// Names, and where they stand.
+    /// The names with their places.
     pub(super) all: Vec<(String, Span)>,
 }
 
-/// The tests of the shaders, by the functions that they are about, call or are.
+/// The tests of the shaders, by the functions that they check, call or are.
 #[derive(Default)]
 struct Tests(BTreeMap<String, BTreeSet<String>>);
 
@@ -36,7 +36,7 @@ impl Tests {
     fn of(tests: &[Test]) -> Self {
         let mut by_function: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
         for test in tests {
-            // A declared test is called `brdf::schlick is symmetric`.
+            // A declared test has a name such as `brdf::schlick is symmetric`.
             let spaces = test.name.match_indices(' ').map(|(space, _)| &test.name[..space]);
             for function in spaces.chain([&*test.name]).chain(test.calls()) {
                 let own = by_function.entry(function.to_owned()).or_default();
@@ -52,7 +52,7 @@ impl Tests {
     }
 }
 
-/// Records of functions of a package, by the function and by the test.
+/// The records of a package's functions, by function and by test.
 struct Records<'r> {
     all: Vec<&'r Record>,
     by_function: BTreeMap<&'r str, Vec<usize>>,
@@ -78,7 +78,7 @@ impl<'r> Records<'r> {
         found
     }
 
-    /// Those that are about a function, or about one of the tests that call it, in their order.
+    /// Returns the records about a function or about a test that calls it, in order.
     fn about(&self, function: &str, tests: &BTreeSet<String>) -> Vec<&'r Record> {
         let of_tests = tests.iter().filter_map(|test| self.by_test.get(&**test));
         let of_function = self.by_function.get(function);
@@ -87,17 +87,17 @@ impl<'r> Records<'r> {
     }
 }
 
-/// What else is known of the package.
+/// The state of the package besides its records.
 pub(super) struct Known<'k> {
     pub(super) verdicts: &'k Verdicts,
-    /// Whether tests run.
+    /// `true` while tests run.
     pub(super) busy: bool,
-    /// Whether a run had all tests.
+    /// `true` if a run had all tests.
     pub(super) whole: bool,
 }
 
 impl Subjects {
-    /// The functions of a module, and the tests in its file. None if it can't be read.
+    /// Returns the functions of a module, and the tests in its file, or none if it can't be read.
     pub(super) fn of(package: &Package, module: &str, file: &Path) -> Self {
         let functions = package.functions_in(module).unwrap_or_default();
         let functions = functions.into_iter().filter(|item| item.entry_point.is_none());
@@ -112,7 +112,7 @@ impl Subjects {
         Self { package, tests, all }
     }
 
-    /// The names of all tests of a function.
+    /// Returns the names of all tests of a function.
     pub(super) fn names(&self, function: &str, verdicts: &Verdicts) -> BTreeSet<String> {
         let tests = self.tests.about(function);
         let records = [&verdicts.current, &verdicts.stale];
@@ -122,7 +122,7 @@ impl Subjects {
         names.chain(tests.iter().cloned()).collect()
     }
 
-    /// Two lenses for each: what is known, and one that runs its tests if there are some.
+    /// Returns two lenses for each function: its verdict, and a command that runs its tests, if it has some.
     pub(super) fn lenses(&self, uri: &Uri, known: &Known<'_>) -> Vec<CodeLens> {
         let mut lenses = Vec::new();
         let current = Records::of(&self.package, &known.verdicts.current);
@@ -143,7 +143,7 @@ impl Subjects {
             let current = current.about(name, tests);
             let is_stale = !stale.about(name, tests).is_empty();
             let untested = current.is_empty() && !is_stale && tests.is_empty();
-            // An empty command is text.
+            // A lens with an empty command is text.
             lens(format!("karat: {}", title(&current, is_stale, !untested, known)), "");
             if !untested {
                 lens("run".to_owned(), RUN);
@@ -181,9 +181,9 @@ fn title(current: &[&Record], is_stale: bool, is_tested: bool, known: &Known<'_>
     format!("{verdict}{issues}{}, {cases}", worst(paths()).unwrap_or_default())
 }
 
-/// The worst error, what was asserted of it, and its path; `None` where nothing is measured.
+/// Returns the worst error, its assertion and its path, or `None` if no error was measured.
 fn worst<'p>(paths: impl Iterator<Item = &'p PathRecord>) -> Option<String> {
-    // Without a ratio a path that fails is infinitely far off.
+    // A failing path without a ratio counts as infinite.
     let ratio = |path: &PathRecord| match path.ratio {
         None if path.failures > 0 => f64::INFINITY,
         ratio => ratio.unwrap_or_default(),

@@ -1,4 +1,4 @@
-//! Tests without Rust that run after each save, in processes that stay, as under `karat watch`.
+//! Runs the tests without Rust after each save, in long-lived processes, as `karat watch` does.
 
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::Sender;
@@ -16,21 +16,21 @@ use super::place::resolved;
 pub(super) struct Lane {
     pub(super) package: PathBuf,
     pub(super) resident: Resident,
-    /// When it was last asked.
+    /// The time of the last request.
     asked: SystemTime,
-    /// Whether all tests have had a verdict.
+    /// `true` once all tests have a verdict.
     pub(super) done: bool,
     /// Files and functions that can't be read as tests.
     pub(super) broken: Vec<Wrong>,
     pub(super) verdicts: Vec<Record>,
 }
 
-/// What a process said that concerns others.
+/// A message of a process for the rest of the server.
 pub(super) enum Told {
     Nothing,
-    /// Verdicts are new.
+    /// There are new verdicts.
     Verdicts,
-    /// It ended, with its last words.
+    /// The process ended, with this error text.
     Ended(String),
 }
 
@@ -51,8 +51,7 @@ impl Live {
         self.lanes.iter()
     }
 
-    /// Runs what an edit in a package concerns. A package whose first test was written has processes
-    /// from now on.
+    /// Runs the tests that an edit in a package affects. Starts processes for a package that has its first test.
     pub(super) fn ask(&mut self, package: &karat::Package) -> anyhow::Result<()> {
         let folder = resolved(&package.root());
         if !self.lanes.iter().any(|lane| lane.package == folder) {
@@ -84,7 +83,7 @@ impl Live {
     pub(super) fn hear(&mut self, index: usize, said: Said) -> anyhow::Result<Told> {
         let Some(lane) = self.lanes.get_mut(index) else { return Ok(Told::Nothing) };
         let told = lane.hear(said);
-        // A request that waited goes on whatever was heard.
+        // A waiting request is sent after any message.
         if lane.resident.waited().is_some() {
             lane.ask(index, &self.sender)?;
         }
@@ -109,18 +108,18 @@ impl Lane {
             Said::Done { tests, broken, .. } => {
                 self.verdicts.retain(|record| tests.contains(&record.test));
                 (self.broken, self.done) = (broken, true);
-                // It stays busy until its records are there.
+                // The process stays busy until its records are written.
                 self.resident.busy = self.resident.ask_for_records();
                 Told::Verdicts
             }
             Said::Reported { error } => {
                 self.resident.busy = false;
-                // The verdicts that it has are the last ones that could be written.
+                // The lane keeps the last verdicts that could be written.
                 if let Some(error) = error {
                     bail!("verdicts can't be reported: {error}");
                 }
                 self.verdicts = read(&self.resident.report());
-                // A test that nothing concerned since has its verdict from this time, too.
+                // Tests that the edit didn't affect also count as judged at this time.
                 let asked = humantime::format_rfc3339_millis(self.asked).to_string();
                 for time in self.verdicts.iter_mut().filter_map(|record| record.time.as_mut()) {
                     time.started = asked.clone().max(std::mem::take(&mut time.started));
@@ -129,19 +128,19 @@ impl Lane {
             }
             Said::Ended { why } => {
                 self.done = false;
-                // What it knew is still true of the files that it saw.
+                // Its verdicts are still true for the files that it read.
                 Told::Ended(why)
             }
         })
     }
 
-    /// Whether a test is one of these.
+    /// Returns `true` if a test is in this lane.
     pub(super) fn has(&self, test: &str) -> bool {
         self.resident.tests.contains(test)
     }
 }
 
-/// The records of a file. A line that is none was written by a process that was ended.
+/// Reads the records in a file. An invalid line is from a process that was ended while it wrote.
 fn read(file: &Path) -> Vec<Record> {
     let text = std::fs::read_to_string(file).unwrap_or_default();
     text.lines().filter_map(|line| serde_json::from_str(line).ok()).collect()

@@ -1,4 +1,4 @@
-//! Places as the protocol has them: URIs, and columns that count units of UTF-16.
+//! Places in the protocol's form: URIs, and columns in UTF-16 units.
 
 use std::ops::Range as Bytes;
 use std::path::{Path, PathBuf};
@@ -7,10 +7,10 @@ use std::str::FromStr;
 use karat::unstable::diagnostic::Span;
 use lsp_types::{Position, Range, Uri};
 
-/// The file of a URI, if it is one, with its links resolved where it is there.
+/// Returns the file of a `file` URI. Links are resolved if the file exists.
 pub(super) fn file(uri: &str) -> Option<PathBuf> {
     let rest = uri.strip_prefix("file://")?;
-    // A host stands before the path; only this machine's files can be read.
+    // The URI may have a host before the path. Only this machine's files can be read.
     let path = rest.strip_prefix("localhost").unwrap_or(rest);
     let path = decoded(path.split(['?', '#']).next()?)?;
     let path = match path.as_bytes() {
@@ -22,7 +22,7 @@ pub(super) fn file(uri: &str) -> Option<PathBuf> {
     Some(resolved(Path::new(path)))
 }
 
-/// A file as everything here knows it. One that isn't there has no links.
+/// Returns a file's path with its links resolved, or the path itself if the file doesn't exist.
 pub(super) fn resolved(path: &Path) -> PathBuf {
     let whole = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
     whole.canonicalize().unwrap_or(whole)
@@ -41,11 +41,11 @@ fn decoded(text: &str) -> Option<String> {
         bytes.push(u8::from_str_radix(digits, 16).ok()?);
         rest = &after[2..];
     }
-    // A null ends names in systems' calls.
+    // A null character would end the name in system calls.
     String::from_utf8(bytes).ok().filter(|text| !text.contains('\0'))
 }
 
-/// The URI of a file. `None` if its name isn't text.
+/// Returns the URI of a file, or `None` if its name isn't valid Unicode.
 pub(super) fn uri(file: &Path) -> Option<Uri> {
     let path = file.to_str()?.replace('\\', if cfg!(windows) { "/" } else { "\\" });
     let mut text = "file://".to_owned();
@@ -63,20 +63,20 @@ pub(super) fn uri(file: &Path) -> Option<Uri> {
     Uri::from_str(&text).ok()
 }
 
-/// The place of a span in its author's text.
+/// Returns the place of a span in its author's text.
 pub(super) fn of(span: &Span) -> Range {
     let (text, bytes) = span.written();
     Lines::of(&text).range(&bytes)
 }
 
-/// A text in which places are found without reading all that stands before them.
+/// A text with an index of places, so that finding a place doesn't read the whole text before it.
 pub(super) struct Lines<'t> {
     text: &'t str,
-    /// Some offsets with their places, a few characters apart.
+    /// Offsets with their places, some characters apart.
     marks: Vec<(usize, Position)>,
 }
 
-/// Bytes between two marks, and the bytes of one character more at most.
+/// The bytes between two marks; the last character may exceed it.
 const STEP: usize = 64;
 
 impl<'t> Lines<'t> {
@@ -92,7 +92,7 @@ impl<'t> Lines<'t> {
         Self { text, marks }
     }
 
-    /// The place of bytes; behind the text's end it is that end.
+    /// Returns the place of a range of bytes. A range behind the text's end is at that end.
     pub(super) fn range(&self, bytes: &Bytes<usize>) -> Range {
         let place = |offset: usize| {
             let (mut at, read) = self.before(offset);
@@ -102,7 +102,7 @@ impl<'t> Lines<'t> {
         Range { start: place(bytes.start), end: place(bytes.end.max(bytes.start)) }
     }
 
-    /// The last mark before an offset, and the text between them.
+    /// Returns the last mark before an offset, and the text between them.
     fn before(&self, offset: usize) -> (Position, &'t str) {
         let offset = self.text.floor_char_boundary(offset);
         let behind = self.marks.partition_point(|(mark, _)| *mark <= offset);
@@ -111,7 +111,7 @@ impl<'t> Lines<'t> {
     }
 }
 
-/// Goes on behind a character.
+/// Moves a position behind a character.
 fn advance(at: &mut Position, c: char) {
     if c == '\n' {
         *at = Position { line: at.line.saturating_add(1), character: 0 };
@@ -120,8 +120,8 @@ fn advance(at: &mut Position, c: char) {
     }
 }
 
-/// The rest of a line, from a column that counts characters; both count from 1. A line that the text
-/// doesn't have is its own, empty.
+/// Returns the range from a column to the end of its line. Line and column count from 1, the column in characters. A
+/// missing line has an empty range.
 pub(super) fn rest_of_line(text: &str, line: u32, column: u32) -> Range {
     let index = line.saturating_sub(1);
     let whole = text.lines().nth(index as usize).unwrap_or_default().trim_end();
@@ -175,7 +175,7 @@ mod tests {
         assert_eq!((none.start.line, none.start.character, none.end.character), (8, 0, 0));
     }
 
-    /// However much stands before a place, as little of it is read.
+    /// The time to find a place doesn't depend on the length of the text before it.
     #[test]
     fn places_of_a_long_text_take_as_little_as_those_of_a_short_one() {
         let many = 20_000;

@@ -1,4 +1,4 @@
-//! A project that the editor has opened: its packages, and what its last runs found.
+//! A project in the editor: its packages, and the results of its last runs.
 
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
@@ -17,27 +17,27 @@ use super::place::resolved;
 pub(super) struct Root {
     pub(super) project: Project,
     pub(super) packages: Vec<Package>,
-    /// Those of them that only tests know.
+    /// The packages without a declaration, which only tests use.
     unstated: Vec<PathBuf>,
-    /// The packages as tests used them: with features and dependencies that no folder says.
+    /// The packages as tests used them, with the tests' features and dependencies.
     uses: Vec<Package>,
-    /// What runs found, of each test the latest.
+    /// The latest records of each test.
     records: Vec<Record>,
-    /// Those of the last run, whose failures `karat replay` knows.
+    /// The records of the last run, whose failures `karat replay` finds.
     pub(super) last: Vec<Record>,
-    /// Whether one of the runs had all tests, so that what isn't recorded isn't tested.
+    /// `true` if one of the runs had all tests, so that a function without a record has no test.
     whole: bool,
     stamp: Option<Stamp>,
 }
 
-/// Which run ended last, and when.
+/// The run that ended last, and its time.
 type Stamp = (String, Option<SystemTime>);
 
-/// What the records say of the files as they are.
+/// The verdicts of the records for the present files.
 #[derive(Default)]
 pub(super) struct Verdicts {
     pub(super) current: Vec<Record>,
-    /// Of files that changed since: nobody knows.
+    /// Records of files that have changed since.
     pub(super) stale: Vec<Record>,
 }
 
@@ -50,11 +50,11 @@ impl Root {
         Ok(root)
     }
 
-    /// Finds the packages again, as every command does.
+    /// Searches for the packages again, as every command does.
     pub(super) fn find_packages(&mut self) -> anyhow::Result<()> {
         let used = self.project.used_by(&self.records, &[]);
         let mut found = self.project.search_with(&PackageArgs::default(), &used)?;
-        // One without a module is none, and what else is wrong with it is told when it is validated.
+        // A folder without a module isn't a package. Validation reports other errors.
         found.retain(|one| one.package.modules().is_ok());
         let unstated = found.iter().filter(|one| !one.stated);
         self.unstated = unstated.map(|one| one.package.root()).collect();
@@ -62,17 +62,17 @@ impl Root {
         Ok(())
     }
 
-    /// Whether all tests are known. Without Cargo all of them are in the shaders.
+    /// Returns `true` if all tests are known. Without Cargo all tests are beside the shaders.
     pub(super) fn knows_all(&self) -> bool {
         self.whole || !self.project.is_cargo()
     }
 
-    /// The package that has a file, with the module's name in it.
+    /// Returns the package that has a file, with the module's name in it.
     pub(super) fn module_of(&self, file: &Path) -> Option<(&Package, String)> {
         self.packages.iter().find_map(|package| Some((package, module_in(package, file)?)))
     }
 
-    /// Reads the record if another run has ended. Whether there is anything new.
+    /// Reads the record if another run has ended. Returns `true` if there are new records.
     pub(super) fn read_record(&mut self) -> anyhow::Result<bool> {
         let folder = self.project.record();
         let name = std::fs::read_to_string(folder.join("last")).unwrap_or_default();
@@ -95,7 +95,7 @@ impl Root {
         };
         match run.is_some_and(|run| run.selected.is_empty()) {
             true => (self.records, self.whole) = (records.clone(), true),
-            // Some tests ran, and of the others the runs before it tell.
+            // Only some tests ran. Earlier runs have the records of the other tests.
             false => {
                 let has = |test: &str| records.iter().any(|record| record.test == test);
                 self.records.retain(|record| !has(&record.test));
@@ -108,7 +108,7 @@ impl Root {
         Ok(true)
     }
 
-    /// Errors of the modules, as they are in the editor, and the opinion on them.
+    /// Returns the errors of the modules in the editor, and the opinion of other compilers.
     pub(super) fn invalid(&self, documents: &Documents) -> (Vec<Invalid>, Opinion) {
         let uses: Vec<Package> = self.uses.iter().map(|used| documents.applied(used)).collect();
         let (mut all, mut opinion) = (Vec::new(), Opinion::default());
@@ -127,14 +127,14 @@ impl Root {
         (all, opinion)
     }
 
-    /// What the runs say of the files as they are.
+    /// Returns the verdicts of the runs for the present files.
     pub(super) fn verdicts(&self, now: &Now<'_>) -> Verdicts {
         self.sorted(self.records.iter().cloned(), now)
     }
 
-    /// Tells records of files as they are from others.
+    /// Separates the records of the present files from older ones.
     pub(super) fn sorted(&self, records: impl Iterator<Item = Record>, now: &Now<'_>) -> Verdicts {
-        // Tests write places as they see them from their folders.
+        // Tests write places relative to their own folders.
         let records = records.map(|mut record| {
             if let Subject::Function { location, package, .. } = &mut record.subject {
                 let root = self.project.root();
@@ -151,7 +151,7 @@ impl Root {
         Verdicts { current, stale }
     }
 
-    /// The file that declares tests of a record's function.
+    /// Returns the file that declares tests of a record's function.
     fn declared(&self, record: &Record) -> Option<PathBuf> {
         let Subject::Function { location, package, .. } = &record.subject else { return None };
         let root = self.project.root();
@@ -160,7 +160,7 @@ impl Root {
     }
 }
 
-/// The name of the module that a file of a package is.
+/// Returns the name of the module in a file of a package.
 pub(super) fn module_in(package: &Package, file: &Path) -> Option<String> {
     let root = resolved(&package.root());
     if root.is_file() {

@@ -1,4 +1,4 @@
-//! `karat.run`: the tests of a function, as `karat test` runs them.
+//! `karat.run`: runs the tests of a function with `karat test`.
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -12,21 +12,21 @@ use serde_json::json;
 use super::Event;
 use super::wire::Client;
 
-/// The one run at a time.
+/// The current run; there is at most one.
 #[derive(Default)]
 pub(super) struct Runs {
     running: Option<String>,
     count: u64,
 }
 
-/// What a run came to.
+/// The result of a run.
 pub(super) struct Ended {
     typ: MessageType,
     message: String,
 }
 
 impl Runs {
-    /// Starts `karat test` for some tests. `whole` is whether these are all that there can be.
+    /// Starts `karat test` for some tests. `whole` is `true` if no other tests can exist.
     pub(super) fn start(
         &mut self,
         function: &str,
@@ -90,10 +90,10 @@ fn run(function: &str, names: &BTreeSet<String>, folder: PathBuf) -> anyhow::Res
     for name in names {
         command.args(["--named", name]);
     }
-    // Standard input and output are the protocol's.
+    // Standard input and output belong to the protocol.
     let ran = command.stdin(Stdio::null()).output().context("can't run `karat test`")?;
     let (out, err) = (String::from_utf8_lossy(&ran.stdout), String::from_utf8_lossy(&ran.stderr));
-    // A run that has verdicts counts them in its last line; one that has none says why.
+    // The last line of a run counts its verdicts, or says why there are none.
     let count = out.lines().last().filter(|_| matches!(ran.status.code(), Some(0 | 1)));
     let why = || err.lines().find(|line| line.starts_with("error")).unwrap_or("it ended");
     let said = count.unwrap_or_else(why).to_owned();

@@ -1,4 +1,4 @@
-//! What the editor says, and what it is told.
+//! The session: the editor's messages and the server's answers.
 
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -27,7 +27,7 @@ use super::run::Runs;
 use super::wire::{Client, Heard, Refusal};
 use super::{Event, Said};
 
-/// How far the session is.
+/// The phase of the session.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
     New,
@@ -43,14 +43,13 @@ pub(super) struct Server {
     pub(super) live: Live,
     runs: Runs,
     sender: Sender<Event>,
-    /// Packages whose files are followed, whoever changes them. Where the system can't, saves in the
-    /// editor are what there is to know.
+    /// The watched packages. `None` if the system can't watch files: then only saves in the editor count.
     watched: BTreeMap<PathBuf, Option<Watching>>,
-    /// What isn't valid, as of the last edit.
+    /// The errors of modules after the last edit.
     pub(super) invalid: Findings,
-    /// What the editor shows.
+    /// The diagnostics that the editor shows.
     pub(super) published: Findings,
-    /// Whether modules, or verdicts, may be others than those that are shown.
+    /// `true` if modules or verdicts may have changed since they were shown.
     pub(super) edited: bool,
     pub(super) judged: bool,
 }
@@ -80,17 +79,17 @@ impl Server {
         })
     }
 
-    /// Whether nobody reads any more.
+    /// Returns `true` if the editor no longer reads.
     pub(super) fn is_gone(&self) -> bool {
         self.client.gone
     }
 
-    /// Whether what is shown may be out of date.
+    /// Returns `true` if the shown diagnostics may be out of date.
     pub(super) fn is_unsettled(&self) -> bool {
         self.edited || self.judged
     }
 
-    /// Takes what happens. If the session ends with it, whether it was asked to.
+    /// Handles an event. If the session ends, returns `true` if the editor had asked the server to shut down.
     pub(super) fn take(&mut self, event: Event) -> Option<bool> {
         match event {
             Event::Heard(Heard::End) => return Some(false),
@@ -98,7 +97,7 @@ impl Server {
                 return Some(self.phase == Phase::Shut);
             }
             Event::Heard(Heard::Request { id, method, parameters }) => {
-                // What can't be foreseen ends one request, and no session.
+                // A panic ends one request, and not the session.
                 let answered = catch_unwind(AssertUnwindSafe(|| self.answer(&method, parameters)));
                 let broken = || Refused(Refusal::Internal, format!("`{method}` failed"));
                 match answered.unwrap_or_else(|_| Err(broken())) {
@@ -199,8 +198,8 @@ impl Server {
         serde_json::to_value(result).unwrap_or_default()
     }
 
-    /// Opens what commands look at in a folder, and the folder that was tested last. Where that lies within the other its
-    /// modules are a package of its own.
+    /// Opens the project of a folder, and the folder that was tested last. If that one is inside of the other, its
+    /// modules are a package of their own.
     fn open_root(&mut self, folder: &Path) {
         let (own, last) = (Project::at(folder), Project::last_tested_at(folder));
         let is_within = match (&own, &last) {
@@ -226,7 +225,7 @@ impl Server {
         }
     }
 
-    /// Takes a notification. Those that it doesn't know change nothing.
+    /// Handles a notification. Unknown notifications have no effect.
     fn note(&mut self, method: &str, parameters: Value) {
         match method {
             "textDocument/didOpen" => {
@@ -242,7 +241,7 @@ impl Server {
             "textDocument/didChange" => {
                 let Ok(change) = read::<DidChangeTextDocumentParams>(parameters) else { return };
                 let Some(file) = place::file(change.text_document.uri.as_str()) else { return };
-                // All changes are of the whole text.
+                // Each change has the whole text.
                 if let Some(last) = change.content_changes.into_iter().next_back() {
                     self.documents.change(&file, change.text_document.version, last.text);
                     self.edited = true;
@@ -263,7 +262,7 @@ impl Server {
         }
     }
 
-    /// A file of a Cargo project below the folder that is open has that project's packages.
+    /// Opens the Cargo project of a file, if it is below the open folder.
     fn find_root(&mut self, file: &Path) {
         if self.roots.iter().any(|root| root.module_of(file).is_some()) {
             return;
@@ -272,7 +271,7 @@ impl Server {
         match Project::around(folder) {
             Ok(project) if project.is_cargo() => self.open_root(folder),
             _ => {
-                // It may be the first module of a folder that is open.
+                // The file may be the first module of an open folder.
                 self.find_packages();
             }
         }
@@ -295,7 +294,7 @@ impl Server {
         }
     }
 
-    /// Files of some packages changed: the tests that it concerns run.
+    /// Runs the tests that a change of files in some packages affects.
     fn changed(&mut self, is_concerned: impl Fn(&Path) -> bool) {
         self.find_packages();
         for package in self.roots.iter().flat_map(|root| &root.packages) {
@@ -323,7 +322,7 @@ impl Server {
         }
     }
 
-    /// Looks whether runs have ended since.
+    /// Checks for runs that have ended since.
     pub(super) fn look(&mut self) {
         for root in &mut self.roots {
             match root.read_record() {

@@ -1,4 +1,4 @@
-//! What is shown: what isn't valid, and what fails of the text that the author sees.
+//! The shown diagnostics: invalid modules, and failures about the text that the author sees.
 
 use std::collections::BTreeSet;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -19,10 +19,10 @@ use super::root::{Root, Verdicts};
 use super::server::Server;
 
 impl Server {
-    /// Shows what is wrong now.
+    /// Shows the present errors and failures.
     pub(super) fn settle(&mut self) {
         if std::mem::take(&mut self.edited) {
-            // A compiler that panics over half a program has no verdict.
+            // A compiler that panics on an incomplete program has no verdict.
             let found = catch_unwind(AssertUnwindSafe(|| self.find_invalid()));
             self.invalid = found.unwrap_or_else(|_| {
                 self.client.tell_once("a module couldn't be looked at");
@@ -62,7 +62,7 @@ impl Server {
         let Verdicts { current, .. } = self.verdicts(root, &now);
         findings::of_records(&current, last, folder, &self.documents, found);
         for lane in self.live.lanes().filter(|lane| self.is_of(root, &lane.package)) {
-            // What has no record has no list of files: it is about what is saved.
+            // A failure without a record has no list of files. It is about the saved files.
             if self.documents.is_unsaved_below(&lane.package) || lane.resident.busy {
                 continue;
             }
@@ -74,7 +74,7 @@ impl Server {
             };
             let failing = lane.resident.failing.iter().filter(|(test, _)| !shown(test));
             for wrong in failing.map(|(_, wrong)| wrong).chain(&lane.broken) {
-                // A module that isn't valid has been told, as it is in the editor.
+                // The errors of an invalid module are already shown, for the text in the editor.
                 if let Some(place) = wrong.place.as_deref().and_then(Place::of)
                     && !self.invalid.contains_key(&resolved(Path::new(&place.file)))
                 {
@@ -91,12 +91,12 @@ impl Server {
         root.packages.iter().any(|known| resolved(&known.root()) == package)
     }
 
-    /// What the last runs and the processes that stay know, as one.
+    /// Returns the verdicts of the last runs and of the long-lived processes together.
     pub(super) fn verdicts(&self, root: &Root, now: &Now<'_>) -> Verdicts {
         let lanes: Vec<_> = self.live.lanes().filter(|l| self.is_of(root, &l.package)).collect();
         let live = root.sorted(lanes.iter().flat_map(|lane| lane.verdicts.iter().cloned()), now);
         let mut all = root.verdicts(now);
-        // A path of a test that stays has its verdict there.
+        // If a long-lived process runs a test on a path, its verdict replaces the recorded one.
         for lane in lanes.iter().filter(|lane| lane.done) {
             all.current
                 .retain_mut(|record| !lane.has(&record.test) || leave(record, &lane.resident.path));
@@ -126,7 +126,7 @@ impl Server {
     }
 }
 
-/// Takes a path out of a record. Whether there is another one.
+/// Removes a path from a record. Returns `true` if the record has other paths.
 fn leave(record: &mut Record, path: &str) -> bool {
     record.paths.retain(|own| own.adapter.path != path);
     let fails = record.paths.iter().any(|own| own.failures > 0 && own.known_issue.is_none());

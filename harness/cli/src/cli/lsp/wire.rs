@@ -1,5 +1,4 @@
-//! Messages of JSON-RPC over pipes. What isn't one is told, and the next one is read all the same: an
-//! editor's fault ends no session.
+//! Messages of JSON-RPC over pipes. An invalid message is reported, and the session goes on with the next one.
 
 use std::collections::BTreeSet;
 use std::io::{BufRead, Read, Write};
@@ -9,10 +8,10 @@ use lsp_types::{LogMessageParams, MessageType, ShowMessageParams};
 use serde::Serialize;
 use serde_json::{Value, json};
 
-/// Far more than an editor sends: a file that is opened comes whole.
+/// The most bytes of a message, far more than an editor sends. An opened file is one message.
 const LONGEST: u64 = 64 << 20;
 
-/// Why a request has no result, as the protocol numbers it.
+/// The reason why a request has no result, with the protocol's number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Refusal {
     Unparsed = -32700,
@@ -23,7 +22,7 @@ pub(super) enum Refusal {
     NotInitialized = -32002,
 }
 
-/// What is heard of the editor.
+/// A message from the editor.
 #[derive(Debug, PartialEq)]
 pub(super) enum Heard {
     Request {
@@ -35,26 +34,26 @@ pub(super) enum Heard {
         method: String,
         parameters: Value,
     },
-    /// An answer to a request of ours. None of them changes anything.
+    /// An answer to a request of the server, which is ignored.
     Answer,
-    /// What is no message, and why.
+    /// An invalid message, with the reason.
     Garbage(Refusal, String),
-    /// Nobody speaks any more.
+    /// The end of the input.
     End,
 }
 
-/// Reads the next message, whatever stands before it.
+/// Reads the next message, and skips other text before it.
 pub(super) fn hear(from: &mut dyn BufRead) -> Heard {
     let mut length = None;
     loop {
         let mut line = Vec::new();
-        // A line that doesn't end is no head.
+        // A line without an end isn't a head.
         match from.take(1 << 20).read_until(b'\n', &mut line) {
             Ok(0) | Err(_) => return Heard::End,
             Ok(_) => {}
         }
         let line = String::from_utf8_lossy(&line).to_ascii_lowercase();
-        // Behind a body that was shorter than its length a head stands in the middle of a line.
+        // After a body that was shorter than its length, the next head is in the middle of a line.
         if let Some((_, value)) = line.rsplit_once("content-length:") {
             length = value.trim().parse::<u64>().ok().filter(|length| *length <= LONGEST);
             if length.is_none() {
@@ -90,15 +89,15 @@ fn parsed(body: &[u8]) -> Heard {
     }
 }
 
-/// The editor, as somebody to speak to.
+/// The sending side of the connection to the editor.
 pub(super) struct Client {
     out: Box<dyn Write + Send>,
-    /// Whether nobody reads any more.
+    /// `true` once the editor no longer reads.
     pub(super) gone: bool,
-    /// What it was told that it needs to hear once.
+    /// The messages that were sent, for those that are sent only once.
     said: BTreeSet<String>,
     requests: u64,
-    /// What it says that it can do.
+    /// The ability to show progress, as the editor declares it.
     pub(super) can_show_progress: bool,
     pub(super) can_refresh_lenses: bool,
 }
@@ -133,12 +132,12 @@ impl Client {
         self.write(&json!({ "jsonrpc": "2.0", "method": N::METHOD, "params": parameters }));
     }
 
-    /// [`notify`](Self::notify) with parameters of no type: progress may have any token.
+    /// [`notify`](Self::notify) with untyped parameters, as progress may have any token.
     pub(super) fn notify_value(&mut self, method: &str, parameters: &Value) {
         self.write(&json!({ "jsonrpc": "2.0", "method": method, "params": parameters }));
     }
 
-    /// Asks for something, whatever the answer.
+    /// Sends a request, and ignores its answer.
     pub(super) fn ask(&mut self, method: &str, parameters: &Value) {
         self.requests += 1;
         let id = format!("karat/{}", self.requests);
@@ -150,7 +149,7 @@ impl Client {
         self.notify::<ShowMessage>(&ShowMessageParams { typ, message: message.into() });
     }
 
-    /// What is the matter with a project, the first time that it is.
+    /// Reports a problem with a project, once.
     pub(super) fn tell_once(&mut self, message: &str) {
         if self.said.insert(message.to_owned()) {
             self.tell(MessageType::WARNING, format!("karat: {message}"));
@@ -202,7 +201,7 @@ mod tests {
             (&framed(r#"{"jsonrpc":"2.0"}"#), 1),
             (&framed(r#"{"id":{},"method":"a"}"#), 1),
             (&framed("\u{0}\u{1f980}"), 1),
-            // Shorter than its body is.
+            // The length is smaller than the body.
             ("Content-Length: 2\r\n\r\n{} and more", 1),
         ] {
             assert_eq!(heard(&format!("{before}{good}{good}")), (2, 2 + garbage), "{before:?}");

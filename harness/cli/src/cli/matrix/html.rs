@@ -1,4 +1,4 @@
-//! The matrix as one HTML file, which opens from a disk and needs nothing else.
+//! The matrix as one HTML file that needs no other files.
 
 use std::collections::BTreeMap;
 use std::io::Write;
@@ -13,7 +13,7 @@ use serde_json::{Value, json};
 const HTML: &str = include_str!("page/page.html");
 const CSS: &str = include_str!("page/page.css");
 
-/// The scripts, each of which uses only those before it when it is read. They become one, in one scope.
+/// The scripts in order: a script uses only earlier ones while it loads. They become one script, in one scope.
 const SCRIPTS: [&str; 14] = [
     include_str!("page/elements.js"),
     include_str!("page/data.js"),
@@ -31,7 +31,7 @@ const SCRIPTS: [&str; 14] = [
     include_str!("page/main.js"),
 ];
 
-/// The page. Its data is compressed: the same texts stand in many translations.
+/// Returns the page. Its data is compressed, as many translations share text.
 pub(super) fn page(matrices: &[Matrix]) -> anyhow::Result<String> {
     let data = json!({ "matrices": matrices.iter().map(matrix).collect::<Vec<_>>() });
     let mut deflated = ZlibEncoder::new(Vec::new(), Compression::default());
@@ -60,7 +60,7 @@ pub(super) fn page(matrices: &[Matrix]) -> anyhow::Result<String> {
     Ok(page)
 }
 
-/// What the page reads of a matrix. A translation that several columns share is there once.
+/// Returns the page's data of a matrix. A translation that several columns share is there once.
 fn matrix(matrix: &Matrix) -> Value {
     let mut texts = Texts::default();
     let rows: Vec<Value> = matrix.rows.iter().map(|one| row(one, &mut texts)).collect();
@@ -75,7 +75,7 @@ fn matrix(matrix: &Matrix) -> Value {
     })
 }
 
-/// Texts, each once.
+/// A list of texts without duplicates.
 #[derive(Default)]
 struct Texts {
     all: Vec<String>,

@@ -1,12 +1,11 @@
-//! The matrix as JUnit XML: a suite a package, a case for each row on each column.
+//! The matrix as JUnit XML: one suite per package, one case per row and column.
 
 use anyhow::Context;
 use karat_inspect::matrix::{Cell, Finding, Matrix, Row, Status};
 use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite};
 
-/// The file. A row that is wrong, or doesn't get as far as is required, is a failure. One that
-/// agrees with another column passes, and so does one that gets as far as is required; what nothing
-/// here judged is skipped, with the reason.
+/// Returns the file. A row that is wrong or misses its required status is a failure. A row that agrees with another
+/// column, or reaches its required status, passes. A row that couldn't be judged is skipped, with the reason.
 pub(super) fn text(matrices: &[Matrix], required: &[(String, Status)]) -> anyhow::Result<String> {
     let mut report = Report::new("karat matrix");
     for matrix in matrices {
@@ -57,7 +56,7 @@ fn status(
     }
 }
 
-/// What stands behind a verdict.
+/// Returns the evidence of a verdict.
 fn evidence(cell: &Cell) -> String {
     let mut lines = vec![format!("{}; {}", cell.word(), cell.options)];
     lines.extend(cell.validators.iter().map(|said| {

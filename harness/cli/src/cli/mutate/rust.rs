@@ -1,4 +1,4 @@
-//! Tests in Rust, as judges of mutants: by their programs, without Cargo, with the mutant as an overlay.
+//! Rust tests that judge mutants. Their programs run without Cargo, with the mutant as an overlay.
 
 use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::path::Path;
@@ -16,41 +16,44 @@ use karat_mutate::{Candidate, Hidden, Judged, Others};
 use super::super::suite::cargo::libtest;
 use super::super::suite::cargo::programs::{Programs, TestProgram};
 
-/// How long a program may take for a mutant: far more than it took without one, which other programs may slow down.
+/// The least time limit of a program for a mutant. It is far above the time without a mutant, as other programs may
+/// slow it down.
 const LEAST: Duration = Duration::from_secs(20);
 const MANY: u32 = 10;
 
-/// The time of a quick test. A program of tests starts in some hundredths of a second, which is paid twice.
+/// The time up to which a test counts as quick. A test program starts in some hundredths of a second.
 const QUICK: Duration = Duration::from_millis(200);
 
 /// All tests of a project.
 pub(super) struct RustTests {
     programs: Programs,
-    /// The programs that tests are made of, each once, with the tests by their names in front of people.
+    /// The shader programs that tests link, each once, with the displayed names of their tests.
     made: Vec<(Dependence, BTreeSet<String>)>,
     pub(super) count: usize,
-    /// Those whose checks take long, which come last.
+    /// Tests with slow checks, which run last.
     slow: BTreeSet<String>,
-    /// Those that check a function itself, by its name: `brdf::schlick`. They come first.
+    /// Tests that check a function itself, by the function's name: `brdf::schlick`. They run first.
     direct: BTreeMap<String, BTreeSet<String>>,
-    /// The findings of each test's checks without a mutant, by their names in front of people.
+    /// The results of each test's checks without a mutant, by the displayed names.
     found: BTreeMap<String, Vec<PathRecord>>,
-    /// How long a program may take for a mutant.
+    /// The time limit of a program for a mutant.
     limit: Duration,
-    /// Those that fail without a mutant, and not by a check, as what draws does on the engine. They are no judges.
+    /// Tests that fail without a mutant for another reason than a check, such as tests that draw, on the engine. They
+    /// can't judge mutants.
     pub(super) unfit: Vec<String>,
     /// One program runs at a time: each takes all cores.
     turn: Mutex<()>,
 }
 
-/// The tests of a project, as far as they use the shaders of a package.
+/// The tests of a project that use the shaders of a package.
 pub(super) struct OfPackage<'t> {
     pub(super) tests: &'t RustTests,
     pub(super) package: &'t Package,
 }
 
 impl RustTests {
-    /// Builds those of some packages of Cargo, or of all, and runs each once. None in a project without any.
+    /// Builds the tests of some Cargo packages, or of all, and runs each test once. `None` if the project has no Rust
+    /// tests.
     pub(super) fn of(
         root: &Path,
         packages: &[String],
@@ -114,7 +117,7 @@ impl RustTests {
                 }
             }
             let all = Dependence::all(folder.path()).context("what tests linked can't be read")?;
-            // A thread without a test's name may have linked for any test of its program.
+            // A thread without a test's name may have linked the program for any of its tests.
             for mut one in all {
                 let is_own = tests.contains(&&*one.test);
                 let users = tests.iter().filter(|test| !is_own || **test == one.test);
@@ -155,7 +158,7 @@ impl RustTests {
         let scratch = tempfile::tempdir().context("no temporary folder")?;
         let (overlay, records) = (scratch.path().join("overlay"), scratch.path().join("record"));
         write_overlay(&overlay, package, candidate, &text)?;
-        // A file that another process can't open is text in memory, which no overlay replaces.
+        // Text in memory isn't a file, so an overlay can't replace it.
         let changes = |(one, _): &&(Dependence, BTreeSet<String>)| {
             one.may_declare(&candidate.path())
                 && one.is_current_with(&candidate.file, &text) == Some(false)
@@ -163,7 +166,7 @@ impl RustTests {
         let users: BTreeSet<&String> =
             self.made.iter().filter(changes).flat_map(|(_, users)| users).collect();
         let mut judged = Judged::default();
-        // The likeliest to kill it come first, and those that take long last.
+        // Tests that are likely to kill the mutant run first, and slow tests run last.
         let direct = self.direct.get(&candidate.path());
         let round_of = |test: &String| match direct.is_some_and(|direct| direct.contains(test)) {
             true => 0,
@@ -184,7 +187,7 @@ impl RustTests {
             let own = records.join(format!("{}-{round}", judged.concerned));
             std::fs::create_dir_all(&own)?;
             let mut failed: Vec<(String, String)> = Vec::new();
-            // A check that fails is written down before its test ends.
+            // A failing check is recorded before its test ends.
             let is_kill = |test: &str| {
                 let records = record::read(&own).unwrap_or_default();
                 records.iter().any(|one| one.test == test && one.verdict == Verdict::Fail)
@@ -219,7 +222,7 @@ impl RustTests {
                 let verdicts = records.iter().filter(|one| one.test == test).map(|one| one.verdict);
                 let verdicts: Vec<Verdict> = verdicts.collect();
                 let name = program.show(&test);
-                // Without an error of Karat's it is a check, or an assertion of the test's own, that fails.
+                // Without an error of Karat, the failure is a check or another assertion of the test.
                 if verdicts.contains(&Verdict::Fail) || !verdicts.contains(&Verdict::Error) {
                     return Ok(Judged { killed: Some(name), ..judged });
                 }
@@ -232,7 +235,7 @@ impl RustTests {
 }
 
 impl RustTests {
-    /// A test of a program whose checks found other errors than without a mutant.
+    /// Returns a test whose checks measure other errors than without the mutant.
     fn hidden(&self, program: &TestProgram, records: &[Record]) -> Option<Hidden> {
         let mut own: BTreeMap<&str, Vec<&PathRecord>> = BTreeMap::new();
         for one in records {
@@ -253,7 +256,7 @@ impl RustTests {
         own.into_iter().filter_map(of).fold(None, |known, one| Hidden::nearest(known, Some(one)))
     }
 
-    /// Runs a program, which is ended where it takes too long: a test of its own may wait for what a mutant never brings.
+    /// Runs a program, and ends it after the time limit, as a test may wait forever for a mutant's result.
     fn within_limit(&self, run: &mut dyn FnMut() -> anyhow::Result<()>) -> anyhow::Result<bool> {
         let (done, waits) = mpsc::channel::<()>();
         std::thread::scope(|scope| {
@@ -273,7 +276,7 @@ impl RustTests {
     }
 }
 
-/// Writes a module's text into an overlay: under its name there, beside modules of other packages.
+/// Writes a module's text into an overlay, under the name that keeps modules of several packages apart.
 fn write_overlay(
     overlay: &Path,
     package: &Package,

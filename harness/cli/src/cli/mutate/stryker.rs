@@ -1,4 +1,4 @@
-//! Stryker's report of mutants, by version 2 of its schema (`mutation-testing-report-schema`).
+//! Stryker's mutation report, in version 2 of its schema (`mutation-testing-report-schema`).
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -9,10 +9,10 @@ use karat::unstable::image::write_whole;
 use karat_mutate::{Candidate, Fate, Tried};
 use serde_json::{Value, json};
 
-/// Scores that viewers show as high and as low, in per cent: those of Stryker.
+/// The scores in per cent from which viewers show a score as high, and below which as low: Stryker's defaults.
 const THRESHOLDS: [u32; 2] = [80, 60];
 
-/// Writes it.
+/// Writes the report.
 pub(super) fn write<'h>(all: impl Iterator<Item = &'h Tried>, path: &Path) -> anyhow::Result<()> {
     let mut files: BTreeMap<String, (&str, Vec<Value>)> = BTreeMap::new();
     for one in all {
@@ -36,14 +36,14 @@ fn mutant(one: &Tried) -> Value {
     let Candidate { id, mutant, .. } = &one.candidate;
     let (status, reason) = match &one.fate {
         Fate::Killed { test } => ("Killed", format!("killed by {test}")),
-        // It has no word for a mutant that is equal; one that is left out of the score is ignored.
+        // The schema has no status for an equal mutant. `Ignored` leaves it out of the score.
         Fate::Equal { by } => ("Ignored", by.to_string()),
         Fate::Accepted { reason } => ("Ignored", reason.clone()),
         Fate::Lived { .. } => ("Survived", String::new()),
         Fate::Untested { .. } => ("NoCoverage", String::new()),
         Fate::Invalid { reason } => ("CompileError", reason.clone()),
         Fate::Idle => ("Ignored", "it changes nothing that is linked".to_owned()),
-        // Its viewers count a `Timeout` as detected, and this is no kill.
+        // Viewers count a `Timeout` as detected, but this mutant wasn't killed.
         Fate::Stopped { reason, .. } | Fate::Unknown { reason } => ("RuntimeError", reason.clone()),
     };
     let lines: Vec<&str> = mutant.original.split('\n').collect();

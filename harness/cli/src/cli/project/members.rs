@@ -1,4 +1,4 @@
-//! The members of a Cargo workspace, by their manifests: Cargo isn't asked, which may not be there.
+//! The members of a Cargo workspace, from their manifests: Cargo may not be installed, so Karat doesn't run it.
 
 use std::collections::BTreeMap;
 use std::path::{Component, Path, PathBuf};
@@ -6,11 +6,11 @@ use std::path::{Component, Path, PathBuf};
 use anyhow::Context;
 use toml::{Table, Value};
 
-/// Tables of dependencies, also of one platform.
+/// The tables of dependencies, which a platform may have, too.
 const DEPENDENCIES: [&str; 3] = ["dependencies", "dev-dependencies", "build-dependencies"];
 
-/// The folders of a workspace's members below its root, each with its manifest: those that it lists, and
-/// those that it or one of them depends on by a path.
+/// Returns the folders of a workspace's members below its root, each with its manifest: the listed members, and those
+/// that the root or a member depends on by a path.
 pub(super) fn of(root: &Path, manifest: &Table) -> anyhow::Result<BTreeMap<PathBuf, Table>> {
     let mut found = BTreeMap::new();
     let Some(workspace) = manifest.get("workspace") else { return Ok(found) };
@@ -21,7 +21,7 @@ pub(super) fn of(root: &Path, manifest: &Table) -> anyhow::Result<BTreeMap<PathB
     let excluded: Vec<PathBuf> = words("exclude").map(|word| clean(&root.join(word))).collect();
     let mut queue = paths(root, manifest);
     for word in words("members") {
-        // The root's name is no pattern.
+        // The root's name may have characters of a glob, and isn't one.
         let pattern = match Path::new(word).is_absolute() {
             true => word.to_owned(),
             false => format!("{}/{word}", glob::Pattern::escape(&root.to_string_lossy())),
@@ -49,7 +49,7 @@ pub(super) fn of(root: &Path, manifest: &Table) -> anyhow::Result<BTreeMap<PathB
     Ok(found)
 }
 
-/// The folders that a manifest depends on by a path.
+/// Returns the folders that a manifest depends on by a path.
 fn paths(folder: &Path, manifest: &Table) -> Vec<PathBuf> {
     let shared = manifest.get("workspace").and_then(Value::as_table);
     let platforms = manifest.get("target").and_then(Value::as_table).into_iter();
@@ -61,7 +61,7 @@ fn paths(folder: &Path, manifest: &Table) -> Vec<PathBuf> {
     all.map(|path| clean(&folder.join(path))).collect()
 }
 
-/// A path without `.` and `..`, as members are compared by their names.
+/// Returns a path without `.` and `..`, as members are compared by their paths.
 fn clean(path: &Path) -> PathBuf {
     let mut clean = PathBuf::new();
     for part in path.components() {

@@ -1,13 +1,13 @@
-//! Colours of a message, on a terminal: what is wrong, where, and which part of the line.
+//! Colours a message on a terminal: the headline, the place, and the part of the line that it is about.
 
 use super::super::table::{BAD, DIM, HEAD, KNOWN};
 
-/// The message with its colours. Where they aren't wanted, whoever writes it leaves them out.
+/// Returns the message with colours. The output removes them if colours are off.
 pub(in crate::cli) fn painted(message: &str) -> String {
     message.lines().map(line).collect::<Vec<_>>().join("\n")
 }
 
-/// One line of a message.
+/// Colours one line of a message.
 pub(in crate::cli) fn line(line: &str) -> String {
     let trimmed = line.trim_start();
     let indent = &line[..line.len() - trimmed.len()];
@@ -39,7 +39,7 @@ pub(in crate::cli) fn line(line: &str) -> String {
 mod tests {
     use super::*;
 
-    /// Without its colours.
+    /// Returns a text without its colours.
     fn plain(text: &str) -> String {
         let mut plain = String::new();
         let mut rest = text;

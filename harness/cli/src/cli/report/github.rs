@@ -14,24 +14,24 @@ use super::tables::{is_failure, share};
 use super::{Names, Place, Sum, located, pictures, replays, workspace, wrong_place};
 use crate::cli::project::Project;
 
-/// GitHub takes a MiB of summary for each step, and drops more.
+/// The most bytes of a summary. GitHub drops a summary of more than 1 MiB per step.
 const LONGEST: usize = 900 << 10;
-/// Bytes of a log in the summary; HTML writes some characters with five.
+/// The most bytes of a log in the summary. HTML escapes take up to five bytes per character.
 const LONGEST_LOG: usize = LONGEST / 5;
-/// Characters of a message in the summary.
+/// The most characters of a message in the summary.
 const LONGEST_MESSAGE: usize = 4 << 10;
-/// Errors of a step that GitHub's runner makes annotations of; it only logs the others.
+/// The most errors per step for which GitHub's runner makes annotations. It only logs the others.
 const MOST_ANNOTATIONS: usize = 10;
-/// UTF-16 units of a message that its runner keeps, and of a title that its service takes.
+/// The most UTF-16 units of a message for GitHub's runner, and of a title for its service.
 const LONGEST_ANNOTATION: usize = 4096;
 const LONGEST_TITLE: usize = 255;
 
-/// True if GitHub's runner reads what is printed here.
+/// Returns `true` if GitHub's runner reads the output.
 pub(in crate::cli) fn runs_here() -> bool {
     std::env::var_os("GITHUB_ACTIONS").is_some_and(|value| value == "true")
 }
 
-/// Holds GitHub's commands back, until a random word releases them.
+/// Turns GitHub's commands off, until a random word turns them on again.
 #[derive(Debug, Default)]
 pub(in crate::cli) struct Held(Option<String>);
 
@@ -66,7 +66,7 @@ pub(super) fn write(
     append_summary(|| summary(&failures, sum, names, project))
 }
 
-/// Adds to the summary of the job, if there is one: a headline, and behind it the text that the log has.
+/// Adds to the summary of the job, if there is one: a headline, and the text of the log.
 pub(in crate::cli) fn summarise(title: &str, headline: &str, text: &[u8]) -> anyhow::Result<()> {
     let mut plain = Vec::new();
     let mut output = Output::new(anstream::StripStream::new(&mut plain));
@@ -100,7 +100,7 @@ fn append_summary(text: impl FnOnce() -> anyhow::Result<String>) -> anyhow::Resu
         .with_context(|| format!("can't append to the summary `{shown}`"))
 }
 
-/// A line for each failure; of too many the last one stands for all that are left.
+/// Writes a line for each failure. If there are too many, the last line counts the rest.
 fn annotations(
     failures: &[&Record],
     (sum, errors): (&Sum, &[ModuleError]),
@@ -109,14 +109,14 @@ fn annotations(
 ) -> Vec<String> {
     let reasons = sum.reasons();
     let workspace = workspace(project.root());
-    // Modules that aren't valid first, since tests fail by them; half of the room is for tests.
+    // Invalid modules come first, as they make tests fail. They take at most half of the annotations.
     let errors = errors.iter().take(MOST_ANNOTATIONS / 2).map(|ModuleError { place, message }| {
         let place = located(place, project.root(), &workspace);
         annotation(place.as_ref(), "invalid module", message)
     });
     let errors: Vec<String> = errors.collect();
     let room = MOST_ANNOTATIONS - usize::from(!reasons.is_empty()) - errors.len();
-    // Each expectation that fails is shown where it stands.
+    // Each failing expectation is shown at its line.
     let of = |record: &&Record| {
         let title = names.subject(record);
         let found = short::expectations(record, &workspace);
@@ -154,7 +154,7 @@ fn annotations(
     lines
 }
 
-/// What a failure says. Of a long message the replay command, which is its end, is kept.
+/// Returns the message of a failure. A long message keeps its end, which is the replay command.
 fn message(record: &Record) -> String {
     let message = record.message.clone();
     let message = message.unwrap_or_else(|| "it fails, and says nothing".to_owned());
@@ -167,7 +167,7 @@ fn message(record: &Record) -> String {
     format!("{}{end}", cut(&message, room))
 }
 
-/// As much of a text as takes no more units of UTF-16.
+/// Returns the longest beginning of a text with at most `units` UTF-16 units.
 fn cut(text: &str, units: usize) -> &str {
     let mut taken = 0;
     let end = text.char_indices().find(|(_, character)| {
@@ -177,7 +177,7 @@ fn cut(text: &str, units: usize) -> &str {
     end.map_or(text, |(end, _)| &text[..end])
 }
 
-/// Warnings at places, as many as its runner takes; of too many the last one says how many are left.
+/// Writes warnings at places, as many as GitHub's runner takes. If there are too many, the last one counts the rest.
 pub(in crate::cli) fn write_warnings(
     title: &str,
     warnings: impl ExactSizeIterator<Item = (String, String)>,
@@ -214,7 +214,7 @@ fn command(level: &str, place: Option<&Place>, title: &str, message: &str) -> St
     format!("::{level} {properties}title={title}::{}", escape(&message))
 }
 
-/// What ends a command's message, or looks like an escape.
+/// Escapes the characters that end a command's message or look like an escape.
 fn escape(text: &str) -> String {
     text.replace('%', "%25").replace('\r', "%0D").replace('\n', "%0A")
 }
@@ -269,7 +269,7 @@ fn rows(record: &Record, names: &Names, text: &mut String) -> std::fmt::Result {
     for path in &record.paths {
         let (worst, asserted) = (markdown(&path.worst), markdown(&path.asserted));
         let (cases, share) = (path.cases, markdown(&share(path)));
-        // Of a sampler whole configurations fail, each of many samples.
+        // A sampler fails per configuration, each of which has many samples.
         let failures = match path.configurations {
             Some(_) => counted(path.failures, "configuration"),
             None => path.failures.to_string(),
@@ -283,7 +283,7 @@ fn rows(record: &Record, names: &Names, text: &mut String) -> std::fmt::Result {
     Ok(())
 }
 
-/// A failure's message, folded, and the pictures of a frame in the artefact.
+/// Returns a failure's message, folded, and the names of a frame's pictures in the artefact.
 fn section(record: &Record, names: &Names, project: &Project) -> anyhow::Result<String> {
     let subject = markdown(&names.subject(record));
     let mut text = format!("<details><summary>{subject}</summary>\n\n");
@@ -307,7 +307,7 @@ fn section(record: &Record, names: &Names, project: &Project) -> anyhow::Result<
     Ok(text)
 }
 
-/// Text that neither Markdown nor HTML takes for its own.
+/// Escapes a text for Markdown and HTML.
 fn html(text: &str) -> String {
     text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;")
 }
@@ -320,7 +320,7 @@ mod tests {
     fn texts_are_cut_between_characters() {
         assert_eq!(cut("abc", 3), "abc");
         assert_eq!(cut("abc", 2), "ab");
-        // One character, two units.
+        // One character of two units.
         assert_eq!(cut("a\u{1f980}b", 2), "a");
         assert_eq!(cut("a\u{1f980}b", 3), "a\u{1f980}");
     }

@@ -1,4 +1,4 @@
-//! One page for a run: self-contained, so that it opens from a file wherever it is sent.
+//! The page of a run: one file that needs no other files.
 
 mod cells;
 mod plot;
@@ -16,20 +16,20 @@ use super::{Names, Sum, failing, replays, values};
 const STYLE: &str = include_str!("html/report.css");
 const SCRIPT: &str = include_str!("html/report.js");
 
-/// What stands on the page beside the records.
+/// The content of the page besides the records.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Beside<'p> {
-    /// Functions without a test; `None` where some were left out on purpose.
+    /// The functions without a test; `None` if a filter left tests out.
     pub(super) untested: Option<Vec<String>>,
-    /// What can go wrong in each package; `None` where nobody looked.
+    /// The hazards of each package; `None` if they weren't checked.
     pub(super) hazards: Option<Vec<Hazards>>,
-    /// Where the page of frames is.
+    /// The address of the page of frames.
     pub(super) review: Option<&'p str>,
-    /// Where the page of translations is.
+    /// The address of the page of translations.
     pub(super) matrix: Option<&'p str>,
 }
 
-/// The page of a run.
+/// Returns the page of a run.
 pub(super) fn page(
     records: &[Record],
     run: Option<&Run>,
@@ -69,7 +69,7 @@ pub(super) fn page(
     page.into_string()
 }
 
-/// The verdict, what ran, and what searches.
+/// Returns the verdict, the tests that ran, and the search field.
 fn head(
     records: &[Record],
     (run, sum): (Option<&Run>, &Sum),
@@ -109,16 +109,16 @@ fn head(
     }
 }
 
-/// A record with a name that addresses can end with: `#brdf::schlick-agrees_with-schlick_matches`.
+/// A record with a name for links: `#brdf::schlick-agrees_with-schlick_matches`.
 struct Row<'r> {
     record: &'r Record,
-    /// Its subject, in words.
+    /// The name of its subject.
     name: String,
     anchor: String,
 }
 
 impl<'r> Row<'r> {
-    /// No two have one name: a test may check a function several times.
+    /// Makes the rows, with distinct names: a test may check a function several times.
     fn all(records: &'r [Record], names: &Names) -> Vec<Self> {
         let mut known: BTreeMap<String, usize> = BTreeMap::new();
         let row = |record: &'r Record| {
@@ -138,12 +138,12 @@ impl<'r> Row<'r> {
         is_failure(self.record)
     }
 
-    /// What is shown in full has its name there.
+    /// Returns the anchor of the row, unless the record is shown in full, which has the anchor then.
     fn id(&self) -> Option<&str> {
         (!self.fails()).then_some(&self.anchor)
     }
 
-    /// What a search finds and the row doesn't show.
+    /// Returns the words that a search finds and the row doesn't show.
     fn words(&self) -> String {
         let of = |path: &PathRecord| format!("{} {} ", path.adapter, path.asserted);
         self.record.paths.iter().map(of).collect()
@@ -173,7 +173,7 @@ fn failures(rows: &[Row<'_>]) -> Markup {
     }
 }
 
-/// The failing cases of each path, to be copied.
+/// Returns the failing cases of each path, for copying.
 fn cases(record: &Record) -> Markup {
     let paths = record.details.iter().flat_map(|details| &details.paths);
     let paths = paths.map(|path| (&path.adapter.path, values(path)));
@@ -191,7 +191,7 @@ fn cases(record: &Record) -> Markup {
     }
 }
 
-/// Plots of each path of a failure.
+/// Returns the plots of each path of a failure.
 pub(super) fn figures(record: &Record) -> Markup {
     html! {
         @for path in &record.paths {
@@ -205,7 +205,7 @@ pub(super) fn figures(record: &Record) -> Markup {
     }
 }
 
-/// A button for each command, in the order of the message.
+/// Returns a button for each command, in the order of the message.
 fn copied(commands: &[String]) -> Markup {
     html! {
         @if !commands.is_empty() {
@@ -230,7 +230,7 @@ fn nth(at: usize) -> String {
     }
 }
 
-/// A path's worst error beside its bound, with how errors are distributed.
+/// Returns a path's worst error and its bound, with the distribution of errors.
 fn cell(path: &PathRecord) -> Markup {
     let class = match (&path.known_issue, path.failures == 0 && path.cases > 0) {
         (None, true) => "pass",
@@ -252,7 +252,7 @@ fn cell(path: &PathRecord) -> Markup {
     }
 }
 
-/// Bars of how many cases have which error, by powers of two of its bound.
+/// Returns a bar chart of the errors: the number of cases per power of two of the bound.
 fn distribution(errors: &Errors) -> Markup {
     const LEAST: i32 = -12;
     const MOST: i32 = 4;
@@ -270,7 +270,7 @@ fn distribution(errors: &Errors) -> Markup {
         .chain([("not finite".to_owned(), errors.not_finite, true)])
         .collect();
     let most = bars.iter().map(|(_, count, _)| *count).max().unwrap_or(0).max(1);
-    // So that a single case is still seen among hundreds.
+    // The logarithm keeps a single case visible among hundreds.
     #[expect(clippy::cast_precision_loss, reason = "pixels")]
     let height = |count: u64| 20.0 * ((1 + count) as f64).ln() / ((1 + most) as f64).ln();
     html! {

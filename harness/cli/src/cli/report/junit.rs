@@ -12,9 +12,8 @@ use quick_junit::{NonSuccessKind, Report, TestCase, TestCaseStatus, TestSuite, X
 use super::{Names, Sum, facts, failing, pictures, place, relative, replays, workspace};
 use crate::cli::project::Project;
 
-/// The file. Times are of each check, and their sums: checks run beside each other, so a run takes
-/// less. A test that failed outside of Karat's checks is a case of its own, so that no reader
-/// takes the run for a success.
+/// Returns the file. It has the time of each check and the sums; a run takes less, as checks run in parallel. A test
+/// that failed outside of Karat's checks is a case of its own, so that the run counts as failed.
 pub(super) fn text(records: &[Record], sum: &Sum, project: &Project) -> anyhow::Result<String> {
     let names = Names::of(records);
     let mut unique = Unique::default();
@@ -57,8 +56,8 @@ pub(super) fn text(records: &[Record], sum: &Sum, project: &Project) -> anyhow::
     report.to_string().context("the report isn't XML")
 }
 
-/// Names cases so that no two of one class have one name: readers show the first of such alone, and a test
-/// may check a function several times.
+/// Gives the cases of a class distinct names. A test may check a function several times, and readers show only the
+/// first case of a name.
 #[derive(Default)]
 struct Unique(BTreeSet<(String, String)>);
 
@@ -73,7 +72,7 @@ impl Unique {
     }
 }
 
-/// A case for each path. What ran on none is one case.
+/// Returns one case per path. A check that ran on no path is one case.
 fn cases(record: &Record, names: &Names, project: &Project) -> anyhow::Result<Vec<TestCase>> {
     let workspace = workspace(project.root());
     let attached = attached(record, names, project, &workspace)?;
@@ -100,10 +99,10 @@ fn cases(record: &Record, names: &Names, project: &Project) -> anyhow::Result<Ve
             status.set_message(&*one_line(said.lines().next().unwrap_or_default()));
             status.set_description(&*visible(message));
             lines.extend(facts_on(record, path));
-            // Readers find each on a line of its own.
+            // Readers expect one attachment per line.
             lines.extend(attached.iter().map(|file| format!("[[ATTACHMENT|{file}]]")));
         }
-        // Where two cases have the same name, GitLab shows the first alone.
+        // If two cases have the same name, GitLab shows only the first.
         let on = path.map(|path| format!(" on {}", path.adapter.path)).unwrap_or_default();
         let mut case = TestCase::new(format!("{}{on}", names.subject(record)), status);
         case.set_classname(classname(record));
@@ -112,8 +111,8 @@ fn cases(record: &Record, names: &Names, project: &Project) -> anyhow::Result<Ve
             case.extra.insert(XmlString::new("line"), XmlString::new(place.line.to_string()));
         }
         if let Some(time) = &record.time {
-            // Whatever can't be read is no reason to lose a verdict. Nobody knows how long each path
-            // took, so each has the same share.
+            // A time that can't be read doesn't lose the verdict. The time of each path is unknown, so each gets the
+            // same share.
             case.timestamp = time.started.parse().ok();
             case.time =
                 Duration::try_from_secs_f64(time.seconds).ok().map(|time| time / shares.max(1));
@@ -127,7 +126,7 @@ fn cases(record: &Record, names: &Names, project: &Project) -> anyhow::Result<Ve
     Ok(paths.into_iter().map(of).collect())
 }
 
-/// The test with its Cargo package before it, if it has one.
+/// Returns the test's name, after its Cargo package if it has one.
 fn classname(record: &Record) -> String {
     match record.cargo_package.as_str() {
         "" => record.test.clone(),
@@ -135,13 +134,13 @@ fn classname(record: &Record) -> String {
     }
 }
 
-/// Whether a check that fails does so because of this path: cases fail, or a known issue is gone.
+/// Returns `true` if this path makes the check fail: cases fail on it, or a known issue is gone.
 fn is_guilty(path: &PathRecord, record: &Record) -> bool {
     let guilty = |path: &PathRecord| (path.failures > 0) != path.known_issue.is_some();
     guilty(path) || !record.paths.iter().any(guilty)
 }
 
-/// The facts of a failure on this path. A failure of no path has its first replay command.
+/// Returns the facts of a failure on this path. A failure without a path has its first replay command.
 fn facts_on(record: &Record, path: Option<&PathRecord>) -> Vec<String> {
     let faults = || record.details.iter().flat_map(|details| &details.paths);
     let is_own =
@@ -169,7 +168,7 @@ fn line(path: &PathRecord) -> String {
     )
 }
 
-/// The pictures of a frame that fails. The frame itself is first, because GitLab shows one.
+/// Returns the pictures of a failing frame. The frame itself is first, because GitLab shows one picture.
 fn attached(
     record: &Record,
     names: &Names,

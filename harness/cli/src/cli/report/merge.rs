@@ -1,4 +1,4 @@
-//! One record of several parts of a run.
+//! Merges the records of several parts of a run.
 
 use std::cmp::Reverse;
 use std::collections::btree_map::Entry;
@@ -8,8 +8,9 @@ use std::path::PathBuf;
 use karat::unstable::output::counted;
 use karat::unstable::record::{Record, Recorded, Run, SCHEMA, Verdict};
 
-/// All verdicts of some parts, in an order that doesn't depend on theirs. A check that ran in several of
-/// them has its worst verdict, of those the first. The run has ended if each part has, and passed if each part has.
+/// Merges the verdicts of parts, in an order that doesn't depend on the order of the parts. A check that ran in
+/// several parts has its worst verdict. The merged run has ended if each part has ended, and passed if each part
+/// passed.
 pub(super) fn merged(parts: &[Recorded]) -> Recorded {
     let folders: Vec<String> = parts.iter().map(|part| part.folder.display().to_string()).collect();
     let run = parts.iter().map(|part| part.run.clone()).collect::<Option<Vec<Run>>>();
@@ -30,14 +31,14 @@ pub(super) fn merged(parts: &[Recorded]) -> Recorded {
             runs.iter().flat_map(|run| run.invalid_packages.clone()).collect(),
         ),
         remarks: sorted(runs.iter().flat_map(|run| run.remarks.clone()).collect()),
-        // Each part says it with its name.
+        // The messages of the parts name it.
         not_run: 0,
         stopped: false,
     });
-    // In the order in which they were made.
+    // The merged records, and the index of each check among them.
     let (mut records, mut places) = (Vec::<Record>::new(), BTreeMap::<String, usize>::new());
     for part in parts {
-        // A test may make one check several times: these are several in each part.
+        // A test may make one check several times, and each of them stays a separate check.
         let mut seen = BTreeMap::<String, usize>::new();
         for record in &part.records {
             let key = key(record);
@@ -55,7 +56,7 @@ pub(super) fn merged(parts: &[Recorded]) -> Recorded {
     Recorded { folder: PathBuf::from(folders.join(", ")), records, run }
 }
 
-/// Lists what each part lacks of what it was to run, in words.
+/// Lists the tests that each part lacks, in words.
 pub(super) fn missing(parts: &[Recorded]) -> Vec<String> {
     let of = |part: &Recorded| {
         let (folder, run) = (part.folder.display(), part.run.as_ref()?);
@@ -76,10 +77,10 @@ pub(super) fn missing(parts: &[Recorded]) -> Vec<String> {
     parts.iter().filter_map(of).collect()
 }
 
-/// Records of one check on several paths as one record.
+/// Joins the records of one check on several paths.
 pub(in crate::cli) fn side_by_side(records: Vec<Record>) -> Vec<Record> {
     let mut checks: BTreeMap<String, Record> = BTreeMap::new();
-    // Several checks of a test may be about the same; on each path they come in the same order.
+    // A test may make the same check several times. They have the same order on each path.
     let mut seen: BTreeMap<(String, String), u32> = BTreeMap::new();
     for record in records {
         let paths: Vec<&str> = record.paths.iter().map(|path| &*path.adapter.path).collect();
@@ -111,13 +112,13 @@ pub(in crate::cli) fn side_by_side(records: Vec<Record>) -> Vec<Record> {
     records
 }
 
-/// The worse of two records of one check, or the first of two alike.
+/// Returns the rank of a record. A worse verdict has a higher rank, and so has the earlier of two equal verdicts.
 fn rank(record: &Record) -> (u8, Reverse<Option<&str>>) {
     let started = record.time.as_ref().map(|time| &*time.started);
     (severity(record.verdict), Reverse(started))
 }
 
-/// What a record is about. What an overlay was in the place of is another matter.
+/// Returns a key of the record's check. A check with an overlay is another check.
 fn key(record: &Record) -> String {
     let subject = serde_json::to_string(&record.subject).expect("a subject is plain data");
     format!("{subject} {} {:?}", record.test, record.overlay)

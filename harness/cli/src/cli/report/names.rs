@@ -1,5 +1,5 @@
-//! Names of records, alike in every table, page and file, and for `karat accept`. Crates of a workspace may have
-//! frames of one name: then each has its crate's name, too.
+//! The names of records, which are the same in every table, page and file, and for `karat accept`. If several crates
+//! have frames of one name, each name has its crate, too.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -8,19 +8,19 @@ use karat::Goldens;
 use karat::unstable::diagnostic::shown;
 use karat::unstable::record::{Record, Subject};
 
-/// A folder of goldens that has frames of a name which others have, too.
+/// A folder of goldens that shares a frame's name with other folders.
 #[derive(Clone, Debug)]
 pub(in crate::cli) struct Home {
-    /// Its Cargo package; empty if none is known.
+    /// Its Cargo package; empty if unknown.
     pub(in crate::cli) krate: String,
-    /// The folder, as its project names it.
+    /// The folder, relative to its project.
     pub(in crate::cli) folder: String,
 }
 
 impl Home {
-    /// The home of the goldens that a record's frame was compared with.
+    /// Returns the folder of goldens that a record's frame was compared with.
     fn of(record: &Record, folder: &str) -> Self {
-        // A record of another machine has its test's package, and a folder that isn't here.
+        // A record from another machine has its test's package, and a folder that doesn't exist here.
         if !Path::new(folder).is_dir() {
             return Self { krate: record.cargo_package.clone(), folder: folder.to_owned() };
         }
@@ -33,8 +33,8 @@ impl Home {
     }
 }
 
-/// Names of the frames that several folders have under one name, by folder: `lamp::dusk`, or with the folder
-/// where two of them are of one crate. None if there is one folder.
+/// Returns the distinct names of frames that several folders have under one name, by folder: `lamp::dusk`, or with
+/// the folder if two folders are of one crate. Returns `None` if there is one folder.
 pub(in crate::cli) fn told_apart(
     case: &str,
     homes: &BTreeMap<PathBuf, Home>,
@@ -51,7 +51,7 @@ pub(in crate::cli) fn told_apart(
     names.collect()
 }
 
-/// The folder of goldens as seen from its project's root, with `/`; elsewhere as seen from here.
+/// Returns the folder of goldens relative to its project's root, with `/`, or else relative to the working directory.
 pub(in crate::cli) fn below_project(goldens: &Goldens) -> String {
     let folder = goldens.folder();
     let below = || {
@@ -92,13 +92,13 @@ impl Names {
         Self { told_apart: names }
     }
 
-    /// The name of a frame.
+    /// Returns the name of a frame.
     pub(in crate::cli) fn frame(&self, golden: &str, folder: &str) -> String {
         let known = self.told_apart.get(&(golden.to_owned(), PathBuf::from(folder)));
         known.map_or_else(|| golden.to_owned(), String::clone)
     }
 
-    /// The subject of a record, in words: `fresnel::schlick agrees_with`, `frame scene`.
+    /// Returns the subject of a record: `fresnel::schlick agrees_with`, `frame scene`.
     pub(in crate::cli) fn subject(&self, record: &Record) -> String {
         match &record.subject {
             Subject::Function { function, check, .. } => format!("{function} {check}"),
@@ -136,7 +136,7 @@ mod tests {
         // One crate may have two folders.
         let all = names(&[a, frame("dusk", "/w/a/other", "a")]);
         assert_eq!(all, ["frame /w/a/golden::dusk", "frame /w/a/other::dusk"]);
-        // A folder that is here goes by its place in the project.
+        // An existing folder is named by its place in the project.
         let project = tempfile::tempdir().expect("a folder");
         std::fs::write(project.path().join("Cargo.lock"), "").expect("a file");
         let here = |name: &str| {

@@ -18,15 +18,15 @@ use karat_review::Case;
 use crate::cli::heatmap::Heatmap;
 use crate::cli::project::Project;
 
-/// Pixels across, at most; a larger frame is shown by every other pixel, and so on.
+/// The largest width in pixels. A larger frame is reduced by taking every second pixel, every third, and so on.
 const WIDEST: u32 = 480;
 
-/// What the pictures of a frame show, as their files are named.
+/// The names of a frame's pictures.
 const NAMES: [&str; 3] = ["golden", "actual", "flip"];
-/// Some file systems keep the times of files in whole seconds.
+/// The precision of file times: some file systems keep whole seconds.
 const COARSE: Duration = Duration::from_secs(1);
 
-/// Removes a frame's pictures of a run before, which nobody may take for those of this one.
+/// Removes a frame's pictures from an earlier run, so that they aren't mistaken for this run's.
 pub(super) fn clear(record: &Record, names: &Names, folder: &Path) -> anyhow::Result<()> {
     let Subject::Frame { golden, folder: goldens, .. } = &record.subject else { return Ok(()) };
     let case = &file_name(golden, goldens, names);
@@ -44,10 +44,10 @@ pub(super) fn clear(record: &Record, names: &Names, folder: &Path) -> anyhow::Re
     Ok(())
 }
 
-/// How the files of a frame's pictures begin: with its name, and its crate's where several have it.
+/// Returns the beginning of a frame's file names: its name, with its crate if several crates have that name.
 fn file_name(golden: &str, goldens: &str, names: &Names) -> String {
     let name = names.frame(golden, goldens).replace("::", "/");
-    // A record may come from another machine, with a name that leads out of the folder of pictures.
+    // A record may come from another machine, and its name may lead out of the folder of pictures.
     let parts = Path::new(&name).components().filter_map(|part| match part {
         Component::Normal(part) => part.to_str(),
         _ => None,
@@ -59,7 +59,7 @@ fn picture(folder: &Path, case: &str, name: &str) -> PathBuf {
     folder.join(format!("{case}.{name}.png"))
 }
 
-/// The frame that a check left behind: the newest, if there are several.
+/// Returns the pending frame of a check: the newest, if there are several.
 fn pending(
     record: &Record,
     case: &str,
@@ -78,8 +78,7 @@ fn pending(
     own.pop().map(|(_, pending)| pending)
 }
 
-/// Whether a file that was written then may be a check's. What was there before it is another
-/// run's, and so is what came after it.
+/// Returns `true` if a file was written during a check. Older and newer files are from other runs.
 fn is_during(written: SystemTime, time: &Time) -> bool {
     let bounds = || {
         let started = humantime::parse_rfc3339(&time.started).ok()?;
@@ -90,8 +89,8 @@ fn is_during(written: SystemTime, time: &Time) -> bool {
     bounds().is_some_and(|bounds| bounds.contains(&written))
 }
 
-/// The pictures of a frame, by what they show; those that could be made. A record without a time
-/// has none: nobody knows whether a frame that waits is of its run.
+/// Writes the pictures of a frame that can be made, and returns them by name. A record without a time has no
+/// pictures, as the pending frame may be from another run.
 pub(super) fn write(
     record: &Record,
     names: &Names,
@@ -106,7 +105,7 @@ pub(super) fn write(
     }
     let file_name = file_name(case, goldens, names);
     let goldens = Goldens::open(Path::new(goldens));
-    // With `CI` set, nothing is written beside the goldens.
+    // With `CI` set, pending frames aren't beside the goldens.
     let waiting = [&Goldens::open(&project.output().join("pending")), &goldens];
     let pending = pending(record, case, &waiting, &goldens);
     let Some(loaded) = pending.and_then(|pending| Case::load(&goldens, &pending).ok()) else {
@@ -122,7 +121,7 @@ pub(super) fn write(
     };
     for (name, image) in [("golden", golden), ("actual", actual)] {
         if let Some(image) = image {
-            // The frame at the golden's exposure: a brighter one is to look brighter.
+            // The frame has the golden's exposure, so that a brighter frame looks brighter.
             let stops = golden.as_ref().map_or(0.0, |golden| (image.key() / golden.key()).log2());
             let small = small(image);
             let stops = stops - (image.key() / small.key()).log2();
@@ -168,7 +167,7 @@ mod tests {
         let place = tempfile::tempdir().expect("a folder");
         let pictures = place.path().join("target/karat/report");
         std::fs::create_dir_all(&pictures).expect("a folder");
-        // One name in two folders of a crate, so that a folder stands in the name; and a name that leads out.
+        // A name in two folders of a crate, which has the folder; and a name that leads out.
         let out = format!("{}/none/../../golden", place.path().display());
         let (one, other) = (frame("dusk", "../../../w/golden"), frame("dusk", &out));
         let records = [one, other, frame("../../../dusk", ""), frame("/dusk", "")];

@@ -1,4 +1,4 @@
-//! A line for each failure, as editors read it: `file:line:column: error: message`.
+//! One line per failure, in a form that editors read: `file:line:column: error: message`.
 
 use std::io::Write;
 use std::path::Path;
@@ -10,14 +10,14 @@ use karat::unstable::reflect::{Invalid, Opinion, ReflectError};
 
 use super::{Place, Sum, failing, is_failure, located, wrong_place};
 
-/// Something that is wrong, in one line, and where.
+/// A failure or an error in one line, with its place.
 #[derive(Debug, PartialEq, Eq)]
 pub(in crate::cli) struct Finding {
     pub(in crate::cli) place: Option<Place>,
     pub(in crate::cli) message: String,
 }
 
-/// Writes what fails of a run and what isn't valid, and how much that is.
+/// Writes the failures of a run, the errors of invalid modules, and their number.
 pub(in crate::cli) fn write(
     records: &[Record],
     (invalid, opinion): (&[(String, Invalid)], &Opinion),
@@ -51,7 +51,7 @@ pub(in crate::cli) fn write(
     writeln!(out, "{}{}{more}", sum.line(), sum.remarks())
 }
 
-/// The errors of modules that aren't valid.
+/// Returns the errors of invalid modules.
 pub(in crate::cli) fn errors(invalid: &[(String, Invalid)]) -> Vec<ModuleError> {
     let of = |(_, invalid): &(String, Invalid)| match invalid {
         Invalid::Modules { errors, .. } => errors.iter().map(|(_, error)| one(error)).collect(),
@@ -66,8 +66,7 @@ pub(in crate::cli) fn errors(invalid: &[(String, Invalid)]) -> Vec<ModuleError> 
     invalid.iter().flat_map(of).collect()
 }
 
-/// What a failure says in a line: of a function in WGSL that has expectations, each that fails, where it
-/// stands.
+/// Returns a failure's lines: its headline, or for a WGSL test each failing expectation at its place.
 pub(in crate::cli) fn of(record: &Record, root: &Path) -> Vec<Finding> {
     let expectations = expectations(record, root);
     if !expectations.is_empty() {
@@ -87,7 +86,8 @@ pub(in crate::cli) fn of(record: &Record, root: &Path) -> Vec<Finding> {
     vec![Finding { place: wrong_place(record, root, root), message: headline(record) }]
 }
 
-/// The expectations that fail, each once where it stands: what the simplest case saw, and on which paths it fails.
+/// Returns the failing expectations, each once at its place: the values of the simplest case, and the paths on which
+/// it fails.
 pub(super) fn expectations(record: &Record, root: &Path) -> Vec<Finding> {
     let Subject::Function { package, function, .. } = &record.subject else { return Vec::new() };
     let mut all: Vec<(&ExpectationDetails, Vec<&str>)> = Vec::new();
@@ -110,7 +110,7 @@ pub(super) fn expectations(record: &Record, root: &Path) -> Vec<Finding> {
     all.into_iter().filter_map(finding).collect()
 }
 
-/// The headline of a failure, with the worst error and its path.
+/// Returns the headline of a failure, with the worst error and its path.
 fn headline(record: &Record) -> String {
     let (Subject::Function { function, check, .. }, Some(worst)) = (&record.subject, worst(record))
     else {
@@ -125,7 +125,7 @@ fn headline(record: &Record) -> String {
     format!("`{function}` fails {check}: {seen} on {path}, {}", failing(worst))
 }
 
-/// The path that fails worst.
+/// Returns the path with the worst failure.
 fn worst(record: &Record) -> Option<&PathRecord> {
     let failing =
         record.paths.iter().filter(|path| path.failures > 0 && path.known_issue.is_none());

@@ -1,7 +1,8 @@
+//!
 //! The outcome of a run, in one line.
 //!
-//! The line, its colour and the exit code of each command are made of one count, so none of them can
-//! contradict another: "0 failed" stands in a line that is good, and in no other.
+//! The line, its colour and the exit code come from one count, so they can't contradict each other: only a good line
+//! has "0 failed".
 
 use std::collections::BTreeSet;
 use std::io::Write;
@@ -23,20 +24,20 @@ pub(in crate::cli) struct Sum {
     cases: u64,
     /// Tests that failed although each of their checks passed, by their names.
     outside: Vec<String>,
-    /// Other reasons: modules that aren't valid, tests that weren't run.
+    /// Other reasons: invalid modules, tests that didn't run.
     others: Vec<String>,
-    /// Remarks that fail nothing.
+    /// Remarks that don't make the run fail.
     remarks: Vec<String>,
 }
 
-/// The first of some names, in one line.
+/// Returns the first of some names, in one line.
 fn first(names: &[String]) -> String {
     let names: Vec<_> = names.iter().map(|name| one_line(name)).collect();
     some(&names.iter().map(|name| &**name).collect::<Vec<&str>>())
 }
 
-/// Checks of compute passes, and of draws that write storage, that weren't looked through by the sanitizer, or not whole, with their first reason; their
-/// records have the others.
+/// Counts the checks of compute passes, and of draws that write storage, that the sanitizer didn't check completely.
+/// Adds the first reason; the records have the others.
 fn unwatched(records: &[Record]) -> Option<String> {
     let watched = records.iter().filter_map(|record| record.watched.as_ref());
     let reasons =
@@ -55,7 +56,7 @@ fn unwatched(records: &[Record]) -> Option<String> {
     ))
 }
 
-/// Checks of compute passes whose invocations have more orders than were tried.
+/// Counts the checks of compute passes whose invocations have more orders than were tried.
 fn in_some_orders(records: &[Record]) -> Option<String> {
     let passed = records.iter().filter(|record| !is_failure(record));
     let watched = passed.filter_map(|record| record.watched.as_ref());
@@ -69,7 +70,7 @@ fn in_some_orders(records: &[Record]) -> Option<String> {
     ))
 }
 
-/// Elements that passes read before they write them, and that no test gives a value.
+/// Counts the elements that passes read before they write them, without a value from the test.
 fn unwritten(records: &[Record]) -> Option<String> {
     let watched = records.iter().filter_map(|record| record.watched.as_ref());
     let all: BTreeSet<&String> = watched.flat_map(|watched| &watched.unwritten).collect();
@@ -81,9 +82,9 @@ fn unwritten(records: &[Record]) -> Option<String> {
     ))
 }
 
-/// Races of compute passes that are accepted.
+/// Counts the accepted races of compute passes.
 fn accepted(records: &[Record]) -> Option<String> {
-    // Each assertion about one pass accepts the race that its declaration does.
+    // Each assertion about a pass accepts the races that the pass's declaration accepts.
     let of = |record: &Record| {
         let name = match &record.subject {
             Subject::Function { function, .. } => function.clone(),
@@ -97,7 +98,7 @@ fn accepted(records: &[Record]) -> Option<String> {
 }
 
 impl Sum {
-    /// Of the records of a run, and how it ended: `None` if nothing says that it did.
+    /// Counts the records of a run. `run` says how it ended, and is `None` if that is unknown.
     pub(in crate::cli) fn of(records: &[Record], run: Option<&Run>) -> Self {
         let count = |verdict| records.iter().filter(|record| record.verdict == verdict).count();
         let mut sum = Self {
@@ -105,7 +106,7 @@ impl Sum {
             failed: records.iter().filter(|record| is_failure(record)).count(),
             known: count(Verdict::KnownIssue),
             cases: records.iter().flat_map(|record| &record.paths).map(|path| path.cases).sum(),
-            // Of a run that passed it is something else that a test printed.
+            // In a run that passed, a line that looks like a failed test is other output.
             outside: run
                 .filter(|run| !run.passed)
                 .map_or_else(Vec::new, |run| outside(records, &run.failed)),
@@ -141,13 +142,13 @@ impl Sum {
         sum
     }
 
-    /// With something else that is wrong.
+    /// Adds another reason to fail.
     pub(in crate::cli) fn with(mut self, reason: String) -> Self {
         self.others.push(reason);
         self
     }
 
-    /// True if all is as it should be.
+    /// Returns `true` if the run is good.
     pub(in crate::cli) fn is_good(&self) -> bool {
         self.checks > 0 && self.failed == 0 && self.outside.is_empty() && self.others.is_empty()
     }
@@ -160,17 +161,17 @@ impl Sum {
         if self.is_good() { GOOD } else { BAD }
     }
 
-    /// Tests that failed outside of Karat's checks.
+    /// Returns the tests that failed outside of Karat's checks.
     pub(in crate::cli) fn outside(&self) -> &[String] {
         &self.outside
     }
 
-    /// Reasons besides checks and tests that fail.
+    /// Returns the reasons besides failing checks and tests.
     pub(in crate::cli) fn others(&self) -> &[String] {
         &self.others
     }
 
-    /// Reasons besides checks that fail, in words.
+    /// Returns the reasons besides failing checks, in words.
     pub(in crate::cli) fn reasons(&self) -> Vec<String> {
         let mut all = self.others.clone();
         if !self.outside.is_empty() {
@@ -180,7 +181,7 @@ impl Sum {
         all
     }
 
-    /// The line, without what was compared.
+    /// Returns the line, without the number of compared cases and the remarks.
     pub(in crate::cli) fn line(&self) -> String {
         let Self { checks, failed, known, .. } = *self;
         let mut parts = self.reasons();
@@ -198,12 +199,12 @@ impl Sum {
         parts.join("; ")
     }
 
-    /// The remarks that fail nothing, behind the line.
+    /// Returns the remarks after the line, which don't make the run fail.
     pub(in crate::cli) fn remarks(&self) -> String {
         self.remarks.iter().map(|remark| format!("; {}", one_line(remark))).collect()
     }
 
-    /// Writes the line, with what was compared.
+    /// Writes the line, the number of compared cases and the remarks.
     pub(in crate::cli) fn write(&self, out: &mut dyn Write) -> std::io::Result<()> {
         let (style, line, remarks) = (self.style(), self.line(), self.remarks());
         let cases = match self.checks {
@@ -222,7 +223,7 @@ mod tests {
     fn line(records: &[Record], run: Option<&Run>) -> String {
         let sum = Sum::of(records, run);
         let line = sum.line();
-        // A line that is good is the one that says so.
+        // Only a good line has "0 failed".
         assert_eq!(sum.is_good(), line.contains(" 0 failed"), "{line}");
         assert_eq!(sum.style() == GOOD, sum.is_good(), "{line}");
         assert_eq!(sum.ending() == Ending::Good, sum.is_good(), "{line}");
@@ -233,7 +234,7 @@ mod tests {
         names.iter().map(ToString::to_string).collect()
     }
 
-    /// The remark behind the line counts checks that the sanitizer didn't look through, with the first reason.
+    /// The remark after the line counts the checks that the sanitizer didn't check, with the first reason.
     #[test]
     fn what_was_not_looked_through_is_counted() {
         let with = |reason: &str| {
@@ -319,7 +320,7 @@ mod tests {
         assert!(line(one, Some(&stopped)).starts_with("the runner stopped at a failure"));
     }
 
-    /// Cases are those of all checks, on all paths.
+    /// The count of cases includes all checks on all paths.
     #[test]
     fn all_cases_are_counted() {
         let mut records = [record(Verdict::Pass, 0, None), record(Verdict::Pass, 0, None)];

@@ -1,4 +1,4 @@
-//! What records hold, as tables.
+//! The tables of records.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
@@ -11,12 +11,11 @@ use super::{Names, Sum};
 use crate::cli::table::{BAD, DIM, GOOD, KNOWN, Table};
 use crate::cli::{replay, terminal};
 
-/// Lines of a screen that stand around the rows of a table: its head, the sum, replays, a prompt.
+/// The lines of a screen that a table's rows can't use: its head, the sum, replays, a prompt.
 const AROUND: usize = 8;
 
-/// Functions, then frames; the number of checks that failed. Where those that pass don't fit a screen,
-/// those of a module are one line, and failures are told again in full behind all tables, unless `all`
-/// is set.
+/// Writes the functions, then the frames, and returns the number of failed checks. If the passing checks don't fit a
+/// screen, a module takes one line, and the failures follow again in full after all tables, unless `all` is set.
 pub(in crate::cli) fn write(
     records: &[Record],
     all: bool,
@@ -46,10 +45,10 @@ pub(in crate::cli) fn write(
     Ok(failed)
 }
 
-/// Failures that are told in full: what a person reads before mending something.
+/// The most failures that are written in full: a person reads no more before the next edit.
 const IN_FULL: usize = 3;
 
-/// Checks that pass, a line for each module and one for the frames.
+/// Writes the passing checks: one line per module, and one for the frames.
 fn write_folded(records: &[&Record], out: &mut dyn Write) -> anyhow::Result<()> {
     #[derive(Default)]
     struct Folded<'r> {
@@ -91,7 +90,7 @@ fn write_folded(records: &[&Record], out: &mut dyn Write) -> anyhow::Result<()> 
     Ok(())
 }
 
-/// The closing lines.
+/// Writes the closing lines.
 pub(in crate::cli) fn write_sum(
     records: &[Record],
     sum: &Sum,
@@ -119,14 +118,14 @@ pub(in crate::cli) fn write_sum(
     Ok(())
 }
 
-/// Failures whose replay is named.
+/// The most failures whose replay is named.
 const NAMED: usize = 8;
 
-/// Seconds below which no check is worth a word.
+/// The time in seconds from which a check counts as slow.
 const SLOW: f64 = 1.0;
 
-/// The three slowest checks: `frame scene 3.2 s, fresnel::schlick agrees_with 1.1 s`; `None` where all
-/// are quick.
+/// Returns the three slowest checks: `frame scene 3.2 s, fresnel::schlick agrees_with 1.1 s`, or `None` if all are
+/// fast.
 fn slowest(records: &[Record]) -> Option<String> {
     let names = Names::of(records);
     let time = |record: &Record| Some((record.time.as_ref()?.seconds, names.subject(record)));
@@ -138,7 +137,7 @@ fn slowest(records: &[Record]) -> Option<String> {
     (!shown.is_empty()).then(|| shown.join(", "))
 }
 
-/// Refuses a run without a verdict.
+/// Returns an error for a run without a verdict.
 pub(in crate::cli) fn expect_some(records: &[Record], filter: Option<&str>) -> anyhow::Result<()> {
     if !records.is_empty() {
         return Ok(());
@@ -152,7 +151,7 @@ pub(in crate::cli) fn expect_some(records: &[Record], filter: Option<&str>) -> a
     }
 }
 
-/// One row for each check and path; the number of checks that failed.
+/// Writes one row per check and path, and returns the number of failed checks.
 fn write_functions(records: &[&Record], out: &mut dyn Write) -> anyhow::Result<usize> {
     let head =
         ["function", "check", "path", "cases", "worst", "of bound", "WGSL allows", "asserted"];
@@ -191,8 +190,8 @@ pub(in crate::cli) fn is_failure(record: &Record) -> bool {
     !matches!(record.verdict, Verdict::Pass | Verdict::KnownIssue)
 }
 
-/// A row for each path of a record, or one that says that none ran.
-/// `allowance` is what a table shows of what WGSL allows.
+/// Adds a row for each path of a record, or one row if no path ran. `allowance` is the text about the errors that
+/// WGSL allows.
 fn add_rows(
     table: &mut Table,
     names: &[&str],
@@ -209,7 +208,7 @@ fn add_rows(
         row(BAD, ["-", "0", "ERROR", ""], None, assertion);
     }
     let passes = |path: &PathRecord| path.failures == 0 && path.cases > 0;
-    // Such as values of a golden that has other rows: no case is at fault.
+    // No case fails, for example if a golden of values has other rows.
     let otherwise = is_failure(record)
         && record.paths.iter().all(|path| passes(path) == path.known_issue.is_none());
     for path in &record.paths {
@@ -238,9 +237,8 @@ fn add_rows(
     }
 }
 
-/// The largest error that WGSL allows over its bound, and in how much of the cases it is above it:
-/// `40%`, `300% in 12%`, `anything in 3%`. Any error is infinitely more than a tolerance of nothing:
-/// `more in 12%`.
+/// Writes the largest error that WGSL allows, in per cent of the tolerance, and the share of cases in which it
+/// exceeds the tolerance: `40%`, `300% in 12%`, `anything in 3%`. With a tolerance of 0 it writes `more in 12%`.
 fn allowance(allowance: &Allowance) -> String {
     let worst = match allowance.worst {
         Some(worst) => percentage(worst),
@@ -256,9 +254,9 @@ fn allowance(allowance: &Allowance) -> String {
     }
 }
 
-/// Says how many tolerances another driver may leave.
+/// Writes how many tolerances another driver may exceed.
 fn write_grants(records: &[&Record], out: &mut dyn Write) -> anyhow::Result<()> {
-    // A wrong shader says nothing of its tolerance.
+    // The errors of a wrong shader don't help to judge its tolerance.
     let passes = |record: &&&Record| record.verdict == Verdict::Pass;
     let allowances = |record: &&&Record| {
         passes(record) && record.paths.iter().any(|path| path.allowed.is_some())
@@ -282,12 +280,12 @@ fn write_grants(records: &[&Record], out: &mut dyn Write) -> anyhow::Result<()> 
     Ok(())
 }
 
-/// The largest error over its bound, in per cent up to ten times the bound: `48%`, `27 x`. What is
-/// above the bound never reads as if it were the bound.
+/// Writes the largest error divided by its bound, in per cent up to ten times the bound: `48%`, `27 x`. An error
+/// above the bound never rounds to `100%`.
 pub(super) fn share(path: &PathRecord) -> String {
     match path.ratio.filter(|ratio| ratio.is_finite()) {
         Some(ratio) => percentage(ratio),
-        // A record, which is JSON, has no number for it.
+        // The record is JSON, which has no number for an infinite ratio.
         None if path.failures > 0 && !path.worst.is_empty() => "infinite".to_owned(),
         None => String::new(),
     }
@@ -309,7 +307,7 @@ pub(super) mod tests {
 
     use super::*;
 
-    /// A test that ran on no path has a row that says so.
+    /// A test that ran on no path has a row for that error.
     #[test]
     fn a_check_without_a_path_is_an_error_in_the_table() {
         let none = Record { paths: Vec::new(), ..record(Verdict::Error, 0, None) };

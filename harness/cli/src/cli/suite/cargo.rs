@@ -1,9 +1,10 @@
-//! Rust tests that run whenever they are asked for: the process behind `karat watch` in a Cargo project.
 //!
-//! Test programs are built by Cargo when Rust changed, and run as they are when shaders did: a process of
-//! the tests that an edit concerns, by the programs that they linked and the files that they read when
-//! they last ran. A program isn't kept between runs: Rust's test runner ends when its tests have ended, and
-//! a test that waits in the middle has read files already.
+//! Runs Rust tests on request: the process behind `karat watch` in a Cargo project.
+//!
+//! Cargo builds the test programs when Rust changed; when shaders changed, the programs run without a build. An edit
+//! affects a test if it changes a shader program that the test linked, or a file that the test read, in its last run.
+//! A test program doesn't live on between runs: Rust's test runner ends with its tests, and a test that waited
+//! halfway would have read files already.
 
 pub(in crate::cli) mod libtest;
 pub(in crate::cli) mod programs;
@@ -50,7 +51,7 @@ pub(super) fn run(root: &Path, out: &mut dyn Write) -> Outcome {
                 Said::Done { tests, broken, idle, invalid: None, remarks: None, reads, records }
             }
             Err(error) => {
-                // Who watches forgets all verdicts.
+                // The watching process forgets all verdicts.
                 tests.ran.clear();
                 Said::failed(format!("{error:#}"))
             }
@@ -60,20 +61,20 @@ pub(super) fn run(root: &Path, out: &mut dyn Write) -> Outcome {
     Ok(Ending::Good)
 }
 
-/// What a test was made of when it last ran.
+/// The shader programs that a test linked and the files that it read, in its last run.
 #[derive(Default)]
 struct Made {
     linked: Vec<Dependence>,
     read: Vec<FileRead>,
 }
 
-/// Endings of files that are shaders, or say how shaders are linked.
+/// The endings of shaders.
 const SHADERS: [&str; 2] = ["wgsl", "wesl"];
 
 impl Made {
-    /// Whether an edit of these files leaves it as it was.
+    /// Returns `true` if an edit of these files doesn't affect the test.
     fn is_current(&self, changed: &HashSet<&Path>) -> bool {
-        // What is linked is compared by its meaning; other files by their bytes.
+        // Linked shaders are compared by their meaning, other files by their bytes.
         let by_bytes = |file: &Path| !is_shader(file) || self.linked.is_empty();
         let same = |read: &FileRead| {
             !changed.contains(&*read.file)
@@ -93,32 +94,33 @@ fn is_shader(file: &Path) -> bool {
 #[derive(Default)]
 struct Tests {
     programs: Programs,
-    /// By their names in front of people.
+    /// The tests, by their displayed names.
     made: HashMap<String, Made>,
     ran: HashSet<String>,
-    /// Those that have a frame which isn't drawn here, and whether they passed.
+    /// The tests with frames that this process doesn't draw; `true` if they passed.
     left_out: HashMap<String, bool>,
     latest: Latest,
-    /// Files that changed and that no test is known to read, as they were then.
+    /// The changed files that no known test reads, as they were at the last edit.
     unread: HashMap<PathBuf, FileRead>,
     written: Written,
 }
 
-/// Two ticks of a kernel that has a hundred in a second: file systems give times by ticks, and programs read finer ones.
+/// Two ticks of a kernel with 100 ticks per second: file times are those of ticks, and the clock of programs is
+/// finer.
 const TICK: Duration = Duration::from_millis(20);
 
-/// Files that tests write while they run: they make no test run again. A file that changes in one run may be
-/// its author's doing; one that does in each is theirs.
+/// The files that tests write while they run, which cause no new run. A file that changes during one run may be an
+/// author's edit; a file that changes during each run is the tests' own.
 #[derive(Default)]
 struct Written {
-    /// When tests last ran.
+    /// The time of the last run.
     ran: Option<RangeInclusive<SystemTime>>,
-    /// Files that changed then.
+    /// The files that changed during it.
     files: HashSet<PathBuf>,
 }
 
 impl Written {
-    /// True if a file that was last changed at this time is the tests' own.
+    /// Returns `true` if the tests themselves changed a file at this time.
     fn has(&mut self, file: &Path, changed: Option<SystemTime>) -> bool {
         let ran = self.ran.as_ref();
         match ran.zip(changed).is_some_and(|(ran, changed)| ran.contains(&changed)) {
@@ -132,14 +134,14 @@ impl Written {
 }
 
 impl Tests {
-    /// All that have a name with this in it.
+    /// Returns the tests whose names contain the filter.
     fn names(&self, filter: &str) -> BTreeSet<String> {
         let all = self.programs.all().flat_map(TestProgram::shown);
         all.filter(|name| name.contains(filter)).collect()
     }
 
-    /// [`names`](Self::names) but for those that pass because nothing of them was judged, and how many have
-    /// a frame that isn't.
+    /// [`names`](Self::names) without the tests that pass because nothing of them was judged, and the number of tests
+    /// with frames that aren't drawn.
     fn judged(&self, filter: &str) -> (BTreeSet<String>, usize) {
         let names = self.names(filter);
         let idle = names.iter().filter(|name| self.left_out.contains_key(*name)).count();
@@ -148,7 +150,7 @@ impl Tests {
         (names.into_iter().filter(is_judged).collect(), idle)
     }
 
-    /// Runs what a request asks for. What is wrong with the project, if it can't be built.
+    /// Runs the tests of a request. Returns the build's error if the project can't be built.
     fn answer(&mut self, request: &Request, out: &mut dyn Write) -> anyhow::Result<Option<String>> {
         let changed: HashSet<&Path> = request.changed.iter().map(PathBuf::as_path).collect();
         if self.programs.are_stale(&changed) {
@@ -159,11 +161,11 @@ impl Tests {
             self.ran.retain(|name| !rebuilt.iter().any(|program| name.starts_with(&**program)));
         }
         let concerned = self.concerned(request, &changed);
-        // What failed is of interest before all else.
+        // Failed tests run first.
         let failed = |name: &String| request.first.contains(name);
         let (first, rest): (Vec<String>, Vec<String>) = concerned.into_iter().partition(failed);
         let began = SystemTime::now();
-        // A file's time may be that of the kernel's last tick before the run.
+        // A file's time may be that of the last tick before the run.
         let began = began.checked_sub(TICK).unwrap_or(began);
         let runs = !first.is_empty() || !rest.is_empty();
         for names in [first, rest] {
@@ -172,7 +174,7 @@ impl Tests {
         if runs {
             self.written.ran = Some(began..=SystemTime::now());
         }
-        // A build script may have read what was edited, and only Cargo knows.
+        // A build script may have read the edited file, and only Cargo knows that.
         if self.programs.have_scripts() && !changed.is_empty() {
             let rebuilt = match self.programs.build()? {
                 Ok(rebuilt) => rebuilt,
@@ -185,14 +187,14 @@ impl Tests {
         Ok(None)
     }
 
-    /// The tests that may have another verdict now.
+    /// Returns the tests whose verdict may have changed.
     fn concerned(&mut self, request: &Request, changed: &HashSet<&Path>) -> Vec<String> {
         let names: Vec<String> = self.names(&request.filter).into_iter().collect();
         let reads = |file: &Path| {
             self.made.values().any(|made| made.read.iter().any(|read| read.file == file))
         };
-        // A file that no test is known to read may be one that a reference reads, or a new module. Tests
-        // that write a file of the same bytes again don't run for ever.
+        // A file that no known test reads may be read by a reference, or be a new module. Only new content counts, so
+        // that tests which write the same bytes again don't run forever.
         let unread = changed.iter().filter(|file| !self.programs.builds(file) && !reads(file));
         let unread: Vec<FileRead> = unread.map(|file| FileRead::now(file)).collect();
         let all = unread.into_iter().fold(false, |all, now| {
@@ -212,7 +214,7 @@ impl Tests {
                 || request.first.contains(name)
                 || self.made.get(name).is_some_and(|made| !made.is_current(changed))
         };
-        // Linking a hundred programs again takes all cores.
+        // Linking a hundred programs again uses all cores.
         let threads = std::thread::available_parallelism().map_or(1, usize::from);
         let part = names.len().div_ceil(threads).max(1);
         std::thread::scope(|scope| {
@@ -230,7 +232,7 @@ impl Tests {
         })
     }
 
-    /// Runs tests, and learns what each is made of.
+    /// Runs tests, and records the programs and files of each.
     fn run(&mut self, names: &[String], out: &mut dyn Write) -> anyhow::Result<()> {
         for program in self.programs.all() {
             let own: Vec<&str> = program
@@ -264,7 +266,7 @@ impl Tests {
             let records = record::read(folder.path())?;
             let mut made = made(folder.path(), &records)?;
             self.latest.take(shown.iter().map(String::as_str), records, |test| program.show(test));
-            // What a thread without a test's name linked may concern each of them.
+            // A program that a thread without a test's name linked may belong to each test.
             let others: Vec<Dependence> = made
                 .iter()
                 .filter(|(name, _)| !program.tests.contains(*name))
@@ -281,7 +283,7 @@ impl Tests {
     }
 }
 
-/// What tests of one run were made of, by their names in their program.
+/// Returns the programs and files of a run's tests, by their names in the test program.
 fn made(folder: &Path, records: &[Record]) -> anyhow::Result<HashMap<String, Made>> {
     let mut all: HashMap<String, Made> = HashMap::new();
     let all_of = Dependence::all(folder).context("what tests linked can't be read")?;

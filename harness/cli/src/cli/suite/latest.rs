@@ -1,4 +1,4 @@
-//! The records of each test's last run, for a report whenever it is wanted.
+//! The records of each test's last run, for a report at any time.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::ffi::OsStr;
@@ -11,12 +11,12 @@ use karat::unstable::record::{self, FileRead, Record, Verdict};
 
 use super::super::watch::Said;
 
-/// By the tests' names in front of people.
+/// The records, by the tests' displayed names.
 #[derive(Default)]
 pub(super) struct Latest(BTreeMap<String, Vec<Record>>);
 
 impl Latest {
-    /// Takes the records of some tests that ran, and forgets what they had before.
+    /// Replaces the records of some tests by those of a new run.
     pub(super) fn take<'n>(
         &mut self,
         tests: impl Iterator<Item = &'n str>,
@@ -29,35 +29,35 @@ impl Latest {
         }
     }
 
-    /// Whether a test has recorded anything.
+    /// Returns `true` if a test has records.
     pub(super) fn has(&self, test: &str) -> bool {
         self.0.contains_key(test)
     }
 
-    /// The records of a test's last run.
+    /// Returns the records of a test's last run.
     pub(super) fn of(&self, test: &str) -> &[Record] {
         self.0.get(test).map_or(&[], Vec::as_slice)
     }
 
-    /// Takes what this process recorded since it was last asked, and empties its file.
+    /// Takes the records that this process has made since the last call, and empties its file.
     pub(super) fn take_own<'n>(&mut self, tests: impl Iterator<Item = &'n str>) {
         let Some(folder) = std::env::var_os("KARAT_RECORD") else { return };
-        // Tests whose records can't be read have none, rather than old ones.
+        // If the records can't be read, the tests have none, in place of old ones.
         let records = record::read(Path::new(&folder)).unwrap_or_else(|error| {
             tell(&format!("warning: {error}"));
             Vec::new()
         });
         self.take(tests, records, str::to_owned);
         let file = Path::new(&folder).join(format!("{}.jsonl", std::process::id()));
-        // It is appended to, so that it goes on at its start.
+        // The process appends to the file, so it continues at its start.
         drop(OpenOptions::new().write(true).open(file).and_then(|file| file.set_len(0)));
     }
 
-    /// The files that the records depend on, as they are now: those that may be `changed`, by their names, or
-    /// all if nobody says which. Of others the records stay what they are.
+    /// Returns the present state of the files that the records depend on: those with the names of `changed` files, or
+    /// all if `changed` is empty.
     pub(super) fn files(&self, changed: &[PathBuf]) -> HashMap<PathBuf, FileRead> {
         let names: BTreeSet<&OsStr> = changed.iter().filter_map(|file| file.file_name()).collect();
-        // A folder that came or went has files that nobody names.
+        // A new or removed folder may have any file.
         let all = changed.is_empty() || !changed.iter().all(|file| file.is_file());
         let read = self.0.values().flatten().flat_map(|record| &record.read);
         let mut files = HashMap::new();
@@ -70,8 +70,8 @@ impl Latest {
         files
     }
 
-    /// Whether the records of a test that wouldn't run otherwise now are true of these files. A pass is
-    /// made so. A failure says where it stands, and an edit elsewhere in its file moves that.
+    /// Makes the records of a test that an edit doesn't affect those of the present files, and returns `true` if that
+    /// worked. A pass can be kept. A failure can't, as an edit elsewhere in its file may move its line.
     pub(super) fn renew(&mut self, test: &str, files: &HashMap<PathBuf, FileRead>) -> bool {
         let Some(records) = self.0.get_mut(test) else { return true };
         let changed = |read: &FileRead| files.get(&read.file).is_some_and(|now| now != read);
@@ -88,7 +88,7 @@ impl Latest {
         true
     }
 
-    /// Writes the records of tests that are still there.
+    /// Writes the records of the tests that still exist.
     pub(super) fn write(&self, file: &Path, is_there: impl Fn(&str) -> bool) -> Said {
         let records = self.0.iter().filter(|(name, _)| is_there(name)).flat_map(|(_, all)| all);
         let lines: Result<String, serde_json::Error> =

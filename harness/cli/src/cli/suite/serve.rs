@@ -1,4 +1,4 @@
-//! Tests that run whenever they are asked for: the process behind `karat watch`.
+//! Runs tests on request: the process behind `karat watch`.
 
 use std::collections::{BTreeSet, HashMap};
 use std::io::{BufRead, Write};
@@ -18,7 +18,7 @@ use super::super::{Ending, Outcome, PackageArgs, check, resolved};
 use super::latest::Latest;
 use super::{each, host};
 
-/// What each test was made of when it last ran; `None` where nobody can tell.
+/// The programs and files of each test's last run; `None` if they are unknown.
 type Known = HashMap<String, Option<String>>;
 
 pub(super) fn run(folder: &Path, out: &mut dyn Write) -> Outcome {
@@ -28,7 +28,7 @@ pub(super) fn run(folder: &Path, out: &mut dyn Write) -> Outcome {
     let (mut known, mut latest) = (Known::new(), Latest::default());
     for request in requests(|| {}) {
         karat::unstable::workspace::refresh();
-        // Before the tests are read: what is saved meanwhile is no text that they were judged by.
+        // This comes before the tests are read: they don't judge a file that is saved later.
         let files = latest.files(&request.changed);
         let done = match Suite::open(folder) {
             Ok(suite) if request.report.is_some() => {
@@ -40,7 +40,7 @@ pub(super) fn run(folder: &Path, out: &mut dyn Write) -> Outcome {
                     suite.broken.retain(|broken| broken.is_file);
                 }
                 let validates = request.validate && whole.is_judged(&suite);
-                // Beside the tests: another compiler is another process, and its answer takes as long as theirs.
+                // Another compiler runs in parallel, as its answer takes as long as the tests.
                 std::thread::scope(|scope| {
                     let package = &whole.found.package;
                     let validity = validates.then(|| scope.spawn(|| package.try_is_valid()));
@@ -65,8 +65,8 @@ pub(super) fn run(folder: &Path, out: &mut dyn Write) -> Outcome {
     Ok(Ending::Good)
 }
 
-/// What is asked for. When nobody can ask any more, the process ends with what it runs: a shader that hangs
-/// keeps no process alive.
+/// Receives the requests. When standard input ends, the process ends with all that it runs, so that a hanging shader
+/// doesn't keep it alive.
 pub(super) fn requests(at_end: impl FnOnce() + Send + 'static) -> Receiver<Request> {
     let (sender, requests) = channel();
     std::thread::spawn(move || {
@@ -97,10 +97,10 @@ fn answer(
     let wanted = suite.tests.iter().filter(|test| test.is_about(&request.filter));
     let left_out = |test: &&Test| no_frames && test.is_frame();
     let (idle, mut tests): (Vec<&Test>, Vec<&Test>) = wanted.partition(left_out);
-    // What failed is of interest before all else.
+    // Failed tests run first.
     tests.sort_by_key(|test| !request.first.contains(&test.name));
     let all: BTreeSet<String> = tests.iter().map(|test| test.name.clone()).collect();
-    // Who watches forgets the verdict of a test that is gone: when it is back, it runs.
+    // The watching process forgets the verdict of a removed test. If the test comes back, it runs.
     known.retain(|name, _| all.contains(name));
     let is_asked = |test: &&Test| request.only.as_ref().is_none_or(|only| test.name == *only);
     let mut concerned = Vec::new();
@@ -115,10 +115,10 @@ fn answer(
     }
     let asked: Vec<&str> = concerned.iter().map(|test| &*test.name).collect();
     let (concerned, unsound) = suite.sound(concerned);
-    // Whoever can't run has no verdict, and is asked again at each edit.
+    // A test that can't run has no verdict, and is tried again at each edit.
     let runs = |name: &&str| concerned.iter().any(|test| test.name == **name);
     asked.into_iter().filter(|name| !runs(name)).for_each(|name| drop(known.remove(name)));
-    // The answer about one test says why it can't run.
+    // The answer about a single test has the reason why it can't run.
     if let (Some(only), Some(broken)) = (&request.only, unsound.first())
         && concerned.is_empty()
     {
@@ -138,7 +138,7 @@ fn answer(
     Ok(Said::Done { tests: all, broken, idle, invalid, remarks, reads, records })
 }
 
-/// The whole package, as its project knows it: what no test links must be valid, too, as for `karat test`.
+/// The whole package with its project's settings. As for `karat test`, modules that no test links must be valid, too.
 struct Whole {
     project: Project,
     found: Found,
@@ -161,14 +161,14 @@ impl Whole {
         Ok(Self { project, found })
     }
 
-    /// False of a folder that no author states and no test uses: its modules fail no run.
+    /// Returns `false` for a folder that isn't declared and that no test uses: its modules don't make a run fail.
     fn is_judged(&self, suite: &Suite) -> bool {
         let is_used =
             || self.found.place().is_some_and(|place| self.project.recorded().contains(&place));
         self.found.stated || !suite.tests.is_empty() || is_used()
     }
 
-    /// The modules that aren't valid, but for what has been told, and what others than naga say.
+    /// Returns the invalid modules that weren't reported yet, and the opinions of other compilers than naga.
     fn validity(
         &self,
         found: Result<Validated, Invalid>,
@@ -199,7 +199,7 @@ impl Whole {
 
 pub(super) fn say(said: &Said, out: &mut dyn Write) -> std::io::Result<()> {
     let line = serde_json::to_string(said).expect("it is plain data");
-    // A driver may have left words without the end of their line.
+    // A driver may have printed text without a line end.
     write!(out, "\n{line}\n")?;
     out.flush()
 }

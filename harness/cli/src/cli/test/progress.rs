@@ -1,12 +1,12 @@
-//! One line of progress for a whole run, on standard error, where that is a terminal. It leaves nothing behind.
+//! One line of progress for a whole run, on standard error, if that is a terminal. It disappears at the end.
 
 use std::io::IsTerminal;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use indicatif::{ProgressBar, ProgressStyle};
 
-/// How many tests there will be is known where the last run was of the same ones: programs of tests tell their
-/// counts one by one, and a bar of what is known so far would go backwards.
+/// The progress of a run. Its bar needs the number of tests, which is known if the last run had the same tests. Test
+/// programs print their counts one by one, and a bar of the known tests would go backwards.
 pub(super) struct Progress {
     line: Line,
     done: u64,
@@ -14,11 +14,11 @@ pub(super) struct Progress {
     failed: Vec<String>,
 }
 
-/// The line that is drawn. Several threads may write above it.
+/// The progress line. Several threads may write above it.
 #[derive(Clone)]
 pub(super) struct Line {
     bar: ProgressBar,
-    /// Whether it is on the screen. Who holds it writes alone.
+    /// `true` while the line is on the screen. The lock's holder may write.
     drawn: Arc<Mutex<bool>>,
 }
 
@@ -31,21 +31,21 @@ impl Line {
         self.drawn.lock().unwrap_or_else(PoisonError::into_inner)
     }
 
-    /// Whether somebody sees it.
+    /// Returns `true` if a terminal shows the line.
     pub(super) fn is_seen(&self) -> bool {
         !self.bar.is_hidden()
     }
 
-    /// Writes what is to stay above the line.
+    /// Writes text that stays above the line.
     pub(super) fn above<T>(&self, write: impl FnOnce() -> T) -> T {
         let drawn = self.alone();
-        // Nothing is drawn before there is a verdict: Cargo builds.
+        // The line appears with the first verdict, as Cargo builds before.
         if *drawn { self.bar.suspend(write) } else { write() }
     }
 }
 
 impl Progress {
-    /// `expected` is how many tests the last such run had.
+    /// Makes the progress. `expected` is the number of tests in the last run with the same selection.
     pub(super) fn of(expected: Option<u64>) -> Self {
         let hidden = !std::io::stderr().is_terminal();
         let bar = match expected {
@@ -59,7 +59,7 @@ impl Progress {
         Self { line: Line::of(bar), done: 0, passed: Vec::new(), failed: Vec::new() }
     }
 
-    /// A test has its verdict.
+    /// Counts a test's verdict.
     pub(super) fn step(&mut self, name: &str, verdict: &str) {
         self.done += 1;
         match verdict {
@@ -69,7 +69,7 @@ impl Progress {
         }
         let mut drawn = self.line.alone();
         let bar = &self.line.bar;
-        // More tests than last time: the bar is full, and grows.
+        // If there are more tests than last time, the bar stays full and grows.
         if bar.length().is_some_and(|length| length < self.done) {
             bar.set_length(self.done);
         }
@@ -78,24 +78,24 @@ impl Progress {
         *drawn = true;
     }
 
-    /// The line, for who writes above it.
+    /// Returns the line, for writers above it.
     pub(super) fn line(&self) -> Line {
         self.line.clone()
     }
 
-    /// Takes the line away for a while: another program writes.
+    /// Hides the line while another program writes.
     pub(super) fn pause(&self) {
         let mut drawn = self.line.alone();
         self.line.bar.finish_and_clear();
         *drawn = false;
     }
 
-    /// Tests that passed.
+    /// Returns the tests that passed.
     pub(super) fn passed(&self) -> &[String] {
         &self.passed
     }
 
-    /// Tests whose program ended before they had a verdict: those of some that have none.
+    /// Counts the tests without a verdict, whose program ended early, as failed.
     pub(super) fn end_without(&mut self, tests: impl Iterator<Item = String>) -> Vec<String> {
         let untold = |name: &String| !self.passed.contains(name) && !self.failed.contains(name);
         let untold: Vec<String> = tests.filter(untold).collect();
@@ -103,12 +103,12 @@ impl Progress {
         untold
     }
 
-    /// Tests that failed.
+    /// Returns the tests that failed.
     pub(super) fn failed(&self) -> &[String] {
         &self.failed
     }
 
-    /// How many tests had a verdict.
+    /// Returns the number of tests with a verdict.
     pub(super) fn done(&self) -> u64 {
         self.done
     }

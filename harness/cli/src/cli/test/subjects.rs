@@ -1,5 +1,5 @@
-//! Which tests check which functions and goldens, from run to run: cargo knows tests by their names alone, and
-//! the record of a run that had a filter has only some of them.
+//! The functions and goldens that each test checks, kept from run to run. Cargo knows only the names of tests, and
+//! the record of a filtered run has only some of them.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
@@ -7,13 +7,13 @@ use std::path::{Path, PathBuf};
 use karat::unstable::record::{Record, Subject};
 use serde::{Deserialize, Serialize};
 
-/// Of each test what it checked when it last ran. A file that is missing or can't be read knows nothing.
+/// The subjects of each test in its last run. A missing or unreadable file counts as empty.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(in crate::cli) struct Subjects {
     tests: BTreeMap<String, BTreeSet<String>>,
-    /// How many tests the last run had that left none out.
+    /// The number of tests in the last complete run.
     count: Option<u64>,
-    /// Tests that failed in the last run, whether or not a check of theirs has a record.
+    /// The tests that failed in the last run, also those without a record.
     #[serde(default)]
     failed: Vec<String>,
     /// Folders and files of shaders that tests used.
@@ -21,22 +21,22 @@ pub(in crate::cli) struct Subjects {
     packages: BTreeSet<PathBuf>,
 }
 
-/// The file beside the record of the last run.
+/// The name of the file beside the record of the last run.
 const FILE: &str = "subjects.json";
 
 impl Subjects {
-    /// What earlier runs have told, whose last record is in this folder.
+    /// Reads the subjects of earlier runs, from beside the last record.
     pub(in crate::cli) fn read(record: &Path) -> Self {
         let text = std::fs::read_to_string(record.with_file_name(FILE)).unwrap_or_default();
         serde_json::from_str(&text).unwrap_or_default()
     }
 
-    /// How many tests there are, as far as is known.
+    /// Returns the number of tests, if it is known.
     pub(super) fn count(&self) -> Option<u64> {
         self.count
     }
 
-    /// Tests that failed in the last run.
+    /// Returns the tests that failed in the last run.
     pub(super) fn failed(&self) -> &[String] {
         &self.failed
     }
@@ -46,7 +46,7 @@ impl Subjects {
         &self.packages
     }
 
-    /// Adds the packages that a run used, which are all if it left nothing out.
+    /// Adds the packages that a run used. A complete run replaces the known ones.
     pub(super) fn add_packages(&mut self, used: BTreeSet<PathBuf>, whole: bool) {
         if whole {
             self.packages.clear();
@@ -54,7 +54,7 @@ impl Subjects {
         self.packages.extend(used);
     }
 
-    /// Adds what a run has told. After one that left nothing out, which had `whole` tests, the others are gone.
+    /// Adds the subjects of a run. A complete run of `whole` tests removes the tests that it didn't have.
     pub(super) fn add(&mut self, records: &[Record], whole: Option<u64>, failed: &[String]) {
         self.failed = failed.to_vec();
         self.count = whole.or(self.count);
@@ -69,18 +69,18 @@ impl Subjects {
         }
     }
 
-    /// Keeps it for the next run.
+    /// Writes the subjects for the next run.
     pub(super) fn write(&self, record: &Path) -> std::io::Result<()> {
         let text = serde_json::to_string(self).expect("it is plain data");
         std::fs::write(record.with_file_name(FILE), text)
     }
 
-    /// Whether some test checked something whose name has this in it.
+    /// Returns `true` if a test checked a subject whose name contains `words`.
     pub(super) fn checks(&self, words: &str) -> bool {
         self.tests.values().flatten().any(|name| name.contains(words))
     }
 
-    /// Tests that checked something whose name has this in it, while their own names haven't.
+    /// Returns the tests that checked a subject whose name contains `words`, although their own names don't.
     pub(super) fn about(&self, words: &str) -> Vec<String> {
         let tests = self.tests.iter().filter(|(test, names)| {
             !test.contains(words) && names.iter().any(|name| name.contains(words))

@@ -1,4 +1,4 @@
-//! The pages of `docs/reference`: they are written from the code, and a test compares them.
+//! The pages of `docs/reference`, which are generated from the code. A test compares them.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -41,10 +41,10 @@ const RECORDS: [Keys; 8] = [
     ("The time", "src/record.rs", "Time"),
 ];
 
-/// A key as it is written, and its sentence.
+/// A key and its sentence.
 type Key = (String, String);
 
-/// The keys of a structure in their order. One without a sentence is an error.
+/// Returns the keys of a structure in order. A key without a sentence is an error.
 fn keys(source: &str, structure: &str) -> Result<Vec<Key>, String> {
     let head = format!("struct {structure} {{\n");
     let (_, rest) = source.split_once(&head).ok_or(format!("no `{structure}`"))?;
@@ -72,7 +72,7 @@ fn keys(source: &str, structure: &str) -> Result<Vec<Key>, String> {
     if keys.is_empty() { Err(format!("`{structure}` has no key")) } else { Ok(keys) }
 }
 
-/// A sentence without the links of Rust's documentation.
+/// Returns a sentence without the links of Rust's documentation.
 fn without_links(sentence: &str) -> String {
     let mut told = String::new();
     for part in sentence.split_inclusive(']') {

@@ -1,4 +1,4 @@
-//! Whether what is known of a golden is the same in its image and beside it.
+//! Compares the facts in a golden's image with the facts in the file beside it.
 
 use std::io::ErrorKind;
 use std::path::Path;
@@ -9,21 +9,22 @@ use serde::Serialize;
 
 use super::files::{Golden, is_facts};
 
-/// A golden whose facts can't be relied on.
+/// A golden whose facts are missing or don't match.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Doubt {
     #[serde(flatten)]
     pub(super) golden: Golden,
-    /// What is wrong, in a sentence.
+    /// The problem, in a sentence.
     pub(super) problem: String,
 }
 
-/// What to do about it.
+/// The advice for such a golden.
 pub(super) const ADVICE: &str = "restore both files from one commit; or delete both, run the test \
                                  and accept its frame again";
 
 impl Doubt {
-    /// `None`: image and facts agree, or the golden is another tool's and has none.
+    /// Returns the doubt about a golden, or `None` if its image and facts agree, or if it is another tool's and has
+    /// no facts.
     pub(super) fn of(golden: &Golden) -> Option<Self> {
         let problem = problem(&golden.file, &golden.file.with_extension("toml"))?;
         Some(Self { golden: golden.clone(), problem })
@@ -32,7 +33,7 @@ impl Doubt {
 
 fn problem(image: &Path, beside: &Path) -> Option<String> {
     if image.extension().is_some_and(|ending| ending == "csv") {
-        // Values have their facts within.
+        // A golden of values has its facts inside.
         return Table::read(image).err().map(|error| error.to_string());
     }
     let metadata = match Image::read_exr(image) {
@@ -65,7 +66,7 @@ fn problem(image: &Path, beside: &Path) -> Option<String> {
     }
 }
 
-/// The names of the facts that differ.
+/// Returns the names of the facts that differ.
 fn differing(a: &Provenance, b: &Provenance) -> Vec<String> {
     let table = |facts| toml::Table::try_from(facts).unwrap_or_default();
     let (a, b) = (table(a), table(b));

@@ -1,4 +1,4 @@
-//! What is in a folder of goldens.
+//! The files in a folder of goldens.
 
 use std::collections::BTreeSet;
 use std::fmt;
@@ -13,19 +13,19 @@ use serde::Serialize;
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Golden {
     pub(super) case: String,
-    /// The profile whose own golden it is; `None`: it is the one for all.
+    /// The profile of the golden; `None`: it is the golden for all profiles.
     pub(super) profile: Option<String>,
     pub(super) file: PathBuf,
 }
 
 impl Golden {
-    /// Whether it holds values, with their facts, and no frame.
+    /// Returns `true` if it holds values and their facts, and not a frame.
     pub(super) fn is_table(&self) -> bool {
         self.file.extension().is_some_and(|ending| ending == "csv")
     }
 }
 
-/// `scene`, `scene of profile gl-nvidia`
+/// Writes `scene` or `scene of profile gl-nvidia`.
 impl fmt::Display for Golden {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(&self.case)?;
@@ -38,7 +38,7 @@ impl fmt::Display for Golden {
 pub(super) struct Stray {
     pub(super) file: PathBuf,
     pub(super) reason: &'static str,
-    /// Whether Karat wrote it, and may delete it.
+    /// `true` if Karat wrote it, and may delete it.
     #[serde(skip)]
     pub(super) is_ours: bool,
 }
@@ -50,10 +50,10 @@ pub(super) struct Files {
     pub(super) stray: Vec<Stray>,
 }
 
-/// What may be beside a golden: its facts; what waits; and previews of frames.
+/// The endings of files beside a golden: its facts, pending images and values, and previews.
 const COMPANIONS: [&str; 5] = [".new.exr", ".new.csv", ".new.png", ".toml", ".png"];
 
-/// What was killed before it renamed a file to its place.
+/// The reason for a temporary file of a process that was killed before it renamed the file.
 const LEFTOVER: &str = "left by an interrupted acceptance or test";
 
 impl Files {
@@ -65,14 +65,14 @@ impl Files {
             let name = file.file_name().unwrap_or_default().to_string_lossy();
             let hidden = name.starts_with('.');
             if is_beside(file) {
-                // One that is being written is neither.
+                // A file that is being written is neither golden nor stray.
                 if is_leftover(file) {
                     files.push(file, LEFTOVER, true);
                 }
                 continue;
             }
             let Some((stem, ending)) = split(&name) else {
-                // What is written for people, or for Git.
+                // Hidden files and Markdown are for Git and for people.
                 if !hidden && !name.ends_with(".md") {
                     files.push(file, "a file that isn't a golden's", false);
                 }
@@ -81,7 +81,7 @@ impl Files {
             let golden = file.with_file_name(format!("{stem}.exr"));
             match ending {
                 ".exr" | ".csv" => files.goldens.push(name_of(folder, file, stem)),
-                // What waits may have no golden.
+                // A pending image may have no golden.
                 ".new.exr" | ".new.csv" => {}
                 _ if all.contains(&golden) => {}
                 ".new.png" if all.contains(&file.with_file_name(format!("{stem}.new.exr"))) => {}
@@ -97,13 +97,13 @@ impl Files {
     }
 }
 
-/// Whether a file holds the facts of a golden.
+/// Returns `true` if a file holds the facts of a golden.
 pub(super) fn is_facts(file: &Path) -> bool {
     let text = std::fs::read_to_string(file).unwrap_or_default();
     toml::from_str::<Provenance>(&text).is_ok()
 }
 
-/// A file's name and how it ends, of the endings that are known.
+/// Splits a file's name from its ending, if the ending is known.
 fn split(name: &str) -> Option<(&str, &'static str)> {
     let endings = COMPANIONS.into_iter().chain([".exr", ".csv"]);
     let mut split = endings.filter_map(|ending| Some((name.strip_suffix(ending)?, ending)));

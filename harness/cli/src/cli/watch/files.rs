@@ -1,5 +1,4 @@
-//! Which files changed: editors write in several steps, and by renaming, so that events of one save come in
-//! a burst.
+//! Watches files. Editors write in several steps, and by renaming, so that one save causes a burst of events.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -12,32 +11,32 @@ use notify::event::{AccessKind, AccessMode, ModifyKind, RemoveKind, RenameMode};
 use notify::{Event as Changed, EventKind, RecommendedWatcher, RecursiveMode, Watcher};
 use same_file::Handle;
 
-/// A burst is over when nothing comes for this long. One that goes on later runs the tests once more.
+/// The time without events that ends a burst. If the burst goes on later, the tests run once more.
 const QUIET: Duration = Duration::from_millis(1);
 
-/// The same after a file was saved whole: only others may follow, as of a checkout, which writes one in about
-/// a tenth of a millisecond.
+/// The time after which a burst ends if a file was saved completely. Other files may follow: a checkout writes a file
+/// in about 0.1 ms.
 const SAVED: Duration = Duration::from_micros(200);
 
-/// A burst that doesn't end is told all the same.
+/// The longest burst: after this time its files are reported.
 const LONGEST: Duration = Duration::from_millis(100);
 
-/// How often it is looked whether the folder is still the same one.
+/// The time between two checks whether the folder was replaced.
 const MISSING: Duration = Duration::from_millis(200);
 
-/// Watches while it lives.
+/// A watch, which ends when this value is dropped.
 pub(in crate::cli) struct Watching {
     _ends: Sender<()>,
 }
 
-/// Tells of each burst of changes below a folder, or of a file, as long as that returns `true`. If the folder goes, or another one takes its
-/// place, that is told, and what is there is watched.
+/// Calls `tell` with each burst of changes below a folder, or of a file, until `tell` returns `false`. A removed or
+/// replaced folder is a change, too, and a new folder in its place is watched.
 pub(in crate::cli) fn watch(
     folder: &Path,
     tell: impl Fn(Vec<PathBuf>) -> bool + Send + 'static,
 ) -> anyhow::Result<Watching> {
     let root = folder.canonicalize().with_context(|| format!("`{}`", folder.display()))?;
-    // Editors replace files: a file is watched by its folder.
+    // Editors replace files, so a file is watched by its folder.
     let above =
         if root.is_file() { root.parent().unwrap_or(&root).to_owned() } else { root.clone() };
     let (raw, changes) = channel();
@@ -52,7 +51,7 @@ type Raw = Sender<notify::Result<Changed>>;
 fn started(folder: &Path, raw: &Raw) -> anyhow::Result<RecommendedWatcher> {
     let raw = raw.clone();
     let changes = move |change: notify::Result<Changed>| {
-        // What only reads is the tests' own doing.
+        // Events of reading come from the tests.
         let only_reads = |kind: &EventKind| matches!(kind, EventKind::Access(_)) && !is_whole(kind);
         if !change.as_ref().is_ok_and(|change| only_reads(&change.kind)) {
             let _ = raw.send(change);
@@ -94,7 +93,7 @@ fn follow(
             wait = take(change);
         }
         let Seen { mut files, folders, .. } = seen;
-        // What was written into a new folder before it was watched.
+        // Files may have been written into a new folder before the watch began.
         if look_again.as_ref().is_some_and(|(at, _)| at.elapsed() >= MISSING)
             && let Some((_, seen)) = look_again.take()
         {
@@ -106,7 +105,7 @@ fn follow(
         let now = Handle::from_path(folder).ok().filter(|_| folder.is_dir());
         if now != there {
             files.insert(folder.to_owned());
-            // The watch of a folder that is gone sees nothing of the one that has its place.
+            // The watch of a removed folder doesn't see the folder in its place.
             watcher = now.as_ref().and_then(|_| started(folder, raw).ok());
             there = now.filter(|_| watcher.is_some());
         }
@@ -117,32 +116,32 @@ fn follow(
     drop(watcher);
 }
 
-/// Whether a file is whole with this change: who wrote it has closed it, or it was given its name.
+/// Returns `true` if a file is complete after this event: its writer closed it, or renamed it into place.
 fn is_whole(kind: &EventKind) -> bool {
     let closed = EventKind::Access(AccessKind::Close(AccessMode::Write));
     *kind == closed || *kind == EventKind::Modify(ModifyKind::Name(RenameMode::To))
 }
 
-/// What a burst of changes concerns.
+/// The files and folders of a burst of changes.
 #[derive(Default)]
 struct Seen {
     files: BTreeSet<PathBuf>,
-    /// Those of them that weren't there before.
+    /// The files that are new.
     created: BTreeSet<PathBuf>,
-    /// Folders that came or went, in which more may have happened than was seen.
+    /// The new and removed folders, in which more files may have changed than the events show.
     folders: BTreeSet<PathBuf>,
 }
 
 impl Seen {
     fn add(&mut self, root: &Path, change: notify::Result<Changed>) {
         let Ok(Changed { kind, paths, .. }) = change else { return };
-        // Both names of what was renamed come once more, together.
+        // The system reports both names of a renaming once more, together.
         if kind == EventKind::Modify(ModifyKind::Name(RenameMode::Both)) {
             if let [from, to] = &*paths
                 && to.is_file()
             {
                 self.folders.remove(from);
-                // Editors write beside a file, and give what they wrote its name.
+                // Editors write a temporary file, and rename it.
                 if self.created.remove(from) {
                     self.files.remove(from);
                 }
@@ -150,7 +149,7 @@ impl Seen {
             return;
         }
         for path in paths.into_iter().filter(|path| !is_ours(path, root)) {
-            // Of what was renamed nobody knows whether it was a folder.
+            // A renamed path may have been a folder.
             let gone = match kind {
                 EventKind::Remove(kind) => kind != RemoveKind::File,
                 EventKind::Modify(ModifyKind::Name(_)) => true,
@@ -172,33 +171,33 @@ impl Seen {
     }
 }
 
-/// True of a file that this process prints into.
+/// Returns `true` for a file that this process prints into.
 fn is_output(path: &Path) -> bool {
     static OUTPUTS: OnceLock<Vec<Handle>> = OnceLock::new();
     let outputs = OUTPUTS
         .get_or_init(|| [Handle::stdout(), Handle::stderr()].into_iter().flatten().collect());
-    // To ask a pipe which one it is would wait for who writes into it.
+    // Opening a pipe to identify it would wait for its writer.
     let own = path.is_file().then(|| Handle::from_path(path).ok()).flatten();
     own.is_some_and(|own| outputs.contains(&own))
 }
 
-/// Whether a path below the root is what tools keep, what they build, or what waits to be accepted.
+/// Returns `true` for a path below the root that is a tool's own file, build output, or pending.
 fn is_ours(path: &Path, root: &Path) -> bool {
     let below = path.strip_prefix(root).unwrap_or(path);
     let name = path.file_name().unwrap_or_default().to_string_lossy();
-    // An editor's lock, `.#brdf.wgsl`, its copies, `brdf.wgsl~` and `#brdf.wgsl#`, and what a system keeps
-    // beside files.
+    // The names of an editor's lock, `.#brdf.wgsl`, of its copies, `brdf.wgsl~` and `#brdf.wgsl#`, and of a system's
+    // files.
     if name.starts_with(['.', '#']) || name.ends_with('~') {
         return true;
     }
     let mut at = root.to_owned();
     let kept = below.iter().any(|part| {
-        // A module may lie in a folder of this name, where Cargo builds nothing.
+        // A folder `target` without a Cargo project may have modules.
         let built = part == "target" && at.join("Cargo.toml").is_file();
         at.push(part);
         built || at.join("CACHEDIR.TAG").is_file() || part == ".karat" || part == ".git"
     });
-    // Vim writes and removes a file named by a number before it saves.
+    // Vim writes and removes a file with a number as its name before it saves.
     kept || name.contains(".new.") || name.bytes().all(|byte| byte.is_ascii_digit())
 }
 
@@ -206,7 +205,7 @@ fn is_ours(path: &Path, root: &Path) -> bool {
 mod tests {
     use super::*;
 
-    /// The tests read what they run, which would wake whoever watches for ever.
+    /// The tests read their own files. If reading counted as a change, they would run forever.
     #[test]
     fn who_only_reads_changes_nothing() {
         let folder = tempfile::tempdir().expect("a folder");
@@ -222,7 +221,7 @@ mod tests {
         assert!(!quiet(), "a change is told");
     }
 
-    /// An editor's own file, of any name, is neither a change nor a folder that went.
+    /// An editor's temporary file counts neither as a change nor as a removed folder.
     #[test]
     fn a_save_by_rename_is_one_change() {
         let folder = tempfile::tempdir().expect("a folder");

@@ -1,4 +1,4 @@
-//! What keys do besides running tests: accepting frames, and opening the report.
+//! The actions of keys besides running tests: accepting frames, and opening the report.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -11,18 +11,18 @@ use karat::unstable::record::Record;
 use super::super::project::Project;
 use super::super::report;
 
-/// Frames that wait to be accepted: the names of each folder of goldens.
+/// The names of pending frames, by their folder of goldens.
 pub(super) type Waiting = BTreeMap<PathBuf, Vec<String>>;
 
-/// What waits in the project's goldens and beside the tests in folders of shaders.
+/// Returns the pending frames in the project's goldens and beside the tests in folders of shaders.
 pub(super) fn pending(project: &Project, shaders: impl Iterator<Item = PathBuf>) -> Waiting {
     let mut waiting = Waiting::new();
     for folder in project.goldens().into_iter().chain(shaders) {
         for frame in Goldens::open(&folder).pending().frames {
-            // Below folders of shaders there may be several of goldens; the rest of the path is the name.
+            // A folder of shaders may have several folders of goldens, with the frame's name below.
             let mut above = frame.path.ancestors().skip(1 + frame.case.matches('/').count());
             if let Some(goldens) = above.next() {
-                // One folder may be named in two ways.
+                // A folder may have two paths.
                 let goldens = goldens.canonicalize().unwrap_or_else(|_| goldens.to_owned());
                 let names = waiting.entry(goldens).or_default();
                 if !names.contains(&frame.case) {
@@ -34,7 +34,7 @@ pub(super) fn pending(project: &Project, shaders: impl Iterator<Item = PathBuf>)
     waiting
 }
 
-/// Accepts frames as `karat accept` does; what it says.
+/// Accepts frames as `karat accept` does, and returns its message.
 pub(super) fn accept(project: &Project, waiting: &Waiting, because: &str) -> String {
     let accepted = |(folder, frames): (&PathBuf, &Vec<String>)| -> anyhow::Result<String> {
         let program = std::env::current_exe().context("this program isn't where it was")?;
@@ -50,7 +50,7 @@ pub(super) fn accept(project: &Project, waiting: &Waiting, because: &str) -> Str
     waiting.iter().map(said).collect::<Vec<_>>().join("\n")
 }
 
-/// Writes the report of some files of records into one page, and opens it.
+/// Writes the report of several files of records as one page, and opens it.
 pub(super) fn open_report(project: &Project, files: &[PathBuf], page: &Path) -> anyhow::Result<()> {
     let mut records: Vec<Record> = Vec::new();
     for file in files {

@@ -1,4 +1,4 @@
-//! Tests of one source on one path, in a process that stays: `karat watch` and editors ask it.
+//! The tests of one source on one path, in a long-lived process for `karat watch` and `karat lsp`.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
@@ -10,16 +10,16 @@ use super::{Request, Said, Source, Worker};
 pub(in crate::cli) struct Resident {
     pub(in crate::cli) path: String,
     pub(in crate::cli) source: Source,
-    /// Where its process keeps records.
+    /// The folder of its process's records.
     records: PathBuf,
     worker: Option<Worker>,
-    /// Tests that there are.
+    /// The names of all tests.
     pub(in crate::cli) tests: BTreeSet<String>,
-    /// Tests that fail.
+    /// The failing tests.
     pub(in crate::cli) failing: BTreeMap<String, Wrong>,
-    /// True while tests run.
+    /// `true` while tests run.
     pub(in crate::cli) busy: bool,
-    /// The request that waits until they have run.
+    /// The request that waits until the tests have run.
     waiting: Option<Request>,
 }
 
@@ -30,7 +30,8 @@ impl Resident {
         Self { path, source, records, worker, tests, failing, busy: false, waiting }
     }
 
-    /// Asks for tests, those that fail first. False if others run: then it is asked when they have.
+    /// Asks the process to run tests, the failing ones first. Returns `false` if tests are running: then the request
+    /// waits until they end.
     pub(in crate::cli) fn ask(
         &mut self,
         request: Request,
@@ -49,12 +50,12 @@ impl Resident {
         };
         let first = self.failing.keys().cloned().collect();
         self.busy = true;
-        // If it has ended, its last words come.
+        // If the process has ended, its `Ended` message follows.
         drop(worker.ask(&Request { first, ..request }));
         Ok(true)
     }
 
-    /// Takes note of what the process said.
+    /// Updates the state by a message of the process.
     pub(in crate::cli) fn hear(&mut self, said: &Said) {
         match said {
             Said::Test { name, wrong: Some(wrong) } => {
@@ -70,18 +71,18 @@ impl Resident {
         }
     }
 
-    /// The request that waited, once nothing runs any more.
+    /// Takes the waiting request, once no test runs.
     pub(in crate::cli) fn waited(&mut self) -> Option<Request> {
         self.waiting.take_if(|_| !self.busy)
     }
 
-    /// Asks for its records, in [its file](Self::report). False if no process is there.
+    /// Asks the process to write its records into [its file](Self::report). Returns `false` if there is no process.
     pub(in crate::cli) fn ask_for_records(&mut self) -> bool {
         let request = Request { report: Some(self.report()), ..Request::default() };
         self.worker.as_mut().is_some_and(|worker| worker.ask(&request).is_ok())
     }
 
-    /// The file that its process writes records into.
+    /// Returns the file that its process writes records into.
     pub(in crate::cli) fn report(&self) -> PathBuf {
         self.records.with_extension("jsonl")
     }

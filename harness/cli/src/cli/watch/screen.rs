@@ -1,4 +1,4 @@
-//! What is shown: a screen on a terminal, lines elsewhere.
+//! The output of `karat watch`: a screen on a terminal, lines elsewhere.
 
 use std::cell::{Cell, RefCell};
 use std::collections::BTreeMap;
@@ -13,30 +13,30 @@ use karat::unstable::output::visible;
 use super::super::table::{BAD, DIM, GOOD, HEAD, KNOWN};
 use super::{Lane, Resident, Verdicts};
 
-/// What there is to see.
+/// The content to show.
 pub(super) struct View<'v> {
     pub(super) folder: &'v Path,
     pub(super) filter: &'v str,
-    /// What is being typed, with what it is for.
+    /// The text that is being typed, after its prompt.
     pub(super) prompt: Option<String>,
-    /// What the last key led to.
+    /// The message about the last key.
     pub(super) notice: Option<&'v str>,
     pub(super) changed: &'v [String],
     pub(super) lanes: &'v [Lane],
 }
 
-/// Bytes at a file's end, among which what was printed last is looked for.
+/// The bytes at a file's end in which the last printed line is searched.
 const TAIL: u64 = 64 << 10;
 
 pub(super) struct Screen {
     full: bool,
-    /// The last line that was printed, but for messages.
+    /// The last printed line, except messages.
     last: RefCell<String>,
-    /// Which of the failures is shown.
+    /// The index of the shown failure.
     failure: Cell<usize>,
-    /// Its first line that is seen.
+    /// The index of its first visible line.
     top: Cell<usize>,
-    /// Its title, as it was drawn last.
+    /// Its title when it was last drawn.
     title: RefCell<String>,
 }
 
@@ -57,7 +57,7 @@ impl Screen {
         }
     }
 
-    /// Takes the terminal, until it is dropped.
+    /// Takes over the terminal, until the value is dropped.
     pub(super) fn full() -> std::io::Result<Self> {
         terminal::enable_raw_mode()?;
         execute!(std::io::stdout(), terminal::EnterAlternateScreen, cursor::Hide)?;
@@ -66,13 +66,13 @@ impl Screen {
         Ok(screen)
     }
 
-    /// Shows the next failure. Behind the last one comes the first.
+    /// Shows the next failure, or after the last one the first.
     pub(super) fn turn(&self) {
         self.failure.set(self.failure.get() + 1);
         self.top.set(0);
     }
 
-    /// Shows later lines of the failure, or earlier ones.
+    /// Scrolls the failure by lines.
     pub(super) fn scroll(&self, lines: isize) {
         self.top.set(self.top.get().saturating_add_signed(lines));
     }
@@ -126,7 +126,7 @@ impl Screen {
         out.flush()
     }
 
-    /// True of a file into which the last line came, as by `karat watch | tee log.txt`.
+    /// Returns `true` for a file that contains the last printed line, as with `karat watch | tee log.txt`.
     pub(super) fn is_printed_in(&self, file: &Path) -> bool {
         let last = self.last.borrow();
         let Some(length) = file.metadata().ok().filter(std::fs::Metadata::is_file) else {
@@ -180,7 +180,7 @@ impl Screen {
         if !failures.is_empty() {
             self.failure.set(self.failure.get() % failures.len());
             let Failure { title, message } = &failures[self.failure.get()];
-            // Another one has taken its place, which is read from its first line.
+            // Another failure has its place, which is shown from its first line.
             if self.title.replace(title.clone()) != *title {
                 self.top.set(0);
             }
@@ -201,8 +201,8 @@ impl Screen {
             None => keys(failures.len() > 1, hidden, columns),
         };
         lines.truncate(rows.saturating_sub(1));
-        // Without colours the output strips every command, and those of the screen are needed all the same. Rows that
-        // aren't written keep nothing of what was there.
+        // Without colours the output strips all escape sequences, but the screen needs its own. Rows without text are
+        // cleared.
         let mut commands = std::io::stdout();
         queue!(commands, cursor::MoveTo(0, 0))?;
         for row in 0..rows.saturating_sub(1) {
@@ -248,9 +248,9 @@ fn failures(lanes: &[Lane]) -> Vec<Failure> {
     broken.chain(tests).collect()
 }
 
-/// The keys that do something now, in short where the line has no room for more.
+/// Returns the keys that work now, shortened if the line is narrow.
 fn keys(several: bool, hidden: bool, columns: usize) -> String {
-    // These come first, since the end of a line that is too long isn't seen.
+    // These keys come first, since the end of a long line is cut.
     let now = [(several, "n next"), (hidden, "\u{2191}\u{2193} scroll")];
     let now: Vec<&str> = now.into_iter().filter_map(|(does, key)| does.then_some(key)).collect();
     let join = |always: [&'static str; 5], gap| [&*now, &always].concat().join(gap);
@@ -265,7 +265,7 @@ fn styled(style: karat::unstable::output::Style, text: &str) -> String {
     format!("{style}{text}{style:#}")
 }
 
-/// A text in so many columns.
+/// Cuts a text to a number of columns.
 fn cut(text: &str, columns: usize) -> String {
     match text.chars().count() > columns {
         true => text.chars().take(columns.saturating_sub(1)).chain(['>']).collect(),
@@ -273,15 +273,15 @@ fn cut(text: &str, columns: usize) -> String {
     }
 }
 
-/// A text in lines of so many columns, each as far to the right as the first. Values are often at the
-/// end of a line: they aren't cut.
+/// Wraps a text to a number of columns, with the indentation of its first line. It isn't cut, as values are often at
+/// the end of a line.
 fn wrapped(text: &str, columns: usize) -> Vec<String> {
     let indent: String = text.chars().take_while(|c| *c == ' ').take(columns / 2).collect();
     let width = (columns - indent.len()).max(1);
     let mut rest: Vec<char> = text.chars().skip(indent.len()).collect();
     let mut lines = Vec::new();
     while rest.len() > width {
-        // Between words, where that leaves no more than half of the line empty.
+        // The line breaks between words, unless that leaves more than half of it empty.
         let blank = rest[..=width].iter().rposition(|c| *c == ' ').filter(|at| *at > width / 2);
         let after = rest.split_off(blank.unwrap_or(width));
         lines.push(indent.chars().chain(rest).collect());

@@ -1,4 +1,4 @@
-//! A process that runs tests whenever it is asked.
+//! A process that runs tests on request.
 
 use std::collections::BTreeSet;
 use std::io::{BufRead, BufReader, Write};
@@ -14,67 +14,67 @@ use serde::{Deserialize, Serialize};
 use super::super::child::LastWords;
 use super::{DEADLINE, Source};
 
-/// A worker that is no longer needed ends by itself within this time.
+/// The time in which an unneeded worker must end by itself.
 const FAREWELL: Duration = Duration::from_millis(300);
 
-/// What a worker is asked for: a line of JSON.
+/// A request to a worker, one line of JSON.
 #[derive(Debug, Default, Serialize, Deserialize)]
 pub(in crate::cli) struct Request {
-    /// Only tests whose names contain this.
+    /// Runs only tests whose names contain this text.
     pub(in crate::cli) filter: String,
-    /// All tests, whether or not anything concerns them.
+    /// Runs all tests, also those that no edit affects.
     pub(in crate::cli) all: bool,
-    /// Tests that run before the others.
+    /// The tests that run first.
     pub(in crate::cli) first: Vec<String>,
-    /// Files that changed, with their folders from the root.
+    /// The absolute paths of changed files.
     #[serde(default)]
     pub(in crate::cli) changed: Vec<PathBuf>,
-    /// Validate all modules, and not only what tests link.
+    /// Validates all modules, and not only those that tests link.
     #[serde(default)]
     pub(in crate::cli) validate: bool,
-    /// Run nothing, and write the record of each test's last run into this file.
+    /// Runs nothing, and writes the records of each test's last run into this file.
     #[serde(default)]
     pub(in crate::cli) report: Option<PathBuf>,
-    /// The only test that runs, by its name; its records come with the answer. Editors and other test runners ask so.
+    /// Runs only the test of this name, and returns its records with the answer, for editors and other test runners.
     #[serde(default)]
     pub(in crate::cli) only: Option<String>,
 }
 
-/// What a worker says: a line of JSON.
+/// A message of a worker, one line of JSON.
 #[derive(Debug, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(in crate::cli) enum Said {
     /// A test ran; `wrong` if it failed.
     Test { name: String, wrong: Option<Wrong> },
-    /// All tests have a verdict: these are there. `broken` should have been tests. `idle` ones have nothing
-    /// that this path judges.
+    /// All tests have a verdict. `tests` are all tests, `broken` are tests that can't be read, and `idle` is the
+    /// number of tests that this path can't judge.
     Done {
         tests: BTreeSet<String>,
         #[serde(default)]
         broken: Vec<Wrong>,
         #[serde(default)]
         idle: usize,
-        /// Which modules aren't valid, whether or not a test links them.
+        /// The errors of invalid modules, also of those that no test links.
         #[serde(default)]
         invalid: Option<String>,
         /// The opinion on the modules in a line, and then each remark.
         #[serde(default)]
         remarks: Option<String>,
-        /// Files that matter besides modules and declared tests.
+        /// The files that tests read besides modules and declared tests.
         #[serde(default)]
         reads: Reads,
         /// The records of the only test.
         #[serde(default, skip_serializing_if = "Vec::is_empty")]
         records: Vec<Record>,
     },
-    /// The records were written, or weren't.
+    /// The records were written, or the error why not.
     Reported { error: Option<String> },
     /// The process ended.
     Ended { why: String },
 }
 
 impl Said {
-    /// That no test can be found.
+    /// Returns the message that no test can be found.
     pub(in crate::cli) fn failed(why: String) -> Self {
         let (tests, broken) = (BTreeSet::new(), vec![Wrong::of(why)]);
         let (idle, invalid, remarks, reads) = (0, None, None, Reads::Any);
@@ -83,13 +83,13 @@ impl Said {
     }
 }
 
-/// Files that tests read.
+/// The files that tests read.
 #[derive(Debug, Clone, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(in crate::cli) enum Reads {
-    /// These, through links.
+    /// These files, with links resolved.
     These(BTreeSet<PathBuf>),
-    /// Any file: of what a program or a test of Rust reads nothing is known before it has.
+    /// Any file, as it is unknown what a program or a Rust test will read.
     #[default]
     Any,
 }
@@ -100,7 +100,7 @@ pub(in crate::cli) struct Worker {
 }
 
 impl Worker {
-    /// Starts a process for a path. What it says is told, as long as that returns `true`.
+    /// Starts a process for a path, and calls `tell` with its messages until `tell` returns `false`.
     pub(in crate::cli) fn start(
         path: &str,
         source: &Source,
@@ -110,18 +110,18 @@ impl Worker {
         let program = std::env::current_exe().context("this program isn't where it was")?;
         let mut command = Command::new(program);
         command.arg("suite").arg(source.folder()).arg("--serve").env("KARAT_PATHS", path);
-        // Empty: nothing of an earlier process is there.
+        // Removes the records of an earlier process.
         drop(std::fs::remove_dir_all(records));
         std::fs::create_dir_all(records)
             .with_context(|| format!("can't keep records in `{}`", records.display()))?;
         command.env("KARAT_RECORD", records);
-        // Each process has one path: one that is required would run in all of them.
+        // Each process has one path. A required path would run in all of them.
         command.env_remove("KARAT_REQUIRE");
         // Frames need a driver.
         command
             .envs((path == "cpu" || path.starts_with("cpu:")).then_some(("KARAT_FRAMES", "off")));
         command.args(matches!(source, Source::Cargo(_)).then_some("--cargo"));
-        // An edit waits for no orders but the usual one.
+        // After an edit only the usual order runs, as it is fast.
         if std::env::var_os("KARAT_SCHEDULES").is_none() {
             command.env("KARAT_SCHEDULES", "0");
         }
@@ -136,7 +136,7 @@ impl Worker {
         std::thread::spawn(move || {
             for line in BufReader::new(stdout).lines() {
                 let Ok(line) = line else { break };
-                // Anything else is a driver's chatter.
+                // Other lines are messages of drivers.
                 if let Ok(said) = serde_json::from_str(&line)
                     && !tell(said)
                 {
@@ -162,7 +162,7 @@ impl Worker {
 
 impl Drop for Worker {
     fn drop(&mut self) {
-        // Whoever has programs of its own ends them when nobody asks any more.
+        // When its standard input ends, a worker ends the programs that it runs.
         self.stdin = None;
         let began = Instant::now();
         while began.elapsed() < FAREWELL && matches!(self.child.try_wait(), Ok(None)) {

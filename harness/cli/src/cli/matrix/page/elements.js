@@ -1,8 +1,8 @@
 "use strict";
 // The page of `karat matrix --html`: rows are functions and entry points, columns are routes.
 //
-// What the data says is put in as text, never as HTML, because a shader's author may be anyone. What
-// is shown is told by the address, so that a link shows the same to others.
+// The page inserts data as text, never as HTML, because a shader's author may be anyone. The address has
+// the state of the page, so that a link shows the same to others.
 
 // Elements.
 

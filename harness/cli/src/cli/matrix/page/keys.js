@@ -165,7 +165,7 @@ function listen() {
   window.addEventListener("popstate", follow);
   small.addEventListener("change", drawPanel);
 
-  // What sticks below the tools must know how high they are.
+  // Elements that stick below the tools need the tools' height.
   new ResizeObserver(() => {
     document.documentElement.style.setProperty("--tools-height", `${byId("tools").offsetHeight}px`);
   }).observe(byId("tools"));

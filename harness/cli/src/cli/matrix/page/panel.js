@@ -60,7 +60,7 @@ function accused(cell) {
 const AROUND = 3; // lines beside a marked one
 const DIFFERENT = "The first value that differs";
 const NAMED = "The reason names this line";
-const WHOLE = 120; // a text of fewer lines isn't folded where nobody knows the function's
+const WHOLE = 120; // a shorter text isn't folded if the function's lines are unknown
 
 // Lines of a text, numbered from `first`. Those of `range` and those around marked ones are shown,
 // the others wait behind buttons. `marked` tells why a line is marked.

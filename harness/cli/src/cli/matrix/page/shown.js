@@ -1,4 +1,4 @@
-// What is shown.
+// The shown rows and columns.
 
 const visible = ({ name }) => !state.columns || state.columns.has(name);
 

@@ -1,4 +1,4 @@
-// What stands above it.
+// The summary above the table.
 
 function buildHead() {
   const { matrix, columns, rows } = model;

@@ -1,7 +1,7 @@
 // Words.
 
 const STATUSES = ["translated", "valid", "executed", "agrees"];
-// What a cell is, in the order of bars and toggles. `sign` is there for those who see no colours.
+// The kinds of cells, in the order of bars and toggles. `sign` is for readers who see no colours.
 const SORTS = new Map(Object.entries({
   agrees: { sign: "✓", about: "it ran, and its results are those of another column" },
   executed: { sign: "▷", about: "it ran on all inputs, and wrote all results" },

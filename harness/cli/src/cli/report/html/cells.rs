@@ -1,20 +1,20 @@
-//! What a rejected sampler counted: a map of its support.
+//! A map of the counts of a rejected sampler.
 
 use karat::unstable::record::Histogram;
 use maud::{Markup, html};
 
-/// Pixels of the map.
+/// The width of the map in pixels.
 const WIDTH: f64 = 360.0;
 const HEIGHT: f64 = 180.0;
 
-/// Deviations that are drawn in full colour.
+/// The number of standard deviations that has the full colour.
 const MOST: f64 = 4.0;
 
-/// How far each cell's count is from what is expected of it, in standard deviations. Cells are drawn by rank,
-/// so that a narrow lobe fills the map.
+/// Draws the difference of each cell's count from the expected count, in standard deviations. Cells are drawn by
+/// rank, so that a narrow lobe fills the map.
 pub(super) fn map(histogram: &Histogram, path: &str) -> Markup {
     let Histogram { axes: [first, second], rows, observed, expected } = histogram;
-    // A line is drawn as a row.
+    // A one-dimensional histogram is drawn as a row.
     let is_line = rows.iter().all(|cells| *cells == 1);
     let rows = if is_line { vec![rows.len()] } else { rows.clone() };
     let height = HEIGHT / rows.len().max(1) as f64;
@@ -82,13 +82,13 @@ mod tests {
                 && map.contains("fill-opacity=\"0.50\""),
             "{map}"
         );
-        // A line is a row.
+        // A one-dimensional histogram is a row.
         let line = of(vec![1, 1], vec![1, 9], vec![5.0, 5.0]);
         assert!(
             line.contains("height=\"180.00\" fill") && line.contains("theta runs to the right"),
             "{line}"
         );
-        // A sample where none can be.
+        // A sample in a cell with probability 0.
         assert!(of(vec![1], vec![1], vec![0.0]).contains("+inf sigma"));
     }
 }

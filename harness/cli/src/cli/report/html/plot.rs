@@ -1,32 +1,32 @@
-//! Where the errors of a failing check are: over each argument, and over the two that matter most.
+//! Plots of a failing check's errors: over each argument, and over the two arguments that matter most.
 
 use karat::unstable::record::Plot;
 use maud::{Markup, PreEscaped, html};
 use plotters::prelude::*;
 
-/// Arguments that are shown, of those that matter most.
+/// The most arguments that are shown, in the order of their influence.
 const MOST: usize = 6;
 
-/// Fields of a map along each side: a field has a case or two of a sample.
+/// The fields of a map along each side, which gives a field one or two cases.
 const FIELDS: usize = 12;
 
-/// Parts of an argument's range, for what it explains.
+/// The parts of an argument's range, for the variance that it explains.
 const PARTS: usize = 8;
 
-/// An argument matters to a map where it explains this share of the errors.
+/// The share of the errors' variance from which an argument gets a map.
 const MATTERS: f64 = 0.1;
 
-/// Stands for the colour of text, which the page chooses.
+/// A placeholder for the colour of text, which the page replaces.
 const INK: RGBColor = RGBColor(1, 2, 3);
 const INK_TEXT: &str = "#010203";
 const BAD: RGBColor = RGBColor(201, 48, 56);
 const GOOD: RGBColor = RGBColor(64, 120, 190);
 
-/// Errors are shown from a thousandth of the bound on; what isn't finite is at the top.
+/// The smallest ratio that is shown. Errors that aren't finite are at the top.
 const LEAST: f64 = 1e-3;
 const TOP: f64 = 1e6;
 
-/// The figures of one path. A plot that can't be drawn is left out: its numbers are in the message.
+/// Returns the figures of one path, without plots that can't be drawn. Their numbers are in the message.
 pub(super) fn figures(plot: &Plot, path: &str, asserted: &str) -> Markup {
     let arguments = by_weight(plot);
     let drawn = arguments.iter().take(MOST).filter_map(|(at, _)| scatter(plot, *at));
@@ -36,7 +36,7 @@ pub(super) fn figures(plot: &Plot, path: &str, asserted: &str) -> Markup {
     };
     let drawn: Vec<String> = drawn.chain(map).collect();
     html! {
-        // With one case, or arguments of which none is another number, there is nothing to see.
+        // With one case, or only constant arguments, there is nothing to plot.
         @if !drawn.is_empty() {
             figure {
                 figcaption {
@@ -55,8 +55,8 @@ fn ratio(row: &[f64]) -> f64 {
     if ratio.is_finite() { ratio.clamp(LEAST, TOP) } else { TOP }
 }
 
-/// The arguments with the share of the errors' variance that each explains, largest first. Errors count
-/// by their logarithms.
+/// Returns the arguments with the share of the errors' variance that each explains, largest first. The variance is
+/// that of the errors' logarithms.
 fn by_weight(plot: &Plot) -> Vec<(usize, f64)> {
     let errors: Vec<f64> = plot.rows.iter().map(|row| ratio(row).ln()).collect();
     let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len().max(1) as f64;
@@ -82,7 +82,7 @@ fn by_weight(plot: &Plot) -> Vec<(usize, f64)> {
     all
 }
 
-/// The least and the largest finite value of an argument, if they differ.
+/// Returns the least and the largest finite value of an argument, if they differ.
 fn range(plot: &Plot, argument: usize) -> Option<(f64, f64)> {
     let finite = || plot.rows.iter().map(|row| row[argument]).filter(|x| x.is_finite());
     let (lo, hi) = (finite().reduce(f64::min)?, finite().reduce(f64::max)?);
@@ -91,7 +91,7 @@ fn range(plot: &Plot, argument: usize) -> Option<(f64, f64)> {
 
 type Area<'a> = DrawingArea<SVGBackend<'a>, plotters::coord::Shift>;
 
-/// A chart with a title, and room for the numbers at its axes.
+/// Returns a chart with a title, and room for the numbers at its axes.
 fn titled<'a, 'b>(area: &'a Area<'b>, title: &str) -> ChartBuilder<'a, 'b, SVGBackend<'b>> {
     let mut chart = ChartBuilder::on(area);
     chart.margin(6).x_label_area_size(24).y_label_area_size(52);
@@ -99,7 +99,7 @@ fn titled<'a, 'b>(area: &'a Area<'b>, title: &str) -> ChartBuilder<'a, 'b, SVGBa
     chart
 }
 
-/// An SVG by what draws it.
+/// Returns an SVG that `draw` fills.
 fn svg(size: (u32, u32), draw: impl FnOnce(&Area<'_>) -> Option<()>) -> Option<String> {
     let mut text = String::new();
     {
@@ -110,7 +110,7 @@ fn svg(size: (u32, u32), draw: impl FnOnce(&Area<'_>) -> Option<()>) -> Option<S
     Some(text.replace(INK_TEXT, "currentColor"))
 }
 
-/// The error over one argument.
+/// Plots the error over one argument.
 fn scatter(plot: &Plot, argument: usize) -> Option<String> {
     let (lo, hi) = range(plot, argument)?;
     let top = plot.rows.iter().map(|row| ratio(row)).fold(10.0, f64::max) * 2.0;
@@ -138,7 +138,7 @@ fn scatter(plot: &Plot, argument: usize) -> Option<String> {
     })
 }
 
-/// The largest error in each field of two arguments.
+/// Plots the largest error in each field of two arguments.
 fn map(plot: &Plot, across: usize, up: usize) -> Option<String> {
     let ((x0, x1), (y0, y1)) = (range(plot, across)?, range(plot, up)?);
     let place = |value: f64, lo: f64, hi: f64| {

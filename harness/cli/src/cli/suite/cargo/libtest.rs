@@ -1,4 +1,4 @@
-//! Runs tests of a program, and reads what Rust's test runner prints.
+//! Runs tests of a program, and parses the output of Rust's test runner.
 
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader};
@@ -11,13 +11,13 @@ use anyhow::Context;
 use super::super::super::child::{LastWords, verdict};
 use super::programs::TestProgram;
 
-/// Names in one command: Windows takes 32,767 characters.
+/// The most names in one command, as Windows allows 32,767 characters.
 const TOGETHER: usize = 200;
 
-/// The test program that runs, which ends when this process does.
+/// The running test program, which ends with this process.
 static RUNNING: Mutex<Option<Child>> = Mutex::new(None);
 
-/// Ends the test program that runs.
+/// Ends the running test program.
 pub(in crate::cli) fn end_all() {
     if let Some(child) = &mut *RUNNING.lock().unwrap_or_else(PoisonError::into_inner) {
         drop(child.kill());
@@ -25,10 +25,10 @@ pub(in crate::cli) fn end_all() {
     }
 }
 
-/// What is done with a test's verdict: its name, and its message if it failed.
+/// The function that receives a test's verdict: its name, and its message if it failed.
 pub(in crate::cli) type Heard<'h> = &'h mut dyn FnMut(&str, Option<String>) -> std::io::Result<()>;
 
-/// Runs tests of a program by their names, with records in a folder, and files that stand in for modules.
+/// Runs tests of a program by their names, with a folder for records and an overlay of modules.
 pub(in crate::cli) fn run(
     program: &TestProgram,
     tests: &[&str],
@@ -38,7 +38,7 @@ pub(in crate::cli) fn run(
     run_until(program, tests, folders, heard, &mut |_| false).map(drop)
 }
 
-/// The same until `ends` holds for a test that has failed: then it returns true, and nothing is heard of those that follow.
+/// [`run`] until `ends` returns `true` for a failed test. Then it returns `true`, and doesn't report the later tests.
 pub(in crate::cli) fn run_until(
     program: &TestProgram,
     tests: &[&str],
@@ -46,7 +46,7 @@ pub(in crate::cli) fn run_until(
     heard: Heard<'_>,
     ends: &mut dyn FnMut(&str) -> bool,
 ) -> anyhow::Result<bool> {
-    // One program for all of its tests needs no names.
+    // A program that runs all of its tests needs no names.
     if tests.len() == program.tests.len() {
         return run_some(program, tests, &[], folders, heard, ends);
     }
@@ -69,7 +69,7 @@ fn run_some(
     let mut command = Command::new(&program.executable);
     command.args((!filters.is_empty()).then_some("--exact")).args(filters);
     command.args(["--color", "never"]);
-    // As Cargo does.
+    // The folder and the variables are those of Cargo.
     command.current_dir(&program.folder).env("CARGO_MANIFEST_DIR", &program.folder);
     command.env("CARGO_PKG_NAME", &program.package).env("KARAT_RECORD", record);
     command.envs(overlay.map(|folder| ("KARAT_OVERLAY", folder)));
@@ -107,19 +107,19 @@ fn run_some(
     Ok(false)
 }
 
-/// What was read of a test program's output.
+/// The parsed part of a test program's output.
 #[derive(Default)]
 struct Parser {
-    /// `None` until its message was read.
+    /// The failed tests, with `None` until the message was read.
     failed: BTreeMap<String, Option<String>>,
     passed: Vec<String>,
-    /// The test whose output is read.
+    /// The test whose output is being read.
     section: Option<String>,
     ended: bool,
 }
 
 impl Parser {
-    /// Reads a line: the test of which it tells the verdict, and whether that passed.
+    /// Reads a line. Returns the test whose verdict it has, with `true` if the test passed.
     fn line(&mut self, line: &str) -> Option<(String, bool)> {
         if self.ended {
             return None;
@@ -130,7 +130,7 @@ impl Parser {
             return None;
         }
         if let Some(section) = &self.section {
-            // The list of names after the last message.
+            // The list of names after the last message begins.
             if line == "failures:" {
                 (self.section, self.ended) = (None, true);
             } else if let Some(Some(text)) = self.failed.get_mut(section) {
@@ -173,7 +173,7 @@ impl Parser {
     }
 }
 
-/// The test of a line `---- name stdout ----`.
+/// Returns the test of a line `---- name stdout ----`.
 fn section(line: &str) -> Option<&str> {
     line.strip_prefix("---- ")?.strip_suffix(" stdout ----")
 }

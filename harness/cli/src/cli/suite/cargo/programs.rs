@@ -10,13 +10,13 @@ use anyhow::{Context, bail};
 use cargo_metadata::{Artifact, Message};
 use karat::unstable::process;
 
-/// Endings of files that Cargo builds from.
+/// The endings of files that Cargo builds from.
 const BUILT: [&str; 3] = ["rs", "toml", "lock"];
 
-/// A program that Rust's test runner is in.
+/// A test program with Rust's test runner.
 pub(in crate::cli) struct TestProgram {
     pub(super) executable: PathBuf,
-    /// The name of its target: of a file in `tests/`, or of a crate.
+    /// The name of its target: a file in `tests/`, or a crate.
     target: String,
     /// The folder of its package, in which Cargo runs it.
     pub(super) folder: PathBuf,
@@ -26,7 +26,7 @@ pub(in crate::cli) struct TestProgram {
 }
 
 impl TestProgram {
-    /// A test's name in front of people.
+    /// Returns the displayed name of a test.
     pub(in crate::cli) fn show(&self, test: &str) -> String {
         format!("{}::{test}", self.target)
     }
@@ -36,14 +36,14 @@ impl TestProgram {
     }
 }
 
-/// All of them.
+/// All test programs.
 #[derive(Default)]
 pub(in crate::cli) struct Programs {
     root: PathBuf,
-    /// The packages of Cargo that they are of; empty: all.
+    /// The Cargo packages of the programs; empty: all.
     packages: Vec<String>,
     programs: Vec<TestProgram>,
-    /// Files that Rust includes, with sources.
+    /// The source files, and the files that they include.
     sources: HashSet<PathBuf>,
     built: bool,
     scripts: bool,
@@ -54,7 +54,7 @@ impl Programs {
         Self { root: root.to_owned(), ..Self::default() }
     }
 
-    /// Those of some packages alone.
+    /// Keeps only the programs of some packages.
     pub(in crate::cli) fn only(self, packages: &[String]) -> Self {
         Self { packages: packages.to_vec(), ..self }
     }
@@ -63,23 +63,23 @@ impl Programs {
         self.programs.iter()
     }
 
-    /// Whether Cargo builds from a file.
+    /// Returns `true` if Cargo builds from a file.
     pub(super) fn builds(&self, file: &Path) -> bool {
         let ending = file.extension().unwrap_or_default();
         BUILT.iter().any(|known| ending == *known) || self.sources.contains(file)
     }
 
-    /// Whether they are to be built again.
+    /// Returns `true` if the programs must be built again.
     pub(super) fn are_stale(&self, changed: &HashSet<&Path>) -> bool {
         !self.built || changed.iter().any(|file| self.builds(file))
     }
 
-    /// Whether the project has build scripts, of which nobody knows what they read.
+    /// Returns `true` if the project has build scripts, whose inputs are unknown.
     pub(super) fn have_scripts(&self) -> bool {
         self.scripts
     }
 
-    /// Builds them. The names of those that are new, as tests' names begin; or what Cargo says is wrong.
+    /// Builds the programs. Returns the prefixes of the tests of new programs, or Cargo's errors.
     pub(in crate::cli) fn build(&mut self) -> anyhow::Result<Result<Vec<String>, String>> {
         self.built = false;
         let cargo = std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into());
@@ -144,25 +144,25 @@ impl Programs {
     }
 }
 
-/// Whether a package is one of files here, and not of a registry.
+/// Returns `true` if a package is local, and not from a registry.
 fn is_local(id: &str) -> bool {
     id.starts_with("path+") || id.contains("(path+")
 }
 
-/// The name in a manifest.
+/// Returns the package name in a manifest.
 fn package(folder: &Path) -> Option<String> {
     let text = std::fs::read_to_string(folder.join("Cargo.toml")).ok()?;
     let table: toml::Table = text.parse().ok()?;
     Some(table.get("package")?.get("name")?.as_str()?.to_owned())
 }
 
-/// The tests in a program; none if it has another test runner than Rust's.
+/// Returns the tests in a program, or none if it has another test runner than Rust's.
 fn tests(executable: &Path, folder: &Path) -> anyhow::Result<Vec<String>> {
     let mut command = Command::new(executable);
     command.current_dir(folder).args(["--list", "--format", "terse"]);
     let name = || format!("can't run `{}`", executable.display());
     let listed = process::output(&mut command, process::LOOK_UP, u64::MAX).with_context(name)?;
-    // A loader ends with 127 where a library is missing. Other test runners may not know the arguments.
+    // A loader ends with 127 if a library is missing. Other test runners may refuse the arguments.
     if listed.status.code().is_none_or(|code| code == 127) {
         let said = String::from_utf8_lossy(&listed.stderr);
         bail!("`{}` ended ({}): {}", executable.display(), listed.status, said.trim());
@@ -178,7 +178,7 @@ fn tests(executable: &Path, folder: &Path) -> anyhow::Result<Vec<String>> {
     Ok(names.into_iter().filter(|name| !ignored.contains(&**name)).collect())
 }
 
-/// The files that rustc read for an artifact: its `.d` file names them.
+/// Returns the files that rustc read for an artifact, from its `.d` file.
 fn sources(artifact: &Artifact) -> Vec<PathBuf> {
     let files = artifact.filenames.iter().chain(&artifact.executable);
     let mut all = Vec::new();
@@ -193,13 +193,13 @@ fn sources(artifact: &Artifact) -> Vec<PathBuf> {
     all
 }
 
-/// The file of a line of a `.d` file that has nothing behind its colon. Blanks are escaped.
+/// Returns the file in a line of a `.d` file, if the line ends with the colon. Blanks are escaped there.
 fn source(line: &str) -> Option<PathBuf> {
     let file = line.strip_suffix(':').filter(|file| !file.starts_with('#'))?.replace("\\ ", " ");
     std::path::absolute(file).ok()
 }
 
-/// What Cargo says is wrong, without what it did until then.
+/// Returns the errors in Cargo's output, without its progress.
 fn errors(text: &str) -> String {
     let start = text.lines().position(|line| line.starts_with("error"));
     let lines: Vec<&str> = text.lines().skip(start.unwrap_or_default()).collect();
