@@ -1,11 +1,13 @@
-//! Cases of verbs that need more than the function's arguments: another value of one, a rotation.
+//! Companions: additional values that some verbs need for each case, such as a second value of an argument, or
+//! a rotation.
 //!
-//! A companion is drawn after the arguments, from the same stream of random numbers, and its words
-//! follow theirs. So it is simplified, remembered and replayed together with them.
+//! A companion is sampled after the arguments, from the same stream of random numbers, and its words follow the
+//! arguments' words. So arguments and companion are simplified, remembered and replayed together.
 
 use crate::domain::{Emptiness, Held, Origin, Parts, Shrinkable, Source, Stream};
 
-/// Tells the random numbers of companions of edges and of enumerated values from those of draws.
+/// The seed of companions of edges and of enumerated values. Their random numbers differ from those of sampled
+/// cases.
 const LISTED: u64 = 0x6c69_7374_6564;
 
 /// Draws companions, each of [`words`](Self::words) words.
