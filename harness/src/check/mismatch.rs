@@ -25,7 +25,7 @@ pub enum Mismatch {
     /// The function's result has another type than the expected value.
     #[error("returns {declared}, {who} {supplied}{}", member(supplied.differing(declared, true)))]
     Result {
-        /// What it returns.
+        /// The type of the function's result.
         declared: Shape,
         /// The type of the expected value.
         supplied: Shape,
@@ -35,7 +35,7 @@ pub enum Mismatch {
     /// The function returns a type that the verb can't use.
     #[error("returns {result}, {wanted}")]
     Unsuited {
-        /// What it returns.
+        /// The type that the function returns.
         result: Shape,
         /// The need of the verb, for the message: `not up to three floats`.
         wanted: &'static str,

@@ -24,14 +24,14 @@ use crate::path::{Api, Path};
 use crate::probe::{BATCH, Inputs, ProbeError};
 use crate::run::{Descent, Identity, Memory, replay, with_inputs};
 
-/// The capacity of the smaller dispatch. It has room for simpler values in place of a failing case.
+/// The smallest capacity of a dispatch. A check with few cases needs room for the simpler values of a failing case.
 const SMALLEST: usize = 256;
 
-/// The capacity of the larger dispatch. Each dispatch costs some hundred microseconds in addition to its cases,
+/// The largest capacity of a dispatch. Each dispatch costs some hundred microseconds in addition to its cases,
 /// during which the processor's cores wait. So the default number of cases, and somewhat more, fit into one.
 const LARGEST: usize = 2 * BATCH;
 
-/// The capacity of the dispatches for `cases` cases. All dispatches have this size, and there are few of them.
+/// The capacity of the dispatches of a check: as few dispatches as possible, all of the same size.
 fn room_for(cases: usize) -> usize {
     cases.div_ceil(cases.div_ceil(LARGEST).max(1)).max(SMALLEST)
 }

@@ -22,7 +22,7 @@ pub enum Vacuous {
     /// `.cases(0)`
     #[error("is asked for 0 cases, so nothing would be checked")]
     NoCases,
-    /// The check has more than [`MOST_CASES`].
+    /// The check has more than `MOST_CASES` cases.
     #[error("is asked for {0} cases, more than the {MOST_CASES} that are run at most")]
     TooManyCases(u64),
     /// A filter rejects nearly all values.

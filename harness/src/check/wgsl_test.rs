@@ -210,7 +210,7 @@ pub struct TestGroup {
     function: String,
     shapes: Vec<Shape>,
     words: usize,
-    /// For each test's name: its number in the kernel, and the index of its first argument.
+    /// For each test's name: its number in the kernel, and the index of the first word of its arguments.
     members: BTreeMap<String, (u32, usize)>,
 }
 
