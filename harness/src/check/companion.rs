@@ -18,7 +18,7 @@ pub(super) trait Companion: Sync {
     /// A companion of these arguments.
     fn draw(&self, arguments: &[u32], source: &mut Source) -> Vec<u32>;
 
-    /// Whether such a companion could be drawn; `None` if that can't be told.
+    /// True if sampling can return this companion. `None` if the answer is unknown.
     fn admits(&self, arguments: &[u32], companion: &[u32]) -> Option<bool>;
 
     /// Companions that are simpler than this one, the simplest first.
@@ -98,7 +98,7 @@ impl Stream for WithCompanion<'_> {
 
     fn shrinkable(&self, origin: Origin<'_>) -> Option<Shrinkable<'_, Held>> {
         let make = |origin: Origin<'_>| self.arguments.shrinkable(origin);
-        // What is made borrows the stream and not the origin.
+        // The returned value borrows the stream, and not the origin.
         let (arguments, mut source) = self.drawn(origin, make)?;
         let row = arguments.value().row.clone();
         let companion = self.companion.draw(&row, &mut source);

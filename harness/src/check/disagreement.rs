@@ -240,7 +240,7 @@ pub struct NodeFailure {
     pub weight: f64,
     /// Each argument: its name, and its value as WGSL would write it.
     pub arguments: Vec<(String, String)>,
-    /// What the function returned.
+    /// The result of the function at the node.
     pub result: String,
 }
 

@@ -213,7 +213,7 @@ impl Failure {
     }
 }
 
-/// A function and its golden.
+/// The comparison of a function with its golden.
 struct Comparison<'c> {
     plan: &'c Plan<'c>,
     domain: &'c dyn Stream,

@@ -13,7 +13,7 @@ use crate::judge::{Judged, Shown, tally};
 pub(super) const PRIMED: &str =
     "returned for the arguments with a prime, expected for those without";
 
-/// A failing case as it is shown.
+/// The parts of a failing case that a report shows.
 pub(super) struct Exhibit {
     /// The lanes of all arguments.
     pub(super) lanes: Vec<u32>,

@@ -84,13 +84,13 @@ pub enum Failure {
         /// Its value.
         configuration: String,
     },
-    /// A setting of the environment can't be used, or names a case of another check.
+    /// An environment variable can't be used, or names a case of another check.
     #[error(transparent)]
     NotBegun(#[from] NotBegun),
     /// The function gave no results.
     #[error(transparent)]
     Probe(#[from] ProbeError),
-    /// Domain, reference and function don't fit together.
+    /// The domain, the reference and the function have types that don't fit together.
     #[error("`{function}` {mismatch}\n  {signature}\n  at {location}")]
     Signature {
         /// The function's path.

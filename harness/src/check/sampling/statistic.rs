@@ -13,7 +13,7 @@ use crate::value::{Arguments, Shape, Shareable};
 /// A function that judges the numbers of a configuration.
 type Verdict<'v> = &'v mut dyn FnMut(&[f64], &mut Judgement, f64) -> Result<(), NoVerdict>;
 
-/// A function that judges a configuration: it makes a verdict, and applies it to the numbers.
+/// A function that judges a configuration. Its second argument computes the numbers and applies a verdict to them.
 type JudgeNumbers<'j> = &'j dyn Fn(
     &Held,
     &mut dyn FnMut(Verdict<'_>) -> Result<Judgement, Failure>,
