@@ -10,12 +10,12 @@ use crate::domain::{Emptiness, Held, Origin, Parts, Shrinkable, Source, Stream};
 /// cases.
 const LISTED: u64 = 0x6c69_7374_6564;
 
-/// Draws companions, each of [`words`](Self::words) words.
+/// Samples companions, each of [`words`](Self::words) words.
 pub(super) trait Companion: Sync {
-    /// Words of a companion.
+    /// The number of words of a companion.
     fn words(&self) -> usize;
 
-    /// A companion of these arguments.
+    /// Samples a companion for these arguments.
     fn draw(&self, arguments: &[u32], source: &mut Source) -> Vec<u32>;
 
     /// True if sampling can return this companion. `None` if the answer is unknown.
@@ -32,7 +32,7 @@ pub(super) struct WithCompanion<'a> {
 }
 
 impl WithCompanion<'_> {
-    /// Hands the origin of the arguments to `make`, and then what the companion is drawn from.
+    /// Passes the origin of the arguments to `make`. Returns its value, and the random numbers for the companion.
     fn drawn<T>(
         &self,
         origin: Origin<'_>,

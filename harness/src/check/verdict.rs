@@ -75,7 +75,7 @@ pub enum Failure {
     /// The samples give no verdict.
     #[error("`{function}` has no verdict for case {case}, {configuration}: {reason}")]
     Evidence {
-        /// The sampler's path.
+        /// The sampler's name.
         function: String,
         /// The reason.
         reason: String,
@@ -84,7 +84,7 @@ pub enum Failure {
         /// Its value.
         configuration: String,
     },
-    /// An environment variable can't be used, or names a case of another check.
+    /// A setting of the environment can't be used, or a replay names a case of another check.
     #[error(transparent)]
     NotBegun(#[from] NotBegun),
     /// The function gave no results.
@@ -93,27 +93,27 @@ pub enum Failure {
     /// The domain, the reference and the function have types that don't fit together.
     #[error("`{function}` {mismatch}\n  {signature}\n  at {location}")]
     Signature {
-        /// The function's path.
+        /// The function's name.
         function: String,
         /// The difference.
         mismatch: Box<Mismatch>,
         /// The function's signature in WGSL.
         signature: String,
-        /// Where it is declared.
+        /// The place of the function's declaration.
         location: String,
     },
-    /// There is nothing to judge.
+    /// The check has nothing to judge.
     #[error("{} `{function}` {reason}", reason.whose())]
     Domain {
-        /// The function's path.
+        /// The function's name.
         function: String,
-        /// Why.
+        /// The reason.
         reason: Box<Vacuous>,
     },
     /// A quadrature rule has no nodes, or something that isn't a finite number.
     #[error("the quadrature rule of `{function}` {reason} for case {case}: {arguments}")]
     Rule {
-        /// The function's path.
+        /// The function's name.
         function: String,
         /// The fault of the rule.
         reason: String,
@@ -128,7 +128,7 @@ pub enum Failure {
          a reference is finite on the whole domain, so restrict the domain or mend the reference"
     )]
     Reference {
-        /// The function's path.
+        /// The function's name.
         function: String,
         /// The value that it returned.
         value: f64,
