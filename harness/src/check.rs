@@ -1,9 +1,9 @@
-//! Checks: what a test asserts of a WGSL function.
+//! Checks: assertions about a WGSL function.
 //!
-//! Each verb runs the function over the domain's cases on every selected path and returns an
-//! [`Agreement`] that says how much was compared, or panics with a [`Failure`]. The `try_` forms
-//! return the failure instead. Both write their verdict to the record of the run, unless the check is
-//! [unrecorded](Check::unrecorded). A check that compared nothing is an error.
+//! Each verb, such as `agrees_with`, runs the function with the domain's cases on every selected path. The
+//! verb returns an [`Agreement`], which says how much was compared, or panics with a [`Failure`]. The
+//! `try_` form of a verb returns the failure instead. Both forms write the verdict to the record of the
+//! run, unless the check is [unrecorded](Check::unrecorded). A check that compared nothing is an error.
 
 mod agreement;
 mod allowances;
@@ -88,14 +88,14 @@ use crate::reflect::Overrides;
 use crate::tolerance::Tolerance;
 use crate::value::{Arguments, Shape};
 
-/// Cases of a check unless it says otherwise: one dispatch, and enough draws that each edge of
-/// six arguments meets each other edge.
+/// The number of cases of a check that doesn't set it. These fit into one dispatch, and are enough to
+/// combine each edge of six arguments with every edge of the other arguments.
 const CASES: u64 = 65_536;
 
-/// Values of a finite domain that are all tried unless a number of cases is asked for.
+/// The largest finite domain whose values are all tried if the check sets no number of cases.
 const ENUMERATED: u64 = 1 << 20;
 
-/// A function of a package, to be checked.
+/// A function of a package, before it has a domain.
 ///
 /// ```no_run
 /// use karat::prelude::*;
@@ -113,20 +113,21 @@ pub struct Probe<'a> {
     name: String,
     fixtures: Fixtures,
     overrides: Overrides,
-    /// Where arguments come from; none: from a storage buffer.
+    /// How the kernel gets its arguments. Empty: from a storage buffer.
     inputs: Vec<Inputs>,
-    /// What runs it; none: what the environment selects.
+    /// The executors that run the function. Empty: the executors that the environment selects.
     executors: Vec<&'a dyn Executor>,
-    /// Where the author wrote what is checked, and in which package, if the function is generated.
+    /// For a generated function: the place of the test that the author wrote, and its package's folder.
     place: Option<(Span, PathBuf)>,
-    /// Where the same function returns what its expectations saw, too, if it is a test in WGSL.
+    /// For a test in WGSL: the package whose function of the same name also returns the values that its
+    /// expectations compared.
     telling: Option<&'a Package>,
-    /// A function that counts for it and for others, if one does.
+    /// The shared function that runs this test and others, if there is one.
     together: Option<Together<'a>>,
 }
 
-/// A function that does what several functions do: the first argument says which, and each has arguments of
-/// its own behind it.
+/// A function that can run each of several functions. The first argument selects the function; the
+/// arguments of each function follow.
 #[derive(Clone, Debug)]
 struct Together<'a> {
     package: &'a Package,
@@ -135,7 +136,7 @@ struct Together<'a> {
     /// The types of all arguments.
     shapes: &'a [Shape],
     which: u32,
-    /// Where the words of its own arguments begin, and how many words all have.
+    /// The index of the first word of this function's own arguments, and the words of all arguments.
     first: usize,
     words: usize,
 }
@@ -173,7 +174,7 @@ impl<'a> Probe<'a> {
 
     /// Sets an `override` of the shader, by its name or its `@id`. A `bool` is 0 or 1.
     ///
-    /// One without an initialiser needs a value.
+    /// An `override` without an initialiser needs a value.
     ///
     /// ```
     /// use karat::prelude::*;
@@ -189,11 +190,13 @@ impl<'a> Probe<'a> {
         self
     }
 
-    /// Runs the function on this executor instead of the environment's paths. Further calls add
-    /// more executors. `KARAT_PATHS` and `KARAT_REQUIRE` select drivers only; here they are just
-    /// checked for mistakes. A second function that a verb takes, such as the density of a sampler,
-    /// runs where the first one runs and can't have an executor of its own. An executor's path may
-    /// not be that of a driver, such as `vulkan`: call it `cpu`, or name its maker, `vulkan@mine`.
+    /// Runs the function on this executor instead of the environment's paths. Further calls add more
+    /// executors.
+    ///
+    /// `KARAT_PATHS` and `KARAT_REQUIRE` select drivers only; here Karat just checks them for mistakes. Some
+    /// verbs take a second function, such as the density of a sampler. The second function runs on the same
+    /// executors as the first and can't have its own. An executor can't use the path of a driver, such as
+    /// `vulkan`: call its path `cpu`, or add a maker's name, as in `vulkan@mine`.
     ///
     /// ```no_run
     /// use karat::unstable::executor::Executor;
@@ -211,13 +214,13 @@ impl<'a> Probe<'a> {
         self
     }
 
-    /// The folder of the package that has what is checked.
+    /// The folder of the package with the checked function or test.
     fn root(&self) -> PathBuf {
         let root = || self.package.root();
         self.place.as_ref().map_or_else(root, |(_, root)| root.clone())
     }
 
-    /// The function that is called: its own, unless another one stands for it.
+    /// The name of the function that the kernel calls: the shared function, if there is one.
     fn called(&self) -> &str {
         match &self.together {
             Some(together) if std::ptr::eq(together.package, self.package) => together.function,
@@ -225,13 +228,13 @@ impl<'a> Probe<'a> {
         }
     }
 
-    /// The file of the module that has the function, if it is one.
+    /// The file of the function's module. None for a module that is text in memory.
     fn module_file(&self) -> Option<FileRead> {
         let module = self.name.rsplit_once("::").map_or("", |(module, _)| module);
         self.package.file_of(module)
     }
 
-    /// What runs the function. Never empty.
+    /// The executors that run the function: at least one.
     fn executors(&self) -> Result<Vec<&'a dyn Executor>, PathError> {
         executor::or_selected(&self.executors)
     }
@@ -258,8 +261,9 @@ impl<'a> Probe<'a> {
     }
 }
 
-/// A function with the values that it is checked over, and how they are used: it is called with them
-/// ([`Calls`]), it is integrated for them ([`Integral`]), or it draws samples ([`Sampling`]).
+/// A function with its domain, and a way `C` to use the domain's values. The check calls the function with
+/// the values ([`Calls`]), integrates it with them as parameters ([`Integral`]), or samples from it
+/// ([`Sampling`]).
 ///
 /// ```
 /// # use karat::prelude::*;
@@ -281,7 +285,8 @@ impl<C> std::fmt::Debug for Check<'_, C> {
     }
 }
 
-/// The way of a [`Check`] that calls a function with values of the type `V`, or with [words](crate::unstable::check::Words).
+/// The way of a [`Check`] that calls the function with values of the type `V`, or with
+/// [words](crate::unstable::check::Words).
 ///
 /// ```
 /// use karat::check::{Calls, Check};
@@ -306,8 +311,8 @@ impl<'a, C> Check<'a, C> {
 
     /// Sets the number of cases. A finite domain of at most that many values is enumerated instead.
     ///
-    /// Without this, each way has its own number: 65,536 calls, 256 integrals or 16 configurations of a
-    /// sampler. A finite domain is enumerated up to 2^20 values, 65,536 for integrals, 4,096 for samplers.
+    /// The default is 65,536 calls, 256 integrals or 16 configurations of a sampler. By default, a finite
+    /// domain is enumerated if it has at most 2^20 values (65,536 for integrals, 4,096 for samplers).
     ///
     /// ```
     /// use karat::prelude::*;
@@ -321,7 +326,7 @@ impl<'a, C> Check<'a, C> {
         self
     }
 
-    /// Sets the seed, which otherwise derives from the test's name.
+    /// Sets the seed. By default, the seed derives from the test's name.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -361,13 +366,13 @@ impl<'a, C> Check<'a, C> {
         self
     }
 
-    /// Declares that the check fails on a path, and why: a driver's bug by its number.
+    /// Declares that the check fails on a path, with the reason: a driver's bug by its number.
     ///
-    /// On that path at least one case must fail; if none does, the check fails until the
-    /// declaration is removed. The declaration covers every wrong value there, NaN included, so for lost
-    /// digits prefer [`tolerance_on`](Self::tolerance_on). What stops the path, such as an endless loop, is
-    /// an error all the same. Other paths are judged as usual. `karat test` counts the check as a known
-    /// issue, never as one that passes.
+    /// On that path at least one case must fail. If every case passes, the check fails until you remove the
+    /// declaration. The declaration covers every wrong value on that path, NaN included, so for lost digits
+    /// prefer [`tolerance_on`](Self::tolerance_on). A run that can't end, such as an endless loop, is an
+    /// error in spite of the declaration. Other paths are judged as usual. `karat test` counts the check as
+    /// a known issue, never as a pass.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -383,9 +388,10 @@ impl<'a, C> Check<'a, C> {
         self
     }
 
-    /// Declares that a path refuses the function, and why: its compiler doesn't know what the function is
-    /// made of, or the path lacks what it reads. If it runs there, whatever its values, the check fails
-    /// until the declaration is removed. Wrong values are what [`fails_on`](Self::fails_on) declares.
+    /// Declares that a path can't run the function, with the reason: the path's compiler rejects the
+    /// function, or the path lacks a resource that the function reads. If the function runs on that path,
+    /// the check fails until you remove the declaration, even if all values are right. For wrong values,
+    /// use [`fails_on`](Self::fails_on).
     ///
     /// ```no_run
     /// # use karat::Path;
@@ -404,7 +410,7 @@ impl<'a, C> Check<'a, C> {
         self
     }
 
-    /// Leaves the verdict out of the record of the run: it is yours. For a test that wants a failure.
+    /// Leaves the verdict out of the record of the run. For a test that expects a failure.
     ///
     /// ```
     /// # use karat::prelude::*;

@@ -16,10 +16,10 @@
 //! }
 //! ```
 //!
-//! A check is a plain `#[test]`. It links the function and all that it uses from the shader folder,
-//! and compares its signature with the domain and the reference. Then it generates a compute
-//! kernel, runs it on each selected execution path ([`Path`]) and compares the results with the
-//! reference, which computes in `f64` from the same `f32` arguments.
+//! A check runs in a plain `#[test]`. Karat links the function with everything that it uses from the
+//! shader folder, and compares the function's signature with the domain and the reference. Then Karat
+//! generates a compute kernel, runs it on each selected execution path ([`Path`]) and compares the results
+//! with the reference, which computes in `f64` from the same `f32` arguments.
 //!
 //! # What do I have, and what do I use?
 //!
@@ -29,26 +29,27 @@
 //! | WGSL as text, or a few lines around a function | [`Package::from_source`], [`Package::depends_on`] |
 //! | the shaders of a crate, such as Bevy's | [`package!`]`(crate = "bevy_pbr@0.20.1")` |
 //! | a function, and the formula in Rust | [`Check::agrees_with`] |
-//! | a function, and a plainer one in WGSL | [`Check::agrees_with_function`] |
-//! | a function, and what must hold of it | [`Check::satisfies`], [`Check::stays_within`], [`Check::is_monotone_in`], [`Check::invariant_under`] |
-//! | a function without a formula: noise, a fit | [`Check::matches`] with [`Goldens`] |
-//! | a BRDF or a density to be integrated | [`Check::integrates_to`] over [`Directions`], or [`Probe::integral`](check::Probe::integral) with a rule of my own |
+//! | a function, and a simpler function in WGSL that computes the same | [`Check::agrees_with_function`] |
+//! | a function, and a property that it must have | [`Check::satisfies`], [`Check::stays_within`], [`Check::is_monotone_in`], [`Check::invariant_under`] |
+//! | a function without a formula, such as noise or a fitted curve | [`Check::matches`] with [`Goldens`] |
+//! | a BRDF or a density to integrate | [`Check::integrates_to`] over [`Directions`], or [`Probe::integral`](check::Probe::integral) with my own quadrature rule |
 //! | a sampler and its density | [`Probe::sampled_over`](check::Probe::sampled_over) |
 //! | numbers as arguments | ranges such as `0.0..=1.0`, [`Integers`], [`Grid`], [`AnyF32`] |
 //! | directions and colours as arguments | [`UnitVector`], [`Hemisphere`], [`UnitRgb`] |
-//! | a structure of WGSL | [`shareable!`] |
-//! | a tolerance | [`Ulp`], [`Rel`], [`Abs`]; [`Spec`] where I don't know one |
-//! | a texture, a sampler, a buffer that the function reads | [`Texture`], [`CubeMap`], [`Sampler`], [`Uniform`], [`Storage`], [`Buffer`](fixture::Buffer) |
+//! | a WGSL structure | [`shareable!`] |
+//! | a tolerance | [`Ulp`], [`Rel`], [`Abs`]; [`Spec`] if I don't know a tolerance |
+//! | a texture, a sampler or a buffer that the function reads | [`Texture`], [`CubeMap`], [`Sampler`], [`Uniform`], [`Storage`], [`Buffer`](fixture::Buffer) |
 //! | entry points that draw | [`Package::frame`], [`Frame`], [`Goldens`] |
 //! | compute passes | [`Package::compute`], [`Compute`](compute::Compute) |
-//! | a driver that is wrong | [`Check::tolerance_on`], [`Check::fails_on`], [`Check::refused_on`], [`Path`] |
-//! | no tests at all, and doubts | [`Package::is_valid`], and the crate `karat-inspect` |
+//! | a driver with wrong results | [`Check::tolerance_on`], [`Check::fails_on`], [`Check::refused_on`], [`Path`] |
+//! | shaders without tests | [`Package::is_valid`], and the crate `karat-inspect` |
 //!
-//! Every verb has a `try_` form that returns the [`Failure`](check::Failure) in place of a panic.
+//! Every verb, such as `agrees_with`, has a `try_` form that returns the [`Failure`](check::Failure)
+//! instead of panicking.
 //!
-//! Names that tests need are at the root, in [`prelude`] and in the modules: a version that changes one
-//! has another first number. What programs around tests use, such as records, reports as data and what naga knows of a
-//! shader, is in [`unstable`], or its documentation says *Unstable*.
+//! The stable names are at the root, in [`prelude`] and in the modules. Only a new major version changes
+//! them. Programs around tests also use records, reports as data and naga's facts about a shader. These are
+//! in [`unstable`], or their documentation says *Unstable*.
 
 pub mod check;
 pub mod compute;
@@ -78,7 +79,8 @@ pub use glam;
 #[doc(inline)]
 pub use karat_core::{shareable, vector};
 
-/// Where arguments come from: closed, edge-biased, seeded.
+/// Domains: the sets that arguments are sampled from. Ranges include both ends, sampling prefers edges,
+/// and a seed determines every case.
 pub mod domain {
     pub(crate) use karat_core::domain::*;
     #[doc(inline)]
@@ -94,28 +96,29 @@ pub mod image {
     pub use karat_core::image::{Image, ImageError, Precision};
 }
 
-/// How far a frame is from its golden: the gate, HDR-FLIP by tiles, noise; masks.
+/// Measures of the difference between a frame and its golden: the gate, HDR-FLIP by tiles, noise. Also
+/// masks, which select the pixels that are compared.
 pub mod metric {
     pub(crate) use karat_core::metric::*;
     #[doc(inline)]
     pub use karat_core::metric::{Flip, Mask, MaskError, Noise, Pool, Rect};
 }
 
-/// Where samples lie, and quadrature for references.
+/// The spaces that samples lie in, and quadrature rules for references.
 pub mod stats {
     pub(crate) use karat_core::stats::*;
     #[doc(inline)]
     pub use karat_core::stats::{Support, gauss_legendre};
 }
 
-/// How far a result may be from its reference.
+/// Tolerances: the largest error between a result and its reference that passes.
 pub mod tolerance {
     pub(crate) use karat_core::tolerance::*;
     #[doc(inline)]
     pub use karat_core::tolerance::{Abs, DeviceSpec, Rel, Spec, Tolerance, Ulp};
 }
 
-/// Values of WGSL in Rust, and the types that they have there.
+/// WGSL values and their types in Rust.
 pub mod value {
     #[doc(inline)]
     pub use karat_core::value::Shareable;
@@ -137,7 +140,7 @@ pub use stats::Support;
 pub use tolerance::{Abs, DeviceSpec, Rel, Spec, Tolerance, Ulp};
 pub use value::Shareable;
 
-/// What a test file needs: `use karat::prelude::*;`.
+/// The names that a test file needs: `use karat::prelude::*;`.
 pub mod prelude {
     pub use crate::{
         Abs, AnyF32, CubeMap, DeviceSpec, Directions, Domain, Edges, Goldens, Grid, Hemisphere,

@@ -19,14 +19,14 @@ use crate::run::or_panic;
 use crate::tolerance::{Criterion, SpecTolerance, Tolerance};
 use crate::value::{Arguments, Scalar, Shape};
 
-/// What a reference says of rows of arguments.
+/// The results that a reference computes for rows of arguments.
 pub(super) struct Expected<'e> {
-    /// The type that it returns.
+    /// The type that the reference returns.
     pub(super) shape: Shape,
     pub(super) expect: Expect<'e>,
 }
 
-/// Hands a reference to what is compiled once.
+/// Hides the reference's type from `then`, so that the compiler compiles `then` once for all types.
 pub(super) fn with_reference<A: Arguments, T>(
     reference: &impl Reference<A>,
     then: impl FnOnce(Expected<'_>) -> T,
@@ -44,20 +44,20 @@ pub(super) fn with_reference<A: Arguments, T>(
     })
 }
 
-/// Compares the cases of a batch with what is expected of them.
+/// Compares the results of a batch's cases with the expected results.
 struct Comparison<'c> {
     /// The lanes of a result.
     scalars: &'c [Scalar],
-    /// Those of each case, one after the other.
+    /// The expected lanes of each case, one case after the other.
     expected: &'c [f64],
     batch: &'c Batch,
-    /// The lanes of the arguments, and what is expected of others than those given.
+    /// The lanes of the arguments; `expect` computes the expected lanes of arguments with flushed subnormals.
     arguments: &'c [Scalar],
     expect: Expect<'c>,
     tolerance: &'c Tolerance,
-    /// What WGSL allows, where that is what is asked for.
+    /// The results that WGSL or the adapter allows, if the test asks for `Spec` or `DeviceSpec`.
     allowed: Option<Allowed<'c>>,
-    /// Whether some result showed something.
+    /// True after a result that wasn't excused by flushing to 0 (see `tells`).
     told_apart: &'c AtomicBool,
 }
 
@@ -80,20 +80,21 @@ impl Judge for Comparison<'_> {
         allowing_flushes(self.arguments, self.batch.arguments(case), given, |row| {
             let mut expected = Vec::with_capacity(self.scalars.len());
             (self.expect)(Rows::new(row, row.len(), 1), &mut expected);
-            // Where the reference isn't finite, nothing passes.
+            // No result passes against a reference that isn't finite.
             compare(self.scalars, actual, &expected, self.tolerance)
         })
     }
 
     fn is_within(&self, case: usize, actual: &[u32], ratio: f64) -> bool {
-        // Until a result has shown something, each is judged.
+        // Each result is judged until one of them sets `told_apart`.
         self.allowed.is_none()
             && self.told_apart.load(Ordering::Relaxed)
             && is_within(self.scalars, actual, self.of(case), self.tolerance, ratio)
     }
 }
 
-/// Whether a result shows something: not where it may be flushed to 0 and its reference, too.
+/// True if a result can show a difference from its reference. If both are subnormal and differ, both may be
+/// flushed to 0, and the comparison shows nothing.
 fn tells(scalars: &[Scalar], actual: &[u32], expected: &[f64]) -> bool {
     scalars.iter().zip(actual).zip(expected).any(|((scalar, word), expected)| {
         let actual = scalar.decode(*word);
@@ -105,14 +106,14 @@ fn tells(scalars: &[Scalar], actual: &[u32], expected: &[f64]) -> bool {
 impl<V: Arguments> Check<'_, Calls<V>> {
     /// Checks that the function agrees with a reference to within a tolerance.
     ///
-    /// The reference receives the very `f32` values that the shader gets, widened to `f64`. Where a
-    /// result disagrees and some of them are subnormal, it is asked again with zeros in their place,
-    /// as WGSL lets drivers flush them.
+    /// The reference receives the same `f32` values as the shader, widened to `f64`. WGSL lets drivers flush
+    /// subnormal arguments to 0. So if a result disagrees and some arguments are subnormal, Karat calls the
+    /// reference again with zeros in place of these arguments.
     ///
-    /// [`Spec`](crate::Spec) in place of a tolerance accepts what the WGSL specification allows this
-    /// very code to return, if that is close enough together. [`DeviceSpec`](crate::tolerance::DeviceSpec)
-    /// accepts what the adapter's measured accuracy allows. On paths with a tolerance of their own that
-    /// one holds.
+    /// Instead of a tolerance, [`Spec`](crate::Spec) accepts the results that the WGSL specification allows
+    /// for this code, if the allowed interval is narrow enough. [`DeviceSpec`](crate::tolerance::DeviceSpec)
+    /// accepts the results that the adapter's measured accuracy allows. A tolerance for a single path,
+    /// from [`tolerance_on`](Self::tolerance_on), replaces both on that path.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -199,7 +200,7 @@ impl Session<'_> {
         {
             session.called.expect_lanes(otherwise)?;
         }
-        // A path's own tolerance holds there in place of what WGSL allows.
+        // A path's own tolerance replaces the bounds of WGSL on that path.
         let spec_tolerance = spec_tolerance.filter(|_| tolerances.own(&session.called).is_none());
         let witness = spec_tolerance.map(|_| session.witness()).transpose()?;
         let measured = match spec_tolerance.filter(|spec_tolerance| spec_tolerance.measured) {
@@ -210,13 +211,13 @@ impl Session<'_> {
         let (scalars, tolerance) = (session.called.scalars(), tolerances.of(&session.called));
         let arguments = session.called.argument_scalars();
         let told_apart = AtomicBool::new(false);
-        // The record says how much WGSL allows.
+        // The record contains the largest error that WGSL allows.
         let wanted = spec_tolerance.is_none() && self.recorded && record::wanted();
         let granter = wanted.then(|| session.witness().ok()).flatten();
         let mut allowance: Option<Allowance> = None;
         let mut left = allowances::wanted(&session.called.probed.program);
         let mut tally = session.run(&mut |batch, running| {
-            // The device works on the dispatch meanwhile.
+            // Meanwhile, the device runs the dispatch.
             let lanes = session.expected(batch, batch.rows(), expected.expect)?;
             if let Some(granter) = granter.as_ref().filter(|_| left > 0)
                 && let Ok(found) = Allowances::of(granter, batch, &mut left)
@@ -224,7 +225,7 @@ impl Session<'_> {
                 let more = found.against(&scalars, &lanes, tolerance);
                 allowance = Some(allowance.map_or(more, |allowance| allowance.merge(more)));
             }
-            // Those of the specification, or of the path.
+            // The bounds of the specification, or of the adapter's measured accuracy.
             let bounds = match (&witness, &measured) {
                 (None, _) => Vec::new(),
                 (Some(witness), None) => witness.bounds(batch.cases, &batch.lanes())?,

@@ -1,4 +1,4 @@
-//! What WGSL would allow where a test declares a number: whether another driver may fail it.
+//! Compares a test's tolerance with the errors that WGSL allows, to see if another driver may fail the test.
 
 use super::batch::Batch;
 use crate::interpret::{Bound, Interpreted};
@@ -8,28 +8,30 @@ use crate::reflect::Program;
 use crate::tolerance::Tolerance;
 use crate::value::Scalar;
 
-/// Cases that are asked for of a function without loops: some milliseconds of a check.
+/// The number of cases for which Karat computes WGSL's bounds, in a function without loops. They take some
+/// milliseconds.
 const ASKED: usize = 128;
 
-/// Rounds of loops that all cases together may make: intervals are slow, and this is for the record.
+/// The most iterations of loops in all these cases together. Interval arithmetic is slow, and only the record
+/// needs its results.
 const ROUNDS: u64 = 4096;
 
-/// How many cases of a function are asked for; none if its loops go round too often.
+/// The number of cases for which Karat computes WGSL's bounds: 0 if the function's loops iterate too often.
 pub(super) fn wanted(program: &Program) -> usize {
     let rounds = program.most_rounds().unwrap_or(u64::MAX).max(1);
     usize::try_from(ROUNDS / rounds).unwrap_or(ASKED).min(ASKED)
 }
 
-/// What WGSL allows some cases of a batch.
+/// The results that WGSL allows for some cases of a batch.
 pub(super) struct Allowances {
     cases: Vec<usize>,
-    /// Those of each case, one after the other.
+    /// The bounds of each case's lanes, one case after the other.
     bounds: Vec<Bound>,
 }
 
 impl Allowances {
-    /// Asks for cases of a batch: half of them its first ones, where edges are, and others that are
-    /// spread over it. `left` is how many are still to be asked for.
+    /// Computes WGSL's bounds for some cases of a batch. Half of them are the first cases, which have the
+    /// edges; the others are spread over the batch. `left` is the number of cases that are still to do.
     pub(super) fn of(
         witness: &Interpreted,
         batch: &Batch,
@@ -46,7 +48,7 @@ impl Allowances {
         Ok(Self { bounds: witness.driver_bounds(cases.len(), &rows)?, cases })
     }
 
-    /// Compares what is allowed with a tolerance about the `expected` lanes of all cases.
+    /// Compares the allowed results with the tolerance around `expected`, which has the lanes of all cases.
     pub(super) fn against(
         &self,
         scalars: &[Scalar],
@@ -67,7 +69,7 @@ impl Allowances {
     }
 }
 
-/// The largest error that is allowed, over its tolerance.
+/// The largest error that WGSL allows, divided by the tolerance.
 fn allowed(scalars: &[Scalar], bounds: &[Bound], expected: &[f64], tolerance: &Tolerance) -> f64 {
     let lanes = scalars.iter().zip(bounds).zip(expected).enumerate();
     let ratio = |(lane, ((scalar, bound), expected)): (usize, ((&Scalar, &Bound), &f64))| {
@@ -75,7 +77,7 @@ fn allowed(scalars: &[Scalar], bounds: &[Bound], expected: &[f64], tolerance: &T
         let of = |end: f64| tolerance.measure_sum(lane, end, *expected).ratio;
         match scalar.is_float() {
             true => of(least).max(of(most)),
-            // The one value that is allowed may be the wrong one, and allows no other.
+            // WGSL allows a single value. It may be wrong, but no other driver returns another value.
             false if least == most => 0.0,
             false => f64::INFINITY,
         }
@@ -110,7 +112,7 @@ mod tests {
         allowances.against(&[Scalar::F32], &expected, &tolerance.into())
     }
 
-    /// A sine may be off by 2^-11.
+    /// WGSL lets a sine be off by 2^-11.
     #[test]
     fn tolerances_that_other_drivers_may_leave_are_found() {
         let loose = allowance("sin(x)", f64::sin, Abs(1e-3));
@@ -120,10 +122,10 @@ mod tests {
         let tight = allowance("sin(x)", f64::sin, Ulp(4.0));
         assert_eq!(tight.wider, 100);
         assert!(tight.worst.is_some_and(|worst| worst > 1000.0), "{tight:?}");
-        // Of 100 cases the first is 0, to a power.
+        // The first case is 0: `pow` of 0 is unbounded.
         let unbounded = allowance("pow(x, 5.0)", |x| x.powi(5), Abs(1e-3));
         assert_eq!((unbounded.wider, unbounded.worst, unbounded.unbounded), (1, None, 1));
-        // A driver has the constant that the shader has; the reference alone may have another 0.3.
+        // All drivers have the shader's constant. Only the reference may have a different 0.3.
         let constant = allowance("0.3", |_| f64::from(0.3_f32), Ulp(0.0));
         assert_eq!((constant.wider, constant.worst), (0, Some(0.0)));
         let inexact = allowance("0.3 * x", |x| f64::from(0.3_f32) * x, Ulp(0.0));

@@ -1,4 +1,4 @@
-//! Results judged by what WGSL allows, or by what their adapter keeps to.
+//! Judges results by the bounds that WGSL allows, or by the adapter's measured accuracy.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -7,18 +7,19 @@ use crate::judge::{Class, Judged};
 use crate::tolerance::{LaneError, SpecTolerance, Unit};
 use crate::value::Scalar;
 
-/// What is allowed for the cases of a batch, and what their author needs.
+/// The allowed bounds for the cases of a batch, and the accuracy that the test's author needs.
 #[derive(Clone, Copy)]
 pub(super) struct Allowed<'g> {
     pub(super) spec_tolerance: &'g SpecTolerance,
-    /// Those of each case, one after the other.
+    /// The bounds of each case's lanes, one case after the other.
     pub(super) bounds: &'g [Bound],
-    /// Whether a case was judged by its bounds, and not by what is wanted where they are too wide.
+    /// True after a case passed by its bounds alone. Where bounds are too wide, the test's other tolerance
+    /// judges.
     pub(super) judged: &'g AtomicBool,
 }
 
 impl Allowed<'_> {
-    /// Judges a case, lane by lane; the worst counts.
+    /// Judges each lane of a case and returns the worst one.
     pub(super) fn judge(
         &self,
         scalars: &[Scalar],
@@ -64,18 +65,18 @@ impl Allowed<'_> {
             let (ratio, error) = (f64::INFINITY, f64::INFINITY);
             return LaneError { ratio, error, bound: 0.0, unit: Unit::Unbounded };
         };
-        // What a reference in f64 rounds off itself.
+        // The reference's own rounding error in f64.
         let noise = 8.0 * f64::EPSILON * reference.abs();
         let outside = |x: f64, noise: f64| (least - x).max(x - most) - noise;
         let size = (most - least).max(f64::from(f32::EPSILON) * least.abs().max(most.abs()));
         let wrong = |distance: f64, unit: Unit| LaneError {
-            // Above 1 by how many times the width of what is allowed it is off.
+            // 1 plus the distance from the allowed interval, in widths of that interval.
             ratio: 1.0 + distance / size.max(f64::from(f32::MIN_POSITIVE)),
             error: distance,
             bound: 0.0,
             unit,
         };
-        // NaN is inside of nothing.
+        // NaN lies inside no interval, so the comparison is written to reject it.
         if !(outside(reference, noise) <= 0.0) {
             return wrong(outside(reference, noise), Unit::Shader);
         }

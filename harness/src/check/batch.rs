@@ -1,12 +1,12 @@
-//! Rows of cases: those of one dispatch, and parts of them.
+//! The cases of one dispatch, as rows of words.
 
 use std::borrow::Cow;
 use std::ops::Range;
 
-/// The index of a case that a search has found: above those of all others.
+/// The index of the first case that a search has found: above the indices of all other cases.
 pub(super) const SEARCHED: u64 = 1 << 62;
 
-/// Rows of equal width, one after the other.
+/// Rows of equal width, one after the other in memory.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rows<'r> {
     words: &'r [u32],
@@ -15,13 +15,13 @@ pub(super) struct Rows<'r> {
 }
 
 impl<'r> Rows<'r> {
-    /// `count` rows of `width` words, which may be none.
+    /// `count` rows of `width` words. `width` may be 0.
     pub(super) fn new(words: &'r [u32], width: usize, count: usize) -> Self {
         assert_eq!(words.len(), width * count, "rows have equal widths");
         Self { words, width, count }
     }
 
-    /// All of them, one after the other.
+    /// The words of all rows, one row after the other.
     pub(super) fn words(self) -> &'r [u32] {
         self.words
     }
@@ -51,11 +51,11 @@ pub(super) struct Batch {
     /// Index of the first case.
     pub(super) first: u64,
     pub(super) cases: usize,
-    /// Whether its cases are the check's own: not simpler ones, nor remembered ones.
+    /// True if the cases are sampled for the check. False if they are simplified or remembered cases.
     pub(super) is_drawn: bool,
     rows: Vec<u32>,
     width: usize,
-    /// Words of a row that are arguments of the function. What is behind them is the check's own.
+    /// The number of words in a row that are the function's arguments. The row's other words are a companion.
     words: usize,
 }
 
@@ -84,12 +84,12 @@ impl Batch {
         &self.rows().of(case)[..self.words]
     }
 
-    /// What the check draws of a case besides its arguments.
+    /// The companion of a case: the words that the check samples in addition to the arguments.
     pub(super) fn companion(&self, case: usize) -> &[u32] {
         &self.rows().of(case)[self.words..]
     }
 
-    /// The arguments of all cases, as a kernel takes them.
+    /// The arguments of all cases, in the layout of the kernel's input.
     pub(super) fn lanes(&self) -> Cow<'_, [u32]> {
         if self.width == self.words {
             return Cow::Borrowed(&self.rows);
@@ -99,7 +99,7 @@ impl Batch {
         Cow::Owned(lanes)
     }
 
-    /// Other arguments for the same cases.
+    /// Rows of other arguments for the same cases.
     pub(super) fn with_lanes<'l>(&self, lanes: &'l [u32]) -> Rows<'l> {
         Rows::new(lanes, self.words, self.cases)
     }

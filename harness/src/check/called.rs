@@ -1,4 +1,4 @@
-//! A function on its executor: calls by rows of words, with no cases and no verdict.
+//! A function on its executor. Calls take rows of words; cases and verdicts are elsewhere.
 
 use std::borrow::Cow;
 use std::ops::Deref;
@@ -16,7 +16,7 @@ use crate::reflect::{Function, Overrides};
 use crate::tolerance::Tolerance;
 use crate::value::{Scalar, Shape};
 
-/// A function whose parameters fit what it is to be given.
+/// A function whose parameters fit the arguments that the check supplies.
 #[derive(Debug)]
 pub(super) struct Fitting(Probed);
 
@@ -25,12 +25,13 @@ impl Fitting {
         &self.0.function
     }
 
-    /// Says where its author wrote it.
+    /// Sets the place in the source where the author wrote the function.
     pub(super) fn declared_at(&mut self, place: Span) {
         self.0.function.span = place;
     }
 
-    /// Finds a function, which has to take these arguments. `who` supplies them: `the domain draws`.
+    /// Finds a function that takes the `supplied` arguments. An error names their origin by `who`, such as
+    /// `the domain draws`.
     pub(super) fn find(
         (package, function): (&Package, &str),
         (fixtures, overrides): (&Fixtures, &Overrides),
@@ -53,7 +54,7 @@ impl Fitting {
         Err(Mismatch::Arguments { declared, supplied, who }.of(&probed.function))
     }
 
-    /// Gets it ready on an executor, with room for so many calls in a batch.
+    /// Prepares the function on an executor, with room for `calls` calls in a batch.
     pub(super) fn on<'e>(
         self,
         executor: &'e dyn Executor,
@@ -68,8 +69,8 @@ impl Fitting {
     }
 }
 
-/// A function that can be called on one executor. What is judged on several is called on each by itself, so
-/// that none can be passed over.
+/// A function that can be called on one executor. A check on several executors has one of these for each, so
+/// that it can't skip an executor.
 pub(super) struct Called<'e> {
     caller: Caller<'e>,
     pub(super) adapter: Adapter,
@@ -78,7 +79,7 @@ pub(super) struct Called<'e> {
 }
 
 impl Drop for Called<'_> {
-    /// A check that is done with its function says what that printed.
+    /// Writes the function's printed lines when the check has finished.
     fn drop(&mut self) {
         self.watched.iter().for_each(|watched| tell_prints(&watched.told()));
     }
@@ -93,7 +94,7 @@ impl<'e> Deref for Called<'e> {
 }
 
 impl Called<'_> {
-    /// The files that its results depend on: its modules, and what its fixtures were made of.
+    /// The files that the results depend on: the function's modules, and the files of its fixtures.
     pub(super) fn files(&self, fixtures: &Fixtures) -> Vec<FileRead> {
         let modules = self.probed.program.files().iter();
         modules.chain(fixtures.iter().flat_map(|(_, fixture)| fixture.read())).cloned().collect()
@@ -113,7 +114,7 @@ impl Called<'_> {
         probe::parameter_shapes(self.function()).into_iter().flat_map(Shape::lanes).collect()
     }
 
-    /// Starts calls, at whose assertions and prints Karat's engine looks before.
+    /// Starts calls. If the function asserts or prints, Karat's engine runs these calls first.
     pub(super) fn start(&self, rows: &[u32], calls: usize) -> Result<Running<'_>, ProbeError> {
         if let Some(watched) = &self.watched {
             watched.look(calls, rows)?;
@@ -121,7 +122,7 @@ impl Called<'_> {
         self.caller.start(rows, calls)
     }
 
-    /// Calls, and waits.
+    /// Calls the function and waits for the results.
     pub(super) fn call(&self, rows: &[u32], calls: usize) -> Result<Results, Failure> {
         Ok(self.start(rows, calls)?.read()?)
     }
@@ -131,7 +132,7 @@ impl Called<'_> {
         self.scalars().iter().zip(words).map(|(scalar, word)| scalar.decode(*word)).collect()
     }
 
-    /// Wants the function to return this type.
+    /// Returns an error unless the function returns this type.
     pub(super) fn expect_result(&self, host: &Shape, who: &str) -> Result<(), Failure> {
         let function = self.function();
         if host.stands_for(&function.result, true) {
@@ -141,8 +142,8 @@ impl Called<'_> {
         Err(Mismatch::Result { declared, supplied, who: who.to_owned() }.of(function))
     }
 
-    /// Refuses a reference that isn't finite. `lanes` are those of one case after the other, and
-    /// `case` tells a case's index and arguments.
+    /// Returns an error if a value of the reference isn't finite. `lanes` has the lanes of one case after the
+    /// other. `case` returns a case's index and arguments.
     pub(super) fn expect_finite(
         &self,
         lanes: &[f64],
@@ -158,7 +159,7 @@ impl Called<'_> {
         Err(Failure::Reference { function, value, place, case, arguments })
     }
 
-    /// Refuses a tolerance that bounds nothing, or is declared for another number of components.
+    /// Returns an error if the tolerance has an unusable bound, or bounds for another number of components.
     pub(super) fn expect_lanes(&self, tolerance: &Tolerance) -> Result<(), Failure> {
         let lanes = self.scalars().len();
         if let Some(bound) = tolerance.unusable() {
@@ -173,7 +174,7 @@ impl Called<'_> {
         }
     }
 
-    /// An error of the domain, which leaves nothing to be judged.
+    /// An error of the domain: no result can be judged.
     pub(super) fn vacuous<T>(&self, reason: Vacuous) -> Result<T, Failure> {
         Err(Failure::Domain { function: self.function().name.clone(), reason: Box::new(reason) })
     }

@@ -1,8 +1,9 @@
-//! Where a function fails, in a line: a property of the arguments that tells failing cases from the others.
+//! Describes in one line where a function fails: a property of the arguments that separates failing cases from
+//! passing cases.
 //!
-//! Each component of the arguments is tried, and what is made of two: quotients, products and differences of
-//! numbers, angles and distances of vectors. For each of them the interval is found that has the most of the
-//! failing cases and the fewest of the others.
+//! The properties are the components of the arguments and combinations of two arguments: quotients, products
+//! and differences of numbers, angles and distances of vectors. For each property, Karat finds the interval
+//! that has the most failing cases and the fewest passing cases.
 
 use super::batch::Batch;
 use crate::judge::Tally;
@@ -10,47 +11,50 @@ use crate::reflect::Function;
 use crate::tolerance::significant;
 use crate::value::{Scalar, Shape};
 
-/// Cases of either kind that are looked at: a share of them is known to within 1 %.
+/// The most failing cases, and the most passing cases, that are examined first. They give a share to within
+/// 1 %.
 const CASES: usize = 2048;
 
-/// Fewer cases of a kind say nothing: some interval of some property has them by chance.
+/// The fewest failing cases, and the fewest passing cases, for a cause. With fewer cases, an interval of some
+/// property can separate them by chance.
 const FEWEST: usize = 8;
 
-/// The share of failing cases in an interval, less that of the others, from which on it is worth a line.
+/// The smallest gain of an interval that is reported. The gain is the share of failing cases in the interval
+/// minus the share of passing cases.
 const TELLING: f64 = 0.95;
 
-/// By how much a property of two arguments has to tell more than one of a single argument.
+/// A property of two arguments replaces a property of one argument only if its gain is larger by this.
 const SIMPLER: f64 = 0.02;
 
-/// Gives the arguments of a case.
+/// Returns the arguments of a case.
 type Of<'b> = &'b dyn Fn(usize) -> &'b [u32];
 
-/// Cases that failed, and the others.
+/// Failing cases and passing cases.
 struct Cases<'b> {
     arguments: Of<'b>,
     failing: Vec<usize>,
     passing: Vec<usize>,
-    /// How many there are of each before they were thinned.
+    /// The numbers of failing and of passing cases before they were thinned.
     all: (usize, usize),
 }
 
-/// A number that is made of a case's lanes.
+/// Computes a number from a case's lanes.
 type Measured = Box<dyn Fn(&[f64]) -> f64>;
 
-/// A number that each case has.
+/// A number that each case has, with its name.
 struct Property {
     name: String,
     of: Measured,
-    /// Whether it is made of two arguments.
+    /// True if the property combines two arguments.
     mixed: bool,
 }
 
-/// The interval of a property that has most of what fails.
+/// An interval of a property's values, with the shares of the failing and of the passing cases in it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Interval {
-    /// `None`: from the least value that occurs on.
+    /// The lower end. `None`: the smallest value of all cases.
     least: Option<f64>,
-    /// `None`: up to the greatest.
+    /// The upper end. `None`: the largest value of all cases.
     most: Option<f64>,
     failing: f64,
     passing: f64,
@@ -62,7 +66,8 @@ impl Interval {
     }
 }
 
-/// `where x is at least 0.2 (all that fails, 0.4 % of what passes)`, or `everywhere but ..`; `None` where nothing is that simple.
+/// The cause as text: `where x is at least 0.2 (all that fails, 0.4 % of what passes)`, or `everywhere but ..`.
+/// `None` if no single property separates the cases.
 pub(super) fn cause(
     function: &Function,
     batch: &Batch,
@@ -74,7 +79,7 @@ pub(super) fn cause(
     is_whole.then(|| cause_of(function, batch.cases, &|case| batch.arguments(case), failing))?
 }
 
-/// `cause` of cases whose arguments are given by their numbers.
+/// The same as `cause`, with a function that returns the arguments of a case by its index.
 pub fn cause_of<'b>(
     function: &Function,
     cases: usize,
@@ -104,7 +109,7 @@ pub fn cause_of<'b>(
         }
     }
     let (property, interval) = best?;
-    // A few of many cases find the property; where it begins and ends, all of them say.
+    // The thinned cases select the property. All cases give the ends of its interval.
     let whole = Cases { failing: failing.to_vec(), passing, ..cases };
     let interval = whole.split(parameters, &property).unwrap_or(interval);
     Some(said(&property.name, &interval))
@@ -116,7 +121,7 @@ fn thinned(cases: &[usize]) -> Vec<usize> {
 
 fn said(name: &str, interval: &Interval) -> String {
     let Interval { least, most, failing, passing } = interval;
-    // No sign of a zero is worth a word.
+    // Adding 0 turns -0 into 0, so that the text never shows the sign of a zero.
     let [least, most] = [least, most].map(|end| end.map(|end| end + 0.0));
     let place = match (least, most) {
         (Some(least), Some(most)) if least == most => format!("is {}", significant(least)),
@@ -144,11 +149,12 @@ fn said(name: &str, interval: &Interval) -> String {
 }
 
 impl Cases<'_> {
-    /// Whether most cases fail, and those that pass have a 0 in them, of which most functions make the right
-    /// 0: a wrong factor, of which a product or a quotient would tell how small 0 is.
+    /// True if most cases fail, and nearly all passing cases have a 0 among their arguments. A function with a
+    /// wrong factor does that: 0 times a wrong factor is still 0. A product or a quotient would only show how
+    /// small the values near 0 are.
     fn passes_at_zeros_alone(&self, parameters: &[(String, Shape)]) -> bool {
         let scalars: Vec<Scalar> = parameters.iter().flat_map(|(_, shape)| shape.lanes()).collect();
-        // Drivers may take what is subnormal for 0, and so may a product of the least normal number.
+        // Drivers may flush subnormal numbers to 0, also a product with the smallest normal number.
         let zero = f64::from(f32::MIN_POSITIVE);
         let has_zero = |case: &&usize| {
             let mut lanes = scalars.iter().zip((self.arguments)(**case));
@@ -158,7 +164,7 @@ impl Cases<'_> {
         self.all.0 > 2 * self.all.1 && zeros as f64 >= TELLING * self.passing.len() as f64
     }
 
-    /// The interval of a property whose share of failing cases exceeds that of the others most.
+    /// The interval of the property with the largest gain.
     fn split(&self, parameters: &[(String, Shape)], property: &Property) -> Option<Interval> {
         let scalars: Vec<Scalar> = parameters.iter().flat_map(|(_, shape)| shape.lanes()).collect();
         let mut values = Vec::with_capacity(self.failing.len() + self.passing.len());
@@ -171,7 +177,7 @@ impl Cases<'_> {
                 let lanes: Vec<f64> =
                     scalars.iter().zip(row).map(|(scalar, word)| scalar.decode(*word)).collect();
                 let value = (property.of)(&lanes);
-                // A quotient of zeros lies nowhere.
+                // A quotient of zeros is NaN, which lies in no interval.
                 if value.is_finite() {
                     values.push((value, weight));
                 }
@@ -181,12 +187,12 @@ impl Cases<'_> {
     }
 }
 
-/// The interval whose weights have the largest sum: failing cases weigh above 0, the others below.
-/// Kadane's algorithm, over values that differ.
+/// The interval whose weights have the largest sum. Failing cases have positive weights, passing cases
+/// negative ones. This is Kadane's algorithm over the distinct values.
 fn largest_sum(values: &mut [(f64, f64)]) -> Option<Interval> {
     values.sort_by(|a, b| a.0.total_cmp(&b.0));
     let (first, last) = (values.first()?.0, values.last()?.0);
-    // All of them are one number, but for rounding, as the length of a unit vector is: normalising errs by 2 to 4 steps.
+    // All values are equal up to rounding, such as lengths of unit vectors: `normalize` errs by 2 to 4 ulp.
     if last - first < f64::from(f32::EPSILON) * 4.0 * last.abs().max(first.abs()) {
         return None;
     }
@@ -226,7 +232,7 @@ fn largest_sum(values: &mut [(f64, f64)]) -> Option<Interval> {
     })
 }
 
-/// What may tell cases apart: properties of single arguments first.
+/// The properties that may separate the cases: properties of single arguments first.
 fn properties(parameters: &[(String, Shape)]) -> Vec<Property> {
     let (mut single, mut mixed) = (Vec::new(), Vec::new());
     let (mut numbers, mut vectors) = (Vec::new(), Vec::new());
@@ -290,14 +296,14 @@ mod tests {
     use crate::package::Package;
     use crate::value::Arguments;
 
-    /// What is said where a function returns something else than 0.
+    /// The reported cause of a function that returns 1 where `fails` holds and 0 elsewhere.
     fn told<D: Domain>(parameters: &str, fails: &str, domain: D) -> Option<String>
     where
         D::Value: Arguments,
     {
         let text = format!("fn f({parameters}) -> f32 {{ return select(0.0, 1.0, {fails}); }}");
         let package = Package::from_source("s", &text);
-        // Not every driver tells a subnormal number from 0.
+        // The engine runs the function, because some drivers flush subnormal numbers to 0.
         let cpu = crate::executor::of(crate::path::Path::CPU).expect("it opens");
         let check = package.function("f").on(cpu).over(domain);
         let error = check
@@ -331,7 +337,7 @@ mod tests {
         assert!(told_of.is_some_and(|told| told.starts_with("where dot(n, l) is at most -0.5")));
         let told_of = told("x: f32, i: u32", "i == 3u", (unit(), Integers(0..=7_u32)));
         assert_eq!(told_of.as_deref(), Some("where i is 3, and nowhere else"));
-        // Of many cases none is left out where it ends.
+        // The ends of the interval come from all cases, also if there are many.
         let told_of = told("i: u32", "i != 0u", Integers(0..=u32::MAX));
         let least = "where i is at least 1, and nowhere else";
         assert_eq!(told_of.as_deref(), Some(least));

@@ -1,22 +1,24 @@
-//! Cases of verbs that need more than the function's arguments: another value of one, a rotation.
+//! Companions: additional values that some verbs need for each case, such as a second value of an argument, or
+//! a rotation.
 //!
-//! A companion is drawn after the arguments, from the same stream of random numbers, and its words
-//! follow theirs. So it is simplified, remembered and replayed together with them.
+//! A companion is sampled after the arguments, from the same stream of random numbers, and its words follow the
+//! arguments' words. So arguments and companion are simplified, remembered and replayed together.
 
 use crate::domain::{Emptiness, Held, Origin, Parts, Shrinkable, Source, Stream};
 
-/// Tells the random numbers of companions of edges and of enumerated values from those of draws.
+/// The seed of companions of edges and of enumerated values. Their random numbers differ from those of sampled
+/// cases.
 const LISTED: u64 = 0x6c69_7374_6564;
 
-/// Draws companions, each of [`words`](Self::words) words.
+/// Samples companions, each of [`words`](Self::words) words.
 pub(super) trait Companion: Sync {
-    /// Words of a companion.
+    /// The number of words of a companion.
     fn words(&self) -> usize;
 
-    /// A companion of these arguments.
+    /// Samples a companion for these arguments.
     fn draw(&self, arguments: &[u32], source: &mut Source) -> Vec<u32>;
 
-    /// Whether such a companion could be drawn; `None` if that can't be told.
+    /// True if sampling can return this companion. `None` if the answer is unknown.
     fn admits(&self, arguments: &[u32], companion: &[u32]) -> Option<bool>;
 
     /// Companions that are simpler than this one, the simplest first.
@@ -30,7 +32,7 @@ pub(super) struct WithCompanion<'a> {
 }
 
 impl WithCompanion<'_> {
-    /// Hands the origin of the arguments to `make`, and then what the companion is drawn from.
+    /// Passes the origin of the arguments to `make`. Returns its value, and the random numbers for the companion.
     fn drawn<T>(
         &self,
         origin: Origin<'_>,
@@ -96,7 +98,7 @@ impl Stream for WithCompanion<'_> {
 
     fn shrinkable(&self, origin: Origin<'_>) -> Option<Shrinkable<'_, Held>> {
         let make = |origin: Origin<'_>| self.arguments.shrinkable(origin);
-        // What is made borrows the stream and not the origin.
+        // The returned value borrows the stream, and not the origin.
         let (arguments, mut source) = self.drawn(origin, make)?;
         let row = arguments.value().row.clone();
         let companion = self.companion.draw(&row, &mut source);

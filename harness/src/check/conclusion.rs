@@ -1,4 +1,4 @@
-//! Makes a check's verdict of what each path gave.
+//! Makes a check's verdict from the results of all paths.
 
 use super::path_tally::PathTally;
 use super::session::{Asserted, Session};
@@ -9,21 +9,22 @@ use crate::reflect::Function;
 use crate::run::{Conclusion, Descent, Replayed};
 use crate::tolerance::LaneError;
 
-/// The results of one path, with arguments from one source.
+/// The results of one path with one way to pass arguments.
 pub(super) struct Outcome {
     function: Function,
     inputs: Inputs,
-    /// Cases in which something was asserted.
+    /// The number of cases in which the check asserted something.
     cases: u64,
     worst: LaneError,
     proved: bool,
     seed: u64,
-    /// How it disagrees, if that is to be told.
+    /// The disagreement, if the path fails and the failure is to be shown.
     disagreement: Option<PathDisagreement>,
 }
 
 impl Session<'_> {
-    /// True if the path was compared on every case, and how it did. `told` says whether a failure is shown.
+    /// The outcome of the path. `told` is true if a failure is to be shown. Returns an error if some cases
+    /// weren't compared.
     pub(super) fn outcome(&self, tally: PathTally, told: bool) -> Result<Outcome, Failure> {
         let (compared, declared) = (tally.tally.census.cases, self.declared());
         if compared < declared {
@@ -118,7 +119,7 @@ impl Plan<'_> {
             vec![Failure::Disagreement(Box::new(disagreement))]
         };
         let (agreeing, known_issues) = all.verdict(differ)?;
-        // Each source of arguments has its cases, and each path has them all.
+        // Each way to pass arguments has its own cases, and all paths run the same cases.
         let mut cases = 0;
         for inputs in Inputs::ALL {
             let own = agreeing.iter().filter(|(_, one)| one.inputs == inputs);

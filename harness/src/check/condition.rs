@@ -1,4 +1,4 @@
-//! Statements about a function's arguments, as WGSL.
+//! Conditions: statements about a function's arguments, written in WGSL.
 
 use std::fmt::Write as _;
 use std::sync::Arc;
@@ -9,17 +9,17 @@ use crate::package::{Package, texts};
 use crate::probe::{ProbeError, Probed};
 use crate::value::{Scalar, Shape};
 
-/// The name that diagnostics have for the text around a condition.
+/// The name of the generated module around a condition, in diagnostics.
 const MODULE: &str = "condition";
 
-/// The name of its value, which no parameter has.
+/// The name of the condition's value in the generated module. No parameter has this name.
 const RESULT: &str = "karat_condition";
 
-/// The function that the text declares.
+/// The name of the function in the generated module.
 const FUNCTION: &str = "holds";
 
-/// A statement about a function's arguments: an expression of WGSL that is a `bool`, over the parameters' names and
-/// WGSL's builtin functions. Karat's engine evaluates it.
+/// A statement about a function's arguments: a WGSL expression of type `bool`. It can use the names of the
+/// parameters and WGSL's builtin functions. Karat's engine evaluates it.
 ///
 /// ```
 /// use karat::unstable::check::Condition;
@@ -32,7 +32,8 @@ const FUNCTION: &str = "holds";
 #[derive(Clone)]
 pub struct Condition {
     interpreted: Arc<Interpreted>,
-    /// The lanes of the arguments that the function takes: of what varies from pixel to pixel those at the pixel.
+    /// The indices of the lanes that the condition takes. For a value that varies from pixel to pixel, these
+    /// are the lanes of the pixel itself, without those of its neighbours.
     lanes: Vec<usize>,
 }
 
@@ -46,7 +47,7 @@ impl Condition {
     /// Reads a statement about these parameters.
     ///
     /// # Errors
-    /// If it is no expression of type `bool`, or none of the parameters stands in it, in a sentence.
+    /// A sentence, if the text isn't an expression of type `bool`, or names none of the parameters.
     pub fn parse(parameters: &[(String, Shape)], text: &str) -> Result<Self, String> {
         let all = texts(text);
         if !parameters.iter().any(|(name, _)| all.contains(&name.as_str())) {
@@ -59,7 +60,7 @@ impl Condition {
                 ),
             });
         }
-        // A bracket that closes ours would begin a statement of its own.
+        // An extra `)` would close the generated bracket, and the text behind it could be any statement.
         let depth = all.iter().try_fold(0_u32, |depth, text| match *text {
             "(" => Some(depth + 1),
             ")" => depth.checked_sub(1),
@@ -79,7 +80,7 @@ impl Condition {
         }
         let has = |wanted: Scalar| parameters.iter().any(|(_, s)| s.lanes().contains(&wanted));
         let enable = if has(Scalar::F16) { "enable f16;\n" } else { "" };
-        // A comment at its end leaves out no bracket.
+        // The line break behind `text` ends a `//` comment, which would hide the closing bracket.
         let taken = taken.join(", ");
         let source = format!(
             "{enable}{structures}fn {FUNCTION}({taken}) -> bool {{ let {RESULT}: bool = (\n{text}\n); return {RESULT}; }}"
@@ -97,7 +98,8 @@ impl Condition {
         texts(text).contains(&parameter)
     }
 
-    /// True if it holds for the words of the arguments. A case that can't be evaluated doesn't satisfy it.
+    /// True if the condition holds for the words of the arguments. False if the engine can't evaluate the
+    /// case.
     #[must_use]
     pub fn holds(&self, row: &[u32]) -> bool {
         let taken: Vec<u32> = self.lanes.iter().map(|lane| row[*lane]).collect();
@@ -105,7 +107,7 @@ impl Condition {
     }
 }
 
-/// The name of a type, and the structures that it needs, the innermost first.
+/// Returns the name of a type, and appends the structures that the type needs, the innermost first.
 fn declared(shape: &Shape, structures: &mut String) -> String {
     match shape {
         Shape::Array { element, length } => {
@@ -117,7 +119,7 @@ fn declared(shape: &Shape, structures: &mut String) -> String {
                 .map(|(name, shape)| format!("{name}: {}", declared(shape, structures)))
                 .collect();
             let name = format!("Karat{}", structures.len());
-            // Writing to a string doesn't fail.
+            // Writing to a string can't fail.
             let _ = writeln!(structures, "struct {name} {{ {} }}", members.join(", "));
             name
         }
@@ -125,7 +127,7 @@ fn declared(shape: &Shape, structures: &mut String) -> String {
     }
 }
 
-/// The compiler's words on the expression, without their place in the text around it.
+/// The compiler's message about the expression, without the location in the generated module.
 fn sentence(error: &ProbeError, text: &str) -> String {
     let told = match error {
         ProbeError::Reflect(error) => error.diagnostic().map(|own| own.message.clone()),

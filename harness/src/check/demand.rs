@@ -1,4 +1,4 @@
-//! What a verb asks for, and how many cases a check gets.
+//! The needs of a verb, and the number of a check's cases.
 
 use super::vacuous::{MOST_CASES, Vacuous};
 use super::{Failure, Plan};
@@ -7,26 +7,27 @@ use crate::probe::{CONSTANTS, Inputs};
 use crate::reflect::Function;
 use crate::value::Shape;
 
-/// Cases that have a dispatch each, unless the check says otherwise: a driver takes some 50 us for one.
+/// The number of cases if each case needs its own dispatch, unless the check sets a number. A driver needs about
+/// 50 µs per dispatch.
 const ALONE: u64 = 2048;
 
-/// What one verb asks of a session.
+/// The needs of one verb.
 pub(super) struct Demand {
     /// Types of the arguments that the host supplies.
     pub(super) arguments: Vec<Shape>,
-    /// Who supplies them: `the domain draws`.
+    /// The origin of the arguments, for messages: `the domain draws`.
     pub(super) who: &'static str,
-    /// Whether the parts of the stream are the function's arguments.
+    /// True if the parts of the stream are the function's arguments.
     pub(super) draws_arguments: bool,
-    /// Cases of a domain that isn't enumerated, unless the check says otherwise.
+    /// The number of cases if the domain isn't enumerated and the check sets no number.
     pub(super) cases: u64,
-    /// Values of a finite domain that are all tried unless a number of cases is asked for.
+    /// The largest finite domain whose values are all tried if the check sets no number of cases.
     pub(super) enumerated: u64,
-    /// Calls of the function that a case makes in one dispatch, at most.
+    /// The most calls of the function per case in one dispatch.
     pub(super) calls: usize,
 }
 
-/// The cases of a check under a seed, as many as its author and its verb want. None is an error.
+/// The cases of a check for a seed, in the number that the check or its verb sets. No cases are an error.
 pub(super) fn number(
     plan: &Plan<'_>,
     function: &Function,

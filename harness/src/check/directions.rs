@@ -1,4 +1,4 @@
-//! Checks of directions: unit vectors, vectors at right angles, frames.
+//! Checks of directions: unit vectors, perpendicular vectors, right-handed frames.
 
 use super::demand::Demand;
 use super::ordinary::unsuited;
@@ -10,8 +10,9 @@ use crate::reflect::Function;
 use crate::run::or_panic;
 use crate::value::{Scalar, Shape};
 
-/// How far a length may be from 1. `normalize` alone may be off by 1e-6 in WGSL, a vector that is made of
-/// a cosine by `sqrt(1 - c * c)` by several times that; a vector that is not normalised is off by more.
+/// The largest allowed difference between a length and 1. In WGSL `normalize` alone may be off by 1e-6, and a
+/// vector from a cosine and `sqrt(1 - c * c)` by several times as much. Vectors that aren't normalised are off
+/// by more than this.
 const LENGTH: f64 = 1e-5;
 
 impl<V> Check<'_, Calls<V>> {
@@ -40,10 +41,10 @@ impl<V> Check<'_, Calls<V>> {
         self.plan.is_unit(&*self.stream, &self.demand())
     }
 
-    /// Checks that results are vectors perpendicular to an argument, a vector of the same type: the cosine between
-    /// them is at most 1e-5. Where one of them is zeros there is no angle: that fails.
+    /// Checks that results are vectors perpendicular to an argument, a vector of the same type. The absolute
+    /// cosine between them must be at most 1e-5. A zero vector has no direction, so it fails.
     ///
-    /// A tangent, a bitangent or a half-turned vector may be wrong by its sign and pass.
+    /// This check can't see a wrong sign: a tangent or bitangent that points backwards passes.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -75,8 +76,8 @@ impl<V> Check<'_, Calls<V>> {
     /// the third as their cross product, all to within 1e-5. They are the columns of a 3x3 matrix, the elements of
     /// an array or the members of a structure.
     ///
-    /// A frame that is mirrored fails, which [`is_unit`](Self::is_unit) can't see. The axis that a frame is turned
-    /// around is for [`satisfies`](Self::satisfies).
+    /// A mirrored frame fails this check; [`is_unit`](Self::is_unit) can't see the mirroring. This check
+    /// doesn't see a frame that is rotated about an axis: use [`satisfies`](Self::satisfies) for that.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -114,13 +115,13 @@ fn is_right_handed(lanes: &[f64]) -> bool {
         a[y] * b[z] - a[z] * b[y]
     });
     let is_unit = |x: &&[f64]| (dot(x, x).sqrt() - 1.0).abs() <= LENGTH;
-    // Unit vectors of which one is the product of the others are at right angles.
+    // Three unit vectors are perpendicular if one is the cross product of the others.
     [a, b, c].iter().all(is_unit)
         && dot(a, b).abs() <= LENGTH
         && cross.iter().zip(c).all(|(x, c)| (x - c).abs() <= LENGTH)
 }
 
-/// The kind of number of a vector of floats.
+/// The scalar type, if this is a vector of floats.
 fn floats(shape: &Shape) -> Option<Scalar> {
     match shape {
         Shape::Vector { scalar: scalar @ (Scalar::F32 | Scalar::F16), .. } => Some(*scalar),
@@ -128,7 +129,7 @@ fn floats(shape: &Shape) -> Option<Scalar> {
     }
 }
 
-/// The kind of number of three vectors of three floats.
+/// The scalar type, if this is three vectors of three floats.
 fn three_vectors(shape: &Shape) -> Option<Scalar> {
     let of_three = |shape: &Shape| match shape {
         Shape::Vector { size: 3, .. } => floats(shape),
@@ -186,7 +187,7 @@ impl Plan<'_> {
             };
             let (place, first) = argument.place(&function)?;
             let (name, shape) = &function.parameters[place];
-            // Of what varies from pixel to pixel the value at the pixel comes first.
+            // For an argument that varies from pixel to pixel, the pixel's own value comes first.
             if *shape.quad().unwrap_or(shape) != function.result {
                 let (name, shape, result) = (name.clone(), shape.clone(), function.result.clone());
                 return Err(Mismatch::NoDirection { name, shape, result }.of(&function));
@@ -200,7 +201,7 @@ impl Plan<'_> {
                 let to = decoded(scalar, &arguments[first..first + words.len()]);
                 let own = decoded(scalar, words);
                 let lengths = dot(&own, &own).sqrt() * dot(&to, &to).sqrt();
-                // Zeros have no direction, and beside an infinite length each cosine is small.
+                // A zero vector has no direction, and an infinite length would make each cosine small.
                 let is_angle = lengths > 0.0 && lengths.is_finite();
                 is_angle && dot(&own, &to).abs() <= LENGTH * lengths
             };

@@ -1,4 +1,4 @@
-//! What a failed check says.
+//! The report of a failed check, as text and as data.
 
 use std::fmt;
 
@@ -13,7 +13,7 @@ use crate::run::Descent;
 use crate::tolerance::{Abs, Rel, Tolerance, Ulp, Unit};
 use crate::value::{Scalar, Shape, format_f32, hexfloat};
 
-/// A function disagrees with what was asserted of it, on at least one path.
+/// A failed check: the function's results violate the assertion on at least one path.
 ///
 /// `Display` shows the function in the author's file. For each path, it shows a census, the worst
 /// and the first failing case with their inputs, the simplest case that the worst could be reduced
@@ -37,21 +37,21 @@ pub struct Disagreement {
     pub function: Function,
     /// The verb: `agrees_with`.
     pub check: &'static str,
-    /// What it asserts: the tolerance, or the statement.
+    /// The assertion: the tolerance, or the statement.
     pub assertion: String,
-    /// What the expected value is to the actual one.
+    /// The relation between the expected value and the actual value.
     pub expectation: Expectation,
-    /// Where the arguments come from, where the test's author may not have said it: `x from 0 to 1`.
+    /// The domain, if the test's author may not have chosen it: `x from 0 to 1`. Otherwise empty.
     pub domain: String,
     /// Each path that disagrees.
     pub paths: Vec<PathDisagreement>,
-    /// Paths that agree, and where the arguments came from.
+    /// The paths that agree, with the way to pass arguments.
     pub agreeing: Vec<(Adapter, Inputs)>,
     /// Seed of the cases.
     pub seed: u64,
 }
 
-/// What an expected value is to the actual one.
+/// The relation that a check asserts between the expected and the actual value.
 ///
 /// ```
 /// # use karat::check::Failure;
@@ -63,10 +63,10 @@ pub struct Disagreement {
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Expectation {
-    /// The same, within the tolerance.
+    /// The actual value equals the expected value, within the tolerance.
     #[default]
     Equal,
-    /// The largest that it may be.
+    /// The actual value is at most the expected value.
     AtMost,
 }
 
@@ -96,25 +96,25 @@ impl fmt::Display for Expectation {
 pub struct PathDisagreement {
     /// Path, adapter and driver.
     pub adapter: Adapter,
-    /// Where the arguments came from.
+    /// The way to pass arguments.
     pub inputs: Inputs,
-    /// How many failed, and how.
+    /// The numbers of failing cases, by kind.
     pub census: Census,
-    /// What tells the arguments of failing cases from the others, if one property does:
+    /// The property of the arguments that separates failing from passing cases, if there is one:
     /// `where x is at least 0.2 (all that fails, 0.4 % of what passes)`, or
     /// `everywhere but where a number among the arguments is 0`.
     pub cause: Option<String>,
     /// The case with the largest error.
     pub worst: CaseFailure,
-    /// The failing case of the lowest index, if it is another one.
+    /// The failing case with the lowest index, if it isn't the worst case.
     pub first: Option<CaseFailure>,
     /// The command that runs the worst case again.
     pub replay: Replay,
-    /// The simplest case that the worst one could be reduced to, if it could.
+    /// The simplest failing case that Karat found by simplifying the worst case, if it found one.
     pub simplest: Option<Simplest>,
 }
 
-/// What the worst case was reduced to: a simpler one that fails the same check on the same path.
+/// A simplification of the worst case, which fails the same check on the same path.
 ///
 /// ```
 /// # use karat::check::Failure;
@@ -128,13 +128,13 @@ pub struct PathDisagreement {
 /// ```
 #[derive(Clone, Debug)]
 pub struct Simplest {
-    /// The failure, under the index of the case that was reduced.
+    /// The failure. Its index is that of the case that Karat simplified.
     pub failure: CaseFailure,
-    /// The lanes of its arguments; empty for an integral, whose cases needn't be made of lanes.
+    /// The lanes of the arguments. Empty for an integral, because its cases may be of any type.
     pub input: Vec<u32>,
-    /// The command that runs it again.
+    /// The command that runs the simplest case again.
     pub replay: Replay,
-    /// How its value came about.
+    /// The steps of the simplification, for the replay.
     pub(crate) descent: Descent,
 }
 
@@ -160,38 +160,40 @@ impl Simplest {
 pub struct CaseFailure {
     /// Index of the case.
     pub case: u64,
-    /// Whether it is an input on which the check failed before, not a case of this run's domain.
+    /// True if the input comes from an earlier failure of this check, and not from this run's sampling.
     pub remembered: bool,
-    /// True if no case failed, and a search from the cases nearest to a bound found this input.
+    /// True if no sampled case failed, and a search that began at the cases nearest to a bound found this
+    /// input.
     pub searched: bool,
-    /// Each argument: its name, and its value as WGSL would write it. For an
-    /// integral: `case`, its value as `Debug` shows it, and the arguments that all nodes share.
+    /// Each argument's name, and its value in WGSL's syntax. For an integral, the first entry is `case` with
+    /// the case's `Debug` text; the arguments that all nodes share follow.
     pub arguments: Vec<(String, String)>,
     /// Index of the worst component.
     pub(crate) lane: usize,
-    /// The worst component: `""` for a scalar, `".y"`.
+    /// The name of the worst component, such as `".y"`. `""` for a scalar.
     pub component: String,
-    /// Bits of the component's value; for an integral, of the `f32` nearest to it.
+    /// The bits of the component's value. For an integral, the bits of the nearest `f32`.
     pub actual: u32,
-    /// What was expected there, or the bound; `None` if a predicate judged.
+    /// The component's expected value, or its bound. `None` if the check is a predicate.
     pub expected: Option<f64>,
-    /// Type of the component.
+    /// The type of the component.
     pub scalar: Scalar,
     /// The whole result.
     pub result: String,
-    /// Which results are compared, if the function was called more than once.
+    /// The names of the compared results, if the case calls the function more than once.
     pub compared: &'static str,
-    /// The error in its unit, with what is allowed.
+    /// The error in its unit, with the largest allowed error.
     pub error: String,
-    /// What WGSL allows there, and where the path leaves that: each a name with its text.
+    /// Notes with a name and a text each: the results that WGSL allows, and the first operation where the path
+    /// leaves these bounds.
     pub explanation: Vec<(&'static str, String)>,
-    /// The expectations of a test in WGSL that fail.
+    /// The failing expectations of a test in WGSL.
     pub expectations: Vec<ExpectationDetails>,
-    /// The integral, if the check is one of integrals.
+    /// The integral, if the check integrates.
     pub integral: Option<IntegralFailure>,
 }
 
-/// An integral that fails.
+/// An integral that fails its check.
 ///
 /// ```
 /// # use karat::check::Failure;
@@ -208,9 +210,9 @@ pub struct CaseFailure {
 pub struct IntegralFailure {
     /// The worst component, before it is rounded to `f32`.
     pub value: f64,
-    /// How many nodes the quadrature rule has.
+    /// The number of nodes of the quadrature rule.
     pub nodes: usize,
-    /// If the second rule disagrees: the integral that it gives, and how many nodes it has.
+    /// If the second rule doesn't confirm the integral: the second rule's integral and its number of nodes.
     pub control: Option<(f64, usize)>,
     /// The first node whose result isn't finite.
     pub node: Option<NodeFailure>,
@@ -232,13 +234,13 @@ pub struct IntegralFailure {
 /// ```
 #[derive(Clone, Debug)]
 pub struct NodeFailure {
-    /// Its place in the rule.
+    /// The node's index in the quadrature rule.
     pub index: usize,
-    /// Its weight.
+    /// The node's weight.
     pub weight: f64,
     /// Each argument: its name, and its value as WGSL would write it.
     pub arguments: Vec<(String, String)>,
-    /// What the function returned.
+    /// The result of the function at the node.
     pub result: String,
 }
 
@@ -283,7 +285,7 @@ impl CaseFailure {
                 ),
                 Unit::Conditioning => {
                     let expected = expected.and_then(|expected| expected.get(lane));
-                    // A few operations away from where subnormals begin, 1.2e-38.
+                    // Within a few operations of the subnormal numbers, which begin at 1.2e-38.
                     let flushed = expected.is_some_and(|value| value.abs() < 1e-37);
                     let advice = if flushed {
                         "; so near to 0 a driver may flush to 0: allow that by `Spec.or(Abs(1e-37))`, \
@@ -341,7 +343,7 @@ impl CaseFailure {
         Self { integral: Some(integral), ..failure }
     }
 
-    /// With what another rule gives, if it doesn't confirm the integral.
+    /// Adds the second rule's integral, if that rule doesn't confirm the integral.
     pub(super) fn with_control(mut self, control: Option<(f64, usize)>) -> Self {
         if let Some(integral) = &mut self.integral {
             integral.control = control;
@@ -349,12 +351,12 @@ impl CaseFailure {
         self
     }
 
-    /// True if it is a case of this run: neither remembered nor found by a search.
+    /// True if this run sampled the case. False if the case is remembered or a search found it.
     pub(super) fn is_drawn(&self) -> bool {
         !self.remembered && !self.searched
     }
 
-    /// Writes the failure. `expectation` is what `expected` is called.
+    /// Writes the failure. `expectation` is the label of the expected value.
     fn write(&self, f: &mut fmt::Formatter<'_>, title: &str, expectation: &str) -> fmt::Result {
         match (self.searched, self.remembered) {
             (true, _) => writeln!(f, "  {title}found by a search)")?,
@@ -456,7 +458,8 @@ impl Disagreement {
 }
 
 impl PathDisagreement {
-    /// All that is said of it but its name and its replays: the simplest case comes first, as people begin with it.
+    /// The text about a path without the path's name and replay commands. The simplest case comes first, because
+    /// people read it first.
     fn told(&self, expectation: &str) -> String {
         let Census { cases, failures, idle, remembered, .. } = self.census;
         let share = 100.0 * failures as f64 / cases as f64;
@@ -489,7 +492,7 @@ impl PathDisagreement {
         text
     }
 
-    /// The command that runs the simplest case again. Records have that of the worst one, too.
+    /// The command that runs the simplest case again. Records also have the command of the worst case.
     fn replay(&self) -> &Replay {
         self.simplest.as_ref().map_or(&self.replay, |one| &one.replay)
     }
@@ -562,7 +565,7 @@ impl CaseFailure {
             writeln!(f, "    {:>width$} = {}{}", "actual", decimal(integral.value), self.place())?;
         }
         if let Some((value, nodes)) = integral.control {
-            // Rules that are far from each other are perhaps both too coarse.
+            // If the two rules' integrals differ much, both rules may be too coarse.
             let apart = (value - integral.value).abs();
             let is_coarse =
                 self.expected.is_some_and(|e| apart > 0.25 * (integral.value - e).abs());
@@ -584,12 +587,12 @@ impl CaseFailure {
     }
 }
 
-/// An error in the units that aren't the tolerance's: `, rel 2.4e-7, abs 1e-8`.
+/// The error in the units other than the tolerance's: `, rel 2.4e-7, abs 1e-8`.
 fn others(unit: Unit, actual: f64, expected: f64) -> String {
     if !matches!(unit, Unit::Ulp | Unit::Rel | Unit::Abs) {
         return String::new();
     }
-    // What they bound doesn't matter here.
+    // The bounds don't matter here: these tolerances only measure errors.
     let tolerances: [(Unit, Tolerance); 3] =
         [(Unit::Ulp, Ulp(1.0).into()), (Unit::Rel, Rel(1.0).into()), (Unit::Abs, Abs(1.0).into())];
     let wanted = tolerances.iter().filter(|(other, _)| *other != unit);
@@ -597,7 +600,7 @@ fn others(unit: Unit, actual: f64, expected: f64) -> String {
     measured.filter(|other| other.error.is_finite()).map(|other| format!(", {other}")).collect()
 }
 
-/// An `f64` in decimal, with an exponent where plain digits would be long.
+/// An `f64` in decimal, with an exponent if plain digits would be long.
 fn decimal(value: f64) -> String {
     if value == 0.0 || (1e-4..1e7).contains(&value.abs()) || !value.is_finite() {
         format!("{value}")

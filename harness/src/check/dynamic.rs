@@ -1,4 +1,4 @@
-//! Checks whose arguments are chosen at run time: by a tool, or by a file.
+//! Checks whose domain is chosen at run time, by a tool or a file.
 
 use std::marker::PhantomData;
 
@@ -12,7 +12,7 @@ use crate::domain::{Dynamic, Held};
 use crate::tolerance::{Criterion, Tolerance};
 use crate::value::Shape;
 
-/// Arguments and results as words: the lanes of all arguments in turn, and those of the result.
+/// Arguments and results as words: the lanes of all arguments one after the other, and the result's lanes.
 ///
 /// ```
 /// use karat::check::{Agreement, Calls, Check, Failure};
@@ -25,11 +25,11 @@ use crate::value::Shape;
 #[derive(Clone, Copy, Debug)]
 pub enum Words {}
 
-/// Appends the expected lanes for a case's arguments.
+/// A function that appends the expected lanes for a case's arguments.
 pub type ExpectWords<'e> = &'e (dyn Fn(&[u32], &mut Vec<f64>) + Sync);
 
 impl<'a> Probe<'a> {
-    /// Chooses the arguments at run time. Verbs with closures take and return words.
+    /// Chooses the arguments with a domain from run time. The closures of verbs take and return words.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -52,10 +52,10 @@ impl<'a> Probe<'a> {
     }
 }
 
-/// A check whose arguments are chosen at run time has the verbs of others, but for those whose closures take
-/// values. Here they take words.
+/// The verbs with closures, for checks whose domain is chosen at run time. These closures take words instead of
+/// values.
 impl Check<'_, Calls<Words>> {
-    /// Checks that the function agrees with `expect`, which knows the result's lanes.
+    /// Checks that the function agrees with `expect`, which appends the result's expected lanes.
     ///
     /// # Errors
     /// See [`Check::try_agrees_with`].
@@ -73,7 +73,7 @@ impl Check<'_, Calls<Words>> {
         self.plan.agrees(&*self.stream, &self.demand(), &expected, &criterion.into())
     }
 
-    /// Checks that a statement holds for the words of arguments and result.
+    /// Checks that a statement holds for the words of the arguments and the result.
     ///
     /// # Errors
     /// See [`Check::try_satisfies`].
@@ -84,7 +84,7 @@ impl Check<'_, Calls<Words>> {
         self.plan.satisfies(&*self.stream, &self.demand(), statement, (&shape, holds))
     }
 
-    /// Checks that the result stays the same when `transform` appends other arguments.
+    /// Checks that the result stays the same for the transformed arguments that `transform` appends.
     ///
     /// # Errors
     /// See [`Check::try_invariant_under`].
@@ -146,8 +146,8 @@ impl Check<'_, Calls<Words>> {
         self.plan.expects(&*self.stream, &self.demand())
     }
 
-    /// Checks the integral over directions, which are the function's last argument: the domain has the
-    /// arguments before it.
+    /// Checks the integral over directions. The direction is the function's last argument; the domain supplies
+    /// the arguments before it.
     ///
     /// # Errors
     /// See [`Check::try_integrates_to`].

@@ -1,4 +1,4 @@
-//! Results that turn with their arguments.
+//! Checks that results rotate with their arguments.
 
 use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 
@@ -16,10 +16,10 @@ use crate::run::or_panic;
 use crate::tolerance::{Tolerance, significant};
 use crate::value::{Arguments, Mirror, Shape, Shareable};
 
-/// Appends what words are when they are turned: `u32` words, or `f64` lanes.
+/// A function that appends the rotated value of some words: as `u32` words, or as `f64` lanes.
 type Turn<'t, T> = &'t (dyn Fn(&[u32], DQuat, &mut Vec<T>) + Sync);
 
-/// How arguments and results turn, by their words.
+/// The rotations of arguments and results, as functions of words.
 struct Turned<'t> {
     arguments: Turn<'t, u32>,
     result: Turn<'t, f64>,
@@ -28,11 +28,11 @@ struct Turned<'t> {
 }
 
 impl<V: Arguments> Check<'_, Calls<V>> {
-    /// Checks that the result turns with its arguments. Each case has its own rotation: most are
-    /// uniformly distributed, one in eight is a quarter turn about an axis.
+    /// Checks that the result rotates with its arguments. Each case has its own rotation. Seven of eight rotations
+    /// are uniformly distributed; one of eight is a quarter turn about an axis.
     ///
-    /// `arguments` turns those arguments that are directions. `result` turns the result, or returns
-    /// it as it is if the function only measures angles.
+    /// `arguments` rotates the arguments that are directions. `result` rotates the result, or returns it
+    /// unchanged if the function only measures angles.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -49,7 +49,7 @@ impl<V: Arguments> Check<'_, Calls<V>> {
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if a result doesn't turn with its arguments, if no rotation changes
+    /// With the [`Failure`], if a result doesn't rotate with its arguments, if no rotation changes
     /// any argument, or if nothing could be compared.
     #[track_caller]
     pub fn equivariant_under<R: Shareable>(
@@ -64,7 +64,7 @@ impl<V: Arguments> Check<'_, Calls<V>> {
     /// [`equivariant_under`](Self::equivariant_under) without the panic.
     ///
     /// # Errors
-    /// If a result doesn't turn with its arguments, if no rotation changes any argument, or if
+    /// If a result doesn't rotate with its arguments, if no rotation changes any argument, or if
     /// nothing could be compared.
     pub fn try_equivariant_under<R: Shareable>(
         self,
@@ -133,11 +133,11 @@ impl Plan<'_> {
     }
 }
 
-/// Draws rotations, as quaternions of `f32`.
+/// Samples rotations, as quaternions of `f32`.
 struct Rotations;
 
-/// Half turns, quarter turns and turns by 106 degrees (3, 4, 5) about the axes: what simple
-/// rotations are.
+/// Simple rotations: half turns, quarter turns and turns by 106 degrees about the axes. The quaternions of the
+/// last ones are (3, 4) / 5.
 fn simple() -> impl Iterator<Item = [u32; 4]> {
     let about = |imaginary: f64, real: f64| {
         DVec3::AXES.map(|axis| {
@@ -154,7 +154,7 @@ impl Companion for Rotations {
         4
     }
 
-    /// Shoemake, "Uniform Random Rotations", 1992.
+    /// Samples a uniform rotation by Shoemake's method: "Uniform Random Rotations", 1992.
     fn draw(&self, _: &[u32], source: &mut Source) -> Vec<u32> {
         if source.below(8) == 0 {
             let axis = usize::try_from(source.below(3)).unwrap_or_default();
@@ -191,7 +191,7 @@ fn shown(q: DQuat) -> String {
     format!("{} degrees about ({x}, {y}, {z})", significant(angle.to_degrees()))
 }
 
-/// The rotation of a companion: exactly of length 1, as far as `f64` goes.
+/// The rotation of a companion, normalized in `f64`.
 fn rotation(companion: &[u32]) -> DQuat {
     DQuat::from_array(std::array::from_fn(|i| f64::from(f32::from_bits(companion[i])))).normalize()
 }
@@ -209,8 +209,8 @@ mod tests {
             assert!((q * DVec3::X).dot(q * DVec3::Y).abs() < 1e-12);
             mean += q * DVec3::Z / 4000.0;
         }
-        // A mean of 3500 uniform directions is off by 0.01 a component; the quarter turns, whose
-        // mean of Z is (1/3, -1/3, 1/3), have a share of 1/8.
+        // Each component of the mean of 3500 uniform directions is off by about 0.01. One of eight
+        // rotations is a quarter turn; quarter turns take Z to (1/3, -1/3, 1/3) on average.
         let expected = DVec3::new(1.0, -1.0, 1.0) / 24.0;
         assert!(mean.distance(expected) < 0.06, "{mean}");
     }

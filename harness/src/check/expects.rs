@@ -1,4 +1,4 @@
-//! Tests that are written in WGSL: what their expectations saw, judged on the host.
+//! Runs tests that are written in WGSL, and judges on the host the values that their expectations compared.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -18,7 +18,7 @@ use crate::run::{Identity, Memory};
 use crate::tolerance::{Abs, LaneError, Rel, Tolerance, Ulp};
 use crate::value::{Scalar, format_f32, format_lane};
 
-/// An expectation that a case kept.
+/// An expectation in a case's report, with its values. The shader reports expectations that may fail.
 struct Kept<'r> {
     words: &'r [u32],
 }
@@ -33,7 +33,7 @@ impl Kept<'_> {
         f64::from(f32::from_bits(self.words[10 + index]))
     }
 
-    /// Whether it holds, as `f64` has it. What isn't finite fails.
+    /// True if the expectation holds in `f64`. Values that aren't finite fail.
     fn holds(&self) -> bool {
         let (Some(wanted), width) = self.kind() else { return false };
         (0..width).all(|lane| self.lane_holds(wanted, lane))
@@ -54,7 +54,7 @@ impl Kept<'_> {
             Wanted::Relative => finite && within(Rel(first).into()),
             Wanted::Ulp => finite && within(Ulp(first).into()),
             Wanted::Within => {
-                // The larger of both, as the community's runner has it.
+                // Relative to the larger of both values, as in the WGSL community's test runner.
                 let largest = f64::from(a.abs().max(e.abs()));
                 finite && within(Abs(second.max(first * largest)).into())
             }
@@ -69,7 +69,7 @@ impl Kept<'_> {
         }
     }
 
-    /// What it says in a message: both values, and what is allowed.
+    /// The expectation's text in a message: both values, and the largest allowed error.
     fn text(&self) -> String {
         let (Some(wanted), width) = self.kind() else { return "a broken report".to_owned() };
         let scalar = match wanted {
@@ -105,8 +105,8 @@ impl Kept<'_> {
     }
 }
 
-/// What a case reports: how many expectations were evaluated, how many of them may have failed, and, if
-/// it tells, what the first of these saw.
+/// The report of a case: the number of evaluated expectations, the number of those that may have failed, and in
+/// telling kernels the values of the first of these.
 struct Report<'r> {
     words: &'r [u32],
 }
@@ -125,12 +125,13 @@ impl<'r> Report<'r> {
         words.take(self.suspected().min(MOST_KEPT)).map(|words| Kept { words })
     }
 
-    /// More may have failed than were kept, or nothing is kept: nobody can say that those hold.
+    /// True if the host can see that all expectations hold. False if the report has the values of only some, or
+    /// none, of the expectations that may have failed.
     fn passes(&self) -> bool {
         self.kept().count() == self.suspected() && self.kept().all(|kept| kept.holds())
     }
 
-    /// The expectations that fail, and what else is known.
+    /// The failing expectations, with their places.
     fn described(&self, program: &Program) -> Described {
         let failed = self.kept().filter(|kept| !kept.holds()).map(|kept| {
             let seen = kept.text();
@@ -176,10 +177,11 @@ impl Judge for Reports<'_> {
     }
 }
 
-/// The verb, as records and replays have it.
+/// The name of the verb in records and replays.
 pub(super) const NAME: &str = "expects";
 
-/// Rows of one function as those of the function that does what several do.
+/// A stream for the shared function of several tests, which places one test's arguments among the shared
+/// function's arguments.
 #[derive(Debug)]
 struct Placed<'s> {
     stream: Rows<'s>,
@@ -188,7 +190,7 @@ struct Placed<'s> {
     words: usize,
 }
 
-/// A stream, which has no `Debug`.
+/// A stream, wrapped because streams don't implement `Debug`.
 struct Rows<'s>(&'s dyn Stream);
 
 impl std::fmt::Debug for Rows<'_> {
@@ -233,7 +235,7 @@ impl Stream for Placed<'_> {
         made
     }
 
-    /// What fails runs alone: nothing is simplified here.
+    /// Returns `None`: a failing test runs again alone, so this stream never simplifies a case.
     fn value(&self, _: Origin<'_>) -> Option<Held> {
         None
     }
@@ -260,20 +262,21 @@ impl Stream for Placed<'_> {
     }
 }
 
-/// What a run that only counts has seen.
+/// The result of a run with a kernel that only counts the expectations that may have failed.
 enum Counted {
-    /// All of it holds, or nothing could be said: that is the verdict.
+    /// The verdict: all expectations hold, or the run had an error.
     Concluded(Result<Agreement, Failure>),
-    /// Something may have failed.
+    /// An expectation may have failed. The test must run again.
     Suspicious,
 }
 
 impl<'a> Plan<'a> {
     /// Runs a test that is written in WGSL.
     ///
-    /// Drivers compile a kernel that only counts in a third of the time of one that keeps what it saw, and
-    /// one kernel of several tests in a fraction of the time of several. So tests are counted together
-    /// first; whatever isn't simply good runs alone, and tells.
+    /// Drivers need a third of the time to compile a kernel that only counts failures, compared with a kernel
+    /// that also reports values. They compile one kernel with several tests faster than several kernels. So Karat
+    /// first runs tests together in a counting kernel. A test that doesn't pass there runs again alone, and
+    /// reports its values.
     pub(super) fn expects(
         &self,
         stream: &dyn Stream,
@@ -300,7 +303,8 @@ impl<'a> Plan<'a> {
         }
     }
 
-    /// The verdict with other tests, if it is good. Inputs that are remembered or replayed are its own.
+    /// Runs the test together with other tests, and returns the verdict if the test passes. Returns `None` for
+    /// a test with remembered or replayed inputs, which must run alone.
     fn together(
         &self,
         identity: &Identity,
@@ -327,7 +331,7 @@ impl<'a> Plan<'a> {
     fn counted(&self, identity: &Identity, stream: &dyn Stream, demand: &Demand) -> Counted {
         let asserted = Asserted::new(NAME, "what its expectations say".to_owned());
         let suspicious = AtomicBool::new(false);
-        // With others, anything but a success is another run's verdict.
+        // If the test runs with others and doesn't pass, a later run gives the verdict.
         let withheld = AtomicBool::new(false);
         let run = (identity, &withheld);
         let mut verb = |session: &Session<'_>| {
@@ -335,7 +339,7 @@ impl<'a> Plan<'a> {
             let tally = session.run(&mut |batch, running| {
                 let tally = session.judge(batch, running, |_| None, &reports)?;
                 if self.probe.telling.is_some() && tally.fails() {
-                    // Nobody sees this one.
+                    // This error stays inside: a later run gives the verdict.
                     suspicious.store(true, Ordering::Relaxed);
                     return session.called.vacuous(Vacuous::NoExpectation);
                 }

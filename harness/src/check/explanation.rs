@@ -1,4 +1,4 @@
-//! What is said below a failing case: what WGSL allows there, and where a path leaves that.
+//! The notes below a failing case: the results that WGSL allows, and the operation where a path leaves them.
 
 use std::borrow::Cow;
 
@@ -12,8 +12,8 @@ use crate::probe::lets;
 use crate::value::{Scalar, format_f32};
 
 impl Session<'_> {
-    /// Adds to a failing case what WGSL allows for its arguments. A function that the engine doesn't
-    /// execute gets nothing.
+    /// Adds notes to a failing case about the results that WGSL allows for its arguments. If the engine can't
+    /// execute the function, adds nothing.
     pub(super) fn explain(&self, failure: &mut CaseFailure, row: &[u32]) {
         match self.asserted.explained {
             Explained::Nothing => {}
@@ -30,7 +30,7 @@ impl Session<'_> {
         failure.explanation.extend(self.first_not_finite(row));
     }
 
-    /// What a NaN in a result, or a number that a bound has made of it, comes from.
+    /// The first operation with a NaN or infinite value. A clamp may have turned that value into a number since.
     fn first_not_finite(&self, row: &[u32]) -> Option<(&'static str, String)> {
         let mut found = self.witness().ok()?.hazards_but(1, row, &|_| true).ok()?;
         first_not_finite(found.cases.pop()?.iter())
@@ -85,7 +85,7 @@ impl Session<'_> {
         Ok(lines)
     }
 
-    /// The first let-binding whose value on a path isn't one that WGSL allows.
+    /// The first `let` whose value on a path is outside of WGSL's bounds.
     fn blame(&self, witness: &Interpreted, row: &[u32]) -> Option<String> {
         for one in lets(&self.called.probed) {
             let Some(probed) = &one.probed else { continue };
@@ -126,7 +126,7 @@ fn interval(bound: &Bound) -> String {
     }
 }
 
-/// How wide an interval is, in steps of `f32` at its greater end.
+/// The width of an interval, in ulp of `f32` at its larger end.
 fn width(least: f64, most: f64) -> String {
     let largest = number_of(least.abs().max(most.abs()));
     let step = f64::from(largest.next_up()) - f64::from(largest);

@@ -1,21 +1,21 @@
-//! What WGSL lets an implementation make of subnormal arguments.
+//! Flushing of subnormal arguments, as WGSL allows it.
 //!
-//! Each operation may flush a subnormal operand to zero, of either sign, whatever others do
-//! (section 15.7.2). So a result may be that of the arguments as given, or that of arguments of
-//! which any subnormals are zeros. Nothing is said here of subnormals on the way.
+//! Each operation may flush a subnormal operand to 0 or -0, independently of the other operations (section
+//! 15.7.2). So a result is right if it fits the given arguments, or arguments with zeros in place of any of
+//! the subnormals. This module doesn't handle subnormal intermediate values.
 
 use crate::judge::Judged;
 use crate::value::Scalar;
 
-/// Subnormals of a case that are flushed one by one: 3^4 rows. Where there are more, all of them
-/// are flushed or none.
+/// The most subnormals of a case for which every combination is tried: 3^4 rows. If a case has more, they are
+/// flushed all together or not at all.
 const APART: usize = 4;
 
-/// The least normal `f16`, 2^-14.
+/// The smallest normal `f16`, 2^-14.
 const LEAST_F16: f32 = 1.0 / 16_384.0;
 
-/// Judges a case by its arguments, and where it fails, by what they may be flushed to. One that
-/// passes by none of these has the error of the arguments as given.
+/// Returns the judgement `given` for a case's own arguments if it passes. Otherwise judges the case by arguments
+/// with flushed subnormals. If no flushing makes the case pass, returns `given`.
 pub(super) fn allowing_flushes(
     scalars: &[Scalar],
     arguments: &[u32],
@@ -38,17 +38,17 @@ fn is_subnormal(scalar: Scalar, word: u32) -> bool {
     }
 }
 
-/// The rows that an implementation may take a row for, without the row itself.
+/// The rows that flushing can make of a row of arguments, without the row itself.
 pub struct Flushed<'r> {
     row: &'r [u32],
-    /// The lanes that are subnormal, in groups that are flushed together.
+    /// The subnormal lanes, in groups that are flushed together.
     lanes: Vec<Vec<usize>>,
-    /// Which row is next: a digit of 3 for each group, which is as given, 0 or -0.
+    /// The number of the next row. Its ternary digits, one per group, mean: unchanged, 0 or -0.
     next: usize,
 }
 
 impl<'r> Flushed<'r> {
-    /// Those of a row of arguments.
+    /// The flushed rows of a row of arguments.
     pub fn of(scalars: &[Scalar], row: &'r [u32]) -> Self {
         let lanes = scalars.iter().zip(row).enumerate();
         let lanes = lanes.filter(|(_, (scalar, word))| is_subnormal(**scalar, **word));
@@ -106,7 +106,7 @@ mod tests {
         assert_eq!(found.len(), 8, "9 combinations without the row itself");
         assert!(found.contains(&vec![TINY, 1.0, 0.0]) && found.contains(&vec![0.0, 1.0, 0.0]));
         assert!(found.iter().all(|row| row[1] == 1.0));
-        // Those of f16 are larger.
+        // The subnormals of f16 are larger: 5e-5 is subnormal in f16 and normal in f32.
         let half = 5e-5;
         assert_eq!(rows(&[Scalar::F16, Scalar::F32], &[half, half]).len(), 2);
     }
@@ -118,7 +118,7 @@ mod tests {
         assert_eq!(found, [[0.0, 0.0, 1.0, 0.0, 0.0, 0.0]; 2]);
     }
 
-    /// What passes isn't judged again, and what fails each time has the error that it was given.
+    /// A passing case isn't judged again, and a case that always fails keeps its first error.
     #[test]
     fn the_arguments_as_given_come_first() {
         let judged = |holds: bool, lane: usize| Judged {

@@ -1,14 +1,14 @@
-//! The aim of a search behind the cases of a check.
+//! The aim of the search for failing arguments, which begins after a check's cases pass.
 
-/// How far a result is from an aim.
+/// A function that returns the distance of a result from the aim.
 pub(super) type Distance<'d> = &'d (dyn Fn(&[u32]) -> f64 + Sync);
 
 /// The aim of a search.
 pub(super) struct Goal<'g> {
-    /// How far a result is from it, which is 0 or less where it is reached; `None`: there is no such end.
+    /// The distance of a result from the aim: 0 or less if the result reaches it. `None` if there is no aim.
     pub(super) distance: Option<Distance<'g>>,
     /// True if arguments with this result fail.
     pub(super) fails: &'g (dyn Fn(&[u32], &[u32]) -> bool + Sync),
-    /// True if no arguments do.
+    /// True if it is proved that no arguments fail.
     pub(super) is_proved: &'g dyn Fn() -> bool,
 }

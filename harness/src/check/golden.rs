@@ -1,4 +1,5 @@
-//! Results that are compared with a golden: the values that a function returned once, for fixed arguments.
+//! Checks against a golden: values that the function returned earlier for fixed arguments, and that a person
+//! accepted.
 
 use std::cell::Cell;
 use std::collections::HashMap;
@@ -22,21 +23,21 @@ use crate::run::or_panic;
 use crate::tolerance::Tolerance;
 use crate::value::{Scalar, Shape};
 
-/// Cases unless the check says otherwise: a person can look through so many rows, and they are stored
-/// for ever.
+/// The number of cases of a check that doesn't set it. It is small: a person looks through the rows, and the
+/// repository keeps them forever.
 const CASES: u64 = 256;
 
-/// Values of a finite domain that are all kept unless a number of cases is asked for.
+/// The largest finite domain whose values are all kept if the check sets no number of cases.
 const ENUMERATED: u64 = 1024;
 
 impl<V> Check<'_, Calls<V>> {
-    /// Checks that the function returns what it returned when its golden was accepted, to within a
-    /// tolerance: `golden/<case>.csv`, arguments beside results. It is for functions that have no
-    /// reference.
+    /// Checks that the function returns the values of its accepted golden, to within a tolerance. For functions
+    /// without a reference. The golden is the file `golden/<case>.csv` with arguments and results.
     ///
-    /// The golden's arguments are the domain's first 256 cases, of a finite domain up to 1,024, or as
-    /// many as [`cases`](Self::cases) says. They depend on the golden's name and on no test. If the domain
-    /// draws others than the golden has, the check fails until the new ones are accepted.
+    /// The golden's arguments are the domain's first 256 cases. A finite domain of at most 1,024 values is
+    /// enumerated. [`cases`](Self::cases) sets another number. The arguments depend on the golden's name, and
+    /// not on the test's name. If the domain's arguments differ from the golden's, the check fails until you
+    /// accept the new ones.
     ///
     /// ```no_run
     /// # use karat::{Goldens, prelude::*};
@@ -86,7 +87,7 @@ impl Plan<'_> {
     ) -> Result<Agreement, Failure> {
         let golden = goldens.table(case);
         let text = format!("golden `{case}`, {tolerance}");
-        // What it fails on is in the golden.
+        // Failing arguments needn't be remembered: the golden has all arguments.
         let asserted = Asserted { remembers: false, ..Asserted::new("matches", text) };
         let comparison = Comparison {
             plan: self,
@@ -151,7 +152,7 @@ impl Plan<'_> {
         )
     }
 
-    /// The path that goldens are made on: lavapipe or the engine, or else the first one.
+    /// The path that makes goldens: the first one of lavapipe and the engine, or else the first path.
     fn canonical(&self) -> Option<Path> {
         let executors = self.probe.executors().ok()?;
         let canonical = |executor: &&&dyn Executor| {
@@ -162,19 +163,19 @@ impl Plan<'_> {
     }
 }
 
-/// The golden or the pending values that are left to be looked at.
+/// The pending values that the check leaves for a person to accept.
 #[derive(Default)]
 enum Left {
     #[default]
     Nothing,
-    /// Values that a golden can't be compared with, or that have none.
+    /// Values without a golden, or with a golden that has other arguments.
     Other(ValuesError),
-    /// Values that differ from those of the golden.
+    /// Values that differ from the golden's values.
     Differs(ValuesError),
 }
 
 impl Failure {
-    /// The failure of a check whose golden's values differ, with what was left to be looked at.
+    /// Adds the pending values to the failure of a check whose values differ from the golden.
     fn with_golden(self, source: ValuesError) -> Self {
         match self {
             Self::Disagreement(differs) => {
@@ -195,8 +196,8 @@ impl Failure {
         }
     }
 
-    /// The failure of a check whose golden can't be compared with. A path without a golden has no cases, which
-    /// the golden's error says; any other failure of a path is kept beside that error.
+    /// The failure of a check that can't be compared with its golden. Without a usable golden, each path fails
+    /// because it has no cases. The golden's error replaces these failures; other failures are kept.
     fn beside_golden(self, source: ValuesError) -> Self {
         let Self::Paths(mut paths) = self else { return Self::golden(source) };
         paths.stopped.retain(|(_, error)| !error.has_no_cases());
@@ -212,7 +213,7 @@ impl Failure {
     }
 }
 
-/// A function and its golden.
+/// The comparison of a function with its golden.
 struct Comparison<'c> {
     plan: &'c Plan<'c>,
     domain: &'c dyn Stream,
@@ -221,16 +222,16 @@ struct Comparison<'c> {
     case: &'c str,
     seed: u64,
     tolerances: Tolerances,
-    /// The path that goldens are made on.
+    /// The path that makes goldens.
     canonical: Option<Path>,
     left: Cell<Left>,
-    /// True if a path agrees with all of the golden.
+    /// True if a path agrees with the whole golden.
     agrees: Cell<bool>,
 }
 
 impl Comparison<'_> {
-    /// Leaves values to be looked at, unless others that differ are left already, or those of the path on
-    /// which goldens are made.
+    /// Makes values pending. Differing values that are pending already stay. Otherwise the values of the path that
+    /// makes goldens replace those of other paths.
     fn leave(
         &self,
         session: &Session<'_>,
@@ -274,7 +275,7 @@ impl Comparison<'_> {
                         let words = scalars.iter().zip(*words);
                         lanes.extend(words.map(|(scalar, word)| scalar.decode(*word)));
                     }
-                    // The golden says nothing of other arguments, so nothing agrees there.
+                    // The golden has no values for other arguments. NaN makes these cases fail.
                     None => lanes.extend(scalars.iter().map(|_| f64::NAN)),
                 }
             }
@@ -286,7 +287,7 @@ impl Comparison<'_> {
         }
         let known = self.plan.known_issues.names(tally.path, &tally.adapter);
         if tally.fails() && !known {
-            // What the first path has that differs is left.
+            // The differing values of the first path become pending.
             let left = self.left.take();
             self.left.set(match left {
                 Left::Differs(_) => left,
@@ -326,8 +327,8 @@ impl Comparison<'_> {
     }
 }
 
-/// Where the arguments of a golden come from: its name alone, so that neither the test's name nor the
-/// environment changes them.
+/// The seed of a golden's arguments. It depends on the golden's name alone, so that the test's name and the
+/// environment can't change it.
 fn seed_of(case: &str) -> u64 {
     let hash = blake3::hash(case.as_bytes());
     hash.as_bytes().iter().take(8).fold(0, |seed, byte| seed << 8 | u64::from(*byte))
@@ -339,7 +340,7 @@ fn rows_of(golden: &Table) -> Dynamic {
     let scalars: Vec<Scalar> = columns.iter().map(|column| column.scalar).collect();
     let names = columns.iter().map(|column| (column.name.clone(), Shape::Scalar(column.scalar)));
     let rows = golden.split_rows().map(|(arguments, _)| arguments.to_vec());
-    // One part draws the lanes of all arguments together.
+    // The first part supplies the lanes of all arguments, so that rows stay together.
     let mut parts = vec![vec![Part::listed(scalars, rows.collect())]];
     parts.resize_with(columns.len().max(1), Vec::new);
     Dynamic::new(&names.collect::<Vec<_>>(), parts)

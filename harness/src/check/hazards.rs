@@ -1,4 +1,4 @@
-//! Functions within which nothing goes wrong.
+//! Checks that the operations inside of a function have no hazards.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -15,13 +15,15 @@ use crate::run::or_panic;
 use crate::tolerance::LaneError;
 
 impl<V> Check<'_, Calls<V>> {
-    /// Checks that nothing goes wrong inside of the function, whether or not its result shows it: no
-    /// value becomes NaN or infinite, loses more than half of its digits, is looked up outside of an
-    /// array, or comes of an operation that WGSL doesn't bound; and no derivative is taken, and no texture sampled by one,
-    /// where another pixel of the quad has gone elsewhere.
+    /// Checks that no operation inside of the function has a hazard, even if the result doesn't show it:
     ///
-    /// Karat's engine watches each operation; what paths return isn't looked at, but it must be there.
-    /// The crate `karat-inspect` finds such things without a domain.
+    /// - a value becomes NaN or infinite, or loses more than half of its digits;
+    /// - an index is outside of its array;
+    /// - WGSL doesn't bound the error of an operation;
+    /// - a derivative is taken, or a texture is sampled with one, while another pixel of the quad runs other code.
+    ///
+    /// Karat's engine watches each operation. The selected paths must return results, but the check ignores the
+    /// values. The crate `karat-inspect` finds hazards without a domain.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -33,7 +35,7 @@ impl<V> Check<'_, Calls<V>> {
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if something goes wrong, or the engine doesn't execute the function.
+    /// With the [`Failure`], if an operation has a hazard, or the engine can't execute the function.
     #[track_caller]
     pub fn has_no_hazards(self) -> Agreement {
         or_panic(self.try_has_no_hazards())
@@ -47,7 +49,7 @@ impl<V> Check<'_, Calls<V>> {
         self.plan.hazards(&*self.stream, &self.demand(), None)
     }
 
-    /// Checks that no operation inside of the function has a hazard of these kinds; others are left aside.
+    /// Checks that no operation inside of the function has a hazard of these kinds. Ignores other kinds.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -62,8 +64,8 @@ impl<V> Check<'_, Calls<V>> {
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if an operation has one, if no operation of a function has such a kind, or the engine doesn't
-    /// execute the function.
+    /// With the [`Failure`], if an operation has such a hazard, if operations of functions can't have one of the
+    /// kinds, or if the engine can't execute the function.
     #[track_caller]
     pub fn has_none_of(self, kinds: impl IntoIterator<Item = Kind>) -> Agreement {
         or_panic(self.try_has_none_of(kinds))
@@ -81,8 +83,9 @@ impl<V> Check<'_, Calls<V>> {
         self.plan.hazards(&*self.stream, &self.demand(), Some(&kinds))
     }
 
-    /// Declares that the hazard of an operation is meant, and why. The operation is written as in the function, with single
-    /// spaces. If it has none that is asked for, the check fails until the declaration is removed.
+    /// Accepts the hazard of an operation, with the reason. Write the operation as in the function, with single
+    /// spaces. If the operation has no hazard of the kinds that the check asks for, the check fails until you
+    /// remove the declaration.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -103,7 +106,7 @@ fn one_line(text: &str) -> String {
 }
 
 impl Plan<'_> {
-    /// Wants a verb that looks for hazards where some are accepted.
+    /// Returns an error if hazards are accepted, and the verb doesn't look for hazards.
     pub(super) fn expect_hazards_asked(&self, asserted: &Asserted) -> Result<(), Failure> {
         match (self.accepted.first(), asserted.explained) {
             (None, _) | (_, Explained::ByHazards(_)) => Ok(()),
@@ -184,7 +187,7 @@ fn class(kind: Kind) -> Class {
 }
 
 impl Session<'_> {
-    /// What goes wrong for a row, each a name with its text.
+    /// The hazards for a row of arguments, each as a name with its text.
     pub(super) fn hazards_of(&self, row: &[u32], kinds: Kinds) -> Vec<(&'static str, String)> {
         let left_out = |one: &Found| self.leaves_out(one, kinds).0;
         let found = self.witness().and_then(|witness| witness.hazards_but(1, row, &left_out));
@@ -204,7 +207,7 @@ impl Session<'_> {
         found.iter().filter(|one| !left_out(one)).map(shown).collect()
     }
 
-    /// True of a hazard that isn't asked for or is meant, with which acceptance covers it.
+    /// Returns true for a hazard of another kind or an accepted hazard, with the index of the acceptance.
     fn leaves_out(&self, one: &Found, kinds: Kinds) -> (bool, Option<usize>) {
         let text = one_line(&one.text);
         let accepted = self.accepted.iter().position(|own| own.text == text);

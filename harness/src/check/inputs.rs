@@ -1,14 +1,14 @@
-//! A check with arguments from several sources: one after the other, with one verdict.
+//! The ways to pass arguments. A check with several ways runs them one after the other, and has one verdict.
 
 use super::{Calls, Check, Plan};
 use crate::probe::Inputs;
 use crate::run::Identity;
 
 impl<V> Check<'_, Calls<V>> {
-    /// Chooses where the function's arguments come from. The default is a storage buffer.
+    /// Chooses the way that the kernel gets the function's arguments. The default is a storage buffer.
     ///
-    /// With [constants](Inputs::Constant), at most 64 cases are checked: all values of a finite
-    /// domain of up to 64, otherwise a sample of which half are edges.
+    /// With [constants](Inputs::Constant), Karat checks at most 64 cases. A finite domain of at most 64 values
+    /// is enumerated; in other domains half of the cases are edges.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -21,8 +21,8 @@ impl<V> Check<'_, Calls<V>> {
         self
     }
 
-    /// Checks with arguments from each of the [`Inputs`]: compilers treat them in different ways.
-    /// Each has its own line in the record.
+    /// Checks with each way to pass arguments, because compilers treat them differently: see [`Inputs`].
+    /// Each way has its own line in the record.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -38,7 +38,7 @@ impl<V> Check<'_, Calls<V>> {
     }
 }
 
-/// The sources of a check's arguments, or the one that a replay names.
+/// The ways to pass a check's arguments, or the single way that a replay names.
 pub(super) fn chosen(plan: &Plan<'_>, identity: &Identity) -> Vec<Inputs> {
     let asked = match &*plan.probe.inputs {
         [] => &[Inputs::Storage],

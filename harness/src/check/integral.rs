@@ -1,9 +1,9 @@
-//! Integrals of a function by quadrature: the rule is the host's, the integrand the shader's.
+//! Integrals of a function by quadrature. The host has the quadrature rule, and the shader has the integrand.
 //!
-//! The nodes of as many cases as fill a dispatch are evaluated at once; a rule of more nodes than
-//! that takes several dispatches. `weight * value` is summed in `f64` with Neumaier's compensation,
-//! in the order of the rule, so that the sum depends neither on the number of its nodes (up to one
-//! rounding) nor on how they were dispatched. A node without a finite result fails its case.
+//! A dispatch evaluates the nodes of several cases. A rule with more nodes than fit into a dispatch takes several
+//! dispatches. The host sums `weight * value` in `f64` with Neumaier's compensation, in the order of the rule.
+//! So the rounding of the sum doesn't grow with the number of nodes, and the sum is the same for any division
+//! into dispatches. A node whose result isn't finite fails its case.
 
 mod assertion;
 mod group;
@@ -29,20 +29,19 @@ use crate::value::{Arguments, Mirror, Shape};
 pub(super) use assertion::Assertion;
 use group::Group;
 
-/// Integrals of a check unless it says otherwise: each is thousands of calls.
+/// The number of integrals of a check that doesn't set it. It is small: each integral takes thousands of calls.
 const CASES: u64 = 256;
 
-/// Values of a finite domain that are all tried unless a number of integrals is asked for.
+/// The largest finite domain whose values are all tried if the check sets no number of integrals.
 const ENUMERATED: u64 = 65_536;
 
 impl<'a> Probe<'a> {
     /// Integrates the function by quadrature, once for each of `cases`.
     ///
-    /// `rule` turns a case into the nodes of a quadrature rule: each is a complete tuple of the
-    /// function's arguments (or the argument of a function that has one) with its weight. Cosines
-    /// and Jacobians are part of the weight. The integral is the sum of weight times result, taken
-    /// in `f64` for each component of the result; the components must be floats. Karat doesn't know
-    /// how exact the rule is: include the rule's own error in the tolerance.
+    /// `rule` returns the nodes of a quadrature rule for a case. Each node is a tuple of all arguments of the
+    /// function (or the single argument) with a weight. Cosines and Jacobians are part of the weight. The
+    /// integral is the sum of weight times result, in `f64`, for each component of the result. The components
+    /// must be floats. Karat doesn't know the rule's own error: include it in the tolerance.
     ///
     /// ```no_run
     /// use std::f64::consts::{PI, TAU};
@@ -79,8 +78,8 @@ impl<'a> Probe<'a> {
     }
 }
 
-/// The way of a [`Check`] that integrates a function: see [`Probe::integral`]. `V` are the cases, each of
-/// which has a quadrature rule.
+/// The way of a [`Check`] that integrates a function: see [`Probe::integral`]. `V` is the type of the cases;
+/// each case has a quadrature rule.
 ///
 /// ```no_run
 /// use glam::{DVec3, Vec3};
@@ -108,19 +107,19 @@ pub(super) struct Nodes {
     pub(super) weights: Vec<f64>,
 }
 
-/// Adds the nodes of a rule for a case.
+/// A function that adds the nodes of a rule for a case.
 pub(super) type Rule<'r> = &'r (dyn Fn(&Held, &mut Nodes) + Sync);
 
-/// What is integrated, and what is expected.
+/// The integrals of a check, and the expected values.
 pub(super) struct Integrals<'i> {
-    /// Types of the arguments that a rule supplies.
+    /// The types of the arguments that the rule supplies.
     pub(super) arguments: Vec<Shape>,
     pub(super) rule: Rule<'i>,
-    /// A rule of another order. If it gives another integral, neither can be trusted.
+    /// A second rule with another number of nodes. If its integral differs, both integrals are in doubt.
     pub(super) control: Option<Rule<'i>>,
     /// Appends the lanes of the expected integral, or of the bound.
     pub(super) expected: &'i (dyn Fn(&Held, &mut Vec<f64>) + Sync),
-    /// The type of what is expected.
+    /// The type of the expected integral or of the bound.
     pub(super) shape: Shape,
     pub(super) assertion: Assertion,
 }
@@ -131,8 +130,8 @@ where
     A: Arguments,
     Q: Fn(&V) -> Vec<(A, f64)> + Sync,
 {
-    /// Checks that each integral agrees with the expected one to within a tolerance, component by
-    /// component. The sum isn't rounded to `f32` before it is compared.
+    /// Checks that each integral agrees with the expected integral to within a tolerance, component by
+    /// component. The comparison uses the sum in `f64`, without rounding to `f32`.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -168,9 +167,9 @@ where
         self.check(expected, assertion)
     }
 
-    /// Checks that each integral is at most a bound plus `slack`. The slack is absolute: it is the
-    /// error that you allow the quadrature and the shader's arithmetic. The bound is one number for
-    /// all components, or one for each.
+    /// Checks that each integral is at most a bound plus `slack`. The slack is an absolute error: you allow it
+    /// for the quadrature and for the shader's arithmetic. The bound is one number for all components, or one
+    /// number for each component.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -222,7 +221,7 @@ where
 }
 
 impl Plan<'_> {
-    /// Takes the integrals of all cases.
+    /// Computes and judges the integrals of all cases.
     pub(super) fn integrates(
         &self,
         stream: &dyn Stream,
@@ -250,7 +249,7 @@ impl Plan<'_> {
 
 impl Integrals<'_> {
     fn run(&self, session: &Session<'_>) -> Result<PathTally, Failure> {
-        // What there is no verdict of, at first.
+        // The first integral without a verdict.
         let undecided: Cell<Option<Failure>> = Cell::new(None);
         let judge = |first: u64, values: Vec<Held>| -> Result<_, Failure> {
             let group = Group::of(session, first, values, self)?;
@@ -272,8 +271,8 @@ impl Integrals<'_> {
             let (tally, nodes) = judge(first, values.collect::<Result<_, _>>()?)?;
             sum = Some(PathTally::and(sum, tally));
             first = cases.end;
-            // The next group fills a dispatch if its rules are as long as these. It grows by
-            // steps, so that few long rules after short ones are in memory at once.
+            // The next group fills a dispatch if its rules have as many nodes. The size at most doubles,
+            // so that long rules after short rules don't fill the memory.
             let fitting = session.called.capacity() / nodes.max(1);
             size = (2 * size).min(fitting.max(1) as u64);
         }
@@ -281,7 +280,7 @@ impl Integrals<'_> {
         if let Some(again) = again.filter(PathTally::fails) {
             sum = sum.merge(again);
         }
-        // What fails has its verdict without what is undecided.
+        // If an integral fails, the check fails, even if another integral has no verdict.
         if let Some(undecided) = undecided.take().filter(|_| !sum.fails()) {
             return Err(undecided);
         }

@@ -1,4 +1,4 @@
-//! Results that stay the same when the arguments are transformed, or change by a known factor.
+//! Checks that results stay the same, or are multiplied by a known factor, when arguments are transformed.
 
 use super::batch::Batch;
 use super::demand::Demand;
@@ -12,10 +12,10 @@ use crate::run::or_panic;
 use crate::tolerance::Tolerance;
 use crate::value::Arguments;
 
-/// Appends the words of transformed arguments.
+/// A function that appends the words of the transformed arguments.
 pub(super) type Transform<'t> = &'t (dyn Fn(&[u32], &mut Vec<u32>) + Sync);
 
-/// What the plain result is multiplied by, from the words of the plain arguments.
+/// A function that returns the factor of the plain result, from the words of the plain arguments.
 type Factor<'t> = &'t (dyn Fn(&[u32]) -> f64 + Sync);
 
 /// A verb with its factor.
@@ -26,10 +26,10 @@ pub(super) struct Scaling<'t> {
 }
 
 impl Scaling<'_> {
-    /// The result stays as it is.
+    /// The result stays the same.
     pub(super) const NONE: Self = Self { check: "invariant_under", factor: None };
 
-    /// The factor of each case; none where the result stays. One that isn't finite is an error.
+    /// The factor of each case. `None` if the result stays the same. A factor that isn't finite is an error.
     fn factors(&self, session: &Session<'_>, batch: &Batch) -> Result<Option<Vec<f64>>, Failure> {
         let Some(factor) = self.factor else { return Ok(None) };
         let factors: Vec<f64> =
@@ -48,8 +48,8 @@ impl Scaling<'_> {
 }
 
 impl<V: Arguments> Check<'_, Calls<V>> {
-    /// Checks that the function returns the same, to within a tolerance, when its arguments are
-    /// transformed: reciprocity, symmetry, rotation.
+    /// Checks that the function returns the same result, to within a tolerance, for transformed arguments. For
+    /// reciprocity, symmetry and rotation.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -87,9 +87,10 @@ impl<V: Arguments> Check<'_, Calls<V>> {
     /// Checks that the result is multiplied by a factor, to within a tolerance, when the arguments are
     /// transformed.
     ///
-    /// `factor` is that of the plain arguments: the transformed ones give `factor` times what the plain ones
-    /// do. A BRDF that has its cosine in it, as most of them have, isn't reciprocal; it scales by the quotient
-    /// of the cosines (Helmholtz; pbrt, 4.3.1). A factor that isn't finite is an error.
+    /// `factor` is a function of the plain arguments. The result for the transformed arguments must be `factor`
+    /// times the result for the plain arguments. For example, most BRDF functions include the cosine, so they
+    /// aren't reciprocal: they scale by the quotient of the cosines (Helmholtz; pbrt, 4.3.1). A factor that
+    /// isn't finite is an error.
     ///
     /// ```
     /// use karat::prelude::*;
@@ -136,12 +137,12 @@ impl<V: Arguments> Check<'_, Calls<V>> {
     }
 }
 
-/// A transformation of values as one of words.
+/// Makes a transformation of words from a transformation of values.
 fn words<V: Arguments>(transform: impl Fn(V) -> V + Sync) -> impl Fn(&[u32], &mut Vec<u32>) + Sync {
     move |row, lanes| transform(V::load_all(&mut row.iter())).store_all(lanes)
 }
 
-/// What `returned` is of where the plain result has a factor.
+/// The note beside `returned` if the plain result has a factor.
 const SCALED: &str =
     "returned for the arguments with a prime; expected is that for those without, times the factor";
 
@@ -168,7 +169,7 @@ impl Plan<'_> {
                 changed |= *lanes != *batch.lanes();
                 let after = session.results(batch, &lanes)?;
                 let factors = scaling.factors(session, batch)?;
-                // What the plain arguments gave is what the transformed ones should, but for the factor.
+                // The expected result: that of the plain arguments, times the factor.
                 let expected = |case: usize| -> Vec<f64> {
                     let decoded =
                         scalars.iter().zip(before.of(case)).map(|(s, word)| s.decode(*word));

@@ -1,13 +1,13 @@
-//! Kinds of hazards that a check asks for, and hazards that are meant.
+//! The kinds of hazards that a check looks for, and accepted hazards.
 
 use crate::interpret::hazards::Kind;
 
-/// Kinds of hazards.
+/// A set of kinds of hazards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Kinds(u16);
 
 impl Kinds {
-    /// Those that an operation inside of a function may have.
+    /// The kinds that an operation inside of a function can have.
     pub(super) const ALL: [Kind; 11] = [
         Kind::Nan,
         Kind::OutOfRange,
@@ -31,10 +31,10 @@ impl Kinds {
     }
 }
 
-/// A hazard that is meant.
+/// An accepted hazard.
 #[derive(Clone, Debug)]
 pub(super) struct Accepted {
-    /// The operation, as its author wrote it.
+    /// The text of the operation in the source.
     pub(super) text: String,
     pub(super) reason: String,
 }

@@ -1,4 +1,4 @@
-//! Results that approach a limit as one argument does.
+//! Checks that results approach a limit as one argument approaches a number.
 
 use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -18,7 +18,7 @@ use crate::run::or_panic;
 use crate::tolerance::Tolerance;
 use crate::value::{Arguments, Scalar};
 
-/// A number, and the values through which an argument approaches it.
+/// A number, and the values of an argument that approach it.
 ///
 /// ```
 /// use karat::Limit;
@@ -33,8 +33,8 @@ pub struct Limit {
 }
 
 impl Limit {
-    /// A limit at `target`, approached by at least two steps. Each step has to be nearer to the
-    /// target than the one before. The function needn't be defined at the target itself.
+    /// A limit at `target` with at least two steps. Each step must be nearer to the target than the step
+    /// before. The function needn't be defined at the target itself.
     ///
     /// ```
     /// use karat::Limit;
@@ -46,7 +46,7 @@ impl Limit {
         Self { target, steps: steps.into() }
     }
 
-    /// Why the steps lead nowhere.
+    /// The reason why the steps don't approach the target, if they don't.
     fn unusable(&self) -> Option<&'static str> {
         let distance = |step: &f32| (f64::from(*step) - f64::from(self.target)).abs();
         let falls = self.steps.windows(2).all(|pair| distance(&pair[1]) < distance(&pair[0]));
@@ -76,10 +76,10 @@ impl fmt::Display for Limit {
 impl<V: Arguments> Check<'_, Calls<V>> {
     /// Checks that the result approaches a reference as one argument approaches a limit.
     ///
-    /// Each case is called at every step of the limit, with its other arguments as they were drawn.
-    /// Its error has to fall from step to step until it is within the tolerance, stay within, and
-    /// be there at the last step. The reference receives the limit's target in place of the
-    /// argument. The domain's values for this argument are ignored: `Just(0.0)` will do.
+    /// For each case, Karat calls the function at every step of the limit, with the case's other arguments. The
+    /// error must fall from step to step until it is within the tolerance, and must stay within it. At the last
+    /// step the error must be within the tolerance. The reference receives the limit's target in place of the
+    /// argument. Karat ignores the domain's values for this argument, so `Just(0.0)` is enough.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -168,7 +168,7 @@ impl Plan<'_> {
                 let given = |case: usize| &lanes[case * scalars.len()..][..scalars.len()];
                 let results = limit.steps.iter().map(|step| session.results(batch, &at(*step)));
                 let results = results.collect::<Result<Vec<_>, _>>()?;
-                // The step that decides, and what it decides.
+                // The step that decides about the case, with its judgement.
                 let decisive = |case: usize, expected: &[f64]| -> (usize, Judged) {
                     let judged = |step: usize| {
                         compare(&scalars, results[step].of(case), expected, tolerance)
@@ -176,7 +176,7 @@ impl Plan<'_> {
                     let mut before = judged(0);
                     for step in 1..limit.steps.len() {
                         let now = judged(step);
-                        // An infinite error doesn't fall either: the first step has to be finite.
+                        // An infinite error doesn't count as falling: the first error must be finite.
                         let falls = now.measure.ratio < before.measure.ratio;
                         if !now.measure.passes() && !falls {
                             return (step, now);

@@ -1,4 +1,4 @@
-//! How a function doesn't fit what a check gives it or expects of it.
+//! Mismatches between a function and a check's arguments, expectations or settings.
 
 use super::Failure;
 use crate::output::counted;
@@ -8,36 +8,36 @@ use crate::stats::Support;
 use crate::tolerance::Tolerance;
 use crate::value::{Differing, Scalar, Shape};
 
-/// How a function and a check don't fit.
+/// A mismatch between a function and a check.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Mismatch {
-    /// The function takes other arguments than it is given.
+    /// The function takes other arguments than the check supplies.
     #[error("takes {}, {who} {}{}", list(declared), list(supplied), hint(declared, supplied))]
     Arguments {
-        /// Types of its parameters.
+        /// The types of the function's parameters.
         declared: Vec<Shape>,
-        /// Types of what it is given.
+        /// The types of the supplied arguments.
         supplied: Vec<Shape>,
-        /// Who gives them: `the domain draws`.
+        /// The origin of the arguments, for the message: `the domain draws`.
         who: &'static str,
     },
-    /// The function returns another type than it is compared with.
+    /// The function's result has another type than the expected value.
     #[error("returns {declared}, {who} {supplied}{}", member(supplied.differing(declared, true)))]
     Result {
-        /// What it returns.
+        /// The type of the function's result.
         declared: Shape,
-        /// What it is compared with.
+        /// The type of the expected value.
         supplied: Shape,
-        /// Whose type that is: `the reference returns`.
+        /// The origin of the expected value, for the message: `the reference returns`.
         who: String,
     },
     /// The function returns a type that the verb can't use.
     #[error("returns {result}, {wanted}")]
     Unsuited {
-        /// What it returns.
+        /// The type that the function returns.
         result: Shape,
-        /// What the verb wants: `not up to three floats`.
+        /// The need of the verb, for the message: `not up to three floats`.
         wanted: &'static str,
     },
     /// The function is its own reference.
@@ -46,16 +46,16 @@ pub enum Mismatch {
          which asks whether a driver computes what WGSL allows"
     )]
     Itself,
-    /// A range that holds no number, or every one.
+    /// A range contains no number, or all numbers.
     #[error("is to have a result that {0}: no result, or every one, does")]
     Range(String),
-    /// No kind of hazard is asked for, or one that no operation of a function has.
+    /// The check asks for no kind of hazard, or for a kind that operations of functions can't have.
     #[error("is asked for {0}: name kinds that an operation inside of it may have, such as `Nan`")]
     Hazard(String),
-    /// A hazard is accepted that no case has, or without a reason.
+    /// An accepted hazard has no reason, or occurs in no case.
     #[error("accepts the hazard of `{0}`, which {1}")]
     Accepted(String, &'static str),
-    /// A tolerance bounds nothing.
+    /// A tolerance has an unusable bound.
     #[error(
         "has the tolerance {tolerance}, but {bound:e} isn't a bound: use a number of at least 0 that an \
          error can exceed"
@@ -63,7 +63,7 @@ pub enum Mismatch {
     Bound {
         /// The tolerance.
         tolerance: Tolerance,
-        /// The bound in it.
+        /// The unusable bound.
         bound: f64,
     },
     /// A tolerance is for another number of components.
@@ -74,7 +74,7 @@ pub enum Mismatch {
         /// Components of the tolerance.
         declared: usize,
     },
-    /// A path has a tolerance of its own, but the verb takes none.
+    /// A path has its own tolerance, but the verb has no tolerance.
     #[error("is checked by {check}, which takes no tolerance: remove {tolerance} for {on}")]
     NoTolerance {
         /// The verb.
@@ -84,22 +84,22 @@ pub enum Mismatch {
         /// Their tolerance.
         tolerance: Tolerance,
     },
-    /// There is no parameter of this name.
+    /// No parameter has this name.
     #[error("has no parameter `{name}`{}",
         nearest.as_ref().map_or_else(String::new, |name| format!("; did you mean `{name}`?")))]
     NoParameter {
-        /// What was asked for.
+        /// The name in the check.
         name: String,
-        /// The closest parameter.
+        /// The parameter with the most similar name.
         nearest: Option<String>,
     },
-    /// There is no parameter at this place.
+    /// No parameter has this place.
     #[error("has {}, so there is no argument {place} (the first is 0)",
         counted(*count, "parameter"))]
     NoPlace {
-        /// Parameters of the function.
+        /// The number of the function's parameters.
         count: usize,
-        /// The place, from 0.
+        /// The place in the check, counted from 0.
         place: usize,
     },
     /// A parameter isn't one number.
@@ -110,7 +110,7 @@ pub enum Mismatch {
         /// Its type.
         shape: Shape,
     },
-    /// A result is to be perpendicular to a parameter of another type.
+    /// The check asks for a result that is perpendicular to a parameter, but their types differ.
     #[error(
         "returns {result}, and has `{name}` of type {shape}: two vectors of one type can be perpendicular"
     )]
@@ -119,42 +119,42 @@ pub enum Mismatch {
         name: String,
         /// Its type.
         shape: Shape,
-        /// The type of its result.
+        /// The type of the function's result.
         result: Shape,
     },
-    /// A parameter that is to go to a limit isn't a float.
+    /// The parameter of a limit isn't a float.
     #[error("has `{0}`, which isn't f32: only an f32 can approach a limit")]
     NoFloat(String),
-    /// A limit that can't be approached.
+    /// The steps of a limit don't approach it.
     #[error("is asked for its limit at {limit}, which {reason}")]
     Limit {
         /// The limit with its steps.
         limit: String,
-        /// Why not.
+        /// The reason.
         reason: String,
     },
-    /// A function that runs beside a sampler, such as its density, has an executor of its own.
+    /// A second function of a check of samples, such as the density, has its own executor.
     #[error("runs where the sampler runs: call `.on(..)` on the sampler only")]
     Executor,
-    /// The random numbers are of a type that Karat can't draw.
+    /// Karat can't sample random numbers of this type.
     #[error("is sampled with {0}, but random numbers are f32 or u32")]
     Random(Shape),
-    /// The verb needs directions, and the support has other points.
+    /// The verb needs directions, but the support has other points.
     #[error("can't be estimated on {0}: this check needs directions")]
     NoDirections(Support),
-    /// A density's points are of another type than those of the support.
+    /// The points for a density have another type than the points of the support.
     #[error("is given points of type {given}, but the points of {support} are {point}")]
     Point {
-        /// What the density is given.
+        /// The type of the density's points.
         given: Shape,
         /// The support.
         support: Support,
-        /// The type of its points.
+        /// The type of the support's points.
         point: Shape,
     },
 }
 
-/// What differs in arguments whose types may have the same names, or what was perhaps meant.
+/// A hint about the difference between arguments whose types may have the same names, or about a likely mix-up.
 fn hint(declared: &[Shape], supplied: &[Shape]) -> String {
     if declared.len() != supplied.len() {
         return mixed_up(declared, supplied);
@@ -174,7 +174,7 @@ fn member(differing: Option<Differing>) -> String {
     )
 }
 
-/// What is meant where a tuple stands for one vector or structure, or the other way round.
+/// A hint if the check has a tuple in place of one vector or structure, or the other way round.
 fn mixed_up(declared: &[Shape], supplied: &[Shape]) -> String {
     let lanes = |shapes: &[Shape]| shapes.iter().flat_map(Shape::lanes).collect::<Vec<_>>();
     let apart = declared.len() != supplied.len() && lanes(declared) == lanes(supplied);
@@ -189,7 +189,7 @@ fn mixed_up(declared: &[Shape], supplied: &[Shape]) -> String {
     }
 }
 
-/// What a type is probably called in a test.
+/// The probable name of a type in a test.
 fn host_name(shape: &Shape) -> String {
     match shape {
         Shape::Vector { size, scalar: Scalar::U32 } => format!("UVec{size}"),
@@ -206,7 +206,7 @@ fn list(shapes: &[Shape]) -> String {
 }
 
 impl Mismatch {
-    /// The failure of a function's signature, with its place.
+    /// Makes the mismatch a failure, with the function's signature and its place.
     pub(super) fn of(self, function: &Function) -> Failure {
         Failure::Signature {
             function: function.name.clone(),
@@ -257,7 +257,7 @@ mod tests {
         let short = structure("Material", std::slice::from_ref(&rough));
         let part = "member 2 of the function's `Material` is `f0: vec3<f32>`, of the other one it is missing";
         assert!(told(&wgsl, &short).ends_with(part), "{}", told(&wgsl, &short));
-        // The structure inside has the difference, not the one around it.
+        // The message names the inner structure, which has the difference, and not the outer structure.
         let [inside, other] = [&wgsl, &structure("Material", &[rough, ("f0", number.clone())])]
             .map(|material| {
                 let pair = Shape::Array { element: Box::new(material.clone()), length: 2 };

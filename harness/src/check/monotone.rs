@@ -1,4 +1,4 @@
-//! Results that only rise, or only fall, with one of the arguments.
+//! Checks that results only rise, or only fall, as one argument grows.
 
 use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -17,7 +17,7 @@ use crate::run::or_panic;
 use crate::tolerance::{LaneError, Tolerance};
 use crate::value::{Scalar, format_lane};
 
-/// Which way results go as an argument grows. Equal results satisfy both trends.
+/// The direction of results as an argument grows. Equal results satisfy both trends.
 ///
 /// ```
 /// use karat::prelude::*;
@@ -27,9 +27,9 @@ use crate::value::{Scalar, format_lane};
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Trend {
-    /// They never fall.
+    /// Results never fall.
     Increasing,
-    /// They never rise.
+    /// Results never rise.
     Decreasing,
 }
 
@@ -42,13 +42,14 @@ impl fmt::Display for Trend {
     }
 }
 
-/// Draws among which a case takes the nearest: from one, which may be at the other end, to 32,
-/// which leave about 1/64 of a range. A wide step shows a slope, a short one a bump. Three of
-/// four cases take a fraction of that distance, down to 1/4096 at random, so that a jump backwards
-/// shows which the slope makes good over a wide step: one of 1/1000 of the range, as a rule.
+/// The numbers of candidates from which a case takes the nearest one as the second value. A single candidate may
+/// be at the other end of the range; the nearest of 32 is about 1/64 of the range away. A wide step shows a
+/// wrong slope, a short step shows a bump. Three of four cases shorten the step by a random factor, down to
+/// 1/4096. Such short steps show a small jump backwards, which the slope hides over a wide step. They usually
+/// find a jump of 1/1000 of the range.
 const DRAWS: [u32; 4] = [1, 2, 8, 32];
 
-/// Draws until one differs: enough for a list of two values.
+/// The most attempts to sample a value that differs: enough for a list of two values.
 const PATIENCE: u32 = 64;
 
 const NAME: &str = "is_monotone_in";
@@ -57,9 +58,9 @@ impl<V> Check<'_, Calls<V>> {
     /// Checks that each component of the result only rises, or only falls, as one argument grows
     /// while the others stay the same.
     ///
-    /// Each case is called twice: as it is drawn, and with another value of that argument, near or
-    /// far, from another draw of the domain. So the domain has to be one in which the argument is
-    /// independent of the others. Rounding may move a result the wrong way by up to the tolerance.
+    /// Karat calls the function twice per case: with the sampled arguments, and with a second value of the one
+    /// argument, which is sampled separately and may be near or far. So in the domain, the argument must be
+    /// independent of the other arguments. Rounding may move a result the wrong way by up to the tolerance.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -113,7 +114,7 @@ impl Plan<'_> {
         let probed = Probed::in_valid(self.probe.package, &self.probe.name, &self.probe.overrides);
         let varied = probed.ok().and_then(|probed| argument.scalar(&probed.function).ok());
         let Some(varied) = varied else {
-            // The session finds the same fault, and records it.
+            // The session finds the same mistake again, and records it.
             return self.conclude(&asserted, stream, demand, &mut |session| {
                 argument.scalar(session.called.function())?;
                 session.called.vacuous(Vacuous::NoCases)
@@ -142,7 +143,7 @@ impl Plan<'_> {
                     let grows =
                         varied.scalar.decode(plain[lane]) < varied.scalar.decode(lanes[lane]);
                     let rises = grows == (trend == Trend::Increasing);
-                    // A change that would be an error the other way round.
+                    // The result changes: the change would be an error for the opposite trend.
                     let other = || judge_pair(&scalars, before, after, !rises, tolerance);
                     if !changed.load(Ordering::Relaxed) && !other().measure.passes() {
                         changed.store(true, Ordering::Relaxed);
@@ -170,14 +171,14 @@ impl Plan<'_> {
     }
 }
 
-/// Another value of the argument for a case.
+/// Samples the second value of the argument for a case.
 struct Other<'a> {
     domain: &'a dyn Stream,
     argument: ScalarParameter,
 }
 
 impl Other<'_> {
-    /// The arguments with the other value in place of their own.
+    /// The case's arguments with the second value in place of the first.
     fn replaced(&self, arguments: &[u32], other: u32) -> Vec<u32> {
         let mut lanes = arguments.to_vec();
         lanes[self.argument.lane] = other;
@@ -190,7 +191,7 @@ impl Companion for Other<'_> {
         1
     }
 
-    /// The nearest of some draws; the case's own value if none differs.
+    /// Samples some values and returns the nearest one. Returns the case's own value if none differs.
     fn draw(&self, arguments: &[u32], source: &mut Source) -> Vec<u32> {
         let own = arguments[self.argument.lane];
         let draws = DRAWS[usize::try_from(source.below(4)).unwrap_or_default()];
@@ -224,7 +225,7 @@ impl Companion for Other<'_> {
         self.domain.admits(&self.replaced(arguments, companion[0]))
     }
 
-    /// Values of the domain's edges and of what the domain has for simpler.
+    /// Simpler second values: those of the domain's edges, and the domain's simplifications.
     fn shrink(&self, arguments: &[u32], companion: &[u32]) -> Vec<Vec<u32>> {
         let other = companion[0];
         let weight = |word: u32| match self.argument.scalar {
@@ -245,7 +246,7 @@ impl Companion for Other<'_> {
     }
 }
 
-/// Compares a result with the one before it: what goes the right way has no error.
+/// Compares the results before and after a step. A change in the right direction has no error.
 fn judge_pair(
     scalars: &[Scalar],
     before: &[u32],

@@ -1,4 +1,4 @@
-//! Checks that many functions have: results that are finite, in a range, or those of another function.
+//! Common checks: results are finite, lie in a range, or agree with another function.
 
 use std::ops::{Bound, RangeBounds};
 
@@ -47,7 +47,8 @@ fn shown(range: Bounds) -> String {
     }
 }
 
-/// How far the numbers of a result are from an end that is no part of a range of integers, or of floats.
+/// The distance of a result's numbers from the nearest excluded end of a range. The first range is for integers,
+/// the second for floats.
 fn distance([range, of_floats]: [Bounds; 2], lanes: &[Scalar], words: &[u32]) -> f64 {
     let to = |end: Bound<f64>, value: f64, sign: f64| match end {
         Bound::Excluded(end) => sign * (end - value),
@@ -62,7 +63,7 @@ fn distance([range, of_floats]: [Bounds; 2], lanes: &[Scalar], words: &[u32]) ->
     each.fold(f64::INFINITY, f64::min)
 }
 
-/// True if a number may lie in a range, and a finite one outside of it.
+/// True if some number lies in the range, and some finite number lies outside.
 fn is_some_and_not_all(range: Bounds) -> bool {
     let is_open = |end: Bound<f64>, infinity: f64| match end {
         Bound::Included(end) | Bound::Excluded(end) => end == infinity,
@@ -86,8 +87,8 @@ fn is_some_and_not_all(range: Bounds) -> bool {
 impl<V> Check<'_, Calls<V>> {
     /// Checks that no component of a result is NaN or infinite.
     ///
-    /// It can't see a wrong number. [`has_no_hazards`](Self::has_no_hazards) sees what is not finite on
-    /// the way and is hidden by a `max`.
+    /// This check can't see a wrong finite number. [`has_no_hazards`](Self::has_no_hazards) also sees
+    /// intermediate values that aren't finite, even if a `max` hides them in the result.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -113,11 +114,12 @@ impl<V> Check<'_, Calls<V>> {
 
     /// Checks that each number in a result lies in a range: `0.0..=1.0`, `0.0..1.0` without its end, or `0.0..`.
     ///
-    /// A bound stands for the `f32` nearest to it where results are floats. NaN and infinite results fail.
+    /// If results are floats, each end of the range is rounded to the nearest `f32`. NaN and infinite results
+    /// fail.
     ///
-    /// Where the bounds that WGSL gives the function lie in the range for all arguments of the domain, it is
-    /// [`proved`](Agreement::proved). Otherwise, if an end is no part of the range, a search goes from the cases that
-    /// come nearest to it.
+    /// Karat also computes the results that WGSL allows for all arguments of the domain. If all of them lie in the
+    /// range, the statement is [`proved`](Agreement::proved). Otherwise, if the range excludes an end, Karat
+    /// searches for failing arguments, beginning with the cases whose results are nearest to that end.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -144,9 +146,9 @@ impl<V> Check<'_, Calls<V>> {
         self.plan.stays_within(&*self.stream, &self.demand(), range)
     }
 
-    /// Checks that the function agrees with another one of its package, which takes the same arguments:
-    /// a slow or an older form of it. Karat's engine executes that one in `f64`, with the fixtures of the
-    /// first.
+    /// Checks that the function agrees with a reference function of its package that takes the same arguments,
+    /// such as a slow or an older form. Karat's engine executes the reference function in `f64`, with the
+    /// fixtures of the tested function.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -154,8 +156,9 @@ impl<V> Check<'_, Calls<V>> {
     /// SHADERS.function("tone::fast").over(0.0..=16.0).agrees_with_function("tone::exact", Rel(1e-3));
     /// ```
     ///
-    /// A function of a package that this one [depends on](crate::Package::depends_on) is named as imports
-    /// name it: `shaders::tone::exact`. A mistake that both functions share isn't seen.
+    /// The reference function may be in a package that this package [depends on](crate::Package::depends_on).
+    /// Write its name as in an import: `shaders::tone::exact`. The check can't see a mistake that both functions
+    /// share.
     ///
     /// # Panics
     /// With the [`Failure`], if a case disagrees, if the engine can't execute the other function, or if
@@ -185,7 +188,7 @@ impl<V> Check<'_, Calls<V>> {
 }
 
 impl Plan<'_> {
-    /// The function, with what it writes in its result.
+    /// The function, whose result includes the values that it writes.
     pub(super) fn function(&self) -> Result<Function, Failure> {
         let probe = &self.probe;
         let mut probed = Probed::in_valid(probe.package, &probe.name, &probe.overrides)?;
@@ -193,8 +196,8 @@ impl Plan<'_> {
         Ok(probed.function)
     }
 
-    /// Goes on with what a check begins with. What stops it before its first case is its verdict all the same,
-    /// and recorded as others are.
+    /// Continues with the value that a check needs before its first case. If that value is an error, the error is
+    /// the verdict, and is recorded like other verdicts.
     pub(super) fn with<T>(
         &self,
         begun: Result<T, Failure>,
@@ -230,7 +233,7 @@ impl Plan<'_> {
         let begun = self.function().and_then(suited);
         let asserted = ("is_finite", statement);
         self.with(begun, asserted, (stream, demand), |function| {
-            // A result that isn't finite fails each statement.
+            // A result that isn't finite fails every statement, so this one is always true.
             let holds = |_: &[u32], _: &[u32]| true;
             self.states(stream, demand, asserted, (&function.result, &holds))
         })
@@ -243,7 +246,7 @@ impl Plan<'_> {
         range: Bounds,
     ) -> Result<Agreement, Failure> {
         let (statement, unsuited_range) = (shown(range), Mismatch::Range(shown(range)));
-        // No `f32` is 2 pi: who writes it means the one nearest to it.
+        // No `f32` equals 2 pi: a bound of 2 pi means the nearest `f32`.
         #[expect(clippy::cast_possible_truncation, reason = "the nearest is meant")]
         let nearest = |bound: Bound<f64>| bound.map(|bound| f64::from(bound as f32));
         let of_floats = (nearest(range.0), nearest(range.1));
@@ -254,7 +257,7 @@ impl Plan<'_> {
             if function.result.lanes().iter().all(|lane| *lane == Scalar::Bool) {
                 return Err(unsuited(&function, "which is no number"));
             }
-            // Every integer of a type is from its least to its largest.
+            // True if the range contains every value of the integer type.
             let both = |least: f64, most: f64| range.contains(&least) && range.contains(&most);
             let holds_all = |lane: &Scalar| match lane {
                 Scalar::U32 => both(0.0, f64::from(u32::MAX)),
@@ -310,7 +313,7 @@ impl Plan<'_> {
         let asserted = ("agrees_with", &*criterion.to_string());
         let begun = self.shadow(demand, reference).and_then(|shadow| {
             let own = self.function()?;
-            // What WGSL allows of a function is for a driver to keep to.
+            // With `Spec`, a function may be its own reference: the check is about the driver.
             let declared = |span: &Span| (span.file.name.clone(), span.range.clone());
             let itself = declared(&own.span) == declared(&shadow.span)
                 && matches!(criterion, Criterion::Within(_));
@@ -319,12 +322,12 @@ impl Plan<'_> {
         self.with(begun, asserted, (stream, demand), |shadow| {
             let Shadow { shape, interpreted, kept, .. } = shadow;
             let expect = |rows: Rows<'_>, lanes: &mut Vec<f64>| {
-                // What isn't finite is told as an error of the reference.
+                // NaN makes the check report an error of the reference.
                 let none = || vec![f64::NAN; rows.len() * shape.lanes().len()];
                 let taken: Vec<u32>;
                 let words = match &kept {
                     Some(kept) => {
-                        // Lanes of the arguments that are drawn, as the reference has fewer.
+                        // The lanes that the reference takes, which are fewer than the sampled lanes.
                         let kept = |row: &'_ [u32]| -> Vec<u32> {
                             kept.iter().map(|lane| row[*lane]).collect()
                         };
@@ -333,7 +336,7 @@ impl Plan<'_> {
                     }
                     None => rows.words(),
                 };
-                // A batch in which a loop of the reference doesn't end has no values.
+                // If a loop of the reference doesn't end in a batch, the batch has no values.
                 lanes.extend(interpreted.shadow(rows.len(), words).unwrap_or_else(|_| none()));
             };
             let expected = Expected { shape: shape.clone(), expect: &expect };
@@ -343,7 +346,7 @@ impl Plan<'_> {
 
     fn shadow(&self, demand: &Demand, reference: &str) -> Result<Shadow, Failure> {
         let probe = &self.probe;
-        // Overrides that it doesn't use are the tested function's.
+        // Only the tested function uses the other overrides.
         let program = Program::of_function(probe.package, reference).map_err(ProbeError::from)?;
         let used = probe.overrides.iter().filter(|(name, _)| program.has_override(name));
         let overrides = used.map(|(name, value)| (name.clone(), *value)).collect();
@@ -352,7 +355,7 @@ impl Plan<'_> {
         let mut probed = probed.with_quads_of(drawn);
         let taken: Vec<Shape> =
             probed.function.parameters.iter().map(|(_, shape)| shape.clone()).collect();
-        // A reference without derivatives takes what is at the pixel.
+        // A reference without derivatives takes the value at the pixel alone.
         let fits = |(own, drawn): (&Shape, &Shape)| {
             drawn.stands_for(own, false)
                 || drawn.quad().is_some_and(|value| value.stands_for(own, false))
@@ -362,11 +365,11 @@ impl Plan<'_> {
             let mismatch = Mismatch::Arguments { declared: taken, supplied, who };
             return Err(mismatch.of(&probed.function));
         }
-        // Fixtures that it doesn't read are none of its own.
+        // The reference gets only the fixtures that it reads.
         let bindings = &probed.function.bindings;
         let read = |(name, _): &&(String, _)| bindings.iter().any(|b| b.name() == name);
         let mut fixtures: Fixtures = probe.fixtures.iter().filter(read).cloned().collect();
-        // Textures that are parameters are given by the reference's names for them, or else by their order.
+        // Textures in parameters are found by the reference's parameter names, or else by their order.
         let own = self.function()?.form.taken;
         let theirs = &probed.function.form.taken;
         let given = |name: &str| probe.fixtures.iter().rev().find(|(known, _)| known == name);
@@ -395,14 +398,14 @@ impl Plan<'_> {
     }
 }
 
-/// Another function in `f64`.
+/// A reference function in WGSL that the engine executes in `f64`.
 struct Shadow {
-    /// Where it is declared.
+    /// The place of its declaration.
     span: Span,
-    /// Its result's type.
+    /// The type of its result.
     shape: Shape,
     interpreted: Interpreted,
-    /// Which of the drawn lanes it takes, unless it takes all of them.
+    /// The sampled lanes that it takes. `None`: all lanes.
     kept: Option<Vec<usize>>,
 }
 
@@ -417,7 +420,7 @@ mod tests {
     const OPEN: Bounds = (Bound::Excluded(0.0), Bound::Excluded(1.0));
     const BELOW: Bounds = (Bound::Included(0.0), Bound::Excluded(8.0));
 
-    /// A search goes to the nearer of the ends that no result may have.
+    /// A search goes to the nearer one of the excluded ends.
     #[test]
     fn distances_are_those_to_open_ends() {
         let of = |ranges: [Bounds; 2], lanes: &[(Scalar, u32)]| {
@@ -431,11 +434,11 @@ mod tests {
         let above = (Bound::Excluded(2.0), Bound::Unbounded);
         assert_eq!(of([above; 2], &[single(7.0)]), 5.0);
         assert_eq!(of([above; 2], &[(Scalar::I32, (-7_i32).cast_unsigned())]), -9.0);
-        // A number of a type has the range of that type, and the nearest lane counts.
+        // Integers and floats have their own ranges, and the nearest lane counts.
         assert_eq!(of([BELOW, OPEN], &[(Scalar::U32, 3)]), 5.0);
         assert_eq!(of([BELOW, OPEN], &[(Scalar::U32, 3), single(0.5)]), 0.5);
         assert_eq!(of([OPEN, BELOW], &[single(0.5), single(7.0)]), 1.0);
-        // Neither closed ends nor booleans have a distance.
+        // Included ends have no distance. Booleans have no distance, either.
         let closed = (Bound::Included(0.0), Bound::Included(1.0));
         assert_eq!(of([closed; 2], &[single(0.5)]), f64::INFINITY);
         assert_eq!(of([OPEN; 2], &[(Scalar::Bool, 1)]), f64::INFINITY);

@@ -1,4 +1,4 @@
-//! Which parameter of a function a property is about.
+//! The parameter of a function that a property is about.
 
 use std::fmt;
 
@@ -8,7 +8,7 @@ use crate::diagnostic::nearest;
 use crate::reflect::Function;
 use crate::value::{Scalar, Shape};
 
-/// A parameter of a WGSL function: by its name, or by its place from 0.
+/// A parameter of a WGSL function, selected by its name or by its place. Places count from 0.
 ///
 /// ```
 /// use karat::unstable::check::Parameter;
@@ -18,9 +18,9 @@ use crate::value::{Scalar, Shape};
 /// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Parameter {
-    /// By the name of the WGSL parameter.
+    /// The name of the WGSL parameter.
     Name(String),
-    /// By its place, from 0.
+    /// The place of the parameter, counted from 0.
     Place(usize),
 }
 
@@ -50,12 +50,12 @@ impl fmt::Display for Parameter {
 pub(super) struct ScalarParameter {
     pub(super) name: String,
     pub(super) scalar: Scalar,
-    /// Its lane among those of all arguments.
+    /// The index of its lane among the lanes of all arguments.
     pub(super) lane: usize,
 }
 
 impl ScalarParameter {
-    /// The value at a fraction of the way from one to another, and at least one step from it.
+    /// The value at a fraction of the way from `own` to `other`, at least one step away from `own`.
     pub(super) fn between(&self, own: u32, other: u32, fraction: f64) -> u32 {
         let (from, to) = (self.scalar.decode(own), self.scalar.decode(other));
         let at = from + fraction * (to - from);
@@ -85,7 +85,7 @@ impl ScalarParameter {
 }
 
 impl Parameter {
-    /// The place of the parameter, and the first of its lanes among those of all arguments.
+    /// The place of the parameter, and the index of its first lane among the lanes of all arguments.
     pub(super) fn place(&self, function: &Function) -> Result<(usize, usize), Failure> {
         let parameters = &function.parameters;
         let names = || parameters.iter().map(|(name, _)| &**name);
@@ -107,7 +107,7 @@ impl Parameter {
         Ok((place, lane))
     }
 
-    /// Finds the parameter, which has to be a number.
+    /// Finds the parameter. Returns an error if it isn't a number.
     pub(super) fn scalar(&self, function: &Function) -> Result<ScalarParameter, Failure> {
         let (place, lane) = self.place(function)?;
         let (name, shape) = &function.parameters[place];

@@ -1,4 +1,4 @@
-//! What the cases of each path add up to, with what is shown of the failing ones.
+//! The sum of all cases of a path, with the failing cases that a report shows.
 
 use super::called::Called;
 use super::sample::Sample;
@@ -7,7 +7,7 @@ use crate::judge::{Shown, Tally};
 use crate::path::{Adapter, Path};
 use crate::record::{Allowance, PathRecord};
 
-/// One path's sum, and what is needed to show its failures.
+/// The sum of one path's cases, and the facts to show its failures.
 pub(super) struct PathTally {
     pub(super) adapter: Adapter,
     pub(super) path: Path,
@@ -15,20 +15,20 @@ pub(super) struct PathTally {
     pub(super) worst: Option<CaseFailure>,
     pub(super) first: Option<CaseFailure>,
     pub(super) simplest: Option<Simplest>,
-    /// Where it fails, in a line.
+    /// One line that says where the function fails.
     pub(super) cause: Option<String>,
-    /// What WGSL allows in place of the tolerance.
+    /// The errors that WGSL allows, compared with the tolerance.
     pub(super) allowed: Option<Allowance>,
-    /// Cases for reports.
+    /// The cases that reports show in plots.
     sample: Option<Sample>,
-    /// Nodes of all integrals; 0 for other checks.
+    /// The number of nodes of all integrals. 0 for other checks.
     nodes: u64,
-    /// True if the statement holds for all arguments, and not only for the cases.
+    /// True if the statement is proved for all arguments of the domain.
     proved: bool,
 }
 
 impl PathTally {
-    /// A path's sum with its failures, which `show` describes.
+    /// Makes the sum of a path. `show` describes its failures.
     pub(super) fn new(
         called: &Called<'_>,
         tally: Tally,
@@ -95,7 +95,7 @@ impl PathTally {
         }
     }
 
-    /// The sum of later cases and of earlier ones.
+    /// Merges the sums of earlier and later cases.
     pub(super) fn merge(self, other: Self) -> Self {
         let tally = self.tally.merge(other.tally);
         let pick = |shown: Option<Shown>, a: Option<CaseFailure>, b: Option<CaseFailure>| {
@@ -112,7 +112,7 @@ impl PathTally {
         }
     }
 
-    /// The same with those of earlier cases, if there are any.
+    /// Merges the sum of earlier cases, if there is one, with that of later cases.
     pub(super) fn and(earlier: Option<Self>, later: Self) -> Self {
         match earlier {
             Some(earlier) => earlier.merge(later),

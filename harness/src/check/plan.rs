@@ -1,4 +1,4 @@
-//! What every check is made of, whatever its verb.
+//! The settings that a check has with every verb.
 
 use super::tolerances::Tolerances;
 use super::{Failure, Probe};
@@ -7,7 +7,7 @@ use crate::run::KnownIssues;
 use crate::run::sound_paths;
 use crate::tolerance::Tolerance;
 
-/// A function with what its author says of a check, but for the cases.
+/// A function with the settings of a check, without the domain.
 #[derive(Clone, Debug)]
 pub(super) struct Plan<'a> {
     pub(super) probe: Probe<'a>,
@@ -15,7 +15,7 @@ pub(super) struct Plan<'a> {
     pub(super) seed: Option<u64>,
     pub(super) tolerance_on: Selected<Tolerance>,
     pub(super) known_issues: KnownIssues,
-    /// Hazards that are meant.
+    /// The accepted hazards.
     pub(super) accepted: Vec<super::kinds::Accepted>,
     /// True if the verdict goes into the record of the run.
     pub(super) recorded: bool,
@@ -35,12 +35,12 @@ impl<'a> Plan<'a> {
         }
     }
 
-    /// A verb's tolerance with those of single paths.
+    /// The tolerance of the verb, with the tolerances of single paths.
     pub(super) fn tolerances(&self, general: Tolerance) -> Tolerances {
         Tolerances { general, on: self.tolerance_on.clone() }
     }
 
-    /// Wants paths that can be, and a reason for each that is declared to fail.
+    /// Returns an error if a declaration names an impossible path, or declares a failure without a reason.
     pub(super) fn expect_reasons(&self) -> Result<(), Failure> {
         self.known_issues.expect_sound::<Failure>(&self.probe.name)?;
         Ok(sound_paths("tolerance_on", &self.tolerance_on)?)

@@ -1,21 +1,22 @@
-//! A statement about results, proved for all arguments of a domain by the bounds that WGSL gives.
+//! Proofs of statements about results for all arguments of a domain, by interval arithmetic with WGSL's bounds.
 
 use super::session::Session;
 use crate::interpret::Bound;
 use crate::value::Scalar;
 
-/// The most boxes of arguments of a proof.
+/// The most boxes of arguments in a proof.
 const BOXES: usize = 4096;
 
-/// Boxes that run together.
+/// The number of boxes that the engine runs together.
 const TOGETHER: usize = 256;
 
-/// Arguments from those of one row to those of another one.
+/// A box of arguments: a row with the lower ends, and a row with the upper ends.
 type Ends = [Vec<u32>; 2];
 
 impl Session<'_> {
-    /// True if the statement holds for each result that WGSL allows, for any arguments of the domain: halves boxes of
-    /// arguments until it holds for each. `false` proves nothing, and of functions that read a resource it always is.
+    /// True if it is proved that the statement holds for each result that WGSL allows, for all arguments of the
+    /// domain. The proof halves boxes of arguments until the statement holds for each box. `false` means only that
+    /// there is no proof. For functions that read a resource it is always `false`.
     pub(super) fn is_proved(&self, holds: &dyn Fn(&[Bound]) -> bool) -> bool {
         if self.is_replay() || !self.called.function().bindings.is_empty() {
             return false;
@@ -50,7 +51,7 @@ impl Session<'_> {
     }
 }
 
-/// A box, cut in two across its longest side; `None` if it holds one row alone.
+/// The two halves of a box, cut across its longest side. `None` if the box contains a single row.
 fn halves([from, to]: &Ends, scalars: &[Scalar]) -> Option<[Ends; 2]> {
     let length = |lane: &usize| {
         let [from, to] = [from, to].map(|row| scalars[*lane].decode(row[*lane]));
@@ -60,7 +61,7 @@ fn halves([from, to]: &Ends, scalars: &[Scalar]) -> Option<[Ends; 2]> {
     let scalar = scalars[lane];
     let [least, most] = [from, to].map(|row| scalar.decode(row[lane]));
     let middle = f64::midpoint(least, most);
-    // The neighbours of an integer are apart, and those of a float meet.
+    // Halves of integers don't overlap. Halves of floats share the number in the middle.
     let (below, above) = match scalar {
         Scalar::F32 => {
             #[expect(clippy::cast_possible_truncation, reason = "any number between does")]
@@ -118,7 +119,7 @@ mod tests {
         all
     }
 
-    /// Cuts boxes until each holds one row, which is one of the whole box, and each of those once.
+    /// Cuts boxes until each has one row. Checks that these are all rows of the whole box, each once.
     fn cut(whole: &Ends, scalars: &[Scalar]) {
         let (mut boxes, mut met) = (vec![whole.clone()], Vec::new());
         while let Some(one) = boxes.pop() {
@@ -141,7 +142,7 @@ mod tests {
         assert_eq!(met, rows(whole, scalars), "{scalars:?}");
     }
 
-    /// A row that no half holds would be proved unseen.
+    /// The proof would skip a row that is in no half.
     #[test]
     fn halves_of_integers_hold_each_row_once() {
         let end = |x: i32| x.cast_unsigned();
@@ -153,7 +154,7 @@ mod tests {
                 for length in 0..=8 {
                     let to = start.wrapping_add(length);
                     cut(&[vec![start], vec![to]], &[scalar]);
-                    // The longest side is cut first, wherever it stands.
+                    // The longest side is cut first, at any place among the arguments.
                     cut(&[vec![0, start], vec![1, to]], &[Scalar::Bool, scalar]);
                     cut(&[vec![start, 3], vec![to, 6]], &[scalar, Scalar::U32]);
                     cut(&[vec![end(-2), start], vec![1, to]], &[Scalar::I32, scalar]);
@@ -170,7 +171,7 @@ mod tests {
         assert_eq!(halves(&whole, &[Scalar::I32]), Some(expected));
     }
 
-    /// Halves of floats meet at a number between the ends; neighbours have none.
+    /// Halves of floats share a number between the ends. Adjacent floats have no number between them.
     #[test]
     fn halves_of_floats_meet() {
         let all =
@@ -193,8 +194,8 @@ mod tests {
         assert_eq!(halves(&[vec![0], vec![0x3c00]], &[Scalar::F16]), None);
     }
 
-    /// Bounds that leave the range at either end, or have no end, prove nothing of results that stay within. A box is
-    /// halved some thousand times and not for ever.
+    /// If WGSL's bounds exceed the range at one end, or are unbounded, nothing is proved, although the actual results
+    /// stay within. The proof gives up after some thousand boxes.
     #[test]
     fn bounds_beyond_a_range_prove_nothing() {
         let package = Package::from_source(
@@ -211,13 +212,13 @@ mod tests {
         assert!(!unit("part").stays_within(0.0..=1.0).proved);
         assert!(!unit("back").stays_within(-1.0..=0.0).proved);
         assert!(!unit("inverse").stays_within(0.0..=1.0).proved);
-        // The `f32` next to 0.1 is above it; an integer is no `f32`.
+        // The `f32` nearest to 0.1 is larger than 0.1. Bounds for integers aren't rounded to `f32`.
         assert!(unit("tenth").stays_within(0.0..=0.1).proved);
         let large = over("large").over(Integers(0..=20_000_000_u32)).unrecorded();
         assert!(large.stays_within(0.0..=16_777_217.0).proved);
     }
 
-    /// A buffer holds what a test gave it, and a host something else.
+    /// A buffer's content in a test says nothing about its content in an application.
     #[test]
     fn what_is_read_is_no_argument() {
         let package = Package::from_source(

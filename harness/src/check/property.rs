@@ -1,4 +1,4 @@
-//! What the verbs about properties share: results of several dispatches, judged case by case.
+//! Common code of the verbs about properties, which judge the results of several dispatches case by case.
 
 use super::batch::Batch;
 use super::cause::cause;
@@ -9,17 +9,17 @@ use super::session::Session;
 use crate::executor::Results;
 use crate::judge::{Judged, Shown, tally};
 
-/// What `returned` is of where arguments are primed.
+/// The note beside `returned` if a case also has arguments with a prime.
 pub(super) const PRIMED: &str =
     "returned for the arguments with a prime, expected for those without";
 
-/// A failing case as it is shown.
+/// The parts of a failing case that a report shows.
 pub(super) struct Exhibit {
     /// The lanes of all arguments.
     pub(super) lanes: Vec<u32>,
-    /// What else was varied: a name, and a value.
+    /// The names and values that the check varied in addition.
     pub(super) varied: Vec<(String, String)>,
-    /// Which results are compared, where the function is called more than once.
+    /// The names of the compared results, if the case calls the function more than once.
     pub(super) compared: &'static str,
     /// The result's words.
     pub(super) actual: Vec<u32>,

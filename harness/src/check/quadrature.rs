@@ -1,11 +1,10 @@
-//! Integrals over directions, for functions whose last argument is one.
+//! Integrals over directions, for functions whose last argument is a direction.
 //!
-//! The rule is a product: Gauss and Legendre's in the cosine of the polar angle, equal steps in the
-//! azimuth. It is exact for smooth functions, and misses lobes that are narrower than its rings. So
-//! each integral is taken twice, with different numbers of rings. There is no verdict if the two
-//! differ by more than the tolerance and one of them may pass.
-//! (Both rules miss a lobe that lies between the rings of both. Narrow lobes need a rule that knows
-//! where they are.)
+//! The quadrature rule is a product: Gauss-Legendre in the cosine of the polar angle, and equal steps in the
+//! azimuth. It is accurate for smooth functions, and misses lobes that are narrower than its rings. So Karat
+//! computes each integral with two rules, which have different numbers of rings. If the two integrals differ by
+//! more than the tolerance and one of them may pass, there is no verdict. Both rules miss a lobe that lies
+//! between the rings of both. Narrow lobes need a rule with nodes in the lobe.
 
 use std::f64::consts::TAU;
 
@@ -19,10 +18,10 @@ use crate::stats::gauss_legendre;
 use crate::tolerance::Tolerance;
 use crate::value::{Arguments, Mirror, Shape, Shareable};
 
-/// Rings of a rule unless it says otherwise; each has twice as many directions.
+/// The default number of rings. Each ring has twice as many directions as there are rings.
 const RINGS: u16 = 64;
 
-/// The directions of an integral, about +Z, with their measure.
+/// The directions of an integral, with +Z as the pole, and the measure of the integral.
 ///
 /// ```
 /// use std::f64::consts::TAU;
@@ -84,7 +83,8 @@ impl Directions {
         Self { region: Region::Projected, rings: RINGS }
     }
 
-    /// Sets the number of rings (default 64), at least 4. Each has twice as many directions.
+    /// Sets the number of rings: at least 4, by default 64. Each ring has twice as many directions as there are
+    /// rings.
     ///
     /// ```
     /// use karat::Directions;
@@ -96,7 +96,7 @@ impl Directions {
         Self { rings: rings.max(4), ..self }
     }
 
-    /// The rule that is to confirm this one.
+    /// The second rule, which must confirm this one.
     fn control(self) -> Self {
         Self { rings: self.rings - self.rings / 4, ..self }
     }
@@ -112,7 +112,7 @@ impl Directions {
             };
             let sine = ((1.0 - cosine) * (1.0 + cosine)).sqrt();
             for azimuth in 0..azimuths {
-                // Half a step off the axes, where a function may switch.
+                // The directions avoid the axes by half a step, because functions may branch there.
                 let azimuth = TAU * (f64::from(azimuth) + 0.5) / f64::from(azimuths);
                 let l = DVec3::new(sine * azimuth.cos(), sine * azimuth.sin(), cosine);
                 rule.push((l.as_vec3(), TAU * weight / f64::from(azimuths)));
@@ -124,17 +124,18 @@ impl Directions {
 
 impl<V: Arguments> Check<'_, Calls<V>> {
     /// Checks the integral of a function over directions. The direction is the function's last
-    /// argument; the domain draws the arguments before it, and is `()` if there are none.
+    /// argument. The domain supplies the arguments before it; use `()` if there are none. The default is 256
+    /// cases.
     ///
-    /// Each integral is taken by two rules, with different numbers of rings. If both are so far off
-    /// that the difference between them can't explain it, the check fails. Otherwise, if they
-    /// differ by more than the tolerance, the check has no verdict and is an error: the function
-    /// has a lobe that is narrower than the rings.
+    /// Karat computes each integral with two rules, which have different numbers of rings. If both integrals are
+    /// further off than the difference between them, the check fails. Otherwise, if they differ by more than
+    /// the tolerance, the check has no verdict and is an error: the function has a lobe that is narrower than the
+    /// rings.
     ///
-    /// Both rules miss a lobe that lies between the rings of both; the check then passes as if the
-    /// lobe weren't there. (The innermost of 64 rings is 1.5 degrees from the pole.) For such
-    /// lobes, and if there is no verdict, take more [`rings`](Directions::rings), or a rule of your
-    /// own with [`integral`](super::Probe::integral). The default is 256 cases.
+    /// Both rules miss a lobe that lies between the rings of both. The check then passes as if the lobe weren't
+    /// there. (The innermost of 64 rings is 1.5 degrees from the pole.) For such lobes, and if there is no
+    /// verdict, take more [`rings`](Directions::rings), or your own rule with
+    /// [`integral`](super::Probe::integral).
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -148,7 +149,7 @@ impl<V: Arguments> Check<'_, Calls<V>> {
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if an integral isn't the expected one, if the two rules disagree, if a
+    /// With the [`Failure`], if an integral differs from the expected integral, if the two rules disagree, if a
     /// node has no finite result, or if nothing could be compared.
     #[track_caller]
     pub fn integrates_to<E: Mirror>(
@@ -163,7 +164,7 @@ impl<V: Arguments> Check<'_, Calls<V>> {
     /// [`integrates_to`](Self::integrates_to) without the panic.
     ///
     /// # Errors
-    /// If an integral isn't the expected one, if the two rules disagree, if a node has no finite
+    /// If an integral differs from the expected integral, if the two rules disagree, if a node has no finite
     /// result, or if nothing could be compared.
     pub fn try_integrates_to<E: Mirror>(
         self,
@@ -176,8 +177,8 @@ impl<V: Arguments> Check<'_, Calls<V>> {
     }
 
     /// Checks that the integral over directions is at most a bound plus `slack`. The slack is
-    /// absolute: it covers what rounding may add, and the difference between the two rules. The
-    /// bound is one number for all components, or one for each. For lobes that are narrower than
+    /// an absolute error: it must cover rounding, and the difference between the two rules. The
+    /// bound is one number for all components, or one number for each. For lobes that are narrower than
     /// the rings, see [`integrates_to`](Self::integrates_to).
     ///
     /// ```
@@ -230,8 +231,8 @@ impl<V: Arguments> Check<'_, Calls<V>> {
 }
 
 impl<V> Check<'_, Calls<V>> {
-    /// Integrals over directions, which come behind the arguments of a case. `shape` is the type of what is
-    /// expected.
+    /// Checks integrals over directions. The direction follows the arguments of a case. `shape` is the type of the
+    /// expected value.
     pub(super) fn integrate_over(
         &self,
         directions: Directions,

@@ -1,4 +1,4 @@
-//! What a session has failed on before, and what it will try again.
+//! Remembered inputs: a check runs inputs of its earlier failures again.
 
 use super::path_tally::PathTally;
 use super::session::Session;
@@ -7,7 +7,7 @@ use crate::probe::Inputs;
 use crate::run::{Descent, Entry};
 
 impl Session<'_> {
-    /// The inputs on which this check has failed before, as far as they still are in its domain.
+    /// The inputs of this check's earlier failures that are still in its domain.
     pub(super) fn remembered(&self) -> Vec<Vec<u32>> {
         let Some(memory) = self.memory else { return Vec::new() };
         let mut rows = Vec::new();
@@ -26,14 +26,14 @@ impl Session<'_> {
         rows
     }
 
-    /// Whether the domain has a value. One that can't tell has it if the value comes about in the
-    /// same way as before.
+    /// True if the domain still contains the value. Some domains can't decide this: then the value must result
+    /// from the same sampling and simplification as before.
     fn still_drawn(&self, entry: &Entry) -> bool {
         let again = || Some(self.descend(&entry.descent)?.row == entry.words);
         self.stream.admits(&entry.words).unwrap_or_else(|| again() == Some(true))
     }
 
-    /// The cases of integrals that have failed before, which come about as they did then.
+    /// The cases of earlier failing integrals that the domain still produces in the same way.
     pub(super) fn remembered_integrals(&self) -> Vec<(Descent, Held)> {
         let Some(memory) = self.memory else { return Vec::new() };
         let mut found = Vec::new();
@@ -48,13 +48,13 @@ impl Session<'_> {
         found
     }
 
-    /// Keeps what failed, reduced.
+    /// Remembers the simplest failing input.
     pub(super) fn remember(&self, sum: &PathTally) {
         let (Some(memory), Some(simplest)) = (self.memory, &sum.simplest) else { return };
         if simplest.failure.remembered {
             return;
         }
-        // An integral is told again by its case alone, not by the arguments that its nodes share.
+        // An integral is identified by its case alone, without the arguments that its nodes share.
         let told = if simplest.failure.integral.is_some() { 1 } else { usize::MAX };
         let arguments: Vec<String> = simplest
             .failure

@@ -1,27 +1,28 @@
-//! Cases whose errors are kept for reports: some of the first batch, and the worst of it.
+//! Cases whose errors are kept for reports: some cases of the first batch, and its worst case.
 
 use super::batch::Batch;
 use crate::judge::{Picked, Tally};
 use crate::record::{self, Errors, Plot};
 use crate::value::{Scalar, Shape};
 
-/// Cases that a distribution and a plot are made of: enough for a map of 20 by 20 fields.
+/// The number of cases in a distribution and a plot: enough for a map of 20 by 20 cells.
 const CASES: usize = 512;
 
-/// Errors of some cases, each divided by its bound.
+/// The ratios of some cases: each is an error divided by its bound.
 #[derive(Clone, Debug)]
 pub(super) struct Sample {
     names: Vec<String>,
     scalars: Vec<Scalar>,
     rows: Vec<Vec<u32>>,
     ratios: Vec<f64>,
-    /// Where the worst cases begin, which were not chosen blindly.
+    /// The index of the first case that was added because it is the worst or the first failing case. The cases
+    /// before it were picked independently of their errors.
     chosen: usize,
 }
 
 impl Sample {
-    /// Which cases of a batch are to be kept: of the first one that was drawn, those that fail, and some for
-    /// the record where one is kept.
+    /// The selection of cases to keep. In the first sampled batch, these are the failing cases, and some others if
+    /// there is a record.
     pub(super) fn picked(batch: &Batch) -> Picked {
         if !batch.is_drawn || batch.first != 0 {
             return Picked::default();
@@ -31,7 +32,7 @@ impl Sample {
         some.and_failing()
     }
 
-    /// The cases of a batch that were picked, of a function with these parameters.
+    /// The picked cases of a batch, for a function with these parameters.
     pub(super) fn of(
         parameters: &[(String, Shape)],
         batch: &Batch,
@@ -60,7 +61,7 @@ impl Sample {
     }
 }
 
-/// The lanes of an argument.
+/// The names of an argument's lanes.
 fn named(name: &str, lanes: usize) -> Vec<String> {
     match lanes {
         1 => vec![name.to_owned()],
@@ -70,7 +71,7 @@ fn named(name: &str, lanes: usize) -> Vec<String> {
 }
 
 impl Sample {
-    /// How large the errors are.
+    /// The distribution of the errors.
     pub(super) fn errors(&self) -> Errors {
         Errors::of(self.ratios.iter().take(self.chosen).copied())
     }

@@ -1,12 +1,12 @@
-//! Samplers: does a function of random numbers return samples of the density that it claims?
+//! Checks of samplers: functions of random numbers that return samples of a density.
 //!
-//! A sampler is run over configurations (a width, a view), each with a stream of random numbers of
-//! its own that depends on the seed and the configuration's index alone. Each configuration is
-//! judged by a p-value. The threshold is chosen so that the whole check rejects a correct sampler
-//! with the stated significance. Samples that aren't finite, aren't where they should be, or can't
-//! happen under the density fail outright.
+//! A check runs the sampler with several configurations, such as a width and a view. Each configuration has its own
+//! stream of random numbers, which depends on the seed and the configuration's index alone. A p-value judges each
+//! configuration. The threshold is chosen so that the whole check rejects a correct sampler with a probability
+//! equal to the significance. A sample that isn't finite, lies outside the support, or has density 0 fails the
+//! check at once.
 //!
-//! Each path runs the same random numbers, so paths don't count as separate tests.
+//! All paths use the same random numbers, so they don't count as separate tests.
 
 mod calls;
 mod conclude;
@@ -31,27 +31,27 @@ use crate::stats::Support;
 use crate::value::{Arguments, Shape, Shareable};
 use calls::given;
 
-/// Configurations of a check unless it says otherwise: each is a quarter million samples.
+/// The number of configurations of a check that doesn't set it. It is small: each has a quarter million samples.
 const CONFIGURATIONS: u64 = 16;
 
-/// Values of a finite domain that are all tried unless a number of configurations is asked for.
+/// The largest finite domain whose values are all tried if the check sets no number of configurations.
 const ENUMERATED: u64 = 4096;
 
-/// Samples of a configuration unless a check says otherwise: each of 512 cells expects 512 of them,
-/// and a density that is off by 3 % all over is rejected in all but one of 10^9 runs.
+/// The number of samples per configuration of a check that doesn't set it. Each of 512 cells expects 512 samples.
+/// The check then accepts a density that is off by 3 % everywhere in only one of 10^9 runs.
 const SAMPLES: u64 = 1 << 18;
 
-/// Probability that a check rejects a right sampler, under one seed. Mitsuba's choice.
+/// The probability that a check rejects a correct sampler, for one seed. Mitsuba has the same value.
 const SIGNIFICANCE: f64 = 0.01;
 
-/// How far the integral of a density may be from 1 beyond the error of the quadrature: what a few
-/// hundred ulp of the density at each node can add.
+/// The largest difference between a density's integral and 1, in addition to the error of the quadrature. A few
+/// hundred ulp of error in the density at each node can add up to this.
 const MASS: f64 = 2e-4;
 
 impl<'a> Probe<'a> {
-    /// Chooses the configurations that a sampler is run over. `arguments` makes the sampler's
-    /// arguments from a configuration and random numbers. Random numbers are an `f32` in [0, 1), a
-    /// vector of those, or `u32`s.
+    /// Chooses the configurations of a check of a sampler. `arguments` makes the sampler's arguments from a
+    /// configuration and random numbers. The random numbers are an `f32` in [0, 1), a vector of those, or
+    /// `u32`s.
     ///
     /// ```no_run
     /// use glam::{Vec2, Vec3};
@@ -86,7 +86,7 @@ impl<'a> Probe<'a> {
     }
 }
 
-/// What is the same for each configuration.
+/// The settings that all configurations share.
 #[derive(Clone, Copy, Debug)]
 struct Settings {
     support: Support,
@@ -96,8 +96,9 @@ struct Settings {
     may_leave_support: bool,
 }
 
-/// The way of a [`Check`] that draws samples: see [`Probe::sampled_over`]. `V` are the configurations, `U`
-/// random numbers, and `A` the arguments that `F` makes of both.
+/// The way of a [`Check`] that judges a sampler: see [`Probe::sampled_over`]. `V` is the type of the
+/// configurations, `U` the type of the random numbers, and `A` the type of the arguments. `F` makes the arguments
+/// from a configuration and random numbers.
 ///
 /// ```no_run
 /// use glam::{Vec2, Vec3};
@@ -124,7 +125,8 @@ where
     A: Arguments,
     F: Fn(&V, U) -> A + Sync,
 {
-    /// Says where samples lie. Without this: directions of the upper hemisphere.
+    /// Sets the support: the space that samples lie in. By default, samples are directions of the upper
+    /// hemisphere.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -137,7 +139,7 @@ where
         self
     }
 
-    /// Sets the number of samples of a configuration. Without this: 2^18.
+    /// Sets the number of samples per configuration. The default is 2^18.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -150,10 +152,10 @@ where
         self
     }
 
-    /// Sets the probability that the whole check rejects a correct sampler, however many
-    /// configurations it has. Without this: 1 %. The seed is fixed, so a correct sampler is
-    /// rejected in every run or in none. If yours is rejected, try ten times the samples. If it
-    /// fits then, give the check other random numbers with [`seed`](Self::seed).
+    /// Sets the probability that the whole check rejects a correct sampler, for any number of
+    /// configurations. The default is 1 %. The seed is fixed, so every run gives the same verdict. If the check
+    /// rejects your sampler, try ten times as many samples. If the sampler then passes, choose other random
+    /// numbers with [`seed`](Self::seed).
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -167,8 +169,8 @@ where
         self
     }
 
-    /// Declares that samples may lie outside the support, as directions reflected below the horizon
-    /// do. Their share has to be 1 less the density's integral.
+    /// Declares that samples may lie outside the support, such as directions that are reflected below the
+    /// horizon. The share of these samples must be 1 minus the density's integral.
     ///
     /// ```no_run
     /// use glam::{Vec2, Vec3};
@@ -185,8 +187,8 @@ where
         self
     }
 
-    /// Sets how far the density's integral may be from 1, beyond the error of its quadrature.
-    /// Without this: 2e-4.
+    /// Sets the largest difference between the density's integral and 1, in addition to the error of the
+    /// quadrature. The default is 2e-4.
     ///
     /// ```no_run
     /// use glam::{Vec2, Vec3};
@@ -204,7 +206,7 @@ where
     }
 }
 
-/// What a check of samples compared, and how close it came.
+/// The result of a check of samples that passes: the numbers of samples, and the smallest p-values.
 ///
 /// ```
 /// # use karat::prelude::*;
@@ -218,17 +220,17 @@ where
 pub struct Fit {
     /// The sampler.
     pub function: String,
-    /// Configurations, on each path.
+    /// The number of configurations on each path.
     pub configurations: u64,
-    /// Samples of a configuration.
+    /// The number of samples per configuration.
     pub samples: u64,
-    /// The least p-value of each path.
+    /// The smallest p-value of each path.
     pub paths: Vec<(Adapter, f64)>,
-    /// The least p-value of all.
+    /// The smallest p-value of all paths.
     pub p: f64,
-    /// The least p-value that passes: the significance, shared out over all configurations.
+    /// The smallest p-value that passes. It shares the significance among all configurations.
     pub threshold: f64,
-    /// Paths that fail as was declared. They are not among `paths`.
+    /// The paths that fail as declared. They aren't among `paths`.
     pub known_issues: Vec<KnownIssue>,
 }
 
@@ -243,13 +245,13 @@ impl std::fmt::Display for Fit {
     }
 }
 
-/// What a verb asserts of a sampler.
+/// A verb's assertion about a sampler.
 struct Hypothesis {
     /// The verb.
     check: &'static str,
-    /// What it says, for records and messages.
+    /// The text of the assertion, for records and messages.
     text: String,
-    /// Tests of one configuration, which share the significance.
+    /// The number of statistical tests per configuration. They share the significance.
     tests: u64,
 }
 
@@ -258,11 +260,11 @@ struct Configuration<'s> {
     value: &'s Held,
     index: u64,
     seed: u64,
-    /// What a p-value has to reach.
+    /// The smallest p-value that passes.
     threshold: f64,
 }
 
-/// A sampler without the types of its configurations and random numbers.
+/// A sampler without the Rust types of its configurations and random numbers.
 #[derive(Clone, Copy)]
 struct Sampled<'s, 'a> {
     plan: &'s Plan<'a>,
@@ -270,19 +272,19 @@ struct Sampled<'s, 'a> {
     recorded: bool,
     settings: &'s Settings,
     configurations: &'s dyn Stream,
-    /// Types of the arguments.
+    /// The types of the arguments.
     shapes: &'s [Shape],
     /// The type of the random numbers of a sample.
     random: &'s Shape,
-    /// Appends the arguments for random numbers, which follow one another as words.
+    /// Appends the arguments for random numbers, which are words, one number after the other.
     arguments: Made<'s>,
 }
 
-/// Appends the arguments that a function is given in a configuration at points, or for random
-/// numbers, which follow one another as words.
+/// A function that appends arguments for a configuration and some points or random numbers, which are words, one
+/// after the other.
 type Made<'m> = &'m (dyn Fn(&Held, &[u32], &mut Vec<u32>) + Sync);
 
-/// A function beside the sampler.
+/// A second function of the check, such as the density.
 struct Other<'o> {
     probe: Probe<'o>,
     /// Types of its arguments.
@@ -297,7 +299,7 @@ where
     A: Arguments,
     F: Fn(&V, U) -> A + Sync,
 {
-    /// Hands the sampler to what is compiled once.
+    /// Hides the sampler's types from `then`, so that the compiler compiles `then` once for all types.
     fn with_sampler<T>(&self, then: impl FnOnce(Sampled<'_, '_>) -> T) -> T {
         then(Sampled {
             plan: &self.plan,
@@ -330,7 +332,7 @@ impl Settings {
     }
 }
 
-/// What a function is given in a configuration.
+/// Makes the arguments of a function for a configuration.
 fn made<V: 'static, X: Shareable, B: Arguments>(
     of: impl Fn(&V, X) -> B + Sync,
 ) -> impl Fn(&Held, &[u32], &mut Vec<u32>) + Sync {

@@ -1,4 +1,5 @@
-//! A search for arguments whose result reaches what no result may reach, from those that come nearest to it.
+//! A search for arguments whose result reaches an excluded value. It begins with the cases whose results are
+//! nearest to that value.
 
 use std::collections::HashSet;
 
@@ -9,23 +10,24 @@ use super::session::Session;
 use crate::probe::Inputs;
 use crate::value::Scalar;
 
-/// Cases with which a search begins, and how many of the nearest ones it follows.
+/// The number of cases with which a search begins, and the number of nearest cases that it follows.
 const LOOKED_AT: u64 = 4096;
 const FOLLOWED: usize = 8;
 
-/// Rounds, and those without a nearer result after which a search ends.
+/// The most rounds of a search, and the number of rounds without a nearer result after which it ends.
 const ROUNDS: usize = 24;
 const PATIENCE: usize = 3;
 
-/// Rounds in which what was found becomes simpler.
+/// The most rounds to simplify the arguments that the search found.
 const SIMPLER: usize = 64;
 
 impl Session<'_> {
-    /// The simplest arguments that are found to fail; `None`: none are, or the domain doesn't tell which are its own.
+    /// The simplest failing arguments that the search finds. `None` if it finds none, or if the domain can't say which
+    /// arguments belong to it.
     pub(super) fn search(&self, goal: &Goal<'_>) -> Result<Option<Vec<u32>>, Failure> {
         let width = self.stream.width();
         let Some(distance) = goal.distance else { return Ok(None) };
-        // Constants are compiled, each for itself.
+        // Constants need a kernel for each batch, which takes too long to compile.
         let is_compiled = self.inputs == Inputs::Constant;
         if width == 0 || is_compiled || self.is_replay() || self.input().is_some() {
             return Ok(None);
@@ -67,7 +69,7 @@ impl Session<'_> {
         Ok(None)
     }
 
-    /// The first row that fails, or else those that come nearest.
+    /// Runs some rows. Returns the first failing row, or else the rows that come nearest.
     #[expect(clippy::type_complexity, reason = "rows with their distances")]
     fn tried(
         &self,
@@ -89,7 +91,7 @@ impl Session<'_> {
         Ok(Err(near))
     }
 
-    /// Rows that differ in one number: by powers of two, by some ulp, or in how near they are to an integer.
+    /// Rows that differ in one number: by powers of two or by some ulp, or with a number nearer to an integer.
     fn neighbours(&self, row: &[u32]) -> Vec<Vec<u32>> {
         let mut all = Vec::new();
         for (lane, scalar) in self.called.argument_scalars().iter().enumerate().take(row.len()) {
@@ -112,7 +114,7 @@ impl Session<'_> {
         all
     }
 
-    /// Simpler arguments that fail as well.
+    /// Simplifies failing arguments, as long as they fail.
     fn simplified(
         &self,
         row: Vec<u32>,
@@ -134,8 +136,8 @@ impl Session<'_> {
     }
 }
 
-/// Numbers about another one, at distances that grow from an ulp to an eighth, and small ones of either sign, which a
-/// sum with a larger one rounds away.
+/// Numbers around `x`, at distances that grow from one ulp to an eighth. Also small numbers of either sign, which
+/// vanish by rounding in a sum with a larger number.
 fn of_float(x: f32) -> Vec<f32> {
     const SMALL: f32 = 1.0 / 1_073_741_824.0; // 2^-30
     const ULPS: [i32; 6] = [1, 16, 256, 4096, 65_536, 1 << 20];
@@ -151,6 +153,6 @@ fn of_float(x: f32) -> Vec<f32> {
         [nearest, nearest.next_up(), nearest.next_down(), towards(0.5), towards(1.0 / 256.0)];
     let moved = ULPS.into_iter().flat_map(|by| [by_ulps(by), by_ulps(-by)]);
     let all = scaled.into_iter().chain(small).chain(whole).chain(moved);
-    // A range that begins at 0 holds -0, too, which no case of it is.
+    // A range that begins at 0 also contains -0, but its cases never have -0.
     all.map(|x| if x == 0.0 { 0.0 } else { x }).collect()
 }

@@ -1,4 +1,4 @@
-//! A check in progress on one path: cases are drawn, dispatched, and judged.
+//! A check in progress on one path: it samples cases, dispatches them and judges the results.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -24,46 +24,46 @@ use crate::path::{Api, Path};
 use crate::probe::{BATCH, Inputs, ProbeError};
 use crate::run::{Descent, Identity, Memory, replay, with_inputs};
 
-/// Room for cases in a dispatch of few, for the values that a failing one is replaced by.
+/// The smallest capacity of a dispatch. A check with few cases needs room for the simpler values of a failing case.
 const SMALLEST: usize = 256;
 
-/// Room for cases in a dispatch of many. Each costs some hundred microseconds beside its cases, for which
-/// cores wait: the default number of cases is one dispatch, and so are somewhat more.
+/// The largest capacity of a dispatch. Each dispatch costs some hundred microseconds in addition to its cases,
+/// during which the processor's cores wait. So the default number of cases, and somewhat more, fit into one.
 const LARGEST: usize = 2 * BATCH;
 
-/// For how many cases a dispatch has room, of so many: dispatches are few, and of one size.
+/// The capacity of the dispatches of a check: as few dispatches as possible, all of the same size.
 fn room_for(cases: usize) -> usize {
     cases.div_ceil(cases.div_ceil(LARGEST).max(1)).max(SMALLEST)
 }
 
-/// What a check is called and asserts.
+/// The name and the assertion of a check.
 #[derive(Clone, Debug)]
 pub(super) struct Asserted {
     /// The verb.
     pub(super) check: &'static str,
     /// The tolerance, or the statement.
     pub(super) text: String,
-    /// What the expected value is to the actual one.
+    /// The relation between the expected value and the actual value.
     pub(super) expectation: Expectation,
-    /// Whether arguments on which it fails are tried again in later runs.
+    /// True if later runs try failing arguments again.
     pub(super) remembers: bool,
-    /// How a case that fails is explained.
+    /// The kind of notes below a failing case.
     pub(super) explained: Explained,
 }
 
-/// How a case that fails is explained.
+/// The kind of notes below a failing case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Explained {
-    /// Not at all: the verb expects something of several calls, or of other arguments.
+    /// No notes: the verb compares several calls, or calls with other arguments.
     Nothing,
-    /// By the interval that WGSL allows for its arguments.
+    /// The interval that WGSL allows for the case's arguments.
     ByBounds,
-    /// By the operations that go wrong inside.
+    /// The hazards of operations inside of the function.
     ByHazards(super::kinds::Kinds),
 }
 
 impl Asserted {
-    /// That the actual value is the expected one.
+    /// An assertion that the actual value equals the expected value.
     pub(super) fn new(check: &'static str, text: String) -> Self {
         let (expectation, explained) = (Expectation::Equal, Explained::Nothing);
         Self { check, text, expectation, remembers: true, explained }
@@ -75,36 +75,36 @@ pub(super) struct Session<'a> {
     pub(super) called: Called<'a>,
     pub(super) stream: &'a dyn Stream,
     pub(super) cases: Numbering,
-    /// The one case that a replay selects.
+    /// The single case that a replay selects.
     case: Option<u64>,
     pub(super) identity: &'a Identity,
-    /// Where the arguments come from.
+    /// The way to pass arguments.
     pub(super) inputs: Inputs,
     pub(super) asserted: Asserted,
-    /// Whether it runs on executors that its author made.
+    /// True if the check runs on executors of the test's author.
     own_executors: bool,
-    /// What runs the function.
+    /// The executor that runs the function.
     pub(super) executor: &'a dyn Executor,
-    /// What the function reads.
+    /// The textures, samplers and buffers that the function reads.
     pub(super) fixtures: &'a Fixtures,
-    /// Inputs on which the test has failed before; `None`: nothing is remembered.
+    /// The inputs of earlier failures. `None`: the check remembers none.
     pub(super) memory: Option<&'a Memory>,
     /// True if the verdict goes into the record of the run.
     pub(super) recorded: bool,
-    /// Hazards that are meant.
+    /// The accepted hazards.
     pub(super) accepted: &'a [super::kinds::Accepted],
 }
 
-/// Judges a batch.
+/// A function that judges a batch.
 pub(super) type JudgeBatch<'j> =
     &'j mut dyn FnMut(&Batch, Running<'_>) -> Result<PathTally, Failure>;
 
-/// Appends the lanes that are expected of calls with some rows of arguments.
+/// A function that appends the expected lanes for some rows of arguments.
 pub(super) type Expect<'e> = &'e (dyn Fn(Rows<'_>, &mut Vec<f64>) + Sync);
 
 impl<'a> Session<'a> {
-    /// Refuses a check that couldn't have failed: one that `tested` nothing. A check that fails has
-    /// tested something, and one case that is replayed needn't be one that could.
+    /// Returns an error if the check couldn't have failed because it tested nothing. Accepts every check that
+    /// fails, and every replay of a single case.
     pub(super) fn expect_tested(
         &self,
         tested: bool,
@@ -160,42 +160,42 @@ impl<'a> Session<'a> {
         })
     }
 
-    /// Tries what the test has failed on before, and remembers what it fails on. Where there is one case,
-    /// without arguments, it runs anyway.
+    /// Makes the check run the inputs of earlier failures again, and remember new ones. A check with a single case
+    /// without arguments needs no memory.
     pub(super) fn remembering(self, memory: Option<&'a Memory>) -> Self {
-        // Cases of integrals needn't be made of lanes.
+        // Cases of integrals may have no lanes.
         let memory = memory.filter(|_| self.stream.width() > 0 || self.count() > 1);
         Self { memory, ..self }
     }
 
-    /// The function in Karat's engine, which knows what WGSL allows.
+    /// The function in Karat's engine, which computes the results that WGSL allows.
     pub(super) fn witness(&self) -> Result<Interpreted, ProbeError> {
         Interpreted::new(&self.called.probed, self.fixtures)
     }
 
-    /// How exact the adapter is.
+    /// The measured accuracy of the adapter.
     pub(super) fn measured(&self) -> Result<Arc<Accuracy>, ProbeError> {
-        // An executor of one's own may be another one in the next run, and so may a program.
+        // The author's executor, or a program, may be a different one in the next run: store nothing.
         let is_program = self.executor.path().api() == Api::Process;
         executor::measured(self.executor, !self.own_executors && !is_program)
     }
 
-    /// How many cases the check declares, whether or not a replay selects one.
+    /// The number of cases of the check, also if a replay selects a single one.
     pub(super) fn count(&self) -> u64 {
         self.cases.count
     }
 
-    /// The path, if the environment can select it: not that of an executor of one's own.
+    /// The path, if the environment can select it. `None` for an executor of the test's author.
     pub(super) fn selectable(&self) -> Option<Path> {
         (!self.own_executors).then_some(self.called.path)
     }
 
-    /// How many cases run.
+    /// The number of cases that run.
     pub(super) fn declared(&self) -> u64 {
         if self.case.is_some() { 1 } else { self.count() }
     }
 
-    /// The cases that run: all, or the one that a replay selects.
+    /// The cases that run: all cases, or the single case that a replay selects.
     pub(super) fn selected(&self) -> Result<Range<u64>, Failure> {
         let count = self.count();
         match self.case {
@@ -205,12 +205,12 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// Whether one case stands for all of them: some verdicts need them all.
+    /// True if a replay runs a single case. Some verdicts need all cases.
     pub(super) fn is_replay(&self) -> bool {
         self.case.is_some()
     }
 
-    /// The value of a case, or the simpler one that a replay asks for.
+    /// The value of a case, or the simpler value that a replay selects.
     pub(super) fn case(&self, index: u64) -> Result<Held, Failure> {
         let steps = self.steps();
         if steps.is_empty() {
@@ -226,12 +226,12 @@ impl<'a> Session<'a> {
         self.called.vacuous(Vacuous::Filtered)
     }
 
-    /// The steps with which a replay goes on from its case.
+    /// The steps of simplification that a replay takes from its case.
     pub(super) fn steps(&self) -> &[usize] {
         self.identity.steps(&self.called.function().name, &self.name())
     }
 
-    /// The value that comes about in this way, if it still does.
+    /// The value that these steps of simplification lead to, if they still lead to a value.
     pub(super) fn descend(&self, descent: &Descent) -> Option<Held> {
         let Descent { seed, case, steps } = descent;
         let cases = self.cases.with_seed(*seed);
@@ -251,23 +251,23 @@ impl<'a> Session<'a> {
         self.called.call(lanes, batch.cases)
     }
 
-    /// The check's name as a replay command has it.
+    /// The check's name in replay commands.
     pub(super) fn name(&self) -> String {
         with_inputs(&self.identity.check, self.inputs)
     }
 
-    /// The arguments with which a replay replaces those of its case.
+    /// The arguments that a replay uses in place of its case's own.
     pub(super) fn input(&self) -> Option<&[u32]> {
         self.identity.input(&self.called.function().name, &self.name())
     }
 
-    /// Draws batch after batch, dispatches it and hands it to `judge`. The worst case that fails is
-    /// simplified, for which `judge` gets other batches.
+    /// Samples and dispatches one batch after the other, and passes each to `judge`. Then simplifies the worst
+    /// failing case, with further calls of `judge`.
     pub(super) fn run(&self, judge: JudgeBatch<'_>) -> Result<PathTally, Failure> {
         self.run_searching(judge, None)
     }
 
-    /// [`run`](Self::run), which then looks for arguments that fail where no case does.
+    /// Does the same as [`run`](Self::run). If no case fails, then searches for failing arguments.
     pub(super) fn run_searching(
         &self,
         judge: JudgeBatch<'_>,
@@ -277,7 +277,7 @@ impl<'a> Session<'a> {
         let remembered = self.remembered();
         let again = self.run_again(&remembered, judge)?;
         let mut sum = self.run_cases(judge)?;
-        // What passes again isn't counted: the declared cases are the same in every run.
+        // A remembered input that passes isn't counted, so that the number of cases stays the same.
         if let Some(mut again) = again.filter(PathTally::fails) {
             let census = &mut again.tally.census;
             census.remembered = census.cases;
@@ -300,7 +300,7 @@ impl<'a> Session<'a> {
             let old = if worst.searched { searched.as_ref() } else { old };
             sum.simplest = match old {
                 Some(row) => {
-                    // Its replay is by its words.
+                    // The replay has the words of the arguments.
                     let (seed, case, steps) = (self.cases.seed, worst.case, Vec::new());
                     let simplest = Simplest::new(worst.clone(), Descent { seed, case, steps });
                     Some(Simplest { input: row.clone(), ..simplest })
@@ -320,8 +320,8 @@ impl<'a> Session<'a> {
         Ok(sum)
     }
 
-    /// Refuses constants of a domain that has an edge which isn't one in WGSL: draws of it would be
-    /// refused as well, in some runs.
+    /// Returns an error if arguments are constants and WGSL has no constant for an edge of the domain. Sampled
+    /// values would lead to the same error in some runs.
     fn expect_constants(&self) -> Result<(), Failure> {
         if self.inputs != Inputs::Constant {
             return Ok(());
@@ -335,7 +335,7 @@ impl<'a> Session<'a> {
         Ok(())
     }
 
-    /// Whether WGSL has constants for these arguments.
+    /// True if WGSL has constants for these arguments.
     pub(super) fn is_constant(&self, row: &[u32]) -> bool {
         let scalars = self.called.argument_scalars();
         let mut lanes = scalars.iter().zip(row);
@@ -370,7 +370,7 @@ impl<'a> Session<'a> {
             if expected != found {
                 return self.called.vacuous(Vacuous::Words { expected, found });
             }
-            // An input may be given without the case that it was found in.
+            // A replay may give an input without its case.
             let case = self.case.unwrap_or(0);
             let batch = self.batch(case, words.to_vec(), 1);
             let running = self.dispatch(&batch)?;
@@ -386,14 +386,14 @@ impl<'a> Session<'a> {
         let mut next = draw()?;
         while let Some(batch) = next {
             let running = self.dispatch(&batch)?;
-            // While one batch runs, the next one is drawn.
+            // The next batch is sampled while this one runs.
             next = draw()?;
             sum = Some(PathTally::and(sum, judge(&batch, running)?));
         }
         sum.map_or_else(|| self.called.vacuous(Vacuous::NoCases), Ok)
     }
 
-    /// Cases from the index `first` on.
+    /// A batch of cases whose indices begin at `first`.
     pub(super) fn batch(&self, first: u64, rows: Vec<u32>, cases: usize) -> Batch {
         Batch::new(first, rows, cases, self.stream.width(), self.called.words)
     }
@@ -411,7 +411,7 @@ impl<'a> Session<'a> {
         rows.map_or_else(|| self.never_drawn(), |rows| Ok(self.batch(first, rows, size).drawn()))
     }
 
-    /// Reads the results and judges them. `expect` says what a failing case of the batch should have been.
+    /// Reads the results and judges them. `expect` returns the expected lanes of a failing case in the batch.
     pub(super) fn judge(
         &self,
         batch: &Batch,
@@ -451,8 +451,8 @@ impl<'a> Session<'a> {
         Ok(judged?)
     }
 
-    /// The reference's lanes of each case of a batch, of these arguments. A value that isn't finite
-    /// is an error.
+    /// The lanes that the reference returns for each case of a batch, with these arguments. Returns an error if a
+    /// value isn't finite.
     pub(super) fn expected(
         &self,
         batch: &Batch,

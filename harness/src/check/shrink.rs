@@ -1,8 +1,8 @@
-//! A failing case is reduced to the simplest that still fails on its path.
+//! Simplifies a failing case to the simplest case that still fails on its path.
 //!
-//! Each round evaluates the simpler values of the case in hand (see `Domain::shrink`) with the
-//! verb's own judgement, and goes on from the first that fails. Nothing of this happens in a check
-//! that passes. The outcome is determined by the case alone, unless the time runs out.
+//! Each round judges simpler values of the current case (see `Domain::shrink`) with the verb, and continues with
+//! the first failing value. A check that passes simplifies nothing. The result depends on the case alone, unless
+//! the time runs out.
 
 use std::time::{Duration, Instant};
 
@@ -13,20 +13,20 @@ use super::{CaseFailure, Failure, Simplest};
 use crate::domain::Held;
 use crate::run::Descent;
 
-/// Rounds for one case. A component needs one or two, so this is enough for a matrix.
+/// The most rounds for one case. A component needs one or two rounds, so this is enough for a matrix.
 const ROUNDS: usize = 50;
 
-/// Time for one case. Only a slow reference needs it; the case is less simple then.
+/// The longest time for one case. Only slow references reach it. The case stays less simple then.
 const TIME: Duration = Duration::from_secs(20);
 
-/// Trials of one round that may end without a verdict, as a reference that isn't finite does.
+/// The most trials of one round that may end without a verdict, for example because a reference isn't finite.
 const ERRORS: usize = 64;
 
-/// Judges some values.
+/// A function that judges some values.
 pub(super) type JudgeValues<'j> = &'j mut dyn FnMut(&[Held]) -> Result<PathTally, Failure>;
 
 impl Session<'_> {
-    /// The simplest failing case that is found from `failure`, and its value.
+    /// The simplest failing case that simplifying `failure` finds, and its value.
     pub(super) fn simplest(
         &self,
         failure: &CaseFailure,
@@ -53,7 +53,7 @@ impl Session<'_> {
     }
 }
 
-/// The first value that fails. `judge` counts the cases of each call from 0.
+/// The first failing value. `judge` counts the cases of each call from 0.
 fn first_failing(
     values: &[Held],
     effort: Effort,
@@ -72,7 +72,7 @@ fn first_failing(
                 from = to;
                 size *= 4;
             }
-            // One of them has no verdict, and is left out: it is looked for by halves.
+            // A value has no verdict. Halving the values finds and skips it.
             Err(_) if errors == ERRORS => return None,
             Err(_) => {
                 errors += 1;

@@ -1,4 +1,4 @@
-//! Statements that hold for each case's arguments and result.
+//! Checks that a statement holds for each case's arguments and result.
 
 use std::cell::OnceCell;
 
@@ -17,15 +17,15 @@ use crate::run::or_panic;
 use crate::tolerance::LaneError;
 use crate::value::{Arguments, Shape, Shareable};
 
-/// A statement about results alone, beyond the cases.
+/// A statement about results alone, which can be proved or searched beyond the cases.
 pub(super) struct Beyond<'b> {
-    /// How far the words of a result are from what no result may be; `None`: nothing is searched.
+    /// The distance of a result from an excluded value. `None`: there is no search.
     pub(super) distance: Option<Distance<'b>>,
     /// True if the statement holds for each result between the bounds of its lanes.
     pub(super) holds: &'b dyn Fn(&[Bound]) -> bool,
 }
 
-/// Whether a statement holds for the words of arguments and result.
+/// A function that returns true if a statement holds for the words of the arguments and the result.
 pub(super) type Holds<'h> = &'h (dyn Fn(&[u32], &[u32]) -> bool + Sync);
 
 impl<V: Arguments> Check<'_, Calls<V>> {
@@ -41,12 +41,12 @@ impl<V: Arguments> Check<'_, Calls<V>> {
     ///     });
     /// ```
     ///
-    /// A result with a component that is NaN or infinite fails, whatever the statement says. Where it
-    /// doesn't hold and some arguments are subnormal, it may hold for zeros in their place, as WGSL
-    /// lets drivers flush them.
+    /// A result with a NaN or infinite component fails every statement. WGSL lets drivers flush subnormal
+    /// arguments to 0. So if the statement doesn't hold and some arguments are subnormal, it may hold with zeros
+    /// in place of these arguments.
     ///
     /// # Panics
-    /// With the [`Failure`], if a case doesn't satisfy it or nothing could be checked.
+    /// With the [`Failure`], if a case doesn't satisfy the statement or nothing could be checked.
     #[track_caller]
     pub fn satisfies<R: Shareable>(
         self,
@@ -84,7 +84,7 @@ impl Plan<'_> {
         self.states(stream, demand, ("satisfies", statement), said)
     }
 
-    /// What a verb states of each case.
+    /// Checks a verb's statement for each case.
     pub(super) fn states(
         &self,
         stream: &dyn Stream,
@@ -95,8 +95,8 @@ impl Plan<'_> {
         self.states_beyond(stream, demand, asserted, said, None)
     }
 
-    /// The same; where it holds for each case, it is proved for all others, or those are searched that come nearer to
-    /// what no result may be.
+    /// Does the same as `states`. If the statement holds for each case, then tries to prove it for all arguments, and
+    /// without a proof searches for arguments whose results come nearer to an excluded value.
     pub(super) fn states_beyond(
         &self,
         stream: &dyn Stream,
@@ -106,7 +106,7 @@ impl Plan<'_> {
         beyond: Option<&Beyond<'_>>,
     ) -> Result<Agreement, Failure> {
         let asserted = Asserted::new(verb, statement.to_owned());
-        // No path changes it.
+        // The proof is the same on every path.
         let proof = OnceCell::new();
         self.conclude(&asserted, stream, demand, &mut |session| {
             tolerances::expect_none(&self.tolerance_on, session.asserted.check, &session.called)?;

@@ -1,14 +1,14 @@
-//! The tolerance of a check, and those of single paths.
+//! The tolerance of a check, and the tolerances of single paths.
 
 use super::called::Called;
 use super::{Failure, Mismatch};
 use crate::path::Selected;
 use crate::tolerance::Tolerance;
 
-/// A tolerance with its exceptions.
+/// A tolerance, and the tolerances that replace it on single paths.
 #[derive(Clone, Debug)]
 pub(super) struct Tolerances {
-    /// On paths that have none of their own.
+    /// The tolerance on paths that don't have their own.
     pub(super) general: Tolerance,
     pub(super) on: Selected<Tolerance>,
 }
@@ -18,19 +18,19 @@ impl Tolerances {
         self.own(called).unwrap_or(&self.general)
     }
 
-    /// That of the path alone, if it has one.
+    /// The path's own tolerance, if it has one.
     pub(super) fn own(&self, called: &Called<'_>) -> Option<&Tolerance> {
         self.on.on(called.path, &called.adapter)
     }
 
-    /// Refuses tolerances that bound nothing or are declared for another number of components.
+    /// Returns an error if a tolerance has an unusable bound, or bounds for another number of components.
     pub(super) fn expect_usable(&self, called: &Called<'_>) -> Result<(), Failure> {
         let mut all = self.on.iter().map(|(_, tolerance)| tolerance).chain([&self.general]);
         all.try_for_each(|tolerance| called.expect_lanes(tolerance))
     }
 }
 
-/// Refuses a path's own tolerance for a verb that has none.
+/// Returns an error if a path has its own tolerance and the verb has none.
 pub(super) fn expect_none(
     on: &Selected<Tolerance>,
     check: &'static str,

@@ -1,4 +1,4 @@
-//! How a plan is carried out: a session on each path, a verb, the verdict and its record.
+//! Runs a plan: opens a session on each path, runs the verb, and records the verdict.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -14,11 +14,11 @@ use crate::path::Adapter;
 use crate::record::Subject;
 use crate::run::{Conclusion, Identity, Judged, Memory, Report, reported, with_inputs};
 
-/// What a verb makes of the verdict before it is recorded.
+/// A function of a verb that may change the verdict before it is recorded.
 pub(super) type Last<'l> =
     &'l mut dyn FnMut(Result<Agreement, Failure>, &mut Vec<FileRead>) -> Result<Agreement, Failure>;
 
-/// The work of a verb with a session: it sees one path at a time, so it can't leave one out.
+/// The work of a verb with a session. The verb sees one path at a time, so it can't skip a path.
 pub(super) type Body<'b> = &'b mut dyn FnMut(&Session<'_>) -> Result<PathTally, Failure>;
 
 impl Plan<'_> {
@@ -33,7 +33,7 @@ impl Plan<'_> {
         self.conclude_as(asserted, stream, demand, verb, &mut |result, _| result)
     }
 
-    /// The same for a verb that has the last word, and may read more files.
+    /// Does the same as `conclude`, for a verb that may change the verdict at the end, and may read more files.
     pub(super) fn conclude_as(
         &self,
         asserted: &Asserted,
@@ -47,8 +47,8 @@ impl Plan<'_> {
         self.conclude_unless(run, asserted, stream, demand, (verb, last))
     }
 
-    /// The same under an identity that several runs share, and without a record as long as another run
-    /// may have the verdict.
+    /// Does the same as `conclude_as`, with an identity that several runs share. Writes no record if a later run is to
+    /// give the verdict.
     pub(super) fn conclude_unless(
         &self,
         (identity, withheld): (&Identity, &AtomicBool),
@@ -78,8 +78,8 @@ impl Plan<'_> {
             let own: String = own.collect();
             let remembers = asserted.remembers;
             let asserted = Asserted { text: format!("{text}{own}"), ..asserted.clone() };
-            // What is declared to fail needn't be remembered. What one path fails on in this run isn't old on
-            // the next one.
+            // A check with declared failures remembers no inputs. The memory is opened once, so that inputs
+            // that fail on one path in this run don't count as earlier failures on the next path.
             let remembered = self.recorded && self.known_issues.is_empty();
             let memory = Memory::open(identity).filter(|_| remembered && remembers);
             let executors = self.probe.executors()?;
@@ -125,7 +125,7 @@ impl Plan<'_> {
     }
 }
 
-/// A verb is a few lines: what it is called, and how it judges a case. All else is the plan's.
+/// These tests define a verb in a few lines: its name, and its judgement of a case. The plan does everything else.
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -136,7 +136,7 @@ mod tests {
     use crate::tolerance::LaneError;
 
     impl<V> Check<'_, Calls<V>> {
-        /// Each component of each result is a whole number.
+        /// Checks that each component of each result is a whole number.
         fn try_is_whole(&self) -> Result<Agreement, Failure> {
             let asserted = Asserted::new("is_whole", "a whole number".to_owned());
             let (stream, demand) = (&*self.stream, &self.demand());

@@ -1,4 +1,4 @@
-//! The check that a package is valid as a whole, with what no test calls.
+//! The check that a whole package is valid, including functions that no test calls.
 
 use crate::diagnostic::{Blame, Blamed};
 use crate::package::Package;
@@ -14,7 +14,7 @@ const ASSERTED: &str = "naga validates each module";
 
 impl Package {
     /// Validates every module with all of its functions and entry points, including those that no
-    /// test calls. It is a check like others, and recorded. If a module is valid only with features, set
+    /// test calls. The record has this check, too. If a module is valid only with features, set
     /// them with [`module_features`](Self::module_features).
     ///
     /// ```
@@ -46,14 +46,14 @@ impl Package {
     }
 }
 
-/// Findings of naga, and of Tint if it was asked: each module is a case. None: there was nothing to look at.
+/// The findings of naga, and of Tint if it ran. Each module is a case. Empty if there are no modules.
 fn paths(result: &Result<Validated, Invalid>, modules: usize) -> Vec<PathRecord> {
     let (errors, opinion) = match result {
         Ok(found) => (&[][..], &found.opinion),
         Err(Invalid::Modules { errors, opinion, .. }) => (&**errors, &**opinion),
         Err(_) => return Vec::new(),
     };
-    // A remark that karat.toml doesn't require is no failure.
+    // Only findings that karat.toml requires are failures.
     let required = |(_, error): &&(String, ReflectError)| matches!(error, ReflectError::Refused(_));
     let refused = errors.iter().filter(required).count().min(opinion.refused.len());
     let rejected = errors.iter().filter(|error| !required(error)).count();

@@ -1,4 +1,4 @@
-//! How a check ends.
+//! The results of a check: an agreement or a failure.
 
 use std::fmt;
 
@@ -13,7 +13,7 @@ use crate::record::Details;
 use crate::run::{Fails, KnownIssue, NotBegun, Passed, PathFailures, Stop, WrongDeclaration};
 use crate::tolerance::LaneError;
 
-/// What a check compared, and how close it came.
+/// The result of a check that passes: the number of cases, and the worst errors.
 ///
 /// ```
 /// use karat::prelude::*;
@@ -26,20 +26,20 @@ use crate::tolerance::LaneError;
 pub struct Agreement {
     /// The function.
     pub function: String,
-    /// Cases compared on each path.
+    /// The number of compared cases on each path.
     pub cases: u64,
     /// Each path with its worst error.
     pub paths: Vec<(Adapter, LaneError)>,
     /// The worst error of all paths.
     pub worst: LaneError,
-    /// True if no implementation that WGSL allows breaks the statement, for any arguments of the domain and not only for
-    /// the cases: [`stays_within`](crate::Check::stays_within) tries to prove it.
+    /// True if the statement is proved for all arguments of the domain, on every implementation that WGSL allows.
+    /// [`stays_within`](crate::Check::stays_within) tries to prove its statement.
     pub proved: bool,
-    /// Paths that fail as was declared. They are not among `paths`.
+    /// The paths that fail as declared. They aren't among `paths`.
     pub known_issues: Vec<KnownIssue>,
 }
 
-/// Why a check didn't agree.
+/// The reason why a check doesn't pass.
 ///
 /// ```
 /// use karat::check::Failure;
@@ -52,85 +52,85 @@ pub struct Agreement {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Failure {
-    /// Values differ by more than is allowed.
+    /// Values differ by more than the tolerance.
     #[error("{0}")]
     Disagreement(Box<Disagreement>),
-    /// Values differ from their golden, or there is none that they could be compared with.
+    /// Values differ from their golden, or have no usable golden.
     #[error("{}{cause}", disagreement.as_ref().map_or_else(String::new, ToString::to_string))]
     Golden {
-        /// Which values differ.
+        /// The differing values.
         disagreement: Option<Box<Disagreement>>,
-        /// What is wrong, and what to do.
+        /// The cause, and the remedy.
         cause: Box<ValuesError>,
     },
-    /// A declaration of a path doesn't hold, or names no bug.
+    /// A declaration about a path doesn't hold, or has no reason.
     #[error(transparent)]
     Declaration(#[from] WrongDeclaration),
-    /// Several paths fail in several ways, or some have no verdict.
+    /// Paths fail in different ways, or some paths have no verdict.
     #[error("{0}")]
     Paths(Box<PathFailures<Self>>),
-    /// Samples are not what they should be.
+    /// A check of samples rejects the sampler.
     #[error("{0}")]
     Rejection(Box<Rejection>),
-    /// The samples can't be judged.
+    /// The samples give no verdict.
     #[error("`{function}` has no verdict for case {case}, {configuration}: {reason}")]
     Evidence {
-        /// The sampler's path.
+        /// The sampler's name.
         function: String,
-        /// What is missing.
+        /// The reason.
         reason: String,
         /// The configuration's index.
         case: u64,
         /// Its value.
         configuration: String,
     },
-    /// A setting of the environment can't be used, or names a case of another check.
+    /// A setting of the environment can't be used, or a replay names a case of another check.
     #[error(transparent)]
     NotBegun(#[from] NotBegun),
     /// The function gave no results.
     #[error(transparent)]
     Probe(#[from] ProbeError),
-    /// Domain, reference and function don't fit together.
+    /// The domain, the reference and the function have types that don't fit together.
     #[error("`{function}` {mismatch}\n  {signature}\n  at {location}")]
     Signature {
-        /// The function's path.
+        /// The function's name.
         function: String,
-        /// What differs.
+        /// The difference.
         mismatch: Box<Mismatch>,
         /// The function's signature in WGSL.
         signature: String,
-        /// Where it is declared.
+        /// The place of the function's declaration.
         location: String,
     },
-    /// There is nothing to judge.
+    /// The check has nothing to judge.
     #[error("{} `{function}` {reason}", reason.whose())]
     Domain {
-        /// The function's path.
+        /// The function's name.
         function: String,
-        /// Why.
+        /// The reason.
         reason: Box<Vacuous>,
     },
-    /// A quadrature rule sums nothing, or something that isn't a number.
+    /// A quadrature rule has no nodes, or something that isn't a finite number.
     #[error("the quadrature rule of `{function}` {reason} for case {case}: {arguments}")]
     Rule {
-        /// The function's path.
+        /// The function's name.
         function: String,
-        /// What is wrong with the rule.
+        /// The fault of the rule.
         reason: String,
         /// The case.
         case: u64,
         /// Its value.
         arguments: String,
     },
-    /// The reference is not a number.
+    /// The reference returned a value that isn't finite.
     #[error(
         "the reference of `{function}` returned {value} at {place} for case {case}: {arguments}; \
          a reference is finite on the whole domain, so restrict the domain or mend the reference"
     )]
     Reference {
-        /// The function's path.
+        /// The function's name.
         function: String,
-        /// What it returned.
+        /// The value that it returned.
         value: f64,
         /// The component.
         place: String,

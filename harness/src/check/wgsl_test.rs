@@ -1,4 +1,4 @@
-//! Tests that are written in WGSL: each is called by a function that returns what it reports.
+//! Tests that are written in WGSL. Karat generates a function that calls each test and returns its report.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -13,7 +13,7 @@ use crate::package::{Features, Package, PackageError};
 use crate::reflect::{Program, ReflectError};
 use crate::value::{Scalar, Shape};
 
-/// The name under which generated modules import the package of a test.
+/// The name of a test's package in generated modules.
 const TESTED: &str = "karat_tested";
 
 /// A function with `@test`.
@@ -21,21 +21,21 @@ const TESTED: &str = "karat_tested";
 pub struct WgslTest {
     /// `brdf_test::is_a_fraction`
     pub name: String,
-    /// All of it, in the author's file.
+    /// The text of the test in the author's file.
     pub span: Span,
-    /// `@cases`: how many cases it wants.
+    /// The number in `@cases`.
     pub cases: Option<u64>,
-    /// `@over` of each parameter: its words and numbers, and where it stands.
+    /// The `@over` of each parameter: its words and numbers, and its place.
     pub over: Vec<Option<(Vec<String>, Span)>>,
-    /// What it is made of.
+    /// The normalized text of the test and of everything that it uses.
     normalized_text: Option<String>,
-    /// Its parameters as they are written, if their types have the same names everywhere.
+    /// The parameters as written, if the names of their types mean the same in every module.
     written: Option<Vec<(String, String)>>,
     package: Package,
     module: String,
-    /// Features that are set of the package.
+    /// The package's features that are turned on.
     features: Arc<Features>,
-    /// What is known of it when it is linked.
+    /// The linked test, made at the first use.
     made: Arc<OnceLock<Result<Made, Arc<ReflectError>>>>,
 }
 
@@ -44,18 +44,18 @@ pub struct WgslTest {
 struct Made {
     parameters: Vec<(String, Shape)>,
     calls: BTreeSet<String>,
-    /// The module that calls it, and returns how many expectations may have failed.
+    /// The module that calls the test and returns the number of expectations that may have failed.
     counting: Package,
-    /// The same with what they saw.
+    /// The module that also returns the values of these expectations.
     telling: Package,
 }
 
 impl Package {
-    /// The tests of each of some modules, in the order of lines: functions with `@test`. Whether each is
-    /// valid WGSL is seen when it is [used](WgslTest::parameters).
+    /// The tests in each of these modules, in the order of lines. Tests are functions with `@test`. A test that isn't
+    /// valid WGSL gives an error only when it is [used](WgslTest::parameters).
     ///
     /// # Errors
-    /// If the package can't be read; of each module, if that one can't.
+    /// If the package can't be read. The result of a module is an error if the module can't be read.
     ///
     /// *Unstable*: for programs around tests.
     pub fn tests_in(
@@ -65,7 +65,7 @@ impl Package {
         let (found, features) = self.test_items(modules)?;
         let (found, features) = (found.into_iter().zip(modules), Arc::new(features));
         let new = |module: &str, item: TestItem, normalized_text: Option<String>| {
-            // Of which parameter each is counts, too.
+            // The text also has the parameter of each `@over`.
             let over: Vec<_> = item.over.iter().map(|over| over.as_ref().map(|o| &o.0)).collect();
             WgslTest {
                 normalized_text: normalized_text
@@ -110,15 +110,15 @@ impl WgslTest {
         Ok(Made { calls: program.calls(&self.name), parameters, counting, telling })
     }
 
-    /// The test with its parameters as they are written: linked once, with what calls it. `None` if anything
-    /// is wrong.
+    /// Makes the test with its parameters as written, linked a single time together with its caller. `None` if
+    /// there is an error.
     fn copied(&self, written: &[(String, String)]) -> Option<Made> {
         let typed: Vec<_> = written.iter().map(|(name, ty)| (&**name, ty.clone())).collect();
         let [counting, telling] = self.generated(&typed, &BTreeMap::new());
         let program = Program::of_function(&counting, &self.name).ok()?;
         let path = format!("{TESTED}::{}", self.name);
         let parameters = program.test_parameters(&path).ok()?;
-        // As the package has them that the test is of.
+        // The names in the package of the test.
         let own = |name: String| match name.strip_prefix(TESTED) {
             Some(rest) => rest.trim_start_matches([':', '/']).to_owned(),
             None => name,
@@ -127,7 +127,7 @@ impl WgslTest {
         Some(Made { calls, parameters, counting, telling })
     }
 
-    /// The types of its parameters as another module has them; structs by their imports.
+    /// The names of the parameters' types in another module, which imports the structures.
     fn types(&self, structs: &mut BTreeMap<String, String>) -> Result<Vec<String>, ReflectError> {
         if let Some(written) = &self.written {
             return Ok(written.iter().map(|(_, ty)| ty.clone()).collect());
@@ -137,8 +137,8 @@ impl WgslTest {
         Ok(parameters.iter().map(|(_, shape)| type_text(&program, shape, structs)).collect())
     }
 
-    /// Modules that call it: one that returns how many expectations may have failed, and one that returns
-    /// what they saw.
+    /// Generates two modules that call the test. One returns the number of expectations that may have failed, the
+    /// second also returns their values.
     fn generated(
         &self,
         typed: &[(&str, String)],
@@ -148,7 +148,7 @@ impl WgslTest {
         let list: Vec<String> = typed.iter().map(|(name, ty)| format!("{name}: {ty}")).collect();
         let names: Vec<&str> = typed.iter().map(|(name, _)| *name).collect();
         let (list, names) = (list.join(", "), names.join(", "));
-        // A generated name can't be the author's: `karat_` is what kernels keep for themselves.
+        // Generated names begin with `karat_`, which is reserved, so they can't equal the author's names.
         let texts = [("counts", 2), ("report", REPORT_WORDS)].map(|(report, words)| {
             let mut text = format!(
                 "import karat::{{begin as karat_begin, {report} as karat_report}};\nimport {TESTED}::{} as karat_test;\n",
@@ -169,31 +169,31 @@ impl WgslTest {
         self.package.around(TESTED, module, &self.features, texts)
     }
 
-    /// What it is made of, but for comments and blanks: its verdict changes with this alone. `None` if it
-    /// can't be linked.
+    /// The text of the test and of everything that it uses, without comments and blanks. The verdict can only
+    /// change if this text changes. `None` if the test can't be linked.
     #[must_use]
     pub fn normalized_text(&self) -> Option<&str> {
         self.normalized_text.as_deref()
     }
 
-    /// The names and types of its parameters.
+    /// The names and types of the test's parameters.
     ///
     /// # Errors
-    /// What is wrong with it, with its place.
+    /// If the test isn't valid, with the place.
     pub fn parameters(&self) -> Result<&[(String, Shape)], Arc<ReflectError>> {
         Ok(&self.made()?.parameters)
     }
 
-    /// The functions that it calls: `brdf::schlick`; none if it isn't valid.
+    /// The functions that the test calls, such as `brdf::schlick`. Empty if the test isn't valid.
     pub fn calls(&self) -> impl Iterator<Item = &str> {
         let made = self.made().ok();
         made.into_iter().flat_map(|made| &made.calls).map(String::as_str)
     }
 
-    /// The test as a function, to be given arguments and [run](super::Check::try_expects).
+    /// The test as a function, which needs a domain before you can [run](super::Check::try_expects) it.
     ///
     /// # Errors
-    /// What is wrong with it, with its place.
+    /// If the test isn't valid, with the place.
     pub fn probe(&self) -> Result<Probe<'_>, Arc<ReflectError>> {
         let place = Some((self.span.clone(), self.package.root()));
         let Made { counting, telling, .. } = self.made()?;
@@ -201,24 +201,25 @@ impl WgslTest {
     }
 }
 
-/// Tests of one module that drivers count in one kernel: compiling one of several tests takes a fraction of
-/// the time of several. Whatever isn't simply good there runs alone, and is told as if it always had.
+/// Tests of one module that run together in one kernel. Compiling one kernel with several tests is much faster than
+/// compiling several kernels. A test that doesn't pass there runs again alone, and its report is the same as if it
+/// had only run alone.
 #[derive(Debug)]
 pub struct TestGroup {
     package: Package,
     function: String,
     shapes: Vec<Shape>,
     words: usize,
-    /// Which it is, and where its arguments begin, by the test's name.
+    /// For each test's name: its number in the kernel, and the index of the first word of its arguments.
     members: BTreeMap<String, (u32, usize)>,
 }
 
-/// Tests of one kernel: compilers take more than in proportion for large ones.
+/// The most tests in one kernel. The time to compile a kernel grows faster than its size.
 const TOGETHER: usize = 8;
 
 impl TestGroup {
-    /// Groups of some tests; a test that no other one of its module is with, or that isn't valid, is in
-    /// none.
+    /// Groups the tests by module. A test without other tests in its module, or a test that isn't valid, is in no
+    /// group.
     #[must_use]
     pub fn of(tests: &[&WgslTest]) -> Vec<Self> {
         let mut modules: BTreeMap<&str, Vec<&WgslTest>> = BTreeMap::new();
@@ -229,7 +230,7 @@ impl TestGroup {
         parts.filter(|part| part.len() > 1).filter_map(Self::new).collect()
     }
 
-    /// `None` of those that can't be linked together, and of those with lines that assert or print.
+    /// `None` if the tests can't be linked together, or if one has lines that assert or print.
     fn new(tests: &[&WgslTest]) -> Option<Self> {
         let mut text = "import karat::{begin, counts};\n".to_owned();
         let (mut list, mut calls) = (vec!["karat_which: u32".to_owned()], String::new());
@@ -276,7 +277,7 @@ impl TestGroup {
         (!has_lines(&program)).then_some(Self { package, function, shapes, words, members })
     }
 
-    /// [`WgslTest::probe`] with the others: `None` if it isn't in this group.
+    /// The same as [`WgslTest::probe`], to run together with the group. `None` if the test isn't in this group.
     pub fn probe<'a>(&'a self, test: &'a WgslTest) -> Option<Probe<'a>> {
         let (which, first) = *self.members.get(&test.name)?;
         let together = Together {
@@ -291,7 +292,7 @@ impl TestGroup {
     }
 }
 
-/// A type as the generated module has it; structs by their imports.
+/// The name of a type in the generated module, which imports the structures.
 fn type_text(program: &Program, shape: &Shape, structs: &mut BTreeMap<String, String>) -> String {
     match shape {
         Shape::Struct { name, .. } => {

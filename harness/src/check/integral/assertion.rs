@@ -1,4 +1,4 @@
-//! What is asserted of an integral, and how one is judged.
+//! The assertions about integrals, and their judgement.
 
 use super::sum::Sum;
 use crate::check::called::Called;
@@ -11,14 +11,14 @@ use crate::path::Selected;
 use crate::tolerance::{LaneError, Tolerance};
 use crate::value::{Scalar, Shape};
 
-/// What is asserted of an integral.
+/// An assertion about integrals.
 pub(in crate::check) enum Assertion {
     AgreesWith(Tolerances),
-    /// The slack.
+    /// The integral is at most a bound plus this slack.
     IsAtMost(f64),
 }
 
-/// An assertion as it is on one path.
+/// An assertion on one path, with the path's tolerance.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Bound<'t> {
     AgreesWith(&'t Tolerance),
@@ -33,7 +33,7 @@ impl Assertion {
         }
     }
 
-    /// What the caller's number is to the integral.
+    /// The relation between the caller's number and the integral.
     pub(super) fn expectation(&self) -> Expectation {
         match self {
             Self::AgreesWith(_) => Expectation::Equal,
@@ -41,7 +41,7 @@ impl Assertion {
         }
     }
 
-    /// What the caller's function returns, as a message calls it.
+    /// The name of the caller's number in an error of the reference.
     pub(super) fn what(&self) -> &'static str {
         match self {
             Self::AgreesWith(_) => "integral",
@@ -49,7 +49,7 @@ impl Assertion {
         }
     }
 
-    /// What a message says of the caller's number.
+    /// The name of the caller's number in a message about a doubtful integral.
     pub(super) fn stated(&self) -> &'static str {
         match self {
             Self::AgreesWith(_) => "expected",
@@ -85,7 +85,7 @@ impl Assertion {
         }
     }
 
-    /// On one path, which may have a tolerance of its own.
+    /// The assertion on one path, which may have its own tolerance.
     pub(super) fn on(&self, called: &Called<'_>) -> Bound<'_> {
         match self {
             Self::AgreesWith(tolerances) => Bound::AgreesWith(tolerances.of(called)),
@@ -96,7 +96,7 @@ impl Assertion {
 
 impl Bound<'_> {
     pub(super) fn measure(&self, lane: usize, value: f64, expected: f64) -> LaneError {
-        // Minus infinity is no integral either, below whichever bound.
+        // Minus infinity is below every bound, and has to fail, too.
         let value = if value.is_finite() { value } else { f64::NAN };
         match self {
             Self::AgreesWith(tolerance) => tolerance.measure_sum(lane, value, expected),
@@ -104,7 +104,7 @@ impl Bound<'_> {
         }
     }
 
-    /// How far a control is from an integral, which are to agree as closely as is asserted.
+    /// The difference between the integrals of both rules, over the tolerance or slack of the assertion.
     pub(super) fn doubt(&self, lane: usize, value: f64, control: f64) -> LaneError {
         match self {
             Self::AgreesWith(tolerance) => tolerance.measure_sum(lane, control, value),
@@ -112,8 +112,8 @@ impl Bound<'_> {
         }
     }
 
-    /// Whether an integral is beyond what is allowed whichever rule is right: both are on one side
-    /// of what is expected, and would still be beyond if they were off by as much as they differ.
+    /// True if the integral fails by either rule: both integrals lie on the same side of the expected value, and
+    /// both would still fail if they were closer to it by the difference between them.
     pub(super) fn refuses_both(&self, lane: usize, sums: [f64; 2], expected: f64) -> bool {
         let doubt = (sums[0] - sums[1]).abs();
         let above = sums[0] > expected;
@@ -185,7 +185,7 @@ mod tests {
         }
     }
 
-    /// Both rules far outside are a verdict; where one may be right that it passes, there is none.
+    /// If both rules are far off, the check fails. If one rule may be right and passes, there is no verdict.
     #[test]
     fn what_both_rules_refuse_is_refused() {
         let tolerance = Abs(0.1).into();
@@ -199,7 +199,7 @@ mod tests {
         for sums in [[630.0, 480.0], [1.5, 1.35], [0.5, 0.6], [-40.0, -30.0]] {
             assert!(refuses(&equal, sums), "{sums:?}");
         }
-        // The last two: off by as much again, one would pass; and one on either side.
+        // In the last two pairs, one would pass if closer by the difference; or they lie on both sides.
         for sums in [[1.05, 0.9], [1.3, 1.05], [0.7, 1.3], [1.4, 1.21], [0.6, 0.78], [-8.0, 9.0]] {
             assert!(!refuses(&equal, sums), "{sums:?}");
         }

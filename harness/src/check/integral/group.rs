@@ -1,4 +1,4 @@
-//! Integrals whose nodes are in memory together: their nodes, their sums, their verdicts.
+//! Groups of integrals whose nodes are in memory together, with their sums and verdicts.
 
 use super::assertion::Assertion;
 use super::sum::Sum;
@@ -21,17 +21,17 @@ pub(super) struct Group {
 
 pub(super) struct Case {
     pub(super) value: Held,
-    /// Those of the rule, then those of its control.
+    /// The nodes of the rule, and behind them the nodes of the second rule.
     nodes: Nodes,
-    /// How many are the rule's.
+    /// The number of the first rule's nodes.
     own: usize,
     /// The lanes of the expected integral, or of the bound.
     expected: Vec<f64>,
 }
 
 impl Group {
-    /// Makes the rules of the cases and what their integrals should be. A rule that is empty or
-    /// has a weight that isn't finite is an error, and so is an expectation that isn't finite.
+    /// Makes the rules of the cases and the expected integrals. Returns an error if a rule is empty, or if a
+    /// weight or an expected value isn't finite.
     pub(super) fn of(
         session: &Session<'_>,
         first: u64,
@@ -43,7 +43,7 @@ impl Group {
             let value = &values[index];
             let mut lanes = Vec::with_capacity(words);
             (integrals.expected)(value, &mut lanes);
-            // A bound for all components; other shapes have been compared with the result's.
+            // One bound applies to all components. `expect_result` has checked all other shapes.
             let last = lanes.last().copied().unwrap_or(f64::NAN);
             lanes.resize(words, last);
             let mut nodes = Nodes::default();
@@ -56,7 +56,7 @@ impl Group {
         });
         let case = |(value, (nodes, own, expected))| Case { value, nodes, own, expected };
         let cases: Vec<Case> = values.into_iter().zip(made).map(case).collect();
-        // In order, so that of several errors the same one is reported every time.
+        // In the order of the cases, so that every run reports the same error.
         let mut checked = Vec::with_capacity(cases.len());
         for (index, case) in (first..).zip(cases) {
             if let Some(reason) = case.unusable() {
@@ -76,8 +76,8 @@ impl Group {
         self.cases.iter().map(|case| case.nodes.weights.len()).sum()
     }
 
-    /// Evaluates all nodes and judges the sums. An integral whose rules leave it open whether it passes
-    /// isn't counted as one that fails; the first of them is the second result.
+    /// Evaluates all nodes and judges the sums. If the two rules leave an integral in doubt, it isn't counted as
+    /// failing. The second result is the first doubtful integral.
     pub(super) fn integrate(
         &self,
         session: &Session<'_>,
@@ -134,8 +134,8 @@ impl Group {
         Ok((tally, undecided))
     }
 
-    /// Why an integral has no verdict: its two rules differ by more than is allowed, and one of them
-    /// may be right that it passes. A node that isn't finite is a verdict.
+    /// The reason why an integral has no verdict: the two rules differ by more than the assertion allows, and one
+    /// rule may be right and passes. An integral with a node that isn't finite fails, which is a verdict.
     fn doubt(
         &self,
         session: &Session<'_>,
@@ -193,7 +193,7 @@ impl Group {
 }
 
 impl Case {
-    /// The arguments that are the same at each node, by their names: those that the integral is of.
+    /// The names and values of the arguments that are the same at each node: the parameters of the integral.
     fn shared(&self, function: &Function, words: usize) -> Vec<(String, String)> {
         let all = |node: usize| function.arguments(self.nodes.row(node, words));
         let mut shared = all(0);
@@ -210,7 +210,7 @@ impl Case {
         shared
     }
 
-    /// Why the rule can't be summed.
+    /// The reason why the rule can't be summed.
     fn unusable(&self) -> Option<String> {
         if self.own == 0 {
             return Some("has no nodes, so nothing would be integrated,".to_owned());

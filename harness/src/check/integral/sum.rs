@@ -1,9 +1,9 @@
-//! Sums of weighted results, of any length, without a rounding that grows with it.
+//! Sums of weighted results. Their rounding error doesn't grow with the number of terms.
 
 use crate::judge::{Judged, finite};
 use crate::value::Scalar;
 
-/// The integral of one case on one path, so far.
+/// The partial integral of one case on one path.
 #[derive(Clone, Debug)]
 pub(super) struct Sum {
     lanes: Vec<Compensated>,
@@ -40,7 +40,7 @@ impl Sum {
     }
 }
 
-/// Neumaier's sum (1974): the rounding error of each addition is kept and added at the end.
+/// Neumaier's sum (1974). It collects the rounding errors of all additions and adds them at the end.
 #[derive(Clone, Copy, Debug, Default)]
 struct Compensated {
     sum: f64,
@@ -56,7 +56,8 @@ impl Compensated {
         self.sum = sum;
     }
 
-    /// The sum; NaN or infinite if it overflowed or a term was, and then `lost` is no number.
+    /// The sum with the collected errors. If the plain sum is NaN or infinite, returns it alone, because `lost`
+    /// is NaN then.
     fn total(&self) -> f64 {
         if self.sum.is_finite() { self.sum + self.lost } else { self.sum }
     }
@@ -64,7 +65,7 @@ impl Compensated {
 
 #[cfg(test)]
 impl Sum {
-    /// Of terms of one component, weight and value.
+    /// The sum of terms with one component: weights and values.
     pub(super) fn of_scalars(terms: &[(f64, f32)]) -> Self {
         let mut sum = Self::new(1);
         for (node, (weight, value)) in terms.iter().enumerate() {

@@ -1,4 +1,4 @@
-//! Calls of a function on one path, with any number of arguments, and random numbers for them.
+//! Calls of a function on one path, for any number of samples, and the random numbers for them.
 
 use crate::check::called::Called;
 use crate::check::{Failure, Mismatch};
@@ -6,10 +6,10 @@ use crate::domain::Source;
 use crate::parallel;
 use crate::value::{Arguments, Scalar, Shape, Shareable};
 
-/// Samples of one stream of random numbers.
+/// The number of samples that share a stream of random numbers.
 const BLOCK: usize = 2048;
 
-/// Samples whose arguments are in memory together.
+/// The number of samples whose arguments are in memory together.
 pub(super) const STRIDE: usize = 65_536;
 
 /// A function on one path.
@@ -17,11 +17,10 @@ pub(super) struct Calls<'s> {
     pub(super) called: &'s Called<'s>,
 }
 
-/// Appends the arguments that a function is given at points, or for random numbers, which follow
-/// one another as words.
+/// A function that appends arguments for some points or random numbers, which are words, one after the other.
 pub(super) type Given<'g> = &'g (dyn Fn(&[u32], &mut Vec<u32>) + Sync);
 
-/// The arguments that `of` makes of each point or random number.
+/// The arguments that `of` makes from each point or random number.
 pub(super) fn given<X: Shareable, A: Arguments>(
     of: impl Fn(X) -> A + Sync,
 ) -> impl Fn(&[u32], &mut Vec<u32>) + Sync {
@@ -34,12 +33,12 @@ pub(super) fn given<X: Shareable, A: Arguments>(
 }
 
 impl Calls<'_> {
-    /// Words of a result.
+    /// The number of words of a result.
     pub(super) fn words(&self) -> usize {
         self.called.scalars().len()
     }
 
-    /// The results of calls, whose arguments follow one another in `lanes`.
+    /// The results of calls. `lanes` has the arguments of one call after the other.
     pub(super) fn call(&self, lanes: &[u32], calls: usize) -> Result<Vec<u32>, Failure> {
         let words = self.words();
         let mut results = Vec::with_capacity(calls * words);
@@ -56,7 +55,7 @@ impl Calls<'_> {
         Ok(results)
     }
 
-    /// A call as a message shows it: arguments and result.
+    /// A call's arguments and result, as text for a message.
     pub(super) fn shown(&self, lanes: &[u32], result: &[u32]) -> String {
         let function = self.called.function();
         let list: Vec<String> = function
@@ -67,7 +66,7 @@ impl Calls<'_> {
         format!("{}({}) = {}", function.name, list.join(", "), function.result.format(result))
     }
 
-    /// Refuses random numbers of a type that has no uniform distribution here.
+    /// Returns an error if Karat has no uniform distribution for this type of random numbers.
     pub(super) fn expect_random(&self, random: &Shape) -> Result<(), Failure> {
         let uniform = |scalar: &Scalar| matches!(scalar, Scalar::F32 | Scalar::U32);
         if random.lanes().iter().all(uniform) {
@@ -76,7 +75,7 @@ impl Calls<'_> {
         Err(Mismatch::Random(random.clone()).of(self.called.function()))
     }
 
-    /// The results at points, which follow one another as words, with the lanes of the arguments.
+    /// The results at points, and the lanes of the arguments. The points are words, one point after the other.
     pub(super) fn at(
         &self,
         points: &[u32],
@@ -95,9 +94,9 @@ impl Calls<'_> {
     }
 }
 
-/// Arguments of `count` calls from sample `first` on, which is a multiple of the block's length,
-/// made of random numbers of these types. An `f32` is a multiple of 2^-24 in [0, 1), as most
-/// generators on devices have it.
+/// The arguments of `count` calls, made from random numbers of these types. The calls begin at sample `first`, which
+/// must be a multiple of the block's length. An `f32` is a multiple of 2^-24 in [0, 1), as in most generators on
+/// devices.
 pub(super) fn draw(
     seed: u64,
     first: usize,
@@ -113,7 +112,7 @@ pub(super) fn draw(
         for _ in 0..calls {
             numbers.extend(random.iter().map(|scalar| match scalar {
                 Scalar::U32 => source.bits(),
-                // Exact: 24 bits, and a power of two.
+                // The division is exact: 24 bits over a power of two.
                 _ => ((source.bits() >> 8) as f32 / 16_777_216.0).to_bits(),
             }));
         }

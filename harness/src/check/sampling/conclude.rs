@@ -1,4 +1,4 @@
-//! One way through a check of samples: its functions, each configuration on each path, the verdict.
+//! Runs a check of samples: prepares its functions, runs each configuration on each path, makes the verdict.
 
 use super::calls::Calls;
 use super::judgement::Judgement;
@@ -17,7 +17,7 @@ use crate::reflect::Function;
 use crate::run::{Identity, Judged, Replayed, Report, reported};
 use crate::stats::sidak;
 
-/// A sampler in progress on one path, and the other functions that a check needs.
+/// A sampler on one path, with the other functions of the check.
 pub(super) struct Functions<'s> {
     pub(super) sampler: &'s Called<'s>,
     pub(super) others: &'s [Called<'s>],
@@ -41,8 +41,7 @@ struct Outcome {
     rejection: Option<PathRejection>,
 }
 
-/// Runs a check: `expect` compares signatures, and each configuration on each path is handed to
-/// `judge`.
+/// Runs a check. `expect` compares signatures. `judge` judges each configuration on each path.
 pub(super) fn conclude(
     sampler: Sampled<'_, '_>,
     hypothesis: &Hypothesis,
@@ -106,7 +105,7 @@ pub(super) fn conclude(
                 if !probe.executors.is_empty() {
                     return Err(Mismatch::Executor.of(fitting.function()));
                 }
-                // Where the sampler runs: what they return is compared with its samples.
+                // The other functions run on the sampler's path, for comparison with its samples.
                 let called = fitting.on(executor, &probe.fixtures, BATCH)?;
                 read.extend(called.files(&probe.fixtures));
                 opened.push(called);
@@ -177,7 +176,7 @@ pub(super) fn conclude(
             vec![Failure::Rejection(Box::new(rejection))]
         };
         let (agreeing, known_issues) = all.verdict(differ)?;
-        // A path that refuses the sampler has no configurations, so known issues count by themselves.
+        // A path that refuses the sampler has no configurations. Known issues count only if no path agrees.
         let least = match agreeing.is_empty() {
             true => known_issues.iter().map(|issue| issue.cases).min(),
             false => agreeing.iter().map(|(_, one)| one.configurations).min(),
@@ -205,7 +204,7 @@ fn configuration_seed(seed: u64, index: u64) -> u64 {
 struct Sum {
     configurations: u64,
     rejected: u64,
-    /// The least p-value.
+    /// The smallest p-value.
     p: f64,
     worst: Option<rejection::Worst>,
 }

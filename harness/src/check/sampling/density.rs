@@ -1,4 +1,4 @@
-//! Compares samples with the density that they should have, and with the integral they estimate.
+//! Compares samples with their density, and with the integral that they estimate.
 
 mod masses;
 mod parts;
@@ -25,13 +25,13 @@ where
     /// `arguments` makes the density's arguments from a configuration and a point of the support: a
     /// `Vec3`, a `Vec2` of the disk, an `f32`.
     ///
-    /// There are about 512 cells, laid where the samples are. The test misses a fault that averages
-    /// out within a cell, and a spike of the density that neither a sample nor a quadrature node
-    /// meets. So compare the density itself with a reference as well.
+    /// There are about 512 cells, which are smaller where samples are dense. The test misses an error that averages
+    /// out within a cell. It also misses a spike of the density that lies between all samples and all quadrature
+    /// nodes. So compare the density itself with a reference, too.
     ///
-    /// The density's integral has to be 1. With [`may_leave_support`](Self::may_leave_support) it may be less; the
-    /// rest has to be the share of samples outside the support. A sample whose density is 0 fails
-    /// the check, whatever the other samples do.
+    /// The density's integral must be 1. With [`may_leave_support`](Self::may_leave_support) it may be less; the
+    /// share of samples outside the support must then be 1 minus the integral. A single sample whose density is 0
+    /// fails the check.
     ///
     /// ```no_run
     /// use glam::{Vec2, Vec3};
@@ -69,13 +69,13 @@ where
         self.with_sampler(|sampler| sampler.follows(&others, &X::shape()))
     }
 
-    /// Checks a sampler with the function that it is made for: samples follow the density, and
-    /// the mean of eval cos / pdf is the integral of eval cos, component by component. That shows
-    /// that `eval` is sampled wherever it isn't 0, with weights of finite variance. It doesn't show
-    /// that `eval` is right: for a wrong one, mean and integral would agree as well.
+    /// Checks a sampler together with the function whose integral it estimates, such as a BRDF. Samples must
+    /// follow the density, and the mean of eval cos / pdf must be the integral of eval cos, component by
+    /// component. So the sampler covers all directions where `eval` isn't 0, with weights of finite variance. The
+    /// check doesn't show that `eval` is right: mean and integral also agree for a wrong `eval`.
     ///
-    /// `eval` and `density` each come with a closure that makes their arguments from a
-    /// configuration and a direction. cos is the absolute value of the direction's z.
+    /// `eval` and `density` each have a closure that makes their arguments from a configuration and a direction.
+    /// cos is the absolute value of the direction's z.
     ///
     /// ```no_run
     /// use glam::{Vec2, Vec3};
@@ -112,8 +112,8 @@ where
         self.check_estimate(eval, density, None::<Unweighted<'_, V, X>>)
     }
 
-    /// Checks the same as [`estimates`](Self::estimates), and that a third function, `weight`,
-    /// returns eval cos / pdf of each sample, to within 1e-4 of it.
+    /// Checks the same as [`estimates`](Self::estimates). Also checks that a third function, `weight`,
+    /// returns eval cos / pdf of each sample, with a relative error of at most 1e-4.
     ///
     /// ```no_run
     /// use glam::{Vec2, Vec3};
@@ -171,10 +171,10 @@ where
         self.with_sampler(|sampler| sampler.estimates(&others, &X::shape()))
     }
 
-    /// How likely [`follows`](Self::follows) is to reject a sampler whose samples have another
-    /// density, `alternative`, which takes the same arguments. Nothing is asserted.
+    /// Returns the probability that [`follows`](Self::follows) rejects a sampler whose samples have the density
+    /// `alternative`, which takes the same arguments. Asserts nothing.
     ///
-    /// The cells are laid where the sampler's own samples are, and chi-square is non-central.
+    /// The cells come from the sampler's own samples. The power is that of a non-central chi-square distribution.
     ///
     /// ```no_run
     /// use glam::{Vec2, Vec3};
@@ -190,7 +190,7 @@ where
     /// ```
     ///
     /// # Errors
-    /// If the densities can't be judged.
+    /// If the densities give no verdict.
     pub fn power_against<X: Shareable, B: Arguments>(
         &self,
         density: Probe<'_>,
@@ -204,7 +204,7 @@ where
 }
 
 impl Sampled<'_, '_> {
-    /// Whether samples have the density of the first of the others.
+    /// Checks that samples have the density of the first function in `others`.
     fn follows(self, others: &[Other<'_>], point: &Shape) -> Result<Fit, Failure> {
         let settings = self.settings;
         let text = format!("{} on {}", others[0].probe.name, settings.support);
@@ -215,13 +215,13 @@ impl Sampled<'_, '_> {
         })
     }
 
-    /// Whether they do, and estimate the integral of the second. The third, if there is one,
-    /// returns their weights.
+    /// Checks that samples have the density of the first function in `others`, and estimate the integral of the
+    /// second function. The third function, if there is one, must return the weights of the samples.
     fn estimates(self, others: &[Other<'_>], point: &Shape) -> Result<Fit, Failure> {
         let settings = self.settings;
         let (density, eval) = (&others[0].probe.name, &others[1].probe.name);
         let text = format!("{eval} by {density} on {}", settings.support);
-        // A reflectance has up to three components, whose means are tests of their own.
+        // A reflectance has up to three components. The mean of each is a separate test.
         let hypothesis = Hypothesis { check: "estimates", text, tests: settings.tests() + 3 };
         let expect = |functions: &Functions<'_>| {
             self.expect_density(functions, point)?;
@@ -243,7 +243,7 @@ impl Sampled<'_, '_> {
         })
     }
 
-    /// The least power of [`follows`](Self::follows) against the density of the second.
+    /// The smallest power of [`follows`](Self::follows) against the density of the second function in `others`.
     fn power(self, others: &[Other<'_>], point: &Shape) -> Result<Power, Failure> {
         let (density, alternative) = (&others[0].probe.name, &others[1].probe.name);
         let text = format!("{density} against {alternative}");
@@ -274,7 +274,7 @@ impl Sampled<'_, '_> {
     }
 
     /// Compares the signatures of sampler and density with the support. `given` is the type of the
-    /// points that the density's arguments are made of.
+    /// points for the density.
     fn expect_density(self, functions: &Functions<'_>, given: &Shape) -> Result<(), Failure> {
         functions.sampler().expect_random(self.random)?;
         let support = self.settings.support;
@@ -295,5 +295,5 @@ fn expect_scalar(functions: &Functions<'_>, which: usize) -> Result<(), Failure>
     functions.others[which].expect_result(&Shape::Scalar(Scalar::F32), "a density is")
 }
 
-/// No function that returns weights.
+/// The type of a missing function for weights.
 type Unweighted<'a, V, X> = (Probe<'a>, fn(&V, X) -> f32);

@@ -1,22 +1,22 @@
-//! What one configuration gave, and what offends in it.
+//! The judgement of one configuration, and the calls that offend.
 
 use super::picture::Histogram;
 use super::rejection::Finding;
 use crate::stats::accepts;
 
-/// What one configuration gave.
+/// The judgement of one configuration.
 pub(super) struct Judgement {
-    /// What is wrong; nothing if it fits.
+    /// The findings. Empty if the samples fit.
     pub(super) findings: Vec<Finding>,
-    /// The least p-value; 0 if something is wrong outright.
+    /// The smallest p-value. 0 if a finding needs no statistics.
     pub(super) p: f64,
-    /// Facts, for the message.
+    /// Additional facts for the message.
     pub(super) notes: Vec<(&'static str, String)>,
     pub(super) histogram: Option<Histogram>,
 }
 
 impl Judgement {
-    /// Nothing to object to.
+    /// A judgement without findings.
     pub(super) fn fitting() -> Self {
         Self { findings: Vec::new(), p: 1.0, notes: Vec::new(), histogram: None }
     }
@@ -34,7 +34,7 @@ impl Judgement {
     }
 }
 
-/// How many calls offend, and the first of them.
+/// The number of offending calls, and the first offending call.
 #[derive(Default)]
 pub(super) struct Offence {
     count: u64,

@@ -1,4 +1,4 @@
-//! Pictures of a histogram: observed and expected counts, and how they differ.
+//! Pictures of a histogram: the observed counts, the expected counts and the differences.
 
 use std::path::PathBuf;
 
@@ -7,23 +7,23 @@ use crate::image::{Image, ImageError, Precision};
 use crate::record;
 use crate::stats::{Cells, Rectangle, Support};
 
-/// Pixels of a cell's side.
+/// The side of a cell in pixels.
 const SIDE: u32 = 8;
 
-/// Cells that a message names.
+/// The number of cells that a message names.
 const NAMED: usize = 3;
 
-/// Differences this large, in standard deviations, are as bright as the mean count.
+/// The difference, in standard deviations, that is as bright as the mean count.
 const BRIGHT: f64 = 4.0;
 
-/// What was counted in each cell, and what should have been.
+/// The observed and the expected count of each cell.
 pub(super) struct Histogram {
     pub(super) cells: Cells,
     pub(super) observed: Vec<u64>,
     pub(super) expected: Vec<f64>,
 }
 
-/// What rows and columns of cells stand for.
+/// The quantities along the rows and columns of cells.
 fn axes(support: Support) -> [&'static str; 2] {
     match support {
         Support::Sphere | Support::Hemisphere => ["theta", "phi"],
@@ -78,13 +78,14 @@ impl Histogram {
         Ok(vec![exr, png])
     }
 
-    /// Three panels of cells, each of the same size, the first row on top: observed and expected
-    /// counts over the mean, and their difference over its deviation, red where there are too
-    /// many and blue where too few. Cells are drawn by rank, so a narrow lobe fills the picture.
+    /// Draws three panels of cells with the first row on top. The first two panels show the observed and the expected
+    /// counts, divided by the mean count. The third panel shows their difference, divided by its standard
+    /// deviation: red for too many samples, blue for too few. All cells have the same size, so a narrow lobe fills
+    /// the picture.
     fn image(&self) -> Image {
         let rows = self.cells.row_lengths();
         let columns = rows.iter().copied().max().unwrap_or(1);
-        // A line is drawn as a row.
+        // A single column of cells is drawn as a row.
         let (rows, columns) =
             if columns == 1 { (vec![rows.len()], rows.len()) } else { (rows, columns) };
         let [columns, height] =

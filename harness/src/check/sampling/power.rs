@@ -1,4 +1,4 @@
-//! How likely a check is to reject a sampler with a named fault.
+//! The power of checks of samples: the probability to reject a sampler with a given error.
 
 use super::statistic::{Numbers, number_of};
 use super::{Sampled, Sampling};
@@ -7,8 +7,8 @@ use crate::domain::Held;
 use crate::stats::{Mean, Moments, kolmogorov_power, mean_power};
 use crate::value::{Arguments, Shareable};
 
-/// The power of a check against an alternative: the probability that it rejects samples for which
-/// the alternative is true.
+/// The power of a check against an alternative: the probability that the check rejects samples of the
+/// alternative.
 ///
 /// ```
 /// # use karat::prelude::*;
@@ -20,19 +20,19 @@ use crate::value::{Arguments, Shareable};
 /// ```
 #[derive(Clone, Debug)]
 pub struct Power {
-    /// The least power of any configuration, on any path.
+    /// The smallest power of all configurations on all paths.
     pub least: f64,
-    /// The configuration that has it.
+    /// The configuration with the smallest power.
     pub configuration: String,
 }
 
 impl Power {
-    /// Of no configuration yet.
+    /// The power before the first configuration.
     pub(super) fn none() -> Self {
         Self { least: f64::INFINITY, configuration: String::new() }
     }
 
-    /// Adds one configuration. NaN counts as the least power.
+    /// Adds one configuration. NaN counts as the smallest power.
     pub(super) fn add(&mut self, power: f64, configuration: &Held) {
         if !(power >= self.least) {
             *self = Self { least: power, configuration: configuration.shown() };
@@ -47,8 +47,8 @@ where
     A: Arguments,
     F: Fn(&V, U) -> A + Sync,
 {
-    /// How likely [`has_mean`](Self::has_mean) is to reject a sampler whose mean is `alternative`,
-    /// and whose samples scatter as this one's do. Nothing is asserted.
+    /// Returns the probability that [`has_mean`](Self::has_mean) rejects a sampler with the mean `alternative`
+    /// and the same variance as this sampler. Asserts nothing.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -93,9 +93,9 @@ where
         Ok(power.into_inner())
     }
 
-    /// The least probability that [`has_distribution`](Self::has_distribution) rejects samples
-    /// whose distribution function is `alternative`. Nothing is asserted. The functions are
-    /// compared where the sampler's own samples are.
+    /// Returns a lower bound of the probability that [`has_distribution`](Self::has_distribution) rejects samples
+    /// with the distribution function `alternative`. Asserts nothing. Karat compares the distribution functions at
+    /// the sampler's own samples.
     ///
     /// ```
     /// # use karat::prelude::*;

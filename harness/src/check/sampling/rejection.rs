@@ -1,4 +1,4 @@
-//! What a rejected sampler's message says.
+//! The report of a rejected sampler, as text and as data.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -10,7 +10,7 @@ use crate::record::{CaseDetails, Details, PathDetails, Replay};
 use crate::reflect::Function;
 use crate::stats::Support;
 
-/// A sampler's samples are not what they should be, on at least one path.
+/// A failed check of samples: the sampler is rejected on at least one path.
 ///
 /// ```
 /// use karat::check::Failure;
@@ -31,22 +31,22 @@ pub struct Rejection {
     pub function: Function,
     /// The verb: `follows`.
     pub check: &'static str,
-    /// What it asserts.
+    /// The assertion.
     pub assertion: String,
-    /// Probability that the check rejects a right sampler.
+    /// The probability that the check rejects a correct sampler.
     pub significance: f64,
-    /// What each p-value has to reach.
+    /// The smallest p-value that passes.
     pub threshold: f64,
     /// Each path that rejects.
     pub paths: Vec<PathRejection>,
-    /// Paths that don't.
+    /// Each path that doesn't reject.
     pub agreeing: Vec<Adapter>,
-    /// Seed of configurations and random numbers.
+    /// The seed of configurations and random numbers.
     pub seed: u64,
 }
 
 impl Rejection {
-    /// The same as data.
+    /// The rejection as data.
     pub(crate) fn details(&self) -> Details {
         Details {
             headline: failed(&self.function, self.check, &self.assertion).message,
@@ -88,13 +88,13 @@ impl PathRejection {
 pub struct PathRejection {
     /// Path, adapter and driver.
     pub adapter: Adapter,
-    /// Configurations that were tried.
+    /// The number of tested configurations.
     pub configurations: u64,
-    /// How many of them were rejected.
+    /// The number of rejected configurations.
     pub rejected: u64,
-    /// The one with the least p-value.
+    /// The configuration with the smallest p-value.
     pub worst: ConfigurationRejection,
-    /// The command that runs it again.
+    /// The command that runs the worst configuration again.
     pub replay: Replay,
 }
 
@@ -112,19 +112,19 @@ pub struct PathRejection {
 /// ```
 #[derive(Clone, Debug)]
 pub struct ConfigurationRejection {
-    /// Its index.
+    /// The configuration's index.
     pub case: u64,
-    /// Its value, as `Debug` shows it.
+    /// The configuration's value, as `Debug` shows it.
     pub configuration: String,
-    /// What is wrong with its samples.
+    /// The findings about the configuration's samples.
     pub findings: Vec<Finding>,
-    /// What else is known: the density's integral, the worst cells.
+    /// Additional facts: the density's integral, the worst cells.
     pub notes: Vec<(&'static str, String)>,
-    /// Files that show observed and expected counts and their difference.
+    /// The picture files, which show observed and expected counts and their difference.
     pub pictures: Vec<PathBuf>,
 }
 
-/// What is wrong with samples.
+/// A finding about samples.
 ///
 /// ```
 /// use karat::check::Failure;
@@ -147,7 +147,7 @@ pub enum Finding {
         /// The first one.
         call: String,
     },
-    /// A sample that should be a direction isn't a unit vector.
+    /// A sample must be a direction, and isn't a unit vector.
     NotUnit {
         /// Such samples.
         count: u64,
@@ -161,7 +161,7 @@ pub enum Finding {
         /// The first one.
         call: String,
     },
-    /// A sample has density 0: it can't happen.
+    /// A sample has density 0, so it is impossible.
     Impossible {
         /// Such samples.
         count: u64,
@@ -179,35 +179,35 @@ pub enum Finding {
     Weight {
         /// Such samples.
         count: u64,
-        /// The first one's weight, and what it should be.
+        /// The first weight, and the expected weight.
         call: String,
     },
-    /// A density doesn't integrate to 1, or to more than 1 where samples may leave the support.
+    /// The integral of a density isn't 1. If samples may leave the support: the integral is more than 1.
     Mass {
         /// The integral.
         integral: f64,
-        /// How far it may be from 1.
+        /// The largest allowed difference from 1.
         bound: f64,
     },
-    /// More or fewer samples leave the support than the density's integral falls short of 1.
+    /// The share of samples outside the support isn't 1 minus the density's integral.
     Left {
-        /// Samples outside the support.
+        /// The number of samples outside the support.
         left: u64,
-        /// How many there should be: the share is 1 less the density's integral.
+        /// The expected number of samples outside the support.
         expected: f64,
-        /// Probability of such a number by chance.
+        /// The probability of such a number by chance.
         p: f64,
     },
-    /// Samples don't have the density.
+    /// Samples don't follow the density.
     ChiSquare {
-        /// The sum over the cells.
+        /// Chi-square: the sum over the cells.
         statistic: f64,
         /// Degrees of freedom.
         dof: usize,
         /// Probability of such a sum by chance.
         p: f64,
     },
-    /// A mean isn't what it should be.
+    /// A mean differs from the expected mean.
     Mean {
         /// Of what.
         of: String,
@@ -215,25 +215,25 @@ pub enum Finding {
         mean: f64,
         /// Its standard error.
         error: f64,
-        /// What was expected.
+        /// The expected mean.
         expected: f64,
         /// Probability of such a difference by chance.
         p: f64,
     },
-    /// A distribution function isn't what it should be.
+    /// A distribution differs from the expected distribution function.
     Distribution {
         /// Of what.
         of: String,
         /// The largest distance.
         distance: f64,
-        /// Where it is.
+        /// The number at which the distance is largest.
         at: f64,
         /// Probability of such a distance by chance.
         p: f64,
     },
 }
 
-/// A count with what happens, to one or to several.
+/// A count with a verb in the singular or the plural.
 fn told(count: u64, one: &str, several: &str) -> String {
     format!("{count} {}", if count == 1 { one } else { several })
 }
@@ -318,7 +318,7 @@ pub(super) struct Worst {
 }
 
 impl Worst {
-    /// Writes the pictures, which check and path name.
+    /// Writes the pictures. The names of the files come from the check and the path.
     pub(super) fn reported(
         self,
         support: Support,
@@ -359,7 +359,7 @@ impl fmt::Display for Rejection {
                 writeln!(f, "    {finding}")?;
             }
             for (name, note) in &worst.notes {
-                // A note of several lines begins with one of its own.
+                // A note of several lines begins with a line break.
                 let space = if note.starts_with('\n') { "" } else { " " };
                 writeln!(f, "    {name}:{space}{note}")?;
             }

@@ -1,4 +1,4 @@
-//! One number computed from each sample: the mean of these numbers, and their distribution.
+//! Checks of a number that is computed from each sample: its mean, and its distribution.
 
 use super::calls::{STRIDE, draw};
 use super::conclude::{Functions, conclude};
@@ -10,28 +10,28 @@ use crate::run::or_panic;
 use crate::stats::{Kolmogorov, Mean, Moments, NoVerdict};
 use crate::value::{Arguments, Shape, Shareable};
 
-/// What is asserted of the numbers of a configuration.
+/// A function that judges the numbers of a configuration.
 type Verdict<'v> = &'v mut dyn FnMut(&[f64], &mut Judgement, f64) -> Result<(), NoVerdict>;
 
-/// Judges a configuration: it hands a verdict to what makes the numbers.
+/// A function that judges a configuration. Its second argument computes the numbers and applies a verdict to them.
 type JudgeNumbers<'j> = &'j dyn Fn(
     &Held,
     &mut dyn FnMut(Verdict<'_>) -> Result<Judgement, Failure>,
 ) -> Result<Judgement, Failure>;
 
-/// A number that is made of each sample.
+/// A number that is computed from each sample.
 pub(super) struct Numbers<'n> {
     /// The verb.
     pub(super) check: &'static str,
-    /// What it asserts.
+    /// The assertion.
     pub(super) text: String,
     /// The type of a sample.
     pub(super) shape: Shape,
-    /// The number, of the words of a sample.
+    /// Computes the number from the words of a sample.
     pub(super) of: &'n (dyn Fn(&[u32]) -> f64 + Sync),
 }
 
-/// The number of a sample, of its words.
+/// Makes a function of a sample's words from a function of a sample.
 pub(super) fn number_of<X: Shareable>(
     of: impl Fn(X) -> f64 + Sync,
 ) -> impl Fn(&[u32]) -> f64 + Sync {
@@ -46,8 +46,8 @@ where
     F: Fn(&V, U) -> A + Sync,
 {
     /// Computes a number from each sample, and checks the mean of these numbers by its standard
-    /// error. A difference of up to `slack` isn't counted: it covers the rounding of the samples
-    /// and the error of the expectation.
+    /// error. The check ignores a difference of up to `slack`, which covers the rounding of the samples
+    /// and the error of the expected mean.
     ///
     /// ```no_run
     /// # use glam::{Vec2, Vec3};
@@ -91,9 +91,9 @@ where
     }
 
     /// Computes a number from each sample, and checks the distribution of these numbers by its
-    /// Kolmogorov distance from a distribution function. That function takes a configuration and a
-    /// number, and returns the probability of at most that number. A distance of up to `slack`
-    /// isn't counted: it covers the errors of the samples and of the function.
+    /// Kolmogorov distance from a distribution function. The distribution function takes a configuration and a
+    /// number, and returns the probability of a value up to that number. The check ignores a distance of up to
+    /// `slack`, which covers the errors of the samples and of the distribution function.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -174,7 +174,7 @@ impl Numbers<'_> {
         })
     }
 
-    /// Makes the numbers of each configuration and hands them to a verdict.
+    /// Computes the numbers of each configuration and passes them to a verdict.
     pub(super) fn judge(
         &self,
         sampler: Sampled<'_, '_>,
@@ -205,7 +205,7 @@ impl Numbers<'_> {
         })
     }
 
-    /// The numbers of a configuration's samples, and calls that gave none.
+    /// The numbers of a configuration's samples, and the calls without a number.
     fn of_samples(
         &self,
         Sampled { settings, random, arguments, .. }: Sampled<'_, '_>,

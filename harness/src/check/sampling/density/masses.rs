@@ -6,29 +6,29 @@ use crate::check::sampling::judgement::Offence;
 use crate::check::sampling::{Finding, Settings};
 use crate::stats::{CellIntegral, Cells, CubatureError, NoVerdict, Place, integrate};
 
-/// Samples that lay the cells; thirty for each of 512.
+/// The number of samples that determine the cells: about thirty for each of 512 cells.
 const PILOT: usize = 16_384;
 
-/// The pilot's random numbers are none of the judged samples'.
+/// The seed of these samples, so that their random numbers differ from those of the judged samples.
 const PILOT_SEED: u64 = 0x5bf0_3635_dcf8_e1a7;
 
-/// Samples that a cell should get at least, by their number; there are 512 cells at most.
+/// The fewest samples per cell, on average. There are at most 512 cells.
 const PER_CELL: u64 = 64;
 
-/// Fewer samples make fewer cells than a density can be told from another by.
+/// The fewest samples. With fewer samples there are too few cells to distinguish densities.
 const FEWEST: u64 = 1024;
 
-/// Error of a cell's integral over the deviation of its count. All cells together shift
-/// chi-square by at most a thousandth of its degrees of freedom.
+/// The largest error of a cell's integral, divided by the standard deviation of the cell's count. The errors of all
+/// cells together shift chi-square by at most a thousandth of its degrees of freedom.
 const QUADRATURE: f64 = 0.03;
 
-/// Error of a cell's integral of what is estimated; of 512 cells together 2e-5. Of large values,
-/// the relative error: a tenth of what their rounding may be.
+/// The largest error of a cell's integral of eval cos. The errors of 512 cells together are at most 2e-5. For large
+/// values this is the relative error: a tenth of the possible rounding.
 const ESTIMATE: f64 = 1e-6;
 const ESTIMATE_RELATIVE: f64 = 0.1 * ROUNDING;
 
 impl Run<'_> {
-    /// The cells, laid by samples that are not judged.
+    /// The cells, determined by samples that aren't judged.
     pub(super) fn cells(&self) -> Result<Cells, Stop> {
         let settings = self.settings();
         if settings.samples < FEWEST {
@@ -52,8 +52,8 @@ impl Run<'_> {
     pub(super) fn masses(&self, cells: Cells, which: usize) -> Result<Masses, Stop> {
         let settings = self.settings();
         let samples = settings.samples as f64;
-        // Of an expected count of 0.1 nothing need be known. All cells together are also known four
-        // times better than their sum is judged, however few the samples.
+        // Expected counts below 0.1 need no more accuracy. For any number of samples, the error of the
+        // sum of all cells is at most a quarter of its tolerance.
         let per_root = (QUADRATURE / samples.sqrt()).min(settings.mass.max(1e-6) / 4.0);
         let tolerance = |mass: &[f64]| per_root * mass[0].max(0.1 / samples).sqrt();
         let evaluate = |points: &[[f64; 3]]| self.evaluate(which, points);
@@ -110,7 +110,7 @@ impl Run<'_> {
         }
     }
 
-    /// What a function returns at points, which has to be finite and not negative.
+    /// The results of a function at points. Returns an error if a result is negative or isn't finite.
     pub(super) fn evaluate(&self, which: usize, points: &[[f64; 3]]) -> Result<Vec<f64>, Stop> {
         let (calls, components) = (self.other(which), self.settings().support.components());
         let mut flat = Vec::with_capacity(points.len() * components);
@@ -141,18 +141,18 @@ impl Run<'_> {
 }
 
 impl Settings {
-    /// Tests of one configuration: the histogram, and the number of samples beside it.
+    /// The number of tests per configuration: one for the histogram, and one for the samples outside of it.
     pub(super) fn tests(&self) -> u64 {
         if self.may_leave_support { 2 } else { 1 }
     }
 
-    /// Rows and columns of cells.
+    /// The numbers of rows and columns of cells.
     fn grid(&self) -> (usize, usize) {
         let cells = (self.samples / PER_CELL).clamp(2, 512) as usize;
         if self.support.is_line() {
             return (cells, 1);
         }
-        // Twice as many columns as rows: azimuths go all around.
+        // Twice as many columns as rows, because azimuths cover the full circle.
         let rows = ((cells as f64 / 2.0).sqrt() as usize).clamp(1, 16);
         (rows, cells / rows)
     }

@@ -1,10 +1,10 @@
-//! What a configuration's judgement is made of.
+//! The parts of a configuration's judgement.
 
 use crate::check::Failure;
 use crate::check::sampling::Finding;
 use crate::stats::Cells;
 
-/// Rounding of what is estimated, relative: a few hundred ulp of eval and pdf.
+/// The relative rounding error of eval cos / pdf: a few hundred ulp of eval and pdf.
 pub(super) const ROUNDING: f64 = 1e-4;
 
 /// The density's integrals.
@@ -15,7 +15,7 @@ pub(super) struct Masses {
     pub(super) error: f64,
 }
 
-/// Why a configuration isn't judged to its end.
+/// The reason why the judgement of a configuration ends early.
 pub(super) enum Stop {
     Failure(Failure),
     Finding(Finding),

@@ -12,10 +12,10 @@ use crate::stats::{
     mean_power,
 };
 
-/// Rounding of a texel to a half float, relative: eleven significant bits.
+/// The relative rounding error of a texel in half floats, which have eleven significant bits.
 const HALF: f64 = 1.0 / 2048.0;
 
-/// Weights as small as this are equal: eval and pdf of a lobe's end may be flushed.
+/// Weights up to this count as equal, because eval and pdf at the end of a lobe may be flushed to 0.
 const VANISHED: f64 = 1e-6;
 
 /// One configuration on one path.
@@ -26,7 +26,7 @@ pub(super) struct Run<'r> {
     pub(super) configuration: &'r Configuration<'r>,
 }
 
-/// What the samples of a configuration came to.
+/// The counts of a configuration's samples.
 #[derive(Default)]
 struct Counts {
     observed: Vec<u64>,
@@ -38,7 +38,7 @@ struct Counts {
     impossible: Offence,
     negative: Offence,
     weight: Offence,
-    /// Of eval cos / pdf, by component.
+    /// The moments of eval cos / pdf, by component.
     weights: Vec<Moments>,
 }
 
@@ -62,7 +62,7 @@ impl Run<'_> {
         self.other(which).at(points, width, &|points, lanes| made(value, points, lanes))
     }
 
-    /// Arguments of the sampler for some samples of a stream of random numbers.
+    /// The arguments of the sampler for some samples of a stream of random numbers.
     pub(super) fn draw(&self, seed: u64, first: usize, count: usize) -> Vec<u32> {
         let Sampled { random, arguments, .. } = self.sampler;
         let value = self.configuration.value;
@@ -70,8 +70,8 @@ impl Run<'_> {
         draw(seed, first, count, &random.lanes(), &given)
     }
 
-    /// What a function's values are off by, relative, where it reads textures that the path keeps
-    /// in half floats: the peak of a lobe may come from one texel.
+    /// The relative error of a function's values if it reads textures that the path stores as half floats. A single
+    /// texel may determine the peak of a lobe.
     fn half_rounding(&self, which: usize) -> f64 {
         if self.other(which).called.reads_half_floats() { HALF } else { 0.0 }
     }
@@ -86,7 +86,7 @@ impl Run<'_> {
         }
     }
 
-    /// Judges the samples; `estimates` says whether they are to estimate an integral.
+    /// Judges the samples. `estimates` is true if they must also estimate an integral.
     pub(super) fn judge(&self, estimates: bool) -> Result<Judgement, Failure> {
         match self.judge_or_stop(estimates) {
             Ok(judgement) => Ok(judgement),
@@ -121,7 +121,7 @@ impl Run<'_> {
         judgement.findings.extend(outright.into_iter().flatten());
         let bound = settings.mass + self.half_rounding(0) + error;
         let off = total - 1.0;
-        // A density that leaves samples out is short of 1 by as much as they are.
+        // If samples may leave the support, the density's integral may be less than 1.
         let right = if settings.may_leave_support { off <= bound } else { off.abs() <= bound };
         if !right {
             judgement.findings.push(Finding::Mass { integral: total, bound });
@@ -129,9 +129,9 @@ impl Run<'_> {
         if !judgement.findings.is_empty() {
             judgement.p = 0.0;
         }
-        // A density whose integral is wrong says nothing of how many samples leave.
+        // If the density's integral is wrong, the expected number of leaving samples is unknown.
         if settings.may_leave_support && right {
-            // Of all shares within the integral's error, the one that the samples speak for most.
+            // The share nearest to that of the samples, among all shares within the integral's error.
             let share = left as f64 / samples as f64;
             let nearest =
                 share.clamp((-off - bound).clamp(0.0, 1.0), (bound - off).clamp(0.0, 1.0));
@@ -139,12 +139,12 @@ impl Run<'_> {
             let expected = (-off).max(0.0) * samples as f64;
             judgement.test(p, threshold, || Finding::Left { left, expected, p });
         }
-        // Given how many are on the support, they should be shared out like the density.
+        // The samples on the support must be distributed over the cells like the density.
         let expected: Vec<f64> =
             masses.mass.iter().map(|mass| (mass / total).max(0.0) * inside as f64).collect();
         let test = match ChiSquare::of(&observed, &expected) {
             Ok(test) => test,
-            // Of no sample on the support nothing more can be said than was found already.
+            // Without samples on the support there is no test, and the earlier findings are the result.
             Err(_) if !judgement.findings.is_empty() => return Ok(judgement),
             Err(none) => return Err(self.evidence(none).into()),
         };
@@ -168,7 +168,7 @@ impl Run<'_> {
         Ok(judgement)
     }
 
-    /// The power of the histogram's test, or of those of the integral, against the second density.
+    /// The power of the histogram's test, or of the tests of the integral, against the second density.
     pub(super) fn power(&self) -> Result<f64, Stop> {
         let claimed = self.masses(self.cells()?, 0)?;
         let actual = self.masses(claimed.cells.clone(), 1)?;
@@ -194,7 +194,7 @@ impl Run<'_> {
         Ok(shape.max(left))
     }
 
-    /// Draws the samples, and counts them by cell.
+    /// Runs the sampler, and counts the samples by cell.
     fn count(&self, cells: &Cells, estimates: bool) -> Result<Counts, Failure> {
         let settings = self.settings();
         let (sampler, pdf) = (self.calls(), self.other(0));
@@ -208,7 +208,7 @@ impl Run<'_> {
             let lanes = self.draw(self.configuration.seed, first, count);
             let results = sampler.call(&lanes, count)?;
             let width = lanes.len() / count;
-            // Points on the support, as words, and their cosines.
+            // The points on the support, as words, and their cosines.
             let mut inside = Vec::with_capacity(results.len());
             let mut cosines = Vec::with_capacity(count);
             for (index, result) in results.chunks_exact(sampler.words()).enumerate() {
@@ -226,7 +226,7 @@ impl Run<'_> {
                     }
                     Place::Outside => {
                         counts.left += 1;
-                        // It reflects nothing, and counts as such.
+                        // A sample outside of the support reflects nothing: its weight is 0.
                         counts.weights.iter_mut().for_each(|moments| moments.add(0.0));
                         if !settings.may_leave_support {
                             counts.outside.add(shown);
@@ -288,7 +288,7 @@ impl Run<'_> {
                     let returned = f64::from(f32::from_bits(*word));
                     (returned - weight).abs() <= rounding * weight + VANISHED
                 });
-                // What is 0 / 0 is an impossible sample already.
+                // A sample with density 0 is counted as impossible already.
                 if !right && density > 0.0 {
                     counts.weight.add(|| {
                         let call = self.other(2).shown(&lanes[index * width..][..width], returned);
