@@ -463,8 +463,8 @@ fn all(folder: &Path) -> Result<(), String> {
               (`ci/corpus/src/bin/passes.rs`).\n\n\
               ## Passes that `karat hazards` checked\n\n\
               `karat hazards` checked these passes without a test, with generated resources: \
-              vello_shaders 0.11, bevy_pbr 0.20 (clusters, mesh preprocessing, allocation of uniforms, light probes, SSAO, atmosphere), \
-              bevy_post_process 0.20 (auto exposure), the part of bevy_solari 0.20 that Karat can open, wgpu_sort 0.1 \
+              vello_shaders 0.11, bevy_pbr 0.20 (clusters, mesh preprocessing, allocation of uniforms, light \
+              probes, SSAO, atmosphere), bevy_post_process 0.20 (auto exposure), the part of bevy_solari 0.20 that Karat can open, wgpu_sort 0.1 \
               with the constants from its Rust code, and the compute shaders in eight files of the WebGPU samples. It \
               found:\n\n\
               - one race, storage-barrier in the table above;\n\
