@@ -462,11 +462,11 @@ fn all(folder: &Path) -> Result<(), String> {
               compares them with a reference in Rust, and requires Karat to find two planted faults \
               (`ci/corpus/src/bin/passes.rs`).\n\n\
               ## Passes that `karat hazards` checked\n\n\
-              `karat hazards` checked these passes without a test, with generated resources: \
-              vello_shaders 0.11, bevy_pbr 0.20 (clusters, mesh preprocessing, allocation of uniforms, light \
-              probes, SSAO, atmosphere), bevy_post_process 0.20 (auto exposure), the part of bevy_solari 0.20 that Karat can open, wgpu_sort 0.1 \
-              with the constants from its Rust code, and the compute shaders in eight files of the WebGPU samples. It \
-              found:\n\n\
+              `karat hazards` checked these passes without a test, with generated resources: vello_shaders 0.11, \
+              bevy_pbr 0.20 (clusters, mesh preprocessing, allocation of uniforms, light probes, SSAO, \
+              atmosphere), bevy_post_process 0.20 (auto exposure), the part of bevy_solari 0.20 that Karat can \
+              open, wgpu_sort 0.1 with the constants from its Rust code, and the compute shaders in eight files \
+              of the WebGPU samples. It found:\n\n\
               - one race, storage-barrier in the table above;\n\
               - indices out of range: last-bin above; boids and particles, whose last workgroup goes beyond the \
               array, because they don't compare the index with the length; and the histograms of wgpu_sort, whose \
