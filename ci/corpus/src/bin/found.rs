@@ -79,8 +79,9 @@ const FOUND: [Found; 9] = [
         name: "hue-of-grey",
         krate: "bevy_render@0.20.1",
         function: "color_operations::rgb_to_hsv",
-        says: "Every grey has the hue NaN: red, green and blue are equal, so the function divides 0 by 0. A line \
-               below guards only the saturation. Bevy's tone mapping turns hues with this function.",
+        says: "For every grey the function returns the hue NaN: red, green and blue are equal, so it divides 0 by 0. \
+               A later line prevents this division only for the saturation. Bevy's tone mapping changes hues with \
+               this function.",
         check: |package| hue_of_grey(package).into(),
         change: [
             "(swizzle.x - swizzle.y) / c + swizzle.z",
@@ -92,8 +93,8 @@ const FOUND: [Found; 9] = [
         name: "full-turn-of-hue",
         krate: "bevy_render@0.20.1",
         function: "color_operations::hsl_to_linear_rgb",
-        says: "A hue of 1, a whole turn, is red, as a hue of 0 is. No branch handles 1, so the most saturated \
-               colour of that hue comes out black. `hsv_to_linear_rgb` has the same fault.",
+        says: "A hue of 1 is a full turn, so it is red, as a hue of 0 is. No branch of the function handles a hue of \
+               1, so it returns black for pure red. `hsv_to_linear_rgb` has the same fault.",
         check: |package| full_turn_of_hue(package).into(),
         change: ["let hp = h * 6.0;", "let hp = fract(h) * 6.0;"],
         mended: None,
@@ -102,8 +103,9 @@ const FOUND: [Found; 9] = [
         name: "white-and-black",
         krate: "bevy_render@0.20.1",
         function: "color_operations::hwb_to_linear_rgb",
-        says: "If whiteness and blackness add up to more than 1, CSS Color 4 (section 8) scales both down, and the \
-               colour is a grey. Here the saturation becomes negative, and red comes out cyan.",
+        says: "If whiteness and blackness add up to more than 1, CSS Color 4 (section 8) scales both down, so the \
+               colour is a grey. This function doesn't scale them: the saturation becomes negative, and it returns \
+               cyan for a hue of red.",
         check: |package| white_and_black(package).into(),
         change: [
             "    let whiteness = hwb.y;\n    let blackness = hwb.z;\n",
@@ -116,8 +118,8 @@ const FOUND: [Found; 9] = [
         name: "angle-of-nothing",
         krate: "bevy_render@0.20.1",
         function: "maths::fast_atan2",
-        says: "The angle of (0, 0) is NaN, where `atan2` returns 0. Bevy's atmosphere computes the azimuth of each \
-               view ray with this function, and a ray straight up has (0, 0).",
+        says: "The function returns NaN for (0, 0), where `atan2` returns 0. Bevy's atmosphere computes the azimuth \
+               of each view ray with this function. For a ray straight up the arguments are (0, 0).",
         check: |package| angle_of_nothing(package).into(),
         change: ["var t3 = t1 / t0;", "var t3 = select(0.0, t1 / t0, t0 > 0.0);"],
         mended: None,
@@ -126,8 +128,8 @@ const FOUND: [Found; 9] = [
         name: "tone-of-black",
         krate: "bevy_core_pipeline@0.20.1",
         function: "tonemapping::tonemapping_reinhard_luminance",
-        says: "A black pixel becomes NaN: the function divides its mapped luminance by its luminance, and both are \
-               0. It is the tone mapping of `Tonemapping::ReinhardLuminance`.",
+        says: "A black pixel becomes NaN: the function divides the pixel's mapped luminance by its luminance, and \
+               both are 0. Bevy uses the function for `Tonemapping::ReinhardLuminance`.",
         check: |package| tone_of_black(package).into(),
         change: [
             "return c_in * (l_out / l_in);",
@@ -139,10 +141,11 @@ const FOUND: [Found; 9] = [
         name: "round-ellipse",
         krate: "bevy_smud@0.15.0",
         function: "smud::sd_ellipse",
-        says: "The distance to an ellipse with equal axes, a circle, is NaN: the formula divides by the difference \
-               of the squared axes. Close to a circle it is NaN or wrong, too, as the comment above warns, so a \
-               guard `if a == b` isn't enough. If the axes differ by less than a tenth, the change approaches the \
-               nearest point in four steps. Each step takes the nearest point of the circle of curvature.",
+        says: "The distance to a circle, an ellipse with equal axes, is NaN: the formula divides by the difference of \
+               the squared axes. If the axes are almost equal, the distance is NaN or wrong, too, as a comment in the \
+               shader warns. So a test for `a == b` isn't enough. The change below handles axes that differ by less \
+               than a tenth: four steps approach the nearest point of the ellipse. Each step moves to the nearest \
+               point of the circle of curvature.",
         check: |package| round_ellipse(package).into(),
         change: [
             "    let l = ab.y * ab.y - ab.x * ab.x;\n",
@@ -166,10 +169,11 @@ const FOUND: [Found; 9] = [
         name: "along-the-normal",
         krate: "bevy_pbr@0.20.1",
         function: "render::pbr_lighting::ltc_integrate_quad",
-        says: "A rectangle gives no light where the view is along the normal: a floor that an orthographic camera \
-               sees from above stays black. The first tangent is the part of the view across the normal. Here that \
-               part is 0, and normalising it gives NaN, so no comparison below finds a corner above the horizon. \
-               Any tangent would be right here.",
+        says: "If the view direction equals the normal, a rectangular light gives no light: a floor under an \
+               orthographic camera that looks straight down stays black. The function makes its first tangent from \
+               the part of the view that is perpendicular to the normal. Here that part is 0, and normalising it \
+               gives NaN. Later the function looks for corners of the rectangle above the horizon. Every comparison \
+               with NaN is false, so it finds no corner. Any tangent would be correct here.",
         check: |package| along_the_normal(package).into(),
         change: [
             "    let T1 = normalize(V - N * dot(V, N));\n",
@@ -183,10 +187,11 @@ const FOUND: [Found; 9] = [
         name: "last-bin",
         krate: "bevy_post_process@0.20.1",
         function: "auto_exposure::auto_exposure::compute_histogram",
-        says: "A workgroup has 256 invocations, and a histogram has 64 bins. Each invocation adds a bin, so 192 of \
-               them go beyond the arrays, where WGSL allows any element (6.4.4). Mesa drops such writes, which \
-               hides the fault. If a driver clamps the index, as WGSL allows, the bin of the brightest pixels \
-               counts 193 times, and auto exposure takes the frame for too bright.",
+        says: "A workgroup has 256 invocations, and the histogram has 64 bins. Each invocation adds the bin with its \
+               own index, so 192 invocations use an index outside of the arrays. WGSL then allows any element \
+               (6.4.4). Mesa drops such writes, which hides the fault. If a driver clamps the index, as WGSL allows, \
+               the shader adds the last bin, that of the brightest pixels, 193 times. Auto exposure then darkens the \
+               frame too much.",
         check: |package| last_bin(package).into(),
         change: [
             "    var histogram_value = atomicLoad(&histogram_shared[local_invocation_index]);\n    \
@@ -202,10 +207,10 @@ const FOUND: [Found; 9] = [
         name: "storage-barrier",
         krate: "vello_shaders@0.11.0",
         function: "tile_alloc::main",
-        says: "The counts of tiles lie in workgroup memory. Between the last write and the read of a neighbour's \
-               count stands only a `storageBarrier`, which orders storage alone (WGSL, 17.11.1). The comment above \
-               says that it replaces a workgroup barrier that a driver compiled wrongly. Drivers whose barriers \
-               order both address spaces hide the fault.",
+        says: "The shader keeps counts of tiles in workgroup memory. Each invocation writes its count, and later \
+               reads the count of a neighbour. Between both is only a `storageBarrier`, which doesn't order accesses \
+               of workgroup memory (WGSL, 17.11.1). A comment in the shader says that it replaces a workgroup barrier \
+               that a driver compiled wrongly. Drivers whose barriers order both address spaces hide the fault.",
         check: |package| storage_barrier(package).into(),
         change: [
             "    if local_id.x == WG_SIZE - 1u {\n        let count",
@@ -440,9 +445,9 @@ fn is_found(failure: &Failure) -> bool {
 fn all(folder: &Path) -> Result<(), String> {
     std::fs::create_dir_all(folder).map_err(|error| format!("`{}`: {error}", folder.display()))?;
     let mut index = String::from(
-        "# Found\n\nOrdinary checks of Karat find these faults in released shaders. Each check fails on the crate as \
-         it was released, and passes with one change. `cargo ci found` runs all checks over crates that cargo fetches, \
-         and writes these pages. They keep only the quoted lines of the crates.\n\n\
+        "# Found\n\nOrdinary checks of Karat find these faults in released shaders. Each check fails on the released \
+         crate, and passes after one change of the shader. `cargo ci found` fetches the crates with cargo, runs all \
+         checks, and writes these pages. The pages quote only the few lines of each crate that they discuss.\n\n\
          | fault | crate | function |\n|---|---|---|\n",
     );
     for found in &FOUND {
@@ -453,19 +458,21 @@ fn all(folder: &Path) -> Result<(), String> {
         index += &format!("| [{name}]({name}.md) | {krate} | `{function}` |\n");
         eprintln!("{name}: fails as released, passes when it is mended");
     }
-    index += "\nThe same command compares two compute passes of vello_shaders 0.11, its prefix sum over path tags, \
-              with a reference in Rust, and checks that Karat finds two planted faults: `ci/corpus/src/bin/passes.rs`.\n\n\
+    index += "\nThe same command tests two compute passes of vello_shaders 0.11, its prefix sum over path tags: it \
+              compares them with a reference in Rust, and requires Karat to find two planted faults \
+              (`ci/corpus/src/bin/passes.rs`).\n\n\
               ## Passes that `karat hazards` checked\n\n\
-              It checked these passes without a test, over generated resources: vello_shaders 0.11, bevy_pbr 0.20 \
-              (clusters, mesh preprocessing, allocation of uniforms, light probes, SSAO, atmosphere), \
-              bevy_post_process 0.20 (auto exposure), the part of bevy_solari 0.20 that opens, wgpu_sort 0.1 with the \
-              constants of its Rust, and the compute shaders of eight files of WebGPU's samples. It found:\n\n\
-              - one race, the storage barrier above;\n\
-              - indices out of range: the last bin above; boids and particles, which don't compare with the length, \
-              so that their last workgroup goes beyond the array; and the histograms of wgpu_sort, whose size its host \
-              rounds up;\n\
-              - a read of workgroup memory before anything writes it, in `allocate_global_scan` of bevy_pbr. It is \
-              zero only if the engine leaves initialisation on.\n";
+              `karat hazards` checked these passes without a test, with generated resources: vello_shaders 0.11, \
+              bevy_pbr 0.20 (clusters, mesh preprocessing, allocation of uniforms, light probes, SSAO, \
+              atmosphere), bevy_post_process 0.20 (auto exposure), the part of bevy_solari 0.20 that Karat can \
+              open, wgpu_sort 0.1 with the constants from its Rust code, and the compute shaders in eight files \
+              of the WebGPU samples. It found:\n\n\
+              - one race, storage-barrier in the table above;\n\
+              - indices out of range: last-bin above; boids and particles, whose last workgroup goes beyond the \
+              array, because they don't compare the index with the length; and the histograms of wgpu_sort, whose \
+              size the host rounds up;\n\
+              - a read of workgroup memory before the first write, in `allocate_global_scan` of bevy_pbr. The memory \
+              is zero only if the host leaves zero initialisation on.\n";
     index += DISPATCHED;
     let file = folder.join("README.md");
     std::fs::write(&file, index).map_err(|error| format!("`{}`: {error}", file.display()))
@@ -473,15 +480,15 @@ fn all(folder: &Path) -> Result<(), String> {
 
 /// Passes of repositories that were checked once, by hand.
 const DISPATCHED: &str = "
-## Passes that were dispatched as their host does
+## Passes with the sizes of their host
 
-`karat call --dispatch` checked each pass with buffers of the true size: the 13 passes of blade (dd93e63) that naga takes, four of them with a stand-in for ray queries, and wonnx's 21 templates (c62f5d3), rendered for 137 nodes with the sizes and workgroups of its compiler. blade's passes are clean. These nodes of wonnx have a fault, each in wonnx's code:
+`karat call --dispatch` checked each pass with the buffer sizes and workgroup counts of its own host. These are the 13 passes of blade (dd93e63) that naga accepts, four of them with a replacement for ray queries, and the 21 templates of wonnx (c62f5d3), for 137 nodes. blade's passes have no fault. These nodes of wonnx have one, each in wonnx's own code:
 
-- Softmax of operator sets 11 and 12 has a race. Its host dispatches a column for each element right of the axis, and each column writes the whole chunk, so columns write the same elements.
-- MatMul whose sizes have 5, 7 or 9 as their common divisor uses tiles of 4, which don't fit: two matrices of a stack write the same elements, and each reads and writes beyond its buffer. With the divisor 3, a vector takes 16 bytes where the host has 12.
-- Conv of 3 x 3 without a bias reads beyond its weights, because wonnx pads them only if there is a bias.
-- Above 65,535 elements a workgroup has two invocations. If the number of elements is odd, the last invocation of Relu, Add and others is outside of the array, because no template compares with the length.
-- Resize by sizes rounds its scale to two digits: from 300 to 400 texels it reads beyond the row.
+- Softmax of operator sets 11 and 12 has a race. The host dispatches one column of invocations for each element right of the axis. Each column writes the whole chunk, so several columns write the same elements.
+- If the sizes of a MatMul have 5, 7 or 9 as their common divisor, it uses tiles of 4, which don't fit. Two matrices of a stack then write the same elements, and each matrix reads and writes beyond its buffer. With the divisor 3, a vector has 16 bytes in the shader and 12 on the host.
+- Conv of 3 x 3 without a bias reads beyond its weights, because wonnx pads the weights only if there is a bias.
+- Above 65,535 elements a workgroup has two invocations. If the number of elements is odd, the last invocation of Relu, Add and others uses an index outside of the array, because no template compares the index with the length.
+- Resize with given sizes rounds its scale to two digits: a resize from 300 to 400 texels reads beyond the row.
 ";
 
 /// Runs a finding, as released and repaired, and writes its page.
@@ -544,7 +551,7 @@ fn page(found: &Found) -> Result<String, String> {
     let _ = write!(
         page,
         "# {}\n\n`{}` of {crate_name} {version}, line {line} of its module.\n\n{}\n\nThe test:\n\n```rust\n{}```\n\n\
-         Karat says:\n\n```text\n{}\n```\n\nMended, it passes:\n\n```diff\n{}{}```\n",
+         Karat says:\n\n```text\n{}\n```\n\nAfter this change it passes:\n\n```diff\n{}{}```\n",
         found.name.replace('-', " "),
         found.function,
         found.says,
@@ -554,7 +561,7 @@ fn page(found: &Found) -> Result<String, String> {
         lines(to, from, '+'),
     );
     if found.mended.is_some() {
-        let _ = write!(page, "\nIt passes this, too:\n\n```rust\n{more}```\n");
+        let _ = write!(page, "\nIt also passes this check:\n\n```rust\n{more}```\n");
     }
     Ok(page)
 }
