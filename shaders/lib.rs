@@ -3,9 +3,9 @@
 //! `X.wgsl` is the shader; `X.rs` has its references: the same functions in f64, in the form of the cited paper. The
 //! two sides share no code and, where the shader is optimised, no algebra, so agreement between them is evidence.
 //!
-//! Shader functions are pure: values in, values out. Bindings live in `environment.wgsl` (the
-//! light), which `irradiance.wgsl` and `specular.wgsl` sample, in `camera.wgsl`, and in the modules
-//! with entry points: `scene.wgsl`, `probe_room.wgsl` and `maps.wgsl`. The folder `as_written` holds
+//! Shader functions are pure: values in, values out. These modules have bindings: `camera.wgsl`; `environment.wgsl`,
+//! whose light `irradiance.wgsl` and `specular.wgsl` sample; and the modules with entry points, `scene.wgsl`,
+//! `probe_room.wgsl` and `maps.wgsl`. The folder `as_written` holds
 //! the mistakes of the sources, as functions that the tests catch.
 //! Arguments come in one order: material (`f0`, `alpha`), frame (`n`), `v`, `l`, random numbers
 //! (`u`).

@@ -30,6 +30,7 @@ pub(crate) fn run() -> ExitCode {
         && steps.run("build", suite::build)
         && steps.run("npm packages", || suite::npm_packages(true))
         && steps.run("behind a pipe", || command::run(&mut suite::piped(&[])))
+        && steps.run("example for Bevy", suite::bevy_example)
         && steps.run("glams", glams::run)
         && steps.run("long suites", || command::run(&mut suite::long()))
         && steps.run("dawn", || on_the_web("dawn"))

@@ -91,7 +91,7 @@ pub(crate) fn browser() -> Option<std::path::PathBuf> {
 /// Installs the packages that the tests of Karat's npm packages use, if they are missing.
 pub(crate) use npm::{install_web, node_and_modules, version as node_version};
 
-/// Only reports. A missing path is an error with instructions to install it.
+/// Installs nothing. If a driver that the tests need is missing, the error says how to install it.
 pub(crate) fn check() -> Result<()> {
     if came_with_the_system() {
         return Ok(());

@@ -105,8 +105,8 @@ pub enum PathError {
     },
     /// A custom executor has the path of another executor, or of one of wgpu's drivers.
     #[error(
-        "another executor is called `{path}` already: name this one by its maker, such as \
-         `{}@mine`, or `cpu`", path.api().name()
+        "another executor is called `{path}` already: choose another name after the `@`, such as \
+         `{}@mine`", path.api().name()
     )]
     Taken {
         /// The path.

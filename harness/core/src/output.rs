@@ -88,7 +88,7 @@ fn commands(character: char) -> bool {
     }
 }
 
-/// A text with escaped terminal commands: `\u{1b}`. Line ends may be those of Windows.
+/// A text with escaped terminal commands: `\u{1b}`. Line ends, `\n` and `\r\n`, stay.
 #[must_use]
 pub fn visible(text: &str) -> Cow<'_, str> {
     escaped(text, |character| format!("\\u{{{:x}}}", u32::from(character)))

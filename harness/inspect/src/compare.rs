@@ -1351,7 +1351,7 @@ mod tests {
         let moved = interface(aligned, "y: f32", "@align(16) y: f32");
         assert_eq!(
             moved,
-            ["`p` takes 32 bytes, and took 8", "`p.y` lies at byte 16, and was at 4"]
+            ["`p` takes 32 bytes now, and took 8 before", "`p.y` lies at byte 16, and was at 4"]
         );
         let space = interface(buffer, "var<storage>", "var<storage, read_write>");
         assert_eq!(space.len(), 1, "{space:?}");

@@ -84,9 +84,9 @@ pub enum Class {
     Fault,
     /// Some sample averts it, or too few samples reached the operation.
     Requirement,
-    /// Its callers ran the operation in at least 256 calls, and it was fine in each.
+    /// The function's callers keep the requirement: in at least 256 of their calls the operation ran without an error.
     Met,
-    /// Its callers ran the operation less often.
+    /// The function's callers ran the operation in fewer calls.
     NotReached,
     /// In every case a `select`, a branch or a bound of an infinity drops the value.
     Dropped,

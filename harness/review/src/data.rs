@@ -161,8 +161,8 @@ fn received(data: &Value) -> String {
     format!("karat.receive({});\n", embedded(data))
 }
 
-/// A margin of a gate. JSON has neither NaN nor infinity, so they are words, and `passes` is decided here. The corners
-/// of its place are inclusive.
+/// A margin of a gate. JSON has neither NaN nor infinity, so they are words, and `passes` is decided here. The
+/// corners are those of a rectangle, whose right column and bottom row of pixels belong to it.
 fn gate(margin: &CriterionMargin) -> Value {
     let CriterionMargin { name, value, bound, note, .. } = margin;
     let corners = margin.place.map(|place| {

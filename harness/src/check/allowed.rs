@@ -7,7 +7,7 @@ use crate::judge::{Class, Judged};
 use crate::tolerance::{LaneError, SpecTolerance, Unit};
 use crate::value::Scalar;
 
-/// The allowed bounds for the cases of a batch, and the accuracy that the test's author needs.
+/// The bounds that WGSL allows for the results of each case of a batch, and the tolerance that the test's author sets.
 #[derive(Clone, Copy)]
 pub(super) struct Allowed<'g> {
     pub(super) spec_tolerance: &'g SpecTolerance,

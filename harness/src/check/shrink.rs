@@ -53,7 +53,7 @@ impl Session<'_> {
     }
 }
 
-/// The first failing value. `judge` counts the cases of each call from 0.
+/// The first failing value. The indices of `judge` begin at 0 in each call of `judge`.
 fn first_failing(
     values: &[Held],
     effort: Effort,

@@ -18,8 +18,8 @@ use super::{Package, PackageError, directives, imports};
 use crate::diagnostic::{SourceFile, nearest};
 
 impl Package {
-    /// Packages of one generated module each, which depend on this one by a name. They have the features in `set`, and
-    /// the definitions that the module of the same name makes in its `text`.
+    /// Makes a package for each text, whose only module it is. Each has this package as a dependency called `name`, the
+    /// features in `set`, and the definitions that the module of the same name makes in its `text`.
     pub(crate) fn around<const N: usize>(
         &self,
         name: &str,

@@ -390,7 +390,7 @@ impl Package {
         }
         let (span, count) = self.for_validating(module).first_test(module)?;
         let tests = counted(count, "test");
-        let message = format!("{tests} here, which an engine that loads this file doesn't know");
+        let message = format!("{tests} here: an engine that loads this file doesn't know `@test`");
         let name = module.rsplit("::").next().unwrap_or(module);
         let note = format!(
             "move tests to `{name}_test.wgsl`, or ship what `karat show --plain {module}` prints"

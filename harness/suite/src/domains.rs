@@ -351,7 +351,7 @@ pub(crate) fn over(name: &str, shape: &Shape, words: &[String]) -> Result<Vec<Pa
         ([name, list @ ..], None) if name == "one_of" => {
             let list = list.iter().map(number).collect::<Option<Vec<_>>>();
             let list = list.filter(|list| !list.is_empty() && matches!(shape, Shape::Scalar(_)));
-            Value::Array(list.ok_or("`@over(one_of, -1, 1)` lists values of numbers only")?)
+            Value::Array(list.ok_or("`@over(one_of, -1, 1)` is for a single number")?)
         }
         (_, None) => {
             return Err("`@over` takes numbers, or one name such as `unit_vector`".to_owned());
@@ -363,7 +363,11 @@ pub(crate) fn over(name: &str, shape: &Shape, words: &[String]) -> Result<Vec<Pa
         }
         (_, Some(list)) => match shape {
             Shape::Scalar(_) => Value::Array(list),
-            _ => return Err("`@over` lists values of numbers only".to_owned()),
+            _ => {
+                return Err(
+                    "a list of values, as in `@over(0, 0.5, 1)`, is for a single number".to_owned()
+                );
+            }
         },
     };
     parts(name, shape, Some(&value), &Ranges::default())

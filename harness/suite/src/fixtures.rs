@@ -464,7 +464,7 @@ fn buffer(
         return buffer(program, binding, &value, Path::new("")).map_err(|error| inside(&error));
     }
     let is_list = |shape: &Shape| matches!(shape, Shape::Array { .. });
-    let unknown = || format!("no values are known for a {}", binding.kind);
+    let unknown = || format!("a {} has no values that a test could give", binding.kind);
     let plain = program.buffer_of(binding, 0).ok_or_else(unknown)?;
     match (&plain, value) {
         (Shape::Array { element, length }, Value::Table(table)) => {
@@ -501,7 +501,7 @@ fn buffer(
         }
         (Shape::Array { element, .. }, Value::Array(list)) => listed(element, list),
         (Shape::Array { length: 0, .. }, _) => {
-            return Err("an array without a length is a list".to_owned());
+            return Err("the type is an array without a length: write a list".to_owned());
         }
         _ => 0,
     };
@@ -579,7 +579,9 @@ fn spread(
         None => match fixed {
             Some(length) => length,
             None => {
-                return Err("an array without a length is a list, or says its `size`".to_owned());
+                return Err(
+                    "the type is an array without a length: write a list, or its `size`".to_owned()
+                );
             }
         },
     };

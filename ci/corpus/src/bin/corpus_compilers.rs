@@ -119,7 +119,7 @@ fn tables(wanted: &[Wanted]) -> Result<String, String> {
     Ok(text)
 }
 
-/// Asks both compilers about all modules of a crate.
+/// Compiles all modules of a crate with naga and with Tint, and returns where their verdicts differ.
 fn read(wanted: &Wanted) -> Result<(Sum, Vec<Difference>), String> {
     let name = wanted.name();
     let package = wanted.open().map_err(|error| format!("{name}: {error}"))?;

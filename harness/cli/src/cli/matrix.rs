@@ -289,7 +289,8 @@ fn few(names: impl Iterator<Item = String>) -> String {
 fn records(project: &Project) -> anyhow::Result<Vec<Record>> {
     let folder = project.record();
     let recorded = Recorded::read(&folder)?;
-    let missing = || format!("there is no record of a run (`{}`)", folder.display());
+    let missing =
+        || format!("there is no record of a run (`{}`): run `karat test` first", folder.display());
     Ok(recorded.with_context(missing)?.records)
 }
 

@@ -95,7 +95,10 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             found => found,
         };
         found.ok_or_else(|| {
-            let why = format!("there is no record of a run (`{}`)", folder.display());
+            let why = format!(
+                "there is no record of a run (`{}`): run `karat test` first",
+                folder.display()
+            );
             anyhow::Error::from(NotThere(why))
         })
     };

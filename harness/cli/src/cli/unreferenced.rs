@@ -224,7 +224,12 @@ fn write(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
 fn whole_run(record: &Path) -> anyhow::Result<(PathBuf, Vec<Record>)> {
     let none = |why: String| NotThere(format!("{why}; run `karat test` without a filter first"));
     let recorded = Recorded::read(record)?;
-    let absent = || none(format!("there is no record of a run (`{}`)", record.display()));
+    let absent = || {
+        none(format!(
+            "there is no record of a run (`{}`): run `karat test` first",
+            record.display()
+        ))
+    };
     let Recorded { folder, records, run } = recorded.ok_or_else(absent)?;
     let shown = folder.display();
     let run =

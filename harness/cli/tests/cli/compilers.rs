@@ -420,7 +420,7 @@ fn files_that_are_shipped_stay_shippable() {
     write(folder.path(), "shaders/n.wgsl", mixed);
     write(folder.path(), "shaders/m_test.wgsl", "@test fn is_one() { expect(true); }\n");
     let out = karat(folder.path(), CHECK).good();
-    assert!(out.contains("warning: 2 tests here, which an engine that loads this file"), "{out}");
+    assert!(out.contains("warning: 2 tests here: an engine that loads this file"), "{out}");
     assert!(out.contains("shaders/n.wgsl:4:1") && !out.contains("m_test.wgsl:"), "{out}");
     assert!(last_line(&out).contains("tests stand in 1 module"), "{out}");
     let plain = karat(folder.path(), &["show", "--plain", "n", "--shaders", "shaders"]).good();

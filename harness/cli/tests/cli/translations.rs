@@ -647,7 +647,7 @@ fn what_is_required_of_the_matrix_decides() {
     assert!(ran.err.contains("image::fill: path `vulkan:hlsl` doesn't take this"), "{ran:?}");
     let ran = matrix(&[&only[..], &["--require", "msl=valid"]].concat());
     assert_eq!(ran.code, Some(1), "{ran:?}");
-    assert!(ran.err.contains("none of the validators of msl is here"), "{ran:?}");
+    assert!(ran.err.contains("no validator of msl is installed"), "{ran:?}");
     for (wrong, message) in [
         (&["--require", "vulkan=good"][..], "`good` is no status; they are translated, valid"),
         (&["--require", "vulkan"], "write COLUMN=STATUS"),
@@ -987,7 +987,10 @@ mod planted {
         assert_eq!(ran.code, Some(1), "{ran:?}");
         assert!(ran.out.contains("INVALID") && !ran.out.contains("known"), "{ran:?}");
         let xml = std::fs::read_to_string(folder.path().join("m.xml")).expect("it is written");
-        assert!(xml.contains("it is declared not to get to `agrees`, and fails before"), "{xml}");
+        assert!(
+            xml.contains("the row is declared not to reach `agrees`, but fails at an earlier step"),
+            "{xml}"
+        );
         let file = ["--shaders", "shaders/maths.wgsl", "--only", "blend"];
         let columns = ["--columns", "vulkan,vulkan:wgsl"];
         let ran = karat(folder.path(), &[&["matrix"], &file[..], &columns[..]].concat()).good();
@@ -1017,7 +1020,7 @@ mod planted {
         let healthy = run_with_glslang(&folder, "", "", &["--html", "m.html"]);
         assert_eq!(healthy.code, Some(1), "{healthy:?}");
         let outdated = "one cell declared to fail turns out to work: delete what `karat.toml` \
-                        declares of maths::blend on vulkan:hlsl: it gets to `agrees`";
+                        declares of maths::blend on vulkan:hlsl: the row reaches `agrees`";
         assert!(healthy.err.contains(outdated), "{healthy:?}");
         // What is declared to be rejected, and is accepted and differs, is no news to be glad of.
         declare("maths::blend", "vulkan:hlsl", "valid", "the compiler is wrong");

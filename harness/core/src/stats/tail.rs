@@ -118,7 +118,8 @@ pub fn binomial_tail(successes: u64, trials: u64, probability: f64) -> f64 {
     (2.0 * tail).min(1.0)
 }
 
-/// The probability that Kolmogorov's distance of `samples` samples is at least `distance`. Stephens 1970, with
+/// The probability that the Kolmogorov-Smirnov distance of so many random samples to their distribution is at least
+/// `distance`. Stephens 1970, with
 /// Kolmogorov's series.
 #[must_use]
 pub fn kolmogorov_tail(distance: f64, samples: f64) -> f64 {

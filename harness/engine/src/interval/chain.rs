@@ -332,7 +332,7 @@ pub(super) struct Product {
     dividend: f32,
     divisors: u16,
     dividends: u16,
-    /// The most divisions in any order.
+    /// The largest number of divisions in any order of evaluation.
     divisions: u16,
     /// The factors that make a product round: those that aren't powers of two.
     rounding: u16,

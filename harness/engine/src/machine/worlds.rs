@@ -1,7 +1,8 @@
 //! Masks of active lanes for conditions that may be undecided: both ways run, then their values are joined.
 //!
-//! A lane whose condition is undecided forks. Its world in the first branch runs first. Then its variables are
-//! restored, and its world in the other branch runs. Where control meets again (at the end of a branch, of a loop's
+//! A lane whose condition is undecided forks into two *worlds*, a copy of its variables for each branch. The world of
+//! the first branch runs first. Then the lane's variables get their earlier values, and the world of the other branch
+//! runs. Where control meets again (at the end of a branch, of a loop's
 //! body, of a loop, of a call), the worlds that have arrived are joined. So every store is a plain one, and a loop
 //! still ends in a branch that may not be taken.
 //!

@@ -175,7 +175,7 @@ pub(super) fn interface(before: Side<'_>, after: Side<'_>) -> Vec<String> {
         let bytes = |side: Side<'_>, binding: &Binding| side.program.least_bytes(binding);
         if bytes(before, old) != bytes(after, new) {
             let (was, is) = (bytes(before, old), bytes(after, new));
-            all.push(format!("`{name}` takes {is} bytes, and took {was}"));
+            all.push(format!("`{name}` takes {is} bytes now, and took {was} before"));
         }
         let (was, is) = (before.program.places(old), after.program.places(new));
         let moved = is.iter().find_map(|(path, place)| {

@@ -211,7 +211,7 @@ fn said(tool: &Tool, answer: std::io::Result<Validation>) -> Said {
 fn no_validator(target: Target) -> String {
     let missing = Tool::all().iter().filter_map(|tool| tool.as_ref().err());
     let names: Vec<_> = missing.filter(|m| m.targets.contains(&target)).map(|m| m.name).collect();
-    format!("none of the validators of {target} is here: {}", names.join(", "))
+    format!("no validator of {target} is installed: install one of {}", names.join(", "))
 }
 
 #[cfg(test)]

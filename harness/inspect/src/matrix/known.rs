@@ -155,16 +155,16 @@ impl Matrix {
             for (head, cell) in self.columns.iter().zip(&row.cells) {
                 let why = match (&cell.known, &cell.stopped) {
                     (Some(known), Some(stop)) if cell.contradicts() && stop.is_wrong() => format!(
-                        "it gets to `{}`, though it is declared not to, and fails behind: {}",
+                        "the row reaches `{}`, though it is declared not to, and fails at a later step: {}",
                         known.status,
                         stop.text()
                     ),
                     (Some(known), _) if cell.contradicts() => {
-                        format!("it gets to `{}`, though it is declared not to", known.status)
+                        format!("the row reaches `{}`, though it is declared not to", known.status)
                     }
                     _ if cell.fails_as_declared().is_some() => continue,
                     (Some(known), Some(stop)) if stop.is_wrong() => format!(
-                        "it is declared not to get to `{}`, and fails before: {}",
+                        "the row is declared not to reach `{}`, but fails at an earlier step: {}",
                         known.status,
                         stop.text()
                     ),
