@@ -146,7 +146,7 @@ enum Task {
     /// Print a random sample of the sentences that people read, for a reader who has never seen them.
     Sentences {
         /// Where they come from
-        from: sentences::From,
+        from: sentences::Source,
         /// How many
         #[arg(long, default_value_t = 30)]
         count: usize,

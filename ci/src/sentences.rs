@@ -12,7 +12,7 @@ use crate::command;
 
 /// Where sentences come from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum From {
+pub(crate) enum Source {
     /// The README and the pages below `docs` that people write
     Docs,
     /// Documentation comments
@@ -33,8 +33,8 @@ const WRITTEN: [&str; 5] = [
 /// Fewer words are a name or a part of a sentence.
 const FEWEST_WORDS: usize = 5;
 
-/// Prints as many sentences as are wanted, each with its place. The same seed gives the same ones.
-pub(crate) fn run(from: From, count: usize, seed: u64) -> Result<()> {
+/// Prints as many sentences as are wanted, each with its place. The same seed gives the same ones with the same Rust.
+pub(crate) fn run(from: Source, count: usize, seed: u64) -> Result<()> {
     let listed = Command::new("git").arg("ls-files").current_dir(command::root()).output()?;
     let listed = String::from_utf8(listed.stdout).context("git lists files by UTF-8")?;
     let mut all = Vec::new();
@@ -56,34 +56,34 @@ pub(crate) fn run(from: From, count: usize, seed: u64) -> Result<()> {
     Ok(())
 }
 
-fn is_read(from: From, file: &str) -> bool {
+fn is_read(from: Source, file: &str) -> bool {
     let is_test = file.contains("/tests/") || file.ends_with("tests.rs");
     match from {
-        From::Docs => {
+        Source::Docs => {
             let is_page = file == "README.md" || file.starts_with("docs/");
             let is_written = WRITTEN.iter().any(|written| file.starts_with(written));
             file.ends_with(".md") && is_page && !is_written && file != "docs/SUMMARY.md"
         }
-        From::Comments => file.ends_with(".rs"),
-        From::Messages => file.ends_with(".rs") && file.starts_with("harness/") && !is_test,
+        Source::Comments => file.ends_with(".rs"),
+        Source::Messages => file.ends_with(".rs") && file.starts_with("harness/") && !is_test,
     }
 }
 
 /// The sentences of a file, each with the line on which its paragraph begins.
-fn sentences(from: From, text: &str) -> Vec<(usize, String)> {
+fn sentences(from: Source, text: &str) -> Vec<(usize, String)> {
     let mut paragraphs: Vec<(usize, String)> = Vec::new();
     let (mut open, mut fenced) = (false, false);
     // Code of a module's tests prints nothing.
     let text = match from {
-        From::Messages => text.split("#[cfg(test)]\nmod ").next().unwrap_or_default(),
-        From::Docs | From::Comments => text,
+        Source::Messages => text.split("#[cfg(test)]\nmod ").next().unwrap_or_default(),
+        Source::Docs | Source::Comments => text,
     };
     for (number, line) in (1..).zip(text.lines()) {
         let line = line.trim();
         let part = match from {
-            From::Docs => Some(line),
-            From::Comments => line.strip_prefix("///").or_else(|| line.strip_prefix("//!")),
-            From::Messages => {
+            Source::Docs => Some(line),
+            Source::Comments => line.strip_prefix("///").or_else(|| line.strip_prefix("//!")),
+            Source::Messages => {
                 let quoted = line.split('"').skip(1).step_by(2);
                 paragraphs.extend(quoted.map(|part| (number, part.to_owned())));
                 None
@@ -128,7 +128,7 @@ mod tests {
             sentences(from, text).into_iter().map(|(line, one)| format!("{line} {one}")).collect()
         };
         let page = "# A head of five words here\n\nOne sentence on\ntwo lines here. And one more of six words.\n\n```sh\nno word of this is one\n```\n- An item of five words\n";
-        let found: Vec<String> = of(From::Docs, page);
+        let found: Vec<String> = of(Source::Docs, page);
         assert_eq!(
             found,
             [
@@ -138,9 +138,9 @@ mod tests {
             ]
         );
         let code = "/// Adds a number to\n/// another one.\nfn f() { bail!(\"can't read a file of {x}\") } // not this line here at all\n";
-        let found: Vec<String> = of(From::Comments, code);
+        let found: Vec<String> = of(Source::Comments, code);
         assert_eq!(found, ["1 Adds a number to another one."]);
-        let found: Vec<String> = of(From::Messages, code);
+        let found: Vec<String> = of(Source::Messages, code);
         assert_eq!(found, ["3 can't read a file of {x}"]);
     }
 }

@@ -81,7 +81,7 @@ pub struct Interpreted {
 /// The settings with which an arithmetic of the path `cpu` lowers programs.
 fn lowering(via: Via) -> Settings {
     let (contract, statements) = (via == Via::Fma, counted::counts());
-    // What an assertion reads is looked at.
+    // Tests look at the values of assertions.
     let named: &[&str] = if statements { &[ASSERTED] } else { &[] };
     Settings { contract, statements, named, ..Settings::default() }
 }

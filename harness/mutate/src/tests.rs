@@ -358,6 +358,25 @@ fn tests_in_wgsl_kill() {
     }
 }
 
+/// Nothing is claimed of the values of a test in WGSL, which compares in the shader. A declared test shows them.
+#[test]
+fn values_that_no_run_shows_are_not_judged() {
+    let shader = "fn f(x: f32) -> f32 { if (x > 3.0) { return x + 7.0; } return x; }\n";
+    let declared =
+        "[[test]]\nfunction = \"f\"\nover = { x = 2 }\nequals = 2\ntolerance = \"exact\"\n";
+    let wgsl = "import package::calc::f;\nimport karat::expect_true;\n@test fn t() { expect_true(f(4.0) > 0.0); }\n";
+    for (tests, other, shown) in [(declared, "", true), ("", wgsl, false)] {
+        let folder = folder(shader, tests);
+        if tests.is_empty() {
+            std::fs::remove_file(folder.path().join("calc.test.toml")).expect("it was there");
+            std::fs::write(folder.path().join("calc_test.wgsl"), other).expect("written");
+        }
+        let hunted = hunted(folder.path());
+        let fate = &of(&hunted, "f", "7.0", "14.0").fate;
+        assert!(matches!(fate, Fate::Lived { seen, .. } if *seen == shown), "{fate:?}");
+    }
+}
+
 /// A mutated constant shows where another module uses it: no test sees it, or it makes that module invalid.
 #[test]
 fn constants_reach_other_modules() {

@@ -133,6 +133,13 @@ impl Frame<'_> {
                 "of an operation that runs more than {BRIEFLY} times the first {BRIEFLY} are shown"
             ));
         }
+        if probed.function().form.alone && place((x, y)) != 0 {
+            notes.push(
+                "the function writes storage, so the engine runs it for this pixel alone: it takes derivatives along the quad's slopes, \
+                 as if the pixel were the quad's first"
+                    .to_owned(),
+            );
+        }
         if drawing.scene().samples > 1 {
             notes.push(
                 "the inputs are those at the pixel's centre, and the frame has several samples"

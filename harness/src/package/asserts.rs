@@ -40,7 +40,7 @@ pub(super) fn read(source: SourceFile) -> Result<SourceFile, PackageError> {
         return Ok(source);
     }
     let (mut text, mut values) = (String::with_capacity(2 * source.text.len()), Vec::new());
-    let mut before_it = "";
+    let mut previous = "";
     for (number, line) in (1..).zip(source.text.split_inclusive('\n')) {
         let wrong = |reason: String| PackageError::Asserts {
             place: format!("{}:{number}", source.name),
@@ -49,12 +49,12 @@ pub(super) fn read(source: SourceFile) -> Result<SourceFile, PackageError> {
         let Some(Line { verb, head, expression }) = Line::of(line).map_err(wrong)? else {
             text.push_str(line);
             if !line.trim().is_empty() {
-                before_it = line.trim();
+                previous = line.trim();
             }
             continue;
         };
         let is_name = |c: char| c.is_alphanumeric() || c == '_';
-        let returned = before_it.strip_prefix("return").filter(|rest| !rest.starts_with(is_name));
+        let returned = previous.strip_prefix("return").filter(|rest| !rest.starts_with(is_name));
         if returned.is_some_and(|rest| rest.ends_with(';')) {
             return Err(wrong("it stands behind a `return`, and never runs".to_owned()));
         }

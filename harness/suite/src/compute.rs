@@ -55,7 +55,7 @@ pub(crate) struct Declared {
     /// Variables into which several invocations may write the same value, each with the reason.
     #[serde(default)]
     accept_equal_writes: BTreeMap<String, String>,
-    /// What each resource holds after the passes: `{ sums = { equals = [1, 3] } }`; the keys stand below.
+    /// The expected contents of each resource after the passes: `{ sums = { equals = [1, 3] } }`; the keys stand below.
     #[serde(default)]
     after: BTreeMap<String, Expected>,
     /// Nothing that the passes compute has a hazard: `true`, or a list of kinds.

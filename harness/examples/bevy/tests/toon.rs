@@ -23,7 +23,7 @@ fn steps_follow_the_light() {
     );
 }
 
-/// What looks away from the light is black.
+/// A surface that looks away from the light is black.
 #[test]
 fn the_far_side_is_black() {
     let package = ours();
