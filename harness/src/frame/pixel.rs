@@ -133,13 +133,6 @@ impl Frame<'_> {
                 "of an operation that runs more than {BRIEFLY} times the first {BRIEFLY} are shown"
             ));
         }
-        if probed.function().form.alone && place((x, y)) != 0 {
-            notes.push(
-                "the function writes storage, so the engine runs it for this pixel alone: it takes derivatives along the quad's slopes, \
-                 as if the pixel were the quad's first"
-                    .to_owned(),
-            );
-        }
         if drawing.scene().samples > 1 {
             notes.push(
                 "the inputs are those at the pixel's centre, and the frame has several samples"
@@ -258,7 +251,12 @@ fn quad(
              derivatives towards it are 0 here"
         )
     });
-    (quad, notes.into_iter().collect())
+    let alone = (probed.function().form.alone && own != 0).then(|| {
+        "the function writes storage, so the engine runs it for this pixel alone: derivatives are those of a quad that \
+         begins here"
+            .to_owned()
+    });
+    (quad, notes.into_iter().chain(alone).collect())
 }
 
 /// The place of a pixel in its quad: 1 is on the right, 2 below.
