@@ -85,6 +85,14 @@ fn bent(@location(0) uv: vec2f, @builtin(position) at: vec4f) -> @location(0) ve
     return vec4f(across, down, fwidth(at.x * at.x), 1.0);
 }
 
+@group(0) @binding(9) var<storage, read_write> log: array<f32, 4>;
+
+@fragment
+fn logged(@location(0) uv: vec2f) -> @location(0) vec4f {
+    log[0] = uv.x;
+    return vec4f(dpdx(uv.x));
+}
+
 @fragment
 fn steep(@builtin(position) at: vec4f) -> @location(0) vec4f {
     return vec4f(dpdx(at.x));
@@ -396,6 +404,15 @@ fn derivatives_and_draws_are_the_pixel_s_own() {
                     traced.driver
                 );
             }
+        }
+        // A function that writes storage runs for one pixel, and a note says so at other places of a quad.
+        let logged = package.frame("", 4, 2).with("log", Storage::new([0.0_f32; 4]));
+        let logged = logged.fragment("logged");
+        for (pixel, is_noted) in [((2, 0), false), ((1, 0), true)] {
+            let traced =
+                logged.trace(path, pixel).unwrap_or_else(|error| panic!("{path}: {error}"));
+            let is_it = |note: &String| note.contains("writes storage");
+            assert_eq!(traced.notes.iter().any(is_it), is_noted, "{path}: {:?}", traced.notes);
         }
         let of = |pixel| both(&package).trace(path, pixel).expect("it is drawn");
         assert_eq!((&*of((1, 0)).function, &*of((2, 0)).function), ("red", "nothing"));
