@@ -70,6 +70,7 @@ fn images_that_are_no_environment_are_refused() {
 
 /// Values of the scene on drivers lie in the range that WGSL allows for the inputs that they interpolated. Most have
 /// the engine's bits: products and sums are exact on both, `normalize` and `dot` aren't.
+// Lesson 39
 #[test]
 fn values_of_the_scene_are_the_engine_s() {
     const NAMES: [&str; 10] = [

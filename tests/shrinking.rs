@@ -34,6 +34,7 @@ fn simplest(found: &Disagreement) -> Vec<String> {
 const THREE: &str = "fn f(n: vec3f, x: f32, i: u32) -> f32 {\n    \
                      return select(n.z, 2.0, x > 0.3 && x < 0.9 && i > 4u);\n}";
 
+// Lesson 41: shrinking and remembered inputs
 #[test]
 fn each_verb_reduces_its_worst_case() {
     let package = Package::from_source("planted", THREE);
@@ -58,6 +59,7 @@ fn each_verb_reduces_its_worst_case() {
 }
 
 /// Simplification works on the value before the mapping, and a filter holds for each value that it tries.
+// Lesson 41: shrinking and remembered inputs
 #[test]
 fn mapped_and_filtered_domains_are_reduced_within() {
     let wgsl = "fn f(l: vec3f, v: vec3f) -> f32 { return select(dot(l, v), 9.0, l.z < 0.7); }";
@@ -258,6 +260,7 @@ fn a_remembered_integral_fails_again() {
 }
 
 /// A failing input is stored once, tried again, and stays after it passes.
+// Lesson 41: shrinking and remembered inputs
 #[test]
 fn failing_inputs_are_remembered() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -341,6 +344,7 @@ karat::shareable! {
 }
 
 /// Every type of argument arrives bit by bit from every domain.
+// Lesson 40: arguments from uniform buffers and as constants
 #[test]
 fn arguments_come_from_every_source() {
     let wgsl = "struct Mixed { a: f32, v: vec3f, n: i32, flags: array<u32, 2>, on: bool }\n\
@@ -373,6 +377,7 @@ fn arguments_come_from_every_source() {
 }
 
 /// A fault that only some arguments show, from each domain: reported, simplified and replayed there.
+// Lesson 40: arguments from uniform buffers and as constants
 #[test]
 fn a_fault_is_found_from_every_source() {
     let package = Package::from_source("planted", THREE);

@@ -108,6 +108,7 @@ fn machine() -> String {
 mod tests {
     use super::*;
 
+    // Lesson 167
     #[test]
     fn a_benchmark_begins_with_an_empty_driver_cache_of_its_own() {
         let target = tempfile::tempdir().expect("a folder");

@@ -176,6 +176,7 @@ mod tests {
         assert_eq!(others(list, &failed(&["a::b", "a::d"])), ["`a::d` fails"]);
     }
 
+    // Lesson 197
     #[test]
     fn lines_of_all_programs_are_summed() {
         let mut sum = Sum::default();

@@ -160,6 +160,7 @@ mod tests {
         .to_string()
     }
 
+    // Lesson 196
     #[test]
     fn a_library_in_two_files_is_named() {
         let messages = [

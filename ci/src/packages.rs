@@ -235,11 +235,13 @@ fn test() -> Result<()> {
 mod tests {
     use super::*;
 
+    // Lesson 139
     #[test]
     fn our_own_packages_are_whole() {
         check().expect("each is");
     }
 
+    // Lesson 139
     #[test]
     fn what_is_missing_and_what_does_not_belong_is_named() {
         let files =

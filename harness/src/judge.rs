@@ -406,6 +406,7 @@ mod tests {
     use super::*;
     use crate::tolerance::{Abs, Ulp};
 
+    // Lesson 19
     #[test]
     fn one_bad_case_of_many_is_found_wherever_it_is() {
         let scalars = [Scalar::F32, Scalar::F32];
@@ -455,6 +456,7 @@ mod tests {
         assert!(compare(&[Scalar::U32], &[4], &[4.0], &tolerance).measure.passes());
     }
 
+    // Lesson 19
     #[test]
     fn failures_are_classed() {
         assert_eq!(classify(f64::NAN, 1.0), Class::Nan);

@@ -513,6 +513,7 @@ fn paths_of(before: &[String], tree: &syn::UseTree, paths: &mut Vec<Vec<String>>
 const MOST_PROMISED: usize = 312;
 
 /// Test authors see each item used that the library promises to keep.
+// Lesson 138
 #[test]
 fn what_is_promised_has_an_example() {
     let promise = Promise::read();
@@ -536,6 +537,7 @@ fn what_is_promised_has_an_example() {
 }
 
 /// The test above sees what it is to see.
+// Lesson 138
 #[test]
 fn public_items_are_told_from_others() {
     let text = r#"

@@ -35,6 +35,7 @@ fn print(x: f32, n: u32) -> Result<String, ProbeError> {
 }
 
 /// A line prints what it stands for, where control comes by, once a round.
+// Lesson 37
 #[test]
 fn a_call_prints_its_values() {
     let all = "<m>:3:21: `y` (f32): 1 value\n  4\n<m>:5:24: `vec2f(x, y)` (vec2<f32>): 1 value\n  (2, 4)\n\
@@ -51,6 +52,7 @@ fn a_call_prints_its_values() {
 }
 
 /// A check fails by an assertion that is false for one of its inputs, on each path, and names the input.
+// Lesson 37
 #[test]
 fn checks_fail_by_assertions() {
     let text = "fn f(x: f32) -> f32 {\n    //karat: assert x < 3.9\n    return x;\n}\n\
@@ -92,6 +94,7 @@ fn every_kind_of_check_looks() {
 }
 
 /// An assertion is what the engine computes: one that it can't look at is no silence.
+// Lesson 37: nothing is silent
 #[test]
 fn an_assertion_that_is_not_looked_at_is_an_error() {
     let text = "@group(0) @binding(0) var<storage, read_write> total: array<f32, 1>;\n\
@@ -104,6 +107,7 @@ fn an_assertion_that_is_not_looked_at_is_an_error() {
 }
 
 /// Passes print by invocations, and fail by the first that makes an assertion false.
+// Lesson 37
 #[test]
 fn passes_assert_and_print() {
     let text = "@group(0) @binding(0) var<storage, read_write> data: array<f32>;
@@ -146,6 +150,7 @@ fn passes_assert_and_print() {
 }
 
 /// A frame fails by the pixels that make an assertion false, in a loop too, and tells what its lines print.
+// Lesson 37
 #[test]
 fn frames_assert_and_print() {
     let text = "@fragment fn fragment(@builtin(position) at: vec4f) -> @location(0) vec4f {
@@ -189,6 +194,7 @@ fn frames_assert_and_print() {
 }
 
 /// An assertion of a vertex function doesn't keep the frame from passing.
+// Lesson 213
 #[test]
 fn vertex_functions_are_not_looked_at() {
     let text = "@vertex fn vertex(@location(0) position: vec3f) -> @builtin(position) vec4f {
@@ -210,6 +216,7 @@ fn vertex_functions_are_not_looked_at() {
 }
 
 /// A line changes nothing: a call that writes and an atomic are refused, and a read outside of an array is no truth.
+// Lesson 37
 #[test]
 fn lines_change_nothing_and_read_what_is_there() {
     let told = |text: &str, function: &str, row: &[u32]| {
@@ -239,6 +246,7 @@ fn lines_change_nothing_and_read_what_is_there() {
 }
 
 /// NaN is counted, and is neither least nor largest.
+// Lesson 37
 #[test]
 fn nan_is_counted() {
     let text = "fn f(x: f32) -> f32 {\n    //karat: print sqrt(x)\n    return x;\n}\n";
@@ -251,6 +259,7 @@ fn nan_is_counted() {
 }
 
 /// A slip is an error, and so is an expression that isn't valid, at its place.
+// Lesson 37: nothing is silent
 #[test]
 fn slips_are_errors() {
     let wrong = |line: &str| {

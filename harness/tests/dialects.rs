@@ -65,6 +65,7 @@ fn oil() -> Package {
     Package::from_modules("engine", OIL.map(|(module, text)| (name(module), text)))
 }
 
+// Lesson 34
 #[test]
 fn modules_of_naga_oil_import_by_the_paths_that_they_give_themselves() {
     let reference = |x: f64| std::f64::consts::PI * 4.0 * x;
@@ -399,6 +400,7 @@ fn included_files_share_one_name_space() {
 }
 
 /// Bevy's WESL reads values of features from a package that has no file.
+// Lesson 34
 #[test]
 fn values_of_features_are_constants() {
     let text = "import constants::COUNT;\n@group(constants::GROUP) @binding(0) var<uniform> x: f32;\n\
@@ -434,6 +436,7 @@ fn each_name_of_a_condition_is_asked_about() {
 }
 
 /// An include guard asks about a name before it defines it: what is inside is the module.
+// Lesson 189
 #[test]
 fn an_include_guard_is_read() {
     let guard = |text: &str| format!("#ifndef G\n#define G\n{text}#endif\n");
@@ -469,6 +472,7 @@ fn an_include_guard_is_read() {
 }
 
 /// A slip in a feature would leave the shader as it is.
+// Lesson 35
 #[test]
 fn a_feature_that_nothing_asks_about_is_an_error() {
     let wesl = "@if(MULTISAMPLED && !FAST) fn g() {}\nfn f() -> f32 { return 1.0; }";
@@ -486,6 +490,7 @@ fn a_feature_that_nothing_asks_about_is_an_error() {
 }
 
 /// What Karat doesn't expand says so, and what to do.
+// Lesson 36
 #[test]
 fn other_preprocessors_are_named() {
     let said = error(&one("fn f() -> f32 { return f32(#RADIUS); }"), "f");
@@ -591,6 +596,7 @@ fn karat_toml_below_the_package_is_an_error() {
 }
 
 /// A folder says what expands its modules, and which features hold.
+// Lesson 36
 #[test]
 #[cfg(unix)]
 fn karat_toml_says_what_expands_modules() {
@@ -733,6 +739,7 @@ fn what_naga_oil_takes_is_taken() {
 
 /// Old Bevy's shaders use these liberties of the first `naga_oil`: names behind a blank, a name that the module declares
 /// itself, a module that isn't there and that nothing uses, and two files of one path, of which one declares the name.
+// Lesson 36
 #[test]
 fn what_naga_oil_took_first_is_taken() {
     let util = "#define_import_path demo::util\nfn half(x: f32) -> f32 { return 0.5 * x; }\n\
@@ -819,6 +826,7 @@ fn karat_toml_is_read_again_when_it_changes() {
 }
 
 /// Statements under a condition, a group of which declares for what follows; and places that have no condition.
+// Lesson 144
 #[test]
 fn conditions_stand_where_wesl_has_them() {
     let text = "@if(A) { const K = 2.0; @if(!A) const L = 1.0; } @else { const K = 3.0; }
@@ -884,6 +892,7 @@ fn a_misspelt_condition_is_shown_beside_its_feature() {
 }
 
 /// Where a condition would take along what isn't its own, or leave half of it.
+// Lesson 144
 #[test]
 fn conditions_end_where_they_should() {
     for (wrong, message) in [
@@ -917,6 +926,7 @@ fn conditions_end_where_they_should() {
 }
 
 /// Text that an engine's own code puts into a module.
+// Lesson 145
 #[test]
 fn values_stand_for_placeholders() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -957,6 +967,7 @@ fn values_stand_for_placeholders() {
 }
 
 /// All of them in one message; but for those that the engine sets for all of its modules.
+// Lesson 145
 #[test]
 fn features_that_nothing_asks_about() {
     let folder = tempfile::tempdir().expect("a temporary folder");

@@ -138,6 +138,7 @@ fn test(text: &str, workgroups: u32) -> Result<(), ComputeError> {
 }
 
 /// Of outcomes that only other orders than the usual one have, nearly all fail a test that forbids them.
+// Lesson 216
 #[test]
 fn outcomes_of_other_orders_are_met() {
     /// Programs, and how many of their outcomes are met at least.
@@ -172,6 +173,7 @@ fn outcomes_of_other_orders_are_met() {
 }
 
 /// An outcome that no order has fails no test, though stores may be late.
+// Lesson 217: outcomes that no device has
 #[test]
 fn outcomes_of_no_order_are_never_met() {
     for (first, second) in [
@@ -217,6 +219,7 @@ fn litmus(first: &str, second: &str, workgroups: u32) -> String {
 
 /// The litmus tests of relaxed atomics (Alglave et al. 2014, *Herding cats*): each outcome that WGSL allows, and that no
 /// order of whole atomics has, is met, but for one that needs a store before a load that stands before it.
+// Lesson 217
 #[test]
 fn outcomes_of_relaxed_atomics_are_met() {
     let store = |at: u32, x: u32| format!("atomicStore(&a[{at}], {x}u);");
@@ -288,6 +291,7 @@ fn outcomes_of_relaxed_atomics_are_met() {
 }
 
 /// A barrier, a word that holds both, and another pass order two atomics; nothing else does.
+// Lesson 217
 #[test]
 fn what_orders_two_atomics() {
     let cpu = karat::unstable::executor::of(karat::Path::CPU).expect("it is always there");

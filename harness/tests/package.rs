@@ -93,6 +93,7 @@ fn a_function_agrees_with_one_of_another_package() {
     assert!(unknown.contains("`math::half`"), "{unknown}");
 }
 
+// Lesson 52
 #[test]
 fn features_choose_branches() {
     let source = "fn f() -> f32 {\n    @if(fast) return 1.0;\n    @if(!fast) return 2.0;\n}";
@@ -146,6 +147,7 @@ fn a_syntax_error_is_shown_where_it_is() {
     insta::assert_snapshot!(error_in(&folder, "area::f"));
 }
 
+// Lesson 47
 #[test]
 fn a_type_error_in_an_imported_module_is_shown_at_its_line_and_column() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -173,6 +175,7 @@ fn an_unknown_name_inside_a_function_is_shown_where_it_is() {
     insta::assert_snapshot!(error_in(&folder, "area::f"));
 }
 
+// Lesson 47
 #[test]
 fn an_unresolved_import_is_shown_at_the_import() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -387,6 +390,7 @@ fn a_folder_declares_its_dependencies() {
 }
 
 /// A folder of tests alone, whose functions lie in packages that it depends on, is valid.
+// Lesson 190
 #[test]
 fn a_package_of_tests_alone_is_valid() {
     let half = Package::from_source("half", "fn half(x: f32) -> f32 { return 0.5 * x; }");
@@ -401,6 +405,7 @@ fn a_package_of_tests_alone_is_valid() {
 }
 
 /// Modules have the names of their places, and what a link leads to again has no other one.
+// Lesson 188
 #[cfg(unix)]
 #[test]
 fn links_lead_to_each_folder_once() {

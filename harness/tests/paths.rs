@@ -362,6 +362,7 @@ const VERBS: [Verb; 22] = [
     }),
 ];
 
+// Lesson 172
 #[test]
 fn a_fault_of_the_second_path_alone_is_seen_by_every_verb() {
     for (verb, run) in VERBS {
@@ -377,6 +378,7 @@ fn a_fault_of_the_second_path_alone_is_seen_by_every_verb() {
 }
 
 /// A path that gives nothing keeps no other one from its verdict.
+// Lesson 172
 #[test]
 fn a_path_that_stops_leaves_the_others_their_verdict() {
     for (verb, run) in VERBS {
@@ -437,6 +439,7 @@ fn declared(fakes: &[Fake; 2], declared: Declared) -> [Result<usize, String>; 3]
 
 /// A known issue is about values, of functions, frames and passes alike. NaN is a value; what stops a path
 /// is none.
+// Lesson 173
 #[test]
 fn a_known_issue_is_about_values() {
     for fault in [Fault::Values, Fault::Nan] {
@@ -457,6 +460,7 @@ fn a_known_issue_is_about_values() {
 }
 
 /// A known issue that is gone on the second of two paths is a failure.
+// Lesson 173
 #[test]
 fn a_known_issue_that_is_gone_on_the_second_path() {
     for found in declared(&two(Fault::Values, Fault::None), Declared::Fails) {
@@ -466,6 +470,7 @@ fn a_known_issue_that_is_gone_on_the_second_path() {
 }
 
 /// A refusal is declared by itself: neither wrong values nor another error are one.
+// Lesson 173
 #[test]
 fn a_path_that_refuses_is_declared_by_itself() {
     for found in declared(&two(Fault::Refuses, Fault::Refuses), Declared::Refused) {
@@ -489,6 +494,7 @@ fn a_path_that_refuses_is_declared_by_itself() {
 }
 
 /// Programs tell errors apart, too.
+// Lesson 172
 #[test]
 fn failures_of_paths_are_data() {
     let fakes = two(Fault::Stops, Fault::Values);

@@ -31,6 +31,7 @@ fn probed(source: &str, function: &str) -> Probed {
     Probed::new(&package, function).unwrap_or_else(|error| panic!("{error}"))
 }
 
+// Lesson 55
 #[test]
 fn a_loop_that_the_driver_leaves_is_an_error_with_its_line() {
     let probed = probed(SPIN, "spin");
@@ -54,6 +55,7 @@ fn a_loop_that_the_driver_leaves_is_an_error_with_its_line() {
 }
 
 /// Rounds of all loops of an invocation count together, also in functions that it calls.
+// Lesson 55
 #[test]
 fn loops_count_together() {
     let source = format!(
@@ -74,6 +76,7 @@ fn loops_count_together() {
 
 /// A loop that no case enters takes a round each time when what is around it runs: then the driver leaves all
 /// loops after fewer rounds of the others.
+// Lesson 55
 #[test]
 fn loops_that_nobody_enters_count() {
     let source = format!(
@@ -104,6 +107,7 @@ fn loops_that_nobody_enters_count() {
 }
 
 /// Lanes of a vector go round each other's loops: none of these cases is too long by itself.
+// Lesson 55
 #[test]
 fn neighbours_do_not_cut_each_other_short() {
     let source = format!(
@@ -132,6 +136,7 @@ fn neighbours_do_not_cut_each_other_short() {
 }
 
 /// What the IR shows to be bounded isn't counted, and its kernel has nothing for it.
+// Lesson 55: loops that need no counter
 #[test]
 fn bounded_loops_have_the_plain_kernel() {
     let source =
@@ -141,6 +146,7 @@ fn bounded_loops_have_the_plain_kernel() {
 }
 
 /// The same of frames: in fragment shaders, in vertex shaders, and in what they call.
+// Lesson 55
 #[test]
 fn loops_of_frames_are_watched() {
     let shader = |vertex: &str, fragment: &str| {

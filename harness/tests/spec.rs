@@ -118,6 +118,7 @@ fn what_wgsl_allows_passes_without_a_number() {
 }
 
 /// Each of the four failures is told apart.
+// Lesson 90
 #[test]
 fn who_is_wrong_is_told() {
     let shader = census(check(SQUARE, |x| 9.001 * x * x, Spec));
@@ -153,6 +154,7 @@ fn where_wgsl_allows_too_much_another_tolerance_holds() {
 }
 
 /// A tolerance that judges everything in place of the specification is the author's to name.
+// Lesson 90
 #[test]
 fn a_specification_that_judges_nothing_is_an_error() {
     let unbounded = "fn f(x: f32) -> f32 { return 9.0 * x * x + 0.0 * sin(40.0 + x); }";
@@ -165,6 +167,7 @@ fn a_specification_that_judges_nothing_is_an_error() {
 /// On the paths that the environment selects. WGSL doesn't bound sines of such angles.
 const WAVE: &str = "fn f(x: f32) -> f32 { return 0.5 * sin(4.0 + 40.0 * x); }";
 
+// Lesson 92
 #[test]
 fn an_adapter_is_as_exact_as_it_was_measured() {
     let check = |text: &str, reference: fn(f64) -> f64, criterion: Criterion| {
@@ -197,6 +200,7 @@ fn an_adapter_is_as_exact_as_it_was_measured() {
 }
 
 /// What leaves the measured bounds is a driver that is less exact than it was.
+// Lesson 92
 #[test]
 fn what_is_less_exact_than_was_measured_is_told() {
     let text = "fn f(x: f32) -> f32 {\n    return (3.0 * x) * (3.0 * x);\n}\n";
@@ -265,6 +269,7 @@ fn rounded(exact: f64) -> [f32; 2] {
 }
 
 /// Each order of three terms passes, and a step beyond all of them doesn't.
+// Lesson 168: a result one ULP beyond fails
 #[test]
 fn a_sum_of_three_is_what_some_order_gives() {
     let numbers = [0.1_f32, 1.0, -1.0, 3.3, 1e-3, -7.25, 16_777_216.0, 1e-7, -0.99];
@@ -301,6 +306,7 @@ fn a_sum_of_three_is_what_some_order_gives() {
 }
 
 /// Where another order overflows, any result is allowed, no driver is wrong, and the message says so.
+// Lesson 168: overflow is reported
 #[test]
 fn an_order_that_overflows_is_named() {
     let text = "fn f(x: f32) -> f32 {\n    return x * 1e-30 * 1e25 * 1e20;\n}\n";
@@ -320,6 +326,7 @@ fn an_order_that_overflows_is_named() {
 
 /// On the paths that the environment selects: each is the function itself, and Mesa's compilers evaluate
 /// some of them in another order.
+// Lesson 168: each order of terms lies within the bound
 #[test]
 fn a_function_agrees_with_itself_in_any_order() {
     let one = |text: &str, reference: fn(f64) -> f64| {
@@ -349,6 +356,7 @@ fn a_function_agrees_with_itself_in_any_order() {
 
 /// Equal texels don't make a filter exact, nor is an integer over 255: on the paths that the environment
 /// selects.
+// Lesson 169
 #[test]
 fn texels_are_as_exact_as_formats_and_filters() {
     let sampled = package(

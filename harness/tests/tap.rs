@@ -136,6 +136,7 @@ fn plain(package: &Package) -> Frame<'_> {
     package.frame("", 4, 2).fragment("fragment")
 }
 
+// Lesson 38: on each pixel of a frame
 #[test]
 fn a_value_is_that_of_its_pixel() {
     each(plain, &Tap::new("column"), |tapped| {
@@ -175,6 +176,7 @@ fn what_a_pixel_does_not_come_to_is_not_told() {
     });
 }
 
+// Lesson 38: on each pixel of a frame
 #[test]
 fn rounds_are_told_one_by_one() {
     let term = |round| Tap::new("term").round(round);
@@ -214,6 +216,7 @@ fn both(package: &Package) -> Frame<'_> {
     package.frame("", 4, 2).draw(Draw::fragment("nothing")).draw(draw.blend(Blend::Alpha))
 }
 
+// Lesson 38: on each pixel of a frame
 #[test]
 fn the_draw_that_is_seen_tells() {
     let package = package();
@@ -250,6 +253,7 @@ fn several_targets_and_depth_stay() {
 }
 
 /// A draw has room for 32 bytes of a pixel: what it tells of several values is what it tells of each alone.
+// Lesson 214
 #[test]
 fn several_values_share_draws() {
     let package = package();
@@ -325,6 +329,7 @@ fn named_steps(traced: &karat::unstable::frame::TracedPixel) -> Vec<(String, Vec
 }
 
 /// The engine computes for a pixel the values that a driver computes there, and the colour that the frame shows.
+// Lesson 39
 #[test]
 fn a_traced_pixel_is_the_drawn_one() {
     let package = package();
@@ -371,6 +376,8 @@ fn a_traced_pixel_is_the_drawn_one() {
 }
 
 /// Derivatives are those of the pixel's quad; of several draws the one that is seen is traced.
+// Lesson 39
+// Lesson 210
 #[test]
 fn derivatives_and_draws_are_the_pixel_s_own() {
     let package = package();
@@ -530,6 +537,7 @@ fn inside(in: In) {
 ";
 
 /// Each invocation of a pass has its value, on the engine and on drivers.
+// Lesson 39
 #[test]
 fn invocations_tell_values() {
     let package = Package::from_source("m", PASS);

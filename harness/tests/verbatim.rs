@@ -55,6 +55,7 @@ const LITERALS: [(&str, f32); 24] = [
 ];
 
 /// Forms that naga knows and other parsers of WGSL don't.
+// Lesson 49: text is copied from the author's bytes
 #[test]
 fn what_naga_accepts_is_accepted() {
     let texts = [
@@ -76,6 +77,7 @@ fn what_naga_accepts_is_accepted() {
     }
 }
 
+// Lesson 49: text is copied from the author's bytes
 #[test]
 fn literals_of_every_form_have_their_values() {
     for (literal, expected) in LITERALS {
@@ -95,6 +97,7 @@ fn literals_of_every_form_have_their_values() {
 }
 
 /// What the linker can't read is an error, wherever it stands, and never left out.
+// Lesson 49: text is copied from the author's bytes
 #[test]
 fn what_is_no_wgsl_is_refused() {
     for body in [
@@ -147,6 +150,7 @@ fn plain_texts() -> Vec<String> {
 
 /// Each function of a linked text is the author's text but for names: where the two differ, both
 /// have a whole word.
+// Lesson 49: text is copied from the author's bytes
 #[test]
 fn linked_functions_are_the_authors_bytes_but_for_names() {
     let is_word = |c: &char| c.is_alphanumeric() || *c == '_';
@@ -284,6 +288,7 @@ const STRANGE: [&str; 40] = [
     "struct S { a: f32, }",
 ];
 
+// Lesson 49: files have naga's verdict
 #[test]
 fn damaged_files_have_nagas_verdict() {
     /// Damages in all; half of them once, the others up to three times in a file.
@@ -357,6 +362,7 @@ fn compare(text: &str, number: usize) -> bool {
 }
 
 /// What broke the process or took seconds before there was a limit.
+// Lesson 56
 #[test]
 fn deep_and_long_shaders_are_compiled_or_refused_in_time() {
     let function = |body: String| format!("fn f(x: f32) -> f32 {{ {body} }}");
@@ -406,6 +412,7 @@ fn deep_and_long_shaders_are_compiled_or_refused_in_time() {
 }
 
 /// One parse a module: time grows with the file and not with its square.
+// Lesson 56
 #[test]
 fn five_thousand_functions_are_listed() {
     let functions: String = (0..5_000)
@@ -423,6 +430,7 @@ fn five_thousand_functions_are_listed() {
 }
 
 /// A shader may have functions of its own that are called as WGSL's are, and resources likewise.
+// Lesson 51
 #[test]
 fn names_of_wgsl_may_be_declared() {
     let source = "fn clamp(x: f32) -> f32 { return x + 1.0; }\n\
@@ -452,6 +460,7 @@ fn names_of_wgsl_may_be_declared() {
 }
 
 /// Names that mean something else where they stand, and must not be replaced.
+// Lesson 51
 #[test]
 fn only_names_that_mean_the_import_are_replaced() {
     let module = "import package::lib::{PI, scale as x, S, function, read, flat};\n\
@@ -485,6 +494,7 @@ fn only_names_that_mean_the_import_are_replaced() {
     }
 }
 
+// Lesson 52
 #[test]
 fn conditions_choose_wherever_they_may_stand() {
     let source = "@if(a) diagnostic(off, derivative_uniformity); @else diagnostic(info, derivative_uniformity);\n\
@@ -516,6 +526,7 @@ fn conditions_choose_wherever_they_may_stand() {
 }
 
 /// Whatever is wrong outside of what a test calls is found.
+// Lesson 53
 #[test]
 fn what_no_test_reaches_is_validated() {
     let good = "fn f(x: f32) -> f32 { return x; }\n";
@@ -540,6 +551,7 @@ fn what_no_test_reaches_is_validated() {
     assert_eq!((found.modules, found.functions, found.entry_points), (2, 2, 0));
 }
 
+// Lesson 53
 #[test]
 fn modules_may_be_valid_with_features_alone() {
     let debug = "@if(DEBUG) const SCALE = 2.0;\nfn f(x: f32) -> f32 { return x * SCALE; }";
@@ -552,6 +564,7 @@ fn modules_may_be_valid_with_features_alone() {
 }
 
 /// A function that isn't there is reported as itself.
+// Lesson 54
 #[test]
 fn an_unknown_function_is_not_another_modules_error() {
     let good = "fn f(x: f32) -> f32 { return x; }\n@if(fast) fn b() -> f32 { return 1.0; }";
@@ -570,6 +583,7 @@ fn an_unknown_function_is_not_another_modules_error() {
 
 /// A name that an import gives a second meaning is refused where it is imported; the same import
 /// twice means one thing.
+// Lesson 75
 #[test]
 fn a_name_means_one_thing() {
     let sq = "fn sq(x: f32) -> f32 { return x * x; }\nfn cube(x: f32) -> f32 { return x; }";
@@ -592,6 +606,7 @@ fn a_name_means_one_thing() {
 }
 
 /// Two modules or dependencies of one name: neither is dropped without a word.
+// Lesson 75
 #[test]
 fn modules_and_dependencies_have_names_of_their_own() {
     let text = |body: &str| format!("fn f() -> f32 {{ return {body}; }}");
@@ -607,6 +622,7 @@ fn modules_and_dependencies_have_names_of_their_own() {
 }
 
 /// Whatever looks like a module is read, or is an error.
+// Lesson 76
 #[test]
 fn every_file_of_a_package_is_looked_at() {
     let check = |files: &[&str]| {
@@ -632,6 +648,7 @@ fn every_file_of_a_package_is_looked_at() {
     assert!(check(&["a.wgsl", "target/b.wgsl", "target/CACHEDIR.TAG"]).is_ok(), "cargo's output");
 }
 
+// Lesson 78
 #[test]
 fn paths_that_leave_the_package_and_null_characters_are_refused() {
     let up = "import super::super::m::g;\nfn f() -> f32 { return g(); }";
@@ -652,6 +669,7 @@ fn paths_that_leave_the_package_and_null_characters_are_refused() {
 }
 
 /// Links that loop are no endless search.
+// Lesson 56
 #[cfg(unix)]
 #[test]
 fn links_that_loop_are_an_error_or_ignored() {

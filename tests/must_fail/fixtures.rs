@@ -42,6 +42,7 @@ fn fixtures_of_another_type() {
 
 /// Two variables of a frame may have the same binding number in different draws: each draw reads its own fixture. In
 /// one draw they can't.
+// Lesson 70
 #[test]
 fn a_fixture_that_another_one_hides() {
     let wgsl = "@group(0) @binding(0) var<uniform> near: vec4f;\n\

@@ -36,6 +36,7 @@ pub(crate) fn albedo_rule(albedo: &Vec3) -> Vec<((Vec3, Vec3), f64)> {
 /// The rounding of `albedo / pi` and of the planted constant: two steps of `f32`.
 const ALBEDO: Rel = Rel(1.2e-7);
 
+// Lesson 40: arguments from storage buffers, with controls
 #[test]
 fn an_integral_that_is_right() {
     let package = diffuse("0.318309886");
@@ -115,6 +116,7 @@ fn an_integral_above_its_bound() {
 }
 
 /// 100,000 nodes in two dispatches. One gives NaN or an infinity, with any weight.
+// Lesson 5
 #[test]
 fn one_bad_node_of_an_integral() {
     for (bits, nan, infinite) in [("0x7fc00000u", 3, 0), ("0xff800000u", 0, 3)] {
@@ -152,6 +154,7 @@ fn one_bad_node_of_an_integral() {
 }
 
 /// A rule without nodes, with weights that aren't finite, and expectations that aren't.
+// Lesson 4
 #[test]
 fn an_integral_of_nothing() {
     let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return x; }");
@@ -259,6 +262,7 @@ fn an_integral_of_other_types() {
 }
 
 /// The replay command runs only the failing integral. The record counts integrals and nodes.
+// Lesson 9: the record has the number of cases
 #[test]
 fn an_integral_is_replayed_and_recorded() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -286,6 +290,7 @@ fn an_integral_is_replayed_and_recorded() {
 }
 
 /// A wrong constant; and a lobe between the rings, for which no rule finds the integral.
+// Lesson 67
 #[test]
 fn an_integral_over_directions() {
     let check = |body: &str, directions, expected: f64| {

@@ -201,6 +201,7 @@ fn conformed(path: &str, fault: &str) -> BTreeMap<String, Value> {
 }
 
 /// Honest programs answer each job as expected. Jobs beyond the engine's abilities aren't asked.
+// Lesson 87
 #[test]
 fn honest_programs_conform() {
     for (path, unasked) in [("cpu", &["nearest", "pixels"][..]), ("vulkan", &[])] {
@@ -218,6 +219,7 @@ fn honest_programs_conform() {
 }
 
 /// Each lie is found by the jobs about it, and the reason shows the reply.
+// Lesson 87
 #[test]
 fn lies_do_not_conform() {
     for (fault, name, reason) in [
@@ -307,6 +309,7 @@ fn misfit(all: &Value, schema: &Value, value: &Value) -> Option<String> {
 }
 
 /// Jobs, greeting and answers follow the published schema, and each required member exists.
+// Lesson 87
 #[test]
 fn jobs_are_as_the_schema_says() {
     let schema = include_str!("../../docs/guide/jobs.schema.json");

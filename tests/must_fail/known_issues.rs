@@ -26,6 +26,8 @@ fn covers(declared: Path, path: Path) -> bool {
 }
 
 /// A declared failure has to fail, and isn't counted among the paths that agree.
+// Lesson 8: a declared failure must fail
+// Lesson 45
 #[test]
 fn a_known_issue_is_no_agreement() {
     let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return x + 1.0; }");
@@ -58,6 +60,8 @@ fn a_known_issue_is_no_agreement() {
     }
 }
 
+// Lesson 8: a declared failure must fail
+// Lesson 45
 #[test]
 fn an_issue_that_is_gone_or_has_no_reason() {
     let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return x; }");
@@ -86,6 +90,9 @@ fn an_issue_that_is_gone_or_has_no_reason() {
 }
 
 /// A frame that is declared to differ from its golden must differ, and no declaration replaces a missing golden.
+// Lesson 8: a declared failure must fail
+// Lesson 71
+// Lesson 173
 #[test]
 fn a_frame_that_is_declared_to_fail() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -129,6 +136,7 @@ fn a_frame_that_is_declared_to_fail() {
 
 /// An endless loop, or a workgroup that no device accepts, gives no values, so no declaration covers it: neither
 /// `fails_on` nor `refused_on`.
+// Lesson 173
 #[test]
 fn what_stops_passes_is_no_known_issue() {
     let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
@@ -166,6 +174,7 @@ fn what_stops_passes_is_no_known_issue() {
 }
 
 /// Samples and means may be declared to fail, and then have to.
+// Lesson 79
 #[test]
 fn samples_and_means_that_are_declared_to_fail() {
     let wgsl = "fn same(u: f32) -> f32 { return u; }\nfn squared(u: f32) -> f32 { return u * u; }\n\
@@ -197,6 +206,7 @@ fn samples_and_means_that_are_declared_to_fail() {
 }
 
 /// The record says that the issue is known, and doesn't count it as a pass.
+// Lesson 8: a declared failure must fail
 #[test]
 fn known_issues_are_recorded() {
     for (fault, verdict) in [
@@ -255,6 +265,7 @@ fn what_is_returned_is_recorded_unless_it_is_left_out() {
 }
 
 /// Every verdict under an overlay says so in the record: for values, samples and frames.
+// Lesson 74
 #[test]
 fn records_name_the_overlay() {
     let (folder, overlay) = (tempfile::tempdir(), tempfile::tempdir());
@@ -273,6 +284,9 @@ fn records_name_the_overlay() {
 }
 
 /// A path's own tolerance applies only to it, and is as strict as any.
+// Lesson 13
+// Lesson 22: a tolerance of one path
+// Lesson 26
 #[test]
 fn a_tolerance_of_one_path() {
     let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return x + 0.25; }");

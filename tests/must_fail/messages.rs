@@ -6,6 +6,8 @@ use karat::unstable::check::Disagreement;
 use crate::{disagreement, mutant, schlick};
 
 /// The message of a failure, without the parts that differ between machines.
+// Lesson 19
+// Lesson 21
 #[test]
 fn the_message_shows_line_inputs_values_error_census_and_replay() {
     let fault = "abs(1.0 - v_dot_h) * 1.01";

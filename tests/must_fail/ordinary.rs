@@ -191,6 +191,7 @@ fn frames_of_the_other_hand_and_vectors_that_lean() {
     assert!(reason.contains("isn't three vectors of three floats"), "{reason}");
 }
 
+// Lesson 175
 #[test]
 fn functions_that_are_not_their_other_form() {
     let text = |factor: &str| {

@@ -22,6 +22,7 @@ pub(crate) fn planted(fault: &[&str], environment: &[(&str, &str)]) -> (Output, 
     (output, text)
 }
 
+// Lesson 40: arguments from storage buffers, with controls
 #[test]
 fn no_fault_succeeds() {
     let (output, text) = planted(&["none"], &[]);
@@ -45,6 +46,7 @@ fn a_signature_that_does_not_fit_is_recorded_where_it_stands() {
 }
 
 /// The validity of a whole package is a check, which the record lists like others.
+// Lesson 184
 #[test]
 fn that_a_package_is_valid_is_recorded() {
     for (fault, verdict, failures) in [
@@ -74,6 +76,7 @@ fn that_a_package_is_valid_is_recorded() {
 
 /// A replay that matches nothing fails, and names the check that was probably meant. One that replays the second check
 /// of a program passes.
+// Lesson 65
 #[test]
 fn a_replay_of_nothing() {
     let (output, text) = planted(&["two"], &[("KARAT_CASE", "g/agrees_with/3")]);
@@ -110,6 +113,7 @@ fn a_replay_of_nothing() {
 }
 
 /// The same in the threads of Rust's test runner: this program runs one of its own tests.
+// Lesson 65
 #[test]
 fn a_test_that_replays_nothing() {
     let run = |case: &str| {
@@ -135,6 +139,7 @@ fn a_test_that_replays_nothing() {
 }
 
 /// Each name and value of the environment is read, or refused.
+// Lesson 66
 #[test]
 fn settings_with_a_slip() {
     for (name, value, message) in [
@@ -157,6 +162,7 @@ fn settings_with_a_slip() {
 }
 
 /// A fault that shows only on the last path is simplified on that path.
+// Lesson 73
 #[test]
 fn a_fault_of_the_last_path_is_reduced_there() {
     let (output, text) = planted(&["one_path"], &[("KARAT_PATHS", "all")]);
@@ -170,6 +176,8 @@ fn a_fault_of_the_last_path_is_reduced_there() {
 }
 
 /// The replay command runs only the failing case, with the same inputs.
+// Lesson 21
+// Lesson 41: replay
 #[test]
 fn replay() {
     let (_, text) = planted(&["too_large"], &[]);
@@ -191,6 +199,8 @@ fn replay() {
 }
 
 /// Mesa and the loader find no driver: a required path must run, and at least one path must.
+// Lesson 3
+// Lesson 112
 #[test]
 fn no_adapter() {
     let hidden = [
@@ -224,6 +234,7 @@ fn no_adapter() {
 }
 
 /// A shader that never ends is reported within the deadline, and leaves no process behind.
+// Lesson 23
 #[test]
 fn an_endless_loop() {
     let open = Path::ALL.into_iter().filter(|path| karat::unstable::path::adapter(*path).is_ok());

@@ -99,6 +99,7 @@ fn messages_of_properties_show_both_calls() {
 }
 
 /// A tolerance larger than any change proves nothing about the direction.
+// Lesson 77
 #[test]
 fn changes_within_the_tolerance() {
     let package = Package::from_source("s", "fn f(x: f32) -> f32 { return x * x; }");
@@ -143,6 +144,7 @@ fn a_function_that_is_not_monotone() {
     assert_eq!(found.assertion, "decreasing in `x`, abs 5e-1");
 }
 
+// Lesson 4
 #[test]
 fn a_monotone_check_of_nothing() {
     let wgsl = "fn f(alpha: f32, c: f32, d: vec3f) -> f32 { return c; }";

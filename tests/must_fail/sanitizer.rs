@@ -56,6 +56,7 @@ fn first(body: &str, groups: u32) -> (HazardKind, String, [String; 2]) {
 }
 
 /// Blelloch's sum of a workgroup in a tree, with one barrier of a round missing.
+// Lesson 215
 #[test]
 fn a_scan_without_its_second_barrier() {
     let scan = |second: &str| {
@@ -85,6 +86,7 @@ data[id.x] = tile[i];"
     assert!(seen.to_string().contains("at the end of the loop or of the function, too"), "{seen}");
 }
 
+// Lesson 215
 #[test]
 fn a_reduction_across_workgroups() {
     let reduce = "tile[i] = data[id.x];
@@ -230,6 +232,7 @@ fn a_histogram_without_atomics() {
     passes.dispatch("main", [1, 1, 1]).after("counts").agrees_with([16_u32; 4], Abs(0.0));
 }
 
+// Lesson 215
 #[test]
 fn barriers_that_some_invocations_miss() {
     let reduce = |inside: &str, behind: &str| {

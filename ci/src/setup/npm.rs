@@ -188,6 +188,7 @@ mod tests {
     }
 
     /// Many machines have a Node, which would hide an installation that doesn't work.
+    // Lesson 207
     #[test]
     fn a_machine_without_node_has_no_npm() {
         let machine = Machine::new().variable("PATH", "/usr/bin").file("/usr/bin/npm", "");
@@ -195,6 +196,7 @@ mod tests {
     }
 
     /// Lock files have versions and checksums, and no address of a mirror.
+    // Lesson 212: lock files
     #[test]
     fn lock_files_have_integrity_and_no_addresses() {
         for name in ["tint", "web", "web-before"] {

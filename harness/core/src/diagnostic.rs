@@ -433,6 +433,7 @@ mod tests {
         Diagnostic::new("it is wrong").at(Span { file, range }, "here")
     }
 
+    // Lesson 63
     #[test]
     fn a_long_line_is_cut_and_its_place_is_the_author_s() {
         let text = format!("first\n{}bad{}\nlast\n", "(".repeat(1 << 20), ")".repeat(1 << 20));
@@ -447,6 +448,7 @@ mod tests {
         assert_eq!(text, expected);
     }
 
+    // Lesson 62
     #[test]
     fn nothing_in_a_message_commands_a_terminal() {
         let hostile = "\u{1b}[2J\u{9b}\u{202e}";

@@ -304,6 +304,7 @@ mod tests {
         Image::new(3, 2, vec![[value, value, value, 1.0]; 6])
     }
 
+    // Lesson 19
     #[test]
     fn non_finite_pixels_are_counted_and_placed() {
         let mut image = grey(0.5);

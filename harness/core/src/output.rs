@@ -301,6 +301,7 @@ mod tests {
         String::from_utf8(bytes).expect("UTF-8")
     }
 
+    // Lesson 62
     #[test]
     fn what_commands_a_terminal_is_shown() {
         for (text, shown) in [
@@ -329,6 +330,7 @@ mod tests {
         assert_eq!(written(&[b"a\xffb\x9bc"]), "a\u{fffd}b\u{fffd}c");
     }
 
+    // Lesson 62
     #[test]
     fn only_styles_of_our_own_are_colours() {
         let (bad, foreign) = (Style::BAD, "\u{1b}[32m\u{1b}0123456789abcdef0123456789abcdefa");
@@ -362,6 +364,7 @@ mod tests {
         }
     }
 
+    // Lesson 57
     #[test]
     fn a_reader_that_has_gone_is_no_error_and_a_full_disk_is_one_at_the_end() {
         for (room, kind, good) in [

@@ -482,6 +482,7 @@ mod tests {
         assert_eq!(read.executors, [dawn, ("mine".to_owned(), command(&["./mine"]))]);
     }
 
+    // Lesson 66
     #[test]
     fn slips_are_errors_that_name_the_nearest() {
         for (name, value, message) in [

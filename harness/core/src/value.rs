@@ -474,6 +474,7 @@ pub fn hexfloat(value: f32) -> String {
 mod tests {
     use super::*;
 
+    // Lesson 48
     #[test]
     fn hexfloat_shows_every_bit() {
         assert_eq!(hexfloat(0.1), "0x1.99999ap-4");

@@ -429,6 +429,7 @@ mod tests {
     }
 
     /// An error that doesn't shrink with the result is recognized.
+    // Lesson 165
     #[test]
     fn a_sine_may_be_off_near_its_zeros_as_elsewhere() {
         let mut accuracy = Accuracy::new();
@@ -457,6 +458,7 @@ mod tests {
         }
     }
 
+    // Lesson 92
     #[test]
     fn bounds_are_never_wider_than_the_specification() {
         let off = measured("exp(a)", 1000.0);
@@ -484,6 +486,7 @@ mod tests {
         assert!(bound.contains(0.03125) && !bound.contains(0.0313), "{bound:?}");
     }
 
+    // Lesson 92
     #[test]
     fn what_was_not_measured_is_unknown() {
         let rule = FloatRule::Exponential(Exponential::Exp);

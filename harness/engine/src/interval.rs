@@ -626,6 +626,7 @@ mod tests {
     }
 
     /// 2^x just above x = 0 has twice the ulp of 2^x just below.
+    // Lesson 91
     #[test]
     fn errors_double_behind_a_power_of_two() {
         let crossing = Interval::point(-1e-7).join(Interval::point(1.0)).exp2();

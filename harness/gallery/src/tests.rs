@@ -129,6 +129,7 @@ impl Write for Closed {
     }
 }
 
+// Lesson 57
 #[test]
 fn frames_are_written_though_nobody_reads_about_them() {
     let gallery = Gallery::new().frame("grey", "", |_| draw("grey"));

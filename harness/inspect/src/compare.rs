@@ -1242,6 +1242,7 @@ mod tests {
         assert_eq!((paths[0].ulp, &*paths[0].after), (None, "NaN"), "NaN is no distance");
     }
 
+    // Lesson 106
     #[test]
     fn the_worst_change_is_shown_and_not_the_simplest() {
         let before = "fn f(x: f32) -> f32 { return max(x, 0.0) + 1.0; }\n";
@@ -1253,6 +1254,7 @@ mod tests {
         assert_eq!((&*paths[0].after, paths[0].ulp), ("NaN", None), "{paths:?}");
     }
 
+    // Lesson 106
     #[test]
     fn what_cannot_be_called_is_untouched_or_not_judged() {
         let before = "fn add(x: ptr<function, atomic<u32>>) { let a = 1.0; }\n\
@@ -1300,6 +1302,7 @@ mod tests {
         );
     }
 
+    // Lesson 132
     #[test]
     fn derivatives_have_something_to_differentiate() {
         let before = "struct Point { uv: vec2f, id: u32 }\n\
@@ -1323,6 +1326,8 @@ mod tests {
     }
 
     /// The results are the same, but the host has to supply resources differently.
+    // Lesson 152
+    // Lesson 200
     #[test]
     fn other_bindings_and_layouts_are_told() {
         let package = |text: &str| Package::from_source("p", text);
@@ -1364,6 +1369,7 @@ mod tests {
 
     /// Textures differ in size and levels, numbers have the ranges declared in `karat.toml`, and cosines round to a
     /// little above 1.
+    // Lesson 153
     #[test]
     fn what_is_made_up_tells_edits_apart() {
         let textures = "@group(0) @binding(0) var t: texture_2d<f32>;\n\
@@ -1504,6 +1510,7 @@ mod tests {
         assert_eq!(names, all.iter().map(|one| &one.function).collect::<Vec<_>>());
     }
 
+    // Lesson 106
     #[test]
     fn a_change_far_from_small_numbers_is_found() {
         let before = "fn hash(seed: u32) -> u32 { return seed * 747796405u; }\n\
@@ -1954,6 +1961,7 @@ mod tests {
     }
 
     /// If the engine runs nothing, coverage is unknown, and the comparison says so.
+    // Lesson 88
     #[test]
     fn what_is_not_measured_is_told() {
         let mut both = Both::default();
@@ -1973,6 +1981,7 @@ mod tests {
     }
 
     /// Text that can't be read, under a condition or in an invalid module, must not count as unchanged.
+    // Lesson 88
     #[test]
     fn edits_that_cannot_be_read_are_unjudged() {
         let of = |before: &str, after: &str| {

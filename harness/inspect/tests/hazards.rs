@@ -25,6 +25,7 @@ fn at(text: &str, kind: Kind, operation: &str) -> Hazard {
 
 /// A fault goes wrong in each sample of the free inputs. If some sample averts it, it is a requirement, and lists the
 /// inputs of which each alone can avert it.
+// Lesson 97
 #[test]
 fn running_tells_faults_from_requirements() {
     use Class::{Dropped, Fault, Requirement};
@@ -199,6 +200,7 @@ fn running_tells_faults_from_requirements() {
 }
 
 /// A declaration turns a requirement into a fault, or removes it.
+// Lesson 97
 #[test]
 fn declared_inputs_are_held() {
     let text = "fn f(value: f32, k: f32) -> f32 { let bins = array(1.0, 2.0, 3.0, 4.0); return k * bins[u32(value * 4.0)]; }\n\
@@ -224,6 +226,8 @@ fn declared_inputs_are_held() {
 }
 
 /// A finding in a function with callers is judged at the outermost callers.
+// Lesson 97
+// Lesson 143
 #[test]
 fn callers_judge_what_they_call() {
     let root = "fn root(x: f32) -> f32 { return sqrt(x - 0.5); }\n";
@@ -272,6 +276,7 @@ fn callers_judge_what_they_call() {
 }
 
 /// A bad value counts if it reaches a result, a condition, an index or an unbounded number.
+// Lesson 143
 #[test]
 fn what_something_uses_is_not_dropped() {
     for text in [
@@ -299,6 +304,7 @@ fn what_something_uses_is_not_dropped() {
 }
 
 /// Each operation of a function counts, also after others of its kind.
+// Lesson 97
 #[test]
 fn each_operation_has_its_own_verdict() {
     let text = "fn f(x: f32, y: f32) -> f32 { let a = 1.0 / (x - x); let b = 1.0 / (y - y); let c = 1.0 / x; return a + b + c; }";
@@ -342,6 +348,7 @@ fn a_function_is_judged_by_what_it_uses() {
 }
 
 /// An invalid module has no callers, so its functions are judged one by one.
+// Lesson 143
 #[test]
 fn modules_that_are_not_valid_may_call() {
     let modules = |broken: &'static str| {
@@ -358,6 +365,7 @@ fn modules_that_are_not_valid_may_call() {
     assert_eq!((beside.found.len(), beside.of(Class::Met).count()), (0, 1), "{beside}");
 }
 
+// Lesson 111
 #[test]
 fn each_is_found_where_it_is_born() {
     let schlick =
@@ -427,6 +435,7 @@ fn of_kind(hazards: &Hazards, kind: Kind) -> Hazard {
 }
 
 /// If the engine reported one lane of 256, `always` would look like `rarely`.
+// Lesson 140
 #[test]
 fn each_input_of_a_hazard_counts() {
     let always =
@@ -480,6 +489,7 @@ fn each_input_of_a_hazard_counts() {
 }
 
 /// Integers are declared like floats, and the ends of their types are sampled.
+// Lesson 146
 #[test]
 fn integers_are_declared_and_reach_the_ends_of_their_types() {
     let text = "fn g(count: u32) -> u32 { return 100u / (50u - count); }";
@@ -505,6 +515,7 @@ fn integers_are_declared_and_reach_the_ends_of_their_types() {
 }
 
 /// A report says which values it tried. Unconstrained numbers are sampled as in tests.
+// Lesson 147
 #[test]
 fn a_report_says_what_was_drawn() {
     let hazards =
@@ -516,6 +527,7 @@ fn a_report_says_what_was_drawn() {
     assert_eq!(hazards.drawn.to_string(), drawn);
 }
 
+// Lesson 150
 #[test]
 fn edges_in_the_wrong_order_and_numbers_beyond_a_type_are_hazards() {
     for (text, kind) in [
@@ -544,6 +556,7 @@ fn edges_in_the_wrong_order_and_numbers_beyond_a_type_are_hazards() {
 }
 
 /// Members of buffers have names, ranges and several contents.
+// Lesson 149
 #[test]
 fn members_of_buffers_are_drawn_and_declared() {
     let text = "struct P { groups: u32, other: u32, gain: f32, seeds: array<u32, 3> }\n\
@@ -582,6 +595,7 @@ fn members_of_buffers_are_drawn_and_declared() {
 }
 
 /// The report counts the parts that weren't checked.
+// Lesson 151
 #[test]
 fn what_was_not_looked_at_is_counted() {
     let text = "fn f(m: u32) -> f32 { var s = 0.0; for (var i = 0u; i < m; i++) { s += 1.0 / f32(i + 1u); }\n\
@@ -645,6 +659,7 @@ fn progress_never_goes_backwards() {
 }
 
 /// Correct code gives no findings: authors read few findings, and ignore many.
+// Lesson 111
 #[test]
 fn what_is_right_has_none() {
     for text in [
@@ -940,6 +955,7 @@ fn contents_of_a_pass_may_decide_alone() {
 }
 
 /// The pixels of a draw run side by side, each at its own place.
+// Lesson 215: two pixels of a draw
 #[test]
 fn pixels_that_write_storage_race() {
     let declared = "struct P { width: u32, height: u32 }
@@ -1354,6 +1370,7 @@ fn each_function_is_told_as_it_is_done() {
 }
 
 /// Cases that a reader of the guide found: each had no finding, or one with a wrong class or name.
+// Lesson 98
 #[test]
 fn what_is_free_is_drawn() {
     let head = "@group(0) @binding(0) var tex: texture_2d<f32>;\n@group(0) @binding(1) var smp: sampler;\n";
@@ -1418,6 +1435,7 @@ fn what_is_free_is_drawn() {
 
 /// False faults that generated inputs caused in shaders of other projects: arrays are longer than the dispatch, a
 /// matrix called a projection has no declared entries, and another function has filled a private variable.
+// Lesson 98
 #[test]
 fn what_hosts_give_makes_no_fault() {
     let level = "struct U { width: u32 } @group(0) @binding(0) var<uniform> ubo: U;
@@ -1467,6 +1485,7 @@ fn what_hosts_give_makes_no_fault() {
 }
 
 /// An override has its declared value, or its default.
+// Lesson 98
 #[test]
 fn overrides_are_declared() {
     let text = "override SCALE: f32;\nfn f(x: f32) -> f32 { return x / SCALE; }\n\

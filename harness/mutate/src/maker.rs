@@ -673,6 +673,7 @@ mod tests {
         found.map(|(_, text)| text).collect()
     }
 
+    // Lesson 28: mutants
     #[test]
     fn each_rule_makes_its_slips() {
         for (body, rule, expected) in [
@@ -730,6 +731,7 @@ mod tests {
     }
 
     /// Comments, types, attributes, declarations and imports aren't mutated.
+    // Lesson 28: mutants
     #[test]
     fn only_code_is_changed() {
         let text = "import package::math::PI; // 1 + 2\n\

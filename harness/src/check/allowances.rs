@@ -113,6 +113,8 @@ mod tests {
     }
 
     /// WGSL lets a sine be off by 2^-11.
+    // Lesson 93
+    // Lesson 171
     #[test]
     fn tolerances_that_other_drivers_may_leave_are_found() {
         let loose = allowance("sin(x)", f64::sin, Abs(1e-3));

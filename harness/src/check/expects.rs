@@ -390,6 +390,7 @@ mod tests {
         words
     }
 
+    // Lesson 104
     #[test]
     fn what_was_not_kept_does_not_pass() {
         let passes = |words: &[u32]| Report { words }.passes();
@@ -404,6 +405,7 @@ mod tests {
         assert!(report(1, [good, bad, bad]), "what is behind the count is of an earlier case");
     }
 
+    // Lesson 100
     #[test]
     fn the_host_judges_exactly() {
         let holds = |wanted, actual, expected, bounds| {

@@ -278,6 +278,7 @@ mod tests {
     use crate::domain::Typed;
     use crate::tolerance::Abs;
 
+    // Lesson 5
     #[test]
     fn only_the_wrong_way_is_an_error() {
         let judged = |before: f32, after: f32, rises| {

@@ -226,6 +226,7 @@ mod tests {
     }
 
     /// A value that WGSL leaves open may stay unwritten; a bounded value may not.
+    // Lesson 174
     #[test]
     fn a_driver_may_drop_what_may_be_anything() {
         let text = "fn open(a: f32, x: f32) -> vec2f { return vec2f(x, smoothstep(a, a, x)); }";

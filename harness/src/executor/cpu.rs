@@ -145,6 +145,7 @@ mod tests {
         Ok(found)
     }
 
+    // Lesson 115
     #[test]
     fn functions_are_called_with_their_rows() {
         let text = "enable f16;\nstruct S { a: vec2f, b: bool }\n\
@@ -189,6 +190,7 @@ mod tests {
         }
     }
 
+    // Lesson 115
     #[test]
     fn fixtures_are_read() {
         let text = "@group(0) @binding(0) var<uniform> scale: f32;\n\
@@ -212,6 +214,7 @@ mod tests {
         assert!(missing.contains("scale"), "{missing}");
     }
 
+    // Lesson 115
     #[test]
     fn a_loop_without_an_end_is_told_with_its_line() {
         let text = "fn f(x: f32) -> f32 {\n    var y = x;\n    while y >= x { y += 0.0; }\n    return y;\n}\n";

@@ -131,6 +131,7 @@ mod tests {
         }
     }
 
+    // Lesson 94
     #[test]
     fn a_loop_without_an_end_never_reaches_a_driver() {
         let text = "fn f(n: u32) -> u32 {\n    var k = 0u;\n    loop {\n        if k == n { break; }\n        \

@@ -288,6 +288,7 @@ fn executors() -> Vec<&'static dyn Executor> {
     here.chain([Path::CPU]).map(|path| executor::of(path).expect("it opens")).collect()
 }
 
+// Lesson 90
 #[test]
 fn results_of_scalar_built_in_functions_are_allowed() {
     let executors = executors();
@@ -295,6 +296,7 @@ fn results_of_scalar_built_in_functions_are_allowed() {
     assert!(found.is_empty(), "{}", found.join("\n"));
 }
 
+// Lesson 90
 #[test]
 fn results_of_vector_built_in_functions_are_allowed() {
     let executors = executors();
@@ -330,6 +332,7 @@ fn results_of_half_precision_are_allowed() {
 }
 
 /// "An implementation may reassociate operations" (WGSL, 15.7.5), and Mesa's compilers do.
+// Lesson 168: each order of terms lies within the bound
 #[test]
 fn results_of_reassociated_programs_are_allowed() {
     let executors = executors();

@@ -317,6 +317,7 @@ mod tests {
         Image::new(16, 16, (0..256).map(|i| [i as f32 / 64.0, 0.5, 2.0, 1.0]).collect())
     }
 
+    // Lesson 16
     #[test]
     fn equal_images_pass_and_one_changed_channel_fails() {
         assert_eq!(compare(&ramp(), &ramp(), 1e-3).map(|m| m.is_identical()), Ok(true));
@@ -332,6 +333,7 @@ mod tests {
         }
     }
 
+    // Lesson 16
     #[test]
     fn small_drift_passes_with_its_margin() {
         let mut drifted = ramp();
@@ -344,6 +346,7 @@ mod tests {
         assert!(compare(&ramp(), &drifted, 0.0).is_err());
     }
 
+    // Lesson 46: NaN
     #[test]
     fn nothing_that_is_not_a_number_passes() {
         for value in [f32::NAN, f32::INFINITY] {
@@ -366,6 +369,7 @@ mod tests {
         }
     }
 
+    // Lesson 20
     #[test]
     fn dark_regions_of_bright_frames_and_alpha_are_compared() {
         let mut golden = Image::new(16, 16, vec![[6e4, 6e4, 6e4, 1.0]; 256]);

@@ -217,6 +217,7 @@ pub fn build_output() -> PathBuf {
 mod tests {
     use super::*;
 
+    // Lesson 179
     #[test]
     fn folders_are_named_from_the_root() {
         let project = tempfile::tempdir().expect("a temporary folder");
@@ -232,6 +233,7 @@ mod tests {
         assert_eq!(first.key(), "crates/b/golden", "a crate has no folder before its first golden");
     }
 
+    // Lesson 179
     #[test]
     fn the_package_of_a_folder_is_the_nearest() {
         let project = tempfile::tempdir().expect("a temporary folder");

@@ -380,6 +380,7 @@ mod tests {
     const B: &str = "fn g(x: f32) -> f32 { return x; }\nfn h(x: f32) -> f32 { return -x; }\n";
 
     /// A change of `f`'s program changes its fingerprint; no other change does.
+    // Lesson 103
     #[test]
     fn a_fingerprint_changes_with_the_program_alone() {
         let first = of(A, B);
@@ -452,6 +453,7 @@ mod tests {
     }
 
     /// A checkout, or a rename across files, changes several modules at once: each of them is described again.
+    // Lesson 193
     #[test]
     fn each_module_of_one_burst_is_described_again() {
         let folder = tempfile::tempdir().expect("a temporary folder");
@@ -473,6 +475,7 @@ mod tests {
         }
     }
 
+    // Lesson 103
     #[test]
     fn what_cannot_be_linked_has_none() {
         let package = Package::from_modules("m", [("a", "fn f() { g(); }\n")]);

@@ -164,6 +164,7 @@ mod tests {
         assert_eq!(lex("a /* b")[1].kind, Kind::Unknown);
     }
 
+    // Lesson 49: text is copied from the author's bytes
     #[test]
     fn nothing_is_skipped() {
         for text in ["x $", "'x'", "\u{0}", "\\", "a \u{fe0f} b", "\u{feff}a"] {

@@ -142,6 +142,7 @@ fn capital(word: &str, is_one: bool) -> String {
 mod tests {
     use super::*;
 
+    // Lesson 205
     #[test]
     fn limits_are_those_of_the_mode_unless_they_are_named() {
         let read = |text: &str| Limits::of(toml::from_str(text).expect("TOML"));

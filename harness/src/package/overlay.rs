@@ -231,6 +231,7 @@ mod tests {
     use super::*;
 
     /// Each file of an overlay replaces its own module and no other.
+    // Lesson 193
     #[test]
     fn an_overlay_replaces_each_module_that_it_has() {
         let (tree, over) = (tempfile::tempdir(), tempfile::tempdir());

@@ -258,6 +258,7 @@ mod tests {
 
     const ORIGINAL: &str = "// comment\nfn f() {\n  @if(ä)\n return scale( x ) + y;\n}";
 
+    // Lesson 50: exact places
     #[test]
     fn places_survive_names_and_blanks() {
         let spliced = spliced(ORIGINAL);
@@ -284,6 +285,7 @@ mod tests {
     }
 
     /// The check catches each mistake that a linker with a bug could make.
+    // Lesson 50: edits are undone without the lexer
     #[test]
     fn other_bytes_than_the_authors_are_seen() {
         let sound = spliced(ORIGINAL);

@@ -234,6 +234,7 @@ fn is_case(text: &str, tokens: &[Token], at: usize) -> bool {
 mod tests {
     use super::{Values, substituted};
 
+    // Lesson 145
     #[test]
     fn each_form_of_a_placeholder_has_its_value() {
         let values = Values::from([

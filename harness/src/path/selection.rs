@@ -205,6 +205,7 @@ fn list(variable: &'static str, names: &str) -> Result<Vec<Path>, PathError> {
 mod tests {
     use super::*;
 
+    // Lesson 66
     #[test]
     fn lists_are_read_whole() {
         let names = |names: &str| list("KARAT_PATHS", names);
@@ -231,6 +232,7 @@ mod tests {
     }
 
     /// A list runs every path in it, in one order, however the list is sorted.
+    // Lesson 73
     #[test]
     fn each_path_of_a_list_is_run() {
         let here: Vec<Path> = Path::ALL.into_iter().filter(|path| open(*path).is_ok()).collect();
@@ -245,6 +247,7 @@ mod tests {
         assert!(here.len() < 2 || required.is_ok_and(|devices| devices.len() == 2));
     }
 
+    // Lesson 3
     #[test]
     fn a_required_path_that_cannot_exist_is_an_error() {
         let foreign = if cfg!(target_os = "macos") { "dx12" } else { "metal" };

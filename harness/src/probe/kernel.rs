@@ -490,6 +490,7 @@ mod tests {
 
     /// A shader may declare names that WGSL has already. Karat renames those that kernels use, so it must
     /// know each name that a kernel uses.
+    // Lesson 51
     #[test]
     fn kernels_use_no_other_names_than_they_say() {
         let mut shapes =

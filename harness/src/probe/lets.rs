@@ -126,6 +126,7 @@ mod tests {
         let d_1 = bitcast<u32>(sum); { let d = vec2u(d_1).x; sum += f32(d); }\n    \
         return sum;\n}\n";
 
+    // Lesson 84
     #[test]
     fn each_binding_is_returned_by_a_function_of_its_own() {
         let package = Package::from_source("lets", TEXT);
@@ -142,6 +143,7 @@ mod tests {
         assert_eq!(parameters(&lets[2]), Some(2));
     }
 
+    // Lesson 84
     #[test]
     fn a_shadowing_binding_is_the_inner_one() {
         let text = "fn f(x: f32) -> f32 { let q = x; if x > 0.0 { let q = i32(x); return f32(q); }\n\

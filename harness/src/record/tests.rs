@@ -45,6 +45,7 @@ fn last(folder: &Path) -> Option<String> {
     Some(records[0].test.clone())
 }
 
+// Lesson 58
 #[test]
 fn the_last_run_that_ended_is_read() {
     let temporary = tempfile::tempdir().expect("a temporary folder");
@@ -63,6 +64,7 @@ fn the_last_run_that_ended_is_read() {
     assert_eq!(folders.each_ref().map(|folder| folder.exists()), [false, false, true]);
 }
 
+// Lesson 58
 #[test]
 fn what_a_killed_run_left_is_cleared_away_and_a_live_one_is_not() {
     let temporary = tempfile::tempdir().expect("a temporary folder");

@@ -83,6 +83,7 @@ mod tests {
 
     /// A program is cached while its texts stay the same. It is made again when an imported module changes, when a
     /// feature changes, and when a file disappears.
+    // Lesson 80
     #[test]
     fn a_program_is_made_again_when_a_text_changes() {
         let folder = tempfile::tempdir().expect("a temporary folder");

@@ -169,6 +169,7 @@ mod tests {
     use super::*;
     use crate::package::Package;
 
+    // Lesson 98
     #[test]
     fn what_is_compared_with_is_kept() {
         let text = "const FAR = 100.5; const SIDE = vec2f(3.5);

@@ -14,6 +14,7 @@ fn ir(text: &str) -> String {
 
 /// Renaming everything that a module declares changes only names: the linker finds each use of a name, and takes
 /// nothing else for one.
+// Lesson 51: each name of the library
 #[test]
 fn renamed_modules_are_the_same_programs() {
     let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));

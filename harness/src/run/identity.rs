@@ -246,6 +246,7 @@ mod tests {
         assert_eq!(of("/t/debug/deps/my_crate-0a1b"), ["--lib", "--bins"]);
     }
 
+    // Lesson 182
     #[test]
     fn a_test_that_no_line_can_name_is_selected_by_a_part() {
         assert_eq!(selecting("brdf::grazing"), ["--exact", "brdf::grazing"]);
@@ -281,6 +282,7 @@ mod tests {
     }
 
     /// Each test, function and check has different cases.
+    // Lesson 74
     #[test]
     fn each_check_has_a_seed_of_its_own() {
         let settings = Box::leak(Box::new(Settings::read([]).expect("nothing is set")));

@@ -138,6 +138,7 @@ mod tests {
         assert_eq!(bytes(text, 99, 1), text.len()..text.len());
     }
 
+    // Lesson 203
     #[test]
     fn an_answer_is_about_its_question() {
         let text = "fn f() {}";

@@ -868,6 +868,7 @@ mod tests {
         );
     }
 
+    // Lesson 175
     #[test]
     fn what_declares_nothing_is_an_error_with_its_place() {
         for (text, part) in [

@@ -115,6 +115,7 @@ pub(crate) fn meant(scalar: Scalar, value: f64, wanted: Wanted) -> f64 {
 mod tests {
     use super::*;
 
+    // Lesson 170
     #[test]
     fn what_an_f32_prints_is_that_f32() {
         let expected = |scalar, cell: &str| expected(scalar, cell, Wanted::Near);

@@ -241,6 +241,7 @@ mod tests {
         }
     }
 
+    // Lesson 194
     #[test]
     fn what_a_table_lacks_is_told() {
         for (text, part) in [

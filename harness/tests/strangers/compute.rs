@@ -60,6 +60,7 @@ fn scan(package: &Package) -> karat::compute::Compute<'_> {
         .dispatch("add", [4, 1, 1])
 }
 
+// Lesson 128
 #[test]
 fn passes_share_their_buffers() {
     let package = Package::from_source("scan", SCAN);
@@ -76,6 +77,7 @@ fn passes_share_their_buffers() {
 }
 
 /// A pass that is left out, a wrong reference and a wrong statement are seen.
+// Lesson 128
 #[test]
 fn what_differs_is_told() {
     let package = Package::from_source("scan", SCAN);
@@ -103,6 +105,7 @@ fn what_differs_is_told() {
     assert!(text.contains("fails: is zero") && text.contains("doesn't hold"), "{text}");
 }
 
+// Lesson 128
 #[test]
 fn mistakes_are_told_before_anything_runs() {
     let package = Package::from_source("scan", SCAN);
@@ -177,6 +180,7 @@ fn mistakes_are_told_before_anything_runs() {
 }
 
 /// A blur in two passes, the second of which samples what the first has stored.
+// Lesson 128
 #[test]
 fn textures_are_stored_and_sampled() {
     let text = "\
@@ -213,6 +217,7 @@ fn textures_are_stored_and_sampled() {
 }
 
 /// A loop that the driver would leave is an error with its line, and an endless one on `cpu`, too.
+// Lesson 128
 #[test]
 fn loops_that_drivers_leave_are_told() {
     let text = "@group(0) @binding(0) var<storage, read_write> out: array<u32>;\n\

@@ -85,6 +85,7 @@ fn green(mesh: Mesh) -> Draw {
     Draw::mesh("vertex", "second", mesh)
 }
 
+// Lesson 130
 #[test]
 fn targets_have_formats() {
     let package = flat();
@@ -134,6 +135,7 @@ fn targets_have_formats() {
     }
 }
 
+// Lesson 130
 #[test]
 fn integers_are_targets() {
     let text = "@fragment fn f() -> @location(0) vec4u { return vec4u(7u, 255u, 300u, 2u); }\n\
@@ -148,6 +150,7 @@ fn integers_are_targets() {
     }
 }
 
+// Lesson 130
 #[test]
 fn several_targets_and_depth() {
     let package = flat();
@@ -163,6 +166,7 @@ fn several_targets_and_depth() {
 }
 
 /// An edge through pixels covers a share of their samples.
+// Lesson 130
 #[test]
 fn pixels_have_samples() {
     let package = flat();
@@ -177,6 +181,7 @@ fn pixels_have_samples() {
     }
 }
 
+// Lesson 129
 #[test]
 fn faces_are_culled_by_their_winding() {
     let package = flat();
@@ -195,6 +200,7 @@ fn faces_are_culled_by_their_winding() {
     expect(&frame(&package).draw(red(all(0.5)).front_face(Winding::Clockwise)), [Vec4::ZERO; 2]);
 }
 
+// Lesson 129
 #[test]
 fn depth_is_compared_written_and_biased() {
     let package = flat();
@@ -216,6 +222,7 @@ fn depth_is_compared_written_and_biased() {
     expect(&two(red(left(0.5)), green(all(0.5)).depth_bias(bias)), [RED, GREEN]);
 }
 
+// Lesson 129
 #[test]
 fn stencils_are_written_and_compared() {
     let package = flat();
@@ -243,6 +250,7 @@ fn stencils_are_written_and_compared() {
     expect(&hidden, [GREEN, RED]);
 }
 
+// Lesson 129
 #[test]
 fn pixels_are_blended() {
     let package = flat();
@@ -299,6 +307,7 @@ fn pixels_are_blended() {
     }
 }
 
+// Lesson 129
 #[test]
 fn targets_are_blended_and_masked_apart() {
     let package = flat();
@@ -334,6 +343,7 @@ struct Out { @builtin(position) clip: vec4f, @location(0) color: vec4f }
 }
 ";
 
+// Lesson 131
 #[test]
 fn copies_have_attributes_and_numbers() {
     let package = Package::from_source("instances", INSTANCES);
@@ -357,6 +367,7 @@ fn copies_have_attributes_and_numbers() {
 }
 
 /// wgpu's GL gives shaders other numbers of copies and vertices where these don't begin at 0.
+// Lesson 131
 #[test]
 fn numbers_begin_where_a_draw_says() {
     if karat::unstable::path::adapter(Path::VULKAN).is_err() {
@@ -376,6 +387,7 @@ fn numbers_begin_where_a_draw_says() {
     );
 }
 
+// Lesson 131
 #[test]
 fn frames_read_frames() {
     let text = "
@@ -410,6 +422,7 @@ fn frames_read_frames() {
     expect(&lit, [Vec4::ZERO, Vec4::ONE]);
 }
 
+// Lesson 131
 #[test]
 fn members_of_buffers_are_inputs() {
     let text = "struct Light { color: vec3f, power: f32 }\n\
@@ -436,6 +449,7 @@ fn members_of_buffers_are_inputs() {
     }
 }
 
+// Lesson 131
 #[test]
 fn what_no_device_draws_is_told() {
     let package = Package::from_source(

@@ -10,6 +10,7 @@ fn check(text: &str) -> Package {
 }
 
 /// What a pointer points to goes in by value and comes out as a further result.
+// Lesson 123
 #[test]
 fn pointers_are_values_in_and_out() {
     let package = check(
@@ -37,6 +38,7 @@ fn pointers_are_values_in_and_out() {
 }
 
 /// A reference that takes no note of the pointer, or a wrong one, is seen.
+// Lesson 123
 #[test]
 fn what_a_pointer_points_to_is_compared() {
     let package = check("fn f(a: ptr<function, i32>) -> i32 { *a += 1; return *a * 2; }");
@@ -50,6 +52,7 @@ fn what_a_pointer_points_to_is_compared() {
     assert!(text.contains("returns"), "{text}");
 }
 
+// Lesson 127
 #[test]
 fn twelve_parameters_and_none() {
     let package = check(
@@ -97,6 +100,7 @@ fn twelve_parameters_and_none() {
 }
 
 /// One that another one is made of, with and without an initialiser.
+// Lesson 133
 #[test]
 fn overrides_that_others_are_made_of_are_set() {
     let package = check(
@@ -198,6 +202,7 @@ fn overrides_of_several_modules_are_named() {
     assert!(!text("lit").contains("override SAMPLES: u32"), "{}", text("lit"));
 }
 
+// Lesson 120
 #[test]
 fn overrides_are_set() {
     let package = check(
@@ -243,6 +248,7 @@ fn overrides_are_set() {
 }
 
 /// Storage that a case writes is what it was before, for each case; what it is afterwards is a result.
+// Lesson 124
 #[test]
 fn written_storage_is_a_result_and_starts_anew() {
     let package = check(
@@ -310,6 +316,7 @@ impl karat::unstable::value::Mirror for Bins {
 
 /// Workgroup variables are zero in each case, and a barrier is met by its one invocation.
 /// What may be written, and is only read, is no result.
+// Lesson 133
 #[test]
 fn storage_that_is_only_read_is_no_result() {
     let package = check(
@@ -322,6 +329,7 @@ fn storage_that_is_only_read_is_no_result() {
     probe.over(Integers(0..=1_u32)).agrees_with(|i: u32| if i == 0 { 1.0 } else { 6.0 }, Abs(0.0));
 }
 
+// Lesson 124
 #[test]
 fn workgroup_state_starts_anew() {
     let package = check(
@@ -334,6 +342,7 @@ fn workgroup_state_starts_anew() {
     package.function("f").over(domain()).agrees_with(|_: u32, x: u32| x, Abs(0.0));
 }
 
+// Lesson 124
 #[test]
 fn storage_textures_are_read_back() {
     let package = check(
@@ -378,6 +387,7 @@ fn storage_textures_are_read_back() {
 }
 
 /// A value with its derivatives goes in; the result at the upper left pixel is judged.
+// Lesson 126
 #[test]
 fn derivatives_over_quads() {
     let package = check(
@@ -419,6 +429,7 @@ fn derivatives_over_quads() {
 karat::shareable! { struct Point mirrors PointMirror { uv: Vec2, id: u32 } }
 
 /// Of a structure the floats vary, and the integers are those of the pixel.
+// Lesson 132
 #[test]
 fn structures_vary_over_quads() {
     let package = check(
@@ -437,6 +448,7 @@ fn structures_vary_over_quads() {
 }
 
 /// Sampling with an implicit level of detail, and with a bias.
+// Lesson 126
 #[test]
 fn implicit_levels_of_detail() {
     let package = check(
@@ -552,6 +564,7 @@ fn what_is_not_finite_has_a_place() {
 }
 
 /// A driver that leaves loops without a word does so in cases that run alone, and in quads, too.
+// Lesson 125
 #[test]
 fn loops_that_a_driver_leaves_are_told() {
     let text = "@group(0) @binding(0) var<storage, read_write> sum: u32;\n\
@@ -590,6 +603,7 @@ fn loops_that_a_driver_leaves_are_told() {
 }
 
 /// What can't be a subject is refused with its reason and its line.
+// Lesson 127
 #[test]
 fn what_has_no_value_is_refused() {
     let told = |text: &str, part: &str| {

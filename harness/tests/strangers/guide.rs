@@ -245,6 +245,7 @@ fn plain(text: &str) -> String {
 }
 
 /// Each sample of the guide stands in this file or in that of functions.
+// Lesson 137
 #[test]
 fn the_guide_has_these_samples() {
     let Some(chapters) = chapters() else { return };
@@ -263,6 +264,7 @@ fn the_guide_has_these_samples() {
 /// `harness/tests/package.rs` and `harness/cli/tests/cli/asserts.rs` test, and an import of Bevy's, which would fetch a crate; tests in WGSL
 /// are run by karat-suite. `cargo ci dist` runs those of the page for the web, and
 /// `harness/cli/tests/cli/tutorial.rs` those of the tutorial.
+// Lesson 137
 #[test]
 fn the_guide_has_these_shaders() {
     let Some(chapters) = chapters() else { return };
@@ -303,6 +305,7 @@ fn a_line_asserts() {
 }
 
 /// Chapters, and files that they link to, are there; the index and mdBook's summary name each chapter.
+// Lesson 137
 #[test]
 fn links_of_the_guide_lead_somewhere() {
     let folder = FilePath::new(env!("CARGO_MANIFEST_DIR")).join("../docs/guide");
@@ -346,6 +349,7 @@ fn links(text: &str) -> impl Iterator<Item = &str> {
 }
 
 /// A page of the book links to pages and pictures of the book: mdBook renders no other, and says nothing.
+// Lesson 137
 #[test]
 fn links_of_the_book_stay_in_it() {
     let docs = FilePath::new(env!("CARGO_MANIFEST_DIR")).join("../docs");

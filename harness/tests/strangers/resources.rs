@@ -47,6 +47,7 @@ fn addressed(sampler: Sampler, wrap: fn(f64) -> f64) {
     probe().over(coordinates()).agrees_with(reference, Abs(0.0));
 }
 
+// Lesson 119
 #[test]
 fn samplers_clamp_repeat_and_mirror() {
     addressed(Sampler::NEAREST, |texel| texel.clamp(0.0, 3.0));
@@ -55,6 +56,7 @@ fn samplers_clamp_repeat_and_mirror() {
 }
 
 /// A clamped sampler in place of a repeating one is seen.
+// Lesson 119
 #[test]
 fn a_sampler_that_is_taken_for_another_is_seen() {
     let package = package("", SAMPLED);
@@ -69,6 +71,7 @@ fn a_sampler_that_is_taken_for_another_is_seen() {
     }
 }
 
+// Lesson 119
 #[test]
 fn each_coordinate_has_its_own_address() {
     let package = package("", SAMPLED);
@@ -87,6 +90,7 @@ fn each_coordinate_has_its_own_address() {
 
 /// The level of detail chooses between levels of one value each, so that only the filter between them
 /// and the clamp show.
+// Lesson 119
 #[test]
 fn filters_between_levels_and_their_clamp() {
     let declarations = "@group(0) @binding(0) var image: texture_2d<f32>;\n\
@@ -109,6 +113,7 @@ fn filters_between_levels_and_their_clamp() {
 }
 
 /// Where a texel is larger than a pixel `mag` counts, and `min` where it is smaller.
+// Lesson 119
 #[test]
 fn filters_of_larger_and_smaller_texels() {
     let text = "@group(0) @binding(0) var image: texture_2d<f32>;\n\
@@ -133,6 +138,7 @@ fn depths() -> Texture {
     Texture::from_fn(2, 2, |x, y| (x + 2 * y) as f32 / 4.0)
 }
 
+// Lesson 119
 #[test]
 fn comparison_samplers_compare() {
     let text = "@group(0) @binding(0) var shadow: texture_depth_2d;\n\
@@ -175,6 +181,7 @@ fn comparison_samplers_compare() {
 }
 
 /// Textures of each dimension and kind of texels, loaded from.
+// Lesson 120
 #[test]
 fn every_texture_is_loaded_from() {
     let value = |x: u32, y: u32, z: u32| x + 4 * y + 16 * z;
@@ -281,6 +288,7 @@ fn every_texture_is_loaded_from() {
 }
 
 /// Faces and layers of cubes, along their axes.
+// Lesson 120
 #[test]
 fn cubes_have_faces_layers_and_depths() {
     let text = "@group(0) @binding(0) var many: texture_cube_array<f32>;\n\
@@ -324,6 +332,7 @@ karat::shareable! {
     struct Head mirrors HeadMirror { count: u32, scale: f32 }
 }
 
+// Lesson 120
 #[test]
 fn buffers_by_their_values_and_by_their_bytes() {
     let text = "struct Lights { count: u32, scale: f32, items: array<vec4f> }\n\
@@ -362,6 +371,7 @@ fn buffers_by_their_values_and_by_their_bytes() {
         .agrees_with(|i: u32| f64::from(i), Abs(0.0));
 }
 
+// Lesson 120
 #[test]
 fn immediates_are_set() {
     let text = "struct Push { offset: vec2f, scale: f32 }\n\
@@ -390,6 +400,7 @@ fn immediates_are_set() {
 }
 
 /// What is wrong with a fixture is told before anything runs, with the line that binds the variable.
+// Lesson 121
 #[test]
 fn mistakes_are_told_with_the_variables_line() {
     let text = "@group(0) @binding(0) var image: texture_2d<u32>;\n\
@@ -441,6 +452,7 @@ fn mistakes_are_told_with_the_variables_line() {
 }
 
 /// A path whose compiler refuses a function can be declared, and no other.
+// Lesson 122
 #[test]
 fn a_path_that_compiles_nothing_is_declared() {
     let text = "@group(0) @binding(0) var shadow: texture_depth_2d;\n\
@@ -478,6 +490,7 @@ fn a_path_that_compiles_nothing_is_declared() {
 }
 
 /// An error of the fixtures is one that programs can tell from others.
+// Lesson 121
 #[test]
 fn errors_carry_their_source() {
     let package = package("", SAMPLED);
@@ -491,6 +504,7 @@ fn errors_carry_their_source() {
 }
 
 /// GL filters 16-bit floats alone. What no sampler reads has all bits there, too.
+// Lesson 133
 #[test]
 fn loaded_texels_have_full_precision() {
     let package = package(

@@ -136,6 +136,7 @@ mod tests {
         run_for(command.args(["-c", script]), deadline).expect("a shell")
     }
 
+    // Lesson 117
     #[test]
     fn each_end_is_told_apart() {
         let good = shell("echo a; echo b >&2");
@@ -151,6 +152,7 @@ mod tests {
         assert_eq!(shell("exec cat").end, End::Good, "there is no input to wait for");
     }
 
+    // Lesson 117
     #[test]
     fn what_writes_without_end_is_ended() {
         let ran = shell("exec yes 0123456789");

@@ -304,6 +304,7 @@ mod tests {
     use super::*;
 
     /// A multiplied length is in bytes: a later glslang may multiply it itself.
+    // Lesson 159
     #[test]
     fn lengths_in_words_are_told_from_those_in_bytes() {
         let head = [MAGIC, 0x0001_0300, 0, 20, 0];

@@ -80,6 +80,7 @@ fn resources_keep_their_order() {
 }
 
 /// Every installed tool accepts every translation, and reports its version and command.
+// Lesson 81
 #[test]
 fn what_naga_writes_is_valid_for_the_tools_that_are_here() {
     let mut asked = Vec::new();
@@ -100,6 +101,7 @@ fn what_naga_writes_is_valid_for_the_tools_that_are_here() {
 }
 
 /// If a validator doesn't support a part of a language, it gives no verdict, unless it finds another fault first.
+// Lesson 160
 #[test]
 fn arrays_of_workgroups_are_no_fault_of_hlsl() {
     let text = "var<workgroup> tile: array<u32, 64>;
@@ -126,6 +128,7 @@ fn arrays_of_workgroups_are_no_fault_of_hlsl() {
 }
 
 /// Each validator can reject: otherwise accepting would prove nothing.
+// Lesson 82
 #[test]
 fn a_fault_is_seen_by_each_tool_that_judges_it() {
     let spoiled = |target: Target| {
@@ -168,6 +171,7 @@ fn immediates_are_written() {
 }
 
 /// Checking several together gives the same verdicts as one by one: an invalid one doesn't affect the others.
+// Lesson 116
 #[test]
 fn several_are_judged_as_each_alone() {
     for target in Target::ALL {

@@ -41,6 +41,7 @@ fn called(folder: &TempDir, arguments: &[&str]) -> String {
     karat(folder.path(), &[&["call"][..], arguments, &["--path", "cpu"]].concat()).good()
 }
 
+// Lesson 134
 #[test]
 fn variables_are_bound_by_names_files_and_numbers() {
     let folder = lit();
@@ -76,6 +77,7 @@ fn variables_are_bound_by_names_files_and_numbers() {
     assert!(out.contains("result: 6, counts: [4, 6]"), "{out}");
 }
 
+// Lesson 134
 #[test]
 fn pointers_derivatives_and_names() {
     let folder = lit();
@@ -154,6 +156,7 @@ fn slips_in_a_call_are_told() {
     assert!(error.contains("which is bound: --bind image=0.5"), "{error}");
 }
 
+// Lesson 134
 #[test]
 fn sweeps_are_tables_and_curves() {
     let folder = lit();
@@ -173,6 +176,7 @@ fn sweeps_are_tables_and_curves() {
     assert_eq!(table.lines().count(), 101);
 }
 
+// Lesson 134
 #[test]
 fn a_table_is_a_check() {
     let folder = lit();
@@ -211,6 +215,7 @@ fn face(d: vec3f) -> vec4f { return textureSampleLevel(sky, filtering, d, 0.0); 
 fn light(i: u32) -> vec2f { return f32(atomicLoad(&lights.count)) * lights.scale * lights.items[i]; }
 ";
 
+// Lesson 133
 #[test]
 fn values_of_textures_and_buffers_are_exact() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -251,6 +256,7 @@ fn values_of_textures_and_buffers_are_exact() {
     );
 }
 
+// Lesson 132
 #[test]
 fn tables_have_derivatives_and_carry_their_columns() {
     let folder = lit();
@@ -275,6 +281,7 @@ fn tables_have_derivatives_and_carry_their_columns() {
     );
 }
 
+// Lesson 134
 #[test]
 fn slips_are_told() {
     let folder = lit();

@@ -16,6 +16,7 @@ fn run_tests(project: &TempDir) -> Ran {
     output(command(project.path(), &["test"]).env("CARGO", "/bin/sh"))
 }
 
+// Lesson 53
 #[test]
 fn a_broken_entry_point_fails_check_list_and_test() {
     let project = tested();
@@ -97,6 +98,7 @@ fn a_package_of_nothing_is_no_success() {
 }
 
 /// A declaration of a name that nothing has would declare nothing.
+// Lesson 198
 #[test]
 fn names_in_karat_toml_are_those_of_the_package() {
     let folder = tempfile::tempdir().expect("a temporary folder");

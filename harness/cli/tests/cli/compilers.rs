@@ -29,6 +29,7 @@ fn last_line(text: &str) -> &str {
 }
 
 /// Each kind of reason with its place and what to do, in text that naga accepts.
+// Lesson 201
 #[test]
 fn what_tint_rejects_is_told_with_its_place_and_a_remedy() {
     let fragment = "@group(0) @binding(0) var t: texture_2d<f32>;\n@group(0) @binding(1) var s: sampler;\n\
@@ -120,6 +121,7 @@ fn what_tint_rejects_is_told_with_its_place_and_a_remedy() {
 }
 
 /// The same verdict in each command that validates.
+// Lesson 201
 #[test]
 fn each_command_that_validates_asks_tint() {
     let tests = "import package::m::shift;\nimport karat::expect_near;\n@test fn is_zero() { expect_near(f32(shift(0u)), 1.0, 2.0); }\n";
@@ -159,6 +161,8 @@ fn each_command_that_validates_asks_tint() {
 }
 
 /// Without Tint each last line says so, and what requires it fails with what to do.
+// Lesson 203
+// Lesson 207
 #[test]
 fn without_tint_nothing_is_silent() {
     let folder = folder(VALID);
@@ -213,6 +217,7 @@ fn karat_tint_names_one_or_says_why_not() {
 }
 
 /// A package declares its native features, and a declaration that no module needs is an error.
+// Lesson 204
 #[test]
 fn what_wgpu_alone_has_is_declared() {
     let folder = folder("fn twice(x: i64) -> i64 { return x + x; }\n");
@@ -245,6 +250,7 @@ fn what_wgpu_alone_has_is_declared() {
 }
 
 /// Limits are a note, until a table says which are meant.
+// Lesson 205
 #[test]
 fn what_exceeds_a_limit_is_told_where_it_stands() {
     let workgroup = "var<workgroup> tile: array<vec4f, 2048>;\n\
@@ -411,6 +417,7 @@ fn an_override_without_a_value_is_given_none() {
 }
 
 /// Tests in files that engines load are told, and the text without them is printed.
+// Lesson 206
 #[test]
 fn files_that_are_shipped_stay_shippable() {
     let folder = folder(VALID);
@@ -525,6 +532,7 @@ mod fakes {
     const GREETING: &str = "echo '{\"version\":\"of a test\"}' >&2\n";
 
     /// A provider that fails has no verdict, and what requires one fails.
+    // Lesson 203
     #[test]
     fn a_tint_that_fails_has_no_verdict() {
         let folder = folder(VALID);
@@ -565,6 +573,7 @@ mod fakes {
     }
 
     /// One text that ends the process costs no other its verdict.
+    // Lesson 203
     #[test]
     fn a_text_that_ends_tint_is_alone_without_a_verdict() {
         let folder = folder(VALID);
@@ -583,6 +592,7 @@ mod fakes {
 
     /// The text is the author's: bytes of the file where nothing is linked, and with linked names alone
     /// where something is.
+    // Lesson 202
     #[test]
     fn tint_gets_the_authors_bytes() {
         let text = "// Half, in \u{1d465}.\nfn half(x: f32) -> f32 {\n\treturn 5e-1 * ((x));  // as it is\n}\n";
@@ -612,6 +622,7 @@ mod fakes {
     }
 
     /// The compiler's own binary, by what it prints.
+    // Lesson 203
     #[test]
     fn a_tint_binary_is_read() {
         let folder = folder("fn f(x: u32) -> u32 { return x << x; }\n");

@@ -41,6 +41,7 @@ fn folder() -> TempDir {
     folder
 }
 
+// Lesson 28: lines, branches and results that no test compares
 #[test]
 fn lines_ways_and_what_is_not_looked_at_are_told() {
     let folder = folder();
@@ -71,6 +72,7 @@ fn lines_ways_and_what_is_not_looked_at_are_told() {
 }
 
 /// A line that only an assertion reads is looked at, and one that only a print reads isn't.
+// Lesson 209
 #[test]
 fn what_an_assertion_reads_is_looked_at() {
     let folder = folder();
@@ -176,6 +178,7 @@ fn an_edit_is_measured_by_its_lines() {
 }
 
 /// A frame that the engine doesn't draw leaves its functions unmeasured, and not uncovered.
+// Lesson 209
 #[test]
 fn functions_of_frames_are_not_measured() {
     let folder = folder();
@@ -205,6 +208,7 @@ fn tests_beside_a_file_are_named() {
 }
 
 /// A test that fails, a path that counts nothing and a filter that finds nothing are no figures.
+// Lesson 28: lines, branches and results that no test compares
 #[test]
 fn nothing_is_measured_without_evidence() {
     let folder = folder();

@@ -158,6 +158,7 @@ fn what_cargo_says_is_kept_until_the_lock_file_changes() {
 }
 
 /// What no project builds: cargo fetches it, here from a folder that stands for crates.io.
+// Lesson 34
 #[test]
 fn a_crate_at_a_version_needs_no_project() {
     let place = Place::new();

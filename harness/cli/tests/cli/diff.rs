@@ -230,6 +230,7 @@ fn a_heatmap_is_colours_or_the_errors_themselves() {
     assert!(!folder.path().join("none.png").exists());
 }
 
+// Lesson 59
 #[test]
 fn a_heatmap_replaces_no_input() {
     let folder = images();

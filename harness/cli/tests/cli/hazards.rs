@@ -70,6 +70,7 @@ fn functions_that_are_not_valid_fail_a_run() {
 
 /// A requirement names the inputs that avert it, and fails a run that denies requirements. What callers meet and what is dropped is
 /// counted.
+// Lesson 97
 #[test]
 fn requirements_fail_a_run_that_denies_them() {
     let union = "fn smooth_union(a: f32, b: f32, k: f32) -> f32 {\n    return a + 0.5 * (b - a) / k + 2.0 * (a / k);\n}\n";
@@ -148,6 +149,7 @@ fn each_intermediate_of_a_call_is_shown() {
     assert!(karat(folder.path(), &over).error().contains("name another file"));
 }
 
+// Lesson 95
 #[test]
 fn what_an_index_loses_is_lost_in_the_trace() {
     let text = "fn rd(i: u32) -> f32 {\n    var a = array<f32, 3>(1.0, 2.0, 3.0);\n    \
@@ -163,6 +165,7 @@ fn what_an_index_loses_is_lost_in_the_trace() {
     assert!(call("1").lines().any(|line| line.contains("  -x  ")), "{}", call("1"));
 }
 
+// Lesson 96
 #[test]
 fn loops_that_may_not_end_are_hazards() {
     let folder = shaders(

@@ -173,6 +173,7 @@ fn a_first_test_may_be_red() {
     karat(folder.path(), &["test", "shaders"]).good();
 }
 
+// Lesson 181
 #[test]
 fn what_has_nothing_to_test_is_told() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -299,6 +300,7 @@ fn a_pass_gets_a_test_of_its_own() {
 }
 
 /// A function that returns no float is looked through for hazards.
+// Lesson 181
 #[test]
 fn a_function_of_integers_gets_a_test() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -310,6 +312,7 @@ fn a_function_of_integers_gets_a_test() {
 }
 
 /// Git ignores what runs leave, wherever the folder of shaders is.
+// Lesson 181
 #[test]
 fn git_ignores_what_runs_leave() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -328,6 +331,7 @@ fn git_ignores_what_runs_leave() {
 }
 
 /// The folder is that whose tests `karat test` runs.
+// Lesson 181
 #[test]
 fn the_folder_is_the_one_that_is_declared() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -340,6 +344,7 @@ fn the_folder_is_the_one_that_is_declared() {
     assert!(ran.contains("wrote assets/wgsl/m.test.toml"), "{ran}");
 }
 
+// Lesson 180
 #[test]
 fn nothing_is_written_in_ci_unless_it_may() {
     let folder = tempfile::tempdir().expect("a temporary folder");

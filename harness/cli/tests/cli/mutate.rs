@@ -97,6 +97,7 @@ fn a_pull_request_is_judged_by_its_lines() {
     assert!(slip.contains("HAED"), "{slip}");
 }
 
+// Lesson 29
 #[test]
 fn a_merge_is_gated_by_a_score() {
     let folder = folder();

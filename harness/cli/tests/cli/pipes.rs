@@ -65,6 +65,7 @@ fn into_a_broken_pipe(command: &mut Command) -> Option<i32> {
     command.status().expect("the binary was built with this test").code()
 }
 
+// Lesson 57
 #[test]
 fn the_exit_code_is_the_verdict_s_whoever_reads() {
     let project = eventful();
@@ -77,6 +78,7 @@ fn the_exit_code_is_the_verdict_s_whoever_reads() {
 }
 
 /// What changes files does so, and says what came of it.
+// Lesson 57
 #[test]
 fn a_command_completes_its_work_whoever_reads() {
     let project = eventful();
@@ -94,6 +96,7 @@ fn a_command_completes_its_work_whoever_reads() {
 }
 
 /// A shell's pipe, whose reader leaves after the first line, or at once.
+// Lesson 57
 #[cfg(unix)]
 #[test]
 fn a_shell_sees_the_verdict_before_its_pipe() {
@@ -128,6 +131,7 @@ fn a_shell_sees_the_verdict_before_its_pipe() {
 }
 
 /// `karat test | head -1`: cargo's run completes, records are kept, reports are written.
+// Lesson 57
 #[cfg(unix)]
 #[test]
 fn a_run_completes_whoever_reads() {
@@ -153,6 +157,7 @@ fn a_run_completes_whoever_reads() {
 }
 
 /// A full disk is an error, whatever the verdict would have been; the work is done all the same.
+// Lesson 57
 #[cfg(target_os = "linux")]
 #[test]
 fn an_output_that_cannot_be_written_is_an_error() {

@@ -43,6 +43,7 @@ fn on_vulkan(folder: &Path, words: &[&str]) -> Ran {
     karat(folder, &[&all[..], &["--path=vulkan"]].concat())
 }
 
+// Lesson 39
 #[test]
 fn values_are_pictures_and_numbers() {
     let folder = folder();
@@ -110,6 +111,7 @@ fn values_are_pictures_and_numbers() {
 }
 
 /// A pass has a value for each invocation: a table, or a picture where it has rows.
+// Lesson 39
 #[test]
 fn invocations_are_a_table_or_a_picture() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -154,6 +156,7 @@ fn grid(@builtin(global_invocation_id) id: vec3u) {
 }
 
 /// A declared frame that differs names the command that goes on.
+// Lesson 39
 #[test]
 fn a_frame_that_differs_says_how_to_go_on() {
     let folder = folder();
@@ -210,6 +213,7 @@ fn what_cannot_be_told_is_an_error() {
     assert!(error.contains("no `*.test.toml` has a `[[frame]]`"), "{error}");
 }
 
+// Lesson 39
 #[test]
 fn a_pixel_is_traced_and_compared_with_a_revision() {
     let folder = folder();

@@ -177,6 +177,7 @@ fn a_switch_is_no_number() {
     assert!(wrong.code != Some(0) && wrong.out.contains(part), "{wrong:?}");
 }
 
+// Lesson 100
 #[test]
 fn each_failing_expectation_is_told_with_its_place() {
     let folder = folder();
@@ -239,6 +240,7 @@ fn a_bound_that_nothing_exceeds_fails() {
     }
 }
 
+// Lesson 110
 #[test]
 fn planted_faults_turn_each_assertion_red() {
     for (fault, by, names) in [
@@ -264,6 +266,7 @@ fn planted_faults_turn_each_assertion_red() {
 }
 
 /// Functions that take derivatives, write, have overrides, or read what a file holds.
+// Lesson 132
 #[test]
 fn what_strangers_declare_is_tested() {
     const TEXT: &str = "@group(0) @binding(0) var<storage, read_write> log: array<u32>;\n\
@@ -304,6 +307,8 @@ fn what_strangers_declare_is_tested() {
     }
 }
 
+// Lesson 100
+// Lesson 195
 #[test]
 fn what_tests_nothing_or_cannot_run_is_red_with_its_place() {
     for (file, text, part) in [
@@ -486,6 +491,7 @@ fn what_tests_nothing_or_cannot_run_is_red_with_its_place() {
 }
 
 /// Values exactly at their bounds hold, however many there are; cases that evaluate nothing aren't counted.
+// Lesson 105
 #[test]
 fn what_lies_at_its_bound_holds_and_idle_cases_are_none() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -508,6 +514,7 @@ fn what_lies_at_its_bound_holds_and_idle_cases_are_none() {
 
 /// One kernel counts several tests, each with its own arguments; what fails there runs alone and is told as
 /// on the path that compiles nothing.
+// Lesson 104
 #[test]
 fn tests_that_are_counted_together_have_their_own_verdicts() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -939,6 +946,7 @@ fn integers_have_no_tolerance() {
 }
 
 /// `0.3` is what WGSL makes of it, under every key; a fault is seen under every key.
+// Lesson 170
 #[test]
 fn decimals_are_what_the_shader_has() {
     const TEXT: &str = "fn third() -> f32 { return 0.3; }\n\
@@ -1003,6 +1011,7 @@ fn the_readme_shows_what_its_first_test_says() {
 
 /// A buffer that is given by its size alone holds anything in a host, so what reads it before a pass writes it is counted,
 /// where what passes leave depends on it.
+// Lesson 221
 #[test]
 fn what_no_pass_has_written_is_counted() {
     let shader = "@group(0) @binding(0) var<storage, read> values: array<f32>;

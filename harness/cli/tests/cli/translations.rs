@@ -219,6 +219,7 @@ const SUMS: &str = "struct Params { scale: f32, m: mat4x4f, list: array<vec4f, 3
     @compute @workgroup_size(1)\n\
     fn waits() { while atomicLoad(&bins[0]) < 1000000000u { atomicAdd(&bins[1], 1u); } sums[0] = 1.0; }\n";
 
+// Lesson 114
 #[cfg(target_os = "linux")]
 #[test]
 fn compute_entry_points_are_run() {
@@ -294,6 +295,7 @@ fn a_subnormal_number_that_a_pass_leaves_may_be_zero() {
 }
 
 /// An entry point doesn't need the abilities of the others of its module, and each driver has its own size of subgroups.
+// Lesson 142
 #[cfg(target_os = "linux")]
 #[test]
 fn an_entry_point_needs_what_it_uses_itself() {
@@ -326,6 +328,7 @@ fn the_matrix_looks_for_a_content_that_a_pass_changes() {
 }
 
 /// Drivers take a level of detail of their own, and what doesn't depend on it is compared.
+// Lesson 142
 #[cfg(target_os = "linux")]
 #[test]
 fn derivatives_are_open_in_the_matrix() {
@@ -404,6 +407,7 @@ fn matrix_of(text: &str, columns: &str) -> (serde_json::Value, Ran) {
     (json(&again.out), ran)
 }
 
+// Lesson 154
 #[cfg(target_os = "linux")]
 #[test]
 fn a_panic_of_naga_is_a_finding() {
@@ -427,6 +431,7 @@ const OUTSIDE: &str = "@group(0) @binding(0) var p: texture_2d<f32>;\n\
     fn texel(at: vec2i) -> vec4f { return textureLoad(p, at, 0); }\n\
     fn root(x: f32) -> f32 { return sqrt(x) / x; }\n";
 
+// Lesson 155
 #[cfg(target_os = "linux")]
 #[test]
 fn what_wgsl_leaves_open_is_counted_and_is_no_finding() {
@@ -446,6 +451,7 @@ fn what_wgsl_leaves_open_is_counted_and_is_no_finding() {
     assert!(ran.out.contains(" open"), "{}", ran.out);
 }
 
+// Lesson 155
 #[cfg(target_os = "linux")]
 #[test]
 fn what_wgsl_defines_is_a_finding_beside_what_it_leaves_open() {
@@ -471,6 +477,7 @@ fn what_wgsl_defines_is_a_finding_beside_what_it_leaves_open() {
 }
 
 /// A buffer has an element for each invocation, and a texture of one dimension has one level.
+// Lesson 157
 #[cfg(target_os = "linux")]
 #[test]
 fn made_up_data_is_what_an_author_could_bind() {
@@ -491,6 +498,7 @@ fn made_up_data_is_what_an_author_could_bind() {
 }
 
 /// naga's WGSL has no `@align`, and the engine doesn't read that.
+// Lesson 158
 #[cfg(target_os = "linux")]
 #[test]
 fn the_engine_runs_what_the_author_wrote() {
@@ -511,6 +519,7 @@ fn the_engine_runs_what_the_author_wrote() {
 }
 
 /// glslang gives the words of HLSL's buffers where Direct3D gives their bytes.
+// Lesson 159
 #[cfg(target_os = "linux")]
 #[test]
 fn buffers_are_as_long_on_each_route() {
@@ -564,6 +573,7 @@ fn expect_three(matrix: &serde_json::Value) {
 }
 
 /// A driver that crashes takes the process with it, and is caught with the row that it ran.
+// Lesson 162
 #[cfg(target_os = "linux")]
 #[test]
 fn a_crash_ends_one_row_of_the_matrix() {
@@ -607,6 +617,7 @@ fn a_crash_ends_one_row_of_the_matrix() {
     assert!(crashed["says"].as_str().is_some_and(|says| says.starts_with(why)), "{crashed}");
 }
 
+// Lesson 161
 #[cfg(target_os = "linux")]
 #[test]
 fn a_deadline_ends_one_row_of_the_matrix() {
@@ -668,6 +679,7 @@ fn what_is_required_of_the_matrix_decides() {
 }
 
 /// What compared nothing is no verdict, and an output that would destroy something is refused.
+// Lesson 89
 #[cfg(target_os = "linux")]
 #[test]
 fn a_matrix_without_evidence_fails() {
@@ -723,6 +735,7 @@ fn a_matrix_without_evidence_fails() {
 }
 
 /// What tests found on a path decides there; a verdict on another text of the module says nothing.
+// Lesson 113
 #[cfg(target_os = "linux")]
 #[test]
 fn tests_judge_the_functions_that_they_have() {
@@ -858,6 +871,7 @@ mod planted {
     const ANOTHER_OPERATOR: &str =
         "[ -f shader.hlsl ] && sed -i 's/ - y/ + y/; s/_ - /_ + /' shader.hlsl";
 
+    // Lesson 84
     #[test]
     fn a_difference_is_explained_in_each_output() {
         let folder = shaders();
@@ -915,6 +929,7 @@ mod planted {
     }
 
     /// The first that differs is told, whatever stands in its initialiser.
+    // Lesson 84
     #[test]
     fn the_first_let_that_differs_is_told() {
         let folder = shaders();
@@ -958,6 +973,7 @@ mod planted {
     }
 
     /// glslang 11.12 has no zero value of an array, which naga's HLSL gives workgroup memory: nothing is wrong with that.
+    // Lesson 160
     #[test]
     fn an_array_of_workgroups_is_no_fault_of_hlsl() {
         let folder = shaders();
@@ -976,6 +992,7 @@ mod planted {
     }
 
     /// What fails before the declared status isn't what was declared.
+    // Lesson 85
     #[test]
     fn a_declaration_hides_no_worse_failure() {
         let folder = shaders();
@@ -998,6 +1015,7 @@ mod planted {
     }
 
     /// What is declared must be so, and must be about what is there.
+    // Lesson 85
     #[test]
     fn what_is_declared_must_fail() {
         let folder = shaders();
@@ -1083,6 +1101,7 @@ mod planted {
             .to_vec()
     }
 
+    // Lesson 82
     #[test]
     fn an_operator_of_hlsl_that_is_another_one_is_seen() {
         let change = "[ -f shader.hlsl ] && sed -i 's/3[.]0) - /3.0) + /' shader.hlsl";
@@ -1094,6 +1113,7 @@ mod planted {
         assert!(says.contains("at x = 0; y = 1 `vulkan:hlsl` returns 1, `vulkan` -1"), "{says}");
     }
 
+    // Lesson 82
     #[test]
     fn operands_of_spirv_that_are_swapped_are_seen() {
         let (dis, r#as) = (program("spirv-dis"), program("spirv-as"));
@@ -1108,6 +1128,8 @@ mod planted {
         assert_eq!(states(&matrix), expected("vulkan:glsl", "executed", "differs"));
     }
 
+    // Lesson 82
+    // Lesson 117
     #[test]
     fn glsl_that_no_longer_compiles_is_seen() {
         let matrix = with_glslang("[ -f shader.glsl ] && echo 'nonsense;' >> shader.glsl", "");

@@ -63,6 +63,7 @@ fn goldens_that_all_are_compared_pass() {
     karat(project.path(), &["unreferenced"]).good();
 }
 
+// Lesson 43
 #[test]
 fn a_golden_that_nobody_compares_fails_and_may_be_deleted() {
     let project = goldens();
@@ -95,6 +96,7 @@ fn a_golden_that_nobody_compares_fails_and_may_be_deleted() {
     karat(project.path(), &["unreferenced"]).good();
 }
 
+// Lesson 43
 #[test]
 fn without_evidence_there_is_no_verdict() {
     let project = goldens();

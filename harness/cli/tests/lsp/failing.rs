@@ -68,6 +68,7 @@ fn what_cannot_be_called_is_told_at_its_place() {
 }
 
 /// A file that was meant to declare tests and declares none is an error at its place, whatever is wrong with it.
+// Lesson 185
 #[test]
 fn what_looks_like_a_test_and_is_none_is_told() {
     let folder = folder();

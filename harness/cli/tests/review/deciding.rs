@@ -41,6 +41,7 @@ fn facts(project: &Project, case: &str) -> (Image, Value) {
     (image, serde_json::from_str(&metadata.expect("provenance")).expect("JSON"))
 }
 
+// Lesson 42
 #[test]
 fn a_frame_is_looked_at_and_accepted() {
     let project = Project::with_tiny();

@@ -271,6 +271,7 @@ mod tests {
         }
     }
 
+    // Lesson 63
     #[test]
     fn a_long_line_is_cut_around_its_places() {
         let long = "a".repeat(500) + "HERE" + &"b".repeat(500) + "\nnext\n";

@@ -258,6 +258,7 @@ mod tests {
         }
     }
 
+    // Lesson 41
     #[test]
     fn grazing_and_polar_directions_are_common() {
         let draws: Vec<_> =

@@ -246,6 +246,7 @@ mod tests {
         v.to_array().into_iter().all(|component| component.abs() > 0.01)
     }
 
+    // Lesson 64
     #[test]
     fn like_directions_meet_off_the_axes() {
         let cases = all(&(UnitVector, UnitVector));
@@ -264,6 +265,7 @@ mod tests {
     }
 
     /// Three directions, one from a narrower domain: each pair coincides in some cases, and so do all three.
+    // Lesson 64
     #[test]
     fn three_components_meet_within_their_domains() {
         let upper = || UnitVector.filter(|v| v.z > 0.0);
@@ -278,6 +280,7 @@ mod tests {
         assert!(count(&|(a, b, c)| a == b && b == c) > 50);
     }
 
+    // Lesson 64
     #[test]
     fn numbers_of_one_range_meet() {
         let cases = all(&(0.0..=1.0_f32, 0.5..=2.0_f32, Integers(-9..=9_i32), Integers(0..=9_i32)));
@@ -296,6 +299,7 @@ mod tests {
     }
 
     /// A mapped domain can't be asked for a value. It samples an equal one from the same stream.
+    // Lesson 64
     #[test]
     fn mapped_components_are_equal_in_some_cases() {
         let point = || (-9.0..=9.0_f32, 0.0..=1.0_f32).map(|(x, y)| Vec3::new(x, y, x * y));

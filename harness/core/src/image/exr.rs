@@ -387,6 +387,7 @@ mod tests {
         assert_eq!(left.len(), 1, "no temporary file stays behind");
     }
 
+    // Lesson 2
     #[test]
     fn damaged_files_are_errors_and_take_no_memory() {
         let bytes = encoded(&gradient(), Precision::Half);

@@ -168,6 +168,7 @@ fn unheld(path: &Path) -> Option<File> {
 mod tests {
     use super::*;
 
+    // Lesson 60
     #[test]
     fn a_file_is_a_leftover_when_its_writer_is_gone() {
         let folder = tempfile::tempdir().expect("a temporary folder");

@@ -211,6 +211,7 @@ mod tests {
     use super::*;
 
     /// At any place, some tile contains at least nine sixteenths of a spot of 8 x 8 pixels.
+    // Lesson 20
     #[test]
     fn a_spot_counts_wherever_it_lies() {
         let image = crate::image::Image::new(50, 40, vec![[0.5; 4]; 2000]);

@@ -152,6 +152,7 @@ mod tests {
         assert!((merged.variance() / variance(37.0) - 1.0).abs() < 0.01);
     }
 
+    // Lesson 72
     #[test]
     fn a_mean_is_judged_by_its_error() {
         // 10,000 tosses of a coin: an error of 0.005.

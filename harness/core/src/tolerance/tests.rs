@@ -4,6 +4,7 @@ fn passes(tolerance: impl Into<Tolerance>, actual: f32, expected: f64) -> bool {
     tolerance.into().measure(0, actual, expected).passes()
 }
 
+// Lesson 11
 #[test]
 fn distance_is_ordered_across_zero_denormals_and_infinity() {
     let tiny = f32::from_bits(1);
@@ -17,6 +18,7 @@ fn distance_is_ordered_across_zero_denormals_and_infinity() {
     assert_eq!(ulp_distance(f32::NAN, 1.0), None);
 }
 
+// Lesson 11
 #[test]
 fn real_references_lie_between_floats() {
     let half_step = 1.0 + f64::from(f32::EPSILON) / 2.0;
@@ -27,6 +29,7 @@ fn real_references_lie_between_floats() {
     assert!(!passes(Ulp(1.0), 1.0 + 2.0 * f32::EPSILON, 1.0));
 }
 
+// Lesson 5
 #[test]
 fn nothing_that_is_not_a_number_passes() {
     let everything = Abs(f64::INFINITY).or(Rel(f64::INFINITY)).or(Ulp(f64::INFINITY));
@@ -41,6 +44,9 @@ fn nothing_that_is_not_a_number_passes() {
     assert!(!passes(Tolerance::Any(vec![]), 1.0, 1.0));
 }
 
+// Lesson 12
+// Lesson 26
+// Lesson 48
 #[test]
 fn flushed_denormals_are_equal_and_cancellation_has_its_band() {
     assert!(passes(Ulp(0.0), 0.0, 1e-39));
@@ -60,6 +66,7 @@ fn a_value_too_large_for_f32_fails() {
     assert!(!passes(Ulp(4.0), f32::MAX, 1e39));
 }
 
+// Lesson 14
 #[test]
 fn the_last_component_has_its_own_bound() {
     let tolerance = Tolerance::per_lane([Abs(1.0).into(), Abs(1.0).into(), Abs(0.0).into()]);
@@ -91,6 +98,7 @@ fn numbers() -> Vec<f64> {
     [numbers, opposite].concat()
 }
 
+// Lesson 118
 #[test]
 fn what_is_within_a_ratio_is_so_exactly() {
     let (wide, narrow) = (Tolerance::from(Ulp(1e8)), Tolerance::from(Ulp(3.0)));

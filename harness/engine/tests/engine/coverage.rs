@@ -38,6 +38,7 @@ fn of<'a>(
     found.map(|one| &one.3).unwrap_or_else(|| panic!("no {kind:?} `{text}` in {all:#?}"))
 }
 
+// Lesson 28: lines, branches and results that no test compares
 #[test]
 fn lanes_are_counted_on_every_way() {
     let text = "fn side(x: f32) -> f32 { if (x > 0.0) { return 2.0 * x; } return -x; }\n\
@@ -64,6 +65,7 @@ fn lanes_are_counted_on_every_way() {
     assert_eq!(of(&all, plain, "side(x)").lanes, 700);
 }
 
+// Lesson 28: lines, branches and results that no test compares
 #[test]
 fn rounds_are_told_apart() {
     let text = "fn f(x: f32) -> f32 {\n    var y = 0.0;\n    for (var i = 0.0; i < x; i += 1.0) {\n        \
@@ -78,6 +80,7 @@ fn rounds_are_told_apart() {
 }
 
 /// A statement is needed if something that leaves the function is computed from its value.
+// Lesson 28: lines, branches and results that no test compares
 #[test]
 fn what_no_result_depends_on_is_not_needed() {
     let text = "fn f(x: f32) -> f32 {\n    let used = x * 2.0;\n    let unused = x * 3.0;\n    var a = array<f32, 3>(1.0, 2.0, 3.0);\n    var dead = 0.0;\n    \

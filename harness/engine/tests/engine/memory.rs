@@ -56,6 +56,7 @@ impl Observer<F32> for Outside {
     }
 }
 
+// Lesson 140
 #[test]
 fn indices_are_clamped_and_reported() {
     let source = "

@@ -415,6 +415,7 @@ fn naive(kernel: &[Statement], groups: u32) -> [Races; 2] {
 
 /// On each variable, the detector finds a race if and only if the naive detector does, and each race that it finds is
 /// one of the naive detector's. That holds for any order of invocations, since the accesses here don't depend on it.
+// Lesson 215
 #[test]
 fn generated_kernels_are_judged_as_a_naive_detector_judges_them() {
     let mut random = Random(0x7261_6365);

@@ -926,6 +926,7 @@ mod tests {
     }
 
     /// A mixed-in input has the value of the other content; all others keep theirs.
+    // Lesson 99
     #[test]
     fn contents_are_mixed_by_inputs() {
         let probed = probed(
@@ -1007,6 +1008,7 @@ mod tests {
         assert_eq!(positive("roughness"), [0, 1, 2, 3, 4, 5, 6, 7, 8], "its name says what it is");
     }
 
+    // Lesson 132
     #[test]
     fn what_is_differentiated_varies() {
         let text = "fn f(a: f32, k: u32, v: vec2f) -> f32 { return dpdx(a) + dpdy(v.x) + f32(k); }";

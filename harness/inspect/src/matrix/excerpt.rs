@@ -68,6 +68,7 @@ mod tests {
                        float f0_(\n    float x_1\n) {\n    float d = x_1;\n    bool e = d == x_1;\n    \
                        return d;\n}\n";
 
+    // Lesson 84
     #[test]
     fn functions_and_their_variables_are_found() {
         assert_eq!(function_lines(MSL, "f0", false), Some((5, 11)));

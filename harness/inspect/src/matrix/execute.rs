@@ -189,6 +189,7 @@ mod tests {
     use super::*;
     use karat_core::tolerance::{Abs, Rel};
 
+    // Lesson 82
     #[test]
     fn one_other_bit_in_many_words_is_seen() {
         let scalars = [Scalar::F32, Scalar::U32];

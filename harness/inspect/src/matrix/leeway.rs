@@ -121,6 +121,7 @@ mod tests {
     use super::*;
     use karat::Package;
 
+    // Lesson 155
     #[test]
     fn what_an_index_reads_outside_is_open_and_nothing_beside_it() {
         let text = "fn f(i: u32, x: f32) -> vec2f {
@@ -152,6 +153,7 @@ mod tests {
     }
 
     /// An atomic operation outside its array may change another element, or none.
+    // Lesson 163
     #[test]
     fn what_an_atomic_does_outside_is_open_in_what_it_returns_and_leaves() {
         let text = "@group(0) @binding(0) var<storage, read_write> b: array<atomic<u32>, 4>;
@@ -170,6 +172,7 @@ mod tests {
         }
     }
 
+    // Lesson 155
     #[test]
     fn what_is_not_a_number_is_open() {
         let package = Package::from_source("p", "fn f(x: f32) -> f32 { return sqrt(x) / x; }");

@@ -140,6 +140,7 @@ mod tests {
     }
 
     /// Some drivers use one invocation's value for all that run together.
+    // Lesson 156
     #[test]
     fn what_differs_among_others_alone_is_not_made_simpler() {
         let squares = |all: &[u32]| all.iter().map(|own| own * own).collect();

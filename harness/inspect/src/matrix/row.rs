@@ -361,6 +361,7 @@ mod tests {
     }
 
     /// naga's GLSL doesn't clamp coordinates before a sampler repeats.
+    // Lesson 86
     #[test]
     fn samplers_clamp_repeat_and_mirror() {
         let sampled = |name: &str, call: &str| {

@@ -161,6 +161,7 @@ fn a_preview_waits_no_longer_than_its_frame() {
     assert!(!preview().exists() && file(".png").exists(), "accepted");
 }
 
+// Lesson 42: acceptance under interruption
 #[test]
 fn one_of_two_acceptances_is_carried_out() {
     let project = Project::with_golden();
@@ -189,6 +190,7 @@ fn one_of_two_acceptances_is_carried_out() {
 }
 
 /// A frame may be accepted only if the golden that it was compared with hasn't changed.
+// Lesson 61
 #[test]
 fn a_stale_acceptance_is_refused() {
     let golden = |project: &Project| project.folder.path().join("room/ramp.exr");
@@ -229,6 +231,7 @@ fn a_stale_acceptance_is_refused() {
 
 /// An acceptance was killed before it removed the pending frame. Accepting again keeps the golden and removes
 /// the frame.
+// Lesson 60
 #[test]
 fn an_acceptance_may_be_repeated() {
     let project = Project::with_golden();
@@ -254,6 +257,7 @@ fn an_acceptance_may_be_repeated() {
     }
 }
 
+// Lesson 60
 #[test]
 fn what_was_interrupted_is_tidied_up_by_the_next_decision() {
     let project = Project::with_golden();
@@ -279,6 +283,7 @@ fn what_was_interrupted_is_tidied_up_by_the_next_decision() {
 }
 
 /// Accepting writes both files of a golden, or neither.
+// Lesson 42: acceptance under interruption
 #[test]
 fn a_golden_without_its_facts_is_not_written() {
     let project = Project::with_golden();
@@ -312,6 +317,7 @@ fn a_golden_without_its_facts_is_not_written() {
 }
 
 /// A frame is accepted only in the folder of goldens that it was compared with.
+// Lesson 42: acceptance under interruption
 #[test]
 fn a_frame_of_another_folder_is_refused() {
     let project = Project::with_golden();

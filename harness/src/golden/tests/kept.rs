@@ -32,6 +32,7 @@ fn large_goldens_are_warned_of_and_refused() {
 }
 
 /// Pixels that differ by their noise pass; a tile that differs by more than its noise fails.
+// Lesson 46
 #[test]
 fn noise_is_kept_with_the_golden() {
     let project = Project::new();
@@ -236,6 +237,7 @@ fn frames_behind_a_link_to_a_folder_are_found() {
 }
 
 /// One unusable file doesn't hide the usable ones.
+// Lesson 42: acceptance under interruption
 #[test]
 fn files_that_cannot_be_used_are_named_beside_the_others() {
     let project = Project::new();

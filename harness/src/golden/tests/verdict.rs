@@ -102,6 +102,7 @@ fn what_passes_says_what_decided() {
     project.check("vulkan", &edge, Some(&strict), None).expect_err("the gate alone");
 }
 
+// Lesson 199
 #[test]
 fn tolerances_are_trees() {
     use FrameTolerance::{All, Any, FlipMean, FlipTile};
@@ -203,6 +204,7 @@ fn another_profile_has_the_wider_bound() {
 }
 
 /// A frame isn't rounded to half floats if its tolerance is smaller than this rounding.
+// Lesson 20
 #[test]
 fn a_tolerance_that_is_tightened_holds() {
     let project = Project::with_golden();

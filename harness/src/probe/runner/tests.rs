@@ -26,6 +26,7 @@ fn run(probed: &Probed, cases: usize) -> Vec<Result<usize, ProbeError>> {
     devices.into_iter().map(run).collect()
 }
 
+// Lesson 13
 #[test]
 fn each_case_of_a_batch_is_computed_at_any_size() {
     for cases in [1, 63, 64, 65, 1000, BATCH] {
@@ -36,6 +37,7 @@ fn each_case_of_a_batch_is_computed_at_any_size() {
 }
 
 /// The kernel returns before it writes, so the results are poison, which is an error and no verdict.
+// Lesson 6
 #[test]
 fn a_kernel_that_never_writes_is_an_error() {
     let guard = "if karat_case >= karat_batch.x { return; }";
@@ -48,6 +50,7 @@ fn a_kernel_that_never_writes_is_an_error() {
 }
 
 /// The kernel skips one case of many.
+// Lesson 6
 #[test]
 fn one_unwritten_case_is_an_error() {
     let guard = "if karat_case >= karat_batch.x { return; }";
@@ -60,6 +63,7 @@ fn one_unwritten_case_is_an_error() {
 
 /// The kernel writes the canary and not the results, as one driver did: all results are missing, or one
 /// component of one case.
+// Lesson 69
 #[test]
 fn a_kernel_that_writes_only_its_canary_is_an_error() {
     let result = "karat_out[karat_to + 0u] = bitcast<u32>(karat_r);";
@@ -80,6 +84,7 @@ fn a_kernel_that_writes_only_its_canary_is_an_error() {
 }
 
 /// A function may return exactly the poison word.
+// Lesson 69
 #[test]
 fn a_result_that_equals_the_poison_is_a_result() {
     let wgsl = format!("fn f(x: u32) -> u32 {{ return x ^ {}u; }}", evidence::WORD);
@@ -105,6 +110,7 @@ fn a_result_that_equals_the_poison_is_a_result() {
 }
 
 /// The results of another dispatch have the right shape and the wrong canary.
+// Lesson 6
 #[test]
 fn a_stale_canary_is_an_error() {
     let stale = probed(|text| text.replace("karat_batch.y ^ karat_case", "karat_case"));

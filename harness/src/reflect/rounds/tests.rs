@@ -10,6 +10,7 @@ fn rounds(body: &str) -> Option<u64> {
     Program::of_function(&package, "f").expect("valid").most_rounds()
 }
 
+// Lesson 55: loops that need no counter
 #[test]
 fn constant_loops_are_bounded() {
     // `g` takes 3 rounds. It is linked wherever it is called.
@@ -23,6 +24,7 @@ fn constant_loops_are_bounded() {
     bound("s += g(n); s += g(s);", 6);
 }
 
+// Lesson 55: loops that need no counter
 #[test]
 fn other_loops_are_not() {
     for body in [

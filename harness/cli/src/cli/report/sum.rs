@@ -275,6 +275,7 @@ mod tests {
         assert_eq!(remarks(&[accepting.clone(), accepting]), "; 1 accepted race");
     }
 
+    // Lesson 183
     #[test]
     fn a_line_contradicts_neither_its_run_nor_itself() {
         let [pass, known, fail] = [
@@ -333,6 +334,7 @@ mod tests {
         assert!(text.contains("300 cases compared"), "{text}");
     }
 
+    // Lesson 183
     #[test]
     fn many_names_are_cut() {
         let failed = names(&["a", "b", "c", "d", "e", "f", "g"]);

@@ -302,6 +302,7 @@ mod tests {
 
     use super::*;
 
+    // Lesson 192
     #[test]
     fn what_each_run_writes_is_its_own() {
         let at = |second: u64| Some(SystemTime::UNIX_EPOCH + Duration::from_secs(second));

@@ -239,6 +239,8 @@ mod tests {
         }
     }
 
+    // Lesson 101
+    // Lesson 192
     #[test]
     fn what_is_ours_is_below_the_root() {
         let folder = tempfile::tempdir().expect("a folder");

@@ -84,6 +84,7 @@ fn passes_by_pixels(golden: &(Image, Image), actual: &(Image, Image)) -> bool {
 }
 
 /// The module's figures, with fewer runs.
+// Lesson 46
 #[test]
 fn noise_alone_passes_and_a_faint_fault_is_seen() {
     const RUNS: u64 = 20;
@@ -114,6 +115,7 @@ fn noise_alone_passes_and_a_faint_fault_is_seen() {
 }
 
 /// For patterns that changed places, each tile keeps its mean.
+// Lesson 46
 #[test]
 fn pixels_that_changed_places_are_seen() {
     let image = |value: &dyn Fn(u32, u32) -> f32| {
