@@ -243,7 +243,7 @@ mod tests {
 
     // Lesson 139
     #[test]
-    fn what_is_missing_and_what_does_not_belong_is_named() {
+    fn missing_and_misplaced_files_are_named() {
         let files =
             |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>();
         let whole =

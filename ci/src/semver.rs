@@ -185,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_public_is_left_out() {
+    fn private_items_are_left_out() {
         let item =
             |visibility: Value, inner: Value| json!({ "visibility": visibility, "inner": inner });
         let function = || json!({ "function": {} });

@@ -305,7 +305,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_are_told_apart() {
+    fn code_comments_and_tests_are_counted_separately() {
         let text = "//! Its purpose.\n/// ```\n/// shown();\n/// ```\npub fn shown() {} // behind\n\n\
                     // aside\n#[cfg(test)]\nmod tests {\n    fn hidden() {}\n}\n";
         let lines = without_tests(text);

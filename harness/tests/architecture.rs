@@ -515,7 +515,7 @@ const MOST_PROMISED: usize = 312;
 /// Test authors see each item used that the library promises to keep.
 // Lesson 138
 #[test]
-fn what_is_promised_has_an_example() {
+fn promised_items_have_an_example() {
     let promise = Promise::read();
     for (room, name) in [("domain", "UnitVector"), ("path", "Path"), ("check", "Check")] {
         assert!(promise.names[room].contains(name), "`{room}::{name}` is promised");
@@ -539,7 +539,7 @@ fn what_is_promised_has_an_example() {
 /// The test above sees what it is to see.
 // Lesson 138
 #[test]
-fn public_items_are_told_from_others() {
+fn public_items_are_recognised() {
     let text = r#"
         /// ```
         /// shown();

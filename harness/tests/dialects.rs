@@ -706,7 +706,7 @@ fn texts_that_a_host_joins_are_joined() {
 /// What Bevy's modules before 0.20 have, and `naga_oil` takes: values without braces, a brace behind a condition's name, no comma
 /// behind a group, and imports of names that aren't there, which nothing uses.
 #[test]
-fn what_naga_oil_takes_is_taken() {
+fn the_syntax_of_naga_oil_is_accepted() {
     let util = "#define_import_path demo::util\nfn half(x: f32) -> f32 { return 0.5 * x; }\n\
                 #ifdef POINT\nfn only_point(x: f32) -> f32 { return x; }\n#endif\n";
     let other = "#define_import_path demo::other\nfn twice(x: f32) -> f32 { return 2.0 * x; }\n";
@@ -741,7 +741,7 @@ fn what_naga_oil_takes_is_taken() {
 /// itself, a module that isn't there and that nothing uses, and two files of one path, of which one declares the name.
 // Lesson 36
 #[test]
-fn what_naga_oil_took_first_is_taken() {
+fn the_first_import_syntax_of_naga_oil_is_accepted() {
     let util = "#define_import_path demo::util\nfn half(x: f32) -> f32 { return 0.5 * x; }\n\
                 fn twice(x: f32) -> f32 { return 2.0 * x; }\n";
     let user = "#import demo::util half, twice as double\n#import demo::gone::nothing\n\

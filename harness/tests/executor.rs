@@ -93,7 +93,7 @@ fn an_executor_of_ones_own_is_a_path_like_others() {
 
 /// Tolerances and known issues are declared for it by its name, or by its driver.
 #[test]
-fn what_is_declared_holds_there() {
+fn tolerances_and_known_issues_hold_on_an_executor() {
     let package = Package::from_source("s", SHADER);
     let wrong = Fake { factor: 2.001, ..RIGHT };
     let over = || package.function("twice").on(&wrong).over(0.5..=1.0).cases(100);
@@ -117,7 +117,7 @@ fn what_is_declared_holds_there() {
 
 /// Each executor has a name of its own, which no driver has, and room for a case.
 #[test]
-fn executors_that_cannot_be_told_apart_or_do_nothing_are_refused() {
+fn executors_without_a_name_or_room_are_refused() {
     let none = check(&Fake { room: 0, ..RIGHT }).expect_err("no room").to_string();
     assert_eq!(none, "the executor of path `cpu` has room for no case of `twice`");
     let driver = check(&Fake { path: Path::VULKAN, ..RIGHT }).expect_err("a driver's").to_string();

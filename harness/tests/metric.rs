@@ -249,7 +249,7 @@ fn a_part_of_the_map_is_that_of_the_whole() {
 
 /// Alpha, negative light, and light that the golden's exposures leave white.
 #[test]
-fn what_flip_does_not_see_does_not_pass() {
+fn differences_that_flip_misses_fail() {
     let golden = image(64, 64, |x, y, c| random(x, y, c, 4));
     let changed = |channel: usize, value: f32| {
         let mut actual = golden.clone();
@@ -461,7 +461,7 @@ fn the_dark_half_of_a_bright_frame_is_seen() {
 
 /// What a mask leaves out chooses neither exposures nor what counts as black.
 #[test]
-fn what_is_left_out_has_no_say() {
+fn masked_pixels_influence_no_metric() {
     let scene = |rest: f32| image(160, 120, |_, y, _| if y < 108 { 1e9 } else { rest });
     let mask = Mask::only(&[Rect::new(0, 108, 160, 12)]);
     for tolerance in [FrameTolerance::gate(1e-3), FrameTolerance::default()] {

@@ -267,7 +267,7 @@ fn an_unknown_function_names_the_nearest() {
 }
 
 #[test]
-fn what_a_probe_cannot_call_is_refused_with_the_reason() {
+fn functions_that_cannot_be_called_are_refused_with_a_reason() {
     let folder = tempfile::tempdir().expect("a folder");
     write(
         folder.path(),

@@ -78,7 +78,7 @@ fn loops_count_together() {
 /// loops after fewer rounds of the others.
 // Lesson 55
 #[test]
-fn loops_that_nobody_enters_count() {
+fn loops_that_are_never_entered_count() {
     let source = format!(
         "{SPIN}fn hidden(n: u32) -> u32 {{\n    var s = 0u;\n    \
          for (var i = 0u; i < n; i++) {{\n        \

@@ -111,7 +111,7 @@ const SQUARE: &str = "fn f(x: f32) -> f32 {\n    let same = x;\n    let thrice =
                       return thrice * thrice;\n}\n";
 
 #[test]
-fn what_wgsl_allows_passes_without_a_number() {
+fn results_within_the_wgsl_bound_pass() {
     let agreement = check(SQUARE, |x| 9.0 * x * x, Spec).expect("it agrees");
     assert_eq!(agreement.cases, 4096);
     assert!(agreement.worst.ratio < 0.01, "a few steps of f32 are allowed: {agreement}");
@@ -120,7 +120,7 @@ fn what_wgsl_allows_passes_without_a_number() {
 /// Each of the four failures is told apart.
 // Lesson 90
 #[test]
-fn who_is_wrong_is_told() {
+fn the_census_separates_shader_and_driver() {
     let shader = census(check(SQUARE, |x| 9.001 * x * x, Spec));
     assert!(shader.shader > 3000 && shader.driver == 0, "{shader:?}");
 
@@ -202,7 +202,7 @@ fn an_adapter_is_as_exact_as_it_was_measured() {
 /// What leaves the measured bounds is a driver that is less exact than it was.
 // Lesson 92
 #[test]
-fn what_is_less_exact_than_was_measured_is_told() {
+fn results_below_the_measured_accuracy_are_reported() {
     let text = "fn f(x: f32) -> f32 {\n    return (3.0 * x) * (3.0 * x);\n}\n";
     let wrong = check_on(&Driver { factor: 1.00001 }, text, |x| 9.0 * x * x, DeviceSpec);
     let wrong = disagreement(wrong);

@@ -161,7 +161,7 @@ fn a_value_is_that_of_its_pixel() {
 }
 
 #[test]
-fn what_a_pixel_does_not_come_to_is_not_told() {
+fn a_pixel_that_skips_a_line_has_no_value() {
     each(plain, &Tap::new("direction"), |tapped| {
         assert_eq!(tapped.told, [false, false, false, false, false, false, true, true]);
         assert_eq!(tapped.times[4..], [Some(0), Some(0), Some(1), Some(1)]);
@@ -178,7 +178,7 @@ fn what_a_pixel_does_not_come_to_is_not_told() {
 
 // Lesson 38: on each pixel of a frame
 #[test]
-fn rounds_are_told_one_by_one() {
+fn each_round_of_a_loop_has_its_value() {
     let term = |round| Tap::new("term").round(round);
     // uv.x is 0.625 and 0.875 in columns 2 and 3, which go round 2 and 3 times.
     each(plain, &term(None), |tapped| {
@@ -193,7 +193,7 @@ fn rounds_are_told_one_by_one() {
 }
 
 #[test]
-fn every_shape_is_told() {
+fn values_of_each_type_are_read() {
     each(plain, &Tap::new("twice"), |tapped| {
         assert_eq!(floats(tapped)[28..], [0.875, 0.75, 1.875, 1.75]);
     });
@@ -218,7 +218,7 @@ fn both(package: &Package) -> Frame<'_> {
 
 // Lesson 38: on each pixel of a frame
 #[test]
-fn the_draw_that_is_seen_tells() {
+fn the_visible_draw_gives_the_value() {
     let package = package();
     for path in drivers() {
         let told = tapped(&both(&package).clear([1.0; 4]), path, &Tap::new("from_red"));
@@ -479,7 +479,7 @@ fn types_aliases_and_parts_are_the_author_s() {
 }
 
 #[test]
-fn what_has_no_value_is_refused_by_name() {
+fn names_without_a_value_are_refused() {
     let package = package();
     let refused = |frame: Frame<'_>, wanted: &str| {
         frame.tap(drivers()[0], &Tap::new(wanted)).expect_err(wanted)

@@ -57,7 +57,7 @@ const LITERALS: [(&str, f32); 24] = [
 /// Forms that naga knows and other parsers of WGSL don't.
 // Lesson 49: text is copied from the author's bytes
 #[test]
-fn what_naga_accepts_is_accepted() {
+fn texts_that_naga_accepts_are_accepted() {
     let texts = [
         "var<immediate> exposure: f32; fn f() -> f32 { return exposure; }",
         "fn f() -> i64 { return 1li; }",
@@ -99,7 +99,7 @@ fn literals_of_every_form_have_their_values() {
 /// What the linker can't read is an error, wherever it stands, and never left out.
 // Lesson 49: text is copied from the author's bytes
 #[test]
-fn what_is_no_wgsl_is_refused() {
+fn invalid_tokens_are_refused() {
     for body in [
         "return x $ ;",
         "return 'x';",
@@ -528,7 +528,7 @@ fn conditions_choose_wherever_they_may_stand() {
 /// Whatever is wrong outside of what a test calls is found.
 // Lesson 53
 #[test]
-fn what_no_test_reaches_is_validated() {
+fn functions_that_no_test_reaches_are_validated() {
     let good = "fn f(x: f32) -> f32 { return x; }\n";
     let entry = "@fragment fn main() -> @location(0) vec4f { return colr; }\n";
     let package = Package::from_modules("s", [("m", format!("{good}{entry}")), ("n", good.into())]);

@@ -131,7 +131,7 @@ fn a_line_belongs_to_its_job() {
 
 /// Another program doesn't open, and the reason explains it.
 #[test]
-fn what_runs_no_jobs_does_not_open() {
+fn programs_that_run_no_jobs_do_not_open() {
     let planted = env!("CARGO_BIN_EXE_planted");
     for (executors, paths, message) in [
         (

@@ -138,7 +138,7 @@ fn a_frame_that_is_declared_to_fail() {
 /// `fails_on` nor `refused_on`.
 // Lesson 173
 #[test]
-fn what_stops_passes_is_no_known_issue() {
+fn a_pass_that_stops_is_no_known_issue() {
     let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
          @compute @workgroup_size(1) fn endless() {
              loop { if data[0] > 9u { break; } data[1] += 1u; }
@@ -245,7 +245,7 @@ fn known_issues_are_recorded() {
 
 /// A verb that returns its failure also records it, unless its author disables that.
 #[test]
-fn what_is_returned_is_recorded_unless_it_is_left_out() {
+fn returned_failures_are_recorded_by_default() {
     // Without frames, the recorded one isn't drawn.
     let runs = [("recorded", "on", 5, 5), ("unrecorded", "on", 5, 0)];
     let without = [("recorded", "off", 4, 4), ("unrecorded", "off", 5, 0)];

@@ -251,7 +251,7 @@ fn subgroups_in_workgroups_of_each_size() {
 /// A read accesses its whole memory view, used or not.
 // Lesson 220
 #[test]
-fn what_is_read_and_not_used_races() {
+fn a_read_without_use_still_races() {
     let races = |body: &str| {
         let text = format!(
             "struct Pair {{ kept: u32, count: u32 }}

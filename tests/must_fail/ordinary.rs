@@ -253,7 +253,7 @@ fn functions_that_are_not_their_other_form() {
 }
 
 #[test]
-fn what_grazes_is_left_out() {
+fn excluded_grazing_directions_are_not_drawn() {
     let grazing = package("fn f(v: vec3f) -> f32 { return select(1.0, 2.0, v.z < 0.01); }");
     let over = |domain: &dyn Fn() -> karat::unstable::domain::Above| {
         grazing.function("f").over(domain()).unrecorded().try_stays_within(1.0..=1.5)

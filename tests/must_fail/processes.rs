@@ -48,7 +48,7 @@ fn a_signature_that_does_not_fit_is_recorded_where_it_stands() {
 /// The validity of a whole package is a check, which the record lists like others.
 // Lesson 184
 #[test]
-fn that_a_package_is_valid_is_recorded() {
+fn the_validity_of_a_package_is_recorded() {
     for (fault, verdict, failures) in [
         ("valid", karat::unstable::record::Verdict::Pass, 0),
         ("invalid", karat::unstable::record::Verdict::Fail, 1),

@@ -145,7 +145,7 @@ fn an_edit_of_one_ulp_is_a_change() {
 /// Any case may be the one that reads outside an array.
 // Lesson 178
 #[test]
-fn each_case_that_is_out_of_range_is_told() {
+fn each_case_out_of_range_is_reported() {
     let text = "fn f(i: u32) -> f32 { var a = array<f32, 3>(1.0, 2.0, 3.0); return a[i]; }";
     let package = package(text);
     for bad in 0..8 {

@@ -181,7 +181,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn versions_of_node_are_told_apart() {
+    fn versions_of_node_are_parsed() {
         assert_eq!(numbers("v18.20.4\n"), Some((18, 20)));
         assert_eq!(numbers("v22.20.0"), Some((22, 20)));
         assert_eq!(numbers("22"), None);

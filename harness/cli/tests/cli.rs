@@ -490,7 +490,7 @@ fn cargo_karat_is_karat() {
 }
 
 #[test]
-fn doctor_tells_which_paths_open() {
+fn doctor_reports_which_paths_open() {
     let project = project();
     let folder = project.path();
     let report = json(&karat(folder, &["doctor", "--json"]).good());

@@ -244,7 +244,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_asked_once_has_a_deadline() {
+    fn a_single_request_has_a_deadline() {
         let (short, long) = (Duration::from_millis(300), Duration::from_secs(20));
         let good = said("echo a; echo b >&2; exit 3", long, 100).expect("it ends");
         assert_eq!((good.stdout, good.stderr), (b"a\n".to_vec(), b"b\n".to_vec()));

@@ -303,7 +303,7 @@ mod tests {
 
     // Lesson 62
     #[test]
-    fn what_commands_a_terminal_is_shown() {
+    fn control_characters_are_escaped() {
         for (text, shown) in [
             ("a\u{1b}[31mb", r"a\u{1b}[31mb"),
             ("\u{9b}2J\u{7f}\u{0}\u{8}", r"\u{9b}2J\u{7f}\u{0}\u{8}"),

@@ -488,7 +488,7 @@ mod tests {
 
     // Lesson 92
     #[test]
-    fn what_was_not_measured_is_unknown() {
+    fn unmeasured_accuracy_is_unbounded() {
         let rule = FloatRule::Exponential(Exponential::Exp);
         let x = Interval::point(0.3);
         assert!(!Accuracy::new().narrow(rule, &[x], Interval::UNBOUNDED).is_bounded());

@@ -27,7 +27,7 @@ fn at(text: &str, kind: Kind, operation: &str) -> Hazard {
 /// inputs of which each alone can avert it.
 // Lesson 97
 #[test]
-fn running_tells_faults_from_requirements() {
+fn running_separates_faults_from_requirements() {
     use Class::{Dropped, Fault, Requirement};
     let of = |parameters: &str, result: &str, body: &str| {
         format!(
@@ -278,7 +278,7 @@ fn callers_judge_what_they_call() {
 /// A bad value counts if it reaches a result, a condition, an index or an unbounded number.
 // Lesson 143
 #[test]
-fn what_something_uses_is_not_dropped() {
+fn used_results_are_not_dropped() {
     for text in [
         "fn lit(a: f32) -> f32 { return select(0.0, 1.0, sqrt(a) > 0.5); }",
         "fn hit(a: f32) -> bool { return sqrt(a) < 1.0; }",
@@ -597,7 +597,7 @@ fn members_of_buffers_are_drawn_and_declared() {
 /// The report counts the parts that weren't checked.
 // Lesson 151
 #[test]
-fn what_was_not_looked_at_is_counted() {
+fn unchecked_inputs_and_functions_are_counted() {
     let text = "fn f(m: u32) -> f32 { var s = 0.0; for (var i = 0u; i < m; i++) { s += 1.0 / f32(i + 1u); }\n\
                 return s; }\n\
                 @group(0) @binding(0) var<storage, read_write> p: f32; fn unseen(x: f32) { p = x; }\n";
@@ -661,7 +661,7 @@ fn progress_never_goes_backwards() {
 /// Correct code gives no findings: authors read few findings, and ignore many.
 // Lesson 111
 #[test]
-fn what_is_right_has_none() {
+fn correct_functions_have_no_findings() {
     for text in [
         "fn f(n_dot_l: f32, albedo: vec3f) -> vec3f { return albedo * n_dot_l / 3.1415927; }",
         "fn f(f0: vec3f, v_dot_h: f32) -> vec3f { let c = 1.0 - v_dot_h; let c2 = c * c;\n\
@@ -1045,7 +1045,7 @@ fn a_race_for_one_element_is_one_whatever_contents_are() {
 
 /// Loops with many rounds aren't reported as endless, and the inputs that they don't depend on are checked.
 #[test]
-fn long_loops_are_told_from_those_without_an_end() {
+fn long_loops_are_not_reported_as_endless() {
     let look = |text: &str| {
         karat_inspect::hazards(&Package::from_source("planted", text))
             .run()
@@ -1158,7 +1158,7 @@ fn derivatives_want_a_whole_quad() {
 
 /// A race stays a race if zeros make its writes equal. The barrier that would order it is present.
 #[test]
-fn races_of_values_that_are_read_are_told() {
+fn races_of_read_values_are_reported() {
     let pass = |body: &str| {
         look(&format!(
             "@group(0) @binding(0) var<storage, read> a: array<f32>;
@@ -1353,7 +1353,7 @@ fn the_work_of_a_function_is_bounded() {
 }
 
 #[test]
-fn each_function_is_told_as_it_is_done() {
+fn each_function_is_reported_when_it_is_done() {
     let text = "fn a(x: f32) -> f32 { return 1.0 / x; }\nfn b(x: f32) -> f32 { return x; }\n\
                 fn c(x: f32) -> f32 { return log(x); }\n";
     let told = std::sync::Mutex::new(Vec::new());
@@ -1372,7 +1372,7 @@ fn each_function_is_told_as_it_is_done() {
 /// Cases that a reader of the guide found: each had no finding, or one with a wrong class or name.
 // Lesson 98
 #[test]
-fn what_is_free_is_drawn() {
+fn free_inputs_are_drawn() {
     let head = "@group(0) @binding(0) var tex: texture_2d<f32>;\n@group(0) @binding(1) var smp: sampler;\n";
     let fragment = |body: &str| {
         format!(
@@ -1437,7 +1437,7 @@ fn what_is_free_is_drawn() {
 /// matrix called a projection has no declared entries, and another function has filled a private variable.
 // Lesson 98
 #[test]
-fn what_hosts_give_makes_no_fault() {
+fn inputs_of_the_host_cause_no_fault() {
     let level = "struct U { width: u32 } @group(0) @binding(0) var<uniform> ubo: U;
         @group(0) @binding(1) var<storage, read> buf_in: array<f32>;
         @group(0) @binding(2) var<storage, read_write> buf_out: array<f32>;
@@ -1519,7 +1519,7 @@ fn overrides_are_declared() {
 /// Each kind of declaration removes its own findings: distinct elements, lengths, workgroups, directions, numbers of
 /// one function.
 #[test]
-fn what_hosts_give_is_declared() {
+fn declared_inputs_of_the_host_are_used() {
     let folder = tempfile::tempdir().expect("a folder");
     let write = |name: &str, text: &str| {
         std::fs::write(folder.path().join(name), text).expect("it is ours");

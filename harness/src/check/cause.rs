@@ -316,7 +316,7 @@ mod tests {
     }
 
     #[test]
-    fn the_simplest_property_that_tells_is_named() {
+    fn the_simplest_property_of_failing_cases_is_named() {
         let unit = || 0.0..=1.0_f32;
         for (parameters, fails, said) in [
             ("x: f32, y: f32", "x > 0.25", "where x is at least 0.25"),
@@ -344,7 +344,7 @@ mod tests {
     }
 
     #[test]
-    fn what_fails_here_and_there_has_no_cause() {
+    fn scattered_failures_have_no_cause() {
         let unit = || 0.0..=1.0_f32;
         assert_eq!(told("x: f32", "fract(x * 7919.0) > 0.5", unit()), None);
         assert_eq!(told("x: f32", "true", unit()), None, "all of them");

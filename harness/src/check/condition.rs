@@ -164,7 +164,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_condition_says_why() {
+    fn an_invalid_condition_says_why() {
         for (text, part) in [
             ("s.k", "`s.k`: "),
             ("v.x >", "`v.x >`: "),

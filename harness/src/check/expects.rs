@@ -392,7 +392,7 @@ mod tests {
 
     // Lesson 104
     #[test]
-    fn what_was_not_kept_does_not_pass() {
+    fn a_case_without_kept_values_fails() {
         let passes = |words: &[u32]| Report { words }.passes();
         assert!(passes(&[3, 0]) && !passes(&[3, 1]), "a report that only counts");
         let good = kept(Wanted::Near, 1.0, 1.0, [0.0; 2]);

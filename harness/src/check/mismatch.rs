@@ -227,7 +227,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tuple_for_one_value_is_told_what_it_may_become() {
+    fn a_tuple_for_one_value_has_a_hint() {
         let number = Shape::Scalar(Scalar::F32);
         let vector = |size, scalar| Shape::Vector { size, scalar };
         let hinted = hint(&[vector(3, Scalar::F32)], &vec![number.clone(); 3]);

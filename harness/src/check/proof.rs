@@ -220,7 +220,7 @@ mod tests {
 
     /// A buffer's content in a test says nothing about its content in an application.
     #[test]
-    fn what_is_read_is_no_argument() {
+    fn a_read_buffer_is_not_an_argument() {
         let package = Package::from_source(
             "proofs",
             "@group(0) @binding(0) var<uniform> half: f32;

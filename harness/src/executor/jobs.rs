@@ -259,7 +259,7 @@ mod tests {
 
     /// Unwritten words, words of another dispatch, and words of too few cases don't count as results.
     #[test]
-    fn what_a_job_does_not_do_is_seen() {
+    fn unwritten_and_missing_results_of_a_job_are_errors() {
         let text = "fn f(x: u32) -> vec2u { return vec2u(x, 2u * x); }";
         let error = |fault: &(dyn Fn(&Job, &mut Vec<Vec<u32>>) + Sync)| {
             called_with(fault, text, Vec::new(), &[1, 4, 9]).expect_err("it is a fault")

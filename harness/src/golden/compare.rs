@@ -348,7 +348,7 @@ mod tests {
 
     // Lesson 46: NaN
     #[test]
-    fn nothing_that_is_not_a_number_passes() {
+    fn images_with_nan_or_infinity_fail() {
         for value in [f32::NAN, f32::INFINITY] {
             let mut broken = ramp();
             broken.pixels_mut()[7][1] = value;

@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn facts_of_another_version_or_shape_are_told_apart() {
+    fn facts_of_another_version_or_shape_have_their_errors() {
         assert_eq!(Provenance::parse(r#"{"schema": 2}"#), Err(ProvenanceError::Newer(2)));
         let escape = r#"{"schema": 1, "adapter": {"name": "\u001b[31mred"}}"#;
         let error = Provenance::parse(escape).expect_err("a terminal's escape").to_string();

@@ -710,7 +710,7 @@ mod tests {
 
     /// Of a pass that is too large, the first and the last workgroup run, and no pass after it.
     #[test]
-    fn what_is_too_large_is_looked_through_in_part() {
+    fn a_large_pass_is_checked_in_part() {
         let groups = 2048;
         let all = [("ends", groups), ("fill", groups)];
         let examined = examined(TEXT, &all, 64 * groups as usize);
@@ -724,7 +724,7 @@ mod tests {
 
     /// Passes that the engine can't execute get a reason, and no findings.
     #[test]
-    fn what_the_engine_refuses_has_a_reason() {
+    fn passes_that_the_engine_refuses_have_a_reason() {
         let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
             @compute @workgroup_size(64) fn sum(@builtin(local_invocation_index) i: u32) {
                 data[i] = u32(f64(i));

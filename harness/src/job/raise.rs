@@ -228,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_sound_job_has_a_reason() {
+    fn an_invalid_job_has_a_reason() {
         assert_eq!(reply("", ""), Reply::Done(vec![vec![7, 8]]));
         for (from, to, reason) in [
             (r#""jobs": 1"#, r#""jobs": 2"#, "the job is of version 2, and not of 1"),

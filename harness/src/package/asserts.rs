@@ -256,7 +256,7 @@ mod tests {
     }
 
     #[test]
-    fn slips_are_told() {
+    fn malformed_assertions_are_errors() {
         let error = |line: &str| {
             let source = SourceFile::new("m.wgsl", format!("\n{line}\n"));
             read(source).map(|read| read.text).expect_err("it is wrong").to_string()

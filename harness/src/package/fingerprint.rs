@@ -408,7 +408,7 @@ mod tests {
 
     /// After edits in a folder, the kept facts give the same fingerprints as a fresh pass.
     #[test]
-    fn what_is_known_from_before_changes_nothing() {
+    fn cached_facts_do_not_change_fingerprints() {
         let folder = tempfile::tempdir().expect("a folder");
         let write = |name: &str, text: &str| {
             std::fs::write(folder.path().join(name), text).expect("written");
@@ -477,7 +477,7 @@ mod tests {
 
     // Lesson 103
     #[test]
-    fn what_cannot_be_linked_has_none() {
+    fn functions_that_cannot_be_linked_have_no_fingerprint() {
         let package = Package::from_modules("m", [("a", "fn f() { g(); }\n")]);
         let found = package.fingerprints(&["a::f", "a::nothing"].map(str::to_owned).into());
         assert_eq!(Vec::from_iter(found.keys()), ["a::f"], "naga says what `g` is");

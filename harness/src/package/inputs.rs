@@ -247,7 +247,7 @@ mod tests {
     }
 
     #[test]
-    fn what_says_nothing_is_told() {
+    fn invalid_inputs_say_why() {
         for (text, part) in [
             ("[1, 0]", "from 1 to 0: no range"),
             ("[0, 1, 2]", "this one has 3"),

@@ -170,7 +170,7 @@ mod tests {
     }
 
     #[test]
-    fn what_names_no_path_is_an_error() {
+    fn a_selector_without_a_path_is_an_error() {
         let mut declared = Selected::default();
         declared.declare(Selector::from("@llvmpipe"), ());
         assert!(declared.expect_sound().is_ok());

@@ -83,7 +83,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_finite_is_read_again() {
+    fn nan_and_infinity_are_read_back() {
         let plot = Plot { arguments: vec!["x".to_owned()], rows: vec![vec![1.0, f64::INFINITY]] };
         let text = serde_json::to_string(&plot).expect("plain data");
         let again: Plot = serde_json::from_str(&text).expect("as written");

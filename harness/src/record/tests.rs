@@ -66,7 +66,7 @@ fn the_last_run_that_ended_is_read() {
 
 // Lesson 58
 #[test]
-fn what_a_killed_run_left_is_cleared_away_and_a_live_one_is_not() {
+fn leftovers_of_a_killed_run_are_removed_and_a_live_run_is_kept() {
     let temporary = tempfile::tempdir().expect("a temporary folder");
     let folder = temporary.path();
     let live = Running::begin(folder).expect("a folder");

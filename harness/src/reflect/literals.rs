@@ -171,7 +171,7 @@ mod tests {
 
     // Lesson 98
     #[test]
-    fn what_is_compared_with_is_kept() {
+    fn literals_in_comparisons_are_found() {
         let text = "const FAR = 100.5; const SIDE = vec2f(3.5);
             fn f(x: f32, k: u32, i: i32, v: vec2f) -> f32 {
                 if x > 17.25 || k == 7u { return 2.0 * x; }

@@ -239,7 +239,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn targets_are_told_by_their_place_and_name() {
+    fn targets_are_found_by_their_place_and_name() {
         let of = |exe: &str| target(FilePath::new(exe), "my-crate");
         assert_eq!(of("/t/debug/deps/fresnel-0a1b"), ["--test", "fresnel"]);
         assert_eq!(of("/t/debug/examples/srgb-0a1b"), ["--example", "srgb"]);
@@ -302,7 +302,7 @@ mod tests {
     }
 
     #[test]
-    fn checks_of_one_function_are_told_apart() {
+    fn checks_of_one_function_have_different_names() {
         let label = |function: &str| {
             Identity::of(function, "satisfies").expect("nothing is replayed").check
         };

@@ -293,7 +293,7 @@ fn sound_files_of_every_codec_are_read() {
 }
 
 #[test]
-fn what_is_no_openexr_file_is_named() {
+fn other_file_formats_are_named() {
     let read = |bytes: &[u8]| message(bytes, Image::read_exr);
     let not = |what: &str| format!("`a.exr` isn't a readable OpenEXR image: it is {what}");
     assert_eq!(read(b""), not("empty"));
@@ -325,7 +325,7 @@ fn folders_and_files_that_are_too_long_are_refused_unread() {
 }
 
 #[test]
-fn limits_are_told() {
+fn exceeded_limits_are_errors() {
     let mut sound = seeds().swap_remove(2).bytes;
     let channels = (0..33).map(|i| super::channel(&format!("c{i:02}"), SampleType::F16, i));
     let many = AnyChannels::sort(channels.collect::<SmallVec<_>>());

@@ -68,7 +68,7 @@ fn names_are_checked_before_anything_is_written() {
 }
 
 #[test]
-fn what_could_not_be_read_is_not_written() {
+fn unreadable_images_are_not_written() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("golden.exr");
     let write = |parts| ExrFile { parts, metadata: None }.write(&path);

@@ -48,7 +48,7 @@ fn pixels(bytes: &[u8]) -> Vec<[f32; 4]> {
 }
 
 #[test]
-fn what_is_no_colour_is_read_as_it_is_stored() {
+fn masks_are_read_as_stored() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("mask.png");
     let stored = |bytes: &[u8]| {

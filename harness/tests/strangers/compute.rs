@@ -79,7 +79,7 @@ fn passes_share_their_buffers() {
 /// A pass that is left out, a wrong reference and a wrong statement are seen.
 // Lesson 128
 #[test]
-fn what_differs_is_told() {
+fn each_difference_of_a_pass_is_reported() {
     let package = Package::from_source("scan", SCAN);
     let first = package
         .compute()
@@ -107,7 +107,7 @@ fn what_differs_is_told() {
 
 // Lesson 128
 #[test]
-fn mistakes_are_told_before_anything_runs() {
+fn mistakes_are_reported_before_a_dispatch() {
     let package = Package::from_source("scan", SCAN);
     let told = |result: Result<karat::compute::ComputeAgreement, karat::compute::ComputeError>,
                 parts: &[&str]| {
@@ -219,7 +219,7 @@ fn textures_are_stored_and_sampled() {
 /// A loop that the driver would leave is an error with its line, and an endless one on `cpu`, too.
 // Lesson 128
 #[test]
-fn loops_that_drivers_leave_are_told() {
+fn loops_of_passes_that_drivers_cut_short_are_errors() {
     let text = "@group(0) @binding(0) var<storage, read_write> out: array<u32>;\n\
         @compute @workgroup_size(1)\n\
         fn spin() {\n    \

@@ -451,7 +451,7 @@ fn members_of_buffers_are_inputs() {
 
 // Lesson 131
 #[test]
-fn what_no_device_draws_is_told() {
+fn frames_that_no_device_draws_are_errors() {
     let package = Package::from_source(
         "wrong",
         [

@@ -40,7 +40,7 @@ fn pointers_are_values_in_and_out() {
 /// A reference that takes no note of the pointer, or a wrong one, is seen.
 // Lesson 123
 #[test]
-fn what_a_pointer_points_to_is_compared() {
+fn the_values_behind_pointers_are_compared() {
     let package = check("fn f(a: ptr<function, i32>) -> i32 { *a += 1; return *a * 2; }");
     let probe = || package.function("f").over(Integers(-100..=100_i32));
     probe().agrees_with(|a: i32| (2 * (a + 1), a + 1), Abs(0.0));
@@ -543,7 +543,7 @@ fn variables_at_one_place_are_refused() {
 
 /// A number that isn't finite has a place, also where a bound hides it, and in what passes leave.
 #[test]
-fn what_is_not_finite_has_a_place() {
+fn nan_and_infinity_have_a_place() {
     let text = "fn g(v: f32, l: f32) -> f32 {\n    return (v * l) / (4.0 * v * l);\n}\n\
         fn outer(v: f32, l: f32) -> f32 { return clamp(g(v, l), -10.0, 10.0) + 1.0; }\n\
         fn inverse(x: f32) -> f32 { return min(1.0 / x, 8.0); }\n\
@@ -566,7 +566,7 @@ fn what_is_not_finite_has_a_place() {
 /// A driver that leaves loops without a word does so in cases that run alone, and in quads, too.
 // Lesson 125
 #[test]
-fn loops_that_a_driver_leaves_are_told() {
+fn loops_of_functions_that_drivers_cut_short_are_errors() {
     let text = "@group(0) @binding(0) var<storage, read_write> sum: u32;\n\
          fn written(n: u32) {\n    for (var i = 0u; i < n; i++) { sum += i % 3u; }\n}\n\
          fn drawn(n: u32, x: f32) -> f32 {\n    \
@@ -605,7 +605,7 @@ fn loops_that_a_driver_leaves_are_told() {
 /// What can't be a subject is refused with its reason and its line.
 // Lesson 127
 #[test]
-fn what_has_no_value_is_refused() {
+fn functions_without_a_value_are_refused() {
     let told = |text: &str, part: &str| {
         let package = check(text);
         let check = package.function("f").over(Just(1.0_f32));

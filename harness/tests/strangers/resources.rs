@@ -402,7 +402,7 @@ fn immediates_are_set() {
 /// What is wrong with a fixture is told before anything runs, with the line that binds the variable.
 // Lesson 121
 #[test]
-fn mistakes_are_told_with_the_variables_line() {
+fn mistakes_are_reported_with_the_line_of_the_variable() {
     let text = "@group(0) @binding(0) var image: texture_2d<u32>;\n\
          @group(0) @binding(1) var<storage, read> table: array<vec4f>;\n\
          @group(0) @binding(2) var filtering: sampler;\n\

@@ -161,7 +161,7 @@ fn other_arguments_have_to_be_accepted() {
 }
 
 #[test]
-fn what_could_never_agree_is_told() {
+fn values_that_can_never_agree_are_errors() {
     let (project, goldens) = (Project::new(), Goldens::open("nowhere".as_ref()));
     let package = Package::from_source(
         "m",

@@ -82,7 +82,7 @@ fn resources_keep_their_order() {
 /// Every installed tool accepts every translation, and reports its version and command.
 // Lesson 81
 #[test]
-fn what_naga_writes_is_valid_for_the_tools_that_are_here() {
+fn translations_of_naga_are_valid_for_the_installed_tools() {
     let mut asked = Vec::new();
     for target in Target::ALL {
         for entry_point in ["add", "corner", "shade"] {
@@ -241,7 +241,7 @@ fn a_compiler_says_what_it_rejects() {
 }
 
 #[test]
-fn what_is_wrong_is_said() {
+fn errors_of_naga_are_reported() {
     let error = Shader::parse("fn f( {").expect_err("not WGSL").to_string();
     assert!(error.starts_with("naga doesn't read the shader: "), "{error}");
     let error = Shader::parse("fn f() -> f32 { return 1u; }").expect_err("invalid").to_string();
@@ -270,7 +270,7 @@ fn overrides_have_their_values() {
 }
 
 #[test]
-fn the_version_told_is_that_of_the_lock_file() {
+fn the_reported_version_is_that_of_the_lock_file() {
     // The lock file of the repository, or its copy in a published package.
     let package = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
     let read = |folder: &str| std::fs::read_to_string(package.join(folder).join("Cargo.lock")).ok();

@@ -141,7 +141,7 @@ fn arguments_are_json_where_numbers_have_no_names() {
 }
 
 #[test]
-fn slips_in_a_call_are_told() {
+fn wrong_bindings_and_overrides_of_a_call_are_errors() {
     let folder = lit();
     let json = r#"globals={"scale": 2, "offset": [0, 0.5], "count": 1}"#;
     let scaled = ["call", "lit::scaled", "3", "--bind", json, "--override"];
@@ -283,7 +283,7 @@ fn tables_have_derivatives_and_carry_their_columns() {
 
 // Lesson 134
 #[test]
-fn slips_are_told() {
+fn wrong_arguments_of_a_call_are_errors() {
     let folder = lit();
     let told = |arguments: &[&str], part: &str| {
         let error = karat(folder.path(), &[&["call"][..], arguments].concat()).error();
@@ -318,7 +318,7 @@ fn slips_are_told() {
 }
 
 #[test]
-fn what_is_asked_for_is_done_or_refused() {
+fn each_option_of_a_call_is_used_or_refused() {
     let folder = lit();
     let told = |arguments: &[&str], part: &str| {
         let error = karat(folder.path(), &[&["call"][..], arguments].concat()).error();
@@ -394,7 +394,7 @@ fn texels_are_data_where_they_are_no_colours() {
 
 /// Without values a call makes them up, and says which.
 #[test]
-fn what_is_not_given_is_made_up() {
+fn missing_values_of_a_call_are_generated_and_named() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let text = "struct P { groups: u32, gain: f32 }\n@group(0) @binding(0) var<uniform> p: P;\n\
                 fn f(n_dot_l: f32, id: u32) -> f32 { return n_dot_l * p.gain + f32(id % p.groups); }\n";

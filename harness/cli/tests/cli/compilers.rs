@@ -31,7 +31,7 @@ fn last_line(text: &str) -> &str {
 /// Each kind of reason with its place and what to do, in text that naga accepts.
 // Lesson 201
 #[test]
-fn what_tint_rejects_is_told_with_its_place_and_a_remedy() {
+fn errors_of_tint_have_a_place_and_a_remedy() {
     let fragment = "@group(0) @binding(0) var t: texture_2d<f32>;\n@group(0) @binding(1) var s: sampler;\n\
                     @fragment fn main(@location(0) u: vec2f) -> @location(0) vec4f {\n    \
                     if u.x > 0.5 { return textureSample(t, s, u); }\n    return vec4f();\n}\n";
@@ -219,7 +219,7 @@ fn karat_tint_names_one_or_says_why_not() {
 /// A package declares its native features, and a declaration that no module needs is an error.
 // Lesson 204
 #[test]
-fn what_wgpu_alone_has_is_declared() {
+fn features_of_wgpu_alone_must_be_declared() {
     let folder = folder("fn twice(x: i64) -> i64 { return x + x; }\n");
     let check = |native: &str| {
         let text = format!("[compilers]\nrequire = [\"tint\"]\nnative = [{native}]\n");
@@ -252,7 +252,7 @@ fn what_wgpu_alone_has_is_declared() {
 /// Limits are a note, until a table says which are meant.
 // Lesson 205
 #[test]
-fn what_exceeds_a_limit_is_told_where_it_stands() {
+fn an_exceeded_limit_is_reported_at_its_place() {
     let workgroup = "var<workgroup> tile: array<vec4f, 2048>;\n\
                      @compute @workgroup_size(16, 32) fn main() { tile[0] = vec4f(); }\n";
     let storage = "@group(0) @binding(0) var<storage, read> a: array<f32>;\n\
@@ -438,7 +438,7 @@ fn files_that_are_shipped_stay_shippable() {
 
 /// An error of naga's says where Tint accepts the module.
 #[test]
-fn what_tint_alone_accepts_is_told() {
+fn an_error_of_naga_says_if_tint_accepts_the_module() {
     let folder = folder("requires linear_indexing;\nfn half(x: f32) -> f32 { return 0.5 * x; }\n");
     let ran = with_tint(folder.path(), CHECK);
     assert!(ran.code == Some(1), "{ran:?}");

@@ -43,7 +43,7 @@ fn folder() -> TempDir {
 
 // Lesson 28: lines, branches and results that no test compares
 #[test]
-fn lines_ways_and_what_is_not_looked_at_are_told() {
+fn uncovered_lines_branches_and_results_are_listed() {
     let folder = folder();
     let ran = karat(folder.path(), &["coverage", "--missing"]);
     let out = ran.good();
@@ -74,7 +74,7 @@ fn lines_ways_and_what_is_not_looked_at_are_told() {
 /// A line that only an assertion reads is looked at, and one that only a print reads isn't.
 // Lesson 209
 #[test]
-fn what_an_assertion_reads_is_looked_at() {
+fn a_value_that_an_assertion_reads_is_covered() {
     let folder = folder();
     let test = "[[test]]\nfunction = \"watched\"\nover = { x = 2 }\nfinite = true\n";
     for (line, seen) in [("assert own < 9.0", true), ("print own", false)] {

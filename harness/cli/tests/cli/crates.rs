@@ -124,7 +124,7 @@ fn a_crate_that_is_imported_from_may_have_another_folder() {
 }
 
 #[test]
-fn what_cargo_says_is_kept_until_the_lock_file_changes() {
+fn the_metadata_of_cargo_is_cached_until_the_lock_file_changes() {
     let place = Place::new();
     let list = |name: &str| place.karat("game", &["list", "--crate", name]);
     list("engine-pbr").good(); // cargo writes the lock file

@@ -71,7 +71,7 @@ fn bounds_decide_and_the_exit_code_says_so() {
 }
 
 #[test]
-fn what_exceeds_nothing_is_told_by_its_error() {
+fn with_a_tolerance_of_zero_the_error_is_printed() {
     let folder = images();
     let out = diff(&folder, &["a.exr", "near.exr", "--rel", "0"]).out;
     assert!(out.contains(", and nothing is allowed\n") && !out.contains("inf"), "{out}");
@@ -411,7 +411,7 @@ fn the_mask_of_a_test_is_used() {
 
 /// Of two PNGs there is the number that other tools have: these are flip-evaluator 1.7's.
 #[test]
-fn of_two_pngs_ldr_flip_is_told_and_decides_nothing() {
+fn two_pngs_have_an_ldr_flip_value_that_is_no_gate() {
     let folder = images();
     let grey = |x: u32, y: u32| ((5 * x + 3 * y) % 256) as u8;
     let hole = |x: u32, y: u32| if x < 8 && y < 8 { 255 - grey(x, y) } else { grey(x, y) };
@@ -458,7 +458,7 @@ fn a_png_is_compared_with_an_exr() {
 }
 
 #[test]
-fn what_cannot_be_compared_is_an_error_and_what_is_missing_another() {
+fn images_that_cannot_be_compared_are_errors() {
     let folder = images();
     write(folder.path(), "text.exr", "not an image");
     let exr = std::fs::read(folder.path().join("a.exr")).expect("written");

@@ -54,7 +54,7 @@ fn domains_say_what_they_mean() {
 }
 
 #[test]
-fn faults_of_frames_and_of_domains_are_told() {
+fn wrong_frames_and_domains_are_reported_at_their_place() {
     for (test, place, part) in [
         (
             "function = \"leaning\"\nperpendicular_to = \"n\"",

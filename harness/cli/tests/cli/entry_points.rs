@@ -384,7 +384,7 @@ fn members_and_grids_of_buffers() {
 
 /// One element that is wrong moves no other one.
 #[test]
-fn a_wrong_element_is_told_whatever_the_order_is() {
+fn a_wrong_element_is_reported_in_any_order() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let declared = "[[compute]]\nentry = \"turn\"\nworkgroups = 1\nwith = { out = { size = 64 } }\n\
                     [compute.after.out]\nup_to_order = true\ntable = \"out.csv\"\n";
@@ -619,7 +619,7 @@ fn wrong_passes_fail_with_the_element() {
 
 /// A pass that isn't there is blamed by its own name, and not a resource that it alone reads.
 #[test]
-fn a_later_pass_that_is_misspelt_is_told() {
+fn a_misspelt_later_pass_is_named() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let shader = "@group(0) @binding(0) var<storage, read_write> data: array<u32, 4>;\n\
                   @group(0) @binding(1) var<storage, read_write> other: array<u32, 4>;\n\

@@ -185,7 +185,7 @@ fn contents_of_files_are_shown_and_not_obeyed() {
 // Lesson 62
 #[cfg(unix)]
 #[test]
-fn what_tests_print_is_shown_and_not_obeyed() {
+fn escapes_in_the_output_of_tests_are_not_obeyed() {
     let project = project();
     let folder = project.path();
     write(folder, "lines.jsonl", &function("calc::double", "gl", "pass", None));

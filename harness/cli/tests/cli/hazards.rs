@@ -14,7 +14,7 @@ fn shaders(text: &str) -> TempDir {
 }
 
 #[test]
-fn hazards_are_told_with_their_line() {
+fn hazards_are_reported_with_their_line() {
     let folder = shaders(SCHLICK);
     let ran = karat(folder.path(), &["hazards"]);
     assert_eq!(ran.code, Some(1), "{ran:?}");
@@ -151,7 +151,7 @@ fn each_intermediate_of_a_call_is_shown() {
 
 // Lesson 95
 #[test]
-fn what_an_index_loses_is_lost_in_the_trace() {
+fn the_trace_shows_an_index_out_of_bounds() {
     let text = "fn rd(i: u32) -> f32 {\n    var a = array<f32, 3>(1.0, 2.0, 3.0);\n    \
                 let x = a[i];\n    return -x * 2.0;\n}\n";
     let folder = shaders(text);
@@ -294,7 +294,7 @@ fn nearly_equal_arguments_are_tried() {
 
 /// Each crate of a workspace has a folder of one name.
 #[test]
-fn packages_of_one_name_are_told_by_their_folders() {
+fn packages_with_the_same_name_are_named_by_their_folders() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let manifest =
         "[workspace]\n[workspace.metadata.karat]\npackages = [\"a/shaders\", \"b/shaders\"]\n";

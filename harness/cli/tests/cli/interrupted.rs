@@ -52,7 +52,7 @@ const LEFTOVERS: [&str; 3] =
 
 // Lesson 60
 #[test]
-fn what_an_interrupted_acceptance_left_is_named_and_deleted() {
+fn leftovers_of_an_interrupted_acceptance_are_named_and_deleted() {
     let (project, golden) = with_golden();
     let unreferenced = |more: &[&str]| {
         karat(project.path(), &[&["unreferenced", "--record", "record"], more].concat())
@@ -71,7 +71,7 @@ fn what_an_interrupted_acceptance_left_is_named_and_deleted() {
 
 // Lesson 60
 #[test]
-fn whoever_decides_next_tidies_up() {
+fn the_next_decision_removes_leftovers() {
     for command in [
         &["pending"][..],
         &["pending", "--json"],
@@ -96,7 +96,7 @@ fn whoever_decides_next_tidies_up() {
 /// Names that only resemble ours, and a file that is being written.
 // Lesson 60
 #[test]
-fn what_is_not_provably_ours_stays() {
+fn files_with_other_names_are_never_deleted() {
     let (project, golden) = with_golden();
     let foreign = [
         "scene.exr.tmp",

@@ -32,7 +32,7 @@ fn files(folder: &FilePath) -> Vec<PathBuf> {
 }
 
 #[test]
-fn mutants_are_killed_or_told() {
+fn mutants_are_killed_or_listed() {
     let folder = folder();
     let before = files(folder.path());
     let ran = karat(folder.path(), &["mutate"]);

@@ -163,7 +163,7 @@ pub(crate) fn zip(path: &FilePath, entries: &[(&str, &[u8])]) {
 }
 
 #[test]
-fn frames_that_differ_are_told_from_new_ones() {
+fn changed_frames_and_new_frames_are_listed_differently() {
     let project = with_goldens();
     let golden = project.path().join("golden");
     pending_frame(&golden, "scene", LAVAPIPE);
@@ -187,7 +187,7 @@ fn frames_that_differ_are_told_from_new_ones() {
 
 /// What can't be done of one frame is told, and done of the others.
 #[test]
-fn a_file_that_cannot_be_used_is_in_nobody_s_way() {
+fn an_unusable_file_does_not_stop_the_others() {
     let project = with_goldens();
     let (folder, golden) = (project.path(), project.path().join("golden"));
     pending_frame(&golden, "scene", LAVAPIPE);

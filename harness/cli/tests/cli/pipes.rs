@@ -67,7 +67,7 @@ fn into_a_broken_pipe(command: &mut Command) -> Option<i32> {
 
 // Lesson 57
 #[test]
-fn the_exit_code_is_the_verdict_s_whoever_reads() {
+fn a_closed_pipe_does_not_change_the_exit_code() {
     let project = eventful();
     for (arguments, code) in COMMANDS {
         let read = karat(project.path(), arguments);
@@ -80,7 +80,7 @@ fn the_exit_code_is_the_verdict_s_whoever_reads() {
 /// What changes files does so, and says what came of it.
 // Lesson 57
 #[test]
-fn a_command_completes_its_work_whoever_reads() {
+fn a_closed_pipe_does_not_stop_a_command() {
     let project = eventful();
     let (folder, golden) = (project.path(), project.path().join("golden"));
     let run = |arguments: &[&str]| into_a_broken_pipe(&mut command(folder, arguments));
@@ -134,7 +134,7 @@ fn a_shell_sees_the_verdict_before_its_pipe() {
 // Lesson 57
 #[cfg(unix)]
 #[test]
-fn a_run_completes_whoever_reads() {
+fn a_closed_pipe_does_not_stop_a_run() {
     let project = project();
     let folder = project.path();
     // Much to read on both streams before the verdict is recorded; `sh test ...` runs this file.

@@ -185,7 +185,7 @@ fn a_frame_that_differs_says_how_to_go_on() {
 }
 
 #[test]
-fn what_cannot_be_told_is_an_error() {
+fn an_unknown_value_or_place_is_an_error() {
     let folder = folder();
     for (words, part) in [
         (&["tap", "disk", "near"][..], "did you mean `disc`?"),

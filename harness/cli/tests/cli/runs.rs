@@ -174,7 +174,7 @@ fn a_run_without_a_check_leaves_the_record_of_the_one_before() {
 
 /// Rust tests that pass and compare nothing are named, and a build that fails is told as one.
 #[test]
-fn what_passes_without_a_check_is_told() {
+fn tests_without_a_check_and_broken_builds_are_named() {
     let project = project();
     let record = function("calc::f", "gl", "pass", None);
     write(project.path(), "record", &record);

@@ -43,7 +43,7 @@ fn with(shaders: &str, manifests: &[(&str, &str)], files: &[(&str, &str)]) -> Te
 /// package is found; the same package without it is none.
 // Lesson 185
 #[test]
-fn what_looks_like_a_test_and_is_none_fails_every_command() {
+fn a_misnamed_test_file_fails_every_command() {
     let none: &[(&str, &str)] = &[];
     let declared = "[workspace.metadata.karat]\npackages = [\"assets/wgsl\"]\n";
     let members: &[(&str, &str)] = &[
@@ -200,7 +200,7 @@ fn the_folder_shaders_is_found_by_every_command() {
 /// `karat test` reports tests outside of `shaders`, though its karat.toml makes it a package by itself.
 // Lesson 187
 #[test]
-fn tests_outside_of_shaders_are_told() {
+fn tests_outside_of_shaders_are_reported() {
     let folder =
         with("shaders", &[], &[("a.wgsl", HALF), ("a.test.toml", DECLARED), ("karat.toml", "")]);
     let test = "import karat::expect_true;\n@test fn own() { expect_true(true); }\n";
@@ -212,7 +212,7 @@ fn tests_outside_of_shaders_are_told() {
 /// A file that declares tests outside of `shaders` is told by every command, as a `@test` there is, with and without a
 /// karat.toml; inside of `shaders` it isn't.
 #[test]
-fn declared_tests_outside_of_shaders_are_told() {
+fn declared_tests_outside_of_shaders_are_reported() {
     for (own, how) in [(None, "`karat test .` runs all"), (Some(""), "move them into `shaders`")] {
         let folder = with("shaders", &[], &[("a.wgsl", HALF), ("a.test.toml", DECLARED)]);
         let path = folder.path();

@@ -80,7 +80,7 @@ fn a_test_that_cannot_begin_is_in_each_report() {
 
 /// A cause that stops every test stands there in full once, with the place of each test.
 #[test]
-fn what_all_tests_lack_is_told_once() {
+fn a_cause_that_stops_all_tests_is_printed_once() {
     let folder = folder();
     let metal = cpu(folder.path(), &["--require", "metal"]);
     assert_eq!(metal.code, Some(1), "{metal:?}");
@@ -179,7 +179,7 @@ fn a_switch_is_no_number() {
 
 // Lesson 100
 #[test]
-fn each_failing_expectation_is_told_with_its_place() {
+fn each_failing_expectation_is_reported_with_its_place() {
     let folder = folder();
     let text = "import package::brdf::blend;\nimport karat::{expect_near, expect_true, expect_ulp};\n\
            fn both(x: f32) {\n    expect_true(x < 0.5);\n}\n\
@@ -268,7 +268,7 @@ fn planted_faults_turn_each_assertion_red() {
 /// Functions that take derivatives, write, have overrides, or read what a file holds.
 // Lesson 132
 #[test]
-fn what_strangers_declare_is_tested() {
+fn declared_tests_of_each_kind_run() {
     const TEXT: &str = "@group(0) @binding(0) var<storage, read_write> log: array<u32>;\n\
         struct Globals { gain: f32, offset: f32 }\n@group(0) @binding(1) var<uniform> g: Globals;\n\
         override A: f32 = 1.0;\noverride ON: bool = false;\n\
@@ -310,7 +310,7 @@ fn what_strangers_declare_is_tested() {
 // Lesson 100
 // Lesson 195
 #[test]
-fn what_tests_nothing_or_cannot_run_is_red_with_its_place() {
+fn tests_that_check_nothing_or_cannot_run_fail() {
     for (file, text, part) in [
         (
             "t.wgsl",
@@ -493,7 +493,7 @@ fn what_tests_nothing_or_cannot_run_is_red_with_its_place() {
 /// Values exactly at their bounds hold, however many there are; cases that evaluate nothing aren't counted.
 // Lesson 105
 #[test]
-fn what_lies_at_its_bound_holds_and_idle_cases_are_none() {
+fn a_value_at_its_bound_passes_and_idle_cases_are_not_counted() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     write(folder.path(), "brdf.wgsl", BRDF);
     let text = "import karat::{expect_near, expect_true};\n\
@@ -621,7 +621,7 @@ fn a_runaway_test_is_stopped() {
 /// Missing, it is pending; accepted, it passes; with another shader it fails.
 /// Whoever tests the folder `shaders` goes on without naming it: its record, its goldens, its failures.
 #[test]
-fn what_was_tested_below_is_known_above() {
+fn pending_and_goldens_are_found_from_the_parent_folder() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let (path, shaders) = (folder.path(), folder.path().join("shaders"));
     let module = "fn half(x: f32) -> f32 { return 0.5 * x; }\n\
@@ -1013,7 +1013,7 @@ fn the_readme_shows_what_its_first_test_says() {
 /// where what passes leave depends on it.
 // Lesson 221
 #[test]
-fn what_no_pass_has_written_is_counted() {
+fn unwritten_words_are_counted() {
     let shader = "@group(0) @binding(0) var<storage, read> values: array<f32>;
 @group(0) @binding(1) var<storage, read_write> parts: array<f32>;
 @group(0) @binding(2) var<storage, read_write> total: array<f32>;

@@ -60,7 +60,7 @@ fn a_module_is_printed_with_its_entry_points() {
 }
 
 #[test]
-fn what_cannot_be_translated_says_so() {
+fn a_failed_translation_is_an_error() {
     let folder = shaders();
     let error = |arguments: &[&str]| {
         let ran = karat(folder.path(), &[&["translate"], arguments].concat());
@@ -434,7 +434,7 @@ const OUTSIDE: &str = "@group(0) @binding(0) var p: texture_2d<f32>;\n\
 // Lesson 155
 #[cfg(target_os = "linux")]
 #[test]
-fn what_wgsl_leaves_open_is_counted_and_is_no_finding() {
+fn results_that_wgsl_leaves_open_are_counted_and_pass() {
     let (matrix, ran) = matrix_of(OUTSIDE, "vulkan,gl,cpu");
     assert_eq!(ran.code, Some(0), "{ran:?}");
     let mut open = 0;
@@ -454,7 +454,7 @@ fn what_wgsl_leaves_open_is_counted_and_is_no_finding() {
 // Lesson 155
 #[cfg(target_os = "linux")]
 #[test]
-fn what_wgsl_defines_is_a_finding_beside_what_it_leaves_open() {
+fn a_wrong_defined_result_beside_an_open_one_fails() {
     // x / 0 is x, and x % 0 is 0. In the last two an element is outside in each case, or in some.
     let text = "fn quotient(a: i32, b: i32) -> i32 { return a / b; }\n\
                 fn rest(a: i32, b: i32) -> i32 { return a % b; }\n\
@@ -640,7 +640,7 @@ fn a_deadline_ends_one_row_of_the_matrix() {
 
 #[cfg(target_os = "linux")]
 #[test]
-fn what_is_required_of_the_matrix_decides() {
+fn required_columns_decide_the_exit_code() {
     let folder = shaders();
     let matrix = |arguments: &[&str]| {
         let common = ["matrix", "--cases", "16", "--columns", "vulkan,vulkan:hlsl,msl"];
@@ -931,7 +931,7 @@ mod planted {
     /// The first that differs is told, whatever stands in its initialiser.
     // Lesson 84
     #[test]
-    fn the_first_let_that_differs_is_told() {
+    fn the_first_let_that_differs_is_named() {
         let folder = shaders();
         let text = "fn blend(x: f32, y: f32) -> f32 {\n    var z = x * 3.0;\n    let p = &z;\n    \
                     let q = cos(y); // of y; q\n    \
@@ -1017,7 +1017,7 @@ mod planted {
     /// What is declared must be so, and must be about what is there.
     // Lesson 85
     #[test]
-    fn what_is_declared_must_fail() {
+    fn a_declared_difference_must_occur() {
         let folder = shaders();
         let declare = |rows: &str, columns: &str, status: &str, reason: &str| {
             let text = format!(

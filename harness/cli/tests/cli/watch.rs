@@ -422,7 +422,7 @@ fn an_edit_of_any_file_runs_rust_tests() {
 /// A module that no test links is validated, in a Cargo project as in a folder.
 // Lesson 191
 #[test]
-fn what_no_test_links_is_validated() {
+fn modules_that_no_test_links_are_validated() {
     let watch = Watching::start();
     watch.until("cpu: 2 tests pass; 2 ran");
     watch.edit("more.wgsl", "fn more() -> f32 { return nonsense; }\n");
@@ -442,7 +442,7 @@ fn what_no_test_links_is_validated() {
 // Lesson 102
 #[cfg(unix)]
 #[test]
-fn it_ends_when_nobody_reads_it() {
+fn watch_ends_when_its_output_closes() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     write(
         &folder.path().join("shaders"),
@@ -508,7 +508,7 @@ fn a_killed_watch_leaves_no_process_behind() {
 }
 
 #[test]
-fn what_cannot_be_watched_is_an_error() {
+fn a_missing_folder_or_path_cannot_be_watched() {
     let folder = project();
     for (arguments, part) in [
         (&["nowhere"][..], "there is no folder or file `nowhere`"),

@@ -260,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn what_fits_is_as_it_was() {
+    fn short_lines_are_not_changed() {
         for text in ["", "a", "a\n", "\n\n", "é\r\n\tb\r\n", &"x".repeat(WIDTH)] {
             let shown = excerpt(text, &[(0, text.len())], |excerpt| {
                 for byte in 0..=text.len() {
@@ -299,7 +299,7 @@ mod tests {
     }
 
     #[test]
-    fn what_commands_a_terminal_is_shown() {
+    fn control_characters_are_escaped_in_excerpts() {
         let text = "é\u{1b}[2J\u{9b}x\r\nrest";
         let shown = excerpt(text, &[(6, 8)], |excerpt| {
             for (byte, character) in text.char_indices() {

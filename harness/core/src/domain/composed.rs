@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn members_that_do_not_fit_are_told() {
+    fn members_that_do_not_fit_are_errors() {
         let unit = || 0.0..=1.0_f32;
         let told = |emptiness: Option<Emptiness>| emptiness.expect("it doesn't fit").fault;
         assert_eq!(

@@ -241,7 +241,7 @@ mod tests {
     }
 
     #[test]
-    fn what_grazes_can_be_left_out() {
+    fn grazing_directions_can_be_excluded() {
         for least in [0.0, 0.01, 0.5, 1.0_f32] {
             let domain = Hemisphere.above(least);
             let draws = (0..5_000).filter_map(|index| domain.draw(&mut Source::new(6, index)));

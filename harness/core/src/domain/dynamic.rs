@@ -960,7 +960,7 @@ mod tests {
     }
 
     #[test]
-    fn ranges_that_are_none_are_told() {
+    fn invalid_ranges_are_errors() {
         assert!(Part::range(Scalar::U32, -1.0..=3.0).is_none());
         assert!(Part::range(Scalar::I32, 0.5..=3.0).is_none());
         assert!(Part::range(Scalar::Bool, 0.0..=1.0).is_none());

@@ -59,7 +59,7 @@ mod tests {
     use crate::domain::{Domain, Grid, Integers, Just, OneOf, UnitVector};
 
     #[test]
-    fn each_cause_is_told_by_itself() {
+    fn each_cause_of_an_empty_domain_has_its_message() {
         let why = |emptiness: Option<super::Emptiness>| {
             let super::Emptiness { part, what, fault } = emptiness.expect("it is empty");
             (part, format!("{what} {fault}"))

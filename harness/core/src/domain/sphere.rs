@@ -258,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn a_radius_that_is_none_is_told() {
+    fn an_invalid_radius_is_an_error() {
         for radius in [-1.0, f32::NAN, f32::INFINITY] {
             let domain = Sphere::<Vec3>::of_radius(radius);
             let emptiness = Domain::emptiness(&domain).expect("no vector has that length");

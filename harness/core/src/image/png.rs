@@ -143,7 +143,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_finite_has_colours_of_its_own() {
+    fn nan_and_infinity_have_their_colours() {
         let image = Image::new(2, 1, vec![[f32::NAN, 1.0, 1.0, 1.0], [f32::INFINITY; 4]]);
         assert_eq!(image.exposed(0.0), [255, 0, 255, 255, 255, 0]);
     }

@@ -111,7 +111,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_impossible_has_probability_zero() {
+    fn an_impossible_sample_has_probability_zero() {
         let test = ChiSquare::of(&[10, 10, 1], &[10.0, 11.0, 0.0]).expect("two cells");
         assert_eq!((test.p, test.impossible), (0.0, 1));
     }

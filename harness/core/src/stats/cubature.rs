@@ -250,7 +250,7 @@ mod tests {
     }
 
     #[test]
-    fn what_never_converges_is_an_error() {
+    fn an_integral_that_never_converges_is_an_error() {
         let count = std::cell::Cell::new(0_u32);
         let noise = |_| {
             count.set(count.get().wrapping_add(1));

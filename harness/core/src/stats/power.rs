@@ -207,7 +207,7 @@ mod tests {
 
     /// With an impossible share of one per cent, a fraction e^-1 of runs with 100 samples has no impossible sample.
     #[test]
-    fn what_is_impossible_is_seen_once_it_happens() {
+    fn one_impossible_sample_is_detected() {
         let power = chi_square_power(&[0.5, 0.5, 0.0], &[0.495, 0.495, 0.01], 100.0, 1e-6);
         assert!((power.expect("two cells") - (1.0 - (-1.0_f64).exp())).abs() < 1e-4);
     }

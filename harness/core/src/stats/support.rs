@@ -139,7 +139,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_beside_the_support_is_told_from_what_is_no_direction() {
+    fn directions_outside_the_support_differ_from_invalid_ones() {
         let down = [0.0, 0.6, -0.8];
         assert!(matches!(Support::Sphere.locate(down), Place::Inside(_)));
         assert_eq!(Support::Hemisphere.locate(down), Place::Outside);

@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_no_tail_is_nan() {
+    fn invalid_arguments_of_a_tail_give_nan() {
         assert!(chi_square_tail(1.0, 0.0).is_nan() && chi_square_tail(f64::NAN, 3.0).is_nan());
         assert!(chi_square_tail(-1.0, 3.0).is_nan() && noncentral_tail(1.0, 2.0, -1.0).is_nan());
         assert!(binomial_tail(3, 2, 0.5).is_nan() && binomial_tail(1, 2, f64::NAN).is_nan());

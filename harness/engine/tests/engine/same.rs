@@ -60,7 +60,7 @@ fn private_variables_are_results() {
 /// Two programs that differ for a single number, for a zero or for NaN aren't the same.
 // Lesson 29
 #[test]
-fn what_differs_somewhere_is_not_the_same() {
+fn expressions_with_one_different_result_are_not_equal() {
     for (a, b) in [
         ("return x + 0.0;", "return x;"),
         ("return x * 0.0;", "return 0.0;"),

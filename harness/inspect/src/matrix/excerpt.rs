@@ -84,7 +84,7 @@ mod tests {
     }
 
     #[test]
-    fn variables_of_one_name_are_told_apart_by_their_order() {
+    fn variables_with_the_same_name_are_found_by_their_order() {
         let wgsl = "fn f(x: f32) -> f32 {\n    let q = (x * 2f);\n    if true {\n        \
                     let q_1 = (q * x);\n        q_2 = 1f;\n        return q_1;\n    }\n}\n";
         let line = |which| definition_line(wgsl, (1, 8), "q", which);

@@ -188,7 +188,7 @@ mod tests {
     /// If both rules are far off, the check fails. If one rule may be right and passes, there is no verdict.
     // Lesson 67
     #[test]
-    fn what_both_rules_refuse_is_refused() {
+    fn a_bound_fails_if_both_rules_refuse_it() {
         let tolerance = Abs(0.1).into();
         let equal = Bound::AgreesWith(&tolerance);
         let refuses = |assertion: &Bound<'_>, sums| {

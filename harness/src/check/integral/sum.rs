@@ -80,7 +80,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_cancels_is_not_lost() {
+    fn cancelling_terms_lose_no_small_terms() {
         let terms = [(1.0, 1.0), (1e100, 1.0), (1.0, 1.0), (-1e100, 1.0)];
         assert_eq!(Sum::of_scalars(&terms).totals(), [2.0]);
         let tenths = Sum::of_scalars(&[(0.1, 1.0); 1_000_000]).totals()[0];

@@ -259,7 +259,7 @@ fn an_acceptance_may_be_repeated() {
 
 // Lesson 60
 #[test]
-fn what_was_interrupted_is_tidied_up_by_the_next_decision() {
+fn leftovers_are_removed_by_the_next_decision() {
     let project = Project::with_golden();
     let left = ["room/ramp.exr.4194999-0.tmp", "@gl-llvmpipe/room/ramp.toml.4194999-1.tmp"];
     let left = left.map(|file| project.folder.path().join(file));

@@ -73,7 +73,7 @@ fn noise_is_kept_with_the_golden() {
 }
 
 #[test]
-fn what_the_test_found_waits_with_the_frame() {
+fn a_pending_frame_keeps_its_verdict() {
     let project = Project::with_golden();
     let tolerance = FrameTolerance::All(vec![
         FrameTolerance::gate(2e-3),
@@ -180,7 +180,7 @@ fn a_golden_of_a_profile_that_is_not_needed_any_more_is_named() {
 }
 
 #[test]
-fn what_an_author_says_is_kept_and_aovs_are_drawn_when_they_are_needed() {
+fn facts_are_kept_and_aovs_are_drawn_only_if_needed() {
     let project = Project::with_golden();
     let facts = BTreeMap::from([("seed".to_owned(), "7".to_owned())]);
     let drawn = std::cell::Cell::new(0);
@@ -291,7 +291,7 @@ fn files_that_cannot_be_used_are_named_beside_the_others() {
 
 #[cfg(unix)]
 #[test]
-fn what_is_no_file_is_told_and_not_waited_for() {
+fn a_golden_that_is_no_file_is_an_error_at_once() {
     let project = Project::with_golden();
     let golden = project.folder.path().join("room/ramp.exr");
     std::fs::remove_file(&golden).expect("removed");

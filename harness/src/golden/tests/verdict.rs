@@ -57,7 +57,7 @@ fn a_frame_that_differs_says_what_and_where() {
 }
 
 #[test]
-fn what_is_relative_to_nothing_is_told_in_absolute_numbers() {
+fn with_a_tolerance_of_zero_errors_are_absolute() {
     let project = Project::with_golden();
     let exact = FrameTolerance::gate(0.0);
     let failed = project.check("vulkan", &spot(1.5), Some(&exact), None).expect_err("it differs");
@@ -80,7 +80,7 @@ fn what_is_relative_to_nothing_is_told_in_absolute_numbers() {
 }
 
 #[test]
-fn what_passes_says_what_decided() {
+fn a_passing_frame_names_the_criterion() {
     let project = Project::with_golden();
     let margin = project.check("vulkan", &ramp(), None, None).expect("equal");
     assert_eq!((margin.decided_by, margin.to_string().as_str()), (FrameCriterion::Bits, "equal"));

@@ -236,7 +236,7 @@ mod tests {
 
     /// The remark after the line counts the checks that the sanitizer didn't check, with the first reason.
     #[test]
-    fn what_was_not_looked_through_is_counted() {
+    fn unchecked_checks_are_counted() {
         let with = |reason: &str| {
             let mut record = record(Verdict::Pass, 0, None);
             let watched = karat::unstable::record::Watched {

@@ -319,7 +319,7 @@ pub(super) mod tests {
 
     // Lesson 171
     #[test]
-    fn tolerances_below_what_wgsl_allows_are_told() {
+    fn tolerances_below_the_wgsl_bound_are_reported() {
         let allowance =
             |wider, worst| allowance(&Allowance { cases: 200, wider, worst, unbounded: wider });
         assert_eq!(allowance(0, Some(0.4)), "40%");

@@ -154,7 +154,7 @@ fn every_pixel_has_a_weight() {
 }
 
 #[test]
-fn what_is_no_variance_passes_nothing() {
+fn an_invalid_variance_never_passes() {
     let (golden, actual) = (rendered(1), rendered(2));
     let mut broken = actual.clone();
     broken.1.pixels_mut()[3][1] = f32::NAN;
