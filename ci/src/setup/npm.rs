@@ -97,16 +97,16 @@ fn stage(staged: &Path, source: &Path) -> Result<()> {
         std::fs::copy(source.join(file), staged.join(file))
             .with_context(|| format!("no {file}"))?;
     }
-    // Without scripts: the package's own would build parts that it already contains.
+    // Without scripts: those of the package would build files that the package already contains.
     npm.args(["ci", "--ignore-scripts", "--no-audit", "--no-fund"]).current_dir(staged);
     command::run_aside(&mut npm).context("npm doesn't install the packages")
 }
 
-/// npm of a recent enough Node.
+/// The npm in `PATH`, if its Node is recent enough.
 fn npm_in_path(host: &Host) -> Option<Command> {
     let folders = host.listed("PATH")?;
     let node = program(&folders, "node").filter(|node| is_new(node))?;
-    // On Windows it is a script, which needs the shell.
+    // On Windows npm is a script, which needs the shell.
     let npm = program(&folders, "npm").or_else(|| {
         let script = node.with_file_name("npm.cmd");
         script.is_file().then_some(script)
@@ -146,7 +146,7 @@ fn npm_of(node: &Path) -> Option<Command> {
     Some(npm)
 }
 
-/// npm of a Node that is installed only for this.
+/// The npm of a Node that is installed for Karat's tests.
 fn own_npm(staged: &Path) -> Result<Command> {
     let host = Host::current();
     let has_pip = || {
@@ -187,7 +187,7 @@ mod tests {
         assert_eq!(numbers("22"), None);
     }
 
-    /// Many machines have a Node, which would hide an installation that doesn't work.
+    /// Most machines have a Node, so only this test detects that its installation fails.
     // Lesson 207
     #[test]
     fn a_machine_without_node_has_no_npm() {
