@@ -34,7 +34,7 @@ fn print(x: f32, n: u32) -> Result<String, ProbeError> {
     asserted.map(|()| text)
 }
 
-/// A line prints what it stands for, where control comes by, once a round.
+/// A line prints the value of its expression each time when control reaches it.
 // Lesson 37
 #[test]
 fn a_call_prints_its_values() {
@@ -51,7 +51,7 @@ fn a_call_prints_its_values() {
     }
 }
 
-/// A check fails by an assertion that is false for one of its inputs, on each path, and names the input.
+/// On each path, a check fails if an assertion is false for one input, and names the input.
 // Lesson 37
 #[test]
 fn checks_fail_by_assertions() {
@@ -71,7 +71,7 @@ fn checks_fail_by_assertions() {
     agrees("sound").expect("it holds for all of them");
 }
 
-/// Each call that a check makes is looked at: of other arguments, of a table, of an integral, of samples.
+/// Assertions are evaluated in every call of a check: with transformed arguments, tables, integrals and samples.
 #[test]
 fn every_kind_of_check_looks() {
     let text = "fn f(x: f32) -> f32 {\n    //karat: assert x >= 0.0 && x <= 4.0\n    return x;\n}\n\
@@ -93,7 +93,7 @@ fn every_kind_of_check_looks() {
     assert!(told.to_string().contains("the assertion `x < 0.5` is false"), "{told}");
 }
 
-/// An assertion is what the engine computes: one that it can't look at is no silence.
+/// The engine evaluates assertions. If it can't evaluate one, the check fails.
 // Lesson 37: nothing is silent
 #[test]
 fn an_assertion_that_is_not_looked_at_is_an_error() {
@@ -106,7 +106,7 @@ fn an_assertion_that_is_not_looked_at_is_an_error() {
     assert!(told.contains("`f` writes what is seen outside"), "{told}");
 }
 
-/// Passes print by invocations, and fail by the first that makes an assertion false.
+/// A pass prints values by invocation, and fails at the first invocation with a false assertion.
 // Lesson 37
 #[test]
 fn passes_assert_and_print() {
@@ -149,7 +149,7 @@ fn passes_assert_and_print() {
     assert!(tables.is_err());
 }
 
-/// A frame fails by the pixels that make an assertion false, in a loop too, and tells what its lines print.
+/// A frame fails if an assertion is false in a pixel, also inside a loop, and prints the values of its lines.
 // Lesson 37
 #[test]
 fn frames_assert_and_print() {
@@ -193,7 +193,7 @@ fn frames_assert_and_print() {
     }
 }
 
-/// An assertion of a vertex function doesn't keep the frame from passing.
+/// A frame can pass although its vertex function has a false assertion, because nothing evaluates that assertion.
 // Lesson 213
 #[test]
 fn vertex_functions_are_not_looked_at() {
@@ -215,7 +215,8 @@ fn vertex_functions_are_not_looked_at() {
     }
 }
 
-/// A line changes nothing: a call that writes and an atomic are refused, and a read outside of an array is no truth.
+/// A line can't change a value: calls that write and atomics are refused. An assertion that reads out of bounds isn't
+/// true.
 // Lesson 37
 #[test]
 fn lines_change_nothing_and_read_what_is_there() {
@@ -245,7 +246,7 @@ fn lines_change_nothing_and_read_what_is_there() {
     assert!(outside.contains("`all[i] > 0.0` reads outside of an array"), "{outside}");
 }
 
-/// NaN is counted, and is neither least nor largest.
+/// NaN is counted, and is neither the smallest nor the largest value.
 // Lesson 37
 #[test]
 fn nan_is_counted() {
@@ -258,7 +259,7 @@ fn nan_is_counted() {
     assert!(table.contains(expected), "{table}");
 }
 
-/// A slip is an error, and so is an expression that isn't valid, at its place.
+/// A misspelt keyword and an invalid expression are errors at their positions.
 // Lesson 37: nothing is silent
 #[test]
 fn slips_are_errors() {
