@@ -1,5 +1,4 @@
-//! What runs is what was written: linked text against the author's bytes, and Karat's verdict on a
-//! file against naga's.
+//! Linked code is the author's text, byte by byte, and Karat's verdict on a file is naga's verdict.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

@@ -1,4 +1,4 @@
-//! Compute entry points: several passes, their buffers and textures, statements, and what goes wrong.
+//! Compute entry points: several passes, their buffers and textures, statements, and errors.
 
 use glam::{DVec4, Vec4};
 use karat::Path;
@@ -67,16 +67,16 @@ fn passes_share_their_buffers() {
     let agreement = scan(&package).after("data").agrees_with(running(&values()), Abs(0.0));
     assert_eq!(agreement.elements, 256);
     assert!(!agreement.paths.is_empty());
-    // What another pass writes.
+    // The sums that the first pass writes.
     let blocks = values().chunks(64).map(|block| block.iter().sum()).collect::<Vec<u32>>();
     scan(&package).after("sums").agrees_with(blocks, Abs(0.0));
     scan(&package).after("data").satisfies("is in order", |data: &[u32]| data.is_sorted());
-    // An override is one of all passes.
+    // An override holds in all passes.
     let more: Vec<u32> = values().iter().map(|value| value + 2).collect();
     scan(&package).with_override("ADDED", 2.0).after("data").agrees_with(running(&more), Abs(0.0));
 }
 
-/// A pass that is left out, a wrong reference and a wrong statement are seen.
+/// A missing pass, a wrong reference and a wrong statement fail.
 // Lesson 128
 #[test]
 fn each_difference_of_a_pass_is_reported() {
@@ -179,7 +179,7 @@ fn mistakes_are_reported_before_a_dispatch() {
     );
 }
 
-/// A blur in two passes, the second of which samples what the first has stored.
+/// A blur in two passes. The second pass samples the texture that the first pass stores.
 // Lesson 128
 #[test]
 fn textures_are_stored_and_sampled() {
@@ -216,7 +216,7 @@ fn textures_are_stored_and_sampled() {
         .agrees_with(reference.collect::<Vec<DVec4>>(), Rel(1e-3).or(Abs(1e-6))); // half floats
 }
 
-/// A loop that the driver would leave is an error with its line, and an endless one on `cpu`, too.
+/// A loop that the driver would leave is an error with its line. So is an endless loop on `cpu`.
 // Lesson 128
 #[test]
 fn loops_of_passes_that_drivers_cut_short_are_errors() {
