@@ -10,13 +10,13 @@ use karat::unstable::probe::{ProbeError, Probed};
 use karat::unstable::reflect::{Program, ReflectError};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
-/// naga's own verdict on a file, as wgpu would have it.
+/// Checks if naga accepts a file, with the capabilities that wgpu has.
 fn naga_accepts(text: &str) -> bool {
     let Ok(module) = naga::front::wgsl::parse_str(text) else { return false };
     Validator::new(ValidationFlags::all(), Capabilities::all()).validate(&module).is_ok()
 }
 
-/// The value of a function without parameters on the first path that opens.
+/// The result of a function without parameters, on the first path that opens.
 fn value(package: &Package, function: &str) -> f32 {
     let probed = Probed::new(package, function).unwrap_or_else(|error| panic!("{error}"));
     let path =
@@ -25,7 +25,7 @@ fn value(package: &Package, function: &str) -> f32 {
     f32::from_bits(results.expect("it runs")[0][0])
 }
 
-/// Literals that a lexer gets wrong easily, with their values.
+/// Literals that a lexer easily reads wrong, with their values.
 const LITERALS: [(&str, f32); 24] = [
     ("0x1p-2", 0.25),
     ("0x1.8p-3", 0.1875),
@@ -53,7 +53,7 @@ const LITERALS: [(&str, f32); 24] = [
     ("f32(0x7fffffff)", 2_147_483_600.0),
 ];
 
-/// Forms that naga knows and other parsers of WGSL don't.
+/// Texts that naga accepts and other parsers of WGSL refuse.
 // Lesson 49: text is copied from the author's bytes
 #[test]
 fn texts_that_naga_accepts_are_accepted() {
@@ -95,7 +95,7 @@ fn literals_of_every_form_have_their_values() {
     }
 }
 
-/// What the linker can't read is an error, wherever it stands, and never left out.
+/// Text that the linker can't read is an error at each position. The linker never drops it.
 // Lesson 49: text is copied from the author's bytes
 #[test]
 fn invalid_tokens_are_refused() {
@@ -122,12 +122,12 @@ fn invalid_tokens_are_refused() {
     }
 }
 
-/// Whether this is a published package, which has no library beside it, and fewer shaders of its own.
+/// Checks if this is a published package, which doesn't contain the shader library.
 fn is_published() -> bool {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(".cargo_vcs_info.json").exists()
 }
 
-/// The shaders of this repository: the library's and the examples'.
+/// The shaders of this repository: the library and the examples.
 fn own_shaders() -> Vec<Package> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let many = if is_published() { "tests/strangers/shaders" } else { "../shaders" };
@@ -135,7 +135,7 @@ fn own_shaders() -> Vec<Package> {
     folders.iter().map(|folder| Package::open(folder).expect("a folder")).collect()
 }
 
-/// Modules of this repository, linked: WGSL without imports.
+/// The linked modules of this repository: WGSL without imports.
 fn plain_texts() -> Vec<String> {
     let mut texts = Vec::new();
     for package in own_shaders() {
@@ -147,8 +147,7 @@ fn plain_texts() -> Vec<String> {
     texts
 }
 
-/// Each function of a linked text is the author's text but for names: where the two differ, both
-/// have a whole word.
+/// A linked function equals the author's text except for names: where the two differ, both have a whole word.
 // Lesson 49: text is copied from the author's bytes
 #[test]
 fn linked_functions_are_the_authors_bytes_but_for_names() {
@@ -160,7 +159,7 @@ fn linked_functions_are_the_authors_bytes_but_for_names() {
                 panic!("`{}` doesn't link", item.name)
             };
             for (handle, function) in program.module().functions.iter() {
-                // Karat's own, which calls one that may discard.
+                // Karat adds this function, which calls a function that may discard.
                 if function.name.as_deref() == Some("karat_or_discarded") {
                     continue;
                 }
@@ -171,7 +170,7 @@ fn linked_functions_are_the_authors_bytes_but_for_names() {
                 let (mut a, mut b) = (0, 0);
                 while a < linked.len() || b < author.len() {
                     let (left, right) = (linked.get(a), author.get(b));
-                    // An entry point is a function without its attributes.
+                    // The linked text has entry points as functions, without their attributes.
                     let is_head = item.entry_point.is_some() && !linked[..a].contains(&'{');
                     if left == right || is_head && left == Some(&' ') {
                         (a, b) = (a + 1, b + 1);
@@ -213,7 +212,7 @@ fn linked_functions_are_the_authors_bytes_but_for_names() {
     assert!(functions > if is_published() { 10 } else { 500 }, "{functions}");
 }
 
-/// A stream of numbers for damages: SplitMix64 (Steele et al. 2014).
+/// A random number generator: SplitMix64 (Steele et al. 2014).
 struct Numbers(u64);
 
 impl Numbers {
@@ -226,7 +225,7 @@ impl Numbers {
     }
 }
 
-/// Words, numbers, blanks and symbols: coarse, as damages needn't be neat.
+/// Splits a text roughly into words, numbers, blanks and symbols.
 fn pieces(text: &str) -> Vec<String> {
     let mut pieces: Vec<String> = Vec::new();
     for c in text.chars() {
@@ -243,7 +242,7 @@ fn pieces(text: &str) -> Vec<String> {
     pieces
 }
 
-/// Things that are put into a text.
+/// Texts that a damage inserts.
 const STRANGE: [&str; 40] = [
     "$",
     "'",
@@ -290,9 +289,9 @@ const STRANGE: [&str; 40] = [
 // Lesson 49: files have naga's verdict
 #[test]
 fn damaged_files_have_nagas_verdict() {
-    /// Damages in all; half of them once, the others up to three times in a file.
+    /// The number of damaged files. Half of them have one damage, and the others up to three.
     const DAMAGES: usize = 10_000;
-    // The smaller texts: a damage is tried in a millisecond.
+    // Only smaller texts, so that each check takes a millisecond.
     let mut texts = plain_texts();
     texts.sort_by_key(String::len);
     let texts: Vec<Vec<String>> =
@@ -313,7 +312,7 @@ fn damaged_files_have_nagas_verdict() {
             .collect();
         workers.into_iter().map(|worker| worker.join().expect("no verdict differs")).sum()
     });
-    // Both verdicts occur, so that agreement says something.
+    // Both verdicts must occur. Otherwise agreement proves nothing.
     assert!((DAMAGES / 100..DAMAGES / 2).contains(&valid), "{valid} of {DAMAGES} are valid");
 }
 
@@ -335,21 +334,21 @@ fn damaged(texts: &[Vec<String>], number: usize) -> String {
     pieces.concat()
 }
 
-/// Compares the verdicts; whether both accept the text.
+/// Compares the verdicts. Returns `true` if both accept the text.
 fn compare(text: &str, number: usize) -> bool {
     let package = Package::from_source("damaged", text);
     let karat = Program::of_module(&package, "");
-    // WGSL, section 3.1, has no null character. naga doesn't look into comments, as browsers do.
+    // WGSL, section 3.1, forbids the null character. Browsers also refuse it in comments, and naga doesn't.
     let naga = naga_accepts(text) && !text.contains('\0');
     if let Err(error) = &karat {
-        // Karat's own syntax: naga refuses it as well, so no verdict differs.
+        // Karat's own syntax is invalid. naga must refuse the text, too.
         assert!(!naga, "damage {number}: naga accepts, Karat says {error}\n{text}");
     }
-    // What naga refuses may be WESL.
+    // A text that naga refuses may be WESL.
     let wesl = ["@if", "import", "::"].iter().any(|mark| text.contains(mark));
     assert!(naga || wesl || karat.is_err(), "damage {number}: Karat alone accepts\n{text}");
     if naga {
-        // What a test would call is linked, too, and is the whole file's function.
+        // The functions that a test would call also link, and equal those of the whole file.
         for item in package.functions().expect("naga accepts it").iter().take(3) {
             match Probed::new(&package, &item.name) {
                 Ok(_) | Err(ProbeError::Reflect(ReflectError::Unprobeable(_))) => {}
@@ -360,7 +359,7 @@ fn compare(text: &str, number: usize) -> bool {
     naga
 }
 
-/// What broke the process or took seconds before there was a limit.
+/// These texts ended the process or took seconds, until Karat had limits.
 // Lesson 56
 #[test]
 fn deep_and_long_shaders_are_compiled_or_refused_in_time() {
@@ -382,7 +381,7 @@ fn deep_and_long_shaders_are_compiled_or_refused_in_time() {
     };
     let members =
         |depth: usize| function(format!("return vec2f(x){};", ".xy".repeat(depth) + ".x"));
-    // In a thread with the stack of a test's.
+    // Runs in a thread with the stack size of a test.
     let verdict = |text: String| {
         let package = Package::from_source("deep", text);
         Probed::new(&package, "f").map(drop).map_err(|error| error.to_string())
@@ -410,7 +409,7 @@ fn deep_and_long_shaders_are_compiled_or_refused_in_time() {
     assert!(verdict(import + "fn f(x: f32) -> f32 { return x; }").is_err());
 }
 
-/// One parse a module: time grows with the file and not with its square.
+/// Karat parses each module once, so the time grows with the size of the file, and not with its square.
 // Lesson 56
 #[test]
 fn five_thousand_functions_are_listed() {
@@ -428,7 +427,7 @@ fn five_thousand_functions_are_listed() {
     }
 }
 
-/// A shader may have functions of its own that are called as WGSL's are, and resources likewise.
+/// A shader may declare functions and resources with the names of WGSL's builtin functions.
 // Lesson 51
 #[test]
 fn names_of_wgsl_may_be_declared() {
@@ -443,7 +442,7 @@ fn names_of_wgsl_may_be_declared() {
     for (function, expected) in [("select", 10.0), ("karat_out", 3.0), ("vec3", 7.0)] {
         assert_eq!(value(&package, function), expected, "{function}");
     }
-    // Imported modules keep WGSL's own.
+    // Imported modules call the builtin function.
     let modules = Package::from_modules(
         "s",
         [
@@ -458,7 +457,7 @@ fn names_of_wgsl_may_be_declared() {
     assert_eq!(value(&modules, "a::f"), 1.5);
 }
 
-/// Names that mean something else where they stand, and must not be replaced.
+/// Names that mean something other than the import aren't replaced.
 // Lesson 51
 #[test]
 fn only_names_that_mean_the_import_are_replaced() {
@@ -524,7 +523,7 @@ fn conditions_choose_wherever_they_may_stand() {
     assert_eq!(value_with(&[("a", true), ("b", true)]), 412.51);
 }
 
-/// Whatever is wrong outside of what a test calls is found.
+/// An error is found even if no test calls the function with the error.
 // Lesson 53
 #[test]
 fn functions_that_no_test_reaches_are_validated() {
@@ -562,7 +561,7 @@ fn modules_may_be_valid_with_features_alone() {
     assert!(error.contains("did you mean `debug::overlay`?"), "{error}");
 }
 
-/// A function that isn't there is reported as itself.
+/// The error for a missing function names that function.
 // Lesson 54
 #[test]
 fn an_unknown_function_is_not_another_modules_error() {
@@ -580,8 +579,7 @@ fn an_unknown_function_is_not_another_modules_error() {
     };
 }
 
-/// A name that an import gives a second meaning is refused where it is imported; the same import
-/// twice means one thing.
+/// An import that gives a name a second meaning is refused at the import. The same import may occur twice.
 // Lesson 75
 #[test]
 fn a_name_means_one_thing() {
@@ -604,7 +602,7 @@ fn a_name_means_one_thing() {
     assert_eq!(check(&format!("{same}{f}")).expect("one meaning").modules, 3);
 }
 
-/// Two modules or dependencies of one name: neither is dropped without a word.
+/// Two modules or dependencies with the same name are an error.
 // Lesson 75
 #[test]
 fn modules_and_dependencies_have_names_of_their_own() {
@@ -620,7 +618,7 @@ fn modules_and_dependencies_have_names_of_their_own() {
     assert!(error.contains("two dependencies named `noise`"), "{error}");
 }
 
-/// Whatever looks like a module is read, or is an error.
+/// Each file that looks like a module is read, or is an error.
 // Lesson 76
 #[test]
 fn every_file_of_a_package_is_looked_at() {
@@ -667,7 +665,7 @@ fn paths_that_leave_the_package_and_null_characters_are_refused() {
     assert!(error.contains("<s>:2:1"), "{error}");
 }
 
-/// Links that loop are no endless search.
+/// A link to a parent folder doesn't cause an endless search.
 // Lesson 56
 #[cfg(unix)]
 #[test]
