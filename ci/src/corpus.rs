@@ -28,9 +28,9 @@ const ROUTES_HEAD: &str = "\
 
 Made by `cargo ci corpus --routes` from the list in `ci/corpus.toml`. *In the matrix* are functions that a kernel can
 call, and entry points of valid modules; [corpus.md](corpus.md) explains why the other functions aren't. A function runs
-on 64 inputs, which Karat generates from its signature. It agrees if another column returns the same result within 1e-3. *Wrong*
-cells have different results, are rejected by a validator, or can't be written by naga. Most rejections are by glslang, of
-naga's HLSL. In messages `#` replaces digits.
+on 64 inputs, which Karat generates from its signature. It agrees if another column returns the same result within 1e-3.
+*Wrong* cells have different results, are rejected by a validator, or can't be written by naga. Most rejections are by
+glslang, of naga's HLSL. In messages `#` replaces digits.
 
 ";
 
@@ -39,8 +39,8 @@ const COMPILERS_HEAD: &str = "\
 # Shaders that others wrote, by both compilers
 
 Made by `cargo ci corpus --compilers` from the list in `ci/corpus.toml`, with the features that the list sets. Both
-compilers get each module as in `karat check --crate NAME@VERSION`. naga is the compiler of wgpu and Firefox, Tint is the
-compiler of Chrome, Edge, Node and Electron. *On purpose* are modules that use features that only wgpu has, such as ray
+compilers get each module as in `karat check --crate NAME@VERSION`. naga is the compiler of wgpu and Firefox, Tint is
+the compiler of Chrome, Edge, Node and Electron. *On purpose* are modules that use features that only wgpu has, such as ray
 queries. The other modules that only naga accepts don't say that they aren't for Chrome. Most modules in the column
 *neither* become WGSL only by another program: [corpus.md](corpus.md) lists these.
 
