@@ -39,9 +39,9 @@ const COMPILERS_HEAD: &str = "\
 # Shaders that others wrote, by both compilers
 
 Made by `cargo ci corpus --compilers` from the list in `ci/corpus.toml`, with the features that the list sets. Both
-compilers get each module as in `karat check --crate NAME@VERSION`. naga is the compiler of wgpu and Firefox, Tint is
-the compiler of Chrome, Edge, Node and Electron. *On purpose* are modules that use features that only wgpu has, such as ray
-queries. The other modules that only naga accepts don't say that they aren't for Chrome. Most modules in the column
+compilers get each module as in `karat check --crate NAME@VERSION`. naga is the compiler of wgpu and Firefox, Tint
+is the compiler of Chrome, Edge, Node and Electron. *On purpose* are modules with features that only wgpu has, such as
+ray queries. The other modules that only naga accepts don't say that they aren't for Chrome. Most modules in the column
 *neither* become WGSL only by another program: [corpus.md](corpus.md) lists these.
 
 ";
