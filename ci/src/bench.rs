@@ -44,9 +44,9 @@ pub(crate) fn run(arguments: &[String], page: bool) -> Result<()> {
     ensure!(child.wait()?.success(), "the benchmark failed: `{PAGE}` is as it was");
     let page = format!(
         "# Speed\n\n\
-         `cargo ci bench --page` measured these figures in the profile of `cargo test`. Each is the median, with the \
-         least and the largest\nin parentheses. Compare figures of one run only: another machine, or a busy one, gives \
-         others.\n\n\
+         `cargo ci bench --page` measured these figures in the profile of `cargo test`. Each figure is a median, with \
+         the least and the largest\nmeasurement in parentheses. Compare only figures of one run, because other machines \
+         and busy machines give other figures.\n\n\
          {}\n\n```text\n{}\n```\n",
         machine(),
         measured.trim()
