@@ -306,10 +306,10 @@ fn remembered_inputs_that_no_longer_fit_are_ignored() {
         (
             "",
             "narrow",
-            "(n = (0, 0, 1), x = 0.5, i = 5) is ignored: it isn't in the domain any more",
+            "(n = (0, 0, 1), x = 0.5, i = 5) is ignored: the domain doesn't contain it now",
         ),
         ("", "signature", "is ignored: the function takes other arguments now"),
-        ("mapped", "other_map", "is ignored: it isn't in the domain any more"),
+        ("mapped", "other_map", "is ignored: the domain doesn't contain it now"),
     ] {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let (passed, text) = kept(folder.path(), first, &[]);

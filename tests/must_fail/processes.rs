@@ -34,7 +34,7 @@ fn a_signature_that_does_not_fit_is_recorded_where_it_stands() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let folder_name = folder.path().display().to_string();
     let (output, text) = planted(&["signature"], &[("KARAT_RECORD", &folder_name)]);
-    let told = "member 1 of the function's `Pair` is `a: f32`, of the other one it is `b: f32`";
+    let told = "member 1 of `Pair` is `a: f32` in the function, but `b: f32` in the test";
     assert!(!output.status.success() && text.contains(told), "{text}");
     let records = karat::unstable::record::read(folder.path()).expect("the verdict was recorded");
     let [record] = &*records else { panic!("one check, {} records", records.len()) };
