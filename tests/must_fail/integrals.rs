@@ -169,7 +169,7 @@ fn an_integral_of_nothing() {
         Err(failure @ Failure::Rule { .. }) => failure.to_string(),
         other => panic!("the rule was not refused: {other:?}"),
     };
-    let empty = "the quadrature rule of `f` has no nodes, so nothing would be integrated, for case \
+    let empty = "the quadrature rule of `f` has no nodes, so there is nothing to integrate, for case \
                  3: 0.75";
     assert_eq!(
         refused(integral(None).unrecorded().try_agrees_with(|x| f64::from(*x), Abs(6e38))),

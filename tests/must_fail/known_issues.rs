@@ -41,7 +41,7 @@ fn a_known_issue_is_no_agreement() {
     for issue in &agreement.known_issues {
         assert_eq!((&*issue.reason, issue.cases, issue.failures), ("bug 1", 65_536, 65_536));
     }
-    assert!(agreement.to_string().contains("fails 65536 as declared: bug 1"), "{agreement}");
+    assert!(agreement.to_string().contains("fails 65536 cases as declared: bug 1"), "{agreement}");
     // Other paths are judged as usual.
     for path in &paths {
         let found =

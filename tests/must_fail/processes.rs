@@ -92,7 +92,7 @@ fn a_replay_of_nothing() {
         assert!(text.contains("; did you mean `f/agrees_with`?"), "{text}");
     }
     let (output, text) = planted(&["two"], &[("KARAT_CASE", "g/agrees_with/65536")]);
-    assert!(!output.status.success() && text.contains("none with index 65536"), "{text}");
+    assert!(!output.status.success() && text.contains("no case with index 65536"), "{text}");
     // A case that a transformation doesn't change proves nothing about the others.
     for case in ["f/invariant_under/0", "f/invariant_under/1"] {
         let (output, text) = planted(&["mirrored"], &[("KARAT_CASE", case)]);
@@ -187,7 +187,7 @@ fn replay() {
     };
     assert_eq!(shown(&text), shown(&again));
     let (output, text) = planted(&["too_large"], &[("KARAT_CASE", "99999999")]);
-    assert!(!output.status.success() && text.contains("none with index 99999999"), "{text}");
+    assert!(!output.status.success() && text.contains("no case with index 99999999"), "{text}");
 }
 
 /// Mesa and the loader find no driver: a required path must run, and at least one path must.

@@ -156,7 +156,7 @@ fn a_monotone_check_of_nothing() {
         ),
         (
             over().unrecorded().try_is_monotone_in(1, up, Ulp(0.0)),
-            "has one value of argument 1 only",
+            "has only one value of argument 1",
         ),
     ];
     for (found, message) in vacuous {

@@ -163,9 +163,9 @@ impl Group {
             (!doubt.passes()).then(|| {
                 let expected = case.expected[lane];
                 let reason = format!(
-                    "gives {value} with {} nodes and {control} with {nodes}, {doubt} \
-                     apart, where {expected} is {}, so there is no verdict: use more rings, or a \
-                     rule of your own with `.integral(...)`,",
+                    "gives {value} with {} nodes and {control} with {nodes} nodes (a difference of \
+                     {doubt}, and {expected} is {}), so there is no verdict: use more rings, or your \
+                     own rule with `.integral(...)`,",
                     case.own,
                     assertion.stated(),
                 );
@@ -216,7 +216,7 @@ impl Case {
     /// The reason why the rule can't be used, if it can't.
     fn unusable(&self) -> Option<String> {
         if self.own == 0 {
-            return Some("has no nodes, so nothing would be integrated,".to_owned());
+            return Some("has no nodes, so there is nothing to integrate,".to_owned());
         }
         let bad = self.nodes.weights.iter().position(|weight| !weight.is_finite())?;
         Some(format!("has the weight {} at node {bad}", self.nodes.weights[bad]))
