@@ -409,7 +409,7 @@ fn an_unknown_function_and_a_missing_fixture() {
         .with("environment_sampler", Sampler::LINEAR);
     assert!(
         message(wrong.over(UnitVector).unrecorded().try_agrees_with(constant, Ulp(0.0)))
-            .contains("is a texture_cube<f32>, the fixture is a Texture")
+            .contains("is a texture_cube<f32>, but the fixture is a Texture")
     );
 }
 

@@ -1,4 +1,4 @@
-//! Checks that a statement holds for each case's arguments and result.
+//! The verb `satisfies`: checks that a statement holds for each case's arguments and result.
 
 use std::cell::OnceCell;
 

@@ -131,7 +131,7 @@ fn mistakes_are_told_before_anything_runs() {
             .after("data")
             .unrecorded()
             .try_agrees_with(reference(), Abs(0.0)),
-        &["`block` is no compute entry point; did you mean `blocks`?"],
+        &["`block` isn't a compute entry point; did you mean `blocks`?"],
     );
     told(
         scan(&package)

@@ -433,7 +433,7 @@ fn mistakes_are_told_with_the_variables_line() {
         "g",
         "table",
         Some(Buffer::zeros(12).into()),
-        &["<r>:3:23", "at least 16 bytes, the fixture has 12"],
+        &["<r>:3:23", "at least 16 bytes, but the fixture has 12"],
     );
     told("h", "shadow", Some(Texture::constant(2.0_f32).into()), &["depth of 2"]);
     let empty = Texture::from_fn(0, 0, |_, _| 0_u32);
