@@ -66,8 +66,8 @@ fn an_issue_that_is_gone_or_has_no_reason() {
     let found = over().fails_on(path, "bug 1").unrecorded().try_agrees_with(|x: f64| x, Ulp(0.0));
     let text = found.expect_err("it passes").to_string();
     let expected = format!(
-        "`f` is as it should be on {path}, where it is declared to fail: bug 1\n\
-         the bug is gone, or hidden: remove its `fails_on`"
+        "`f` passes on {path}, where it is declared to fail: bug 1\n\
+         the bug is fixed, or hidden: remove the `fails_on`"
     );
     assert_eq!(text, expected);
     for reason in ["", " "] {
@@ -151,7 +151,7 @@ fn what_stops_passes_is_no_known_issue() {
     let known = declared("wrong", false).expect("its values are wrong, as declared").known_issues;
     assert_eq!(known.len(), selected().len());
     let error = declared("wrong", true).expect_err("it runs").to_string();
-    assert!(error.contains("remove its `refused_on`"), "{error}");
+    assert!(error.contains("remove the `refused_on`"), "{error}");
     // Lavapipe ends an endless loop. Another driver hangs, and the deadline ends the process.
     let ends = selected().iter().all(|path| {
         karat::unstable::path::adapter(*path).is_ok_and(|adapter| adapter.family() == "llvmpipe")

@@ -474,7 +474,7 @@ fn a_path_that_compiles_nothing_is_declared() {
     let runs = package.function("g").over(Integers(0..=1_u32)).refused_on(Path::GL, "no loads");
     let error =
         runs.unrecorded().try_agrees_with(|i: u32| f64::from(i), Abs(0.0)).expect_err("it runs");
-    assert!(error.to_string().contains("remove its `refused_on`"), "{error}");
+    assert!(error.to_string().contains("remove the `refused_on`"), "{error}");
 }
 
 /// An error of the fixtures is one that programs can tell from others.

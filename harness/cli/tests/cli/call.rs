@@ -438,7 +438,7 @@ fn a_panic_of_one_path_leaves_the_others_their_results() {
     let tested = karat(path, &["test", ".", "--paths", "gl,cpu"]);
     assert_eq!(tested.code, Some(1), "{tested:?}");
     for part in
-        [panics, "on cpu: Karat's engine", "it agrees", "1 check, 1 failed, 2 cases compared"]
+        [panics, "on cpu: Karat's engine", "all results agree", "1 check, 1 failed, 2 cases compared"]
     {
         assert!(tested.out.contains(part), "no `{part}` in {tested:?}");
     }
