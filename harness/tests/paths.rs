@@ -394,7 +394,10 @@ fn a_path_that_stops_leaves_the_others_their_verdict() {
             assert!(error.contains(&format!("on {differs}: ")), "{verb}: {error}");
         }
         let error = run(&two(Fault::Stops, Fault::None)).expect_err(verb);
-        assert!(error.contains("on vulkan@two: two of two\n  all results agree"), "{verb}: {error}");
+        assert!(
+            error.contains("on vulkan@two: two of two\n  all results agree"),
+            "{verb}: {error}"
+        );
     }
 }
 

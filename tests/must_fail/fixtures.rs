@@ -29,8 +29,16 @@ fn fixtures_of_another_type() {
     check(right(), table()).expect("the fixtures fit");
     let swapped = Uniform::new(Swapped { bias: 3.0, gain: 2.0 });
     let wrong = [
-        (swapped, table(), "holds { gain: f32, bias: f32 }, but the fixture holds { bias: f32, gain: f32 }"),
-        (Uniform::new([1.0_f32; 2]), table(), "holds { gain: f32, bias: f32 }, but the fixture holds array"),
+        (
+            swapped,
+            table(),
+            "holds { gain: f32, bias: f32 }, but the fixture holds { bias: f32, gain: f32 }",
+        ),
+        (
+            Uniform::new([1.0_f32; 2]),
+            table(),
+            "holds { gain: f32, bias: f32 }, but the fixture holds array",
+        ),
         (right(), Storage::new([7_u32]), "holds f32, but the fixture holds u32"),
         (right(), Storage::new(Vec::<f32>::new()), "is empty"),
     ];

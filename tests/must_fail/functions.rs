@@ -367,7 +367,11 @@ fn a_domain_or_reference_of_other_types() {
         texts[0],
         "`f` takes (f32, u32), but the domain supplies (f32)\n  f(x: f32, n: u32) -> f32\n  at <planted>:1:1"
     );
-    assert!(texts[1].contains("takes (f32, u32), but the domain supplies (f32, i32)"), "{}", texts[1]);
+    assert!(
+        texts[1].contains("takes (f32, u32), but the domain supplies (f32, i32)"),
+        "{}",
+        texts[1]
+    );
     assert!(texts[2].contains("returns f32, but the reference returns vec3<f32>"), "{}", texts[2]);
     assert!(texts[3].contains("returns 1 component, but the tolerance has bounds for 2"));
 }

@@ -275,7 +275,10 @@ fn hazards_of_a_kind() {
     let capped = || package.function("capped").over(0.0..=1.0).cases(512).unrecorded();
     let level = || package.function("level").over(Integers(0..=3_u32)).unrecorded();
     let found = disagreement(capped().try_has_none_of([Kind::Infinite]));
-    assert_eq!((found.check, &*found.assertion), ("has_none_of", "no operation has the hazard infinite"));
+    assert_eq!(
+        (found.check, &*found.assertion),
+        ("has_none_of", "no operation has the hazard infinite")
+    );
     // Of its kinds of hazards, only the requested ones are shown.
     assert!(!found.to_string().contains("unbounded at"), "{found}");
     disagreement(capped().try_has_none_of([Kind::Nan, Kind::Infinite]));

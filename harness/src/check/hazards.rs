@@ -130,7 +130,9 @@ impl Plan<'_> {
         let names: Vec<&str> = of.unwrap_or_default().iter().map(|kind| kind.name()).collect();
         let (verb, statement) = match of {
             None => ("has_no_hazards", "no operation has a hazard".to_owned()),
-            Some(_) => ("has_none_of", format!("no operation has the hazard {}", names.join(" or "))),
+            Some(_) => {
+                ("has_none_of", format!("no operation has the hazard {}", names.join(" or ")))
+            }
         };
         let asserted =
             Asserted { explained: Explained::ByHazards(kinds), ..Asserted::new(verb, statement) };
@@ -200,7 +202,9 @@ impl Session<'_> {
                 Some(Missing { missing, parted: Some(parted), .. }) => {
                     format!("; {missing} takes another branch at {parted}")
                 }
-                Some(Missing { missing, .. }) => format!("; {missing} doesn't reach this operation"),
+                Some(Missing { missing, .. }) => {
+                    format!("; {missing} doesn't reach this operation")
+                }
                 None if one.hidden => "; a later operation hides it".to_owned(),
                 None => String::new(),
             };

@@ -75,7 +75,9 @@ pub enum Mismatch {
         declared: usize,
     },
     /// A path has its own tolerance, but the verb has no tolerance.
-    #[error("is checked by {check}, which takes no tolerance: remove the tolerance {tolerance} for {on}")]
+    #[error(
+        "is checked by {check}, which takes no tolerance: remove the tolerance {tolerance} for {on}"
+    )]
     NoTolerance {
         /// The verb.
         check: &'static str,
@@ -170,9 +172,7 @@ fn member(differing: Option<Differing>) -> String {
     let Some(Differing { structure, place, wgsl, host }) = differing else { return String::new() };
     let told = |side: Option<String>| side.map_or("missing".to_owned(), |side| format!("`{side}`"));
     let (wgsl, host) = (told(wgsl), told(host));
-    format!(
-        "\n  member {place} of `{structure}` is {wgsl} in the function, but {host} in the test"
-    )
+    format!("\n  member {place} of `{structure}` is {wgsl} in the function, but {host} in the test")
 }
 
 /// Returns a hint if the check has a tuple instead of one vector or structure, or the reverse.
@@ -256,7 +256,8 @@ mod tests {
              member 1 of `Material` is `roughness: f32` in the function, but `f0: vec3<f32>` in the test"
         );
         let short = structure("Material", std::slice::from_ref(&rough));
-        let part = "member 2 of `Material` is `f0: vec3<f32>` in the function, but missing in the test";
+        let part =
+            "member 2 of `Material` is `f0: vec3<f32>` in the function, but missing in the test";
         assert!(told(&wgsl, &short).ends_with(part), "{}", told(&wgsl, &short));
         // The message names the inner structure, which contains the difference, and not the outer structure.
         let [inside, other] = [&wgsl, &structure("Material", &[rough, ("f0", number.clone())])]
@@ -264,7 +265,8 @@ mod tests {
                 let pair = Shape::Array { element: Box::new(material.clone()), length: 2 };
                 structure("Scene", &[("exposure", number.clone()), ("materials", pair)])
             });
-        let part = "member 2 of `Material` is `f0: vec3<f32>` in the function, but `f0: f32` in the test";
+        let part =
+            "member 2 of `Material` is `f0: vec3<f32>` in the function, but `f0: f32` in the test";
         assert!(told(&inside, &other).ends_with(part), "{}", told(&inside, &other));
         assert_eq!(told(&number, &colour), "takes (f32), but the domain supplies (vec3<f32>)");
         let returned = |supplied: &Shape| {

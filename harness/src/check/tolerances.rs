@@ -1,4 +1,3 @@
-
 use super::called::Called;
 use super::{Failure, Mismatch};
 use crate::path::Selected;

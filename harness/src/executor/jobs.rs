@@ -278,7 +278,10 @@ mod tests {
         let other = error(&|_, outputs| outputs[0][5] ^= 1);
         assert!(other.contains("wrote no result for 1 of 3 cases"), "{other}");
         let short = error(&|_, outputs| outputs[0].truncate(8));
-        assert!(short.contains("it returned outputs of [8] words, but the job needs [9]"), "{short}");
+        assert!(
+            short.contains("it returned outputs of [8] words, but the job needs [9]"),
+            "{short}"
+        );
         let none = error(&|_, outputs| outputs.clear());
         assert!(none.contains("it returned outputs of [] words, but the job needs [9]"), "{none}");
     }

@@ -48,7 +48,9 @@ pub(crate) fn run(job: &Job, dispatch: Dispatch<'_>, draw: Draw<'_>) -> Reply {
     let done = match &job.work {
         _ if job.jobs != JOBS => {
             let theirs = job.jobs;
-            Err(Unraised::Job(format!("the job has version {theirs}, and this program reads version {JOBS}")))
+            Err(Unraised::Job(format!(
+                "the job has version {theirs}, and this program reads version {JOBS}"
+            )))
         }
         Work::Passes(passes) => dispatched(job, passes, dispatch),
         Work::Frame(frame) => drawn(job, frame, draw),
@@ -230,8 +232,16 @@ mod tests {
     fn what_is_no_sound_job_has_a_reason() {
         assert_eq!(reply("", ""), Reply::Done(vec![vec![7, 8]]));
         for (from, to, reason) in [
-            (r#""jobs": 1"#, r#""jobs": 2"#, "the job has version 2, and this program reads version 1"),
-            (r#""jobs": 1"#, r#""jobs": 0"#, "the job has version 0, and this program reads version 1"),
+            (
+                r#""jobs": 1"#,
+                r#""jobs": 2"#,
+                "the job has version 2, and this program reads version 1",
+            ),
+            (
+                r#""jobs": 1"#,
+                r#""jobs": 0"#,
+                "the job has version 0, and this program reads version 1",
+            ),
             ("[0, 0], \"resource", "[0, 1], \"resource", "the job binds nothing to `pass0::x`"),
             (r#""resource": 0"#, r#""resource": 1"#, "the job has no resource 1"),
             ("[0, 0]}}", "[0]}}, {\"buffer\": {\"words\": [1]}}", "no pass uses resource 1"),

@@ -69,7 +69,8 @@ impl<E: Display> Display for PathFailures<E> {
             .stopped
             .iter()
             .map(|(adapter, error)| format!("on {adapter} there is no verdict\n{error}"));
-        let agreeing = self.agreeing.iter().map(|adapter| format!("on {adapter}\n  all results agree"));
+        let agreeing =
+            self.agreeing.iter().map(|adapter| format!("on {adapter}\n  all results agree"));
         let all: Vec<String> = failures.chain(stopped).chain(agreeing).collect();
         let all: Vec<&str> = all.iter().map(|one| one.trim_end_matches('\n')).collect();
         f.write_str(&all.join("\n"))

@@ -85,7 +85,9 @@ impl Memory {
                     }
                     match Entry::parse(line) {
                         Some(entry) => entries.push(entry),
-                        None => note(&file, &format!("line {number} isn't a failing input: ignored")),
+                        None => {
+                            note(&file, &format!("line {number} isn't a failing input: ignored"))
+                        }
                     }
                 }
             }

@@ -307,11 +307,7 @@ fn what_strangers_declare_is_tested() {
 #[test]
 fn what_tests_nothing_or_cannot_run_is_red_with_its_place() {
     for (file, text, part) in [
-        (
-            "t.wgsl",
-            "@test fn t() { let x = 1.0; }\n",
-            "no case that evaluates an expectation",
-        ),
+        ("t.wgsl", "@test fn t() { let x = 1.0; }\n", "no case that evaluates an expectation"),
         (
             "t.wgsl",
             "import karat::expect_near;\n@test fn t() { expect_near(1.0, 2.0 }\n",
