@@ -61,7 +61,7 @@ fn images_that_are_no_environment_are_refused() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let square = write(folder.path(), "square.exr", 8, 8);
     let odd = write(folder.path(), "odd.exr", 3, 18);
-    for (file, complaint) in [(square, "is no environment"), (odd, "a power of two is needed")] {
+    for (file, complaint) in [(square, "isn't an environment"), (odd, "a power of two is needed")] {
         let output = gallery(folder.path(), &["environment", "--environment", &file]);
         let text = String::from_utf8_lossy(&output.stderr).into_owned();
         assert!(!output.status.success() && text.contains(complaint), "{text}");

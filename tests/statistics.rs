@@ -748,7 +748,7 @@ error: `stratum_missing` fails follows: cosine_pdf on the hemisphere
    |         ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
 
 on PATH: adapter, driver
-  # of # configurations are rejected (p below #, for # in all)
+  # of # configurations fail (p below #; the significance of the check is #)
   worst (case #): ()
     chi-square is # with # degrees of freedom: p = #
     sampled: # of # samples on the hemisphere

@@ -396,7 +396,10 @@ fn a_path_that_stops_leaves_the_others_their_verdict() {
             assert!(error.contains(&format!("on {differs}: ")), "{verb}: {error}");
         }
         let error = run(&two(Fault::Stops, Fault::None)).expect_err(verb);
-        assert!(error.contains("on vulkan@two: two of two\n  it agrees"), "{verb}: {error}");
+        assert!(
+            error.contains("on vulkan@two: two of two\n  all results agree"),
+            "{verb}: {error}"
+        );
     }
 }
 
@@ -479,7 +482,7 @@ fn a_path_that_refuses_is_declared_by_itself() {
     for fault in [Fault::None, Fault::Values, Fault::Nan] {
         for found in declared(&two(Fault::Refuses, fault), Declared::Refused) {
             let error = found.expect_err("the second path runs it");
-            assert!(error.contains("remove its `refused_on`"), "{fault:?}: {error}");
+            assert!(error.contains("remove the `refused_on`"), "{fault:?}: {error}");
         }
     }
     for found in declared(&two(Fault::Refuses, Fault::Stops), Declared::Refused) {
@@ -531,7 +534,7 @@ fn a_path_that_panics_leaves_the_others_their_verdict() {
                 let told = format!("path `vulkan@{panics}` panics at `");
                 assert!(error.contains(&told), "{verb} {fault:?}: {error}");
                 assert!(error.contains("planted (panicked at "), "{verb} {fault:?}: {error}");
-                assert!(error.contains("it agrees"), "{verb} {fault:?}: {error}");
+                assert!(error.contains("all results agree"), "{verb} {fault:?}: {error}");
             }
             let error = run(&two(fault, Fault::Values)).expect_err(verb);
             assert!(error.contains("path `vulkan@one` panics at `"), "{verb} {fault:?}: {error}");

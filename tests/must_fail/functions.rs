@@ -158,10 +158,10 @@ fn nothing_to_compare() {
         package.function("f").over(1.0..=0.0).unrecorded().try_agrees_with(identity, Ulp(0.0)),
     ];
     let reasons = [
-        "is asked for 0 cases",
+        "has 0 cases",
         "is empty: its list is empty",
-        "has a filter that rejects nearly everything",
-        "has a filter that rejects nearly everything",
+        "has a filter that rejects nearly all values",
+        "has a filter that rejects nearly all values",
         "is empty: its range starts at 1 and ends at 0",
     ];
     for (found, reason) in found.into_iter().zip(reasons) {
@@ -379,11 +379,15 @@ fn a_domain_or_reference_of_other_types() {
     });
     assert_eq!(
         texts[0],
-        "`f` takes (f32, u32), the domain draws (f32)\n  f(x: f32, n: u32) -> f32\n  at <planted>:1:1"
+        "`f` takes (f32, u32), but the domain supplies (f32)\n  f(x: f32, n: u32) -> f32\n  at <planted>:1:1"
     );
-    assert!(texts[1].contains("takes (f32, u32), the domain draws (f32, i32)"), "{}", texts[1]);
-    assert!(texts[2].contains("returns f32, the reference returns vec3<f32>"), "{}", texts[2]);
-    assert!(texts[3].contains("returns 1 component, the tolerance is declared for 2"));
+    assert!(
+        texts[1].contains("takes (f32, u32), but the domain supplies (f32, i32)"),
+        "{}",
+        texts[1]
+    );
+    assert!(texts[2].contains("returns f32, but the reference returns vec3<f32>"), "{}", texts[2]);
+    assert!(texts[3].contains("returns 1 component, but the tolerance has bounds for 2"));
 }
 
 #[test]
@@ -423,7 +427,7 @@ fn an_unknown_function_and_a_missing_fixture() {
         .with("environment_sampler", Sampler::LINEAR);
     assert!(
         message(wrong.over(UnitVector).unrecorded().try_agrees_with(constant, Ulp(0.0)))
-            .contains("is a texture_cube<f32>, the fixture is a Texture")
+            .contains("is a texture_cube<f32>, but the fixture is a Texture")
     );
 }
 
@@ -470,7 +474,7 @@ fn results_that_may_all_be_flushed() {
     };
     for tolerance in [Rel(1e-3).into(), Ulp(4.0).into()] {
         let failure = check(90.0, tolerance).expect_err("nothing is compared").to_string();
-        assert!(failure.contains("below the least normal f32"), "{failure}");
+        assert!(failure.contains("below the smallest normal f32"), "{failure}");
     }
     assert!(matches!(check(0.5, Rel(1e-3).into()), Err(Failure::Disagreement(_))));
 }

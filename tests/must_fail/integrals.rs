@@ -172,7 +172,7 @@ fn an_integral_of_nothing() {
         Err(failure @ Failure::Rule { .. }) => failure.to_string(),
         other => panic!("the rule was not refused: {other:?}"),
     };
-    let empty = "the quadrature rule of `f` has no nodes, so nothing would be integrated, for case \
+    let empty = "the quadrature rule of `f` has no nodes, so there is nothing to integrate, for case \
                  3: 0.75";
     assert_eq!(
         refused(integral(None).unrecorded().try_agrees_with(|x| f64::from(*x), Abs(6e38))),
@@ -244,10 +244,10 @@ fn an_integral_of_other_types() {
             .try_agrees_with(|n| *n, Abs(1.0)),
     ];
     let expected = [
-        "takes (f32, u32), the quadrature rule supplies (f32)\n",
-        "returns vec2<f32>, the expected integral is f32\n",
-        "returns vec2<f32>, the bound is vec3<f32>\n",
-        "returns 2 components, the tolerance is declared for 1\n",
+        "takes (f32, u32), but the quadrature rule supplies (f32)\n",
+        "returns vec2<f32>, but the expected integral is f32\n",
+        "returns vec2<f32>, but the bound is vec3<f32>\n",
+        "returns 2 components, but the tolerance has bounds for 1\n",
         "returns u32, and an integral is a sum of floats\n",
     ];
     for (found, expected) in found.into_iter().zip(expected) {
@@ -341,7 +341,7 @@ fn an_integral_over_directions() {
         }
         let text = found.to_string();
         assert!(text.contains("     control = "), "{text}");
-        assert!(text.contains("so that more `rings` may be needed"), "{text}");
+        assert!(text.contains("the two rules disagree: try more `rings`"), "{text}");
     }
     // A failing case is a verdict, even if other cases have none.
     let mixed =

@@ -32,7 +32,7 @@ fn the_engine_behind_a_pipe_is_a_path() {
     assert_eq!(lines[4], "load: agrees", "{text}");
     assert!(
         lines[5].contains(
-            "it takes derivatives, or discards and writes, for which pixels have to be drawn"
+            "it takes derivatives, or discards and writes, so it runs only on drawn pixels"
         ),
         "{text}"
     );
@@ -62,8 +62,8 @@ fn a_program_that_does_not_do_its_work_is_found_out() {
         ("wrong", "`half` fails agrees_with", "`data` after `add` fails"),
         (
             "short",
-            "it returned outputs of [8191] words, and [8192] are wanted",
-            "it returned outputs of [1] words, and [2] are wanted",
+            "it returned outputs of [8191] words, but the job needs [8192]",
+            "it returned outputs of [1] words, but the job needs [2]",
         ),
         ("few", "it returned outputs of [] words, and [", "it returned outputs of [] words, and ["),
         ("refuses", "it is too beautiful (<piped>:1:1)", "it is too beautiful (<piped>:6:"),
@@ -227,7 +227,7 @@ fn lies_do_not_conform() {
         ("dropped", "bits", "word 0 is 0x7fc01234, not 0xffffffff; 1 of 6 differ"),
         ("shifted", "untouched", "word 0 is 0xdead0003, not 0xdead0000; 8 of 8 differ"),
         ("wrong", "long", "1 of 262144 differ"),
-        ("short", "grid", "it returned outputs of [71] words, and [72] are wanted"),
+        ("short", "grid", "it returned outputs of [71] words, but the job needs [72]"),
         ("few", "outputs", r#"its reply is {"done":[]}, not {"done":[[3,8,9],[1]]}"#),
         ("late", "outputs", r#"its reply is {"done":[["#),
         (

@@ -43,7 +43,7 @@ fn a_known_issue_is_no_agreement() {
     for issue in &agreement.known_issues {
         assert_eq!((&*issue.reason, issue.cases, issue.failures), ("bug 1", 65_536, 65_536));
     }
-    assert!(agreement.to_string().contains("fails 65536 as declared: bug 1"), "{agreement}");
+    assert!(agreement.to_string().contains("fails 65536 cases as declared: bug 1"), "{agreement}");
     // Other paths are judged as usual.
     for path in &paths {
         let found =
@@ -70,8 +70,8 @@ fn an_issue_that_is_gone_or_has_no_reason() {
     let found = over().fails_on(path, "bug 1").unrecorded().try_agrees_with(|x: f64| x, Ulp(0.0));
     let text = found.expect_err("it passes").to_string();
     let expected = format!(
-        "`f` is as it should be on {path}, where it is declared to fail: bug 1\n\
-         the bug is gone, or hidden: remove its `fails_on`"
+        "`f` passes on {path}, where it is declared to fail: bug 1\n\
+         the bug is fixed, or hidden: remove the `fails_on`"
     );
     assert_eq!(text, expected);
     for reason in ["", " "] {
@@ -159,7 +159,7 @@ fn a_pass_that_stops_is_no_known_issue() {
     let known = declared("wrong", false).expect("its values are wrong, as declared").known_issues;
     assert_eq!(known.len(), selected().len());
     let error = declared("wrong", true).expect_err("it runs").to_string();
-    assert!(error.contains("remove its `refused_on`"), "{error}");
+    assert!(error.contains("remove the `refused_on`"), "{error}");
     // Lavapipe ends an endless loop. Another driver hangs, and the deadline ends the process.
     let ends = selected().iter().all(|path| {
         karat::unstable::path::adapter(*path).is_ok_and(|adapter| adapter.family() == "llvmpipe")

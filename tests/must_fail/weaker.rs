@@ -179,7 +179,7 @@ fn bounds_that_nothing_exceeds_are_refused() {
         package.function("u").over(Integers(0..=9_u32)).unrecorded().try_stays_within(0.0..=most)
     };
     let error = all(f64::from(u32::MAX)).expect_err("every u32 is there").to_string();
-    assert!(error.contains("no result, or every one, does"), "{error}");
+    assert!(error.contains("no result passes this check, or every result does"), "{error}");
     all(f64::from(u32::MAX) - 1.0).expect("they do");
 }
 

@@ -7,14 +7,15 @@ use crate::job::{Job, Reply};
 use crate::path::{Ability, Adapter, Path, PathError, Via, cpu};
 use crate::probe::{Call, Prepared, ProbeError, Reader, Started};
 
-/// The engine: WGSL on the CPU in `f32`, as a conforming GPU computes it. It calls functions, but draws no frames.
+/// The engine as an executor. It runs WGSL on the CPU in `f32`, as a conforming GPU may compute it. The engine
+/// calls functions and dispatches passes, but draws no frames.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Cpu {
-    /// Its arithmetic.
+    /// The arithmetic: plain, with fused multiply-add, or with flush-to-zero.
     via: Via,
 }
 
-/// The executor of `cpu`, `cpu:fma` or `cpu:ftz`.
+/// Returns the executor of `cpu`, `cpu:fma` or `cpu:ftz`.
 pub(crate) fn of(path: Path) -> &'static Cpu {
     match path.via() {
         Via::Fma => &Cpu { via: Via::Fma },
@@ -82,12 +83,12 @@ impl Prepared for Ready {
     }
 }
 
-/// A function with effects outside itself.
+/// A prepared function that writes resources or prints, so each case runs alone.
 #[derive(Debug)]
 struct ReadyAlone {
     function: Alone,
     cases: usize,
-    /// The number of words in a case's results.
+    /// The number of words in one case's results.
     width: usize,
 }
 
@@ -206,7 +207,7 @@ mod tests {
         ]
         .into_iter()
         .collect();
-        // Texels' centres are at 0.25 and 0.75.
+        // The centres of the two texels are at 0.25 and 0.75.
         let rows = [0.25_f32, 0.5, 0.75, 1.0].map(f32::to_bits);
         let found = call(text, "f", fixtures, &rows).expect("it runs");
         assert_eq!(found, [0.0_f32, 4.0, 8.0, 8.0].map(f32::to_bits));

@@ -134,7 +134,7 @@ fn mistakes_are_reported_before_a_dispatch() {
             .after("data")
             .unrecorded()
             .try_agrees_with(reference(), Abs(0.0)),
-        &["`block` is no compute entry point; did you mean `blocks`?"],
+        &["`block` isn't a compute entry point; did you mean `blocks`?"],
     );
     told(
         scan(&package)

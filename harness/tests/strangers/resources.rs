@@ -444,7 +444,7 @@ fn mistakes_are_reported_with_the_line_of_the_variable() {
         "g",
         "table",
         Some(Buffer::zeros(12).into()),
-        &["<r>:3:23", "at least 16 bytes, the fixture has 12"],
+        &["<r>:3:23", "at least 16 bytes, but the fixture has 12"],
     );
     told("h", "shadow", Some(Texture::constant(2.0_f32).into()), &["depth of 2"]);
     let empty = Texture::from_fn(0, 0, |_, _| 0_u32);
@@ -486,7 +486,7 @@ fn a_path_that_compiles_nothing_is_declared() {
     let runs = package.function("g").over(Integers(0..=1_u32)).refused_on(Path::GL, "no loads");
     let error =
         runs.unrecorded().try_agrees_with(|i: u32| f64::from(i), Abs(0.0)).expect_err("it runs");
-    assert!(error.to_string().contains("remove its `refused_on`"), "{error}");
+    assert!(error.to_string().contains("remove the `refused_on`"), "{error}");
 }
 
 /// Programs can match an error of fixtures.

@@ -132,7 +132,7 @@ fn other_arguments_have_to_be_accepted() {
     let fewer = over(&package).cases(39).unrecorded().try_matches(goldens, case, Ulp(4.0));
     let error = fewer.expect_err("fewer cases").to_string();
     assert!(
-        error.contains("agrees for the golden's arguments, and the test draws others"),
+        error.contains("agrees for the golden's arguments, but the test has other arguments now"),
         "{error}"
     );
     let wider = package.function("curve").over((0.0..=2.0_f32, Integers(0..=3_u32)));

@@ -69,7 +69,7 @@ fn wrong_frames_and_domains_are_reported_at_their_place() {
         (
             "function = \"ratio\"\nfinite = true\nover = { a = \"0..1\", b = \"0..1\" }\nwhere = \"a > b + 2.0\"",
             "f.test.toml:5:1",
-            "a filter that rejects nearly everything: draw from narrower ranges",
+            "a filter that rejects nearly all values: use narrower ranges",
         ),
         (
             "function = \"ratio\"\nfinite = true\nover = { a = [0, 1], b = [0, 1] }\nwhere = \"a > b + 2.0\"",

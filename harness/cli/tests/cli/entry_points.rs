@@ -640,7 +640,7 @@ fn a_misspelt_later_pass_is_named() {
         karat(folder.path(), &["test", ".", "--paths", "cpu"])
     };
     let slip = ran("sekond", "right.csv");
-    assert!(slip.out.contains("`m::sekond` is no compute entry point; did you mean"), "{slip:?}");
+    assert!(slip.out.contains("`m::sekond` isn't a compute entry point; did you mean"), "{slip:?}");
     assert!(!slip.out.contains("there is no variable"), "{slip:?}");
     ran("second", "right.csv").good();
     // The row of a table that an element isn't, and the resource in the check's name.

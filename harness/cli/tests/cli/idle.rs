@@ -22,7 +22,7 @@ fn checks_that_can_not_fail_are_refused_at_their_key() {
         (
             "function = \"count\"\nin_range = [0, 4294967295]\n",
             "m.test.toml:3:1",
-            "no result, or every one, does",
+            "no result passes this check, or every result does",
         ),
         ("function = \"count\"\nequals = 5.5\n", "m.test.toml:3:1", "5.5 is no u32"),
         ("function = \"count\"\nequals = -1\n", "m.test.toml:3:1", "-1 is no u32"),

@@ -778,7 +778,7 @@ fn without_its_messages_a_failure_is_whole() {
     let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).expect("written");
     let junit = read("junit.xml");
     all(&junit, &["file=\"m.wgsl\" line=\"1\"", "x = 2; returned = 1.2", seen, "x = 1", replay]);
-    all(&junit, &["message=\"`m_test::halves` fails expects: what its expectations say\""]);
+    all(&junit, &["message=\"`m_test::halves` fails expects: all its expectations hold\""]);
     let html = read("report.html");
     all(&html, &["m.wgsl:1:1", replay, "Copy the replay command", "x = 2; returned = 1.2", seen]);
     let names = report(&[]);

@@ -110,11 +110,11 @@ fn declared_tests_have_places_of_their_own() {
             "4:1",
             "is no domain of a number",
         ),
-        (format!("{f}finite = true\ncases = 0\n"), "4:1", "is asked for 0 cases"),
+        (format!("{f}finite = true\ncases = 0\n"), "4:1", "has 0 cases"),
         (
             format!("{f}finite = true\ncases = 100000000000\n"),
             "4:1",
-            "4294967296 that are run at most",
+            "but a check can have at most 4294967296",
         ),
         (
             format!("{f}finite = true\nfails_on = {{ vulcan = \"no\" }}\n"),
