@@ -719,7 +719,7 @@ fn what_naga_oil_takes_is_taken() {
     let used = of(&user.replace("twice(x) *", "only_point(x) *")).feature("SLICES", 4);
     let said = error(&used, "user::f");
     assert!(
-        said.contains("`only_point` is declared under `#ifdef POINT`, which doesn't hold"),
+        said.contains("`only_point` is declared under `#ifdef POINT`, which is false here"),
         "{said}"
     );
     // An import counts where its name is used.

@@ -402,7 +402,7 @@ fn hinted(
             "it is a feature with a value: `.feature(\"{name}\", 3)`, or `--feature {name}=3`"
         )),
         (Some(condition), _) => diagnostic
-            .note(format!("`{name}` is declared under `{condition}`, which doesn't hold here")),
+            .note(format!("`{name}` is declared under `{condition}`, which is false here")),
         (None, Some(name)) => diagnostic.note(format!("did you mean `{name}`?")),
         (None, None) => diagnostic,
     };
