@@ -56,7 +56,7 @@ pub(super) fn read(source: SourceFile) -> Result<SourceFile, PackageError> {
         let is_name = |c: char| c.is_alphanumeric() || c == '_';
         let returned = previous.strip_prefix("return").filter(|rest| !rest.starts_with(is_name));
         if returned.is_some_and(|rest| rest.ends_with(';')) {
-            return Err(wrong("it stands behind a `return`, and never runs".to_owned()));
+            return Err(wrong("the line stands behind a `return`, so it never runs".to_owned()));
         }
         let indent = line.len() - line.trim_start().len();
         let (before, behind) = line[indent + head.len()..]
@@ -91,7 +91,7 @@ impl<'l> Line<'l> {
             return match line.find(CONDITION_HEAD) {
                 Some(_) => Self::called(own),
                 None if is_meant(line) => {
-                    Err(format!("`//{COMMENT}`, with two slashes, stands on a line of its own"))
+                    Err(format!("put `//{COMMENT}`, with two slashes, on a line of its own"))
                 }
                 None => Ok(None),
             };
@@ -119,7 +119,7 @@ impl<'l> Line<'l> {
     fn called(own: &'l str) -> Result<Option<Self>, String> {
         let wrong = || {
             Err(format!(
-                "behind `{CONDITION}` stands an import of `karat`, or `print(x);` or `assert(x);` on one line"
+                "only an import of `karat`, or `print(x);` or `assert(x);` on one line, can follow `{CONDITION}`"
             ))
         };
         let Some(rest) = own.strip_prefix(CONDITION).map(str::trim_start) else { return wrong() };

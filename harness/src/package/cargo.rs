@@ -100,7 +100,7 @@ impl Found {
             let near = nearest(&plain, self.known());
             let near = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
             return Err(error(format!(
-                "no crate of this name ships shaders to `{}`, so it has no folder{near}",
+                "no crate of this name ships shaders to `{}`{near}",
                 self.krate().name
             )));
         };
@@ -110,7 +110,7 @@ impl Found {
     fn placed(&self, index: usize, root: &str) -> Result<Self, String> {
         let folder = self.graph.crates[index].folder.join(root);
         if !folder.is_dir() {
-            return Err(format!("it has no folder `{}`", shown(&folder)));
+            return Err(format!("the crate has no folder `{}`", shown(&folder)));
         }
         let mut roots = BTreeMap::clone(&self.roots);
         roots.insert(index, folder);
@@ -204,13 +204,15 @@ impl Graph {
             (0..).zip(&self.crates).filter(|(_, krate)| is_it(krate)).map(|(i, _)| i).collect();
         match *found {
             [index] => Ok(index),
-            [] if self.others.contains(name) => Err("it ships no .wgsl or .wesl file".to_owned()),
+            [] if self.others.contains(name) => {
+                Err("the crate ships no .wgsl or .wesl file".to_owned())
+            }
             [] => {
                 let near = nearest(name, self.crates.iter().map(|krate| &*krate.name));
                 let near =
                     near.map_or_else(|| ".".to_owned(), |near| format!("; did you mean `{near}`?"));
                 Err(format!(
-                    "the project doesn't depend on it{near} With a version, such as `{name}@1.2.3`, \
+                    "the project doesn't depend on the crate{near} With a version, such as `{name}@1.2.3`, \
                      cargo fetches it"
                 ))
             }
@@ -218,7 +220,7 @@ impl Graph {
                 let versions: Vec<&str> =
                     several.iter().map(|index| &*self.crates[*index].version).collect();
                 Err(format!(
-                    "the project has several: name one with its version, `{name}@{}`",
+                    "the project has several versions: name the crate with one of them, `{name}@{}`",
                     versions.join("` or `@")
                 ))
             }
@@ -234,7 +236,7 @@ fn of_project(base: &Path) -> Result<Graph, String> {
     else {
         let base = shown(&base);
         return Err(format!(
-            "there is no Cargo.toml in or above `{base}`: name a version, and cargo fetches it"
+            "there is no Cargo.toml in or above `{base}`: name a version, and cargo fetches the crate"
         ));
     };
     let lock = base.ancestors().map(|folder| folder.join("Cargo.lock")).find(|file| file.is_file());

@@ -36,7 +36,7 @@ impl Compilers {
         if let Some(other) = require.iter().find(|name| *name != "tint") {
             let near = nearest(other, ["tint"]).map_or("", |_| "; did you mean `tint`?");
             let other =
-                format!("`[compilers] require` names `{other}`, and asks `tint` alone{near}");
+                format!("`[compilers] require` names `{other}`, but accepts only `tint`{near}");
             return Err(other);
         }
         Ok(Self { require_tint: !require.is_empty(), native, limits, file })

@@ -143,7 +143,7 @@ impl Reader<'_> {
         }
         let open = found.open.last().copied();
         if self.is_list(open) && self.is(at, b'{') {
-            let message = "groups in braces hold declarations or statements: give each member or parameter a \
+            let message = "groups in braces contain declarations or statements: give each member or parameter a \
                            condition of its own";
             return Err(self.error(&condition, message));
         }
@@ -151,7 +151,7 @@ impl Reader<'_> {
             let range = self.brackets[at] + 1..self.brackets[at] + 2;
             return Err(self.error(
                 &range,
-                "an `else` follows no group: the group isn't there when it is read",
+                "an `else` follows no group: the compiler doesn't see the group's braces",
             ));
         }
         if !self.takes_condition(start, open) || self.is(at, b';') {
@@ -169,7 +169,7 @@ impl Reader<'_> {
             return Err(self.error(&condition, message));
         }
         let end = self.end(at).ok_or_else(|| {
-            self.error(&condition, "what this condition stands before doesn't end")
+            self.error(&condition, "the declaration or statement behind this condition doesn't end")
         })?;
         // The brackets of a type can't contain attributes.
         let mut tokens = at + 1..end;

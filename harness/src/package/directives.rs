@@ -227,7 +227,7 @@ impl Reader<'_> {
                 return Ok(());
             }
             if KNOWN.contains(&word) {
-                return Err(self.error(whole, "a directive begins its line"));
+                return Err(self.error(whole, "a directive must begin its line"));
             }
             // `naga_oil` also accepts a value without braces.
             if self.features.contains_key(word) || self.is_oil(word, first) {
@@ -239,8 +239,9 @@ impl Reader<'_> {
                 && !first
                 && word.starts_with(|c: char| c.is_uppercase())
             {
-                let value =
-                    format!("`[features]` and a line `{word} = 3` in karat.toml give it a value");
+                let value = format!(
+                    "write a line `{word} = 3` below `[features]` in karat.toml to set the value"
+                );
                 diagnostic.notes.insert(0, value);
             }
             if let (PackageError::Shader(diagnostic), Some(near)) =
@@ -276,8 +277,7 @@ impl Reader<'_> {
                         "" => true,
                         "if" | "ifdef" | "ifndef" => self.holds(word, condition.trim(), &whole)?,
                         _ => {
-                            let message =
-                                "an `#else` is followed by nothing, `if`, `ifdef` or `ifndef`";
+                            let message = "only `if`, `ifdef` or `ifndef` can follow an `#else`";
                             return Err(self.error(whole, message));
                         }
                     };
@@ -314,7 +314,7 @@ impl Reader<'_> {
                 }
                 if path.split("::").any(|part| part.is_empty() || !part.chars().all(is_part)) {
                     let message =
-                        "a module gives itself a path: `#define_import_path engine::math`";
+                        "a module declares its own path: `#define_import_path engine::math`";
                     return Err(self.error(whole, message));
                 }
                 self.found.path = Some(path.to_owned());
@@ -324,7 +324,7 @@ impl Reader<'_> {
                 let named = rest.strip_prefix('"').and_then(|rest| rest.split_once('"'));
                 let Some((name, _)) = named else {
                     return Err(
-                        self.error(whole, "an `#include` names a file: `#include \"a.wgsl\"`")
+                        self.error(whole, "an `#include` needs a file: `#include \"a.wgsl\"`")
                     );
                 };
                 self.found.includes.push((Include::File(name.to_owned()), whole.clone()));

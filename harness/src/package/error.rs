@@ -136,7 +136,7 @@ pub enum PackageError {
     },
     /// A function is under a condition that is false.
     #[error(
-        "`{path}` of package `{package}` is declared under `{condition}`, which doesn't hold: set \
+        "`{path}` of package `{package}` is declared under `{condition}`, which is false: set \
          the feature with `.feature(..)`"
     )]
     Inactive {
@@ -149,12 +149,12 @@ pub enum PackageError {
     },
     /// No condition uses a feature.
     #[error(
-        "nothing in package `{package}` or in what it imports asks about the feature{} {}{}{}{}",
+        "no condition in package `{package}` or in its imports uses the feature{} {}{}{}{}",
         if unknown.len() == 1 { "" } else { "s" }, listed(unknown),
-        if known.is_empty() { String::new() } else { format!("; it asks about {known}") },
-        misspelt.as_ref().map_or_else(String::new, |text| format!("\n`{text}` is no condition: write `@if` or `@elif`")),
+        if known.is_empty() { String::new() } else { format!("; its conditions use {known}") },
+        misspelt.as_ref().map_or_else(String::new, |text| format!("\n`{text}` isn't a condition: write `@if` or `@elif`")),
         bare.as_ref().map_or_else(String::new, |name| format!(
-            "\n`{name}` is a name in the text, which no feature replaces: write what stands for it into karat.toml \
+            "\n`{name}` is a name in the text, which no feature replaces: write its value into karat.toml \
              beside the modules\n\n[values]\n{name} = 64"
         ))
     )]

@@ -400,7 +400,7 @@ fn hinted(
     let diagnostic = diagnostic.mended_by(mend);
     let diagnostic = match (condition, nearest) {
         (None, _) if module == CONSTANTS => diagnostic.note(format!(
-            "it is a feature with a value: `.feature(\"{name}\", 3)`, or `--feature {name}=3`"
+            "`{name}` is a feature with a value: `.feature(\"{name}\", 3)`, or `--feature {name}=3`"
         )),
         (Some(condition), _) => diagnostic
             .note(format!("`{name}` is declared under `{condition}`, which is false here")),

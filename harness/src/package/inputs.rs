@@ -69,7 +69,7 @@ impl Declaration {
                      \"unit_rgb\", or { range = [0, \"length(out) - 1\"], distinct = true }"
                 }
             };
-            format!("the input `{name}` is {what}, and this is {value}")
+            format!("the input `{name}` must be {what}, and this is {value}")
         };
         let declared = match value {
             Value::Integer(_) | Value::Float(_) => {
@@ -90,7 +90,7 @@ impl Declaration {
                 let known = |key: &String| matches!(&**key, "one_of" | "range" | "distinct");
                 if let Some(key) = table.keys().find(|key| !known(key)) {
                     return Err(format!(
-                        "the input `{name}` has no key `{key}`: one_of, range, distinct"
+                        "the input `{name}` has no key `{key}`: its keys are one_of, range and distinct"
                     ));
                 }
                 let distinct = table.get("distinct").map(Value::as_bool);
@@ -127,14 +127,14 @@ impl Declaration {
             Self::Range(least, most) if is_size && !(is_count(*least) && is_count(*most)) => {
                 let what = if is_length { "elements" } else { "workgroups" };
                 return Err(format!(
-                    "the input `{name}` has from 1 to {MOST_ELEMENTS} {what}, and this is {value}"
+                    "the input `{name}` must have from 1 to {MOST_ELEMENTS} {what}, and this is {value}"
                 ));
             }
             Self::Values(_) | Self::Named(_) | Self::Elements { .. } if is_size => {
                 return Err(wrong());
             }
             Self::Range(least, most) if !(fits(*least) && fits(*most)) => {
-                return Err(format!("the input `{name}` is {value}, and no f32 reaches so far"));
+                return Err(format!("the input `{name}` is {value}, and no f32 is so large"));
             }
             _ => {}
         }

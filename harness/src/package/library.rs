@@ -368,7 +368,7 @@ impl Library {
         let each = open.iter().map(|(name, all)| format!("{name} = {}", all[0]));
         let each = each.collect::<Vec<_>>().join(", ");
         let note = format!(
-            "these of the package have none either; in `karat.toml`: features = {{ {each} }}"
+            "other features of the package have no values either; in `karat.toml`: features = {{ {each} }}"
         );
         PackageError::Shader(Box::new(diagnostic.note(note)))
     }

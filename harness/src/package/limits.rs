@@ -73,7 +73,7 @@ impl Limits {
                     Some("compatibility") => true,
                     _ => {
                         return Err(
-                            "`mode` of `[limits]` is \"core\" or \"compatibility\"".to_owned()
+                            "`mode` of `[limits]` must be \"core\" or \"compatibility\"".to_owned()
                         );
                     }
                 };
@@ -94,8 +94,8 @@ impl Limits {
                 });
             }
             let number = value.as_integer().and_then(|number| u64::try_from(number).ok());
-            let number =
-                number.ok_or_else(|| format!("the limit `{name}` is a whole number from 0"))?;
+            let number = number
+                .ok_or_else(|| format!("the limit `{name}` must be a whole number from 0"))?;
             limits.named.insert(name, number);
         }
         Ok(limits)

@@ -88,7 +88,7 @@ impl<'a> Linker<'a> {
                 if let Some(first) = known.insert(name, span.clone()).filter(|first| *first != span)
                 {
                     let message =
-                        format!("`{name}` is declared in two files that share their names");
+                        format!("`{name}` is declared in two files that share a name space");
                     let diagnostic =
                         Diagnostic::new(message).at(span, "").at(first, "declared first");
                     return Err(PackageError::Shader(Box::new(diagnostic)));

@@ -195,7 +195,7 @@ impl Package {
             return match names.find(|name| name.eq_ignore_ascii_case(NAME)) {
                 Some(name) => Err(PackageError::Manifest {
                     file: shown(&root.join(name)),
-                    reason: format!("a folder's file is called `{NAME}`, and this one isn't read"),
+                    reason: format!("Karat reads only `{NAME}`, and not this file"),
                 }),
                 None => Ok(None),
             };
@@ -258,17 +258,17 @@ impl Declared {
         };
         let missing = self.rows.iter().filter(|row| !self.names.contains(row));
         let (keys, reason) = if let Some(name) = self.values.first() {
-            let what = "stands for, and no module has this name but as one that it declares";
-            (["values", name], format!("`[values]` says what `{name}` {what}"))
+            let what = ", but no module uses this name without declaring it";
+            (["values", name], format!("`[values]` has a value for `{name}`{what}"))
         } else if let Some(name) = self.inputs.first() {
-            let what = "is declared, and nothing in the package has this name";
+            let what = "is declared, but nothing in the package has this name";
             (["inputs", name], format!("the input `{name}` {what}"))
         } else if let Some(name) = self.functions.iter().filter(lacks).chain(missing).next() {
             let near = nearest(name, self.names.iter().map(String::as_str));
             let near = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
             let of = if self.functions.contains(name) { "hazard" } else { "matrix" };
             let what = "and the package has no such function";
-            ([of, name], format!("something is declared of `{name}`, {what}{near}"))
+            ([of, name], format!("an entry names `{name}`, {what}{near}"))
         } else {
             return Ok(());
         };
@@ -376,13 +376,13 @@ impl Manifest {
         let compilers = Compilers::of(compilers, limits, String::new()).map_err(error)?;
         for (name, dependency) in &dependencies {
             if TAKEN.contains(&&**name) {
-                let reason = format!("no dependency can be called `{name}`");
+                let reason = format!("no dependency can have the name `{name}`");
                 return Err(told(&["dependencies", name], reason));
             }
             let has_root = dependency.path.is_some() && dependency.root.is_some();
             if dependency.path.is_some() == dependency.krate.is_some() || has_root {
                 let reason = format!(
-                    "the dependency `{name}` is {{ path = \"..\" }}, or {{ crate = \"name@version\" }} with or \
+                    "the dependency `{name}` must be {{ path = \"..\" }}, or {{ crate = \"name@version\" }} with or \
                      without `root`"
                 );
                 return Err(told(&["dependencies", name], reason));
@@ -391,7 +391,7 @@ impl Manifest {
         let set_by_engine = match features.remove("set_by_engine") {
             None => BTreeSet::new(),
             Some(names) => names.try_into().map_err(|_| {
-                let reason = "`set_by_engine` lists names of features: [\"FAST\"]".to_owned();
+                let reason = "`set_by_engine` must list names of features: [\"FAST\"]".to_owned();
                 told(&["features", "set_by_engine"], reason)
             })?,
         };
@@ -405,11 +405,12 @@ impl Manifest {
             toml::Value::Boolean(on) => Ok((name, Feature::Flag(on))),
             toml::Value::Integer(value) => Ok((name, Feature::Number(value))),
             toml::Value::Array(_) => {
-                let what = "is no list; `set_by_engine` lists those that the engine sets";
+                let what =
+                    "can't be a list; `set_by_engine` lists the features that the engine sets";
                 Err(told(&["features", &name], format!("feature `{name}` {what}")))
             }
             _ => {
-                let what = "is a whole number, `true` or `false`";
+                let what = "must be a whole number, `true` or `false`";
                 Err(told(&["features", &name], format!("feature `{name}` {what}")))
             }
         };
@@ -417,13 +418,13 @@ impl Manifest {
         for known in &matrix {
             let list = [("rows", &known.rows), ("columns", &known.columns)];
             if let Some((name, _)) = list.into_iter().find(|(_, list)| list.is_empty()) {
-                let reason = format!("a `[[matrix]]` names no {name}, so it declares nothing");
+                let reason = format!("a `[[matrix]]` entry names no {name}, so it has no effect");
                 return Err(told(&["matrix"], reason));
             }
         }
         for accepted in &hazards {
             if accepted.functions.is_empty() || accepted.reason.trim().is_empty() {
-                let reason = "a `[[hazard]]` names functions, and a reason why it is accepted";
+                let reason = "a `[[hazard]]` entry needs functions, and a reason for accepting it";
                 return Err(told(&["hazard"], reason.to_owned()));
             }
         }
@@ -450,12 +451,13 @@ impl Manifest {
                 #[expect(clippy::cast_precision_loss, reason = "no override has 54 bits")]
                 let whole = || value.as_integer().map(|one| one as f64);
                 let number = value.as_float().or_else(whole).filter(|x| x.is_finite());
-                let wrong = || told(&["overrides", &name], "an override is finite".to_owned());
+                let wrong = || told(&["overrides", &name], "an override must be finite".to_owned());
                 Ok((name.clone(), number.ok_or_else(wrong)?))
             }
             _ => {
-                let reason =
-                    format!("the override `{name}` is a number or a bool, and this is {value}");
+                let reason = format!(
+                    "the override `{name}` must be a number or a bool, and this is {value}"
+                );
                 Err(told(&["overrides", &name], reason))
             }
         };
@@ -591,7 +593,7 @@ impl Manifest {
         let mut command = Command::new(program);
         command.args(arguments).arg(&file).current_dir(root);
         let text = String::from_utf8(printed(command).map_err(error)?);
-        let text = text.map_err(|_| error("what it prints isn't UTF-8".to_owned()))?;
+        let text = text.map_err(|_| error("its output isn't UTF-8".to_owned()))?;
         if text.trim().is_empty() {
             return Err(error("it prints nothing".to_owned()));
         }

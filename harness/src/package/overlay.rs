@@ -70,7 +70,9 @@ impl Overlay {
                 several => {
                     let names = several.iter().map(|(package, _)| format!("`{package}/{name}`"));
                     let names = names.collect::<Vec<_>>().join(" or ");
-                    return Err(error(format!("has `{name}`, of several packages: {names}?")));
+                    return Err(error(format!(
+                        "has `{name}`, which several packages have: use {names}"
+                    )));
                 }
             }
         }
@@ -127,7 +129,7 @@ fn unknown<'a>(file: &Path, packages: impl Iterator<Item = &'a &'a Package> + Cl
     let near = nearest(&wanted, known.iter().map(String::as_str));
     let near = near.map_or_else(String::new, |name| format!("; did you mean `{name}`?"));
     let names: Vec<_> = packages.map(|package| format!("`{}`", package.name())).collect();
-    format!("has `{}`, no module of package {}{near}", file.display(), names.join(", "))
+    format!("has `{}`, which isn't a module of package {}{near}", file.display(), names.join(", "))
 }
 
 /// The files below a folder, sorted, without hidden files. Their paths are relative to the folder.

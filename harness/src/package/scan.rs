@@ -52,7 +52,7 @@ impl Contents {
             let is_shader = super::EXTENSIONS.iter().any(|known| extension == *known);
             if !prefix.is_empty() && path.file_name().is_some_and(|name| name == manifest::NAME) {
                 let reason =
-                    "only the one in the package's own folder is read: move it there, or name this folder"
+                    "Karat reads only the karat.toml in the package's own folder: move this file there"
                         .to_owned();
                 return Err(PackageError::Manifest { file: shown(&path), reason });
             }
@@ -73,10 +73,10 @@ impl Contents {
                 }
             } else if is_shader {
                 if path.extension() != Some(&extension) {
-                    return Err(no_module("write its extension in small letters"));
+                    return Err(no_module("write its extension in lower case"));
                 }
                 if !path.is_file() {
-                    return Err(no_module("it isn't a file, or a link to nothing"));
+                    return Err(no_module("it isn't a file, or it is a broken link"));
                 }
                 self.modules.push(name);
             } else {

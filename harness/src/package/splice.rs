@@ -109,7 +109,7 @@ impl Spliced {
                 let span = Span { file: Arc::clone(&piece.file), range };
                 let message = format!("Karat's linker changed this shader's text: {what}");
                 Box::new(Diagnostic::new(message).at(span, "").note(
-                    "this is a bug of Karat; nothing was run, because it would not be your shader",
+                    "this is a bug in Karat; Karat ran nothing, because the text isn't your shader",
                 ))
             };
             let lost = || fault("text between two declarations isn't blank", piece.from.clone());

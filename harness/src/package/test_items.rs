@@ -155,7 +155,11 @@ fn item(name: &str, module: &Module, test: &Declaration) -> Result<TestItem, Pac
     if module.is(close + 1, b'-') {
         let place = module.span(test.name_token);
         let message = format!("the test `{own}` returns something");
-        return Err(error(place, message, "a test says what it expects: `expect_near(..)`"));
+        return Err(error(
+            place,
+            message,
+            "remove the result, and write expectations: `expect_near(..)`",
+        ));
     }
     let mut over: Vec<Option<(Vec<String>, Span)>> = Vec::new();
     let mut cases = None;
@@ -181,15 +185,15 @@ fn item(name: &str, module: &Module, test: &Declaration) -> Result<TestItem, Pac
         arguments.pop_if(|last| last.is_empty());
         if arguments.iter().any(String::is_empty) {
             let message = format!("`@{}` has a comma too many", attribute.name);
-            return Err(error(span(&attribute.tokens), message, "a value stands before each"));
+            return Err(error(span(&attribute.tokens), message, "write a value before each comma"));
         }
         let stands = match attribute.parameter {
             None => cases.is_some(),
             Some(parameter) => over.get(parameter).is_some_and(Option::is_some),
         };
         if stands {
-            let message = format!("`@{}` stands twice", attribute.name);
-            return Err(error(span(&attribute.tokens), message, "leave one of them out"));
+            let message = format!("`@{}` occurs twice", attribute.name);
+            return Err(error(span(&attribute.tokens), message, "remove one of them"));
         }
         match (&*attribute.name, attribute.parameter) {
             ("cases", None) => {
@@ -216,8 +220,8 @@ fn item(name: &str, module: &Module, test: &Declaration) -> Result<TestItem, Pac
         let place =
             attributes(module, test).into_iter().find(|attribute| attribute.name == "cases");
         let place = place.map_or_else(|| span(&test.tokens), |attribute| span(&attribute.tokens));
-        let message = format!("the test `{own}` has no parameter, so that it is one case");
-        return Err(error(place, message, "leave `@cases` out"));
+        let message = format!("the test `{own}` has no parameter, so it has only one case");
+        return Err(error(place, message, "remove `@cases`"));
     }
     Ok(TestItem { name, span: span(&test.tokens), cases, over, parameters })
 }

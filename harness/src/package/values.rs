@@ -14,12 +14,12 @@ pub(super) fn value(name: &str, value: &toml::Value) -> Result<String, String> {
     let is_name = |name: &str| matches!(&*lex(name), [token] if token.kind == Kind::Word && token.range() == (0..name.len()));
     if !is_name(name) {
         return Err(format!(
-            "`{name}` in `[values]` is no name: write that of `{{{{ name }}}}` or `{{name}}`"
+            "`{name}` in `[values]` isn't a name: write the name from `{{{{ name }}}}` or `{{name}}`"
         ));
     }
     match value {
         toml::Value::String(text) if text.contains(['\n', '\r']) => Err(format!(
-            "the value of `{name}` is of one line, so that lines stay those of the file"
+            "the value of `{name}` must be one line, so that line numbers stay the same"
         )),
         toml::Value::String(text) if text.contains("//") || text.contains("/*") => {
             Err(format!("the value of `{name}` has a comment, which would hide what follows it"))
@@ -35,7 +35,7 @@ pub(super) fn value(name: &str, value: &toml::Value) -> Result<String, String> {
         toml::Value::Float(number) if *number < 0.0 => Ok(format!("({number:?})")),
         toml::Value::Float(number) => Ok(format!("{number:?}")),
         toml::Value::Boolean(on) => Ok(on.to_string()),
-        _ => Err(format!("the value of `{name}` is a text, a number, `true` or `false`")),
+        _ => Err(format!("the value of `{name}` must be a text, a number, `true` or `false`")),
     }
 }
 

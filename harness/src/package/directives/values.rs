@@ -62,7 +62,9 @@ impl Reader<'_> {
     ) -> Result<bool, PackageError> {
         if word != "if" {
             if rest.is_empty() || rest.contains(char::is_whitespace) {
-                return Err(self.error(whole.clone(), &format!("`#{word}` names one feature")));
+                return Err(
+                    self.error(whole.clone(), &format!("`#{word}` needs exactly one feature"))
+                );
             }
             return Ok(is_on(&self.features, rest) == (word == "ifdef"));
         }
@@ -92,7 +94,7 @@ impl Reader<'_> {
             (Feature::Flag(own), Feature::Flag(value)) if equality => own.cmp(&value),
             (own, value) => {
                 let message =
-                    format!("`{name}` is {own}, which `{operator} {value}` can't be asked of");
+                    format!("`{name}` is {own}, which can't be compared by `{operator} {value}`");
                 return Err(self.error(whole.clone(), &message));
             }
         };
@@ -105,7 +107,7 @@ impl Reader<'_> {
         value: &str,
         whole: &Range<usize>,
     ) -> Result<Feature, PackageError> {
-        let wrong = || self.error(whole.clone(), "values are whole numbers, `true` and `false`");
+        let wrong = || self.error(whole.clone(), "values must be whole numbers, `true` or `false`");
         value_of(value).ok_or_else(wrong)
     }
 }
