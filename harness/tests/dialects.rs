@@ -201,14 +201,14 @@ fn conditions_that_cannot_be_read_are_errors() {
         ("#ifdef A\nfn f() {}\n", "this condition has no `#endif`"),
         ("#endif\nfn f() {}\n", "this `#endif` follows no `#if`"),
         ("#else\nfn f() {}\n", "this `#else` follows no `#if`"),
-        ("#ifdef\n#endif\nfn f() {}\n", "`#ifdef` names one feature"),
-        ("#ifdef A B\n#endif\nfn f() {}\n", "`#ifdef` names one feature"),
+        ("#ifdef\n#endif\nfn f() {}\n", "`#ifdef` needs exactly one feature"),
+        ("#ifdef A B\n#endif\nfn f() {}\n", "`#ifdef` needs exactly one feature"),
         ("#if A\n#endif\nfn f() {}\n", "conditions compare a feature with a value"),
-        ("#if A == x\n#endif\nfn f() {}\n", "values are whole numbers"),
+        ("#if A == x\n#endif\nfn f() {}\n", "values must be whole numbers"),
         ("#if A == 1\n#endif\nfn f() {}\n", "`A` has no value"),
         (
             "#define A\n#if A >= 1\n#endif\nfn f() {}\n",
-            "`A` is true, which `>= 1` can't be asked of",
+            "`A` is true, which can't be compared by `>= 1`",
         ),
         (
             "#define A 1\n#if A == true\n#endif\nfn f() {}\n",
@@ -218,19 +218,19 @@ fn conditions_that_cannot_be_read_are_errors() {
             "#define A\n#if A < true\n#endif\nfn f() {}\n",
             "`A` is true, which `< true` can't be asked",
         ),
-        ("#define A x\nfn f() {}\n", "values are whole numbers"),
+        ("#define A x\nfn f() {}\n", "values must be whole numbers"),
         ("#define_import_path a\n#define A\nfn f() {}\n", "a module that others import can't"),
         (
             "#define_import_path a\n#define_import_path b\nfn f() {}\n",
             "a second `#define_import_path`",
         ),
-        ("#define_import_path a b\nfn f() {}\n", "a module gives itself a path"),
-        ("#define_import_path\nfn f() {}\n", "a module gives itself a path"),
+        ("#define_import_path a b\nfn f() {}\n", "a module declares its own path"),
+        ("#define_import_path\nfn f() {}\n", "a module declares its own path"),
         ("#ifdef A\n#else\n#else\n#endif\nfn f() {}\n", "a second `#else`"),
         ("#ifdef A\n#else\n#else ifdef B\n#endif\nfn f() {}\n", "a second `#else`"),
-        ("/* a */ #ifdef A\n#endif\nfn f() {}\n", "a directive begins its line"),
+        ("/* a */ #ifdef A\n#endif\nfn f() {}\n", "a directive must begin its line"),
         ("#if A =< 3\n#endif\nfn f() {}\n", "conditions compare a feature with a value"),
-        ("#ifdef A\n#else maybe\n#endif\nfn f() {}\n", "an `#else` is followed by nothing"),
+        ("#ifdef A\n#else maybe\n#endif\nfn f() {}\n", "can follow an `#else`"),
         ("fn f() -> i32 { return #{N; }\n", "has no value"),
     ] {
         let said = error(&one(text), "f");
@@ -312,7 +312,7 @@ fn names_that_two_files_give_are_errors() {
         Package::from_modules("m", [("one", first), ("two", two), ("user", user)])
     };
     assert_snapshot!(error(&shared("const A = 1.0; const g = 2.0;"), "user::f"), @r#"
-    error: `g` is declared in two files that share their names
+    error: `g` is declared in two files that share a name space
       --> <two>:1:4
       |
     1 | fn g(x: f32) -> f32 { return 2.0 * x; }
@@ -414,7 +414,7 @@ fn values_of_features_are_constants() {
     2 | @group(constants::GROUP) @binding(0) var<uniform> x: f32;
       |                   ^^^^^
       |
-      = it is a feature with a value: `.feature("GROUP", 3)`, or `--feature GROUP=3`
+      = `GROUP` is a feature with a value: `.feature("GROUP", 3)`, or `--feature GROUP=3`
     "#);
 }
 
@@ -475,17 +475,17 @@ fn an_include_guard_is_read() {
 #[test]
 fn a_feature_that_nothing_asks_about_is_an_error() {
     let wesl = "@if(MULTISAMPLED && !FAST) fn g() {}\nfn f() -> f32 { return 1.0; }";
-    assert_snapshot!(error(&one(wesl).feature("MULTISAMPLD", true), "f"), @"nothing in package `s` or in what it imports asks about the feature `MULTISAMPLD`; did you mean `MULTISAMPLED`?; it asks about FAST, MULTISAMPLED");
+    assert_snapshot!(error(&one(wesl).feature("MULTISAMPLD", true), "f"), @"no condition in package `s` or in its imports uses the feature `MULTISAMPLD`; did you mean `MULTISAMPLED`?; its conditions use FAST, MULTISAMPLED");
     let oil =
         "#ifdef MULTISAMPLED\n#else if SAMPLES > 2\n#endif\nfn f() -> i32 { return #{COUNT}; }";
+    // A word that is no condition's, wherever it stands.
     assert_snapshot!(error(&one(oil).feature("SAMPLE", 2), "f"), @"nothing in package `s` or in what it imports asks about the feature `SAMPLE`; did you mean `SAMPLES`?; it asks about COUNT, MULTISAMPLED, SAMPLES");
-    // `A` occurs only outside conditions.
     let commented = "// of A\n@if(B) fn A() {}\nfn f() -> f32 { return 1.0; }";
     for word in ["A", "of", "return", "1"] {
         let said = error(&one(commented).feature(word, true), "f");
-        assert!(said.contains("it asks about B"), "{said}");
+        assert!(said.contains("its conditions use B"), "{said}");
     }
-    assert_snapshot!(error(&one("fn f() -> f32 { return 1.0; }").feature("A", true), "f"), @"nothing in package `s` or in what it imports asks about the feature `A`");
+    assert_snapshot!(error(&one("fn f() -> f32 { return 1.0; }").feature("A", true), "f"), @"no condition in package `s` or in its imports uses the feature `A`");
 }
 
 /// The error names a preprocessor that Karat doesn't have, and says what to do.
@@ -494,7 +494,9 @@ fn a_feature_that_nothing_asks_about_is_an_error() {
 fn other_preprocessors_are_named() {
     let said = error(&one("fn f() -> f32 { return f32(#RADIUS); }"), "f");
     assert!(
-        said.contains("= `[features]` and a line `RADIUS = 3` in karat.toml give it a value"),
+        said.contains(
+            "= write a line `RADIUS = 3` below `[features]` in karat.toml to set the value"
+        ),
         "{said}"
     );
     assert_snapshot!(error(&one("#use Mode::Fast\nfn f() -> f32 { return 1.0; }"), "f"), @r#"
@@ -589,7 +591,7 @@ fn karat_toml_below_the_package_is_an_error() {
     let error =
         Package::open(folder.path()).expect("a folder").modules().expect_err("it isn't read");
     assert!(
-        error.to_string().contains("only the one in the package's own folder is read"),
+        error.to_string().contains("Karat reads only the karat.toml in the package's own folder"),
         "{error}"
     );
 }
@@ -628,13 +630,16 @@ fn karat_toml_says_what_expands_modules() {
     for (text, message) in [
         ("preprocess = []\n", "`shaders/karat.toml` can't be used: `preprocess` names no program"),
         ("preproces = [\"a\"]\n", "unknown field `preproces`"),
-        ("[features]\nfast = \"yes\"\n", "feature `fast` is a whole number, `true` or `false`"),
+        (
+            "[features]\nfast = \"yes\"\n",
+            "feature `fast` must be a whole number, `true` or `false`",
+        ),
         ("preprocess = [\"yes\"]\n", "it prints more than 16 MiB"),
         ("preprocess = [\"sh\", \"-c\", \"echo 'fn f() {}'; exit 3\"]\n", "exit status: 3: cd "),
         ("preprocess = [\"false\"]\n", "exit status: 1: cd "),
         ("preprocess = [\"true\"]\n", "it prints nothing"),
         ("preprocess = [\"no-such-program-here\"]\n", "it doesn't run"),
-        ("[features]\nfst = true\n", "asks about the feature `fst`"),
+        ("[features]\nfst = true\n", "uses the feature `fst`"),
     ] {
         write("karat.toml", text);
         write("a.wgsl", &format!("fn f() -> f32 {{ return 1.0; }} // {}\n", text.len()));
@@ -697,7 +702,7 @@ fn texts_that_a_host_joins_are_joined() {
     for function in ["material::shade", "other::twice"] {
         let twice = error(&package(), function);
         assert!(
-            twice.contains("`tone` is declared in two files that share their names"),
+            twice.contains("`tone` is declared in two files that share a name space"),
             "{twice}"
         );
     }
@@ -725,7 +730,7 @@ fn the_syntax_of_naga_oil_is_accepted() {
     let used = of(&user.replace("twice(x) *", "only_point(x) *")).feature("SLICES", 4);
     let said = error(&used, "user::f");
     assert!(
-        said.contains("`only_point` is declared under `#ifdef POINT`, which doesn't hold"),
+        said.contains("`only_point` is declared under `#ifdef POINT`, which is false here"),
         "{said}"
     );
     // An unused import may be wrong, but a used one may not.
@@ -887,10 +892,10 @@ fn a_misspelt_condition_is_shown_beside_its_feature() {
     let text =
         "@iff(fast && !slow) fn g() {}\n@id(3) override fast2: f32;\nfn f() -> f32 { return 1.0; }";
     let said = error(&one(text).feature("fast", true), "f");
-    assert!(said.contains("`@iff(fast && !slow)` is no condition: write `@if`"), "{said}");
+    assert!(said.contains("`@iff(fast && !slow)` isn't a condition: write `@if`"), "{said}");
     assert!(!said.contains("[values]"), "{said}");
     let other = error(&one(text).feature("fast2", true), "f");
-    assert!(!other.contains("is no condition"), "{other}");
+    assert!(!other.contains("isn't a condition"), "{other}");
 }
 
 /// A condition that would leave half an item, or remove a comma of another item, is an error.
@@ -953,13 +958,13 @@ fn values_stand_for_placeholders() {
     // The column of `y` in the author's line, which has a placeholder before it.
     assert!(said.contains("b.wgsl:1:36"), "{said}");
     for (text, message) in [
-        ("[values]\nN = [1]\n", "the value of `N` is a text, a number"),
-        ("[values]\nN = \"a\\nb\"\n", "the value of `N` is of one line"),
-        ("[values]\n\"N M\" = 1\n", "`N M` in `[values]` is no name"),
-        ("[features]\nset_by_engine = \"A\"\n", "`set_by_engine` lists names of features"),
+        ("[values]\nN = [1]\n", "the value of `N` must be a text, a number"),
+        ("[values]\nN = \"a\\nb\"\n", "the value of `N` must be one line"),
+        ("[values]\n\"N M\" = 1\n", "`N M` in `[values]` isn't a name"),
+        ("[features]\nset_by_engine = \"A\"\n", "`set_by_engine` must list names of features"),
         (
             "[features]\nset_by_engin = [\"A\"]\n",
-            "feature `set_by_engin` is no list; `set_by_engine`",
+            "feature `set_by_engin` can't be a list; `set_by_engine`",
         ),
     ] {
         write("karat.toml", text);
@@ -981,7 +986,7 @@ fn features_that_nothing_asks_about() {
     let set = package().feature("FASTT", true).feature("BLOCK", 64).feature("ENGINE", true);
     let said = error(&set, "a::f");
     assert!(
-        said.contains("asks about the features `BLOCK`, `ENGINE`, `FASTT` (did you mean `FAST`?)"),
+        said.contains("uses the features `BLOCK`, `ENGINE`, `FASTT` (did you mean `FAST`?)"),
         "{said}"
     );
     assert!(said.ends_with("[values]\nBLOCK = 64"), "{said}");

@@ -380,8 +380,8 @@ fn a_folder_declares_its_dependencies() {
     for (text, part) in [
         ("noise = { path = \"../nose\" }", "nose` (dependency `noise`)"),
         ("noise = { path = \"../noise\", crate = \"noise\" }", "or { crate = \"name@version\" }"),
-        ("noise = {}", "the dependency `noise` is { path = \"..\" }"),
-        ("karat = { path = \"../noise\" }", "no dependency can be called `karat`"),
+        ("noise = {}", "the dependency `noise` must be { path = \"..\" }"),
+        ("karat = { path = \"../noise\" }", "no dependency can have the name `karat`"),
         ("noise = { pat = \"../noise\" }", "unknown field `pat`"),
     ] {
         declared(&format!("[dependencies]\n{text}\n"));

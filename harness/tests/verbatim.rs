@@ -637,7 +637,7 @@ fn every_file_of_a_package_is_looked_at() {
         ("target/b.wgsl", "target/b.wgsl:1:"),
         ("a.wesl", "two modules named `a`"),
         ("v1.2/b.wgsl", "v1.2/b.wgsl:1:"),
-        ("B.WGSL", "write its extension in small letters"),
+        ("B.WGSL", "write its extension in lower case"),
     ] {
         let error = check(&["a.wgsl", file]).expect_err(file);
         assert!(error.contains(reason), "{file}: {error}");

@@ -1587,9 +1587,9 @@ fn declared_inputs_of_the_host_are_used() {
         ("[inputs]\nplaces = { range = [0, \"length(summ)\"] }", "no buffer is `summ`"),
         ("[inputs]\nk = { one_of = [0.5] }", "not all of them are u32"),
         ("[inputs]\nk = \"unit_vector\"", "declared as \"unit_vector\", and it is u32"),
-        ("[inputs]\nk = \"unit vector\"", "the input `k` is a number"),
+        ("[inputs]\nk = \"unit vector\"", "the input `k` must be a number"),
         ("[overrides]\nSIZES = 4", "uses an override `SIZES`"),
-        ("[overrides]\nSIZE = \"4\"", "the override `SIZE` is a number or a bool"),
+        ("[overrides]\nSIZE = \"4\"", "the override `SIZE` must be a number or a bool"),
     ] {
         write("karat.toml", declared);
         let error = karat_inspect::hazards(&package).run().expect_err(declared).to_string();

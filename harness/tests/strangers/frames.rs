@@ -441,7 +441,7 @@ fn members_of_buffers_are_inputs() {
     for (frame, part) in [
         (frame().set("globals.tme", 1.0_f32), "no member `tme`; did you mean `time`?"),
         (frame().set("global.time", 1.0_f32), "did you mean `globals`?"),
-        (frame().set("globals.time", 1_u32), "`time` is f32, the value is u32"),
+        (frame().set("globals.time", 1_u32), "`time` is f32, but the value is u32"),
         (frame().set("globals.time.x", 1.0_f32), "has no members"),
     ] {
         let error = frame.render(Path::ALL[0]).expect_err(part).to_string();

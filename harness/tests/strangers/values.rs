@@ -191,9 +191,9 @@ fn values_that_can_never_agree_are_errors() {
     write(&text).expect("as it was");
     let cell = text.lines().last().expect("a row").split_once(',').expect("two cells").1;
     for (damaged, part) in [
-        (text.replacen("x,result", "x", 1), "has 1 column, its facts other ones"),
-        (text.replacen(&format!(",{cell}\n"), ",much\n", 1), "`much` is no finite f32"),
-        (text.replacen(&format!(",{cell}\n"), ",NaN\n", 1), "`NaN` is no finite f32"),
+        (text.replacen("x,result", "x", 1), "has 1 column, but its metadata describes others"),
+        (text.replacen(&format!(",{cell}\n"), ",much\n", 1), "`much` isn't a finite f32"),
+        (text.replacen(&format!(",{cell}\n"), ",NaN\n", 1), "`NaN` isn't a finite f32"),
         (text.replacen(&format!(",{cell}\n"), "\n", 1), "has 1 cell in 2 columns"),
         (text.replacen("# schema = 1", "# schema = 7", 1), "it was written by a newer Karat"),
         (text.replacen("# case", "# [case", 1), "can't be used"),
@@ -203,11 +203,11 @@ fn values_that_can_never_agree_are_errors() {
                 .filter(|line| line.starts_with('#'))
                 .map(|line| format!("{line}\n"))
                 .collect(),
-            "has no line of columns",
+            "has no header line",
         ),
         (
             text.split_inclusive("result\n").next().unwrap_or_default().to_owned(),
-            "has no row below it",
+            "has no rows below it",
         ),
     ] {
         let error = write(&damaged).expect_err(part).to_string();

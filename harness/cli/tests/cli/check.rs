@@ -139,13 +139,13 @@ fn names_in_karat_toml_are_those_of_the_package() {
         ("[inputs]\nparams.gruops = [1, 8]\n", "the input `params.gruops` is declared"),
         (
             &hazard("calc::hlaf"),
-            "of `calc::hlaf`, and the package has no such function; did you mean",
+            "names `calc::hlaf`, and the package has no such function; did you mean",
         ),
-        (&hazard("clac::*"), "of `clac::*`, and the package has no such function"),
-        (&hazard("clac::half"), "of `clac::half`"),
-        (&hazard("calc::was"), "of `calc::was`"),
-        (&hazard("*"), "of `*`"),
-        (&row("calc::*"), "of `calc::*`"),
+        (&hazard("clac::*"), "names `clac::*`, and the package has no such function"),
+        (&hazard("clac::half"), "names `clac::half`"),
+        (&hazard("calc::was"), "names `calc::was`"),
+        (&hazard("*"), "names `*`"),
+        (&row("calc::*"), "names `calc::*`"),
         (&row("calc::hlaf"), "did you mean `calc::half`?"),
     ] {
         let ran = check("karat.toml", declared);
@@ -153,5 +153,5 @@ fn names_in_karat_toml_are_those_of_the_package() {
         assert!(ran.err.contains("shaders/karat.toml"), "{ran:?}");
     }
     let ran = check("Karat.toml", "[inputs]\nalpha = [0, 1]\n");
-    assert!(ran.code == Some(2) && ran.err.contains("is called `karat.toml`"), "{ran:?}");
+    assert!(ran.code == Some(2) && ran.err.contains("reads only `karat.toml`"), "{ran:?}");
 }

@@ -227,10 +227,10 @@ fn features_of_wgpu_alone_must_be_declared() {
         with_tint(folder.path(), CHECK)
     };
     let out = check("\"shader_int64\"").good();
-    assert_eq!(last_line(&out), "1 package valid; wgpu alone is meant by 1 module");
+    assert_eq!(last_line(&out), "1 package valid; Tint skipped 1 module");
     assert_eq!(check("").code, Some(1));
     for (native, part) in [
-        ("\"shader_int64\", \"ray_query\"", "`native` has `ray_query`, and no module uses it"),
+        ("\"shader_int64\", \"ray_query\"", "`native` has `ray_query`, which no module uses"),
         ("\"ray_qurey\"", "has no native feature `ray_qurey`; did you mean `ray_query`?"),
         ("\"shader_float16\"", "has no native feature `shader_float16`"),
     ] {
@@ -427,9 +427,9 @@ fn files_that_are_shipped_stay_shippable() {
     write(folder.path(), "shaders/n.wgsl", mixed);
     write(folder.path(), "shaders/m_test.wgsl", "@test fn is_one() { expect(true); }\n");
     let out = karat(folder.path(), CHECK).good();
-    assert!(out.contains("warning: 2 tests here: an engine that loads this file"), "{out}");
+    assert!(out.contains("warning: 2 tests in this file: an engine that loads the file"), "{out}");
     assert!(out.contains("shaders/n.wgsl:4:1") && !out.contains("m_test.wgsl:"), "{out}");
-    assert!(last_line(&out).contains("tests stand in 1 module"), "{out}");
+    assert!(last_line(&out).contains("test functions are in 1 module"), "{out}");
     let plain = karat(folder.path(), &["show", "--plain", "n", "--shaders", "shaders"]).good();
     assert_eq!(plain, "/// Twice.\nfn twice(x: f32) -> f32 { return 2.0 * x; }\n");
     let error = karat(folder.path(), &["show", "--plain", "nn", "--shaders", "shaders"]).error();
@@ -442,7 +442,10 @@ fn an_error_of_naga_says_if_tint_accepts_the_module() {
     let folder = folder("requires linear_indexing;\nfn half(x: f32) -> f32 { return 0.5 * x; }\n");
     let ran = with_tint(folder.path(), CHECK);
     assert!(ran.code == Some(1), "{ran:?}");
-    assert!(ran.out.contains("Tint accepts it: it runs in Chrome, and not in wgpu"), "{ran:?}");
+    assert!(
+        ran.out.contains("Tint accepts this module: it runs in Chrome, but not in wgpu"),
+        "{ran:?}"
+    );
     write(folder.path(), "shaders/m.wgsl", "fn half(x: f32) -> f32 { return 0.5 * y; }\n");
     let ran = with_tint(folder.path(), CHECK);
     assert!(ran.code == Some(1) && !ran.out.contains("Tint accepts it"), "{ran:?}");
@@ -675,7 +678,7 @@ fn a_barrier_that_some_miss_has_tints_word() {
     let told = with_tint(folder.path(), &["test", "shaders"]);
     assert_eq!(told.code, Some(1), "{told:?}");
     let word =
-        "Tint says so from the text alone: shaders/m.wgsl:3:17: 'workgroupBarrier' must only";
+        "Tint reports the same from the text: shaders/m.wgsl:3:17: 'workgroupBarrier' must only";
     assert!(told.out.contains(word), "{}", told.out);
     let alone = output(command(folder.path(), &["test", "shaders"]).env("KARAT_TINT", "off"));
     assert_eq!(alone.code, Some(1), "{alone:?}");

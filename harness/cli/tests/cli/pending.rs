@@ -455,7 +455,7 @@ fn a_frame_that_belongs_outside_of_the_project_is_refused() {
         write_of(&folder.join("ci"), &case, ("the-sky", golden), new(&case));
         let accept = ["accept", &case, "--from", "ci", "--because", "x"];
         let error = karat(folder, &accept).error();
-        assert!(error.contains("which is no folder of a project here"), "{error}");
+        assert!(error.contains("which isn't a folder of this project"), "{error}");
     }
     assert!(!FilePath::new("/tmp/elsewhere").exists() && !folder.join(".git").exists());
 }

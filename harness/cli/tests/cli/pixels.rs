@@ -179,7 +179,7 @@ fn a_frame_that_differs_says_how_to_go_on() {
     let ran = test();
     assert!(
         format!("{}{}", ran.out, ran.err)
-            .contains("`karat trace disc 0,0` shows how the first of them"),
+            .contains("`karat trace disc 0,0` shows how the first of these pixels"),
         "{ran:?}"
     );
 }

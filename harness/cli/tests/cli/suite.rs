@@ -421,13 +421,13 @@ fn tests_that_check_nothing_or_cannot_run_fail() {
             "t.wgsl",
             "import karat::expect_true;\n\
              @test fn t(@over(0, 1) @over(2, 3) x: f32) { expect_true(x >= 0.0); }\n",
-            "`@over` stands twice",
+            "`@over` occurs twice",
         ),
         (
             "t.wgsl",
             "import karat::expect_true;\n\
              @test @cases(9) @cases(8) fn t(x: f32) { expect_true(x == x); }\n",
-            "`@cases` stands twice",
+            "`@cases` occurs twice",
         ),
         (
             "t.wgsl",

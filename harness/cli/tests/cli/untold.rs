@@ -42,7 +42,7 @@ fn features_reach_the_tests_of_a_folder() {
     let again = karat(folder.path(), &["replay", "--print", &replayed(&with.out)]).good();
     assert!(again.contains("--feature fast=true"), "{again}");
     let unknown = test(folder.path(), &["--feature", "fasd"]).error();
-    assert!(unknown.contains("asks about the feature `fasd`"), "{unknown}");
+    assert!(unknown.contains("uses the feature `fasd`"), "{unknown}");
 }
 
 /// A test that fails before the case that is to be replayed has its message, and the others their verdicts.
