@@ -179,7 +179,7 @@ fn frames_assert_and_print() {
         for part in [
             "is false for 2 of 8 pixels",
             "<m>:5:25",
-            "first for the pixel (3, 0)",
+            "the first pixel is (3, 0)",
             "<m>:7:21: the assertion `sum < 9.0 ||",
         ] {
             assert!(told.contains(part), "{path}: {told}");
