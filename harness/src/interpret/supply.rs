@@ -89,7 +89,7 @@ fn texture(binding: &Binding, view: &View<'_>) -> Result<engine::Texture, String
     let levels = view.levels.iter().map(|level| {
         let Some(format) = &format else { return texels(level) };
         let codec = crate::probe::Codec::named(format)
-            .ok_or_else(|| format!("Karat doesn't write texels of {format}"))?;
+            .ok_or_else(|| format!("Karat can't write texels of the format {format}"))?;
         let kept = |words: &[u32; 4]| {
             let mut bytes = Vec::new();
             codec.encode(*words, &mut bytes);
