@@ -198,7 +198,7 @@ pub enum ComputeError {
         /// The value of the reference.
         value: f64,
     },
-    /// The bound of a tolerance is negative, NaN or infinite.
+    /// A tolerance's bound is negative or NaN, or so large that no error exceeds it.
     #[error(
         "the tolerance {tolerance} has the bound {bound:e}: use a number of at least 0 that an error can exceed"
     )]
@@ -217,7 +217,7 @@ pub enum ComputeError {
     /// Passes do something that WGSL doesn't order or define, such as a race between invocations.
     #[error("{0}")]
     Violations(Box<Violations>),
-    /// An accepted race doesn't occur, or the test gives no reason for it.
+    /// An accepted race doesn't occur, has no reason, or names an unknown variable.
     #[error("`{verb}` of `{variable}` {what}")]
     Accepted {
         /// The method that accepts the race.

@@ -63,7 +63,7 @@ impl<'s> Drawing<'s> {
     }
 
     /// A copy of this drawing in which the fragment functions return tapped values, starting at the 32-bit word
-    /// `first`. Without a tap, they return their own number, counted from 1 in the order of
+    /// `first`. If `values` is empty, they return their own number, counted from 1 in the order of
     /// [`fragments`](Self::fragments). If `alone` is set, they return no colours, so twice as many words fit.
     ///
     /// # Errors

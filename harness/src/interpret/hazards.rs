@@ -176,7 +176,7 @@ type OfCase = BTreeMap<(Kind, usize), Option<Parted>>;
 struct Recorder<F> {
     events: Mutex<Vec<Event<F>>>,
     reach: Reach,
-    /// For each case, the operations with wrong indices or missing pixels.
+    /// For each case, the hazards that the engine reports itself, such as wrong indices.
     wrong: Mutex<BTreeMap<usize, OfCase>>,
     /// Lanes in which a NaN decides a comparison, or is converted to an integer.
     decided: Mutex<BTreeSet<usize>>,

@@ -5,7 +5,7 @@
 async function opened(gpu, name) {
     const adapter = await gpu.requestAdapter();
     if (!adapter) {
-        throw new Error('it finds no adapter: install a driver of Vulkan 1.3, or Chromium, whose SwiftShader it takes');
+        throw new Error('WebGPU finds no adapter: install a driver for Vulkan 1.3, or Chromium, which contains SwiftShader');
     }
     const features = ['depth32float-stencil8', 'float32-filterable', 'float32-blendable', 'shader-f16', 'subgroups'];
     const { maxStorageBufferBindingSize, maxBufferSize } = adapter.limits;
@@ -81,7 +81,7 @@ async function pipelineOf(device, { shader: { wgsl, overrides }, entry_point: en
 
 // Binds the resources of a pass or a draw, group by group.
 function bind(device, pipeline, pass, bindings, held) {
-    if (bindings.some(({ at }) => !at)) throw refusal('it has no immediates', 0);
+    if (bindings.some(({ at }) => !at)) throw refusal('WebGPU has no immediates', 0);
     for (const group of new Set(bindings.map(({ at }) => at[0]))) {
         const layout = pipeline.getBindGroupLayout(group);
         const own = bindings.filter(({ at }) => at[0] === group);
@@ -91,7 +91,7 @@ function bind(device, pipeline, pass, bindings, held) {
 }
 
 async function run(device, { jobs, resources, outputs, work }) {
-    if (jobs !== 1) throw new Error(`it reads jobs of version 1, and not ${jobs}`);
+    if (jobs !== 1) throw new Error(`it reads jobs of version 1, but this job has version ${jobs}`);
     const held = resources.map((resource) => hold(device, resource));
     const encoder = device.createCommandEncoder();
     if (work.frame) {
@@ -138,8 +138,8 @@ async function draw(device, encoder, frame, held) {
     const { width, height, samples, clear, result } = frame;
     // If the fragment function decides the depth, the pre-pass must run it, too.
     const decides = frame.prepass && (/\bdiscard\b|frag_depth/.test(frame.shader.wgsl) || frame.draws.some(({ draw: one }) => one.depth_fragment));
-    if (decides) throw refusal('it draws no depth of fragments before the colours', 0);
-    if (result === 'depth' && samples > 1) throw refusal('it reads no depth of several samples', 0);
+    if (decides) throw refusal('it runs no fragment functions in the depth pre-pass', 0);
+    if (result === 'depth' && samples > 1) throw refusal('it reads no depth images with several samples', 0);
     const module = await compiled(device, frame.shader.wgsl, 0);
     const blending = (state, target) => state.blends.findLast(([own]) => own === target)?.[1] ?? state.blend ?? frame.blend;
     const wide = samples === 1 && (device.features.has('float32-blendable')
@@ -155,7 +155,7 @@ async function draw(device, encoder, frame, held) {
     const resolved = samples > 1 ? formats.map((format) => texture(format, 1)) : colours;
     const hasStencil = frame.draws.some(({ draw: { state } }) => state.stencil);
     const depthFormat = hasStencil ? 'depth32float-stencil8' : 'depth32float';
-    if (hasStencil && !device.features.has('depth32float-stencil8')) throw refusal('it has no stencils', 0);
+    if (hasStencil && !device.features.has('depth32float-stencil8')) throw refusal('its adapter has no stencil format', 0);
     const depth = texture(depthFormat, samples);
     const writesDepth = frame.shader.wgsl.includes('frag_depth');
     // Uses a render pass for each draw, because a depth-only draw has no colours.
@@ -324,14 +324,14 @@ function expectHeld(format, levels) {
     if (format === 'depth32float') {
         const depths = new Float32Array(new Uint32Array(texels.map(([depth]) => depth)).buffer);
         const wrong = depths.find((depth) => !(depth >= 0 && depth <= 1));
-        if (wrong !== undefined) throw refusal(`it has a depth of ${wrong}, and depths are 0 to 1`, 0);
+        if (wrong !== undefined) throw refusal(`it has a depth of ${wrong}, but depths must be from 0 to 1`, 0);
     }
     const [, channels, bits, kind] = format.match(/^(r|rg|rgba)(8|16|32)(u|s)int$/) ?? [];
     if (!kind) return;
     const [least, most] = kind === 'u' ? [0, 2 ** bits - 1] : [-(2 ** (bits - 1)), 2 ** (bits - 1) - 1];
     const values = texels.flatMap((texel) => texel.slice(0, channels.length)).map((word) => (kind === 'u' ? word >>> 0 : word | 0));
     const wrong = values.find((value) => value < least || value > most);
-    if (wrong !== undefined) throw refusal(`a texel is ${wrong}, which ${format} can't hold`, 0);
+    if (wrong !== undefined) throw refusal(`a texel is ${wrong}, which the format ${format} can't store`, 0);
 }
 
 // Makes a storage texture with texels. A shader writes the texels, because only the device knows the format's layout.
@@ -416,7 +416,7 @@ function painted(device, texels, samples, levels) {
 function attributes(device, mesh) {
     const names = { f32: 'float32', i32: 'sint32', u32: 'uint32' };
     return (mesh?.attributes ?? []).map(({ location, scalar, width, words, by_instance: byInstance }) => {
-        if (!names[scalar]) throw refusal(`it has no vertices of ${scalar}`, 0);
+        if (!names[scalar]) throw refusal(`it supports no vertex attributes of type ${scalar}`, 0);
         const format = width > 1 ? `${names[scalar]}x${width}` : names[scalar];
         const layout = {
             arrayStride: 4 * width,

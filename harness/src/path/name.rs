@@ -84,8 +84,7 @@ pub enum Via {
     HlslDxc,
     /// An arithmetic of the path `cpu`. It rounds `a * b + c` once, as WGSL (15.7.5) allows and many GPUs do.
     Fma,
-    /// An arithmetic of the path `cpu`. It rounds `a * b + c` once and also treats subnormal numbers as zero, as WGSL
-    /// (15.7.2) allows and many GPUs do.
+    /// An arithmetic of the path `cpu`. It treats subnormal numbers as zero, as WGSL (15.7.2) allows and many GPUs do.
     Ftz,
 }
 

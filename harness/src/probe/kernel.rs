@@ -66,7 +66,7 @@ impl Kernel {
     /// Writes the kernel for a function, with this source of arguments.
     pub(crate) fn with_inputs(program: &Program, function: &Function, inputs: Inputs) -> Self {
         let lanes = |shape: &Shape| shape.lanes().len();
-        // A driver may return zeros from storage buffers for pixels of a quad that aren't drawn.
+        // For pixels of a quad that aren't drawn, a driver may skip reads of storage buffers.
         let form = &function.form;
         let inputs = if form.fragment && form.alone { Inputs::Uniform } else { inputs };
         let words_in = function.parameters.iter().map(|(_, shape)| lanes(shape)).sum();

@@ -24,7 +24,8 @@ const LOADING: Duration = Duration::from_secs(5);
 /// The time between two checks that the file is open.
 const POLL: Duration = Duration::from_millis(20);
 
-/// The script of the page. It checks texts one after another, because all error scopes of a device are nested.
+/// The script of the page. It checks texts one after another, because concurrent checks would share the device's error
+/// scopes.
 pub(super) const PAGE: &str = "let last = navigator.gpu ? deviceOf(navigator.gpu, false) \
     : Promise.reject('this browser has no WebGPU'); \
     const ask = (question) => last = last.then(() => judge(navigator.gpu, question)).then(JSON.stringify); \

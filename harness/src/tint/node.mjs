@@ -14,7 +14,7 @@ const end = () => process.kill(process.pid, 'SIGKILL');
 let gpu;
 try {
   const [major] = process.versions.node.split('.');
-  if (Number(major) < 20) throw new Error(`Node ${process.versions.node} is too old for it: 20 or newer`);
+  if (Number(major) < 20) throw new Error(`Node ${process.versions.node} is too old: install Node 20 or newer`);
   const folder = process.argv[1];
   const about = JSON.parse(readFileSync(join(folder, 'package.json'), 'utf8'));
   const { create, globals } = await import(pathToFileURL(join(folder, about.main ?? 'index.js')));
