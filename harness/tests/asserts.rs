@@ -103,7 +103,7 @@ fn an_assertion_that_is_not_looked_at_is_an_error() {
     let check = package.function("f").with("total", Storage::new([0.0_f32])).over(0.0..=4.0);
     let failure = check.unrecorded().try_satisfies("is any", |_, _: f32| true);
     let told = failure.expect_err("nothing looks at it").to_string();
-    assert!(told.contains("`f` writes what is seen outside"), "{told}");
+    assert!(told.contains("`f` writes data that is visible outside"), "{told}");
 }
 
 /// A pass prints values by invocation, and fails at the first invocation with a false assertion.
@@ -184,7 +184,7 @@ fn frames_assert_and_print() {
         for part in [
             "is false for 2 of 8 pixels",
             "<m>:5:25",
-            "first for the pixel (3, 0)",
+            "the first pixel is (3, 0)",
             "<m>:7:21: the assertion `sum < 9.0 ||",
         ] {
             assert!(told.contains(part), "{path}: {told}");

@@ -119,15 +119,18 @@ fn tolerances_and_known_issues_hold_on_an_executor() {
 #[test]
 fn executors_without_a_name_or_room_are_refused() {
     let none = check(&Fake { room: 0, ..RIGHT }).expect_err("no room").to_string();
-    assert_eq!(none, "the executor of path `cpu` has room for no case of `twice`");
+    assert_eq!(
+        none,
+        "the executor of path `cpu` doesn't have enough memory for one case of `twice`"
+    );
     let driver = check(&Fake { path: Path::VULKAN, ..RIGHT }).expect_err("a driver's").to_string();
-    assert!(driver.contains("another executor is called `vulkan` already"), "{driver}");
+    assert!(driver.contains("another executor already has the path `vulkan`"), "{driver}");
     let mine: Path = "vulkan@mine".parse().expect("a name");
     check(&Fake { path: mine, ..RIGHT }).expect("a name of its own");
     let package = Package::from_source("s", SHADER);
     let both = package.function("twice").on(&RIGHT).on(&RIGHT).over(0.0..=1.0);
     let both = both.unrecorded().try_agrees_with(|x: f64| 2.0 * x, Ulp(0.0)).expect_err("one name");
-    assert!(both.to_string().contains("another executor is called `cpu` already"), "{both}");
+    assert!(both.to_string().contains("another executor already has the path `cpu`"), "{both}");
 }
 
 /// A density runs on its sampler's executor. An executor set for the density is an error.
@@ -192,7 +195,7 @@ fn an_executor_draws_frames_or_says_that_it_does_not() {
     let small = mean(&Fake { missing: 1, ..RIGHT }).expect_err("it is small");
     assert_eq!(small, "path `cpu` drew 1 x 1 pixels instead of 3 x 2");
     let driver = mean(&Fake { path: Path::VULKAN, ..RIGHT }).expect_err("a driver's");
-    assert!(driver.contains("another executor is called `vulkan` already"), "{driver}");
+    assert!(driver.contains("another executor already has the path `vulkan`"), "{driver}");
     let none = mean(&Calls).expect_err("it draws nothing");
     assert!(none.starts_with("path `cpu` draws no frames"), "{none}");
 }

@@ -213,5 +213,5 @@ fn aovs_and_facts_are_kept_with_a_frame_that_is_new() {
     }
     let twice = plain("attributes").aov("a", plain("attributes")).aov("a", plain("attributes"));
     let error = twice.unrecorded().try_matches(&goldens, "aovs_and_facts").expect_err("one name");
-    assert!(error.to_string().contains("another one has it"), "{error}");
+    assert!(error.to_string().contains("another AOV has that name"), "{error}");
 }

@@ -142,14 +142,14 @@ fn programs_that_run_no_jobs_do_not_open() {
         (
             "mine=PLANTED executor cpu",
             "process@mien",
-            "KARAT_EXECUTORS names no `mien`; did you mean `mine`?",
+            "KARAT_EXECUTORS has no program `mien`; did you mean `mine`?",
         ),
         (
             "mine=PLANTED executor cpu",
             "process",
-            "`process@NAME` is a program that KARAT_EXECUTORS names",
+            "write `process@NAME` with a name from KARAT_EXECUTORS",
         ),
-        ("mine=PLANTED executor cpu", "process:hlsl@mine", "takes WGSL, without a route"),
+        ("mine=PLANTED executor cpu", "process:hlsl@mine", "gets WGSL, so its path can't have a route"),
         (
             "mine=PLANTED executor cpu silent",
             "process@mine",
@@ -158,12 +158,12 @@ fn programs_that_run_no_jobs_do_not_open() {
         (
             "mine=PLANTED executor cpu old",
             "process@mine",
-            "it reads jobs of version 0, and this Karat writes version 1",
+            "it reads jobs of version 0, but this Karat writes version 1",
         ),
         (
             "mine=PLANTED executor cpu rude",
             "process@mine",
-            "its first line is no greeting: good morning",
+            "its first line isn't a greeting: good morning",
         ),
         ("mine", "process@mine", "KARAT_EXECUTORS=mine isn't a list of NAME=PROGRAM ARGUMENTS"),
     ] {

@@ -1176,7 +1176,7 @@ fn races_of_read_values_are_reported() {
         race(&pass(body));
     }
     let within = race(&pass("tile[i] = a[id.x]; b[id.x] = tile[63u - i];"));
-    assert!(within.contains("a `workgroupBarrier()` between both does"), "{within}");
+    assert!(within.contains("put a `workgroupBarrier()` between both"), "{within}");
 }
 
 /// A missing guard shows at the tail, along a long side and along three short ones, and the report says where.

@@ -363,7 +363,10 @@ fn copies_have_attributes_and_numbers() {
     let vertices = |draw: &str| Draw::vertices(draw, "fragment", 3);
     expect(&frame(vertices("plain")), [color(0.0, 0.0, 0.0); 2]);
     let error = frame(draw().instances(4)).render(Path::ALL[0]).expect_err("3 values").to_string();
-    assert!(error.contains("drawn 4 times from copy 0, and an attribute has 3 values"), "{error}");
+    assert!(
+        error.contains("drawn 4 times from copy 0, but an attribute has only 3 values"),
+        "{error}"
+    );
 }
 
 /// On wgpu's GL, shaders see other instance and vertex indices if these don't begin at 0.
@@ -464,10 +467,16 @@ fn frames_that_no_device_draws_are_errors() {
     let depth = || Draw::depth("vertex", all(0.5));
     for (frame, part) in [
         (frame(), "draws nothing"),
-        (frame().draw(red(all(0.5))).draw(depth()), "some of its draws draw depth alone"),
-        (frame().draw(depth()), "compare that, by `depth`"),
-        (frame().draw(red(all(0.5))).target(1), "it has 1 target, from 0 on, and none is 1"),
-        (frame().draw(red(all(0.5)).write_mask(1, "r")), "names target 1, and the frame has 1"),
+        (frame().draw(red(all(0.5))).draw(depth()), "some of its draws write only depth"),
+        (frame().draw(depth()), "add `depth` to compare"),
+        (
+            frame().draw(red(all(0.5))).target(1),
+            "it has 1 target, counted from 0, so there is no target 1",
+        ),
+        (
+            frame().draw(red(all(0.5)).write_mask(1, "r")),
+            "target 1, but the number of targets is 1",
+        ),
         (frame().draw(red(all(0.5))).depth().samples(4), "several samples"),
         (package.frame("", 2, 2).fragment("colored"), "at @location(1) that isn't a vec2f"),
         (
@@ -499,7 +508,7 @@ fn targets_and_outputs_are_the_same() {
     let frame = |fragment: &str| package.frame("", 4, 4).fragment(fragment);
     let two = [Format::Float, Format::Float];
     for (frame, part) in [
-        (frame("both"), "`both` writes @location(1), and the frame has 1 target: add `formats`"),
+        (frame("both"), "`both` writes @location(1), but the frame has 1 target: add `formats`"),
         (frame("second"), "`second` writes nothing at @location(0)"),
         (frame("second").formats(two), "`second` writes nothing at @location(0)"),
         (frame("depth"), "`depth` writes nothing at @location(0)"),

@@ -67,9 +67,9 @@ fn assertions_that_no_pixel_comes_to_are_named() {
     write(&folder.path().join("shaders"), "m.wgsl", &shader);
     let ran = karat(folder.path(), &["test", "--paths=vulkan"]);
     let told = format!("{}{}", ran.out, ran.err);
-    let note = "note: shaders/m.wgsl:14:25: no pixel comes to the assertion `own > 9.0`";
+    let note = "note: shaders/m.wgsl:14:25: no pixel reaches the assertion `own > 9.0`";
     assert!(told.contains(note), "{told}");
-    assert!(!told.contains("comes to the assertion `(x < 5.0)`"), "{told}");
+    assert!(!told.contains("reaches the assertion `(x < 5.0)`"), "{told}");
 }
 
 /// A false assertion fails a call, a sweep and a table, once what they print is shown.

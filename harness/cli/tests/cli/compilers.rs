@@ -64,13 +64,13 @@ fn errors_of_tint_have_a_place_and_a_remedy() {
             "fn f(x: f32) -> f32 { return clamp(x, 1.0, 0.0); }\n",
             "1:30",
             "clamp called with 'low' (1.0) greater than 'high' (0.0)",
-            "WGSL has no value for it",
+            "WGSL has no value for this expression",
         ),
         (
             "fn f(x: u32) -> u32 { return x << x + 1u; }\n",
             "1:32",
             "mixing '<<' and '+' requires parenthesis",
-            "write the parentheses",
+            "add parentheses",
         ),
         (
             "var<workgroup> n: atomic<u32>;\n@compute @workgroup_size(1) fn main() {\n    n = 0u;\n}\n",
@@ -82,10 +82,15 @@ fn errors_of_tint_have_a_place_and_a_remedy() {
             "@compute @workgroup_size(4) fn main() { let x = subgroupAdd(1.0); _ = x; }\n",
             "1:49",
             "'subgroupAdd' without extension 'subgroups'",
-            "no text with those is for both",
+            "no text with subgroups works in both",
         ),
         (alias, "2:36", "invalid aliased pointer argument", "a variable of its own"),
-        (vertex, "2:49", "cannot be used by vertex pipeline stage", "declare it `read`"),
+        (
+            vertex,
+            "2:49",
+            "cannot be used by vertex pipeline stage",
+            "declare the variable as `read`",
+        ),
         (
             "fn f(x: i64) -> i64 { return x; }\n",
             "1:9",
@@ -204,12 +209,12 @@ fn karat_tint_names_one_or_says_why_not() {
     write(folder.path(), "shaders/karat.toml", REQUIRED);
     write(folder.path(), "empty/readme", "");
     for (named, part) in [
-        ("nowhere", "KARAT_TINT=nowhere isn't there"),
+        ("nowhere", "KARAT_TINT=nowhere doesn't exist"),
         ("empty", "is a folder without the npm package `webgpu`"),
         ("OFF", "KARAT_TINT=off"),
         // A program that says nothing and ends well has read nothing.
-        ("true", "is another program than Tint"),
-        ("cat", "is another program than Tint"),
+        ("true", "isn't Tint"),
+        ("cat", "isn't Tint"),
     ] {
         let ran = output(command(folder.path(), CHECK).env("KARAT_TINT", named));
         assert!(ran.code == Some(1) && ran.out.contains(part), "{named}: {ran:?}");

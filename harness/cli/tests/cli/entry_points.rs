@@ -782,7 +782,7 @@ depth_write = false
         (
             "vertex = \"corner\"",
             "vertex = \"vs\"",
-            "`vs` takes `position` at @location(0), and vertices without a mesh have no attributes",
+            "`vs` takes `position` at @location(0), but vertices without a mesh have no attributes",
         ),
         ("vertex = \"vs\"", "vertex = \"vx\"", "no vertex entry point `vx`"),
         ("vertex = \"vs\"", "vertex = \"corner\"", "no position at `@location(0)`"),

@@ -190,14 +190,17 @@ fn an_unknown_value_or_place_is_an_error() {
     for (words, part) in [
         (&["tap", "disk", "near"][..], "did you mean `disc`?"),
         (&["tap", "disc", "nera"], "did you mean `near`?"),
-        (&["tap", "disc", "shaders/m.wgsl:11:1"], "on this line there are\n  shaders/m.wgsl:11:20"),
-        (&["tap", "disc", "shaders/m.wgsl:12:1"], "computes nothing of its own"),
-        (&["tap", "disc", "uv.x"], "is 2 values: say which\n  shaders/m.wgsl:9:23"),
+        (
+            &["tap", "disc", "shaders/m.wgsl:11:1"],
+            "this line has the values\n  shaders/m.wgsl:11:20",
+        ),
+        (&["tap", "disc", "shaders/m.wgsl:12:1"], "compute no value on this line"),
+        (&["tap", "disc", "uv.x"], "matches 2 values: choose one\n  shaders/m.wgsl:9:23"),
         (&["tap", "disc", "near", "--round", "0"], "0 is not in"),
-        (&["tap", "disc", "near", "--at", "8,0"], "and no pixel (8, 0)"),
+        (&["tap", "disc", "near", "--at", "8,0"], "but no pixel (8, 0)"),
         (&["tap", "disc", "near", "--at", "8"], "`8` is no pixel"),
         (&["tap", "disc", "near", "--size", "4x4"], "leave `--size`"),
-        (&["trace", "disc", "8,0"], "8 x 4 pixels, from (0, 0) at the upper left"),
+        (&["trace", "disc", "8,0"], "8 x 4 pixels, counted from (0, 0) at the upper left"),
         (&["trace", "disc", "1"], "`1` is no pixel: write its column and its row"),
         (&["trace", "disc", "1,1", "--against", "HEAD"], "HEAD"),
     ] {

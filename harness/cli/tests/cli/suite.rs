@@ -790,7 +790,7 @@ fn declared_frames_have_targets_formats_and_overrides() {
     let formats = "formats = [\"float\", \"rgba8unorm-srgb\"]";
     for (more, part) in [
         ("override = { GAIN = 2 }", "add `formats` with a format for each location"),
-        ("override = { GAIN = 2 }", "whose `target` is 1"),
+        ("override = { GAIN = 2 }", "sets `target` to 1"),
         ("", "`override` in a test's file"),
         ("override = { GIAN = 2 }", "no override `GIAN`; did you mean `GAIN`?"),
         ("formats = [\"float\", \"rgba8\"]", "no format `rgba8`"),

@@ -178,7 +178,7 @@ fn routes_are_paths() {
         karat(folder.path(), &["doctor", "--require", route]).good();
     }
     for (route, message) in [
-        ("gl:hlsl", "there is no compiler from hlsl to what this API takes"),
+        ("gl:hlsl", "no compiler translates hlsl for this API"),
         ("vulkan:msl", "execution path `vulkan:msl` has no route `msl`"),
     ] {
         let ran = call(route, &["maths::blend", "2", "1"]);
@@ -187,7 +187,8 @@ fn routes_are_paths() {
     // What a route can't bind is no result, and says why.
     let matrix = ["matrix", "--json", "--only", "texel"];
     let matrix = json(&karat(folder.path(), &matrix).good());
-    for (column, why) in [("vulkan:glsl", "joins each texture"), ("vulkan:hlsl", "from a heap")] {
+    for (column, why) in [("vulkan:glsl", "combines each texture"), ("vulkan:hlsl", "from a heap")]
+    {
         let cell = &row(&matrix, "image::texel")[column];
         assert_eq!(cell["status"], "valid", "{cell}");
         assert!(cell["stopped"]["says"].as_str().is_some_and(|says| says.contains(why)), "{cell}");
@@ -655,7 +656,7 @@ fn required_columns_decide_the_exit_code() {
     let ran = matrix(&["--require", "vulkan:hlsl=executed"]);
     assert_eq!(ran.code, Some(1), "{ran:?}");
     assert!(ran.err.contains("1 of 5 rows don't get to `executed` on `vulkan:hlsl`"), "{ran:?}");
-    assert!(ran.err.contains("image::fill: path `vulkan:hlsl` doesn't take this"), "{ran:?}");
+    assert!(ran.err.contains("image::fill: path `vulkan:hlsl` can't run this"), "{ran:?}");
     let ran = matrix(&[&only[..], &["--require", "msl=valid"]].concat());
     assert_eq!(ran.code, Some(1), "{ran:?}");
     assert!(ran.err.contains("no validator of msl is installed"), "{ran:?}");

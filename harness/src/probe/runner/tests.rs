@@ -36,7 +36,7 @@ fn each_case_of_a_batch_is_computed_at_any_size() {
     }
 }
 
-/// The kernel returns before it writes, so the results are poison, which is an error and no verdict.
+/// The kernel returns before it writes, so the results are poison. This is an error and not a verdict.
 // Lesson 6
 #[test]
 fn a_kernel_that_never_writes_is_an_error() {
@@ -61,8 +61,8 @@ fn one_unwritten_case_is_an_error() {
     }
 }
 
-/// The kernel writes the canary and not the results, as one driver did: all results are missing, or one
-/// component of one case.
+/// The kernel writes the canary but not the results, as one driver did. All results are missing, or one component of
+/// one case.
 // Lesson 69
 #[test]
 fn a_kernel_that_writes_only_its_canary_is_an_error() {
@@ -109,7 +109,7 @@ fn a_result_that_equals_the_poison_is_a_result() {
     }
 }
 
-/// The results of another dispatch have the right shape and the wrong canary.
+/// The results of another dispatch have the right length but the wrong canary.
 // Lesson 6
 #[test]
 fn a_stale_canary_is_an_error() {
@@ -119,8 +119,8 @@ fn a_stale_canary_is_an_error() {
     }
 }
 
-/// While another thread has its turn, a probe doesn't call GL's driver, up to and including its release.
-/// Other drivers serve several threads at once.
+/// While another thread has its turn, a probe doesn't call GL's driver, not even to release resources. Other drivers
+/// serve several threads at once.
 #[test]
 fn threads_take_turns_on_gl() {
     use std::sync::mpsc::channel;
