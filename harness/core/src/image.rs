@@ -1,4 +1,4 @@
-//! Float images, of frames and goldens.
+//! Images of floats, for frames and goldens.
 
 mod bytes;
 mod error;
@@ -22,13 +22,13 @@ use std::sync::Arc;
 
 use crate::diagnostic::FileRead;
 
-/// An image of linear RGBA in 32-bit floats, with rows from the top.
+/// An image of linear RGBA in 32-bit floats. The first row is the top row.
 ///
 /// ```
 /// use karat::Image;
 ///
 /// let mut image = Image::new(2, 1, vec![[0.5, 0.25, 0.0, 1.0]; 2]);
-/// image.pixels_mut()[1] = [4.0, 4.0, 4.0, 1.0]; // light has no upper end
+/// image.pixels_mut()[1] = [4.0, 4.0, 4.0, 1.0]; // light can be brighter than 1
 /// assert_eq!((image.width(), image.height(), image.pixels().len()), (2, 1, 2));
 /// ```
 #[derive(Clone, Debug)]
@@ -36,18 +36,18 @@ pub struct Image {
     width: u32,
     height: u32,
     pixels: Vec<[f32; 4]>,
-    /// The file that it was read from, for verdicts.
+    /// The file from which the image was read, for verdicts.
     origin: Option<Arc<FileRead>>,
 }
 
-/// Compares sizes and pixels, but not files.
+/// Compares sizes and pixels, but not origins.
 impl PartialEq for Image {
     fn eq(&self, other: &Self) -> bool {
         (self.width, self.height) == (other.width, other.height) && self.pixels == other.pixels
     }
 }
 
-/// The number of pixels in an image that aren't finite.
+/// The number of pixels in an image that are NaN or infinite.
 ///
 /// ```
 /// use karat::Image;
@@ -61,12 +61,12 @@ pub struct NonFinite {
     pub nan: usize,
     /// The number of pixels with an infinity and no NaN.
     pub infinite: usize,
-    /// Column and row of the first such pixel.
+    /// Column and row of the first pixel with a NaN or an infinity.
     pub first: Option<(u32, u32)>,
 }
 
 impl Image {
-    /// An image from its pixels.
+    /// Makes an image from its pixels, row by row from the top.
     ///
     /// ```
     /// use karat::Image;
@@ -84,13 +84,13 @@ impl Image {
         Self { width, height, pixels, origin: None }
     }
 
-    /// The same, read from a file.
+    /// The same image, marked as read from `file` with the contents `bytes`.
     #[doc(hidden)]
     pub fn read_from(self, file: &std::path::Path, bytes: &[u8]) -> Self {
         Self { origin: Some(Arc::new(FileRead::of(file, bytes))), ..self }
     }
 
-    /// The file that it was read from, even after changes to its pixels.
+    /// The file from which the image was read, even after changes to its pixels.
     #[doc(hidden)]
     pub fn origin(&self) -> Option<&FileRead> {
         self.origin.as_deref()
