@@ -199,7 +199,7 @@ pub trait Domain: Send + Sync {
         Self::Value: Shareable,
     {
         let (own, other) = (Self::Value::shape(), T::shape());
-        assert!(own == other, "`cast` can't convert a `{own}` to a `{other}`: `cast` keeps the shape");
+        assert!(own == other, "a `{own}` can't become a `{other}`: `cast` keeps the shape");
         self.map(|value| {
             let mut lanes = Vec::new();
             value.store(&mut lanes);

@@ -85,7 +85,7 @@ fn commands(character: char) -> bool {
         '\u{61c}' | '\u{200e}' | '\u{200f}' => true, // marks of direction
         '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}' => true, // overrides and isolates
         '\u{2028}' | '\u{2029}' => true,             // ends of lines and paragraphs
-        '\u{fffe}' | '\u{ffff}' => true,             // these aren't characters, and XML can't contain them
+        '\u{fffe}' | '\u{ffff}' => true,             // not characters: XML can't contain them
         _ => character.is_control(),
     }
 }

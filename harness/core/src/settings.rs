@@ -27,7 +27,10 @@ const VARIABLES: [(&str, &str); 17] = [
     ),
     (ADAPTER, "part of the name of the adapter to use (hardware before software)"),
     (DEADLINE, "seconds that a shader may take before the process gives up (60; 10 in `watch`)"),
-    (FUEL, "largest number of loop rounds in a case on `cpu`; loops with a known bound don't count (1048576)"),
+    (
+        FUEL,
+        "largest number of loop rounds in a case on `cpu`; loops with a known bound don't count (1048576)",
+    ),
     (
         SCHEDULES,
         "orders of invocations in which `cpu` runs a compute pass, if there are too many to try all of them; 0: only the usual order (16)",
