@@ -134,7 +134,7 @@ impl Image {
         &self.pixels
     }
 
-    /// All pixels, for changes.
+    /// All pixels, for reading and changing, row by row from the top.
     ///
     /// ```
     /// use karat::Image;
@@ -149,7 +149,7 @@ impl Image {
         &mut self.pixels
     }
 
-    /// The image after it is written to a file of this precision and read again.
+    /// The image that results from writing it to a file of this precision and reading it again.
     ///
     /// ```
     /// use karat::Image;
@@ -164,7 +164,7 @@ impl Image {
     pub fn rounded_to(&self, precision: Precision) -> Self {
         let mut rounded = self.clone();
         if precision == Precision::Half {
-            // As many as fit in the smallest cache. Converting a slice is several times faster than converting its
+            // The array fits into the smallest cache. Converting a slice is several times faster than converting its
             // values one by one.
             let mut halves = [f16::ZERO; 4096];
             for values in rounded.pixels.as_flattened_mut().chunks_mut(halves.len()) {
@@ -176,7 +176,7 @@ impl Image {
         rounded
     }
 
-    /// A hash of size and pixel bits.
+    /// A hash of the image's size and of its pixels' bits.
     ///
     /// ```
     /// use karat::Image;
@@ -195,7 +195,7 @@ impl Image {
         hasher.finalize().to_hex().to_string()
     }
 
-    /// Counts NaN and infinities.
+    /// Counts the pixels with NaN and infinities.
     ///
     /// ```
     /// use karat::Image;
@@ -222,8 +222,8 @@ impl Image {
         census
     }
 
-    /// The logarithmic mean of luminance: the brightness that an exposure would map to grey. Black and non-finite
-    /// pixels are left out; without any others, the key is 1.
+    /// The logarithmic mean of the pixels' luminance: the brightness that an exposure would map to grey. Black and
+    /// non-finite pixels don't count. If all pixels are black or non-finite, the key is 1.
     ///
     /// ```
     /// use karat::Image;
@@ -246,13 +246,13 @@ impl Image {
     }
 }
 
-/// Luminance of linear sRGB, ITU-R BT.709.
+/// Luminance of linear sRGB (ITU-R BT.709).
 #[doc(hidden)]
 pub fn luminance([r, g, b, _]: &[f32; 4]) -> f32 {
     0.2126 * r + 0.7152 * g + 0.0722 * b
 }
 
-/// Converts linear light, 0 to 1, to sRGB (IEC 61966-2-1), 0 to 1.
+/// Converts linear light to sRGB (IEC 61966-2-1). Both are from 0 to 1.
 #[doc(hidden)]
 pub fn encode_srgb(linear: f64) -> f64 {
     if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
@@ -265,7 +265,7 @@ impl approx::AbsDiffEq for Image {
         f32::EPSILON
     }
 
-    /// Compares sizes, and each channel to within `epsilon`. NaN equals nothing.
+    /// Compares sizes, and checks that each channel differs by at most `epsilon`. NaN is unequal to everything.
     fn abs_diff_eq(&self, other: &Self, epsilon: f32) -> bool {
         self.all_channels(other, |a, b| a.abs_diff_eq(&b, epsilon))
     }
@@ -276,7 +276,8 @@ impl approx::RelativeEq for Image {
         f32::EPSILON
     }
 
-    /// Compares sizes, and each channel to within `epsilon`, or relatively to within `max_relative`.
+    /// Compares sizes, and checks that each channel differs by at most `epsilon`, or relatively by at most
+    /// `max_relative`.
     fn relative_eq(&self, other: &Self, epsilon: f32, max_relative: f32) -> bool {
         self.all_channels(other, |a, b| a.relative_eq(&b, epsilon, max_relative))
     }
