@@ -3,8 +3,8 @@
 use super::gauss::gauss_legendre;
 use super::{Cells, Support};
 
-/// The number of Gauss-Legendre nodes along each side; the rule has degree 13. The other rule is Lobatto's, of degree
-/// 7. It has nodes on the sides, because the Gauss-Legendre rule alone would miss an edge between its outer nodes and
+/// The number of Gauss-Legendre nodes along each side; the rule has degree 13. The other rule is Lobatto's, of
+/// degree 7. It has nodes on the sides, because the Gauss-Legendre rule alone would miss an edge between its outer nodes and
 /// the sides.
 const ORDER: u32 = 7;
 
