@@ -293,7 +293,7 @@ fn what_flip_does_not_see_does_not_pass() {
     let (night, day) = (dark(1e-41), dark(3e-41));
     let measured = Flip::MEAN.measure(&Pair::new(&night, &day).expect("finite"));
     assert!(
-        measured.note.is_some_and(|note| note.starts_with("3e-41 at (9, 0) is more than 128 stops"))
+        measured.note.is_some_and(|note| note.starts_with("3e-41 at (9, 0) is more than 128"))
     );
 
     let pair = pair.with_exposures(ExposureRange { start: f64::NAN, stop: 0.0 });

@@ -66,7 +66,7 @@ impl ExposureMap {
     /// # let (golden, actual) = (grey(0.5), grey(0.6));
     /// let exposures = Flip::MEAN.exposures(&Pair::new(&golden, &actual)?)?;
     /// assert!(exposures.at(0, 0).is_some());
-    /// assert_eq!(exposures.at(32, 0), None); // beside the frame
+    /// assert_eq!(exposures.at(32, 0), None); // outside of the frame
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     #[must_use]
