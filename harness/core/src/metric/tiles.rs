@@ -230,7 +230,7 @@ mod tests {
             assert!(mean >= whole * 9.0 / 16.0, "({left}, {top}): {mean} in {tile}");
         }
         assert_eq!(largest(8, 8), (whole, Rect::new(0, 0, 16, 16)));
-        assert_eq!(largest(12, 12).1, Rect::new(8, 8, 16, 16), "the overlapping tile is the largest");
+        assert_eq!(largest(12, 12).1, Rect::new(8, 8, 16, 16), "an overlapping tile contains it");
     }
 
     #[test]
