@@ -228,7 +228,7 @@ fn vector_complexity(value: Vec3) -> u64 {
 fn sorted(mut found: Vec<Vec3>, value: Vec3, admits: impl Fn(Vec3) -> bool) -> Vec<Vec3> {
     let own = vector_complexity(value);
     found.retain(|candidate| admits(*candidate) && vector_complexity(*candidate) < own);
-    found.sort_by_cached_key(|candidate| vector_complexity(*candidate)); // the sort is stable: of equal vectors, +Z stays before +X
+    found.sort_by_cached_key(|candidate| vector_complexity(*candidate)); // stable: of equal vectors, +Z comes first
     found.dedup_by_key(|candidate| candidate.to_array().map(f32::to_bits));
     found
 }

@@ -117,7 +117,7 @@ fn what_is_within_a_ratio_is_so_exactly() {
     for tolerance in &tolerances {
         for (value, expected) in numbers.iter().flat_map(|a| numbers.iter().map(move |b| (*a, *b)))
         {
-            // A result is an `f32`.
+            // Results are `f32`.
             #[expect(clippy::cast_possible_truncation, reason = "of the numbers that are one")]
             let actual = value as f32;
             let exact = tolerance.measure(0, actual, expected).ratio;
@@ -131,6 +131,6 @@ fn what_is_within_a_ratio_is_so_exactly() {
             }
         }
     }
-    // If fewer were recognised, the estimate would gain nothing.
+    // The estimate is useful only if it recognises most results that pass.
     assert!(within > passing / 2, "{within} of {passing} were recognised");
 }
