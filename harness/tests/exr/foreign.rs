@@ -68,7 +68,8 @@ fn compressions_that_are_not_read_are_named() {
     for (file, name) in
         [("htj2k32", "HTJ2K32"), ("htj2k256", "HTJ2K256"), ("lj2k", "LJ2K"), ("zstd", "ZSTD")]
     {
-        let expected = format!("it is compressed by {name}, which isn't read; convert it to ZIP");
+        let expected =
+            format!("it is compressed by {name}, which Karat can't read: convert it to ZIP");
         assert_eq!(refusal(file), expected);
     }
 }
@@ -90,7 +91,7 @@ fn colours_are_found_and_alpha_is_one_where_it_is_missing() {
     // Of two layers with names, Karat reads the first. A layer without a name comes before a layer with a name.
     assert_eq!(read("layered"), patterned());
     assert_eq!(read("unnamed_first"), patterned());
-    // With X and Z beside it, the channel Y isn't a grey image.
+    // Y is not grey beside X and Z.
     assert_eq!(refusal("normals"), "it has no channels R, G and B, nor Y alone, but X, Y, Z");
 }
 
@@ -105,7 +106,7 @@ fn the_data_window_is_the_image_whatever_the_order_and_the_tiles() {
 
 #[test]
 fn deep_data_is_refused() {
-    assert_eq!(refusal("deep"), "it holds deep data, which isn't read");
+    assert_eq!(refusal("deep"), "it has deep data, which Karat can't read");
 }
 
 #[test]

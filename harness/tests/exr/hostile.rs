@@ -298,7 +298,7 @@ fn other_file_formats_are_named() {
     assert_eq!(read(b""), not("empty"));
     assert_eq!(read(b"\x89PNG\r\n\x1a\n...."), not("a PNG image"));
     assert_eq!(read(b"#?RADIANCE\n"), not("a Radiance HDR image"));
-    assert_eq!(read(b"not an image"), not("of a format that isn't known"));
+    assert_eq!(read(b"not an image"), not("of an unknown format"));
     let pointer = b"version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 1\n";
     let expected = "`a.exr` is a Git LFS pointer, not an image; run `git lfs pull`";
     assert_eq!(read(pointer), expected);
@@ -336,9 +336,9 @@ fn exceeded_limits_are_errors() {
     assert_eq!(read(&many), "it has a part of more than 32 channels");
     let flags = sound.iter().position(|byte| *byte == 2).expect("the version");
     sound[flags + 1] |= 8;
-    assert_eq!(read(&sound), "it holds deep data, which isn't read");
+    assert_eq!(read(&sound), "it has deep data, which Karat can't read");
     sound[flags] = 3;
-    assert_eq!(read(&sound), "it is of version 3, only 2 is read");
+    assert_eq!(read(&sound), "it has version 3, but Karat reads only version 2");
     let chroma = AnyChannels::sort(SmallVec::<[_; 4]>::from_iter([super::channel(
         "BY",
         SampleType::F16,
@@ -348,8 +348,8 @@ fn exceeded_limits_are_errors() {
     // After the name come the type, a flag for quantisation, and the sampling of columns and rows.
     let sampling = chroma.windows(3).position(|w| w == b"BY\0").expect("a channel") + 3 + 8;
     chroma[sampling] = 2;
+    // A writer that was stopped leaves a table of zeros.
     assert_eq!(read(&chroma), "its channel `BY` has fewer pixels than the image, which isn't read");
-    // An interrupted writer leaves a chunk table of zeros.
     let stopped = Seed::new(seeds().swap_remove(2).bytes);
     let mut bytes = stopped.bytes;
     bytes[stopped.tables..stopped.tables + 8].fill(0);

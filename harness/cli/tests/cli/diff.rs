@@ -287,7 +287,7 @@ fn images_that_differ_only_in_alpha_differ() {
     for part in [
         "gate: 1 of 1536 pixels are off by more than rel 1e-3, within (2, 1) to (2, 1)\n",
         "  worst: pixel (2, 1) alpha: 0.5 instead of 1, 500 times what is allowed\n",
-        "HDR-FLIP: alpha is off at (2, 1), which FLIP doesn't see\n",
+        "HDR-FLIP: alpha differs at (2, 1), and FLIP ignores alpha\n",
         "heatmap: flip.png, colours from 0 to 1, without what FLIP doesn't see\n",
     ] {
         assert!(ran.out.contains(part), "no `{part}`: {ran:?}");
@@ -298,7 +298,7 @@ fn images_that_differ_only_in_alpha_differ() {
     let report = json(&ran.out);
     assert_eq!((ran.code, &report["gate"]["worst"]["channel"]), (Some(1), &"alpha".into()));
     assert!(report["flip"]["largest_tile"].is_null() && report["flip"]["mean"].is_null());
-    assert_eq!(report["flip"]["note"], "alpha is off at (2, 1), which FLIP doesn't see");
+    assert_eq!(report["flip"]["note"], "alpha differs at (2, 1), and FLIP ignores alpha");
     assert_eq!(diff(&folder, &["a.exr", "clear.exr", "--rel", "0.5"]).code, Some(0));
 }
 

@@ -59,7 +59,7 @@ fn grids_hit_both_ends_exactly() {
     assert!([0.0..=1.0, -1.0..=1.0].map(|r| Grid::logarithmic(r, 9)).iter().all(Domain::is_empty));
 }
 
-/// The values of a domain are cast bit for bit to another type of the same shape.
+/// Values are converted, bit for bit, to another type of the same shape.
 #[test]
 fn a_domain_is_cast() {
     let (own, cast) = (UnitVector.edges(), UnitVector.cast::<glam::Vec3>().edges());

@@ -125,7 +125,7 @@ fn a_ratio_below_one_means_within_the_bound() {
     for tolerance in &tolerances {
         for (value, expected) in numbers.iter().flat_map(|a| numbers.iter().map(move |b| (*a, *b)))
         {
-            // A result is an `f32`.
+            // Results are `f32`.
             #[expect(clippy::cast_possible_truncation, reason = "of the numbers that are one")]
             let actual = value as f32;
             let exact = tolerance.measure(0, actual, expected).ratio;
@@ -139,6 +139,6 @@ fn a_ratio_below_one_means_within_the_bound() {
             }
         }
     }
-    // If fewer were recognised, the estimate would gain nothing.
+    // The estimate is useful only if it recognises most results that pass.
     assert!(within > passing / 2, "{within} of {passing} were recognised");
 }
