@@ -91,8 +91,8 @@ fn colours_are_found_and_alpha_is_one_where_it_is_missing() {
     // Of two layers with names, Karat reads the first. A layer without a name comes before a layer with a name.
     assert_eq!(read("layered"), patterned());
     assert_eq!(read("unnamed_first"), patterned());
-    // Y is not grey beside X and Z.
-    assert_eq!(refusal("normals"), "it has no channels R, G and B, nor Y alone, but X, Y, Z");
+    // With X and Z beside it, the channel Y isn't a grey image.
+    assert_eq!(refusal("normals"), "it has neither the channels R, G and B nor Y, but X, Y, Z");
 }
 
 #[test]

@@ -348,8 +348,11 @@ fn exceeded_limits_are_errors() {
     // After the name come the type, a flag for quantisation, and the sampling of columns and rows.
     let sampling = chroma.windows(3).position(|w| w == b"BY\0").expect("a channel") + 3 + 8;
     chroma[sampling] = 2;
-    // A writer that was stopped leaves a table of zeros.
-    assert_eq!(read(&chroma), "its channel `BY` has fewer pixels than the image, which isn't read");
+    // An interrupted writer leaves a chunk table of zeros.
+    assert_eq!(
+        read(&chroma),
+        "its channel `BY` has fewer pixels than the image, which Karat can't read"
+    );
     let stopped = Seed::new(seeds().swap_remove(2).bytes);
     let mut bytes = stopped.bytes;
     bytes[stopped.tables..stopped.tables + 8].fill(0);

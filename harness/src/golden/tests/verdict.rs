@@ -47,8 +47,8 @@ fn a_frame_that_differs_says_what_and_where() {
     frame `room/ramp` differs from its golden `golden/room/ramp.exr`: 1 of 3072 pixels are off by more than rel 1e-3, within (6, 1) to (6, 1)
       worst: pixel (6, 1) alpha: 0.5 instead of 1, 500 times what is allowed
       fails  gate rel 1e-3: 500 times what is allowed, at (6, 1)
-      fails  largest FLIP tile inf of 0.03 (alpha is off at (6, 1), which FLIP doesn't see)
-      fails  mean FLIP inf of 0.005 (alpha is off at (6, 1), which FLIP doesn't see)
+      fails  largest FLIP tile inf of 0.03 (alpha differs at (6, 1), and FLIP ignores alpha)
+      fails  mean FLIP inf of 0.005 (alpha differs at (6, 1), and FLIP ignores alpha)
       FLIP used exposures of -0.44 to -0.31 stops, pinned in the golden
       pixels off at a tolerance of 0.001: 0.033%, 0.01: 0.033%, 0.1: 0.033%, 1: 0.000%
       would pass: a gate of rel 0.5
