@@ -133,7 +133,7 @@ pub enum DispatchError {
 }
 
 impl DispatchError {
-    /// Checks if a path rejected the passes before it ran any of them. A workgroup that is too large doesn't
+    /// Checks if a path rejected the passes before it ran any pass. A workgroup that is too large doesn't
     /// count, because that is the author's mistake.
     pub(crate) fn is_refusal(&self) -> bool {
         match self {
@@ -376,7 +376,7 @@ impl Passes {
         Ok(())
     }
 
-    /// The passes that use a resource, with the variables that they use it by.
+    /// The passes that use a resource, each with the variable by which it uses the resource.
     pub(crate) fn uses(&self, resource: usize) -> impl Iterator<Item = (&Pass, &Binding)> {
         self.passes.iter().flat_map(move |pass| {
             let own = pass.bindings.iter().filter(move |(_, number)| *number == resource);
@@ -513,7 +513,8 @@ impl Passes {
 /// A texture has four words for each texel.
 pub type Afterwards = Vec<(usize, Vec<u32>)>;
 
-/// Replaces the error about a missing entry point by one with the most similar name, if there is one.
+/// Adds the most similar name in the package to the error about a missing entry point, if there is a similar
+/// name.
 fn unknown(package: &Package, name: &str, error: ReflectError) -> DispatchError {
     let items = package.functions().unwrap_or_default();
     let known =

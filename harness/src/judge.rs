@@ -121,7 +121,7 @@ impl Shown {
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Tally {
     pub(crate) census: Census,
-    /// The case with the largest ratio. If several cases have it, the first of them.
+    /// The case with the largest ratio, or the first case with that ratio.
     pub(crate) worst: Option<Shown>,
     /// The failing case with the lowest index. Low indices belong to edges, which are the simplest cases.
     pub(crate) first: Option<Shown>,

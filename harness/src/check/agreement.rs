@@ -127,7 +127,7 @@ impl<V: Arguments> Check<'_, Calls<V>> {
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if a case disagrees or nothing could be compared.
+    /// Panics with the [`Failure`] if a case disagrees or nothing could be compared.
     #[track_caller]
     pub fn agrees_with(
         self,
@@ -137,7 +137,7 @@ impl<V: Arguments> Check<'_, Calls<V>> {
         or_panic(self.try_agrees_with(reference, tolerance))
     }
 
-    /// [`agrees_with`](Self::agrees_with) without the panic.
+    /// Runs [`agrees_with`](Self::agrees_with), but returns the failure instead of panicking.
     ///
     /// ```
     /// # use karat::prelude::*;

@@ -16,7 +16,7 @@ use crate::reflect::{Function, Overrides};
 use crate::tolerance::Tolerance;
 use crate::value::{Scalar, Shape};
 
-/// A function that has been compared with the check's arguments: its parameters have their types.
+/// A function with parameters that fit the types of the check's arguments.
 #[derive(Debug)]
 pub(super) struct Fitting(Probed);
 

@@ -26,8 +26,8 @@ pub(super) struct Demand {
     pub(super) calls: usize,
 }
 
-/// Numbers the cases of a check for a seed. The check or its verb sets their number. Returns an error if there
-/// are no cases.
+/// Numbers the cases of a check for a seed. The check or its verb sets the number of cases. Returns an error if
+/// there are no cases.
 pub(super) fn number(
     plan: &Plan<'_>,
     function: &Function,

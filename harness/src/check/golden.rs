@@ -54,7 +54,7 @@ impl<V> Check<'_, Calls<V>> {
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if a result differs from the golden, or there is no golden.
+    /// Panics with the [`Failure`] if a result differs from the golden, or there is no golden.
     #[track_caller]
     pub fn matches(
         self,
@@ -65,7 +65,7 @@ impl<V> Check<'_, Calls<V>> {
         or_panic(self.try_matches(goldens, case, tolerance))
     }
 
-    /// [`matches`](Self::matches) without the panic.
+    /// Runs [`matches`](Self::matches), but returns the failure instead of panicking.
     ///
     /// # Errors
     /// If a result differs from the golden, or there is no golden.

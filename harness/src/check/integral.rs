@@ -145,7 +145,7 @@ where
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if an integral disagrees, a node has no finite result, or nothing
+    /// Panics with the [`Failure`] if an integral disagrees, a node has no finite result, or nothing
     /// could be compared.
     #[track_caller]
     pub fn agrees_with<E: Mirror>(
@@ -156,7 +156,7 @@ where
         or_panic(self.try_agrees_with(expected, tolerance))
     }
 
-    /// [`agrees_with`](Self::agrees_with) without the panic.
+    /// Runs [`agrees_with`](Self::agrees_with), but returns the failure instead of panicking.
     ///
     /// # Errors
     /// If an integral disagrees, a node has no finite result, or nothing could be compared.
@@ -181,14 +181,14 @@ where
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if an integral exceeds its bound, a node has no finite result, or
+    /// Panics with the [`Failure`] if an integral exceeds its bound, a node has no finite result, or
     /// nothing could be compared.
     #[track_caller]
     pub fn is_at_most<E: Mirror>(self, bound: impl Fn(&V) -> E + Sync, slack: f64) -> Agreement {
         or_panic(self.try_is_at_most(bound, slack))
     }
 
-    /// [`is_at_most`](Self::is_at_most) without the panic.
+    /// Runs [`is_at_most`](Self::is_at_most), but returns the failure instead of panicking.
     ///
     /// # Errors
     /// If an integral exceeds its bound, a node has no finite result, or nothing could be compared.

@@ -112,7 +112,8 @@ pub enum Mismatch {
         /// The type of the parameter.
         shape: Shape,
     },
-    /// The check asks for a result that is perpendicular to a parameter, but their types differ.
+    /// The check asks for a result that is perpendicular to a parameter, but the result and the parameter have
+    /// different types.
     #[error(
         "returns {result}, and has `{name}` of type {shape}: only vectors of the same type can be perpendicular"
     )]

@@ -112,7 +112,7 @@ impl PathTally {
         }
     }
 
-    /// Merges the tally of earlier cases, if there is one, with the tally of later cases.
+    /// Merges the tally of later cases into the tally of earlier cases, if there is one.
     pub(super) fn and(earlier: Option<Self>, later: Self) -> Self {
         match earlier {
             Some(earlier) => earlier.merge(later),

@@ -41,7 +41,8 @@ const CONFIGURATIONS: u64 = 16;
 const ENUMERATED: u64 = 4096;
 
 /// The number of samples per configuration if the check sets no number. Each of 512 cells then gets 512 samples
-/// on average. If the density is wrong by 3 % in every cell, the check accepts it in only one of 10^9 runs.
+/// on average. If the density is wrong by 3 % in every cell, the check accepts the density in only one of 10^9
+/// runs.
 const SAMPLES: u64 = 1 << 18;
 
 /// The default probability that a check rejects a correct sampler, for one seed. Mitsuba uses the same value.
@@ -254,8 +255,8 @@ struct Hypothesis {
     check: &'static str,
     /// The text of the assertion, for records and messages.
     text: String,
-    /// The number of statistical tests per configuration. All tests together have the significance as their
-    /// error probability.
+    /// The number of statistical tests per configuration. The significance is the error probability of all
+    /// tests together.
     tests: u64,
 }
 

@@ -100,8 +100,8 @@ pub(super) type JudgeBatch<'j> =
 pub(super) type Expect<'e> = &'e (dyn Fn(Rows<'_>, &mut Vec<f64>) + Sync);
 
 impl<'a> Session<'a> {
-    /// Returns an error unless `tested`: such a check can't fail, because it tests nothing. A failing check and
-    /// a replay of a single case never cause this error.
+    /// Returns an error if `tested` is `false`. Such a check tests nothing, so it can't fail. A failing check
+    /// and a replay of a single case never cause this error.
     pub(super) fn expect_tested(
         &self,
         tested: bool,

@@ -17,8 +17,8 @@ use crate::run::Descent;
 /// a matrix.
 const ROUNDS: usize = 50;
 
-/// The time limit for one case. Only checks with slow references reach it. Their simplest case may be less
-/// simple.
+/// The time limit for one case. Only checks with slow references reach the limit. The simplest case of such a
+/// check may be less simple.
 const TIME: Duration = Duration::from_secs(20);
 
 /// The largest number of trials in one round that may give an error instead of a verdict, for example because a

@@ -77,7 +77,7 @@ pub enum Failure {
     Evidence {
         /// The sampler's name.
         function: String,
-        /// The reason.
+        /// The reason, as text.
         reason: String,
         /// The configuration's index.
         case: u64,
@@ -107,7 +107,7 @@ pub enum Failure {
     Domain {
         /// The function's name.
         function: String,
-        /// The reason.
+        /// The reason, as text.
         reason: Box<Vacuous>,
     },
     /// A quadrature rule has no nodes, has a weight that isn't finite, or gives an integral without a verdict.

@@ -8,7 +8,7 @@ use crate::path::{Device, MOST_ROUNDS, PathError, guard};
 use crate::probe::{Kept, Resource, upload_shared};
 use crate::reflect::{BindingKind, Program, Watched};
 
-/// A program that counts the iterations of its loops, and the binding of the counts.
+/// A program that counts the iterations of its loops, and the binding of the buffer with the counts.
 struct Counted {
     watched: Watched,
     binding: u32,
@@ -20,7 +20,7 @@ impl Device {
         self.dispatch_with(passes, self.leaves_loops())
     }
 
-    /// Dispatches the passes. If `watched`, first checks that each loop ends before the driver would stop it.
+    /// Dispatches the passes. If `watched`, first checks that each loop ends before the driver stops the loop.
     pub fn dispatch_with(
         &self,
         passes: &Passes,

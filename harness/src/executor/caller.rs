@@ -127,7 +127,8 @@ impl Running<'_> {
         let mut view = |words: &[u32], stride: usize| {
             let (expected, found) = (calls * stride.max(width), words.len());
             value = Some(match found == expected && stride >= width {
-                // The caller's `read` may panic. Such a panic isn't the path's fault, so it passes through.
+                // The caller's `read` may panic. Such a panic isn't the path's fault, so Karat doesn't catch
+                // it.
                 true => Ok(panics::passing(|| read(View { words, stride, width }))),
                 false => Err(ProbeError::Length { path, expected, found }),
             });

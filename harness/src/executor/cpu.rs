@@ -83,7 +83,7 @@ impl Prepared for Ready {
     }
 }
 
-/// A prepared function that writes resources or prints, so each case runs alone.
+/// A prepared function for which each case must run alone, because other cases would see its writes.
 #[derive(Debug)]
 struct ReadyAlone {
     function: Alone,

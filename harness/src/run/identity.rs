@@ -60,7 +60,7 @@ impl Identity {
         Ok(Self { test, check, settings })
     }
 
-    /// The case that the environment selects, if it names this check, or no check.
+    /// The case that `KARAT_CASE` selects, if `KARAT_CASE` names this check or no check.
     fn selected(&self, function: &str, check: &str) -> Option<&SelectedCase> {
         self.settings.case.as_ref().filter(|selected| match &selected.check {
             Some(named) => *named == label(function, check),

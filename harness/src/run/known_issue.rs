@@ -1,7 +1,7 @@
 //! Declarations of failures on paths, and the combined verdict of all paths.
 //!
-//! If you declare that a path fails, the path must fail. If it passes, the check fails, so that you remove the
-//! declaration after the bug is fixed. The same rules apply to functions, frames and compute passes.
+//! If you declare that a path fails, the path must fail. If the path passes, the check fails, so that you
+//! remove the declaration after the bug is fixed. The same rules apply to functions, frames and compute passes.
 
 use std::collections::BTreeSet;
 use std::fmt::{self, Display};
@@ -189,7 +189,7 @@ impl KnownIssues {
     ///
     /// - `fails_on` is about values. At least one value on the path must be wrong, unless a replay selects a
     ///   single case. NaN and infinities are values.
-    /// - `refused_on` is about a path that refuses the program before it runs any part of it.
+    /// - `refused_on` is about a path that refuses the program before any part of the program runs.
     /// - If a path stops for any other reason, that is an error even with a declaration, because the path has
     ///   no values.
     ///
@@ -282,7 +282,7 @@ pub(crate) type JudgePath<'j, V, E> =
 
 /// The reason why a check, a frame or passes fail.
 pub(crate) trait Stop: Fails + From<WrongDeclaration> {
-    /// Checks if a path refused the program before it ran any part of it.
+    /// Checks if a path refused the program before any part of the program ran.
     fn is_refusal(&self) -> bool;
 
     /// The cause, as text. A report shows paths with the same cause together.

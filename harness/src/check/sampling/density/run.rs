@@ -71,8 +71,8 @@ impl Run<'_> {
         draw(seed, first, count, &random.lanes(), &given)
     }
 
-    /// The relative error of a function's values because it reads textures that the path stores as half floats.
-    /// 0 if it reads none. The error isn't averaged, because a single texel may determine the peak of a lobe.
+    /// The relative error of a function's values if the function reads textures that the path stores as half
+    /// floats. Otherwise 0. A single texel may determine the peak of a lobe, so the error of one texel counts.
     fn half_rounding(&self, which: usize) -> f64 {
         if self.other(which).called.reads_half_floats() { HALF } else { 0.0 }
     }
