@@ -61,6 +61,7 @@ pub struct Job {
     pub work: Work,
 }
 
+/// The work of a job: compute passes, or a frame.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Work {

@@ -49,6 +49,7 @@ pub struct Flushed<'r> {
 }
 
 impl<'r> Flushed<'r> {
+    /// Makes the iterator for a row of arguments with these scalar types.
     pub fn of(scalars: &[Scalar], row: &'r [u32]) -> Self {
         let lanes = scalars.iter().zip(row).enumerate();
         let lanes = lanes.filter(|(_, (scalar, word))| is_subnormal(**scalar, **word));
