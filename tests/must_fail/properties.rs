@@ -152,7 +152,7 @@ fn a_monotone_check_of_nothing() {
     let vacuous = [
         (
             over().unrecorded().try_is_monotone_in("alpha", up, Ulp(0.0)),
-            "no case whose result changes",
+            "no case in which `alpha` changes",
         ),
         (
             over().unrecorded().try_is_monotone_in(1, up, Ulp(0.0)),
