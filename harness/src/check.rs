@@ -136,7 +136,6 @@ struct Together<'a> {
     package: &'a Package,
     /// The name of the generated function, such as `brdf_test::counted`.
     function: &'a str,
-    /// The types of all arguments of the generated function.
     shapes: &'a [Shape],
     which: u32,
     /// The index of the `u32` word at which the selected function's own arguments begin, and the number of
@@ -219,7 +218,6 @@ impl<'a> Probe<'a> {
         self
     }
 
-    /// The root folder of the package that contains the checked function or test.
     fn root(&self) -> PathBuf {
         let root = || self.package.root();
         self.place.as_ref().map_or_else(root, |(_, root)| root.clone())

@@ -17,7 +17,6 @@ pub(crate) struct Judged {
     pub(crate) class: Class,
 }
 
-/// The kind of a failure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Class {
     Nan,
@@ -103,7 +102,6 @@ impl Census {
     }
 }
 
-/// A case that messages show.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Shown {
     pub(crate) case: u64,
@@ -265,7 +263,6 @@ impl<F: Fn(usize, &[u32]) -> Judged + Sync> Judge for F {
 pub(crate) struct Picked {
     /// `true` if Karat stores failing cases.
     wants_failing: bool,
-    /// The indices of failing cases in the batch.
     pub(crate) failing: Vec<usize>,
     /// The distance between two stored cases. 0 if Karat stores none.
     every: usize,
@@ -284,7 +281,6 @@ impl Picked {
         Self { wants_failing: true, ..self }
     }
 
-    /// Makes an empty copy with the same selection.
     fn empty(&self) -> Self {
         Self { every: self.every, wants_failing: self.wants_failing, ..Self::default() }
     }

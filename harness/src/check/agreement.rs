@@ -44,9 +44,7 @@ pub(super) fn with_reference<A: Arguments, T>(
     })
 }
 
-/// Compares the results of a batch's cases with the expected results.
 struct Comparison<'c> {
-    /// The scalar types of a result's components.
     scalars: &'c [Scalar],
     /// The expected components of all cases, one case after the other.
     expected: &'c [f64],

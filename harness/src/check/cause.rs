@@ -45,7 +45,6 @@ type Measured = Box<dyn Fn(&[f64]) -> f64>;
 struct Property {
     name: String,
     of: Measured,
-    /// `true` if the property combines two arguments.
     mixed: bool,
 }
 

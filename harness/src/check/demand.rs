@@ -11,7 +11,6 @@ use crate::value::Shape;
 const ALONE: u64 = 2048;
 
 pub(super) struct Demand {
-    /// The types of the arguments that the check supplies.
     pub(super) arguments: Vec<Shape>,
     /// The words in messages that say who supplies the arguments: `the domain supplies`.
     pub(super) who: &'static str,

@@ -122,7 +122,6 @@ fn is_right_handed(lanes: &[f64]) -> bool {
         && cross.iter().zip(c).all(|(x, c)| (x - c).abs() <= LENGTH)
 }
 
-/// Returns the scalar type if `shape` is a vector of floats.
 fn floats(shape: &Shape) -> Option<Scalar> {
     match shape {
         Shape::Vector { scalar: scalar @ (Scalar::F32 | Scalar::F16), .. } => Some(*scalar),

@@ -170,7 +170,6 @@ pub struct CaseFailure {
     /// `case` with the case's `Debug` text. The next entries are the arguments that have the same value at all
     /// nodes.
     pub arguments: Vec<(String, String)>,
-    /// The index of the worst component.
     pub(crate) lane: usize,
     /// The name of the worst component, such as `".y"`. `""` for a scalar.
     pub component: String,
@@ -431,7 +430,6 @@ impl CaseFailure {
     }
 }
 
-/// The text of a failing case.
 struct Told<'f> {
     failure: &'f CaseFailure,
     title: &'f str,

@@ -334,7 +334,6 @@ fn seed_of(case: &str) -> u64 {
     hash.as_bytes().iter().take(8).fold(0, |seed, byte| seed << 8 | u64::from(*byte))
 }
 
-/// Makes a domain from the golden's arguments.
 fn rows_of(golden: &Table) -> Dynamic {
     let columns = &golden.columns[..golden.arguments];
     let scalars: Vec<Scalar> = columns.iter().map(|column| column.scalar).collect();
@@ -346,7 +345,6 @@ fn rows_of(golden: &Table) -> Dynamic {
     Dynamic::new(&names.collect::<Vec<_>>(), parts)
 }
 
-/// Samples the rows of all cases from a domain.
 fn drawn(
     session: &Session<'_>,
     domain: &dyn Stream,

@@ -108,7 +108,6 @@ fn one_line(text: &str) -> String {
 }
 
 impl Plan<'_> {
-    /// Returns an error if the check accepts a hazard, but its verb doesn't look for hazards.
     pub(super) fn expect_hazards_asked(&self, asserted: &Asserted) -> Result<(), Failure> {
         match (self.accepted.first(), asserted.explained) {
             (None, _) | (_, Explained::ByHazards(_)) => Ok(()),

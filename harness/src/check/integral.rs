@@ -110,18 +110,15 @@ pub(super) struct Nodes {
     pub(super) weights: Vec<f64>,
 }
 
-/// A function that appends the nodes of a case's quadrature rule.
 pub(super) type Rule<'r> = &'r (dyn Fn(&Held, &mut Nodes) + Sync);
 
 pub(super) struct Integrals<'i> {
-    /// The types of the arguments at the rule's nodes.
     pub(super) arguments: Vec<Shape>,
     pub(super) rule: Rule<'i>,
     /// A second rule with another number of nodes. If the integrals by the two rules differ, both are doubtful.
     pub(super) control: Option<Rule<'i>>,
     /// A function that appends the components of the expected integral, or of the bound.
     pub(super) expected: &'i (dyn Fn(&Held, &mut Vec<f64>) + Sync),
-    /// The type of the expected integral or of the bound.
     pub(super) shape: Shape,
     pub(super) assertion: Assertion,
 }

@@ -168,7 +168,6 @@ fn hint(declared: &[Shape], supplied: &[Shape]) -> String {
     member(first.and_then(|(host, wgsl)| host.differing(wgsl, false)))
 }
 
-/// Describes the first member in which two structures differ.
 fn member(differing: Option<Differing>) -> String {
     let Some(Differing { structure, place, wgsl, host }) = differing else { return String::new() };
     let told = |side: Option<String>| side.map_or("missing".to_owned(), |side| format!("`{side}`"));

@@ -180,7 +180,6 @@ struct Other<'a> {
 }
 
 impl Other<'_> {
-    /// Replaces the argument's first value by the second.
     fn replaced(&self, arguments: &[u32], other: u32) -> Vec<u32> {
         let mut lanes = arguments.to_vec();
         lanes[self.argument.lane] = other;

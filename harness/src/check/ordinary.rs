@@ -19,7 +19,6 @@ use crate::run::or_panic;
 use crate::tolerance::Criterion;
 use crate::value::{Scalar, Shape};
 
-/// Both ends of a range.
 type Bounds = (Bound<f64>, Bound<f64>);
 
 /// Describes a range as a statement: `lies in 0..=1`, `lies in 0..<1`, `is at least 0`.

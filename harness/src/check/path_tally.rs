@@ -95,7 +95,6 @@ impl PathTally {
         }
     }
 
-    /// Merges the tallies of earlier and later cases.
     pub(super) fn merge(self, other: Self) -> Self {
         let tally = self.tally.merge(other.tally);
         let pick = |shown: Option<Shown>, a: Option<CaseFailure>, b: Option<CaseFailure>| {

@@ -62,7 +62,6 @@ impl Sample {
     }
 }
 
-/// The names of an argument's components.
 fn named(name: &str, lanes: usize) -> Vec<String> {
     match lanes {
         1 => vec![name.to_owned()],
@@ -76,7 +75,6 @@ impl Sample {
         Errors::of(self.ratios.iter().take(self.chosen).copied())
     }
 
-    /// The plot of the errors over the arguments.
     pub(super) fn plot(&self) -> Plot {
         let row = |(row, ratio): (&Vec<u32>, &f64)| {
             let lanes = self.scalars.iter().zip(row);

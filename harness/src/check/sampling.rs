@@ -250,7 +250,6 @@ impl std::fmt::Display for Fit {
     }
 }
 
-/// A verb's assertion about a sampler.
 struct Hypothesis {
     check: &'static str,
     /// The text of the assertion, for records and messages.
@@ -273,11 +272,9 @@ struct Configuration<'s> {
 #[derive(Clone, Copy)]
 struct Sampled<'s, 'a> {
     plan: &'s Plan<'a>,
-    /// `true` if Karat writes the verdict to the record of the run.
     recorded: bool,
     settings: &'s Settings,
     configurations: &'s dyn Stream,
-    /// The types of the sampler's arguments.
     shapes: &'s [Shape],
     /// The type of the random numbers for one sample.
     random: &'s Shape,

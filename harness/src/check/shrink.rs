@@ -25,7 +25,6 @@ const TIME: Duration = Duration::from_secs(20);
 /// reference isn't finite.
 const ERRORS: usize = 64;
 
-/// A function that judges some values of the arguments.
 pub(super) type JudgeValues<'j> = &'j mut dyn FnMut(&[Held]) -> Result<PathTally, Failure>;
 
 impl Session<'_> {

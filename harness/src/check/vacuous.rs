@@ -125,7 +125,6 @@ impl Vacuous {
     }
 }
 
-/// Describes an empty domain, such as: the range of `alpha` starts at 1 and ends at 0.
 fn shown(Emptiness { what, fault, .. }: &Emptiness, argument: Option<&str>) -> String {
     match argument {
         Some(name) => format!("the {what} of `{name}` {fault}"),

@@ -35,7 +35,6 @@ pub struct WgslTest {
     written: Option<Vec<(String, String)>>,
     package: Package,
     module: String,
-    /// The features of the package that are turned on.
     features: Arc<Features>,
     /// The linked test. Karat links the test at its first use.
     made: Arc<OnceLock<Result<Made, Arc<ReflectError>>>>,

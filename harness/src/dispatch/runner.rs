@@ -15,7 +15,6 @@ struct Counted {
 }
 
 impl Device {
-    /// Dispatches the passes, and reads the resources that they write.
     pub(crate) fn dispatch(&self, passes: &Passes) -> Result<Afterwards, DispatchError> {
         self.dispatch_with(passes, self.leaves_loops())
     }
@@ -153,7 +152,6 @@ impl Device {
         Ok((afterwards, counts))
     }
 
-    /// Compiles a pass and binds its resources.
     fn step(
         &self,
         pass: &Pass,
@@ -214,7 +212,6 @@ impl Device {
     }
 }
 
-/// A pass, compiled for a device.
 struct Step {
     pipeline: Arc<crate::path::Pipeline>,
     groups: Vec<wgpu::BindGroup>,

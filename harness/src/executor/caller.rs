@@ -13,11 +13,9 @@ use crate::reflect::Function;
 pub struct Caller<'e> {
     /// The function, with its kernel.
     pub probed: Cow<'e, Probed>,
-    /// The resources that the function reads.
     pub(crate) fixtures: &'e Fixtures,
     /// The path of the executor.
     pub path: Path,
-    /// The number of words in all arguments.
     pub(crate) words: usize,
     /// The number of words in one result.
     width: usize,
@@ -154,7 +152,6 @@ impl<'r> View<'r> {
         self.words.len() / self.stride.max(1)
     }
 
-    /// The words of one case's result.
     #[inline]
     pub(crate) fn of(self, case: usize) -> &'r [u32] {
         &self.words[case * self.stride..][..self.width]
@@ -166,7 +163,6 @@ impl Results {
         View { words: &self.words, stride: self.stride, width: self.width }
     }
 
-    /// The words of one case's result.
     pub(crate) fn of(&self, case: usize) -> &[u32] {
         self.view().of(case)
     }

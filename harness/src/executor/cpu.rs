@@ -15,7 +15,6 @@ pub(crate) struct Cpu {
     via: Via,
 }
 
-/// Returns the executor of `cpu`, `cpu:fma` or `cpu:ftz`.
 pub(crate) fn of(path: Path) -> &'static Cpu {
     match path.via() {
         Via::Fma => &Cpu { via: Via::Fma },
@@ -88,7 +87,6 @@ impl Prepared for Ready {
 struct ReadyAlone {
     function: Alone,
     cases: usize,
-    /// The number of words in one case's results.
     width: usize,
 }
 

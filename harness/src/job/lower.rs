@@ -43,7 +43,6 @@ impl Job {
         Ok(Self::new(work, resources, outputs))
     }
 
-    /// Makes a job from a frame.
     pub(crate) fn of_drawing(drawing: &Drawing<'_>) -> Result<Self, DrawError> {
         let program = drawing.program();
         let scene = drawing.scene();

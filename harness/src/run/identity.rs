@@ -139,7 +139,6 @@ impl Identity {
         Replay { variables, program, arguments }
     }
 
-    /// Returns the program that runs the test, and its arguments.
     fn program(&self) -> (String, Vec<String>) {
         if let Some(host) = host::current() {
             return host.command(&self.test);
@@ -216,7 +215,6 @@ pub(crate) fn test() -> String {
     output::name(&test_as_named()).into_owned()
 }
 
-/// The name of the running test, as its author wrote it.
 fn test_as_named() -> String {
     std::thread::current().name().unwrap_or("main").to_owned()
 }

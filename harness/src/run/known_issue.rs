@@ -56,7 +56,6 @@ impl<E: Display> PathFailures<E> {
 }
 
 impl<E> PathFailures<E> {
-    /// Iterates over all failures on all paths.
     pub(crate) fn all(&self) -> impl Iterator<Item = &E> {
         self.failures.iter().chain(self.stopped.iter().map(|(_, error)| error))
     }
@@ -142,7 +141,6 @@ impl WrongDeclaration {
     }
 }
 
-/// The declarations about paths of one check or frame.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct KnownIssues {
     /// The paths that return wrong values, each with the reason.
@@ -264,7 +262,6 @@ fn declare(all: &mut Selected<String>, on: Selector, reason: &str) {
     }
 }
 
-/// Makes the record of a path without values.
 fn without_values(adapter: Adapter, worst: &str) -> PathRecord {
     PathRecord { failures: 1, worst: worst.to_owned(), ..PathRecord::of(adapter) }
 }
@@ -276,7 +273,6 @@ pub(crate) struct Judged<V> {
     pub(crate) values: V,
 }
 
-/// A function that judges one path.
 pub(crate) type JudgePath<'j, V, E> =
     &'j mut dyn FnMut(&dyn Executor, &Adapter) -> Result<Judged<V>, E>;
 
@@ -645,7 +641,6 @@ mod tests {
         assert_eq!(all, ["off", "lost"]);
     }
 
-    /// An error about a wrong declaration.
     struct Unsound;
 
     impl From<PathError> for Unsound {

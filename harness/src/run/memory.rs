@@ -27,7 +27,6 @@ pub(crate) struct Memory {
     writable: bool,
 }
 
-/// An input, and the check that failed on it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Entry {
     pub(crate) function: String,
@@ -188,7 +187,6 @@ impl Entry {
 /// The largest number of bytes in a file's name, without its extension. Systems allow 255.
 const LONGEST: usize = 200;
 
-/// Makes the file name for a test: `module__test`.
 fn file_name(test: &str) -> String {
     let plain = |c: char| if c.is_alphanumeric() || c == '_' { c } else { '-' };
     let plain: String = test.replace("::", "__").chars().map(plain).collect();

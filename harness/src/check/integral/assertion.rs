@@ -56,7 +56,6 @@ impl Assertion {
         }
     }
 
-    /// Returns an error if the function's result type doesn't fit the expected integral or the bound.
     pub(super) fn expect_result(
         &self,
         session: &Session<'_>,

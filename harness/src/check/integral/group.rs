@@ -23,7 +23,6 @@ pub(super) struct Case {
     pub(super) value: Held,
     /// The nodes of the rule, followed by the nodes of the second rule.
     nodes: Nodes,
-    /// The number of nodes of the first rule.
     own: usize,
     /// The components of the expected integral, or of the bound.
     expected: Vec<f64>,

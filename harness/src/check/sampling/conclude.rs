@@ -197,7 +197,6 @@ pub(super) fn conclude(
     })
 }
 
-/// The seed of a configuration's random numbers.
 fn configuration_seed(seed: u64, index: u64) -> u64 {
     let mut source = Source::new(seed, index);
     u64::from(source.bits()) << 32 | u64::from(source.bits())

@@ -24,9 +24,7 @@ type JudgeNumbers<'j> = &'j dyn Fn(
 /// A verb that computes a number from each sample.
 pub(super) struct Numbers<'n> {
     pub(super) check: &'static str,
-    /// The assertion, as text.
     pub(super) text: String,
-    /// The type of a sample.
     pub(super) shape: Shape,
     /// A function that computes the number from the words of a sample.
     pub(super) of: &'n (dyn Fn(&[u32]) -> f64 + Sync),

@@ -27,7 +27,6 @@ impl From<Failure> for Stop {
     }
 }
 
-/// Decodes the point that a sampler returned.
 pub(super) fn point(result: &[u32]) -> [f64; 3] {
     let mut point = [0.0; 3];
     for (value, word) in point.iter_mut().zip(result) {

@@ -19,7 +19,6 @@ const HALF: f64 = 1.0 / 2048.0;
 /// pdf to 0.
 const VANISHED: f64 = 1e-6;
 
-/// One configuration on one path.
 pub(super) struct Run<'r> {
     pub(super) functions: &'r Functions<'r>,
     pub(super) sampler: Sampled<'r, 'r>,
@@ -27,7 +26,6 @@ pub(super) struct Run<'r> {
     pub(super) configuration: &'r Configuration<'r>,
 }
 
-/// The counts of a configuration's samples.
 #[derive(Default)]
 struct Counts {
     observed: Vec<u64>,
@@ -39,7 +37,6 @@ struct Counts {
     impossible: Offence,
     negative: Offence,
     weight: Offence,
-    /// The moments of each component of eval cos / pdf.
     weights: Vec<Moments>,
 }
 
@@ -197,7 +194,6 @@ impl Run<'_> {
         Ok(shape.max(left))
     }
 
-    /// Runs the sampler, and counts the samples in each cell.
     fn count(&self, cells: &Cells, estimates: bool) -> Result<Counts, Failure> {
         let settings = self.settings();
         let (sampler, pdf) = (self.calls(), self.other(0));
