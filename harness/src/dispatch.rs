@@ -53,7 +53,7 @@ pub enum DispatchError {
     #[error("nothing is dispatched; add `.dispatch(\"module::entry_point\", [x, y, z])`")]
     Empty,
     /// A dispatch has no workgroups, or more than a device supports.
-    #[error("`{name}` is dispatched over {} x {} x {} workgroups; each number is 1 to 65535", workgroups[0], workgroups[1], workgroups[2])]
+    #[error("`{name}` is dispatched over {} x {} x {} workgroups; each number must be 1 to 65535", workgroups[0], workgroups[1], workgroups[2])]
     Workgroups {
         /// The name of the entry point.
         name: String,

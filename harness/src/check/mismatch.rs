@@ -105,7 +105,7 @@ pub enum Mismatch {
         place: usize,
     },
     /// A parameter isn't a single number.
-    #[error("has `{name}` of type {shape}, which isn't one number")]
+    #[error("has `{name}` of type {shape}, which isn't a single number")]
     NoNumber {
         /// The name of the parameter.
         name: String,
@@ -137,7 +137,7 @@ pub enum Mismatch {
         reason: String,
     },
     /// A check of a sampler has a second function, such as the density, and this function has its own executor.
-    #[error("runs where the sampler runs: call `.on(..)` on the sampler only")]
+    #[error("runs on the sampler's executors: call `.on(..)` only on the sampler")]
     Executor,
     /// Karat can't sample random numbers of this type.
     #[error("is sampled with {0}, but random numbers are f32 or u32")]

@@ -244,8 +244,8 @@ impl std::fmt::Display for Fit {
         let Self { function, configurations, samples, p, threshold, .. } = self;
         write!(
             f,
-            "{function}: {configurations} configurations of {samples} samples fit, \
-             least p {p:.2e} (above {threshold:.2e})"
+            "{function}: {configurations} configurations with {samples} samples each pass, \
+             smallest p {p:.2e} (threshold {threshold:.2e})"
         )
     }
 }

@@ -65,7 +65,7 @@ impl Assertion {
         let called = &session.called;
         let function = called.function();
         if !called.scalars().into_iter().all(Scalar::is_float) {
-            let (result, wanted) = (function.result.clone(), "and an integral is a sum of floats");
+            let (result, wanted) = (function.result.clone(), "but an integral is a sum of floats");
             return Err(Mismatch::Unsuited { result, wanted }.of(function));
         }
         match self {

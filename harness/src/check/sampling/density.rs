@@ -232,7 +232,8 @@ impl Sampled<'_, '_> {
                 return Err(Mismatch::NoDirections(settings.support).of(eval.function()));
             }
             if scalars.len() > 3 || !scalars.into_iter().all(Scalar::is_float) {
-                let (result, wanted) = (eval.function().result.clone(), "not up to three floats");
+                let (result, wanted) =
+                    (eval.function().result.clone(), "which isn't one to three floats");
                 return Err(Mismatch::Unsuited { result, wanted }.of(eval.function()));
             }
             functions.others.get(2).map_or(Ok(()), |weight| {
