@@ -93,8 +93,7 @@ use crate::value::{Arguments, Shape};
 /// combine each edge of six arguments with every edge of the other arguments.
 const CASES: u64 = 65_536;
 
-/// The number of values up to which Karat tries every value of a finite domain, if the check sets no number of
-/// cases.
+/// The largest size of a finite domain for which Karat tries every value, if the check sets no number of cases.
 const ENUMERATED: u64 = 1 << 20;
 
 /// A function of a package, before it has a domain.

@@ -92,8 +92,8 @@ impl Judge for Comparison<'_> {
     }
 }
 
-/// Checks if a result can show a difference from its reference. If the two differ and are both subnormal, a
-/// driver may flush either to 0, and the comparison shows nothing.
+/// Checks if a result can show a difference from its reference. If both are subnormal and differ, a driver may
+/// flush both to 0, and the comparison shows nothing.
 fn tells(scalars: &[Scalar], actual: &[u32], expected: &[f64]) -> bool {
     scalars.iter().zip(actual).zip(expected).any(|((scalar, word), expected)| {
         let actual = scalar.decode(*word);

@@ -18,8 +18,8 @@ pub(super) struct Demand {
     pub(super) draws_arguments: bool,
     /// The number of sampled cases, if the check sets no number.
     pub(super) cases: u64,
-    /// The number of values up to which Karat tries every value of a finite domain, if the check sets no number
-    /// of cases.
+    /// The largest size of a finite domain for which Karat tries every value, if the check sets no number of
+    /// cases.
     pub(super) enumerated: u64,
     /// The largest number of calls that one case makes in one dispatch.
     pub(super) calls: usize,

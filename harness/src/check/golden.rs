@@ -27,8 +27,8 @@ use crate::value::{Scalar, Shape};
 /// repository keeps them forever.
 const CASES: u64 = 256;
 
-/// The number of values up to which the golden contains every value of a finite domain, if the check sets no
-/// number of cases.
+/// The largest size of a finite domain for which the golden contains every value, if the check sets no number
+/// of cases.
 const ENUMERATED: u64 = 1024;
 
 impl<V> Check<'_, Calls<V>> {

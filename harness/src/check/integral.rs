@@ -34,7 +34,7 @@ use group::Group;
 /// calls.
 const CASES: u64 = 256;
 
-/// The number of values up to which Karat tries every value of a finite domain, if the check sets no number of
+/// The largest size of a finite domain for which Karat tries every value, if the check sets no number of
 /// integrals.
 const ENUMERATED: u64 = 65_536;
 
@@ -269,8 +269,8 @@ impl Integrals<'_> {
             let (tally, nodes) = judge(first, values.collect::<Result<_, _>>()?)?;
             sum = Some(PathTally::and(sum, tally));
             first = cases.end;
-            // If the next rules have as many nodes, the next group fills a dispatch. The group at most doubles,
-            // so that long rules after short rules don't fill the memory.
+            // If the next rules have as many nodes, the next group fills a dispatch. The group's size at most
+            // doubles, so that long rules after short rules don't fill the memory.
             let fitting = session.called.capacity() / nodes.max(1);
             size = (2 * size).min(fitting.max(1) as u64);
         }

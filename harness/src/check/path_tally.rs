@@ -111,7 +111,7 @@ impl PathTally {
         }
     }
 
-    /// Merges the tally of later cases into the tally of earlier cases, if there is one.
+    /// Merges two tallies. There may be no earlier tally.
     pub(super) fn and(earlier: Option<Self>, later: Self) -> Self {
         match earlier {
             Some(earlier) => earlier.merge(later),

@@ -36,7 +36,7 @@ use calls::given;
 /// quarter million samples.
 const CONFIGURATIONS: u64 = 16;
 
-/// The number of values up to which Karat tries every value of a finite domain, if the check sets no number of
+/// The largest size of a finite domain for which Karat tries every value, if the check sets no number of
 /// configurations.
 const ENUMERATED: u64 = 4096;
 
