@@ -93,8 +93,7 @@ use crate::value::{Arguments, Shape};
 /// combine each edge of six arguments with every edge of the other arguments.
 const CASES: u64 = 65_536;
 
-/// The number of values up to which Karat tries every value of a finite domain, if the check sets no number of
-/// cases.
+/// The largest size of a finite domain for which Karat tries every value, if the check sets no number of cases.
 const ENUMERATED: u64 = 1 << 20;
 
 /// A function of a package, before it has a domain.
@@ -136,7 +135,6 @@ struct Together<'a> {
     package: &'a Package,
     /// The name of the generated function, such as `brdf_test::counted`.
     function: &'a str,
-    /// The types of all arguments of the generated function.
     shapes: &'a [Shape],
     which: u32,
     /// The index of the `u32` word at which the selected function's own arguments begin, and the number of
@@ -219,7 +217,6 @@ impl<'a> Probe<'a> {
         self
     }
 
-    /// The root folder of the package that contains the checked function or test.
     fn root(&self) -> PathBuf {
         let root = || self.package.root();
         self.place.as_ref().map_or_else(root, |(_, root)| root.clone())

@@ -44,7 +44,7 @@ pub enum DispatchError {
     #[error("`{name}` isn't a compute entry point{}",
         nearest.as_ref().map_or_else(String::new, |name| format!("; did you mean `{name}`?")))]
     EntryPoint {
-        /// The name in the test.
+        /// The name that the test uses.
         name: String,
         /// The entry point of the module with the most similar name.
         nearest: Option<String>,
@@ -53,9 +53,9 @@ pub enum DispatchError {
     #[error("nothing is dispatched; add `.dispatch(\"module::entry_point\", [x, y, z])`")]
     Empty,
     /// A dispatch has no workgroups, or more than a device supports.
-    #[error("`{name}` is dispatched over {} x {} x {} workgroups; each number is 1 to 65535", workgroups[0], workgroups[1], workgroups[2])]
+    #[error("`{name}` is dispatched over {} x {} x {} workgroups; each number must be 1 to 65535", workgroups[0], workgroups[1], workgroups[2])]
     Workgroups {
-        /// The entry point.
+        /// The name of the entry point.
         name: String,
         /// The number of workgroups in each direction.
         workgroups: [u32; 3],
@@ -64,7 +64,7 @@ pub enum DispatchError {
     #[error("the workgroup of `{name}` is {} x {} x {}; path `{path}` allows up to {} x {} x {}, and {limit} \
              invocations in total", size[0], size[1], size[2], sides[0], sides[1], sides[2])]
     WorkgroupSize {
-        /// The entry point.
+        /// The name of the entry point.
         name: String,
         /// The number of invocations in each direction.
         size: [u32; 3],
@@ -79,7 +79,7 @@ pub enum DispatchError {
     #[error("`{name}` has no invocation {invocation:?}: its dispatch has {} x {} x {} invocations, counted from 0",
         counts[0], counts[1], counts[2])]
     Invocation {
-        /// The entry point.
+        /// The name of the entry point.
         name: String,
         /// The `global_invocation_id` in the request.
         invocation: [u32; 3],
@@ -91,7 +91,7 @@ pub enum DispatchError {
         nearest.as_ref().map_or_else(|| ": name a resource that a pass writes".to_owned(),
             |name| format!("; did you mean `{name}`?")))]
     NotWritten {
-        /// The name in the test.
+        /// The name that the test uses.
         name: String,
         /// The written resource with the most similar name. `None` if passes only read the resource.
         nearest: Option<String>,
@@ -100,9 +100,9 @@ pub enum DispatchError {
     #[error("`{name}` is {shape}, which has no `{member}`{}",
         nearest.as_ref().map_or_else(String::new, |near| format!("; did you mean `{near}`?")))]
     NoMember {
-        /// The resource.
+        /// The name of the resource.
         name: String,
-        /// The member's name in the test.
+        /// The name of the member that the test uses.
         member: String,
         /// The type of the resource.
         shape: String,
@@ -113,7 +113,7 @@ pub enum DispatchError {
     #[error("no pass uses a buffer `{name}`{}",
         nearest.as_ref().map_or_else(String::new, |name| format!("; did you mean `{name}`?")))]
     NoBuffer {
-        /// The name in the test.
+        /// The name that the test uses.
         name: String,
         /// The most similar name of a resource that a pass uses.
         nearest: Option<String>,
@@ -121,7 +121,7 @@ pub enum DispatchError {
     /// No pass has an override with this name.
     #[error("no pass has the override `{name}`")]
     Override {
-        /// The name in the test.
+        /// The name that the test uses.
         name: String,
     },
     /// The executor can't dispatch passes.
@@ -133,7 +133,7 @@ pub enum DispatchError {
 }
 
 impl DispatchError {
-    /// Checks if a path rejected the passes before it ran any of them. A workgroup that is too large doesn't
+    /// Checks if a path rejected the passes before it ran any pass. A workgroup that is too large doesn't
     /// count, because that is the author's mistake.
     pub(crate) fn is_refusal(&self) -> bool {
         match self {
@@ -236,7 +236,6 @@ impl Pass {
     }
 }
 
-/// Makes the error for a member that a resource doesn't have.
 fn no_member(name: &str, member: &str, shape: &Shape) -> DispatchError {
     let known = part::members(shape);
     let first = member.split('.').next().unwrap_or_default();
@@ -347,7 +346,6 @@ impl Passes {
         Self { passes: vec![pass], resources }
     }
 
-    /// Checks if the results may depend on the subgroup size.
     pub(crate) fn has_subgroups(&self) -> bool {
         self.passes.iter().any(|pass| pass.program.has_subgroups())
     }
@@ -376,7 +374,7 @@ impl Passes {
         Ok(())
     }
 
-    /// The passes that use a resource, with the variables that they use it by.
+    /// The passes that use a resource, each with the variable by which it uses the resource.
     pub(crate) fn uses(&self, resource: usize) -> impl Iterator<Item = (&Pass, &Binding)> {
         self.passes.iter().flat_map(move |pass| {
             let own = pass.bindings.iter().filter(move |(_, number)| *number == resource);
@@ -486,7 +484,6 @@ impl Passes {
         self.passes.iter().flat_map(|pass| pass.program.variables()).collect()
     }
 
-    /// The files on which the passes depend.
     pub(crate) fn read(&self) -> Vec<FileRead> {
         let modules = self.passes.iter().flat_map(|pass| pass.program.files());
         let fixtures = self.resources.iter().flat_map(|held| held.fixture.read());
@@ -513,7 +510,8 @@ impl Passes {
 /// A texture has four words for each texel.
 pub type Afterwards = Vec<(usize, Vec<u32>)>;
 
-/// Replaces the error about a missing entry point by one with the most similar name, if there is one.
+/// Adds the most similar name in the package to the error about a missing entry point, if there is a similar
+/// name.
 fn unknown(package: &Package, name: &str, error: ReflectError) -> DispatchError {
     let items = package.functions().unwrap_or_default();
     let known =

@@ -87,7 +87,6 @@ impl Fixture {
         words.to_owned()
     }
 
-    /// The files from which the fixture was made.
     pub(crate) fn read(&self) -> &[FileRead] {
         match self {
             Self::CubeMap(CubeMap { read, .. }) | Self::Texture(Texture { read, .. }) => read,
@@ -125,7 +124,6 @@ impl Fixture {
         Some(Texture { dimension, arrayed, texels, samples, levels, read })
     }
 
-    /// Returns an error if the fixture doesn't fit a variable.
     pub(crate) fn expect(&self, binding: &Binding) -> Result<(), FixtureError> {
         let (variable, kind) = (binding.path.clone(), binding.kind);
         match self.mistake(binding) {

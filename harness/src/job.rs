@@ -49,7 +49,7 @@ use crate::fixture::{Sampler, Texture};
 pub struct Job {
     /// The version of the job format: 1.
     pub jobs: u32,
-    /// The job's number. The [`Answer`] repeats it.
+    /// The job's number. The [`Answer`] to the job repeats the number.
     pub id: u64,
     /// The resources that shaders read and write. A resource's number is its index in this list.
     pub resources: Vec<Resource>,
@@ -61,13 +61,14 @@ pub struct Job {
     pub work: Work,
 }
 
+/// The work of a job: compute passes, or a frame.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Work {
     /// Compute passes, one after another, over the same resources.
     Passes(Vec<Pass>),
-    /// A frame. The first output is its image, from the top row on. Each pixel has four linear floats, as
-    /// words.
+    /// A frame. The first output is the frame's image, from the top row on. Each pixel has four linear floats,
+    /// as words.
     Frame(Box<Frame>),
 }
 

@@ -17,7 +17,6 @@ pub(crate) struct Judged {
     pub(crate) class: Class,
 }
 
-/// The kind of a failure.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Class {
     Nan,
@@ -103,7 +102,6 @@ impl Census {
     }
 }
 
-/// A case that messages show.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Shown {
     pub(crate) case: u64,
@@ -121,7 +119,7 @@ impl Shown {
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Tally {
     pub(crate) census: Census,
-    /// The case with the largest ratio. If several cases have it, the first of them.
+    /// The case with the largest ratio, or the first case with that ratio.
     pub(crate) worst: Option<Shown>,
     /// The failing case with the lowest index. Low indices belong to edges, which are the simplest cases.
     pub(crate) first: Option<Shown>,
@@ -265,7 +263,6 @@ impl<F: Fn(usize, &[u32]) -> Judged + Sync> Judge for F {
 pub(crate) struct Picked {
     /// `true` if Karat stores failing cases.
     wants_failing: bool,
-    /// The indices of failing cases in the batch.
     pub(crate) failing: Vec<usize>,
     /// The distance between two stored cases. 0 if Karat stores none.
     every: usize,
@@ -284,7 +281,6 @@ impl Picked {
         Self { wants_failing: true, ..self }
     }
 
-    /// Makes an empty copy with the same selection.
     fn empty(&self) -> Self {
         Self { every: self.every, wants_failing: self.wants_failing, ..Self::default() }
     }

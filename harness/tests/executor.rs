@@ -145,7 +145,7 @@ fn a_density_has_no_executor_of_its_own() {
         .unrecorded()
         .try_follows(density, |(), x: f32| x);
     let error = found.expect_err("the executor would be passed over").to_string();
-    assert!(error.contains("`twice` runs where the sampler runs"), "{error}");
+    assert!(error.contains("`twice` runs on the sampler's executors"), "{error}");
 }
 
 const FRAME: &str = "\

@@ -248,7 +248,7 @@ fn an_integral_of_other_types() {
         "returns vec2<f32>, but the expected integral is f32\n",
         "returns vec2<f32>, but the bound is vec3<f32>\n",
         "returns 2 components, but the tolerance has bounds for 1\n",
-        "returns u32, and an integral is a sum of floats\n",
+        "returns u32, but an integral is a sum of floats\n",
     ];
     for (found, expected) in found.into_iter().zip(expected) {
         match found {

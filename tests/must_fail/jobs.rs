@@ -65,7 +65,11 @@ fn a_program_that_does_not_do_its_work_is_found_out() {
             "it returned outputs of [8191] words, but the job needs [8192]",
             "it returned outputs of [1] words, but the job needs [2]",
         ),
-        ("few", "it returned outputs of [] words, and [", "it returned outputs of [] words, and ["),
+        (
+            "few",
+            "it returned outputs of [] words, but the job needs [",
+            "it returned outputs of [] words, but the job needs [",
+        ),
         ("refuses", "it is too beautiful (<piped>:1:1)", "it is too beautiful (<piped>:6:"),
         ("fails", "it is too beautiful (<piped>:1:1)", "it is too beautiful (<piped>:6:"),
         (

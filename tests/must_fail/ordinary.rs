@@ -185,7 +185,7 @@ fn frames_of_the_other_hand_and_vectors_that_lean() {
     let scaled = || right.function("none").over((0.5..=1.0, UnitVector)).unrecorded();
     scaled().try_is_perpendicular_to(1).expect("each is scaled by another number");
     let reason = unsuited(scaled().try_is_perpendicular_to("x"));
-    assert!(reason.contains("has `x` of type f32: two vectors of one type"), "{reason}");
+    assert!(reason.contains("has `x` of type f32: only vectors of the same type"), "{reason}");
     assert!(unsuited(scaled().try_is_perpendicular_to("m")).contains("no parameter `m`"));
     let reason = unsuited(scaled().try_is_right_handed_frame());
     assert!(reason.contains("isn't three vectors of three floats"), "{reason}");

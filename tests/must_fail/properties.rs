@@ -154,7 +154,7 @@ fn a_monotone_check_of_nothing() {
     let vacuous = [
         (
             over().unrecorded().try_is_monotone_in("alpha", up, Ulp(0.0)),
-            "no case whose result changes",
+            "no case in which `alpha` changes",
         ),
         (
             over().unrecorded().try_is_monotone_in(1, up, Ulp(0.0)),
@@ -171,7 +171,7 @@ fn a_monotone_check_of_nothing() {
             over().unrecorded().try_is_monotone_in(3, up, Ulp(0.0)),
             "has 3 parameters, so there is no argument 3",
         ),
-        (over().unrecorded().try_is_monotone_in("d", up, Ulp(0.0)), "which isn't one number"),
+        (over().unrecorded().try_is_monotone_in("d", up, Ulp(0.0)), "which isn't a single number"),
         (over().unrecorded().try_is_monotone_in("c", up, Ulp(f64::NAN)), "isn't a bound"),
     ];
     for (found, message) in unknown {

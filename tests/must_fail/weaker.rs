@@ -257,7 +257,7 @@ fn a_variable_is_given_once() {
                 @fragment fn gray() -> @location(0) vec4f { return vec4f(gain); }";
     let package = package(text);
     let gain = |value: f32| Uniform::new(value);
-    let twice = |error: String| assert!(error.contains("`gain` is given twice"), "{error}");
+    let twice = |error: String| assert!(error.contains("`gain` has two fixtures"), "{error}");
     let function = package.function("louder").with("gain", gain(1.0)).with("gain", gain(2.0));
     let found = function.over(0.0..=1.0).unrecorded().try_agrees_with(|x: f64| 2.0 * x, Ulp(0.0));
     let Err(found @ Failure::Probe(_)) = found else { panic!("{found:?}") };

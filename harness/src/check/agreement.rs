@@ -44,9 +44,7 @@ pub(super) fn with_reference<A: Arguments, T>(
     })
 }
 
-/// Compares the results of a batch's cases with the expected results.
 struct Comparison<'c> {
-    /// The scalar types of a result's components.
     scalars: &'c [Scalar],
     /// The expected components of all cases, one case after the other.
     expected: &'c [f64],
@@ -94,8 +92,8 @@ impl Judge for Comparison<'_> {
     }
 }
 
-/// Checks if a result can show a difference from its reference. If the two differ and are both subnormal, a
-/// driver may flush either to 0, and the comparison shows nothing.
+/// Checks if a result can show a difference from its reference. If both are subnormal and differ, a driver may
+/// flush both to 0, and the comparison shows nothing.
 fn tells(scalars: &[Scalar], actual: &[u32], expected: &[f64]) -> bool {
     scalars.iter().zip(actual).zip(expected).any(|((scalar, word), expected)| {
         let actual = scalar.decode(*word);
@@ -127,7 +125,7 @@ impl<V: Arguments> Check<'_, Calls<V>> {
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if a case disagrees or nothing could be compared.
+    /// Panics with the [`Failure`] if a case disagrees or nothing could be compared.
     #[track_caller]
     pub fn agrees_with(
         self,
@@ -137,7 +135,7 @@ impl<V: Arguments> Check<'_, Calls<V>> {
         or_panic(self.try_agrees_with(reference, tolerance))
     }
 
-    /// [`agrees_with`](Self::agrees_with) without the panic.
+    /// Runs [`agrees_with`](Self::agrees_with), but returns the failure instead of panicking.
     ///
     /// ```
     /// # use karat::prelude::*;

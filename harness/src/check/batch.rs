@@ -47,7 +47,6 @@ impl<'r> Rows<'r> {
 /// The cases of one dispatch.
 #[derive(Clone, Debug)]
 pub(super) struct Batch {
-    /// The index of the first case.
     pub(super) first: u64,
     pub(super) cases: usize,
     /// `true` if Karat sampled the cases for the check. `false` for simplified or remembered cases.

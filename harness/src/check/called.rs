@@ -16,7 +16,7 @@ use crate::reflect::{Function, Overrides};
 use crate::tolerance::Tolerance;
 use crate::value::{Scalar, Shape};
 
-/// A function that has been compared with the check's arguments: its parameters have their types.
+/// A function with parameters that fit the types of the check's arguments.
 #[derive(Debug)]
 pub(super) struct Fitting(Probed);
 
@@ -72,12 +72,10 @@ impl Fitting {
 pub(super) struct Called<'e> {
     caller: Caller<'e>,
     pub(super) adapter: Adapter,
-    /// The function's statements that assert or print, if it has any.
     watched: Option<Watched>,
 }
 
 impl Drop for Called<'_> {
-    /// Writes the lines that the function printed.
     fn drop(&mut self) {
         self.watched.iter().for_each(|watched| tell_prints(&watched.told()));
     }
@@ -92,7 +90,6 @@ impl<'e> Deref for Called<'e> {
 }
 
 impl Called<'_> {
-    /// The files on which the results depend: the function's modules, and the files of its fixtures.
     pub(super) fn files(&self, fixtures: &Fixtures) -> Vec<FileRead> {
         let modules = self.probed.program.files().iter();
         modules.chain(fixtures.iter().flat_map(|(_, fixture)| fixture.read())).cloned().collect()
@@ -102,7 +99,6 @@ impl Called<'_> {
         &self.probed.function
     }
 
-    /// The scalar types of a result's components.
     pub(super) fn scalars(&self) -> Vec<Scalar> {
         self.function().result.lanes()
     }
@@ -124,7 +120,6 @@ impl Called<'_> {
         Ok(self.start(rows, calls)?.read()?)
     }
 
-    /// Decodes the words of a result into numbers.
     pub(super) fn decode(&self, words: &[u32]) -> Vec<f64> {
         self.scalars().iter().zip(words).map(|(scalar, word)| scalar.decode(*word)).collect()
     }

@@ -23,8 +23,8 @@ const FEWEST: usize = 8;
 /// share of the passing cases.
 const TELLING: f64 = 0.95;
 
-/// The difference in gain by which a property of two arguments must exceed a property of one argument to
-/// replace it.
+/// Karat prefers a property of one argument. It reports a property of two arguments only if the gain of that
+/// property is larger by more than this number.
 const SIMPLER: f64 = 0.02;
 
 /// A function that returns the arguments of a case.
@@ -45,7 +45,6 @@ type Measured = Box<dyn Fn(&[f64]) -> f64>;
 struct Property {
     name: String,
     of: Measured,
-    /// `true` if the property combines two arguments.
     mixed: bool,
 }
 

@@ -23,7 +23,6 @@ pub(super) trait Companion: Sync {
     fn shrink(&self, arguments: &[u32], companion: &[u32]) -> Vec<Vec<u32>>;
 }
 
-/// A stream of arguments that adds a companion to each case.
 pub(super) struct WithCompanion<'a> {
     pub(super) arguments: &'a dyn Stream,
     pub(super) companion: &'a dyn Companion,

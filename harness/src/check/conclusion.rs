@@ -42,7 +42,6 @@ impl Session<'_> {
         })
     }
 
-    /// The failures on the path, with the commands that replay them.
     fn path_disagreement(&self, tally: PathTally) -> Option<PathDisagreement> {
         let PathTally { adapter, tally, worst, first, simplest, cause, .. } = tally;
         let worst = worst?;

@@ -51,9 +51,10 @@ impl Condition {
         if !parameters.iter().any(|(name, _)| all.contains(&name.as_str())) {
             let names: Vec<_> = parameters.iter().map(|(name, _)| format!("`{name}`")).collect();
             return Err(match &*names {
-                [] => "the function takes no arguments, so it keeps all or none".to_owned(),
+                [] => "the function takes no arguments, so the condition keeps all cases or none"
+                    .to_owned(),
                 names => format!(
-                    "`{text}` names no argument, so it keeps all or none: there is {}",
+                    "`{text}` names no argument, so it keeps all cases or none: use {}",
                     names.join(", ")
                 ),
             });
@@ -172,7 +173,7 @@ mod tests {
             ("true // v.x > 0.0", "names no argument"),
             ("true /* /* s */ v */", "names no argument"),
             ("v.x) > (0.0", "its brackets don't match"),
-            ("true", "names no argument, so it keeps all or none: there is `s`, `v`"),
+            ("true", "names no argument, so it keeps all cases or none: use `s`, `v`"),
             ("vv.x > 0.0", "names no argument"),
         ] {
             let error = of(text).expect_err(text);

@@ -11,7 +11,6 @@ use crate::value::Shape;
 const ALONE: u64 = 2048;
 
 pub(super) struct Demand {
-    /// The types of the arguments that the check supplies.
     pub(super) arguments: Vec<Shape>,
     /// The words in messages that say who supplies the arguments: `the domain supplies`.
     pub(super) who: &'static str,
@@ -19,15 +18,15 @@ pub(super) struct Demand {
     pub(super) draws_arguments: bool,
     /// The number of sampled cases, if the check sets no number.
     pub(super) cases: u64,
-    /// The number of values up to which Karat tries every value of a finite domain, if the check sets no number
-    /// of cases.
+    /// The largest size of a finite domain for which Karat tries every value, if the check sets no number of
+    /// cases.
     pub(super) enumerated: u64,
     /// The largest number of calls that one case makes in one dispatch.
     pub(super) calls: usize,
 }
 
-/// Numbers the cases of a check for a seed. The check or its verb sets their number. Returns an error if there
-/// are no cases.
+/// Numbers the cases of a check for a seed. The check or its verb sets the number of cases. Returns an error if
+/// there are no cases.
 pub(super) fn number(
     plan: &Plan<'_>,
     function: &Function,

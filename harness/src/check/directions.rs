@@ -25,14 +25,14 @@ impl<V> Check<'_, Calls<V>> {
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if a length isn't 1, if the function doesn't return a vector of floats, or if
+    /// Panics with the [`Failure`] if a length isn't 1, if the function doesn't return a vector of floats, or if
     /// nothing could be checked.
     #[track_caller]
     pub fn is_unit(self) -> Agreement {
         or_panic(self.try_is_unit())
     }
 
-    /// [`is_unit`](Self::is_unit) without the panic.
+    /// Runs [`is_unit`](Self::is_unit), but returns the failure instead of panicking.
     ///
     /// # Errors
     /// If a length isn't 1, if the function doesn't return a vector of floats, or if nothing could be
@@ -41,8 +41,9 @@ impl<V> Check<'_, Calls<V>> {
         self.plan.is_unit(&*self.stream, &self.demand())
     }
 
-    /// Checks that results are vectors perpendicular to an argument, a vector of the same type. The absolute
-    /// cosine between them must be at most 1e-5. A zero vector fails, because it has no direction.
+    /// Checks that each result is a vector perpendicular to an argument. The argument must be a vector of the
+    /// result's type. The absolute cosine of the angle between the two vectors must be at most 1e-5. A zero
+    /// vector fails, because it has no direction.
     ///
     /// This check can't see a wrong sign: a tangent or bitangent that points backwards passes.
     ///
@@ -53,18 +54,18 @@ impl<V> Check<'_, Calls<V>> {
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if a result isn't perpendicular, if the function has no such argument or returns
-    /// something else, or if nothing could be checked.
+    /// Panics with the [`Failure`] if a result isn't perpendicular, if the argument or the result has another
+    /// type, or if nothing could be checked.
     #[track_caller]
     pub fn is_perpendicular_to(self, argument: impl Into<Parameter>) -> Agreement {
         or_panic(self.try_is_perpendicular_to(argument))
     }
 
-    /// [`is_perpendicular_to`](Self::is_perpendicular_to) without the panic.
+    /// Runs [`is_perpendicular_to`](Self::is_perpendicular_to), but returns the failure instead of panicking.
     ///
     /// # Errors
-    /// If a result isn't perpendicular, if the function has no such argument or returns something else, or if
-    /// nothing could be checked.
+    /// If a result isn't perpendicular, if the argument or the result has another type, or if nothing could be
+    /// checked.
     pub fn try_is_perpendicular_to(
         self,
         argument: impl Into<Parameter>,
@@ -88,18 +89,17 @@ impl<V> Check<'_, Calls<V>> {
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if a result isn't a right-handed frame, if the function returns something else, or
+    /// Panics with the [`Failure`] if a result isn't a right-handed frame, if the result has another type, or
     /// if nothing could be checked.
     #[track_caller]
     pub fn is_right_handed_frame(self) -> Agreement {
         or_panic(self.try_is_right_handed_frame())
     }
 
-    /// [`is_right_handed_frame`](Self::is_right_handed_frame) without the panic.
+    /// Runs [`is_right_handed_frame`](Self::is_right_handed_frame), but returns the failure instead of panicking.
     ///
     /// # Errors
-    /// If a result isn't a right-handed frame, if the function returns something else, or if nothing could be
-    /// checked.
+    /// If a result isn't a right-handed frame, if the result has another type, or if nothing could be checked.
     pub fn try_is_right_handed_frame(self) -> Result<Agreement, Failure> {
         self.plan.is_right_handed_frame(&*self.stream, &self.demand())
     }
@@ -122,7 +122,6 @@ fn is_right_handed(lanes: &[f64]) -> bool {
         && cross.iter().zip(c).all(|(x, c)| (x - c).abs() <= LENGTH)
 }
 
-/// Returns the scalar type if `shape` is a vector of floats.
 fn floats(shape: &Shape) -> Option<Scalar> {
     match shape {
         Shape::Vector { scalar: scalar @ (Scalar::F32 | Scalar::F16), .. } => Some(*scalar),

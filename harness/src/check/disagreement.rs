@@ -167,10 +167,9 @@ pub struct CaseFailure {
     /// to a bound.
     pub searched: bool,
     /// Each argument's name, and its value in WGSL's syntax. For an integral, the first entry is
-    /// `case` with the case's `Debug` text. After it follow the arguments that have the same value at all
+    /// `case` with the case's `Debug` text. The next entries are the arguments that have the same value at all
     /// nodes.
     pub arguments: Vec<(String, String)>,
-    /// The index of the worst component.
     pub(crate) lane: usize,
     /// The name of the worst component, such as `".y"`. `""` for a scalar.
     pub component: String,
@@ -288,7 +287,8 @@ impl CaseFailure {
                 ),
                 Unit::Conditioning => {
                     let expected = expected.and_then(|expected| expected.get(lane));
-                    // A few operations can take such a value below 1.2e-38, where subnormal numbers begin.
+                    // A few operations can make such a value smaller than 1.2e-38, where subnormal numbers
+                    // begin.
                     let flushed = expected.is_some_and(|value| value.abs() < 1e-37);
                     let advice = if flushed {
                         "; a driver may flush a value so near to 0: allow this with `Spec.or(Abs(1e-37))`, \
@@ -346,7 +346,7 @@ impl CaseFailure {
         Self { integral: Some(integral), ..failure }
     }
 
-    /// Adds the integral by a second quadrature rule, if there is one.
+    /// Adds the integral from a second quadrature rule, if there is a second rule.
     pub(super) fn with_control(mut self, control: Option<(f64, usize)>) -> Self {
         if let Some(integral) = &mut self.integral {
             integral.control = control;
@@ -430,7 +430,6 @@ impl CaseFailure {
     }
 }
 
-/// The text of a failing case.
 struct Told<'f> {
     failure: &'f CaseFailure,
     title: &'f str,
@@ -494,7 +493,8 @@ impl PathDisagreement {
         text
     }
 
-    /// The command that runs the simplest case again, or the worst case if there is no simplest one.
+    /// The command that runs the simplest case again. If there is no simplest case, the command that runs the
+    /// worst case again.
     fn replay(&self) -> &Replay {
         self.simplest.as_ref().map_or(&self.replay, |one| &one.replay)
     }

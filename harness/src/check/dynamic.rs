@@ -13,7 +13,7 @@ use crate::tolerance::{Criterion, Tolerance};
 use crate::value::Shape;
 
 /// Arguments and results as `u32` words. A row contains the components of all arguments, one after the other. A
-/// result is the words of its components.
+/// result is a row with the words of its components.
 ///
 /// ```
 /// use karat::check::{Agreement, Calls, Check, Failure};

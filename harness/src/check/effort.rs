@@ -6,9 +6,7 @@ pub(super) struct Effort {
     /// The number of values in the first trial of a round. It is small, because the first values of a round
     /// fail most often. Each later trial tries four times as many values as the trial before.
     pub(super) first: usize,
-    /// The largest number of values in one trial.
     pub(super) most: usize,
-    /// The largest number of values in one round.
     pub(super) round: usize,
 }
 

@@ -49,7 +49,7 @@ impl<V: Arguments> Check<'_, Calls<V>> {
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if a result doesn't rotate with its arguments, if no rotation changes
+    /// Panics with the [`Failure`] if a result doesn't rotate with its arguments, if no rotation changes
     /// any argument, or if nothing could be compared.
     #[track_caller]
     pub fn equivariant_under<R: Shareable>(
@@ -61,7 +61,7 @@ impl<V: Arguments> Check<'_, Calls<V>> {
         or_panic(self.try_equivariant_under(arguments, result, tolerance))
     }
 
-    /// [`equivariant_under`](Self::equivariant_under) without the panic.
+    /// Runs [`equivariant_under`](Self::equivariant_under), but returns the failure instead of panicking.
     ///
     /// # Errors
     /// If a result doesn't rotate with its arguments, if no rotation changes any argument, or if

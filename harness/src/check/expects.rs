@@ -138,7 +138,6 @@ impl<'r> Report<'r> {
         self.kept().count() == self.suspected() && self.kept().all(|kept| kept.holds())
     }
 
-    /// Describes the failing expectations, with their places in the test.
     fn described(&self, program: &Program) -> Described {
         let failed = self.kept().filter(|kept| !kept.holds()).map(|kept| {
             let seen = kept.text();
@@ -183,7 +182,6 @@ impl Judge for Reports<'_> {
     }
 }
 
-/// The name of the verb in records and replays.
 pub(super) const NAME: &str = "expects";
 
 /// A stream for the shared function of several tests. It writes one test's arguments into the shared function's

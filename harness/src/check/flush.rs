@@ -7,15 +7,15 @@
 use crate::judge::Judged;
 use crate::value::Scalar;
 
-/// The number of subnormal arguments up to which Karat tries every combination, which are 3^4 rows. If a case
-/// has more, Karat flushes all of them together, or none.
+/// If a case has at most this many subnormal arguments, Karat tries every combination: 3^4 rows. If a case has
+/// more, Karat flushes all of them together, or none.
 const APART: usize = 4;
 
 /// The smallest normal `f16`, 2^-14.
 const LEAST_F16: f32 = 1.0 / 16_384.0;
 
 /// Returns `given`, the judgement for a case's own arguments, if the case passes. Otherwise judges the case
-/// with flushed arguments. Returns `given` if the case passes with no flushed arguments.
+/// with flushed arguments. Returns `given` if no choice of flushed arguments makes the case pass.
 pub(super) fn allowing_flushes(
     scalars: &[Scalar],
     arguments: &[u32],
@@ -49,6 +49,7 @@ pub struct Flushed<'r> {
 }
 
 impl<'r> Flushed<'r> {
+    /// Makes the iterator for a row of arguments with these scalar types.
     pub fn of(scalars: &[Scalar], row: &'r [u32]) -> Self {
         let lanes = scalars.iter().zip(row).enumerate();
         let lanes = lanes.filter(|(_, (scalar, word))| is_subnormal(**scalar, **word));

@@ -27,8 +27,8 @@ use crate::value::{Scalar, Shape};
 /// repository keeps them forever.
 const CASES: u64 = 256;
 
-/// The number of values up to which the golden contains every value of a finite domain, if the check sets no
-/// number of cases.
+/// The largest size of a finite domain for which the golden contains every value, if the check sets no number
+/// of cases.
 const ENUMERATED: u64 = 1024;
 
 impl<V> Check<'_, Calls<V>> {
@@ -54,7 +54,7 @@ impl<V> Check<'_, Calls<V>> {
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if a result differs from the golden, or there is no golden.
+    /// Panics with the [`Failure`] if a result differs from the golden, or there is no golden.
     #[track_caller]
     pub fn matches(
         self,
@@ -65,7 +65,7 @@ impl<V> Check<'_, Calls<V>> {
         or_panic(self.try_matches(goldens, case, tolerance))
     }
 
-    /// [`matches`](Self::matches) without the panic.
+    /// Runs [`matches`](Self::matches), but returns the failure instead of panicking.
     ///
     /// # Errors
     /// If a result differs from the golden, or there is no golden.
@@ -334,7 +334,6 @@ fn seed_of(case: &str) -> u64 {
     hash.as_bytes().iter().take(8).fold(0, |seed, byte| seed << 8 | u64::from(*byte))
 }
 
-/// Makes a domain from the golden's arguments.
 fn rows_of(golden: &Table) -> Dynamic {
     let columns = &golden.columns[..golden.arguments];
     let scalars: Vec<Scalar> = columns.iter().map(|column| column.scalar).collect();
@@ -346,7 +345,6 @@ fn rows_of(golden: &Table) -> Dynamic {
     Dynamic::new(&names.collect::<Vec<_>>(), parts)
 }
 
-/// Samples the rows of all cases from a domain.
 fn drawn(
     session: &Session<'_>,
     domain: &dyn Stream,

@@ -37,13 +37,13 @@ impl<V> Check<'_, Calls<V>> {
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if an operation has a hazard, or the engine can't execute the function.
+    /// Panics with the [`Failure`] if an operation has a hazard, or the engine can't execute the function.
     #[track_caller]
     pub fn has_no_hazards(self) -> Agreement {
         or_panic(self.try_has_no_hazards())
     }
 
-    /// [`has_no_hazards`](Self::has_no_hazards) without the panic.
+    /// Runs [`has_no_hazards`](Self::has_no_hazards), but returns the failure instead of panicking.
     ///
     /// # Errors
     /// See the panics of the method without `try_`.
@@ -66,14 +66,14 @@ impl<V> Check<'_, Calls<V>> {
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if an operation has such a hazard, if no operation can have a hazard of one of the
+    /// Panics with the [`Failure`] if an operation has such a hazard, if no operation can have a hazard of one of the
     /// kinds, or if the engine can't execute the function.
     #[track_caller]
     pub fn has_none_of(self, kinds: impl IntoIterator<Item = Kind>) -> Agreement {
         or_panic(self.try_has_none_of(kinds))
     }
 
-    /// [`has_none_of`](Self::has_none_of) without the panic.
+    /// Runs [`has_none_of`](Self::has_none_of), but returns the failure instead of panicking.
     ///
     /// # Errors
     /// See the panics of the method without `try_`.
@@ -108,7 +108,6 @@ fn one_line(text: &str) -> String {
 }
 
 impl Plan<'_> {
-    /// Returns an error if the check accepts a hazard, but its verb doesn't look for hazards.
     pub(super) fn expect_hazards_asked(&self, asserted: &Asserted) -> Result<(), Failure> {
         match (self.accepted.first(), asserted.explained) {
             (None, _) | (_, Explained::ByHazards(_)) => Ok(()),

@@ -34,7 +34,7 @@ use group::Group;
 /// calls.
 const CASES: u64 = 256;
 
-/// The number of values up to which Karat tries every value of a finite domain, if the check sets no number of
+/// The largest size of a finite domain for which Karat tries every value, if the check sets no number of
 /// integrals.
 const ENUMERATED: u64 = 65_536;
 
@@ -110,18 +110,15 @@ pub(super) struct Nodes {
     pub(super) weights: Vec<f64>,
 }
 
-/// A function that appends the nodes of a case's quadrature rule.
 pub(super) type Rule<'r> = &'r (dyn Fn(&Held, &mut Nodes) + Sync);
 
 pub(super) struct Integrals<'i> {
-    /// The types of the arguments at the rule's nodes.
     pub(super) arguments: Vec<Shape>,
     pub(super) rule: Rule<'i>,
     /// A second rule with another number of nodes. If the integrals by the two rules differ, both are doubtful.
     pub(super) control: Option<Rule<'i>>,
     /// A function that appends the components of the expected integral, or of the bound.
     pub(super) expected: &'i (dyn Fn(&Held, &mut Vec<f64>) + Sync),
-    /// The type of the expected integral or of the bound.
     pub(super) shape: Shape,
     pub(super) assertion: Assertion,
 }
@@ -145,7 +142,7 @@ where
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if an integral disagrees, a node has no finite result, or nothing
+    /// Panics with the [`Failure`] if an integral disagrees, a node has no finite result, or nothing
     /// could be compared.
     #[track_caller]
     pub fn agrees_with<E: Mirror>(
@@ -156,7 +153,7 @@ where
         or_panic(self.try_agrees_with(expected, tolerance))
     }
 
-    /// [`agrees_with`](Self::agrees_with) without the panic.
+    /// Runs [`agrees_with`](Self::agrees_with), but returns the failure instead of panicking.
     ///
     /// # Errors
     /// If an integral disagrees, a node has no finite result, or nothing could be compared.
@@ -181,14 +178,14 @@ where
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if an integral exceeds its bound, a node has no finite result, or
+    /// Panics with the [`Failure`] if an integral exceeds its bound, a node has no finite result, or
     /// nothing could be compared.
     #[track_caller]
     pub fn is_at_most<E: Mirror>(self, bound: impl Fn(&V) -> E + Sync, slack: f64) -> Agreement {
         or_panic(self.try_is_at_most(bound, slack))
     }
 
-    /// [`is_at_most`](Self::is_at_most) without the panic.
+    /// Runs [`is_at_most`](Self::is_at_most), but returns the failure instead of panicking.
     ///
     /// # Errors
     /// If an integral exceeds its bound, a node has no finite result, or nothing could be compared.
@@ -272,8 +269,8 @@ impl Integrals<'_> {
             let (tally, nodes) = judge(first, values.collect::<Result<_, _>>()?)?;
             sum = Some(PathTally::and(sum, tally));
             first = cases.end;
-            // If the next rules have as many nodes, the next group fills a dispatch. The group at most doubles,
-            // so that long rules after short rules don't fill the memory.
+            // If the next rules have as many nodes, the next group fills a dispatch. The group's size at most
+            // doubles, so that long rules after short rules don't fill the memory.
             let fitting = session.called.capacity() / nodes.max(1);
             size = (2 * size).min(fitting.max(1) as u64);
         }

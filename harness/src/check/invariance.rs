@@ -63,7 +63,7 @@ impl<V: Arguments> Check<'_, Calls<V>> {
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if a result is wrong or nothing could be compared.
+    /// Panics with the [`Failure`] if a result is wrong or nothing could be compared.
     #[track_caller]
     pub fn invariant_under(
         self,
@@ -73,7 +73,7 @@ impl<V: Arguments> Check<'_, Calls<V>> {
         or_panic(self.try_invariant_under(transform, tolerance))
     }
 
-    /// [`invariant_under`](Self::invariant_under) without the panic.
+    /// Runs [`invariant_under`](Self::invariant_under), but returns the failure instead of panicking.
     ///
     /// # Errors
     /// If a result is wrong or nothing could be compared.
@@ -110,7 +110,7 @@ impl<V: Arguments> Check<'_, Calls<V>> {
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if a result is wrong or nothing could be compared.
+    /// Panics with the [`Failure`] if a result is wrong or nothing could be compared.
     #[track_caller]
     pub fn scales_under(
         self,
@@ -121,7 +121,7 @@ impl<V: Arguments> Check<'_, Calls<V>> {
         or_panic(self.try_scales_under(transform, factor, tolerance))
     }
 
-    /// [`scales_under`](Self::scales_under) without the panic.
+    /// Runs [`scales_under`](Self::scales_under), but returns the failure instead of panicking.
     ///
     /// # Errors
     /// If a result is wrong or nothing could be compared.

@@ -2,7 +2,6 @@
 
 use crate::interpret::hazards::Kind;
 
-/// A set of kinds of hazards.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Kinds(u16);
 
@@ -31,7 +30,6 @@ impl Kinds {
     }
 }
 
-/// An accepted hazard.
 #[derive(Clone, Debug)]
 pub(super) struct Accepted {
     /// The text of the operation in the source.

@@ -46,7 +46,7 @@ impl Limit {
         Self { target, steps: steps.into() }
     }
 
-    /// The reason why the steps don't approach the target, if they don't.
+    /// Describes why the steps don't approach the target. `None` if they do.
     fn unusable(&self) -> Option<&'static str> {
         let distance = |step: &f32| (f64::from(*step) - f64::from(self.target)).abs();
         let falls = self.steps.windows(2).all(|pair| distance(&pair[1]) < distance(&pair[0]));
@@ -93,7 +93,7 @@ impl<V: Arguments> Check<'_, Calls<V>> {
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if a case's error rises or is too large at the last step, if all cases are within
+    /// Panics with the [`Failure`] if a case's error rises or is too large at the last step, if all cases are within
     /// the tolerance at every step, or if nothing could be compared.
     #[track_caller]
     pub fn at_limit(
@@ -106,7 +106,7 @@ impl<V: Arguments> Check<'_, Calls<V>> {
         or_panic(self.try_at_limit(argument, limit, reference, tolerance))
     }
 
-    /// [`at_limit`](Self::at_limit) without the panic.
+    /// Runs [`at_limit`](Self::at_limit), but returns the failure instead of panicking.
     ///
     /// # Errors
     /// If a case's error rises or is too large at the last step, if all cases are within the tolerance at every

@@ -105,14 +105,15 @@ pub enum Mismatch {
         place: usize,
     },
     /// A parameter isn't a single number.
-    #[error("has `{name}` of type {shape}, which isn't one number")]
+    #[error("has `{name}` of type {shape}, which isn't a single number")]
     NoNumber {
         /// The name of the parameter.
         name: String,
         /// The type of the parameter.
         shape: Shape,
     },
-    /// The check asks for a result that is perpendicular to a parameter, but their types differ.
+    /// The check asks for a result that is perpendicular to a parameter, but the result and the parameter have
+    /// different types.
     #[error(
         "returns {result}, and has `{name}` of type {shape}: only vectors of the same type can be perpendicular"
     )]
@@ -136,7 +137,7 @@ pub enum Mismatch {
         reason: String,
     },
     /// A check of a sampler has a second function, such as the density, and this function has its own executor.
-    #[error("runs where the sampler runs: call `.on(..)` on the sampler only")]
+    #[error("runs on the sampler's executors: call `.on(..)` only on the sampler")]
     Executor,
     /// Karat can't sample random numbers of this type.
     #[error("is sampled with {0}, but random numbers are f32 or u32")]
@@ -167,7 +168,6 @@ fn hint(declared: &[Shape], supplied: &[Shape]) -> String {
     member(first.and_then(|(host, wgsl)| host.differing(wgsl, false)))
 }
 
-/// Describes the first member in which two structures differ.
 fn member(differing: Option<Differing>) -> String {
     let Some(Differing { structure, place, wgsl, host }) = differing else { return String::new() };
     let told = |side: Option<String>| side.map_or("missing".to_owned(), |side| format!("`{side}`"));

@@ -56,8 +56,8 @@ const PATIENCE: u32 = 64;
 const NAME: &str = "is_monotone_in";
 
 impl<V> Check<'_, Calls<V>> {
-    /// Checks that each component of the result only rises, or only falls, as one argument grows
-    /// while the others stay the same.
+    /// Checks that each component of the result only rises, or only falls, as one argument grows. The other
+    /// arguments stay the same.
     ///
     /// Karat calls the function twice for each case: with the sampled arguments, and with a second value of the
     /// one argument. Karat samples the second value separately, near the first value or far from it. So in the
@@ -74,7 +74,7 @@ impl<V> Check<'_, Calls<V>> {
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if a result changes in the wrong direction by more than the tolerance, if no
+    /// Panics with the [`Failure`] if a result changes in the wrong direction by more than the tolerance, if no
     /// result changes by more than the tolerance, or if nothing could be compared.
     #[track_caller]
     pub fn is_monotone_in(
@@ -86,7 +86,7 @@ impl<V> Check<'_, Calls<V>> {
         or_panic(self.try_is_monotone_in(argument, trend, tolerance))
     }
 
-    /// [`is_monotone_in`](Self::is_monotone_in) without the panic.
+    /// Runs [`is_monotone_in`](Self::is_monotone_in), but returns the failure instead of panicking.
     ///
     /// # Errors
     /// If a result changes in the wrong direction by more than the tolerance, if no result changes by more than
@@ -180,7 +180,6 @@ struct Other<'a> {
 }
 
 impl Other<'_> {
-    /// Replaces the argument's first value by the second.
     fn replaced(&self, arguments: &[u32], other: u32) -> Vec<u32> {
         let mut lanes = arguments.to_vec();
         lanes[self.argument.lane] = other;
@@ -193,8 +192,8 @@ impl Companion for Other<'_> {
         1
     }
 
-    /// Samples some values and returns the nearest one to the case's own value. Returns the case's own value if
-    /// all samples equal it.
+    /// Samples some values, and returns the value that is nearest to the case's own value. Returns the case's
+    /// own value if all samples equal it.
     fn draw(&self, arguments: &[u32], source: &mut Source) -> Vec<u32> {
         let own = arguments[self.argument.lane];
         let draws = DRAWS[usize::try_from(source.below(4)).unwrap_or_default()];

@@ -19,7 +19,6 @@ use crate::run::or_panic;
 use crate::tolerance::Criterion;
 use crate::value::{Scalar, Shape};
 
-/// Both ends of a range.
 type Bounds = (Bound<f64>, Bound<f64>);
 
 /// Describes a range as a statement: `lies in 0..=1`, `lies in 0..<1`, `is at least 0`.
@@ -97,14 +96,14 @@ impl<V> Check<'_, Calls<V>> {
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if a result isn't finite, if the function returns no float, or if nothing
+    /// Panics with the [`Failure`] if a result isn't finite, if the function returns no float, or if nothing
     /// could be checked.
     #[track_caller]
     pub fn is_finite(self) -> Agreement {
         or_panic(self.try_is_finite())
     }
 
-    /// [`is_finite`](Self::is_finite) without the panic.
+    /// Runs [`is_finite`](Self::is_finite), but returns the failure instead of panicking.
     ///
     /// # Errors
     /// If a result isn't finite, if the function returns no float, or if nothing could be checked.
@@ -130,14 +129,14 @@ impl<V> Check<'_, Calls<V>> {
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if a number lies outside the range, if the range contains no number, or if nothing
+    /// Panics with the [`Failure`] if a number lies outside the range, if the range contains no number, or if nothing
     /// could be checked.
     #[track_caller]
     pub fn stays_within(self, range: impl RangeBounds<f64>) -> Agreement {
         or_panic(self.try_stays_within(range))
     }
 
-    /// [`stays_within`](Self::stays_within) without the panic.
+    /// Runs [`stays_within`](Self::stays_within), but returns the failure instead of panicking.
     ///
     /// # Errors
     /// If a number lies outside the range, if the range contains no number, or if nothing could be checked.
@@ -161,7 +160,7 @@ impl<V> Check<'_, Calls<V>> {
     /// mistake, the check passes.
     ///
     /// # Panics
-    /// With the [`Failure`], if a case disagrees, if the engine can't execute the reference function, or if
+    /// Panics with the [`Failure`] if a case disagrees, if the engine can't execute the reference function, or if
     /// nothing could be compared.
     #[track_caller]
     pub fn agrees_with_function(
@@ -172,7 +171,7 @@ impl<V> Check<'_, Calls<V>> {
         or_panic(self.try_agrees_with_function(reference, tolerance))
     }
 
-    /// [`agrees_with_function`](Self::agrees_with_function) without the panic.
+    /// Runs [`agrees_with_function`](Self::agrees_with_function), but returns the failure instead of panicking.
     ///
     /// # Errors
     /// If a case disagrees, if the engine can't execute the reference function, or if nothing could be
@@ -346,7 +345,8 @@ impl Plan<'_> {
 
     fn shadow(&self, demand: &Demand, reference: &str) -> Result<Shadow, Failure> {
         let probe = &self.probe;
-        // The reference function needn't use all overrides. Unused ones would be errors.
+        // The reference function gets only the overrides that it declares. The tested function may use more
+        // overrides.
         let program = Program::of_function(probe.package, reference).map_err(ProbeError::from)?;
         let used = probe.overrides.iter().filter(|(name, _)| program.has_override(name));
         let overrides = used.map(|(name, value)| (name.clone(), *value)).collect();

@@ -45,7 +45,6 @@ impl fmt::Display for Parameter {
     }
 }
 
-/// A parameter that is a single number.
 #[derive(Clone, Debug)]
 pub(super) struct ScalarParameter {
     pub(super) name: String,

@@ -95,7 +95,6 @@ impl PathTally {
         }
     }
 
-    /// Merges the tallies of earlier and later cases.
     pub(super) fn merge(self, other: Self) -> Self {
         let tally = self.tally.merge(other.tally);
         let pick = |shown: Option<Shown>, a: Option<CaseFailure>, b: Option<CaseFailure>| {
@@ -112,7 +111,7 @@ impl PathTally {
         }
     }
 
-    /// Merges the tally of earlier cases, if there is one, with the tally of later cases.
+    /// Merges two tallies. There may be no earlier tally.
     pub(super) fn and(earlier: Option<Self>, later: Self) -> Self {
         match earlier {
             Some(earlier) => earlier.merge(later),

@@ -16,7 +16,6 @@ pub(super) struct Plan<'a> {
     pub(super) tolerance_on: Selected<Tolerance>,
     pub(super) known_issues: KnownIssues,
     pub(super) accepted: Vec<super::kinds::Accepted>,
-    /// `true` if Karat writes the verdict to the record of the run.
     pub(super) recorded: bool,
 }
 

@@ -16,7 +16,7 @@ pub(super) const PRIMED: &str =
 /// The parts of a failing case that a report shows.
 pub(super) struct Exhibit {
     pub(super) lanes: Vec<u32>,
-    /// The names and values of what the check varied for this case.
+    /// The names and values of arguments or rotations that the check varied for this case.
     pub(super) varied: Vec<(String, String)>,
     /// The note that names the compared results, if a case calls the function more than once.
     pub(super) compared: &'static str,

@@ -147,7 +147,7 @@ impl<V: Arguments> Check<'_, Calls<V>> {
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if an integral differs from the expected integral, if the two rules disagree, if
+    /// Panics with the [`Failure`] if an integral differs from the expected integral, if the two rules disagree, if
     /// the result at a node isn't finite, or if nothing could be compared.
     #[track_caller]
     pub fn integrates_to<E: Mirror>(
@@ -159,7 +159,7 @@ impl<V: Arguments> Check<'_, Calls<V>> {
         or_panic(self.try_integrates_to(directions, expected, tolerance))
     }
 
-    /// [`integrates_to`](Self::integrates_to) without the panic.
+    /// Runs [`integrates_to`](Self::integrates_to), but returns the failure instead of panicking.
     ///
     /// # Errors
     /// If an integral differs from the expected integral, if the two rules disagree, if the result at a node
@@ -191,7 +191,7 @@ impl<V: Arguments> Check<'_, Calls<V>> {
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if an integral exceeds its bound, the rules disagree, a node has no
+    /// Panics with the [`Failure`] if an integral exceeds its bound, the rules disagree, a node has no
     /// finite result, or nothing could be compared.
     #[track_caller]
     pub fn integrates_to_at_most<E: Mirror>(
@@ -203,7 +203,7 @@ impl<V: Arguments> Check<'_, Calls<V>> {
         or_panic(self.try_integrates_to_at_most(directions, bound, slack))
     }
 
-    /// [`integrates_to_at_most`](Self::integrates_to_at_most) without the panic.
+    /// Runs [`integrates_to_at_most`](Self::integrates_to_at_most), but returns the failure instead of panicking.
     ///
     /// # Errors
     /// If an integral exceeds its bound, the rules disagree, a node has no finite result, or

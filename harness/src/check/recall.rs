@@ -49,7 +49,6 @@ impl Session<'_> {
         found
     }
 
-    /// Remembers the simplest failing input.
     pub(super) fn remember(&self, sum: &PathTally) {
         let (Some(memory), Some(simplest)) = (self.memory, &sum.simplest) else { return };
         if simplest.failure.remembered {

@@ -1,4 +1,5 @@
-//! Keeps the errors of some cases for reports: of some cases in the first batch, and of its worst case.
+//! Stores the errors of some cases for reports. These cases come from the first batch, and include its worst
+//! case.
 
 use super::batch::Batch;
 use crate::judge::{Picked, Tally};
@@ -15,8 +16,8 @@ pub(super) struct Sample {
     scalars: Vec<Scalar>,
     rows: Vec<Vec<u32>>,
     ratios: Vec<f64>,
-    /// The index of the worst and the first failing case, which follow the other cases. The other cases were
-    /// picked independently of their errors.
+    /// The index of the worst and the first failing case, which follow the other cases. Karat picked the other
+    /// cases independently of their errors.
     chosen: usize,
 }
 
@@ -61,7 +62,6 @@ impl Sample {
     }
 }
 
-/// The names of an argument's components.
 fn named(name: &str, lanes: usize) -> Vec<String> {
     match lanes {
         1 => vec![name.to_owned()],
@@ -75,7 +75,6 @@ impl Sample {
         Errors::of(self.ratios.iter().take(self.chosen).copied())
     }
 
-    /// The plot of the errors over the arguments.
     pub(super) fn plot(&self) -> Plot {
         let row = |(row, ratio): (&Vec<u32>, &f64)| {
             let lanes = self.scalars.iter().zip(row);

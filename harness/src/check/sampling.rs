@@ -36,12 +36,13 @@ use calls::given;
 /// quarter million samples.
 const CONFIGURATIONS: u64 = 16;
 
-/// The number of values up to which Karat tries every value of a finite domain, if the check sets no number of
+/// The largest size of a finite domain for which Karat tries every value, if the check sets no number of
 /// configurations.
 const ENUMERATED: u64 = 4096;
 
 /// The number of samples per configuration if the check sets no number. Each of 512 cells then gets 512 samples
-/// on average. If the density is wrong by 3 % in every cell, the check accepts it in only one of 10^9 runs.
+/// on average. If the density is wrong by 3 % in every cell, the check accepts the density in only one of 10^9
+/// runs.
 const SAMPLES: u64 = 1 << 18;
 
 /// The default probability that a check rejects a correct sampler, for one seed. Mitsuba uses the same value.
@@ -243,19 +244,18 @@ impl std::fmt::Display for Fit {
         let Self { function, configurations, samples, p, threshold, .. } = self;
         write!(
             f,
-            "{function}: {configurations} configurations of {samples} samples fit, \
-             least p {p:.2e} (above {threshold:.2e})"
+            "{function}: {configurations} configurations with {samples} samples each pass, \
+             smallest p {p:.2e} (threshold {threshold:.2e})"
         )
     }
 }
 
-/// A verb's assertion about a sampler.
 struct Hypothesis {
     check: &'static str,
     /// The text of the assertion, for records and messages.
     text: String,
-    /// The number of statistical tests per configuration. All tests together have the significance as their
-    /// error probability.
+    /// The number of statistical tests per configuration. The significance is the error probability of all
+    /// tests together.
     tests: u64,
 }
 
@@ -272,11 +272,9 @@ struct Configuration<'s> {
 #[derive(Clone, Copy)]
 struct Sampled<'s, 'a> {
     plan: &'s Plan<'a>,
-    /// `true` if Karat writes the verdict to the record of the run.
     recorded: bool,
     settings: &'s Settings,
     configurations: &'s dyn Stream,
-    /// The types of the sampler's arguments.
     shapes: &'s [Shape],
     /// The type of the random numbers for one sample.
     random: &'s Shape,

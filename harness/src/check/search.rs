@@ -23,8 +23,8 @@ const PATIENCE: usize = 3;
 const SIMPLER: usize = 64;
 
 impl Session<'_> {
-    /// Returns the simplest failing arguments that the search finds. `None` if the search finds none, or if the
-    /// domain can't tell which arguments it contains.
+    /// Returns the simplest failing arguments that the search finds. `None` if the search finds no failing
+    /// arguments, or if the domain can't tell which arguments it contains.
     pub(super) fn search(&self, goal: &Goal<'_>) -> Result<Option<Vec<u32>>, Failure> {
         let width = self.stream.width();
         let Some(distance) = goal.distance else { return Ok(None) };

@@ -38,14 +38,11 @@ fn room_for(cases: usize) -> usize {
     cases.div_ceil(cases.div_ceil(LARGEST).max(1)).max(SMALLEST)
 }
 
-/// A check's verb and assertion.
 #[derive(Clone, Debug)]
 pub(super) struct Asserted {
-    /// The name of the verb.
     pub(super) check: &'static str,
     /// The tolerance, or the statement.
     pub(super) text: String,
-    /// The relation between the expected value and the actual value.
     pub(super) expectation: Expectation,
     /// `true` if later runs try failing arguments again.
     pub(super) remembers: bool,
@@ -87,12 +84,10 @@ pub(super) struct Session<'a> {
     pub(super) fixtures: &'a Fixtures,
     /// The inputs of earlier failures. `None` if the check doesn't remember them.
     pub(super) memory: Option<&'a Memory>,
-    /// `true` if Karat writes the verdict to the record of the run.
     pub(super) recorded: bool,
     pub(super) accepted: &'a [super::kinds::Accepted],
 }
 
-/// A function that judges a batch.
 pub(super) type JudgeBatch<'j> =
     &'j mut dyn FnMut(&Batch, Running<'_>) -> Result<PathTally, Failure>;
 
@@ -100,8 +95,8 @@ pub(super) type JudgeBatch<'j> =
 pub(super) type Expect<'e> = &'e (dyn Fn(Rows<'_>, &mut Vec<f64>) + Sync);
 
 impl<'a> Session<'a> {
-    /// Returns an error unless `tested`: such a check can't fail, because it tests nothing. A failing check and
-    /// a replay of a single case never cause this error.
+    /// Returns an error if `tested` is `false`. Such a check tests nothing, so it can't fail. A failing check
+    /// and a replay of a single case never cause this error.
     pub(super) fn expect_tested(
         &self,
         tested: bool,
@@ -188,7 +183,6 @@ impl<'a> Session<'a> {
         (!self.own_executors).then_some(self.called.path)
     }
 
-    /// The number of cases that run.
     pub(super) fn declared(&self) -> u64 {
         if self.case.is_some() { 1 } else { self.count() }
     }
@@ -334,7 +328,6 @@ impl<'a> Session<'a> {
         Ok(())
     }
 
-    /// Checks if WGSL can write these arguments as constants.
     pub(super) fn is_constant(&self, row: &[u32]) -> bool {
         let scalars = self.called.argument_scalars();
         let mut lanes = scalars.iter().zip(row);

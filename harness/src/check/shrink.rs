@@ -17,15 +17,14 @@ use crate::run::Descent;
 /// a matrix.
 const ROUNDS: usize = 50;
 
-/// The time limit for one case. Only checks with slow references reach it. Their simplest case may be less
-/// simple.
+/// The time limit for one case. Only checks with slow references reach the limit. The simplest case of such a
+/// check may be less simple.
 const TIME: Duration = Duration::from_secs(20);
 
 /// The largest number of trials in one round that may give an error instead of a verdict, for example because a
 /// reference isn't finite.
 const ERRORS: usize = 64;
 
-/// A function that judges some values of the arguments.
 pub(super) type JudgeValues<'j> = &'j mut dyn FnMut(&[Held]) -> Result<PathTally, Failure>;
 
 impl Session<'_> {

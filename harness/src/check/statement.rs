@@ -47,7 +47,7 @@ impl<V: Arguments> Check<'_, Calls<V>> {
     /// the statement holds with 0 instead of these arguments.
     ///
     /// # Panics
-    /// With the [`Failure`], if a case doesn't satisfy the statement or nothing could be checked.
+    /// Panics with the [`Failure`] if a case doesn't satisfy the statement or nothing could be checked.
     #[track_caller]
     pub fn satisfies<R: Shareable>(
         self,
@@ -57,7 +57,7 @@ impl<V: Arguments> Check<'_, Calls<V>> {
         or_panic(self.try_satisfies(statement, holds))
     }
 
-    /// [`satisfies`](Self::satisfies) without the panic.
+    /// Runs [`satisfies`](Self::satisfies), but returns the failure instead of panicking.
     ///
     /// # Errors
     /// If a case doesn't satisfy the statement or nothing could be checked.

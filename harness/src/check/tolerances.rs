@@ -16,7 +16,6 @@ impl Tolerances {
         self.own(called).unwrap_or(&self.general)
     }
 
-    /// The path's own tolerance, if the path has one.
     pub(super) fn own(&self, called: &Called<'_>) -> Option<&Tolerance> {
         self.on.on(called.path, &called.adapter)
     }

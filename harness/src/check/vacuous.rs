@@ -116,7 +116,7 @@ impl Vacuous {
         }
     }
 
-    /// The beginning of the message: it names the domain of a function, or the check of a sampler.
+    /// The beginning of the message. It names the domain of a function, or the check of a sampler.
     pub(super) fn whose(&self) -> &'static str {
         match self {
             Self::Significance(_) | Self::Mass(_) | Self::Interval(..) => "the check of",
@@ -125,7 +125,6 @@ impl Vacuous {
     }
 }
 
-/// Describes an empty domain, such as: the range of `alpha` starts at 1 and ends at 0.
 fn shown(Emptiness { what, fault, .. }: &Emptiness, argument: Option<&str>) -> String {
     match argument {
         Some(name) => format!("the {what} of `{name}` {fault}"),

@@ -77,11 +77,11 @@ pub enum Failure {
     Evidence {
         /// The sampler's name.
         function: String,
-        /// The reason.
+        /// The reason, as text.
         reason: String,
         /// The configuration's index.
         case: u64,
-        /// Its value.
+        /// The configuration's value.
         configuration: String,
     },
     /// An environment variable can't be used, or a replay names a case of another check.
@@ -107,7 +107,7 @@ pub enum Failure {
     Domain {
         /// The function's name.
         function: String,
-        /// The reason.
+        /// The reason why the check has nothing to judge.
         reason: Box<Vacuous>,
     },
     /// A quadrature rule has no nodes, has a weight that isn't finite, or gives an integral without a verdict.
@@ -117,9 +117,9 @@ pub enum Failure {
         function: String,
         /// The fault of the rule, as text.
         reason: String,
-        /// The case.
+        /// The index of the case.
         case: u64,
-        /// Its value.
+        /// The value of the case.
         arguments: String,
     },
     /// The reference returned a value that isn't finite.
@@ -134,7 +134,7 @@ pub enum Failure {
         value: f64,
         /// The component of the value.
         place: String,
-        /// The case.
+        /// The index of the case.
         case: u64,
         /// The arguments of the case.
         arguments: String,

@@ -26,7 +26,7 @@ pub struct WgslTest {
     pub span: Span,
     /// The number in `@cases`.
     pub cases: Option<u64>,
-    /// The `@over` of each parameter, if it has one: the words and numbers in it, and its place.
+    /// The `@over` of each parameter, if it has one: the words and numbers in the `@over`, and its place.
     pub over: Vec<Option<(Vec<String>, Span)>>,
     /// The normalised text of the test and of everything that the test uses.
     normalized_text: Option<String>,
@@ -35,9 +35,8 @@ pub struct WgslTest {
     written: Option<Vec<(String, String)>>,
     package: Package,
     module: String,
-    /// The features of the package that are turned on.
     features: Arc<Features>,
-    /// The linked test. Karat makes it at the first use.
+    /// The linked test. Karat links the test at its first use.
     made: Arc<OnceLock<Result<Made, Arc<ReflectError>>>>,
 }
 

@@ -8,19 +8,18 @@ use crate::path::{Device, MOST_ROUNDS, PathError, guard};
 use crate::probe::{Kept, Resource, upload_shared};
 use crate::reflect::{BindingKind, Program, Watched};
 
-/// A program that counts the iterations of its loops, and the binding of the counts.
+/// A program that counts the iterations of its loops, and the binding of the buffer with the counts.
 struct Counted {
     watched: Watched,
     binding: u32,
 }
 
 impl Device {
-    /// Dispatches the passes, and reads the resources that they write.
     pub(crate) fn dispatch(&self, passes: &Passes) -> Result<Afterwards, DispatchError> {
         self.dispatch_with(passes, self.leaves_loops())
     }
 
-    /// Dispatches the passes. If `watched`, first checks that each loop ends before the driver would stop it.
+    /// Dispatches the passes. If `watched`, first checks that each loop ends before the driver stops the loop.
     pub fn dispatch_with(
         &self,
         passes: &Passes,
@@ -153,7 +152,6 @@ impl Device {
         Ok((afterwards, counts))
     }
 
-    /// Compiles a pass and binds its resources.
     fn step(
         &self,
         pass: &Pass,
@@ -214,7 +212,6 @@ impl Device {
     }
 }
 
-/// A pass, compiled for a device.
 struct Step {
     pipeline: Arc<crate::path::Pipeline>,
     groups: Vec<wgpu::BindGroup>,

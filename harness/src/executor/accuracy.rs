@@ -44,7 +44,6 @@ pub(crate) fn measured(executor: &dyn Executor, kept: bool) -> Result<Arc<Accura
     Ok(accuracy)
 }
 
-/// The name of an adapter's file.
 fn name(adapter: &str) -> String {
     let mut hasher = blake3::Hasher::new();
     hasher.update(&EDITION.to_le_bytes());
@@ -62,7 +61,6 @@ fn read(file: &FilePath) -> Option<Accuracy> {
     Accuracy::from_words(&whole.then(|| bytemuck::pod_collect_to_vec(&bytes))?)
 }
 
-/// Measures the accuracy of each builtin function for its arguments.
 fn measure(executor: &dyn Executor) -> Result<Accuracy, ProbeError> {
     let functions: Vec<&str> = Accuracy::functions().collect();
     let text: String = (0..)

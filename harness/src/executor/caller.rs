@@ -13,11 +13,9 @@ use crate::reflect::Function;
 pub struct Caller<'e> {
     /// The function, with its kernel.
     pub probed: Cow<'e, Probed>,
-    /// The resources that the function reads.
     pub(crate) fixtures: &'e Fixtures,
     /// The path of the executor.
     pub path: Path,
-    /// The number of words in all arguments.
     pub(crate) words: usize,
     /// The number of words in one result.
     width: usize,
@@ -127,7 +125,8 @@ impl Running<'_> {
         let mut view = |words: &[u32], stride: usize| {
             let (expected, found) = (calls * stride.max(width), words.len());
             value = Some(match found == expected && stride >= width {
-                // The caller's `read` may panic. Such a panic isn't the path's fault, so it passes through.
+                // The caller's `read` may panic. Such a panic isn't the path's fault, so Karat doesn't catch
+                // it.
                 true => Ok(panics::passing(|| read(View { words, stride, width }))),
                 false => Err(ProbeError::Length { path, expected, found }),
             });
@@ -153,7 +152,6 @@ impl<'r> View<'r> {
         self.words.len() / self.stride.max(1)
     }
 
-    /// The words of one case's result.
     #[inline]
     pub(crate) fn of(self, case: usize) -> &'r [u32] {
         &self.words[case * self.stride..][..self.width]
@@ -165,7 +163,6 @@ impl Results {
         View { words: &self.words, stride: self.stride, width: self.width }
     }
 
-    /// The words of one case's result.
     pub(crate) fn of(&self, case: usize) -> &[u32] {
         self.view().of(case)
     }

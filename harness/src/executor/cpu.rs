@@ -15,7 +15,6 @@ pub(crate) struct Cpu {
     via: Via,
 }
 
-/// Returns the executor of `cpu`, `cpu:fma` or `cpu:ftz`.
 pub(crate) fn of(path: Path) -> &'static Cpu {
     match path.via() {
         Via::Fma => &Cpu { via: Via::Fma },
@@ -83,12 +82,11 @@ impl Prepared for Ready {
     }
 }
 
-/// A prepared function that writes resources or prints, so each case runs alone.
+/// A prepared function for which each case must run alone, because other cases would see its writes.
 #[derive(Debug)]
 struct ReadyAlone {
     function: Alone,
     cases: usize,
-    /// The number of words in one case's results.
     width: usize,
 }
 

@@ -31,7 +31,6 @@ impl Watcher {
         }
     }
 
-    /// Runs a batch and drops the results.
     fn run(&self, cases: usize, arguments: &[u32]) -> Result<(), ProbeError> {
         match self {
             Self::Together(function) => function.words(cases, arguments).map(drop),

@@ -16,7 +16,6 @@ const WORDS: usize = 1 << 19;
 /// The number of cases in a batch if each case needs its own job.
 const ALONE: usize = 64;
 
-/// A function that runs a job.
 type Run<'e> = Box<dyn Fn(&Job) -> Result<Reply, PathError> + Sync + 'e>;
 
 /// A function that Karat calls through jobs.
@@ -128,7 +127,6 @@ impl Prepared for ByJobs<'_> {
     }
 }
 
-/// Dispatches passes as a job.
 pub(super) fn dispatch(
     path: Path,
     run: &dyn Fn(&Job) -> Result<Reply, PathError>,
@@ -146,7 +144,6 @@ pub(super) fn dispatch(
     Ok(job.outputs.iter().copied().zip(outputs).collect())
 }
 
-/// Draws a frame as a job.
 pub(super) fn draw(
     path: Path,
     run: &dyn Fn(&Job) -> Result<Reply, PathError>,

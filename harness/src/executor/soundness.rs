@@ -284,7 +284,6 @@ fn unsound_of(
     found
 }
 
-/// Returns the drivers of this machine, and the engine.
 fn executors() -> Vec<&'static dyn Executor> {
     let second: Path = "vulkan@swiftshader".parse().expect("a path");
     let all = Path::ALL.into_iter().chain([second]);

@@ -43,7 +43,6 @@ impl Job {
         Ok(Self::new(work, resources, outputs))
     }
 
-    /// Makes a job from a frame.
     pub(crate) fn of_drawing(drawing: &Drawing<'_>) -> Result<Self, DrawError> {
         let program = drawing.program();
         let scene = drawing.scene();
@@ -147,7 +146,7 @@ impl Resource {
 /// The kernel of a function, with its resources. Each batch becomes one job.
 pub(crate) struct KernelJobs {
     probed: Probed,
-    /// The fixtures. `bindings` has their bindings.
+    /// The resources that the function uses. `bindings` contains the binding of each resource.
     resources: Vec<Resource>,
     bindings: Vec<Bound>,
     /// The numbers of the resources that the function writes, with their variables.
@@ -167,7 +166,7 @@ impl KernelJobs {
         Ok(Self { probed: probed.clone(), resources, bindings, written })
     }
 
-    /// The largest number of cases in a job. The size of the argument buffer limits it.
+    /// The largest number of cases in a job. The size of the argument buffer limits this number.
     pub(crate) fn largest_batch(&self) -> usize {
         self.probed.kernel.largest_batch().unwrap_or(usize::MAX)
     }

@@ -12,10 +12,8 @@ use crate::package::Package;
 use crate::path::JOBS;
 use crate::reflect::{Binding, Program, ReflectError};
 
-/// A function that runs passes.
 type Dispatch<'b> = &'b dyn Fn(&Passes) -> Result<dispatch::Afterwards, DispatchError>;
 
-/// A function that draws a frame.
 type Draw<'b> = &'b dyn Fn(&Drawing<'_>) -> Result<Image, DrawError>;
 
 /// The reason why a job can't reply with [`Reply::Done`].
@@ -82,7 +80,6 @@ impl Unraised {
     }
 }
 
-/// The name of the module that contains a pass's shader.
 fn module(pass: usize) -> String {
     format!("pass{pass}")
 }

@@ -34,12 +34,10 @@ pub(super) fn current() -> Option<&'static Host> {
 }
 
 impl Host {
-    /// The folder for the inputs on which these tests have failed.
     pub(super) fn failures(&self) -> PathBuf {
         failures(&self.folder, &self.target)
     }
 
-    /// The command that runs a test: the program and its arguments.
     pub(super) fn command(&self, test: &str) -> (String, Vec<String>) {
         let mut words = self.command.iter().cloned();
         let program = words.next().unwrap_or_default();

@@ -60,7 +60,7 @@ impl Identity {
         Ok(Self { test, check, settings })
     }
 
-    /// The case that the environment selects, if it names this check, or no check.
+    /// The case that `KARAT_CASE` selects, if `KARAT_CASE` names this check or no check.
     fn selected(&self, function: &str, check: &str) -> Option<&SelectedCase> {
         self.settings.case.as_ref().filter(|selected| match &selected.check {
             Some(named) => *named == label(function, check),
@@ -139,7 +139,6 @@ impl Identity {
         Replay { variables, program, arguments }
     }
 
-    /// Returns the program that runs the test, and its arguments.
     fn program(&self) -> (String, Vec<String>) {
         if let Some(host) = host::current() {
             return host.command(&self.test);
@@ -216,7 +215,6 @@ pub(crate) fn test() -> String {
     output::name(&test_as_named()).into_owned()
 }
 
-/// The name of the running test, as its author wrote it.
 fn test_as_named() -> String {
     std::thread::current().name().unwrap_or("main").to_owned()
 }

@@ -1,7 +1,7 @@
 //! Declarations of failures on paths, and the combined verdict of all paths.
 //!
-//! If you declare that a path fails, the path must fail. If it passes, the check fails, so that you remove the
-//! declaration after the bug is fixed. The same rules apply to functions, frames and compute passes.
+//! If you declare that a path fails, the path must fail. If the path passes, the check fails, so that you
+//! remove the declaration after the bug is fixed. The same rules apply to functions, frames and compute passes.
 
 use std::collections::BTreeSet;
 use std::fmt::{self, Display};
@@ -56,7 +56,6 @@ impl<E: Display> PathFailures<E> {
 }
 
 impl<E> PathFailures<E> {
-    /// Iterates over all failures on all paths.
     pub(crate) fn all(&self) -> impl Iterator<Item = &E> {
         self.failures.iter().chain(self.stopped.iter().map(|(_, error)| error))
     }
@@ -142,7 +141,6 @@ impl WrongDeclaration {
     }
 }
 
-/// The declarations about paths of one check or frame.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct KnownIssues {
     /// The paths that return wrong values, each with the reason.
@@ -189,7 +187,7 @@ impl KnownIssues {
     ///
     /// - `fails_on` is about values. At least one value on the path must be wrong, unless a replay selects a
     ///   single case. NaN and infinities are values.
-    /// - `refused_on` is about a path that refuses the program before it runs any part of it.
+    /// - `refused_on` is about a path that refuses the program before any part of the program runs.
     /// - If a path stops for any other reason, that is an error even with a declaration, because the path has
     ///   no values.
     ///
@@ -264,7 +262,6 @@ fn declare(all: &mut Selected<String>, on: Selector, reason: &str) {
     }
 }
 
-/// Makes the record of a path without values.
 fn without_values(adapter: Adapter, worst: &str) -> PathRecord {
     PathRecord { failures: 1, worst: worst.to_owned(), ..PathRecord::of(adapter) }
 }
@@ -276,13 +273,12 @@ pub(crate) struct Judged<V> {
     pub(crate) values: V,
 }
 
-/// A function that judges one path.
 pub(crate) type JudgePath<'j, V, E> =
     &'j mut dyn FnMut(&dyn Executor, &Adapter) -> Result<Judged<V>, E>;
 
 /// The reason why a check, a frame or passes fail.
 pub(crate) trait Stop: Fails + From<WrongDeclaration> {
-    /// Checks if a path refused the program before it ran any part of it.
+    /// Checks if a path refused the program before any part of the program ran.
     fn is_refusal(&self) -> bool;
 
     /// The cause, as text. A report shows paths with the same cause together.
@@ -645,7 +641,6 @@ mod tests {
         assert_eq!(all, ["off", "lost"]);
     }
 
-    /// An error about a wrong declaration.
     struct Unsound;
 
     impl From<PathError> for Unsound {

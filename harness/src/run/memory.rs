@@ -27,7 +27,6 @@ pub(crate) struct Memory {
     writable: bool,
 }
 
-/// An input, and the check that failed on it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Entry {
     pub(crate) function: String,
@@ -36,8 +35,8 @@ pub(crate) struct Entry {
     pub(crate) path: String,
     /// The words of the arguments. Empty for an integral, because its cases may have any type.
     pub(crate) words: Vec<u32>,
-    /// The origin of the value. Some domains, such as mapped ones, can't tell if they contain a value. Then
-    /// Karat makes the value again from its origin, and compares.
+    /// The origin of the value. Some domains, such as mapped ones, can't tell if they contain a value. For such
+    /// a domain, Karat makes the value again from its origin, and compares the two values.
     pub(crate) descent: Descent,
     /// The arguments, as text for people.
     pub(crate) comment: String,
@@ -188,7 +187,6 @@ impl Entry {
 /// The largest number of bytes in a file's name, without its extension. Systems allow 255.
 const LONGEST: usize = 200;
 
-/// Makes the file name for a test: `module__test`.
 fn file_name(test: &str) -> String {
     let plain = |c: char| if c.is_alphanumeric() || c == '_' { c } else { '-' };
     let plain: String = test.replace("::", "__").chars().map(plain).collect();

@@ -1,9 +1,9 @@
 //! Makes a test fail if `KARAT_CASE` is set, but the test doesn't replay a case.
 //!
 //! `KARAT_CASE` names one check. A test runs its checks in order, so the checks before the named check run as
-//! usual. Only the end of the test shows that none of its checks has that name. Test runners have no hook at
-//! the end of a test. But each test has its own thread, and the runtime drops the thread's local values before
-//! the runner continues. At that point this process prints an error and ends.
+//! usual. Only the end of the test shows that no check has the name in `KARAT_CASE`. Test runners have no hook
+//! at the end of a test. But each test has its own thread, and the runtime drops the thread's local values
+//! before the runner continues. At that point this process prints an error and ends.
 
 use std::cell::RefCell;
 use std::io::Write;

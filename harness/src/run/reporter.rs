@@ -43,7 +43,6 @@ pub(crate) trait Passed {
 pub(crate) struct Report {
     pub(crate) subject: Subject,
     pub(crate) paths: Vec<PathRecord>,
-    /// The files on which the verdict depends.
     pub(crate) read: Vec<FileRead>,
     /// The part of compute passes that the sanitizer examined.
     pub(crate) watched: Option<Watched>,

@@ -157,7 +157,9 @@ fn a_page_that_lies_passes_no_test() {
     let told =
         |number: u64, answer: String| serde_json::json!({ "number": number, "answer": answer });
     let answers: [(&str, Answer<'_>); 6] = [
-        ("outputs of [1] words, and [3]", &|number, job| told(number, done(job, vec![0]))),
+        ("outputs of [1] words, but the job needs [3]", &|number, job| {
+            told(number, done(job, vec![0]))
+        }),
         ("outputs of [65536] words", &|number, job| told(number, done(job, vec![0; 1 << 16]))),
         ("wrote no result for 1 of 1 cases", &|number, job| told(number, done(job, vec![0; 3]))),
         ("a line that isn't an answer: yes", &|number, _| told(number, "yes".to_owned())),

@@ -584,7 +584,7 @@ fn wrong_passes_fail_with_the_element() {
             "shade",
             "{}",
             "[compute.after.keys]\nsorted = true",
-            ["no compute entry point", "m.test.toml:2:1"],
+            ["compute entry point", "m.test.toml:2:1"],
         ),
         (
             "reverse",

@@ -56,7 +56,6 @@ impl Assertion {
         }
     }
 
-    /// Returns an error if the function's result type doesn't fit the expected integral or the bound.
     pub(super) fn expect_result(
         &self,
         session: &Session<'_>,
@@ -66,7 +65,7 @@ impl Assertion {
         let called = &session.called;
         let function = called.function();
         if !called.scalars().into_iter().all(Scalar::is_float) {
-            let (result, wanted) = (function.result.clone(), "and an integral is a sum of floats");
+            let (result, wanted) = (function.result.clone(), "but an integral is a sum of floats");
             return Err(Mismatch::Unsuited { result, wanted }.of(function));
         }
         match self {
@@ -111,8 +110,8 @@ impl Bound<'_> {
     }
 
     /// Checks if the integral fails by both rules. Both integrals must lie above the expected value, or both
-    /// below it. Both must still fail when the difference between them brings each closer to the expected
-    /// value.
+    /// below it. Both integrals must fail even if each moves closer to the expected value by the difference
+    /// between the two.
     pub(super) fn refuses_both(&self, lane: usize, sums: [f64; 2], expected: f64) -> bool {
         let doubt = (sums[0] - sums[1]).abs();
         let above = sums[0] > expected;
@@ -200,8 +199,8 @@ mod tests {
         for sums in [[630.0, 480.0], [1.5, 1.35], [0.5, 0.6], [-40.0, -30.0]] {
             assert!(refuses(&equal, sums), "{sums:?}");
         }
-        // Each pair either lies on both sides of the expected value, or would pass if its difference brought an
-        // integral closer.
+        // In each pair, either the integrals lie on both sides of the expected value, or one of them passes if
+        // it moves closer by the difference.
         for sums in [[1.05, 0.9], [1.3, 1.05], [0.7, 1.3], [1.4, 1.21], [0.6, 0.78], [-8.0, 9.0]] {
             assert!(!refuses(&equal, sums), "{sums:?}");
         }

@@ -23,7 +23,6 @@ pub(super) struct Case {
     pub(super) value: Held,
     /// The nodes of the rule, followed by the nodes of the second rule.
     nodes: Nodes,
-    /// The number of nodes of the first rule.
     own: usize,
     /// The components of the expected integral, or of the bound.
     expected: Vec<f64>,
@@ -135,8 +134,8 @@ impl Group {
         Ok((tally, undecided))
     }
 
-    /// The reason why an integral has no verdict, if it has none: the integrals by the two rules differ by more
-    /// than the assertion allows, but one of them may be right and passes. If the result at a node isn't
+    /// Returns an error if an integral has no verdict. This is so if the integrals from the two rules differ by
+    /// more than the assertion allows, but one of them may be right and passes. If the result at a node isn't
     /// finite, the integral fails.
     fn doubt(
         &self,
@@ -213,7 +212,7 @@ impl Case {
         shared
     }
 
-    /// The reason why the rule can't be used, if it can't.
+    /// Describes why the rule can't be used. `None` if the rule can be used.
     fn unusable(&self) -> Option<String> {
         if self.own == 0 {
             return Some("has no nodes, so there is nothing to integrate,".to_owned());

@@ -3,7 +3,6 @@
 use crate::judge::{Judged, finite};
 use crate::value::Scalar;
 
-/// The sum of weighted results for one case on one path.
 #[derive(Clone, Debug)]
 pub(super) struct Sum {
     lanes: Vec<Compensated>,

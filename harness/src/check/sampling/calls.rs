@@ -34,7 +34,6 @@ pub(super) fn given<X: Shareable, A: Arguments>(
 }
 
 impl Calls<'_> {
-    /// The number of `u32` words in one result.
     pub(super) fn words(&self) -> usize {
         self.called.scalars().len()
     }
@@ -56,7 +55,6 @@ impl Calls<'_> {
         Ok(results)
     }
 
-    /// Describes a call's arguments and result in a message.
     pub(super) fn shown(&self, lanes: &[u32], result: &[u32]) -> String {
         let function = self.called.function();
         let list: Vec<String> = function

@@ -72,7 +72,7 @@ pub(super) fn conclude(
         let asserted = Asserted::new(check, hypothesis.text.clone());
         let demand = Demand {
             arguments: shapes.to_vec(),
-            who: "the sampler is given",
+            who: "the check supplies",
             draws_arguments: false,
             cases: CONFIGURATIONS,
             enumerated: ENUMERATED,
@@ -102,7 +102,7 @@ pub(super) fn conclude(
             for Other { probe, shapes, .. } in others {
                 let function = (probe.package, &*probe.name);
                 let given = (&probe.fixtures, &probe.overrides);
-                let fitting = Fitting::find(function, given, inputs, shapes, "it is given")?;
+                let fitting = Fitting::find(function, given, inputs, shapes, "the check supplies")?;
                 if !probe.executors.is_empty() {
                     return Err(Mismatch::Executor.of(fitting.function()));
                 }
@@ -197,7 +197,6 @@ pub(super) fn conclude(
     })
 }
 
-/// The seed of a configuration's random numbers.
 fn configuration_seed(seed: u64, index: u64) -> u64 {
     let mut source = Source::new(seed, index);
     u64::from(source.bits()) << 32 | u64::from(source.bits())

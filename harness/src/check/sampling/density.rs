@@ -44,8 +44,8 @@ where
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if the check rejects a configuration, or can't judge one. Karat writes a picture
-    /// of the worst configuration below `target/karat/samples`.
+    /// Panics with the [`Failure`] if the check rejects a configuration, or can't judge a configuration. Karat
+    /// writes a picture of the worst configuration below `target/karat/samples`.
     #[track_caller]
     pub fn follows<X: Shareable, B: Arguments>(
         self,
@@ -55,10 +55,10 @@ where
         or_panic(self.try_follows(density, arguments))
     }
 
-    /// [`follows`](Self::follows) without the panic.
+    /// Runs [`follows`](Self::follows), but returns the failure instead of panicking.
     ///
     /// # Errors
-    /// If the check rejects a configuration, or can't judge one.
+    /// If the check rejects a configuration, or can't judge a configuration.
     pub fn try_follows<X: Shareable, B: Arguments>(
         self,
         density: Probe<'_>,
@@ -71,8 +71,8 @@ where
 
     /// Checks a sampler together with the function whose integral it estimates, such as a BRDF. Samples must
     /// follow the density. For each component, the mean of eval cos / pdf must equal the integral of eval cos.
-    /// If they are equal, the sampler covers all directions where `eval` isn't 0, with weights of finite
-    /// variance. The check doesn't test `eval`: the mean and the integral also agree for a wrong `eval`.
+    /// If the mean equals the integral, the sampler covers all directions where `eval` isn't 0, with weights of
+    /// finite variance. The check doesn't test `eval`: the mean and the integral also agree for a wrong `eval`.
     ///
     /// `eval` and `density` are pairs of a function and a closure. The closure makes the function's arguments
     /// from a configuration and a direction. "cos" is the absolute value of the direction's z.
@@ -90,7 +90,7 @@ where
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if the check rejects a configuration, or can't judge one.
+    /// Panics with the [`Failure`] if the check rejects a configuration, or can't judge a configuration.
     #[track_caller]
     pub fn estimates<X: Shareable, B: Arguments, E: Arguments>(
         self,
@@ -100,10 +100,10 @@ where
         or_panic(self.try_estimates(eval, density))
     }
 
-    /// [`estimates`](Self::estimates) without the panic.
+    /// Runs [`estimates`](Self::estimates), but returns the failure instead of panicking.
     ///
     /// # Errors
-    /// If the check rejects a configuration, or can't judge one.
+    /// If the check rejects a configuration, or can't judge a configuration.
     pub fn try_estimates<X: Shareable, B: Arguments, E: Arguments>(
         self,
         eval: (Probe<'_>, impl Fn(&V, X) -> E + Sync),
@@ -128,7 +128,7 @@ where
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if the check rejects a configuration, or can't judge one.
+    /// Panics with the [`Failure`] if the check rejects a configuration, or can't judge a configuration.
     #[track_caller]
     pub fn estimates_with_weight<X: Shareable, B: Arguments, E: Arguments, W: Arguments>(
         self,
@@ -139,10 +139,10 @@ where
         or_panic(self.try_estimates_with_weight(eval, density, weight))
     }
 
-    /// [`estimates_with_weight`](Self::estimates_with_weight) without the panic.
+    /// Runs [`estimates_with_weight`](Self::estimates_with_weight), but returns the failure instead of panicking.
     ///
     /// # Errors
-    /// If the check rejects a configuration, or can't judge one.
+    /// If the check rejects a configuration, or can't judge a configuration.
     pub fn try_estimates_with_weight<X: Shareable, B: Arguments, E: Arguments, W: Arguments>(
         self,
         eval: (Probe<'_>, impl Fn(&V, X) -> E + Sync),
@@ -232,7 +232,8 @@ impl Sampled<'_, '_> {
                 return Err(Mismatch::NoDirections(settings.support).of(eval.function()));
             }
             if scalars.len() > 3 || !scalars.into_iter().all(Scalar::is_float) {
-                let (result, wanted) = (eval.function().result.clone(), "not up to three floats");
+                let (result, wanted) =
+                    (eval.function().result.clone(), "which isn't one to three floats");
                 return Err(Mismatch::Unsuited { result, wanted }.of(eval.function()));
             }
             functions.others.get(2).map_or(Ok(()), |weight| {
@@ -297,5 +298,5 @@ fn expect_scalar(functions: &Functions<'_>, which: usize) -> Result<(), Failure>
     functions.others[which].expect_result(&Shape::Scalar(Scalar::F32), "a density is")
 }
 
-/// A type for `None`, if there is no function for weights.
+/// The type of the missing function for weights, for checks without such a function.
 type Unweighted<'a, V, X> = (Probe<'a>, fn(&V, X) -> f32);

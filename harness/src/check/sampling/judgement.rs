@@ -9,7 +9,6 @@ pub(super) struct Judgement {
     pub(super) findings: Vec<Finding>,
     /// The smallest p-value. 0 if there is a finding that doesn't depend on statistics.
     pub(super) p: f64,
-    /// Additional facts for the message.
     pub(super) notes: Vec<(&'static str, String)>,
     pub(super) histogram: Option<Histogram>,
 }

@@ -10,13 +10,11 @@ use crate::stats::{Cells, Rectangle, Support};
 /// The side of a cell in pixels.
 const SIDE: u32 = 8;
 
-/// The number of cells that a message names.
 const NAMED: usize = 3;
 
 /// The difference, in standard deviations, that the picture shows as bright as the mean count.
 const BRIGHT: f64 = 4.0;
 
-/// The observed and the expected count of each cell.
 pub(super) struct Histogram {
     pub(super) cells: Cells,
     pub(super) observed: Vec<u64>,
@@ -48,7 +46,6 @@ impl Histogram {
         }
     }
 
-    /// Describes the cells with the largest differences.
     pub(super) fn worst_cells(&self, support: Support) -> String {
         let mut cells: Vec<usize> = (0..self.cells.len()).collect();
         cells.sort_by(|a, b| self.difference(*b).abs().total_cmp(&self.difference(*a).abs()));

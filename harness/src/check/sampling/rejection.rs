@@ -142,42 +142,42 @@ pub struct ConfigurationRejection {
 pub enum Finding {
     /// A call returned NaN or an infinity.
     NotFinite {
-        /// The number of such calls.
+        /// The number of calls with this fault.
         count: u64,
-        /// The first such call, as text.
+        /// The first call with this fault, as text.
         call: String,
     },
     /// A sample isn't a unit vector, although the support contains directions.
     NotUnit {
-        /// The number of such samples.
+        /// The number of samples with this fault.
         count: u64,
-        /// The first such call, as text.
+        /// The first call with this fault, as text.
         call: String,
     },
     /// Samples are outside the support, and the check doesn't allow that.
     Outside {
-        /// The number of such samples.
+        /// The number of samples with this fault.
         count: u64,
-        /// The first such call, as text.
+        /// The first call with this fault, as text.
         call: String,
     },
     /// A sample has density 0, so the sampler can't return it.
     Impossible {
-        /// The number of such samples.
+        /// The number of samples with this fault.
         count: u64,
-        /// The call of the density for the first such sample, as text.
+        /// The call of the density for the first sample with this fault, as text.
         call: String,
     },
     /// A density or a reflectance is negative.
     Negative {
-        /// The number of such calls.
+        /// The number of calls with this fault.
         count: u64,
-        /// The first such call, as text.
+        /// The first call with this fault, as text.
         call: String,
     },
     /// A weight isn't eval cos / pdf.
     Weight {
-        /// The number of such samples.
+        /// The number of samples with this fault.
         count: u64,
         /// The first wrong weight, and the expected weight, as text.
         call: String,

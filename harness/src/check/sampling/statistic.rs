@@ -14,8 +14,8 @@ use crate::value::{Arguments, Shape, Shareable};
 /// A function that judges the numbers from a configuration's samples.
 type Verdict<'v> = &'v mut dyn FnMut(&[f64], &mut Judgement, f64) -> Result<(), NoVerdict>;
 
-/// A function that judges a configuration. Its second argument is a function that computes the numbers and
-/// passes them to a verdict.
+/// A function that judges a configuration. The second argument is a function that computes the configuration's
+/// numbers and passes them to a verdict.
 type JudgeNumbers<'j> = &'j dyn Fn(
     &Held,
     &mut dyn FnMut(Verdict<'_>) -> Result<Judgement, Failure>,
@@ -24,9 +24,7 @@ type JudgeNumbers<'j> = &'j dyn Fn(
 /// A verb that computes a number from each sample.
 pub(super) struct Numbers<'n> {
     pub(super) check: &'static str,
-    /// The assertion, as text.
     pub(super) text: String,
-    /// The type of a sample.
     pub(super) shape: Shape,
     /// A function that computes the number from the words of a sample.
     pub(super) of: &'n (dyn Fn(&[u32]) -> f64 + Sync),
@@ -61,7 +59,7 @@ where
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if the check rejects a configuration, or can't judge one.
+    /// Panics with the [`Failure`] if the check rejects a configuration, or can't judge a configuration.
     #[track_caller]
     pub fn has_mean<X: Shareable>(
         self,
@@ -73,10 +71,10 @@ where
         or_panic(self.try_has_mean(name, of, expected, slack))
     }
 
-    /// [`has_mean`](Self::has_mean) without the panic.
+    /// Runs [`has_mean`](Self::has_mean), but returns the failure instead of panicking.
     ///
     /// # Errors
-    /// If the check rejects a configuration, or can't judge one.
+    /// If the check rejects a configuration, or can't judge a configuration.
     pub fn try_has_mean<X: Shareable>(
         self,
         name: &str,
@@ -104,7 +102,7 @@ where
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if the check rejects a configuration, or can't judge one.
+    /// Panics with the [`Failure`] if the check rejects a configuration, or can't judge a configuration.
     #[track_caller]
     pub fn has_distribution<X: Shareable>(
         self,
@@ -116,10 +114,10 @@ where
         or_panic(self.try_has_distribution(name, of, distribution, slack))
     }
 
-    /// [`has_distribution`](Self::has_distribution) without the panic.
+    /// Runs [`has_distribution`](Self::has_distribution), but returns the failure instead of panicking.
     ///
     /// # Errors
-    /// If the check rejects a configuration, or can't judge one.
+    /// If the check rejects a configuration, or can't judge a configuration.
     pub fn try_has_distribution<X: Shareable>(
         self,
         name: &str,

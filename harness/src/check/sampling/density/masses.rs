@@ -50,7 +50,6 @@ impl Run<'_> {
         Ok(Cells::new(settings.support, &located.collect::<Vec<_>>(), rows, columns))
     }
 
-    /// Integrates a density over the cells.
     pub(super) fn masses(&self, cells: Cells, which: usize) -> Result<Masses, Stop> {
         let settings = self.settings();
         let samples = settings.samples as f64;
@@ -149,7 +148,6 @@ impl Settings {
         if self.may_leave_support { 2 } else { 1 }
     }
 
-    /// The numbers of rows and columns of the cells.
     fn grid(&self) -> (usize, usize) {
         let cells = (self.samples / PER_CELL).clamp(2, 512) as usize;
         if self.support.is_line() {

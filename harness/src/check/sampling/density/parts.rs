@@ -7,7 +7,7 @@ use crate::stats::Cells;
 /// The allowed relative rounding error of eval cos / pdf: a few hundred ulp of eval and pdf.
 pub(super) const ROUNDING: f64 = 1e-4;
 
-/// The density's integrals over the cells, their total, and its error.
+/// The density's integrals over the cells, the total of these integrals, and the error of the total.
 pub(super) struct Masses {
     pub(super) cells: Cells,
     pub(super) mass: Vec<f64>,
@@ -27,7 +27,6 @@ impl From<Failure> for Stop {
     }
 }
 
-/// Decodes the point that a sampler returned.
 pub(super) fn point(result: &[u32]) -> [f64; 3] {
     let mut point = [0.0; 3];
     for (value, word) in point.iter_mut().zip(result) {

@@ -19,7 +19,6 @@ const HALF: f64 = 1.0 / 2048.0;
 /// pdf to 0.
 const VANISHED: f64 = 1e-6;
 
-/// One configuration on one path.
 pub(super) struct Run<'r> {
     pub(super) functions: &'r Functions<'r>,
     pub(super) sampler: Sampled<'r, 'r>,
@@ -27,7 +26,6 @@ pub(super) struct Run<'r> {
     pub(super) configuration: &'r Configuration<'r>,
 }
 
-/// The counts of a configuration's samples.
 #[derive(Default)]
 struct Counts {
     observed: Vec<u64>,
@@ -39,7 +37,6 @@ struct Counts {
     impossible: Offence,
     negative: Offence,
     weight: Offence,
-    /// The moments of each component of eval cos / pdf.
     weights: Vec<Moments>,
 }
 
@@ -71,8 +68,8 @@ impl Run<'_> {
         draw(seed, first, count, &random.lanes(), &given)
     }
 
-    /// The relative error of a function's values because it reads textures that the path stores as half floats.
-    /// 0 if it reads none. The error isn't averaged, because a single texel may determine the peak of a lobe.
+    /// The relative error of a function's values if the function reads textures that the path stores as half
+    /// floats. Otherwise 0. A single texel may determine the peak of a lobe, so the error of one texel counts.
     fn half_rounding(&self, which: usize) -> f64 {
         if self.other(which).called.reads_half_floats() { HALF } else { 0.0 }
     }
@@ -197,7 +194,6 @@ impl Run<'_> {
         Ok(shape.max(left))
     }
 
-    /// Runs the sampler, and counts the samples in each cell.
     fn count(&self, cells: &Cells, estimates: bool) -> Result<Counts, Failure> {
         let settings = self.settings();
         let (sampler, pdf) = (self.calls(), self.other(0));
