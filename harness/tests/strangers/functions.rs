@@ -601,7 +601,7 @@ fn what_has_no_value_is_refused() {
         assert!(error.contains(part) && error.contains("<f>:"), "{part} in:\n{error}");
     };
     told("fn f(x: f32) { }", "returns nothing and writes nothing");
-    told("fn f(x: f32) -> f32 { return subgroupAdd(x); }", "a call is one invocation");
+    told("fn f(x: f32) -> f32 { return subgroupAdd(x); }", "a call has only one invocation");
 }
 
 /// Textures and samplers are fixtures by the names of the parameters that take them.

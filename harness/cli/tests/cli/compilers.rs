@@ -300,7 +300,7 @@ fn what_exceeds_a_limit_is_told_where_it_stands() {
             written,
             "",
             "2:9",
-            "uses `m::a`, which can be written, and WebGPU gives vertex stages none",
+            "uses `m::a`, which is writable, and WebGPU forbids writable storage",
         ),
         (
             uniform,
