@@ -42,7 +42,7 @@ pub struct Acceptance {
 pub struct Accepted {
     /// The golden's file.
     pub golden: PathBuf,
-    /// True if Karat wrote the golden. False if the golden already has these pixels and facts.
+    /// Reports if Karat wrote the golden. False if the golden already has these pixels and facts.
     pub written: bool,
     /// Warnings for a reviewer.
     pub warnings: Vec<String>,
@@ -179,7 +179,7 @@ pub enum AcceptError {
         case: String,
         /// The profile.
         profile: Profile,
-        /// True if there is no golden for all profiles.
+        /// Reports if there is no golden for all profiles.
         missing: bool,
     },
     /// The golden's file would be too large.

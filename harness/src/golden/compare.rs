@@ -138,7 +138,7 @@ pub struct Deviation {
     pub margins: Vec<CriterionMargin>,
     /// The exposures that HDR-FLIP used.
     pub exposures: ExposureRange,
-    /// True if the golden pins the exposures.
+    /// Reports if the golden pins the exposures.
     pub pinned: bool,
 }
 

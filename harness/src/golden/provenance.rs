@@ -150,7 +150,7 @@ pub struct FrameFinding {
     pub verdict: String,
     /// All measurements, in order.
     pub margins: Vec<CriterionMargin>,
-    /// True if the profile has its own golden, and the frame would pass with the golden for all profiles. Then
+    /// Reports if the profile has its own golden, and the frame would pass with the golden for all profiles. Then
     /// the profile needs no golden of its own.
     #[serde(default)]
     pub base_passes: bool,

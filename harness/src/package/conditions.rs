@@ -26,7 +26,7 @@ pub(super) struct Inactive {
     pub(super) condition: String,
     /// The range of the condition.
     pub(super) range: Range<usize>,
-    /// True for a function with `@test`.
+    /// Reports if the declaration is a function with `@test`.
     pub(super) test: bool,
 }
 

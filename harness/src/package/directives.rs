@@ -47,7 +47,7 @@ pub(super) struct Directed {
     pub(super) ends: Vec<usize>,
     /// The path that the module declares for itself.
     path: Option<String>,
-    /// True if the module imports as in `naga_oil`.
+    /// Reports if the module imports as in `naga_oil`.
     pub(super) composes: bool,
 }
 
@@ -58,15 +58,15 @@ const KNOWN: [&str; 9] =
 struct Open {
     /// The range of the directive that opens the condition.
     at: Range<usize>,
-    /// True if the conditions around this condition are true.
+    /// Reports if the conditions around this condition are true.
     outer: bool,
-    /// True if one of the condition's branches was true.
+    /// Reports if one of the condition's branches was true.
     taken: bool,
-    /// True if the current branch is true.
+    /// Reports if the current branch is true.
     holds: bool,
     /// The branch in the author's text.
     shown: String,
-    /// True in the last branch.
+    /// Reports if the current branch is the last branch.
     last: bool,
 }
 

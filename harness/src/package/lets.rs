@@ -11,7 +11,7 @@ pub(crate) struct LetStatement {
     pub(crate) name: Range<usize>,
     /// The offset behind the semicolon; `None` in the head of a `for`, where no statement can follow.
     pub(crate) end: Option<usize>,
-    /// True in a loop, where the `let` has one value in each round.
+    /// Reports if the `let` is in a loop, and has one value in each round.
     pub(crate) repeats: bool,
 }
 

@@ -54,7 +54,7 @@ pub(crate) struct Limits {
     pub(crate) compatibility: bool,
     /// Values from `karat.toml`, by the names of limits.
     named: BTreeMap<String, u64>,
-    /// True if `karat.toml` has the table `[limits]`. Then exceeding a limit is an error.
+    /// Reports if `karat.toml` has the table `[limits]`. Then exceeding a limit is an error.
     pub(crate) stated: bool,
 }
 

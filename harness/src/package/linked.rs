@@ -101,7 +101,7 @@ pub(crate) struct Linked {
     pub(crate) names: BTreeMap<String, String>,
     /// The file of the linked module.
     pub(crate) file: Arc<SourceFile>,
-    /// True if the text has everything that the file declares, except tests. Then the file is valid if the text
+    /// Reports if the text has everything that the file declares, except tests. Then the file is valid if the text
     /// is valid.
     pub(crate) whole: bool,
     /// The entry point that became a function.

@@ -26,7 +26,7 @@ pub(super) struct Declaration {
     /// The index of the token with the declaration's name.
     pub(super) name_token: usize,
     pub(super) entry_point: Option<Stage>,
-    /// True for a test, which only test runners link.
+    /// Reports if the function is a test. Only test runners link tests.
     pub(super) test: bool,
 }
 
@@ -67,7 +67,7 @@ pub(super) struct Module {
     pub(super) calls: Vec<(u32, Span)>,
     /// Files that share a name space with this file, and the ranges that name these files.
     pub(super) includes: Vec<(Include, Range<usize>)>,
-    /// True if paths are the paths that modules declare for themselves.
+    /// Reports if paths are the paths that modules declare for themselves.
     pub(super) composes: bool,
     /// The tokens of each import statement, with attributes and `;`.
     pub(super) imports: Vec<Range<usize>>,

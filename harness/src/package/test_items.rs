@@ -158,7 +158,7 @@ fn item(name: &str, module: &Module, test: &Declaration) -> Result<TestItem, Pac
         return Err(error(
             place,
             message,
-            "remove the result, and write expectations: `expect_near(..)`",
+            "return nothing, and write expectations: `expect_near(..)`",
         ));
     }
     let mut over: Vec<Option<(Vec<String>, Span)>> = Vec::new();

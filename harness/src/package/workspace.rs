@@ -16,7 +16,7 @@ pub(crate) trait Kind: 'static {
     type Value: Send + 'static;
     /// The largest number of entries.
     const MOST: usize;
-    /// True if entries depend on more than their keys.
+    /// Reports if entries depend on more than their keys.
     const VOLATILE: bool = false;
 }
 

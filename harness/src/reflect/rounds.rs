@@ -186,7 +186,7 @@ impl Nesting {
 pub(crate) struct CountedLoop {
     /// The loop's location in the author's file.
     pub(crate) span: Option<Span>,
-    /// Set if the loop is inside another loop of its function, or if a loop calls its function.
+    /// Reports if the loop is inside another loop of its function, or if a loop calls its function.
     pub(crate) nested: bool,
 }
 

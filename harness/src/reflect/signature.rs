@@ -49,7 +49,7 @@ pub struct Form {
     pub taken: Vec<(usize, String, String)>,
     /// Reports if Karat must run each case alone, because other cases would see its writes.
     pub alone: bool,
-    /// Set if only fragment shaders may call the function. Each case is then a quad of pixels, or one pixel of a
+    /// Reports if only fragment shaders may call the function. Each case is then a quad of pixels, or one pixel of a
     /// quad if cases run alone. The quad's other pixels are helpers. A discarded pixel becomes a helper, too.
     pub(crate) fragment: bool,
     /// The stage of an entry point, which Karat calls like any function.
