@@ -87,10 +87,8 @@ pub(crate) struct Rendered<'a> {
     pub(crate) adapter: &'a Adapter,
     pub(crate) shader: String,
     pub(crate) modules: Vec<LinkedModule>,
-    /// The declared tolerance. `None` selects the default for this golden and this adapter.
     pub(crate) tolerance: Option<&'a FrameTolerance>,
     pub(crate) mask: Option<&'a Mask>,
-    /// The variance of each pixel, if the frame is noisy.
     pub(crate) variance: Option<&'a Image>,
     /// Facts that the author of the test adds, by name.
     pub(crate) facts: &'a BTreeMap<String, String>,
@@ -502,7 +500,6 @@ struct Loaded {
     file: PathBuf,
     /// `None` if there is no golden yet.
     golden: Option<Reference>,
-    /// The profile of the frame's adapter, if the profile has its own golden.
     profile: Option<Profile>,
 }
 

@@ -391,7 +391,6 @@ impl Package {
         })
     }
 
-    /// The package with the features for validating one module.
     pub(crate) fn for_validating(&self, module: &str) -> Self {
         let mut package = self.clone();
         for (_, features) in self.module_features.iter().filter(|(name, _)| name == module) {

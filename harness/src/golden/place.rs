@@ -141,7 +141,6 @@ impl Goldens {
     }
 }
 
-/// The output folder of a program that runs tests without Cargo.
 static HOSTED: OnceLock<PathBuf> = OnceLock::new();
 
 /// Sets this program's output folder. Only the first call has an effect.

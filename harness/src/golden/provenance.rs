@@ -117,7 +117,6 @@ impl Provenance {
         }
     }
 
-    /// Reads the facts of a table.
     pub(super) fn parse_toml(facts: &str) -> Result<Self, ProvenanceError> {
         let damaged = |error: &dyn std::fmt::Display| ProvenanceError::Damaged(error.to_string());
         let all: Value = toml::from_str(facts)

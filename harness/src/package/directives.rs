@@ -35,11 +35,9 @@ use crate::diagnostic::{SourceFile, nearest};
 pub(super) struct Directed {
     /// The text with blanks in place of directives. The remaining text keeps its positions.
     pub(super) text: String,
-    /// The removed ranges, in order.
     pub(super) removed: Vec<Range<usize>>,
     /// The ranges of values such as `#{A}`, with the values' texts.
     pub(super) replaced: Vec<(Range<usize>, String)>,
-    /// Declarations that a condition removes.
     pub(super) inactive: Vec<Inactive>,
     /// Other files that share a name space with this file, and the ranges that name these files.
     pub(super) includes: Vec<(Include, Range<usize>)>,
@@ -64,9 +62,7 @@ struct Open {
     taken: bool,
     /// Reports if the current branch is true.
     holds: bool,
-    /// The branch in the author's text.
     shown: String,
-    /// Reports if the current branch is the last branch.
     last: bool,
 }
 
@@ -76,7 +72,6 @@ impl Open {
     }
 }
 
-/// Checks if a text has directives, or is a template.
 pub(super) fn concern(text: &str, tokens: &[Token]) -> bool {
     tokens.iter().any(|token| is_mark(text, token)) || template(text, tokens).is_some()
 }
@@ -85,7 +80,6 @@ fn is_mark(text: &str, token: &Token) -> bool {
     token.kind == Kind::Unknown && &text[token.range()] == "#"
 }
 
-/// Reads the directives of a file, if it has any.
 pub(super) fn read(
     file: &Arc<SourceFile>,
     features: &Features,
@@ -130,10 +124,8 @@ pub(super) fn read(
 
 struct Reader<'f> {
     file: &'f Arc<SourceFile>,
-    /// The tokens of the unchanged text.
     tokens: &'f [Token],
     features: Features,
-    /// Names that the text defines only if nothing else defines them.
     guards: Features,
     bytes: Vec<u8>,
     open: Vec<Open>,

@@ -17,7 +17,6 @@ macro_rules! limits {
         impl Limit {
             $(pub(crate) const $constant: Self =
                 Self { name: $name, core: $core, compatibility: $compatibility };)*
-            /// All limits that shaders can exceed.
             pub(crate) const ALL: &[Self] = &[$(Self::$constant),*];
         }
     };
@@ -47,7 +46,6 @@ limits! {
     WORKGROUP_Z = "maxComputeWorkgroupSizeZ": 64, 64;
 }
 
-/// The limits of a package.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Limits {
     /// Replaces the default limits by the limits of compatibility mode.

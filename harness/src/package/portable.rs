@@ -7,7 +7,6 @@ use serde::{Deserialize, Serialize};
 
 use super::{Feature, Origin, Package};
 
-/// A serialized package. Modules in memory have their texts.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Portable {
     from: From,

@@ -9,7 +9,6 @@ use std::collections::HashMap;
 use std::hash::Hash;
 use std::sync::{Arc, LazyLock, Mutex, MutexGuard, PoisonError};
 
-/// A kind of entries in the cache.
 pub(crate) trait Kind: 'static {
     /// All inputs of an entry.
     type Key: Eq + Hash + Send + 'static;

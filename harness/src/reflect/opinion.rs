@@ -120,7 +120,7 @@ impl Opinion {
         all
     }
 
-    /// The errors that `karat.toml` makes of rejections and limits, each with its module.
+    /// The rejections and exceeded limits that are errors because of `karat.toml`, each with its module.
     pub(super) fn faults(&self, compilers: &Compilers) -> Vec<(String, ReflectError)> {
         let fault = |module: &str, diagnostic: &Diagnostic| {
             (module.to_owned(), ReflectError::Refused(Box::new(diagnostic.clone())))
@@ -172,7 +172,6 @@ pub(super) enum Judged<'p> {
     Rejected(&'p mut ReflectError),
 }
 
-/// Collects the verdicts on all modules of a package.
 pub(super) fn of(
     package: &Package,
     compilers: &Compilers,
