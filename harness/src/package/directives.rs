@@ -293,8 +293,8 @@ impl Reader<'_> {
                     self.features.entry(name.to_owned()).or_insert(value);
                 }
                 if self.found.path.is_some() {
-                    let message = "a module that others import can't `#define`: only the one that is \
-                                   linked may";
+                    let message = "a module that others import can't `#define`: only the \
+                                   linked module may";
                     return Err(self.error(whole, message));
                 }
             }

@@ -139,7 +139,7 @@ impl Opinion {
         }
         let (module, how) = self.broke.first()?;
         let remedy = "run the command again; `karat doctor` shows which Tint Karat uses".to_owned();
-        Some((format!("of module `{module}`: {how}"), remedy))
+        Some((format!("for module `{module}`: {how}"), remedy))
     }
 
     /// Adds the verdicts on another package.
