@@ -159,7 +159,7 @@ pub mod record {
     pub use crate::record::*;
 }
 
-/// A module as linked text, as naga's IR and as a source map; signatures, bindings, limits.
+/// Programs: the linked text, naga's IR and the source map of a module, with its signatures, bindings and limits.
 pub mod reflect {
     pub use crate::reflect::*;
 }

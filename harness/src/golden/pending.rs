@@ -41,7 +41,7 @@ impl Pending {
         own.is_empty() || folder.is_empty() || own == *folder
     }
 
-    /// The folder of goldens of the comparison, in the project around the folder `here`. The folder may not exist
+    /// The folder of the goldens for the comparison, in the project around the folder `here`. The folder may not exist
     /// yet: a package's first golden creates it. Returns `None` if an older Karat wrote the file, without the
     /// folder.
     ///
