@@ -115,7 +115,7 @@ enum Origin {
         name: String,
         modules: Vec<(String, String)>,
     },
-    /// A crate that Karat hasn't searched yet.
+    /// A crate that Karat hasn't looked up yet.
     Crate {
         base: Cow<'static, str>,
         name: Cow<'static, str>,

@@ -113,7 +113,7 @@ pub mod metric {
     };
 }
 
-/// The functions of a package, and the files that the package leaves out.
+/// The functions of a package, and the tests that its conditions remove.
 pub mod package {
     pub use crate::package::accepted::*;
     pub use crate::package::function_item::FunctionItem;

@@ -24,7 +24,7 @@ enum From {
 
 impl Package {
     /// The package for another process, independent of the working directory. `None` for a crate that Karat has
-    /// already searched.
+    /// already looked up.
     pub(crate) fn portable(&self) -> Option<Portable> {
         let whole = |path: PathBuf| std::path::absolute(&path).unwrap_or(path);
         let from = match &self.origin {
