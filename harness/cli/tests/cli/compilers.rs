@@ -296,12 +296,7 @@ fn what_exceeds_a_limit_is_told_where_it_stands() {
             "uses 17 sampled textures, and WebGPU's default maxSampledTextures",
         ),
         (group, "", "1:23", "uses group 4, so at least 5, and WebGPU's default maxBindGroups is 4"),
-        (
-            written,
-            "",
-            "2:9",
-            "uses `m::a`, which is writable, and WebGPU forbids writable storage",
-        ),
+        (written, "", "2:9", "uses `m::a`, which is writable, and WebGPU forbids writable storage"),
         (
             uniform,
             compatibility,
