@@ -87,19 +87,17 @@ pub(crate) struct Rendered<'a> {
     pub(crate) adapter: &'a Adapter,
     pub(crate) shader: String,
     pub(crate) modules: Vec<LinkedModule>,
-    /// The declared tolerance. `None` selects the default for this golden and this adapter.
     pub(crate) tolerance: Option<&'a FrameTolerance>,
     pub(crate) mask: Option<&'a Mask>,
-    /// The variance of each pixel, if the frame is noisy.
     pub(crate) variance: Option<&'a Image>,
     /// Facts that the author of the test adds, by name.
     pub(crate) facts: &'a BTreeMap<String, String>,
     /// Further parts for the file, such as AOVs. Karat draws the parts on the frame's own path, and only if it
     /// writes the file.
     pub(crate) aovs: &'a dyn Fn() -> Vec<Part>,
-    /// True if the test declares a known issue for the frame. Then Karat writes no pending frame.
+    /// Reports if the test declares a known issue for the frame. Then Karat writes no pending frame.
     pub(crate) known_issue: bool,
-    /// True if the frame of another path is pending. You accept or reject that frame first, and run the test
+    /// Reports if the frame of another path is pending. You accept or reject that frame first, and run the test
     /// again.
     pub(crate) other_waits: bool,
 }
@@ -502,7 +500,6 @@ struct Loaded {
     file: PathBuf,
     /// `None` if there is no golden yet.
     golden: Option<Reference>,
-    /// The profile of the frame's adapter, if the profile has its own golden.
     profile: Option<Profile>,
 }
 

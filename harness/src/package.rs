@@ -115,7 +115,7 @@ enum Origin {
         name: String,
         modules: Vec<(String, String)>,
     },
-    /// A crate that Karat hasn't searched yet.
+    /// A crate that Karat hasn't looked up yet.
     Crate {
         base: Cow<'static, str>,
         name: Cow<'static, str>,
@@ -391,7 +391,6 @@ impl Package {
         })
     }
 
-    /// The package with the features for validating one module.
     pub(crate) fn for_validating(&self, module: &str) -> Self {
         let mut package = self.clone();
         for (_, features) in self.module_features.iter().filter(|(name, _)| name == module) {

@@ -82,7 +82,7 @@ pub struct Record {
     /// function, the list has only the function's module.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub read: Vec<FileRead>,
-    /// The time at which Karat reached the verdict; `None` if an older Karat wrote the record.
+    /// The start and the duration of the check; `None` if an older Karat wrote the record.
     #[serde(flatten)]
     pub time: Option<Time>,
 }

@@ -135,7 +135,6 @@ impl ReflectError {
 }
 
 impl Program {
-    /// The files from which the program was linked.
     pub(crate) fn files(&self) -> &[FileRead] {
         self.linked.sources.files()
     }
@@ -154,7 +153,6 @@ impl Program {
         self.linked.names.get(linked).map_or(linked, String::as_str).to_owned()
     }
 
-    /// The modules from which the program was linked.
     pub(crate) fn modules(&self) -> &[LinkedModule] {
         self.linked.sources.modules()
     }

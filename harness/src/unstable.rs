@@ -113,7 +113,7 @@ pub mod metric {
     };
 }
 
-/// The functions of a package, and the files that the package leaves out.
+/// The functions of a package, and the tests that its conditions remove.
 pub mod package {
     pub use crate::package::accepted::*;
     pub use crate::package::function_item::FunctionItem;
@@ -159,7 +159,7 @@ pub mod record {
     pub use crate::record::*;
 }
 
-/// A module as linked text, as naga's IR and as a source map; signatures, bindings, limits.
+/// Programs: the linked text, naga's IR and the source map of a module, with its signatures, bindings and limits.
 pub mod reflect {
     pub use crate::reflect::*;
 }

@@ -212,11 +212,11 @@ fn conditions_that_cannot_be_read_are_errors() {
         ),
         (
             "#define A 1\n#if A == true\n#endif\nfn f() {}\n",
-            "`A` is 1, which `== true` can't be asked",
+            "`A` is 1, which can't be compared by `== true`",
         ),
         (
             "#define A\n#if A < true\n#endif\nfn f() {}\n",
-            "`A` is true, which `< true` can't be asked",
+            "`A` is true, which can't be compared by `< true`",
         ),
         ("#define A x\nfn f() {}\n", "values must be whole numbers"),
         ("#define_import_path a\n#define A\nfn f() {}\n", "a module that others import can't"),

@@ -42,7 +42,7 @@ pub struct Acceptance {
 pub struct Accepted {
     /// The golden's file.
     pub golden: PathBuf,
-    /// True if Karat wrote the golden. False if the golden already has these pixels and facts.
+    /// Reports if Karat wrote the golden. False if the golden already has these pixels and facts.
     pub written: bool,
     /// Warnings for a reviewer.
     pub warnings: Vec<String>,
@@ -126,7 +126,7 @@ pub enum AcceptError {
     },
     /// The frame's metadata names a folder of goldens that this project can't have.
     #[error(
-        "`{case}` says that its goldens are in `{folder}`, which isn't a folder of this project: name the \
+        "the file of `{case}` says that its goldens are in `{folder}`, which isn't a folder of this project: name the \
          folder with --goldens DIR"
     )]
     Nowhere {
@@ -136,7 +136,9 @@ pub enum AcceptError {
         folder: String,
     },
     /// The path of a pending file contradicts the name in its metadata.
-    #[error("`{path}` says that it is frame `{case}`; delete it and run its test again")]
+    #[error(
+        "the metadata of `{path}` says that it is frame `{case}`; delete the file and run its test again"
+    )]
     Misplaced {
         /// The file.
         path: String,
@@ -179,7 +181,7 @@ pub enum AcceptError {
         case: String,
         /// The profile.
         profile: Profile,
-        /// True if there is no golden for all profiles.
+        /// Reports if there is no golden for all profiles.
         missing: bool,
     },
     /// The golden's file would be too large.

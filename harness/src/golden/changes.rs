@@ -119,7 +119,6 @@ mod tests {
         now.changed_rows(before).into_iter().map(row).collect()
     }
 
-    /// Only results with the same arguments are compared.
     #[test]
     fn rows_are_paired_by_their_arguments() {
         let names = ["x", "result"];

@@ -138,7 +138,7 @@ pub struct Deviation {
     pub margins: Vec<CriterionMargin>,
     /// The exposures that HDR-FLIP used.
     pub exposures: ExposureRange,
-    /// True if the golden pins the exposures.
+    /// Reports if the golden pins the exposures.
     pub pinned: bool,
 }
 
@@ -170,7 +170,7 @@ pub(super) struct Terms<'a> {
     pub(super) mask: Option<&'a Mask>,
     /// The exposures that are pinned in the golden.
     pub(super) exposures: Option<ExposureRange>,
-    /// For noisy frames, the variance of the golden, if the golden has a variance, and the variance of the frame.
+    /// For noisy frames: the golden's variance, if the golden has one, and the frame's variance.
     pub(super) noise: Option<(Option<&'a Image>, &'a Image)>,
 }
 

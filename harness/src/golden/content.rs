@@ -7,12 +7,9 @@ use super::{AcceptError, Provenance, parts};
 use crate::image::{ExrFile, ImageError, Part};
 use crate::metric::ExposureRange;
 
-/// Ending of a pending table's file name.
 pub(super) const PENDING_TABLE: &str = ".new.csv";
-/// Ending of a pending frame's file name.
 pub(super) const PENDING_FRAME: &str = ".new.exr";
 
-/// Checks if the file's name is the name of a table.
 pub(super) fn is_table(file: &Path) -> bool {
     file.extension().is_some_and(|ending| ending == "csv")
 }
@@ -42,7 +39,6 @@ impl Content {
         Ok((Self::Frame(parts), provenance))
     }
 
-    /// Hash of the pixels or cells.
     pub(super) fn hash(&self) -> String {
         match self {
             Self::Frame(parts) => parts.first().map_or_else(String::new, |part| part.image.hash()),

@@ -13,7 +13,6 @@ use crate::output::tell;
 const PATIENCE: Duration = Duration::from_secs(30);
 /// Time after which Karat tells the user that it waits.
 const SILENT: Duration = Duration::from_secs(1);
-/// Pause between two attempts to get the lock.
 const PAUSE: Duration = Duration::from_millis(20);
 
 /// Waits for the lock of a folder. Dropping the returned file releases the lock.

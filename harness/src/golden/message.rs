@@ -26,7 +26,6 @@ impl Deviation {
         (value, Some(margin.ratio()).filter(|ratio| ratio.is_finite()))
     }
 
-    /// The difference and its position, in one line.
     pub(super) fn summary(&self) -> String {
         let Self { outliers, pixels, bounds, worst, gate, .. } = self;
         let relative = power(gate.relative);

@@ -13,11 +13,9 @@ use crate::image::{ExrFile, ImageError, Part};
 /// The golden of a comparison, and the finding of the comparison.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Against {
-    /// Hash of the golden's pixels; empty if there was no golden.
     pub(super) hash: String,
     /// The profile that owns the golden; empty for the golden for all profiles.
     pub(super) profile: String,
-    /// The frame's tolerance, as text.
     pub(super) tolerance: String,
     /// The finding of the comparison. `None` if there was no golden.
     pub(super) finding: Option<FrameFinding>,
@@ -43,7 +41,7 @@ impl Pending {
         own.is_empty() || folder.is_empty() || own == *folder
     }
 
-    /// The folder of goldens of the comparison, in the project around the folder `here`. The folder may not exist
+    /// The folder of the goldens for the comparison, in the project around the folder `here`. The folder may not exist
     /// yet: a package's first golden creates it. Returns `None` if an older Karat wrote the file, without the
     /// folder.
     ///
@@ -131,7 +129,7 @@ impl PendingFrames {
         self.frames.is_empty() && self.unusable.is_empty()
     }
 
-    /// Moves pending files that claim to be the same frame of the same folder of goldens to the unusable files.
+    /// Moves pending files with equal frame names and equal folders of goldens to the unusable files.
     fn without_doubles(mut self, folder: &Path) -> Self {
         fn name(pending: &Pending) -> (&str, &str, bool) {
             (&pending.case, &pending.provenance.folder, pending.is_table())
@@ -338,7 +336,6 @@ fn named(path: &Path) -> Result<Pending, AcceptError> {
 }
 
 impl Rendered<'_> {
-    /// The provenance and the parts of the frame, for its file.
     fn stored(&self, case: &str, against: &Against) -> (Provenance, Vec<Part>) {
         let (width, height) = (self.image.width(), self.image.height());
         let precision = self.precision();

@@ -141,7 +141,6 @@ impl Goldens {
     }
 }
 
-/// The output folder of a program that runs tests without Cargo.
 static HOSTED: OnceLock<PathBuf> = OnceLock::new();
 
 /// Sets this program's output folder. Only the first call has an effect.
@@ -197,9 +196,9 @@ pub(super) fn root(folder: &Path) -> Option<&Path> {
     with("Cargo.lock").or_else(|| with(".git"))
 }
 
-/// Cargo's target folder. Karat recognises the folder by its file `CACHEDIR.TAG`. Cargo doesn't write this file
-/// into a target folder that existed before. Then Karat uses the folder above the Cargo profile's folder. If
-/// Cargo didn't build the test, the path is empty, which means the working directory.
+/// Cargo's target folder. Karat recognises the folder by its file `CACHEDIR.TAG`. If the folder existed before
+/// Cargo used it, it may lack this file. Then Karat uses the folder above the Cargo profile's folder. If Cargo
+/// didn't build the test, the path is empty, which means the working directory.
 ///
 /// ```
 /// let leftovers = karat::unstable::golden::build_output().join("karat");

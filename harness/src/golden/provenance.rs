@@ -117,7 +117,6 @@ impl Provenance {
         }
     }
 
-    /// Reads the facts of a table.
     pub(super) fn parse_toml(facts: &str) -> Result<Self, ProvenanceError> {
         let damaged = |error: &dyn std::fmt::Display| ProvenanceError::Damaged(error.to_string());
         let all: Value = toml::from_str(facts)
@@ -150,7 +149,7 @@ pub struct FrameFinding {
     pub verdict: String,
     /// All measurements, in order.
     pub margins: Vec<CriterionMargin>,
-    /// True if the profile has its own golden, and the frame would pass with the golden for all profiles. Then
+    /// Reports if the profile has its own golden, and the frame would pass with the golden for all profiles. Then
     /// the profile needs no golden of its own.
     #[serde(default)]
     pub base_passes: bool,

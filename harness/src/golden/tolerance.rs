@@ -91,7 +91,7 @@ impl FrameTolerance {
         Self::Any(vec![Self::gate(DEFAULT_RELATIVE), flip])
     }
 
-    /// The first bound that every frame or no frame passes, with the reason, as text.
+    /// The first useless bound, which every frame or no frame passes, and the reason, as text.
     pub(crate) fn unusable(&self) -> Option<String> {
         let number = |bound: f64| !(bound >= 0.0 && bound.is_finite());
         // A black frame passes a relative bound of 1, and every frame passes a FLIP bound of 1.
@@ -123,7 +123,6 @@ impl FrameTolerance {
         }
     }
 
-    /// The first gate of the tolerance, which messages mention.
     pub(super) fn first_gate(&self) -> Option<Gate> {
         match self {
             Self::Gate(gate) => Some(*gate),
@@ -184,7 +183,6 @@ impl Default for FrameTolerance {
     }
 }
 
-/// A gate with this relative bound.
 impl From<f32> for FrameTolerance {
     fn from(relative: f32) -> Self {
         Self::gate(relative)
@@ -343,7 +341,6 @@ impl fmt::Display for CriterionMargin {
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Judgement {
     pub(super) passes: bool,
-    /// All measurements.
     pub(super) margins: Vec<CriterionMargin>,
     /// The index of the measurement that decided.
     pub(super) decisive: usize,

@@ -14,11 +14,8 @@ use crate::path::Adapter;
 pub(crate) struct Made<'a> {
     pub(crate) table: Table,
     pub(crate) adapter: &'a Adapter,
-    /// Hash of the linked WGSL.
     pub(crate) shader: String,
-    /// The modules that were linked.
     pub(crate) modules: Vec<LinkedModule>,
-    /// The tolerance of the values, as text.
     pub(crate) tolerance: String,
 }
 
@@ -108,7 +105,6 @@ impl Goldens {
         self.folder().join(format!("{case}.csv"))
     }
 
-    /// The file on which a comparison depends.
     pub(crate) fn values_read(&self, case: &str) -> Option<FileRead> {
         is_name(case).then(|| FileRead::now(&self.values(case)))
     }

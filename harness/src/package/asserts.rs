@@ -33,7 +33,6 @@ enum Verb {
     Print,
 }
 
-/// Replaces the text's assertions and prints by code.
 pub(super) fn read(source: SourceFile) -> Result<SourceFile, PackageError> {
     let lower = source.text.to_ascii_lowercase();
     if !lower.contains("karat") {
@@ -175,7 +174,6 @@ fn is_enclosed(call: &str) -> bool {
     call.starts_with('(') && closed == Some(call.len() - 1)
 }
 
-/// Checks if the position is in a line that asserts or prints.
 pub(crate) fn is_in_a_line(span: &Span) -> bool {
     let (text, at) = (&span.file.text, span.range.start);
     let is_before = |value: &Value| {

@@ -50,7 +50,6 @@ pub(super) fn partners(
     }
 }
 
-/// The index of the token after an attribute that begins at `at`.
 pub(super) fn after_attribute(
     text: &str,
     tokens: &[Token],

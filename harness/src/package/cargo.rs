@@ -32,25 +32,20 @@ const ASKING: &str = "shaders-of-a-version";
 /// crates.
 const ROUNDS: usize = 4;
 
-/// The crates of one dependency graph.
 #[derive(Debug, Deserialize, Serialize)]
 pub(super) struct Graph {
-    /// The crates that have shaders.
     crates: Vec<Crate>,
-    /// The names of the crates without shaders.
     others: BTreeSet<String>,
     /// The manifests of crates beside the project, each with its hash. These manifests may change.
     local: BTreeMap<PathBuf, String>,
 }
 
-/// A crate that ships shaders.
 #[derive(Debug, Deserialize, Serialize)]
 pub(super) struct Crate {
     name: String,
     version: String,
     /// The crate's name in code: `bevy_pbr`.
     library: String,
-    /// The folder of Cargo.toml.
     folder: PathBuf,
     /// The folder whose files are the modules.
     root: PathBuf,
@@ -83,7 +78,6 @@ impl Found {
         &self.graph.crates[self.index]
     }
 
-    /// The crate's name in shaders.
     pub(super) fn library(&self) -> &str {
         &self.krate().library
     }
@@ -251,7 +245,6 @@ fn of_project(base: &Path) -> Result<Graph, String> {
     lock.and(kept).map_or_else(ask, |kept| remembered(&kept, ask))
 }
 
-/// A crate at a version, with its dependencies.
 fn fetched(base: &Path, name: &str, version: &str) -> Result<Graph, String> {
     let ask = || {
         // The temporary project has a unique name.

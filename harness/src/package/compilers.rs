@@ -6,15 +6,13 @@ use super::Package;
 use super::limits::Limits;
 use crate::diagnostic::nearest;
 
-/// The sections `[compilers]` and `[limits]` of `karat.toml`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Compilers {
-    /// Set if a shader that Tint rejects is invalid. Then a run without Tint gives no verdict.
+    /// Reports if a shader that Tint rejects is invalid. Then a run without Tint gives no verdict.
     pub(crate) require_tint: bool,
     /// Native features of wgpu that shaders use intentionally, by naga's names of capabilities.
     pub(crate) native: Vec<String>,
     pub(crate) limits: Limits,
-    /// The file's name, for messages.
     pub(crate) file: String,
 }
 

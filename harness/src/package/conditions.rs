@@ -24,9 +24,8 @@ pub(super) struct Inactive {
     pub(super) name: String,
     /// The condition in the author's text: `@if(fast)`.
     pub(super) condition: String,
-    /// The range of the condition.
     pub(super) range: Range<usize>,
-    /// True for a function with `@test`.
+    /// Reports if the declaration is a function with `@test`.
     pub(super) test: bool,
 }
 
@@ -39,7 +38,6 @@ pub(super) fn feature_of(condition: &str) -> Option<String> {
     (!name.is_empty() && name.chars().all(is_name)).then(|| name.to_owned())
 }
 
-/// The tokens of a module that remain after its conditions, and the removed parts.
 pub(super) struct Conditions {
     pub(super) live: Vec<Token>,
     pub(super) removed: Vec<Range<usize>>,
@@ -287,7 +285,6 @@ impl Reader<'_> {
         }
     }
 
-    /// The index of the token after the next body in braces.
     fn body(&self, from: usize) -> Option<usize> {
         let mut at = from;
         while at < self.tokens.len() {

@@ -35,11 +35,9 @@ use crate::diagnostic::{SourceFile, nearest};
 pub(super) struct Directed {
     /// The text with blanks in place of directives. The remaining text keeps its positions.
     pub(super) text: String,
-    /// The removed ranges, in order.
     pub(super) removed: Vec<Range<usize>>,
     /// The ranges of values such as `#{A}`, with the values' texts.
     pub(super) replaced: Vec<(Range<usize>, String)>,
-    /// Declarations that a condition removes.
     pub(super) inactive: Vec<Inactive>,
     /// Other files that share a name space with this file, and the ranges that name these files.
     pub(super) includes: Vec<(Include, Range<usize>)>,
@@ -47,7 +45,7 @@ pub(super) struct Directed {
     pub(super) ends: Vec<usize>,
     /// The path that the module declares for itself.
     path: Option<String>,
-    /// True if the module imports as in `naga_oil`.
+    /// Reports if the module imports as in `naga_oil`.
     pub(super) composes: bool,
 }
 
@@ -58,15 +56,13 @@ const KNOWN: [&str; 9] =
 struct Open {
     /// The range of the directive that opens the condition.
     at: Range<usize>,
-    /// True if the conditions around this condition are true.
+    /// Reports if the conditions around this condition are true.
     outer: bool,
-    /// True if one of the condition's branches was true.
+    /// Reports if one of the condition's branches was true.
     taken: bool,
-    /// True if the current branch is true.
+    /// Reports if the current branch is true.
     holds: bool,
-    /// The branch in the author's text.
     shown: String,
-    /// True in the last branch.
     last: bool,
 }
 
@@ -76,7 +72,6 @@ impl Open {
     }
 }
 
-/// Checks if a text has directives, or is a template.
 pub(super) fn concern(text: &str, tokens: &[Token]) -> bool {
     tokens.iter().any(|token| is_mark(text, token)) || template(text, tokens).is_some()
 }
@@ -85,7 +80,6 @@ fn is_mark(text: &str, token: &Token) -> bool {
     token.kind == Kind::Unknown && &text[token.range()] == "#"
 }
 
-/// Reads the directives of a file, if it has any.
 pub(super) fn read(
     file: &Arc<SourceFile>,
     features: &Features,
@@ -130,10 +124,8 @@ pub(super) fn read(
 
 struct Reader<'f> {
     file: &'f Arc<SourceFile>,
-    /// The tokens of the unchanged text.
     tokens: &'f [Token],
     features: Features,
-    /// Names that the text defines only if nothing else defines them.
     guards: Features,
     bytes: Vec<u8>,
     open: Vec<Open>,
@@ -301,8 +293,8 @@ impl Reader<'_> {
                     self.features.entry(name.to_owned()).or_insert(value);
                 }
                 if self.found.path.is_some() {
-                    let message = "a module that others import can't `#define`: only the one that is \
-                                   linked may";
+                    let message = "a module that others import can't `#define`: only the \
+                                   linked module may";
                     return Err(self.error(whole, message));
                 }
             }

@@ -14,7 +14,6 @@ const DISCARD: &str = "discard";
 /// The name of the function that Karat calls in place of the author's function.
 const WRAPPER: &str = "karat_or_discarded";
 
-/// The treatment of `discard` in a function.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Discards {
     /// An assignment replaces the statement.
@@ -23,7 +22,6 @@ pub(crate) enum Discards {
     Kept,
 }
 
-/// Edits that replace the `discard` statements among some tokens.
 pub(super) fn discards(module: &Module, tokens: std::ops::Range<usize>) -> Vec<Edit> {
     let own = tokens.filter(|token| module.text(*token) == DISCARD);
     let edit = |token| Edit { from: module.span(token).range, name: Some(DISCARDED.to_owned()) };

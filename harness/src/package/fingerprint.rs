@@ -22,7 +22,6 @@ use super::workspace::{self, Kind};
 use super::{Package, PackageError};
 use crate::diagnostic::Diagnostic;
 
-/// The tests of a module with their fingerprints.
 type TestItems = Result<Vec<(TestItem, Option<String>)>, PackageError>;
 
 impl Package {
@@ -78,18 +77,15 @@ fn may_have_tests(error: &Diagnostic) -> bool {
     text.split('@').skip(1).any(|mark| mark.trim_start().starts_with("test"))
 }
 
-/// The known facts about some modules and their declarations.
 #[derive(Default)]
 struct Known {
     /// Modules with imports that exist. The modules from which they import also have only imports that exist.
     imports: BTreeSet<ModulePath>,
-    /// All modules that Karat read.
     modules: BTreeMap<ModulePath, Arc<Module>>,
     numbers: HashMap<Item, usize>,
     nodes: Vec<Node>,
     /// The number of passes so far.
     time: u64,
-    /// The results for the requested declarations.
     wholes: HashMap<usize, Whole>,
 }
 
@@ -110,10 +106,8 @@ struct Whole {
     time: u64,
 }
 
-/// The facts from the previous pass over a package.
 struct Last {
     package: Package,
-    /// The package's modules.
     there: Vec<String>,
     /// The packages that modules of the package reach, in the order of their numbers.
     packages: Vec<(Package, String)>,
@@ -349,7 +343,6 @@ impl Known {
     }
 }
 
-/// Checks if two texts of a module declare and import the same names.
 fn has_same_names(one: &Module, other: &Module) -> bool {
     let declared = |module: &Module| {
         let all = module.declarations.iter();

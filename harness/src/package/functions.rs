@@ -92,7 +92,6 @@ impl Package {
         Some((parsed.span(first.tokens.start), 1 + tests.count()))
     }
 
-    /// One module, without the parts that its conditions remove.
     pub(super) fn parsed(&self, module: &str) -> Result<Arc<Module>, PackageError> {
         let (library, root) = (Library::open(self)?, ModulePath::root(module));
         library.begin(&root)?;

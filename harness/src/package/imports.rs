@@ -18,14 +18,12 @@ use crate::diagnostic::{Diagnostic, Mend, Span, nearest};
 /// number.
 const MOST_BRACES: usize = 32;
 
-/// An imported name.
 #[derive(Clone, Debug)]
 pub(super) struct Import {
     /// The words of the path: `package`, `math`, `PI`.
     words: Vec<String>,
     /// The import's name in the module.
     pub(super) alias: String,
-    /// The token of the imported name.
     token: usize,
 }
 
@@ -57,7 +55,7 @@ pub(super) fn check(library: &Library, root: &ModulePath) -> Result<(), PackageE
     check_more(library, root, &mut BTreeSet::new())
 }
 
-/// Follows each import of one more module, after the modules in `good`, which have no errors.
+/// Follows each import of `root`. The modules in `good` have no errors, so they are skipped.
 pub(super) fn check_more(
     library: &Library,
     root: &ModulePath,
@@ -84,7 +82,6 @@ pub(super) fn check_more(
     Ok(())
 }
 
-/// The imports of a module.
 pub(super) fn imports(module: &Module) -> Result<Vec<Import>, PackageError> {
     let mut found = Vec::new();
     for statement in &module.imports {
@@ -128,7 +125,6 @@ fn malformed(module: &Module, token: usize) -> PackageError {
     syntax_error(&module.file, module.span(token).range, message)
 }
 
-/// Reads one path and its end: a name, or names in braces. Returns the index of the token after the path.
 fn list(
     module: &Module,
     tokens: Range<usize>,

@@ -54,7 +54,6 @@ pub enum End {
     Length(String, f64),
 }
 
-/// Kinds of vectors.
 const KINDS: [&str; 3] = ["unit_vector", "hemisphere", "unit_rgb"];
 
 impl Declaration {

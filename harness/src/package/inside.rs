@@ -26,8 +26,8 @@ impl Package {
         Moved
     }
 
-    /// Moved to another crate.
     /// This method moved to the crate `karat-inspect`.
+    ///
     /// *Unstable*: for programs around tests.
     #[deprecated(
         note = "add karat-inspect to [dev-dependencies], and write `karat_inspect::matrix(&package)`"

@@ -4,18 +4,15 @@ use std::ops::Range;
 
 use super::lexer::{Kind, Token, lex};
 
-/// A `let` statement.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct LetStatement {
-    /// The range of the name.
     pub(crate) name: Range<usize>,
     /// The offset behind the semicolon; `None` in the head of a `for`, where no statement can follow.
     pub(crate) end: Option<usize>,
-    /// True in a loop, where the `let` has one value in each round.
+    /// Reports if the `let` is in a loop, and has one value in each round.
     pub(crate) repeats: bool,
 }
 
-/// The `let` statements of a function, in the order of the text.
 pub(crate) fn let_statements(text: &str, function: &str) -> Vec<LetStatement> {
     let tokens = lex(text);
     let is_word = |token: &Token, word: &str| {

@@ -7,7 +7,6 @@ use std::ops::Range;
 
 use unicode_ident::{is_xid_continue, is_xid_start};
 
-/// The kind of a token.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     /// An identifier or a keyword.
@@ -47,7 +46,6 @@ fn place(offset: usize) -> u32 {
     u32::try_from(offset).expect("a module has less than 4 GiB")
 }
 
-/// The characters of WGSL's operators and brackets.
 const SYMBOLS: &str = "!%&()*+,-./:;<=>@[]^{|}~";
 
 /// All tokens of a text, in order. Only blanks and comments lie between tokens.
@@ -81,7 +79,6 @@ pub(super) fn lex(text: &str) -> Vec<Token> {
     tokens
 }
 
-/// The words, numbers and symbols of a text, without comments.
 pub(crate) fn texts(text: &str) -> Vec<&str> {
     lex(text).iter().map(|token| &text[token.range()]).collect()
 }

@@ -49,9 +49,9 @@ pub(super) struct Library {
     overlay: Overlay,
     files: RefCell<BTreeMap<ModulePath, Arc<SourceFile>>>,
     modules: RefCell<BTreeMap<ModulePath, Arc<Module>>>,
-    /// The known results of checks if a module exists.
+    /// For each known path, a flag that is true if the module exists.
     there: RefCell<BTreeMap<ModulePath, bool>>,
-    /// The known results of checks if a folder of modules exists.
+    /// For each known folder, a flag that is true if the folder exists.
     folders: RefCell<BTreeMap<PathBuf, bool>>,
     /// The names that the linked module defines. `guards` has the names that it defines only if nothing else
     /// defines them.
@@ -147,7 +147,6 @@ impl Library {
         Ok(self.manifest(path.package)?.joined(&path.components.join("::")).to_vec())
     }
 
-    /// A module, without the parts that its conditions remove.
     pub(super) fn module(&self, path: &ModulePath) -> Result<Arc<Module>, PackageError> {
         if let Some(module) = self.modules.borrow().get(path) {
             return Ok(Arc::clone(module));
@@ -170,12 +169,10 @@ impl Library {
         Ok(module)
     }
 
-    /// All modules that the library has parsed so far.
     pub(super) fn parsed(&self) -> BTreeMap<ModulePath, Arc<Module>> {
         self.modules.borrow().clone()
     }
 
-    /// Checks if a module exists, even if it can't be read.
     pub(super) fn has(&self, path: &ModulePath) -> bool {
         if let Some(known) = self.there.borrow().get(path) {
             return *known;
@@ -215,7 +212,6 @@ impl Library {
         modules.iter().any(|module| module.starts_with(&prefix))
     }
 
-    /// All texts that were read, with `root`. `root` may be a file that doesn't parse.
     pub(super) fn sources(&self, root: &ModulePath, file: &SourceFile) -> Sources {
         let hash = hash_of;
         let modules = self.modules.borrow();
@@ -310,7 +306,6 @@ impl Library {
         Ok(packages.len() - 1)
     }
 
-    /// The values of features as the package that Bevy's shaders import.
     fn constants(&self) -> Package {
         let features = self.guarded(0);
         let values = features.iter().filter_map(|(name, value)| match value {
@@ -408,18 +403,15 @@ impl Package {
     }
 }
 
-/// A module of a linked program.
 #[derive(Clone, Debug)]
 pub(crate) struct LinkedModule {
     /// The module's path for messages: `package::math`, or `noise::value` of another package.
     pub(crate) name: String,
-    /// `None` for a module in memory.
     pub(crate) file: Option<PathBuf>,
     /// [`text_hash`] of the module's text.
     pub(crate) hash: String,
 }
 
-/// The texts of a linked program.
 #[derive(Clone, Debug)]
 pub(crate) struct Sources {
     packages: Vec<(Manifest, Package)>,
@@ -449,7 +441,6 @@ impl Sources {
         &self.linked
     }
 
-    /// Checks if all texts are unchanged.
     pub(crate) fn are_current(&self) -> Result<bool, PackageError> {
         let overlay = Overlay::of(&self.packages[0].1)?;
         for (manifest, package) in &self.packages {
@@ -524,7 +515,6 @@ impl Package {
         Manifest::of(self).map_or(Vec::new(), |all| all.joined(module).to_vec())
     }
 
-    /// The modules that declare a name, and the module of a file.
     pub(crate) fn declaring(&self, name: &str, file: &str) -> (Vec<String>, Option<String>) {
         let (mut declaring, mut own) = (Vec::new(), None);
         let Ok(library) = Library::open(self) else { return (declaring, own) };

@@ -17,7 +17,6 @@ macro_rules! limits {
         impl Limit {
             $(pub(crate) const $constant: Self =
                 Self { name: $name, core: $core, compatibility: $compatibility };)*
-            /// All limits that shaders can exceed.
             pub(crate) const ALL: &[Self] = &[$(Self::$constant),*];
         }
     };
@@ -47,14 +46,13 @@ limits! {
     WORKGROUP_Z = "maxComputeWorkgroupSizeZ": 64, 64;
 }
 
-/// The limits of a package.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Limits {
     /// Replaces the default limits by the limits of compatibility mode.
     pub(crate) compatibility: bool,
     /// Values from `karat.toml`, by the names of limits.
     named: BTreeMap<String, u64>,
-    /// True if `karat.toml` has the table `[limits]`. Then exceeding a limit is an error.
+    /// Reports if `karat.toml` has the table `[limits]`. Then exceeding a limit is an error.
     pub(crate) stated: bool,
 }
 

@@ -95,13 +95,12 @@ pub(crate) fn unknown_to_naga(text: &str) -> Vec<Range<usize>> {
 /// WGSL without imports, with a map to positions in the author's files.
 #[derive(Clone, Debug)]
 pub(crate) struct Linked {
-    /// Plain WGSL.
     pub(crate) spliced: Spliced,
     /// The author's path of each declaration, `fresnel::schlick`, by its name in the text.
     pub(crate) names: BTreeMap<String, String>,
     /// The file of the linked module.
     pub(crate) file: Arc<SourceFile>,
-    /// True if the text has everything that the file declares, except tests. Then the file is valid if the text
+    /// Reports if the text has everything that the file declares, except tests. Then the file is valid if the text
     /// is valid.
     pub(crate) whole: bool,
     /// The entry point that became a function.
@@ -110,13 +109,10 @@ pub(crate) struct Linked {
     pub(crate) discards: Option<(String, &'static str)>,
     /// The locations of expectations in the linked modules, by their numbers.
     pub(crate) calls: BTreeMap<u32, Span>,
-    /// Declarations under false conditions in the linked modules, by name.
     pub(crate) inactive: BTreeMap<String, Unmet>,
-    /// The texts of the linked modules.
     pub(crate) sources: Sources,
 }
 
-/// A condition that is false.
 #[derive(Clone, Debug)]
 pub(crate) struct Unmet {
     /// The condition in the author's text: `@if(fast)`.
@@ -164,7 +160,6 @@ impl Linked {
     }
 }
 
-/// A declaration: its module, and its index in that module.
 pub(super) type Item = (ModulePath, usize);
 
 /// An item's path for messages: `fresnel::schlick` in this package, `noise::value::perlin` in a dependency.

@@ -107,7 +107,6 @@ impl<'a> Linker<'a> {
         Ok(())
     }
 
-    /// The wanted declarations, and everything that they need.
     pub(super) fn reach(&mut self, wanted: Vec<Item>) -> Result<BTreeSet<Item>, PackageError> {
         let mut items: BTreeSet<Item> = wanted.iter().cloned().collect();
         let mut queue: VecDeque<Item> = wanted.into();
@@ -320,7 +319,6 @@ impl<'a> Linker<'a> {
         Ok(found)
     }
 
-    /// The module that declares a name, among the modules that share a name space.
     fn shared(
         &mut self,
         from: &ModulePath,
@@ -502,7 +500,6 @@ fn in_order(mut edits: Vec<Edit>) -> Vec<Edit> {
     kept
 }
 
-/// The declarations of a module under false conditions.
 fn inactive(module: &Module) -> impl Iterator<Item = (String, Unmet)> + '_ {
     module.inactive.iter().map(|one| {
         let (condition, feature) = (one.condition.clone(), feature_of(&one.condition));

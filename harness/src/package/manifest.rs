@@ -27,7 +27,6 @@ pub(super) const NAME: &str = "karat.toml";
 pub(super) struct Manifest {
     /// The file; `None` if the folder has no `karat.toml`.
     pub(super) read: Option<FileRead>,
-    /// Other packages, by their names in imports.
     dependencies: BTreeMap<String, Dependency>,
     /// Values of features. A test or the command line may override them.
     pub(super) features: Features,
@@ -40,13 +39,10 @@ pub(super) struct Manifest {
     preprocess: Vec<String>,
     /// For each module, the modules that the host joins with it into one text.
     join: BTreeMap<String, Vec<String>>,
-    /// Rows of the translation matrix with known failures.
     matrix: Vec<KnownRows>,
     /// Declarations of inputs, values of overrides, and accepted hazards.
     hazards: Hazards,
-    /// Mutants that no test can kill.
     mutants: Vec<AcceptedMutants>,
-    /// Compilers in addition to naga, and limits.
     pub(super) compilers: Compilers,
 }
 
@@ -63,7 +59,6 @@ struct Dependency {
     root: Option<String>,
 }
 
-/// Names with a special meaning in imports.
 const TAKEN: [&str; 6] = ["karat", "wgsl_test", "package", "self", "super", "constants"];
 
 impl KnownRows {
@@ -78,7 +73,6 @@ impl KnownRows {
     }
 }
 
-/// The file's keys.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Written {
@@ -170,20 +164,17 @@ impl Package {
 pub(crate) struct Declared {
     file: String,
     text: String,
-    /// Paths of inputs without a declaration so far: `alpha`, `params.groups`.
     inputs: Vec<String>,
     /// Names of `[values]` that no module has used so far.
     values: Vec<String>,
     /// Functions with accepted hazards: `module::name`, `module::*`.
     functions: Vec<String>,
-    /// Rows of the matrix: `module::name`.
     rows: Vec<String>,
     /// Names that the package declares, also under conditions that are false.
     names: Vec<String>,
 }
 
 impl Package {
-    /// The names in a folder's `karat.toml`; `None` without a `karat.toml`.
     pub(crate) fn declared(&self) -> Result<Option<Declared>, PackageError> {
         let manifest = Manifest::of(self)?;
         let Origin::Folder { .. } = self.origin else { return Ok(None) };
@@ -546,7 +537,6 @@ impl Manifest {
         Self { values: Values::new(), ..self }
     }
 
-    /// Checks if a text replaces this name.
     pub(super) fn stands_for(&self, name: &str) -> bool {
         self.values.contains_key(name)
     }

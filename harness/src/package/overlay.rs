@@ -18,7 +18,6 @@ use crate::diagnostic::{SourceFile, nearest, read_file, shown};
 use crate::output::visible;
 use crate::settings;
 
-/// The files that Karat reads in place of other files.
 #[derive(Debug, Default)]
 pub(super) struct Overlay {
     replaced: BTreeMap<PathBuf, PathBuf>,
@@ -83,7 +82,6 @@ impl Overlay {
         self.replaced.get(&module).cloned().unwrap_or(module)
     }
 
-    /// Reads a file, or the text that replaces its contents.
     pub(super) fn read(&self, file: &Path) -> Result<SourceFile, PackageError> {
         // Most packages have no unsaved text, and then Karat doesn't resolve links.
         let place = (!self.unsaved.is_empty()).then(|| file.canonicalize().ok()).flatten();
@@ -199,7 +197,6 @@ impl Package {
         known.then(|| root.join(file))
     }
 
-    /// The files of the modules, by their paths in an overlay.
     fn files(&self) -> Vec<String> {
         let root = self.root();
         let folder = if root.is_dir() { &*root } else { root.parent().unwrap_or(&root) };

@@ -7,7 +7,6 @@ use serde::{Deserialize, Serialize};
 
 use super::{Feature, Origin, Package};
 
-/// A serialized package. Modules in memory have their texts.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Portable {
     from: From,
@@ -25,7 +24,7 @@ enum From {
 
 impl Package {
     /// The package for another process, independent of the working directory. `None` for a crate that Karat has
-    /// already searched.
+    /// already looked up.
     pub(crate) fn portable(&self) -> Option<Portable> {
         let whole = |path: PathBuf| std::path::absolute(&path).unwrap_or(path);
         let from = match &self.origin {

@@ -7,10 +7,8 @@ use std::path::{Path, PathBuf};
 use super::{PackageError, manifest};
 use crate::diagnostic::shown;
 
-/// The modules and the other files below a folder, unsorted.
 #[derive(Debug, Default)]
 pub(super) struct Contents {
-    /// The paths of modules: `noise::value`.
     pub(super) modules: Vec<String>,
     /// All other files, including pipes and devices.
     pub(super) others: Vec<PathBuf>,

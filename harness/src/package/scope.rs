@@ -87,7 +87,6 @@ impl<'a> Walk<'a> {
         self.statements(body, end);
     }
 
-    /// Declares names in the innermost block.
     fn declare(&mut self, names: Vec<&'a str>) {
         let Some(scope) = self.scopes.last_mut() else { return };
         for name in &names {

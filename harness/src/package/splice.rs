@@ -21,10 +21,8 @@ pub(crate) const DISCARDED: &str = "karat_discarded = true";
 /// A range of a file, copied with its edits.
 #[derive(Clone, Debug)]
 struct Piece {
-    /// The piece's range in the spliced text.
     at: Range<usize>,
     file: Arc<SourceFile>,
-    /// The piece's range in the file.
     from: Range<usize>,
     edits: Vec<Placed>,
 }
@@ -39,7 +37,6 @@ pub(super) struct Edit {
 
 #[derive(Clone, Debug)]
 struct Placed {
-    /// The edit's range in the spliced text.
     at: Range<usize>,
     edit: Edit,
 }

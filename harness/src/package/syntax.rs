@@ -21,12 +21,10 @@ pub(super) struct Declaration {
     /// `None` for `const_assert`.
     pub(super) name: Option<String>,
     pub(super) kind: DeclarationKind,
-    /// The declaration's tokens, with attributes and the closing `;` or `}`.
     pub(super) tokens: Range<usize>,
-    /// The index of the token with the declaration's name.
     pub(super) name_token: usize,
     pub(super) entry_point: Option<Stage>,
-    /// True for a test, which only test runners link.
+    /// Reports if the function is a test. Only test runners link tests.
     pub(super) test: bool,
 }
 
@@ -39,7 +37,6 @@ pub(super) enum DeclarationKind {
     Assertion,
 }
 
-/// A name from outside of the declaration, such as `PI`, or a path, such as `package::math::PI`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Reference {
     /// The reference's tokens: words, and two colons between words.
@@ -61,13 +58,10 @@ pub(super) struct Module {
     /// The removed ranges, in order: conditions and directives with their false branches, and attributes of
     /// tests.
     pub(super) removed: Vec<Range<usize>>,
-    /// The replaced ranges with their new texts, in order: values, and the numbers of expectations.
     pub(super) replaced: Vec<(Range<usize>, String)>,
-    /// The locations of expectations, by their numbers.
     pub(super) calls: Vec<(u32, Span)>,
-    /// Files that share a name space with this file, and the ranges that name these files.
     pub(super) includes: Vec<(Include, Range<usize>)>,
-    /// True if paths are the paths that modules declare for themselves.
+    /// Reports if paths are the paths that modules declare for themselves.
     pub(super) composes: bool,
     /// The tokens of each import statement, with attributes and `;`.
     pub(super) imports: Vec<Range<usize>>,
@@ -78,11 +72,8 @@ pub(super) struct Module {
     pub(super) by_name: HashMap<String, Vec<usize>>,
     /// For each token, the index of its partner bracket, as `partners` returns it.
     pub(super) brackets: Vec<usize>,
-    /// All words among the tokens.
     pub(super) words: HashSet<String>,
-    /// The references of each declaration.
     pub(super) references: Vec<Vec<Reference>>,
-    /// Declarations under false conditions.
     pub(super) inactive: Vec<Inactive>,
 }
 

@@ -71,7 +71,6 @@ fn tell_places(module: &mut Module) {
     module.replaced.sort_by_key(|(range, _)| range.start);
 }
 
-/// An attribute of a test or of one of its parameters. Only Karat knows such attributes.
 struct Attribute {
     /// The tokens from `@` to the closing `)`.
     tokens: std::ops::Range<usize>,
@@ -121,7 +120,6 @@ fn attributes(module: &Module, test: &Declaration) -> Vec<Attribute> {
 pub(crate) struct TestItem {
     /// The test's path: `brdf_test::schlick_at_grazing`.
     pub(crate) name: String,
-    /// The whole function.
     pub(crate) span: Span,
     /// The number of cases in `@cases`.
     pub(crate) cases: Option<u64>,
@@ -133,7 +131,6 @@ pub(crate) struct TestItem {
 }
 
 impl TestItem {
-    /// The tests of one module, in the order of lines.
     pub(super) fn all_of(name: &str, module: &Module) -> Result<Vec<Self>, PackageError> {
         let tests = module.declarations.iter().filter(|declaration| declaration.test);
         tests.map(|test| item(name, module, test)).collect()
@@ -158,7 +155,7 @@ fn item(name: &str, module: &Module, test: &Declaration) -> Result<TestItem, Pac
         return Err(error(
             place,
             message,
-            "remove the result, and write expectations: `expect_near(..)`",
+            "return nothing, and write expectations: `expect_near(..)`",
         ));
     }
     let mut over: Vec<Option<(Vec<String>, Span)>> = Vec::new();

@@ -55,7 +55,6 @@ pub(super) fn substituted(text: &str, values: &Values) -> (String, Vec<Value>) {
     (result, all)
 }
 
-/// The names of the values that a text uses.
 pub(super) fn used<'v>(text: &str, values: &'v Values) -> BTreeSet<&'v str> {
     places(text, &lex(text), values).into_iter().map(|(_, name)| name).collect()
 }

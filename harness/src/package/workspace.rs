@@ -9,14 +9,13 @@ use std::collections::HashMap;
 use std::hash::Hash;
 use std::sync::{Arc, LazyLock, Mutex, MutexGuard, PoisonError};
 
-/// A kind of entries in the cache.
 pub(crate) trait Kind: 'static {
     /// All inputs of an entry.
     type Key: Eq + Hash + Send + 'static;
     type Value: Send + 'static;
     /// The largest number of entries.
     const MOST: usize;
-    /// True if entries depend on more than their keys.
+    /// Reports if entries depend on more than their keys.
     const VOLATILE: bool = false;
 }
 

@@ -11,7 +11,6 @@ use std::time::{Duration, Instant};
 
 /// The file that names the run that ended last.
 const LAST: &str = "last";
-/// The prefix of the names of runs' folders.
 const RUN: &str = "run-";
 /// The file that a run locks until its process ends.
 pub(crate) const RUNNING: &str = "running";
@@ -19,7 +18,6 @@ pub(crate) const RUNNING: &str = "running";
 const LOCK: &str = "lock";
 /// Longest wait for the lock. Other processes hold the lock while they read records.
 const PATIENCE: Duration = Duration::from_secs(30);
-/// Pause between two attempts to get the lock.
 const PAUSE: Duration = Duration::from_millis(5);
 
 /// A run that hasn't ended. If the run is killed, a later run removes its folder.

@@ -9,7 +9,6 @@ use super::signature::Function as Signature;
 use super::{Passed, Program, ReflectError};
 use naga::valid::ModuleInfo;
 
-/// The name of the wrapping function.
 pub(crate) const ADAPTER: &str = "karat_call";
 
 impl Program {
@@ -128,7 +127,6 @@ fn adapter(module: &mut Module, callee: Handle<Function>, state: &[&str]) -> Fun
     }
 }
 
-/// A structure type with one member of each type.
 fn structure(module: &mut Module, types: impl Iterator<Item = Handle<Type>>) -> Handle<Type> {
     /// Larger than any alignment in WGSL, so every multiple of it is a valid offset.
     const APART: u32 = 16;

@@ -112,7 +112,6 @@ impl Program {
     }
 }
 
-/// An attribute in WGSL's notation.
 fn shown(binding: &Binding) -> String {
     match binding {
         Binding::BuiltIn(builtin) => {

@@ -139,7 +139,6 @@ impl Program {
         self.resources_of(name, naga::ShaderStage::Fragment).map(|(bindings, _)| bindings)
     }
 
-    /// The resources and the index of an entry point of a stage.
     fn resources_of(&self, name: &str, stage: naga::ShaderStage) -> Option<(Vec<Binding>, usize)> {
         let mut entries = self.checked.module.entry_points.iter();
         let index = entries.position(|entry| entry.name == name && entry.stage == stage)?;

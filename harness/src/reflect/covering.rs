@@ -6,7 +6,6 @@ use naga::{Binding, ShaderStage, TypeInner, VectorSize};
 use super::{Program, ReflectError};
 use crate::diagnostic::Diagnostic;
 
-/// The name of the vertex function.
 pub(crate) const COVERING: &str = "karat_covering";
 
 impl Program {

@@ -42,7 +42,7 @@ pub(super) enum Of {
     Validity,
 }
 
-/// Set if nobody needs the programs that this process links.
+/// Reports if nobody needs the programs that this process links.
 static UNWANTED: AtomicBool = AtomicBool::new(false);
 
 impl Dependence {

@@ -12,7 +12,6 @@ use naga::{Function, Handle, Statement, Type, TypeInner};
 use super::{NAMED, Program};
 use crate::package::Linked;
 
-/// The name of the appended function.
 const CALLED: &str = "karat_bound";
 
 const VARIABLE: &str = "karat_t";
@@ -72,7 +71,6 @@ impl Program {
         self.declared(CALLED)
     }
 
-    /// The texture and sampler parameters of a function: position, name and type.
     pub(super) fn taken(&self, function: &Function) -> Vec<(usize, String, String)> {
         let types = self.checked.module.to_ctx();
         let arguments = function.arguments.iter().enumerate();

@@ -23,7 +23,6 @@ impl Kind for Programs {
 /// name.
 const MOST_PACKAGES: usize = 8;
 
-/// The contents of a program, by name.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub(super) enum Wanted {
     Function(String),

@@ -235,7 +235,6 @@ mod tests {
         assert!(matches!(lay_out(wgsl, &[1, 2, 3]), Err(LayoutError::Count { expected: 4, .. })));
     }
 
-    /// Scalars that are converted into bytes and back are unchanged.
     #[test]
     fn lanes_survive_their_bytes() {
         let wgsl = "struct T { m: mat3x3<f32>, a: array<vec2<u32>, 2> }\n\

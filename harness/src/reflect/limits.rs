@@ -152,7 +152,6 @@ impl Program {
         all
     }
 
-    /// The uses of one variable, independent of entry points.
     fn of_variable(
         &self,
         handle: Handle<GlobalVariable>,

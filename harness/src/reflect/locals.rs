@@ -8,11 +8,8 @@ use super::Program;
 
 /// The names and types for a generated text that calls a function and stores the function's variables.
 pub(crate) struct Locals<'p> {
-    /// The function's name in the text.
     pub(crate) function: &'p str,
-    /// The types of the function's parameters.
     pub(crate) parameters: Vec<String>,
-    /// The type of each `var` of the function, by name.
     pub(crate) variables: BTreeMap<&'p str, String>,
 }
 

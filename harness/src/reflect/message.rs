@@ -18,7 +18,7 @@ pub(super) fn causes(error: &dyn std::error::Error) -> (String, Vec<String>) {
     (message, messages)
 }
 
-/// Removes naga's handles, `[6]` and `Some([6])`, from a message. They mean nothing to an author.
+/// Removes naga's handles, `[6]` and `Some([6])`, from a message. An author doesn't know naga's handles.
 fn without_handles(message: &str) -> String {
     let is_handle = |word: &str| {
         let word = word.trim_matches(|c| matches!(c, ',' | '.' | ':'));
@@ -133,7 +133,7 @@ fn of_words(diagnostic: &Diagnostic, words: &str) -> Option<String> {
     span.file.text.get(span.range.clone()).map(str::to_owned)
 }
 
-/// A name in capitals may be a macro, or a constant that a program writes before the text.
+/// The remedy for an undeclared name in capitals: a macro, or a constant that a program writes before the text.
 fn macro_of(diagnostic: &Diagnostic, name: String) -> Option<Mend> {
     let span = diagnostic.location()?;
     let is_capital = |c: char| c.is_ascii_uppercase() || c.is_ascii_digit() || c == '_';

@@ -120,7 +120,7 @@ impl Opinion {
         all
     }
 
-    /// The errors that `karat.toml` makes of rejections and limits, each with its module.
+    /// The rejections and exceeded limits that are errors because of `karat.toml`, each with its module.
     pub(super) fn faults(&self, compilers: &Compilers) -> Vec<(String, ReflectError)> {
         let fault = |module: &str, diagnostic: &Diagnostic| {
             (module.to_owned(), ReflectError::Refused(Box::new(diagnostic.clone())))
@@ -139,7 +139,7 @@ impl Opinion {
         }
         let (module, how) = self.broke.first()?;
         let remedy = "run the command again; `karat doctor` shows which Tint Karat uses".to_owned();
-        Some((format!("of module `{module}`: {how}"), remedy))
+        Some((format!("for module `{module}`: {how}"), remedy))
     }
 
     /// Adds the verdicts on another package.
@@ -172,7 +172,6 @@ pub(super) enum Judged<'p> {
     Rejected(&'p mut ReflectError),
 }
 
-/// Collects the verdicts on all modules of a package.
 pub(super) fn of(
     package: &Package,
     compilers: &Compilers,

@@ -8,20 +8,16 @@ use super::{Program, Texels};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Output {
     pub(crate) location: u32,
-    /// The type of its components.
     pub(crate) kind: Texels,
-    /// The number of its components: 1 to 4.
     pub(crate) components: u8,
 }
 
 impl Program {
-    /// The outputs of a fragment entry point that have locations; `None` if there is no such entry point.
     pub(crate) fn fragment_outputs(&self, fragment: &str) -> Option<Vec<Output>> {
         let written = self.written_by(fragment)?;
         Some(written.into_iter().filter_map(|(binding, inner)| output(binding, inner)).collect())
     }
 
-    /// Checks if a fragment entry point writes the depth.
     pub(crate) fn writes_depth(&self, fragment: &str) -> bool {
         let written = self.written_by(fragment).unwrap_or_default();
         let is_depth =

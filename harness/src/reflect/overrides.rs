@@ -278,7 +278,6 @@ pub(super) fn set(
     Ok(())
 }
 
-/// An expression outside of functions, with the new handles of its operands.
 fn moved_to(mut expression: Expression, moved: &[Handle<Expression>]) -> Expression {
     let to = |handle: &mut Handle<Expression>| *handle = moved[handle.index()];
     match &mut expression {

@@ -52,7 +52,6 @@ impl Program {
         module.entry_points.iter().filter_map(one).collect()
     }
 
-    /// The locations of an entry point's inputs and outputs.
     pub(super) fn locations(&self, entry: &EntryPoint) -> (Vec<u32>, Vec<u32>) {
         let locations = |all: Vec<(Binding, Handle<Type>)>| {
             let location = |(binding, _): (Binding, Handle<Type>)| match binding {
@@ -154,7 +153,6 @@ impl Program {
     }
 }
 
-/// The interpolation attribute in WGSL's notation.
 fn interpolated(
     interpolation: Option<Interpolation>,
     sampling: Option<Sampling>,

@@ -80,9 +80,9 @@ impl fmt::Display for TextureKind {
 /// The ways in which a shader may access a storage texture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Access {
-    /// True for `read` and `read_write`.
+    /// Reports if the access is `read` or `read_write`.
     pub reads: bool,
-    /// True for `write` and `read_write`.
+    /// Reports if the access is `write` or `read_write`.
     pub writes: bool,
 }
 
@@ -162,7 +162,7 @@ pub enum BindingKind {
     Uniform,
     /// `var<storage>`
     Storage {
-        /// True for `read_write`.
+        /// Reports if the access is `read_write`.
         writable: bool,
     },
     /// `var<immediate>`: bytes that a program sets along with its commands. Vulkan calls them push constants.

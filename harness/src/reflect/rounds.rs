@@ -94,7 +94,6 @@ enum Around {
 pub(crate) struct Nesting {
     /// The loop, function or entry point around each loop.
     loops: Vec<Around>,
-    /// The function of each loop.
     owners: Vec<usize>,
     /// The loops, functions and entry points that call each function.
     calls: Vec<Vec<Around>>,
@@ -181,12 +180,10 @@ impl Nesting {
     }
 }
 
-/// A loop with counters.
 #[derive(Clone, Debug)]
 pub(crate) struct CountedLoop {
-    /// The loop's location in the author's file.
     pub(crate) span: Option<Span>,
-    /// Set if the loop is inside another loop of its function, or if a loop calls its function.
+    /// Reports if the loop is inside another loop of its function, or if a loop calls its function.
     pub(crate) nested: bool,
 }
 

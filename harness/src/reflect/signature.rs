@@ -18,7 +18,6 @@ use crate::value::{Scalar, Shape};
 pub struct Function {
     /// The author's path: `fresnel::schlick`.
     pub name: String,
-    /// The function's name in the linked text.
     pub(crate) linked: String,
     /// The function's location in the author's file, from `fn` to the closing brace.
     pub span: Span,
@@ -42,14 +41,13 @@ pub struct Form {
     pub discards: bool,
     /// The type of the function's result; `None` if there is no result.
     pub(crate) returns: Option<Shape>,
-    /// The way in which each parameter is passed.
     pub(crate) passed: Vec<Passed>,
     /// The texture and sampler parameters, which become variables. Each has its position among all parameters,
     /// its name and its type.
     pub taken: Vec<(usize, String, String)>,
     /// Reports if Karat must run each case alone, because other cases would see its writes.
     pub alone: bool,
-    /// Set if only fragment shaders may call the function. Each case is then a quad of pixels, or one pixel of a
+    /// Reports if only fragment shaders may call the function. Each case is then a quad of pixels, or one pixel of a
     /// quad if cases run alone. The quad's other pixels are helpers. A discarded pixel becomes a helper, too.
     pub(crate) fragment: bool,
     /// The stage of an entry point, which Karat calls like any function.
@@ -58,7 +56,6 @@ pub struct Form {
     pub builtins: Vec<(String, String)>,
 }
 
-/// The name of a function's result in the structure of everything that a call returns.
 const RESULT: &str = "result";
 
 /// Private variables by their paths.
@@ -67,7 +64,6 @@ pub type State = BTreeMap<String, Variable>;
 /// A private variable.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Variable {
-    /// The variable's name in the linked text.
     name: String,
     /// The variable's type in the linked text.
     pub ty: String,
@@ -414,7 +410,6 @@ impl Program {
         called != name && info.is_some_and(|info| self.shared_state(info).is_some())
     }
 
-    /// The type of a parameter's value, and the way in which Karat passes it.
     pub(super) fn passed(
         &self,
         ty: naga::Handle<naga::Type>,
@@ -703,7 +698,6 @@ impl Program {
         self.resolve(range).unwrap_or(Span { file: Arc::clone(&self.linked.file), range: 0..0 })
     }
 
-    /// The location of the declaration of a function or of an entry point, by its name in the text.
     pub(crate) fn declaration_span(&self, name: &str) -> Option<Span> {
         let mut functions = self.checked.module.functions.iter();
         let found = functions.find(|(_, known)| known.name.as_deref() == Some(name));
@@ -771,7 +765,6 @@ fn unprobeable(diagnostic: Diagnostic) -> ReflectError {
     ReflectError::Unprobeable(Box::new(diagnostic))
 }
 
-/// The `///` lines directly above a function.
 fn doc_above(span: &Span) -> String {
     let before = span.file.text.get(..span.range.start).unwrap_or_default();
     // On the function's own line, only attributes may come before the function.

@@ -25,7 +25,6 @@ use crate::value::Shape;
 /// The number of `u32` words of a tap in one colour target.
 pub(crate) const WORDS: usize = 4;
 
-/// A value of a function in naga's IR.
 #[derive(Clone, Debug)]
 pub(crate) struct Valued {
     /// The name of the function or entry point in the text.
@@ -34,7 +33,6 @@ pub(crate) struct Valued {
     pub(crate) expression: usize,
     /// The range of the expression in [`Program::text`]; `None` for an argument.
     pub(crate) range: Option<Range<usize>>,
-    /// The name of the value's `let` or argument.
     pub(crate) name: Option<String>,
     /// The type of the value, or the reason why Karat can't read the value.
     pub(crate) shape: Result<Shape, String>,
@@ -357,7 +355,6 @@ impl Program {
 
 const NOWHERE: Span = Span::UNDEFINED;
 
-/// The expressions that the statements of a body compute.
 fn computed(body: &Block) -> BTreeSet<Handle<Expression>> {
     let mut all = BTreeSet::new();
     walk(body, false, &mut |statement, _, _| match statement {
@@ -625,7 +622,6 @@ fn returning(
     ([ty, words], kept)
 }
 
-/// Makes an entry point return the words in addition to its result.
 fn tell(
     module: &mut Module,
     function: &mut Function,

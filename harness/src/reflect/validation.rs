@@ -187,7 +187,6 @@ impl Package {
 }
 
 impl Program {
-    /// Checks if this module of the package declares a name in the text.
     fn declares(&self, module: &str, name: &str) -> bool {
         let path = self.linked.names.get(name).map_or(name, String::as_str);
         path.rsplit_once("::").map_or("", |(module, _)| module) == module

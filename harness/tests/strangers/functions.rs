@@ -617,7 +617,7 @@ fn functions_without_a_value_are_refused() {
         assert!(error.contains(part) && error.contains("<f>:"), "{part} in:\n{error}");
     };
     told("fn f(x: f32) { }", "returns nothing and writes nothing");
-    told("fn f(x: f32) -> f32 { return subgroupAdd(x); }", "a call is one invocation");
+    told("fn f(x: f32) -> f32 { return subgroupAdd(x); }", "a call has only one invocation");
 }
 
 /// Fixtures bind textures and samplers to parameters by the parameters' names.

@@ -135,7 +135,7 @@ fn names_in_karat_toml_are_those_of_the_package() {
         check("karat.toml", declared).good();
     }
     for (declared, part) in [
-        ("[inputs]\nalhpa = [0, 1]\n", "the input `alhpa` is declared, and nothing"),
+        ("[inputs]\nalhpa = [0, 1]\n", "the input `alhpa` is declared, but nothing"),
         ("[inputs]\nparams.gruops = [1, 8]\n", "the input `params.gruops` is declared"),
         (
             &hazard("calc::hlaf"),

@@ -307,12 +307,7 @@ fn an_exceeded_limit_is_reported_at_its_place() {
             "uses 17 sampled textures, and WebGPU's default maxSampledTextures",
         ),
         (group, "", "1:23", "uses group 4, so at least 5, and WebGPU's default maxBindGroups is 4"),
-        (
-            written,
-            "",
-            "2:9",
-            "uses `m::a`, which can be written, and WebGPU gives vertex stages none",
-        ),
+        (written, "", "2:9", "uses `m::a`, which is writable, and WebGPU forbids writable storage"),
         (
             uniform,
             compatibility,

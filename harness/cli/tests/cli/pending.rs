@@ -361,7 +361,7 @@ fn a_first_golden_goes_to_its_own_crate() {
     // Naming another folder is refused, too.
     let other = [&accept[..], &["--goldens", "crates/lamp/golden"]].concat();
     let error = karat(folder, &other).failure(1);
-    assert!(error.contains("compared with goldens of `crates/sky/golden`"), "{error}");
+    assert!(error.contains("compared with the goldens in `crates/sky/golden`"), "{error}");
     let may = [&accept[..], &["--ci-may-write"]].concat();
     output(command(folder, &may).env("CI", "true")).good();
 }

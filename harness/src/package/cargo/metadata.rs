@@ -52,7 +52,6 @@ struct Dependency {
     pkg: String,
 }
 
-/// The platform for which `rustc` compiles, by `rustc`'s name.
 fn host() -> Option<String> {
     let rustc = std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into());
     let mut rustc = Command::new(rustc);
@@ -126,7 +125,6 @@ impl Metadata {
 }
 
 impl CargoPackage {
-    /// The crate's name in Rust code.
     fn library(&self) -> String {
         let is_library = |kind: &String| kind.contains("lib") || kind == "proc-macro";
         let library = self.targets.iter().find(|target| target.kind.iter().any(is_library));

@@ -20,7 +20,6 @@ fn lines(text: &str) -> impl Iterator<Item = (&str, &str)> {
     })
 }
 
-/// The path that the module declares for itself.
 pub(in crate::package) fn path(text: &str) -> Option<String> {
     let (_, path) = lines(text).find(|(word, _)| *word == "define_import_path")?;
     Some(path.trim_end_matches(';').trim_end().to_owned())
@@ -118,7 +117,6 @@ pub(in crate::package) fn values(text: &str) -> BTreeMap<String, Vec<Feature>> {
     all
 }
 
-/// The features that a text uses in conditions of both kinds, or as values.
 pub(in crate::package) fn asked(text: &str) -> BTreeSet<String> {
     let tokens = lex(text);
     let word = |index: usize| tokens.get(index).map_or("", |t: &Token| &text[t.range()]);

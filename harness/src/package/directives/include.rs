@@ -2,7 +2,6 @@
 
 use crate::package::EXTENSIONS;
 
-/// A file that another file includes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(in crate::package) enum Include {
     /// A path relative to the including file: `./plane.wgsl`.

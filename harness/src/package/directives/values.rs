@@ -10,7 +10,6 @@ use crate::package::PackageError;
 use crate::package::feature::{Feature, is_on};
 
 impl Reader<'_> {
-    /// Reads `#{NAME}`, the value of a feature.
     pub(super) fn braced(&mut self, at: usize) -> Result<(), PackageError> {
         let rest = &self.text()[at..];
         let Some(length) = rest.find('}') else {

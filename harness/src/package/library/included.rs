@@ -56,8 +56,8 @@ impl Library {
                 let is_asked = guards.values().any(|value| matches!(value, Feature::Number(_)));
                 let defines = is_asked || !directives::defined(text).is_empty();
                 if included != *root && defines {
-                    let message = "this file has a `#define`, which is read in the module alone that is \
-                                   linked: move it there";
+                    let message = "this file has a `#define`, but only the linked module may define \
+                                   names: move it there";
                     let diagnostic = Diagnostic::new(message.to_owned()).at(span, "included here");
                     return Err(PackageError::Shader(Box::new(diagnostic)));
                 }

@@ -44,11 +44,9 @@ impl Program {
     }
 }
 
-/// Finds the bounds of one function's loops.
 struct Rounds<'a> {
     module: &'a Module,
     function: &'a Function,
-    /// The rounds of functions, by the index of the function.
     calls: &'a [Option<u64>],
 }
 
@@ -253,7 +251,6 @@ impl Rounds<'_> {
     }
 }
 
-/// Checks if a block only leaves the loop.
 fn leaves(block: &Block) -> bool {
     matches!(block.first(), Some(Statement::Break)) && block.len() == 1
 }

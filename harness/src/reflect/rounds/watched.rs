@@ -9,7 +9,6 @@ use super::{NOWHERE, Nesting, instrument, loops_of};
 use crate::diagnostic::Span;
 use crate::reflect::Program;
 
-/// The private variable with the rounds of one invocation of a frame's shader.
 const OWN: &str = "karat_rounds";
 
 /// A frame's program whose invocations report loops that took too many rounds.
