@@ -64,8 +64,8 @@ impl Mesh {
         Self { indices, attributes: vec![column] }
     }
 
-    /// Adds a value for each vertex, such as a normal, texture coordinates or a colour. The vertex function reads it at
-    /// `@location(location)`.
+    /// Adds a value for each vertex, such as a normal, texture coordinates or a colour. The vertex function reads the
+    /// value at `@location(location)`.
     ///
     /// ```
     /// use glam::Vec3;

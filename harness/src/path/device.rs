@@ -127,7 +127,9 @@ impl Device {
         }
         let needed = route::features(path);
         if !adapter.features().contains(needed) {
-            return Err(unavailable("wgpu can't pass the route's shaders to its driver".to_owned()));
+            return Err(unavailable(
+                "wgpu can't pass the route's shaders to its driver".to_owned(),
+            ));
         }
         let optional = wgpu::Features::SHADER_F16
             | wgpu::Features::FLOAT32_FILTERABLE

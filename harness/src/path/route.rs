@@ -20,7 +20,7 @@ pub(super) fn missing(path: Path) -> Option<String> {
     let missing = Tool::all().iter().filter_map(|tool| tool.as_ref().err());
     let missing = missing.into_iter().find(|missing| missing.name == compiler)?;
     let (via, reason, remedy) = (path.via(), &missing.reason, missing.remedy);
-    Some(format!("`{compiler}` makes SPIR-V of {via}: {reason} ({remedy})"))
+    Some(format!("the route {via} needs `{compiler}`: {reason} ({remedy})"))
 }
 
 /// The language that naga writes, for a route that bypasses wgpu.

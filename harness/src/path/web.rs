@@ -62,7 +62,7 @@ impl Runner {
                 let here = std::env::current_dir().unwrap_or_default();
                 let found = tint::dawn(&here);
                 Some(found.map(|(node, package)| Self::Dawn { node, package }).map_err(|reason| {
-                    format!("{reason}: install Node, and `npm install --save-dev webgpu`")
+                    format!("{reason}: install Node, and run `npm install --save-dev webgpu`")
                 }))
             }
             "chromium" => {

@@ -87,7 +87,9 @@ pub(crate) fn dawn(folder: &Path) -> Result<(PathBuf, PathBuf), String> {
     let mut packages = packages.map(|modules| modules.join("webgpu")).filter(|one| is_dawn(one));
     match (packages.next(), node) {
         (Some(package), Some(node)) => Ok((node, package)),
-        (Some(package), None) => Err(format!("`{}` is here, but no `node`", package.display())),
+        (Some(package), None) => {
+            Err(format!("`{}` is installed, but PATH has no `node`", package.display()))
+        }
         (None, _) => Err("not here".to_owned()),
     }
 }

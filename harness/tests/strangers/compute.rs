@@ -156,7 +156,7 @@ fn mistakes_are_told_before_anything_runs() {
     let none: [u32; 0] = [];
     told(
         scan(&package).after("data").unrecorded().try_agrees_with(none, Abs(0.0)),
-        &["nothing is compared: the reference gives no element"],
+        &["nothing is compared: the reference has no elements"],
     );
     told(
         scan(&package)
