@@ -164,8 +164,8 @@ pub enum ComputeError {
         /// The number of elements in the reference.
         expected: usize,
     },
-    /// The number of elements isn't the product of the rows and columns in [`After::shape`].
-    #[error("`{variable}` has {elements} elements, and [{}, {}] rows and columns hold {}: correct `shape`", grid[0], grid[1], grid[0].saturating_mul(grid[1]))]
+    /// The number of elements isn't the product of the rows and columns in [`After::grid`].
+    #[error("`{variable}` has {elements} elements, and [{}, {}] rows and columns hold {}: correct the rows or the columns", grid[0], grid[1], grid[0].saturating_mul(grid[1]))]
     Grid {
         /// The variable of the resource.
         variable: String,
