@@ -148,7 +148,7 @@ impl After<'_> {
         Ok(())
     }
 
-    /// Adds Tint's verdict to a violation of a barrier, if Tint is installed.
+    /// Adds Tint's verdict to the violation for a missed barrier, if Tint is installed.
     pub(super) fn with_tint(&self, passes: &Passes, examined: Examined) -> Examined {
         with_tint(passes, self.compute.package, examined)
     }

@@ -28,7 +28,7 @@ const MOST_LIKELY: f64 = 24.0;
 const MOST_TURNS: u64 = 1 << 20;
 const TURNS_OF_ONE: usize = 1 << 22;
 
-/// The number of orders to sample before trying all orders. Their findings are simpler to describe.
+/// The number of orders to sample before trying all orders. The findings of sampled orders are simpler to describe.
 const SIMPLE: u64 = 3;
 
 /// One run of passes in one order.

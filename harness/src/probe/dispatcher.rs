@@ -41,7 +41,7 @@ pub(super) struct Dispatcher<'d> {
     evidence: Evidence,
     /// The position of the function's declaration.
     place: Span,
-    /// The turn on the device in which the fields above are released.
+    /// The thread's turn on the device. It lasts until the fields above are released.
     last: Turn<'d>,
 }
 
