@@ -135,6 +135,7 @@ impl Kernel {
         [groups.min(limit), groups.div_ceil(limit)]
     }
 
+    /// The source of the arguments.
     pub fn inputs(&self) -> Inputs {
         self.inputs
     }
