@@ -139,7 +139,6 @@ impl After<'_> {
         })
     }
 
-    /// The columns of the golden's table.
     fn columns(&self, element: &Shape) -> Vec<Column> {
         let lanes = element.lane_names().into_iter().zip(element.lanes());
         let named = |lane: String| format!("{}{lane}", self.variable);
@@ -147,7 +146,6 @@ impl After<'_> {
     }
 }
 
-/// The hash of the linked WGSL of all passes.
 fn shader(passes: &Passes) -> String {
     let texts = passes.passes.iter().map(|pass| pass.program.text());
     text_hash(texts.collect::<String>().as_bytes())

@@ -21,7 +21,6 @@ pub(super) enum Assertion<'a> {
     Holds(Statement<'a>),
 }
 
-/// A statement about each number of a resource.
 pub(super) struct Each<'a> {
     pub(super) text: &'a str,
     pub(super) shape: Shape,
@@ -30,13 +29,11 @@ pub(super) struct Each<'a> {
     pub(super) holds: &'a (dyn Fn(Scalar, f64) -> bool + Sync),
 }
 
-/// The elements of a reference.
 pub(super) struct Expected {
     pub(super) shape: Shape,
     pub(super) lanes: Vec<f64>,
 }
 
-/// A statement about all elements together.
 pub(super) struct Statement<'a> {
     pub(super) text: String,
     pub(super) shape: Shape,
@@ -244,15 +241,12 @@ impl Sum {
     }
 }
 
-/// The results of one path.
 struct Outcome {
     elements: usize,
     sum: Sum,
-    /// The command that repeats the passes on the path.
     replay: Replay,
 }
 
-/// The summary of one path's elements.
 pub(super) struct Sum {
     pub(super) census: Census,
     worst: LaneError,
@@ -270,7 +264,6 @@ impl After<'_> {
         self.report((verb, assertion.text()), place, |report| self.judged(&assertion, verb, report))
     }
 
-    /// Records the result of a verb.
     pub(super) fn report(
         &self,
         (verb, text): (&str, String),
@@ -609,7 +602,6 @@ impl Assertion<'_> {
 }
 
 impl Difference {
-    /// The same as data.
     pub(super) fn details(&self) -> Details {
         let Self { entry_points, variable, assertion, .. } = self;
         let headline = format!("`{variable}` after `{entry_points}` fails: {assertion}");

@@ -14,7 +14,6 @@ use crate::run::Report;
 /// The number of violations that a message shows in full. Several violations often have one cause.
 const SHOWN: usize = 4;
 
-/// A race that the test accepts.
 #[derive(Clone, Debug)]
 pub(super) struct Accepted {
     variable: String,

@@ -154,7 +154,7 @@ impl BlendComponent {
 }
 
 impl Blend {
-    /// The components for colour and alpha. `None` stands for [`Blend::Replace`].
+    /// The formulas for colour and alpha. `None` stands for [`Blend::Replace`].
     fn components(self) -> Option<(BlendComponent, BlendComponent)> {
         let both = |component| Some((component, component));
         match self {

@@ -26,19 +26,15 @@ pub(crate) const SHOWN: usize = 16;
 
 /// A line that prints, with its values. `C` is the type of a case: its index during a run, and its name afterwards.
 struct Print<C> {
-    /// The position of the expression.
     span: Span,
-    /// The text of the expression.
     text: String,
     shape: Shape,
-    /// The number of printed values.
     count: u64,
     /// The first values in the order of cases, each with its call or invocation.
     first: Vec<(C, Vec<u32>)>,
     /// The smallest and the largest number of each component, each with its bits and its case. Booleans and NaN aren't
     /// counted.
     ends: Vec<Option<[(f64, u32, C); 2]>>,
-    /// The number of NaN components.
     nans: u64,
     /// The first case in which the line reads outside of an array.
     outside: Option<C>,
@@ -71,12 +67,10 @@ struct Seen<'p> {
     lanes: usize,
 }
 
-/// The engine's setting for observing asserting and printing lines.
 fn settings() -> Settings {
     Settings { named: &[ASSERTED, PRINTED], ..Settings::default() }
 }
 
-/// Checks if a program has asserting or printing lines.
 pub(crate) fn has_lines(program: &Program) -> bool {
     [ASSERTED, PRINTED].iter().any(|name| program.text().contains(name))
 }
@@ -134,7 +128,6 @@ impl<'p> Seen<'p> {
         Self { program, sites, spans, lines, lanes }
     }
 
-    /// The asserting and printing lines after a run, in the order of the source text.
     fn lines(self) -> Vec<Line> {
         let lines = self.lines.into_iter();
         lines.map(|line| line.into_inner().unwrap_or_else(PoisonError::into_inner)).collect()

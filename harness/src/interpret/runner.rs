@@ -56,7 +56,6 @@ pub struct Runner<'p> {
     passes: &'p Passes,
     prepared: Result<Prepared<'p>, Option<DispatchError>>,
     next: Next,
-    /// The number of orders to sample.
     wanted: u64,
     /// Set if all orders are to be tried when there are few.
     explores: bool,
@@ -87,7 +86,6 @@ impl<'p> Runner<'p> {
         Self { wanted: orders, explores: false, ..self }
     }
 
-    /// The number of orders that the runner tried.
     pub(crate) fn tried(&self) -> Tried {
         self.tried
     }
@@ -97,7 +95,6 @@ impl<'p> Runner<'p> {
         self.explores = false;
     }
 
-    /// Chooses the next run.
     fn after(&mut self, examined: &Examined) -> Next {
         let next = std::mem::replace(&mut self.next, Next::End);
         let Ok(prepared) = &self.prepared else { return Next::End };

@@ -62,7 +62,6 @@ pub(super) fn takes_wgpu(path: Path) -> bool {
     matches!(path.via(), Via::Direct | Via::Wgsl | Via::Spirv)
 }
 
-/// Translates a compute shader along a route.
 pub(super) fn take(path: Path, ir: Ir, entry_point: &str) -> Result<Routed, PathError> {
     if takes_wgpu(path) {
         return through_naga(path, ir).map(Box::new).map(Routed::Ir);

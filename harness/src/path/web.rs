@@ -27,15 +27,15 @@ pub const BROWSER_SCRIPTS: &str = concat!(include_str!("jobs.js"), include_str!(
 
 #[derive(Clone, Debug)]
 pub(super) enum Runner {
-    /// A command from KARAT_EXECUTORS.
     Given(Vec<String>),
     /// Dawn for Node, as the program of Node and the folder of the package.
-    Dawn { node: PathBuf, package: PathBuf },
-    /// The program of a Chromium.
+    Dawn {
+        node: PathBuf,
+        package: PathBuf,
+    },
     Chromium(PathBuf),
 }
 
-/// A running program.
 #[derive(Debug)]
 pub(super) enum Running {
     Lines(Lines),

@@ -20,10 +20,8 @@ pub(crate) const CONSTANTS: usize = 64;
 /// panics if a thread waits longer than six seconds for another thread.
 const CALLS: usize = 16;
 
-/// The variable for the results.
 pub(crate) const RESULTS: &str = "karat_out";
 
-/// The name of the generated entry point.
 pub(super) const ENTRY_POINT: &str = "karat_probe";
 
 /// The name of the generated vertex function, for an entry point that is a fragment function.
@@ -50,7 +48,6 @@ pub struct Kernel {
     pub(super) apart: bool,
     /// The number of loop counters, if the kernel returns counters instead of results.
     counted: Option<usize>,
-    /// The linked text, without the kernel.
     linked: String,
     function: Function,
     /// The values of overrides, by their names in the text.
@@ -140,7 +137,6 @@ impl Kernel {
         self.inputs
     }
 
-    /// Checks if the kernel is a fragment function, whose cases are quads.
     pub(super) fn is_drawn(&self) -> bool {
         self.function.form.fragment
     }

@@ -9,10 +9,11 @@ use crate::settings;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     /// Dawn for Node, which is the npm package `webgpu`.
-    Node { node: PathBuf, package: PathBuf },
-    /// The program `tint`.
+    Node {
+        node: PathBuf,
+        package: PathBuf,
+    },
     Program(PathBuf),
-    /// The program of a Chromium.
     Browser(PathBuf),
 }
 
@@ -158,7 +159,6 @@ pub(crate) fn browser() -> Option<PathBuf> {
     in_path.chain(files).find(|program| program.is_file())
 }
 
-/// The programs in PATH with a name.
 fn in_path(name: &str) -> impl Iterator<Item = PathBuf> {
     let path = std::env::var_os("PATH").unwrap_or_default();
     let file = format!("{name}{}", std::env::consts::EXE_SUFFIX);
