@@ -27,12 +27,11 @@ pub const BROWSER_SCRIPTS: &str = concat!(include_str!("jobs.js"), include_str!(
 
 #[derive(Clone, Debug)]
 pub(super) enum Runner {
+    /// A command from KARAT_EXECUTORS.
     Given(Vec<String>),
     /// Dawn for Node, as the program of Node and the folder of the package.
-    Dawn {
-        node: PathBuf,
-        package: PathBuf,
-    },
+    Dawn { node: PathBuf, package: PathBuf },
+    /// The program of a Chromium.
     Chromium(PathBuf),
 }
 

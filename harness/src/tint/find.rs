@@ -9,11 +9,10 @@ use crate::settings;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     /// Dawn for Node, which is the npm package `webgpu`.
-    Node {
-        node: PathBuf,
-        package: PathBuf,
-    },
+    Node { node: PathBuf, package: PathBuf },
+    /// The program `tint`.
     Program(PathBuf),
+    /// The program of a Chromium.
     Browser(PathBuf),
 }
 
