@@ -295,7 +295,7 @@ fn run(
                     "{more} lines that read outside of an array weren't tried with other values"
                 ),
             };
-            watched.reason = format!("of `{}` {lines}", pass.name);
+            watched.reason = format!("in `{}`, {lines}", pass.name);
         }
     }
     let left = is_whole.then(|| prepared.left(&held));
