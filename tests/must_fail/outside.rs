@@ -123,6 +123,7 @@ fn lines_that_are_not_tried_are_counted() {
     let passes = passes.with("out", Storage::new([9_u32; 4])).dispatch("main", [1, 1, 1]);
     let (found, watched) = karat::unstable::compute::violations(&passes).expect("it is valid");
     assert!(found.is_empty(), "{found:?}");
-    let expected = "in `main`, 11 lines that read outside of an array weren't tried with other values";
+    let expected =
+        "in `main`, 11 lines that read outside of an array weren't tried with other values";
     assert_eq!(watched.reason, expected);
 }
