@@ -149,7 +149,11 @@ fn what_runs_no_jobs_does_not_open() {
             "process",
             "write `process@NAME` with a name from KARAT_EXECUTORS",
         ),
-        ("mine=PLANTED executor cpu", "process:hlsl@mine", "gets WGSL, so its path can't have a route"),
+        (
+            "mine=PLANTED executor cpu",
+            "process:hlsl@mine",
+            "gets WGSL, so its path can't have a route",
+        ),
         (
             "mine=PLANTED executor cpu silent",
             "process@mine",
