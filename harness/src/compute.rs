@@ -137,7 +137,7 @@ pub enum ComputeError {
     #[error(transparent)]
     NotBegun(#[from] NotBegun),
     /// The elements of the reference and of the resource differ in type.
-    #[error("`{variable}` holds {declared} after `{entry_point}`, {who} {supplied}")]
+    #[error("`{variable}` holds {declared} after `{entry_point}`, but {who} {supplied}")]
     Type {
         /// The variable of the resource.
         variable: String,
@@ -164,8 +164,8 @@ pub enum ComputeError {
         /// The number of elements in the reference.
         expected: usize,
     },
-    /// The number of elements isn't the product of the rows and columns in [`After::shape`].
-    #[error("`{variable}` has {elements} elements, and [{}, {}] rows and columns hold {}: correct `shape`", grid[0], grid[1], grid[0].saturating_mul(grid[1]))]
+    /// The number of elements isn't the product of the rows and columns in [`After::grid`].
+    #[error("`{variable}` has {elements} elements, and [{}, {}] rows and columns hold {}: correct the rows or the columns", grid[0], grid[1], grid[0].saturating_mul(grid[1]))]
     Grid {
         /// The variable of the resource.
         variable: String,
@@ -260,7 +260,7 @@ impl From<ValuesError> for ComputeError {
 /// assert_eq!(barrier, karat::check::HazardKind::Barrier);
 /// ```
 #[deprecated(
-    note = "it is `check::HazardKind`: `ReadWrite` and `WriteWrite` are `Race` there, `Outside` is `OutOfRange`"
+    note = "use `check::HazardKind`: `ReadWrite` and `WriteWrite` became `Race`, and `Outside` became `OutOfRange`"
 )]
 pub type ViolationKind = crate::hazard::Kind;
 pub(crate) use judge::Difference;

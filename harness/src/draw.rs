@@ -74,7 +74,7 @@ pub enum DrawError {
         limit: u32,
     },
     /// The frame has no draws.
-    #[error("the frame draws nothing; add `.mesh(...)` or `.fullscreen(...)`")]
+    #[error("the frame draws nothing: add `.mesh(...)` or `.fullscreen(...)`")]
     Empty,
     /// No device can draw the frame with its settings.
     #[error("the frame can't be drawn: {reason}")]
@@ -86,8 +86,8 @@ pub enum DrawError {
     },
     /// The executor calls functions, but draws no frames.
     #[error(
-        "path `{path}` draws no frames. They need a driver: `karat doctor` tells how to get one, and \
-         `karat test --no-frames` leaves frames out"
+        "path `{path}` draws no frames. Frames need a driver: `karat doctor` explains how to get one. \
+         `karat test --no-frames` skips frames"
     )]
     Unable {
         /// The path.

@@ -239,7 +239,7 @@ impl Passed for FrameMean {
 }
 
 impl Package {
-    /// Begins a frame of `width` x `height` pixels, drawn with entry points of `module`.
+    /// Begins a frame of `width` x `height` pixels. Entry points of `module` draw it.
     ///
     /// ```no_run
     /// # use karat::prelude::*;

@@ -159,7 +159,6 @@ impl Interpreted {
         self.quads.as_ref().and_then(|quads| quads.own).unwrap_or(0)
     }
 
-    /// The position of the function's declaration.
     pub(crate) fn place(&self) -> &Span {
         &self.function.span
     }
@@ -278,7 +277,6 @@ impl Interpreted {
         self.quads.is_none() && ran().is_ok()
     }
 
-    /// The results in double precision.
     pub(crate) fn shadow(&self, cases: usize, arguments: &[u32]) -> Result<Vec<f64>, ProbeError> {
         let results = self.call::<F64>(cases, arguments)?;
         let pixels = self.lanes();

@@ -28,7 +28,6 @@ use resident::Resident;
 
 use crate::lines::Broken;
 
-/// The script of processes that keep running.
 const JUDGE: &str = include_str!("tint/judge.js");
 
 /// The largest answer in bytes. Real answers are much smaller.
@@ -81,7 +80,6 @@ pub struct Pipeline {
     pub(crate) targets: Vec<Option<&'static str>>,
 }
 
-/// A vertex attribute.
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize)]
 pub(crate) struct Attribute {
     #[serde(rename = "shaderLocation")]

@@ -735,7 +735,7 @@ fn a_reduction_that_assumes_subgroups_of_32() {
     sum("by_size", 2080).expect("it asks for the size");
     let Err(ComputeError::Order(order)) = sum("by_32", 2080) else { panic!("it wasn't seen") };
     assert_eq!((&*order.swap, order.subgroup), ("subgroups have 4 invocations", Some(4)));
-    assert!(order.to_string().contains("ask `subgroup_size`"), "{order}");
+    assert!(order.to_string().contains("use `subgroup_size`"), "{order}");
     for (entry, kind, part) in [
         ("tail", HazardKind::Barrier, "a subgroup operation that not every invocation"),
         ("next", HazardKind::OutOfRange, "isn't in its subgroup"),

@@ -100,7 +100,7 @@ impl After<'_> {
             // The verdict below reports an error of the first path.
             if let Ok((now, adapter)) = first() {
                 let count = (golden.len() != now.len()).then(|| {
-                    format!("it has {} elements, now there are {}", golden.len(), now.len())
+                    format!("it has {} elements, but now there are {}", golden.len(), now.len())
                 });
                 if let Some(how) = other_columns(&golden, &now).or(count) {
                     return Err(left((now, adapter), Some((&golden, &how))).into());
@@ -139,7 +139,6 @@ impl After<'_> {
         })
     }
 
-    /// The columns of the golden's table.
     fn columns(&self, element: &Shape) -> Vec<Column> {
         let lanes = element.lane_names().into_iter().zip(element.lanes());
         let named = |lane: String| format!("{}{lane}", self.variable);
@@ -147,7 +146,6 @@ impl After<'_> {
     }
 }
 
-/// The hash of the linked WGSL of all passes.
 fn shader(passes: &Passes) -> String {
     let texts = passes.passes.iter().map(|pass| pass.program.text());
     text_hash(texts.collect::<String>().as_bytes())

@@ -21,7 +21,6 @@ pub(super) enum Assertion<'a> {
     Holds(Statement<'a>),
 }
 
-/// A statement about each number of a resource.
 pub(super) struct Each<'a> {
     pub(super) text: &'a str,
     pub(super) shape: Shape,
@@ -30,13 +29,11 @@ pub(super) struct Each<'a> {
     pub(super) holds: &'a (dyn Fn(Scalar, f64) -> bool + Sync),
 }
 
-/// The elements of a reference.
 pub(super) struct Expected {
     pub(super) shape: Shape,
     pub(super) lanes: Vec<f64>,
 }
 
-/// A statement about all elements together.
 pub(super) struct Statement<'a> {
     pub(super) text: String,
     pub(super) shape: Shape,
@@ -235,24 +232,21 @@ impl Sum {
     /// The result for passes in which a loop doesn't end.
     pub(super) fn endless() -> Self {
         let element = Element {
-            place: Place::Whole("nothing".to_owned()),
-            actual: "a loop that doesn't end".to_owned(),
-            expected: "an end in each order".to_owned(),
+            place: Place::Whole("no result".to_owned()),
+            actual: "a loop doesn't end".to_owned(),
+            expected: "each loop ends in each order".to_owned(),
             error: String::new(),
         };
         Self::of_failures(1, Some(element))
     }
 }
 
-/// The results of one path.
 struct Outcome {
     elements: usize,
     sum: Sum,
-    /// The command that repeats the passes on it.
     replay: Replay,
 }
 
-/// The summary of one path's elements.
 pub(super) struct Sum {
     pub(super) census: Census,
     worst: LaneError,
@@ -260,7 +254,7 @@ pub(super) struct Sum {
 }
 
 impl After<'_> {
-    /// Dispatches on each path, judges, and records.
+    /// Dispatches the passes on each path, judges the results, and records the verdict.
     pub(super) fn judge(
         &self,
         assertion: Assertion<'_>,
@@ -270,7 +264,6 @@ impl After<'_> {
         self.report((verb, assertion.text()), place, |report| self.judged(&assertion, verb, report))
     }
 
-    /// Records the result of a verb.
     pub(super) fn report(
         &self,
         (verb, text): (&str, String),
@@ -298,7 +291,7 @@ impl After<'_> {
         self.compute.wanted.last().map_or("", |wanted| &wanted.name)
     }
 
-    /// Judges under the name of a verb.
+    /// Judges an assertion under the name of a verb.
     pub(super) fn judged(
         &self,
         assertion: &Assertion<'_>,
@@ -334,7 +327,7 @@ impl After<'_> {
             let found = words(executor, &passes, &part)?;
             let elements = found.len() / element.lanes().len().max(1);
             if elements == 0 {
-                let reason = format!("`{}` holds no element", self.variable);
+                let reason = format!("`{}` has no elements", self.variable);
                 return Err(ComputeError::Nothing(reason));
             }
             if let Some(grid) =
@@ -406,7 +399,7 @@ impl After<'_> {
         Ok(ComputeAgreement { variable: self.variable.clone(), elements, paths, known_issues })
     }
 
-    /// The type of an element, after checking that the assertion fits it.
+    /// Checks that the assertion fits the resource, and returns the type of an element.
     fn fitting(
         &self,
         assertion: &Assertion<'_>,
@@ -430,7 +423,7 @@ impl After<'_> {
                     return Err(ComputeError::Reference { variable, index: at / width, value });
                 }
                 if expected.lanes.is_empty() {
-                    let reason = "the reference gives no element".to_owned();
+                    let reason = "the reference has no elements".to_owned();
                     return Err(ComputeError::Nothing(reason));
                 }
                 Ok(element)
@@ -512,7 +505,7 @@ impl After<'_> {
     }
 }
 
-/// The first number of an element that breaks a statement.
+/// Judges an element by the first of its numbers that breaks a statement.
 fn each(scalars: &[Scalar], actual: &[u32], holds: &dyn Fn(Scalar, f64) -> bool) -> judge::Judged {
     let value = |lane: usize| scalars[lane].decode(actual[lane]);
     let broken = (0..actual.len()).find(|lane| !holds(scalars[*lane], value(*lane)));
@@ -520,9 +513,9 @@ fn each(scalars: &[Scalar], actual: &[u32], holds: &dyn Fn(Scalar, f64) -> bool)
     judge::Judged { measure, lane: broken.unwrap_or(0), class: Class::Other }
 }
 
-/// Splits a value for a comparison without order: the number of lanes before the list, and the lanes of a list's
-/// element. In a structure, the list is the array that is its last member: `{ count: atomic<u32>, items: array<Item>
-/// }`.
+/// Splits a value for a comparison without regard to order. Returns the number of lanes before the list, and the
+/// scalars of one list element. In a structure, the list is an array in the last member:
+/// `{ count: atomic<u32>, items: array<Item> }`. Otherwise the value itself is the list element.
 fn listed(element: &Shape) -> (usize, Vec<Scalar>) {
     if let Shape::Struct { members, .. } = element
         && let Some((_, list @ Shape::Array { element: item, .. })) = members.last()
@@ -532,9 +525,9 @@ fn listed(element: &Shape) -> (usize, Vec<Scalar>) {
     (0, element.lanes())
 }
 
-/// Pairs elements and expected ones without regard to their order; returns the lanes of the elements, and the expected
-/// values. Both are sorted by value, and each element takes the next expected one within the tolerance. Elements
-/// without a partner come last.
+/// Pairs actual and expected elements without regard to their order. Returns the indices of the actual lanes, and the
+/// expected values. Both are sorted by value. Each actual element takes the next expected element within the tolerance.
+/// Elements without a partner come last.
 fn matched(
     (found, scalars): (&[u32], &[Scalar]),
     wanted: &[f64],
@@ -585,12 +578,12 @@ impl Assertion<'_> {
         }
     }
 
-    /// Returns `true` if no order changes its verdict.
+    /// Reports if the assertion's verdict is the same in each order.
     pub(super) fn is_settled(&self) -> bool {
         matches!(self, Self::Holds(statement) if statement.settled)
     }
 
-    /// The assertion as part of a sentence, after "it holds that".
+    /// The assertion as a clause for messages.
     pub(super) fn holds(&self) -> String {
         match self {
             Self::Agrees(_, tolerance) => format!("elements agree within {tolerance}"),
@@ -609,7 +602,6 @@ impl Assertion<'_> {
 }
 
 impl Difference {
-    /// The same as data.
     pub(super) fn details(&self) -> Details {
         let Self { entry_points, variable, assertion, .. } = self;
         let headline = format!("`{variable}` after `{entry_points}` fails: {assertion}");
@@ -630,7 +622,7 @@ impl PathDifference {
             error: element.error.clone(),
             ..CaseDetails::default()
         };
-        // The first failing case comes first; the worst may be the same.
+        // The first failing case, if it differs from the worst case.
         let first = self.shown.first().map(case);
         let worst = self.shown.get(1).map(case);
         let (worst, first) = if worst.is_some() { (worst, first) } else { (first, None) };
@@ -651,9 +643,9 @@ impl fmt::Display for Difference {
             let failures = path.census.failures;
             let compares = path.shown.iter().all(|one| !one.error.is_empty());
             if path.shown.is_empty() {
-                writeln!(f, "  it doesn't hold of its {} elements", path.elements)?;
+                writeln!(f, "  the assertion fails for the {} elements together", path.elements)?;
             } else if !compares {
-                writeln!(f, "  {failures} of {} elements break it", path.elements)?;
+                writeln!(f, "  {failures} of {} elements break the assertion", path.elements)?;
             } else {
                 let share = 100.0 * failures as f64 / path.elements as f64;
                 let (elements, ways) = (path.elements, path.census.ways());

@@ -278,7 +278,6 @@ fn lanes_of(passes: &Passes, part: &Part, left: Afterwards) -> Vec<u32> {
     part.pick(lanes.expect("a pass writes the resource"))
 }
 
-/// An assertion to check in each order.
 struct InOrders<'a> {
     after: &'a After<'a>,
     assertion: &'a Assertion<'a>,

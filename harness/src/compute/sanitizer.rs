@@ -14,7 +14,6 @@ use crate::run::Report;
 /// The number of violations that a message shows in full. Several violations often have one cause.
 const SHOWN: usize = 4;
 
-/// A race that the test accepts.
 #[derive(Clone, Debug)]
 pub(super) struct Accepted {
     variable: String,
@@ -148,7 +147,7 @@ impl After<'_> {
         Ok(())
     }
 
-    /// Adds Tint's verdict to a violation of a barrier, if Tint is installed.
+    /// Adds Tint's verdict to the violation for a missed barrier, if Tint is installed.
     pub(super) fn with_tint(&self, passes: &Passes, examined: Examined) -> Examined {
         with_tint(passes, self.compute.package, examined)
     }

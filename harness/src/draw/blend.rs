@@ -1,4 +1,4 @@
-//! Blending: how a new value combines with a pixel's old value.
+//! Formulas that combine a new value with a pixel's old value.
 
 /// The formula for a new value over a pixel's old value. `new` is the result of the fragment function, and `old` is the
 /// value in the target.
@@ -154,7 +154,7 @@ impl BlendComponent {
 }
 
 impl Blend {
-    /// The components for colour and alpha. `None` stands for [`Blend::Replace`].
+    /// The formulas for colour and alpha. `None` stands for [`Blend::Replace`].
     fn components(self) -> Option<(BlendComponent, BlendComponent)> {
         let both = |component| Some((component, component));
         match self {

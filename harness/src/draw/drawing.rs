@@ -85,7 +85,6 @@ struct Read {
     modules: Vec<LinkedModule>,
 }
 
-/// The resources that the two pipelines of a draw read.
 #[derive(Debug)]
 pub(crate) struct Bindings {
     pub(super) depth: Vec<Binding>,
@@ -126,7 +125,6 @@ impl Scene<'_> {
         Drawing::of(Cow::Borrowed(self))
     }
 
-    /// Reports if every draw writes only depth.
     pub(super) fn is_depth_only(&self) -> bool {
         self.draws.iter().all(|draw| draw.fragment.is_none())
     }
@@ -194,7 +192,6 @@ impl Scene<'_> {
         Ok(())
     }
 
-    /// The resources of each draw of a program.
     pub(crate) fn bindings(&self, program: &Program) -> Result<Vec<Bindings>, DrawError> {
         let of = |stage: Stage, name: &Option<String>| {
             let Some(name) = name else { return Ok(Vec::new()) };
@@ -295,7 +292,6 @@ impl Drawing<'_> {
         &self.fixtures
     }
 
-    /// The resources of all draws together.
     pub(crate) fn all_bindings(&self) -> Vec<Binding> {
         self.bindings.iter().flat_map(Bindings::all).cloned().collect()
     }
@@ -304,7 +300,6 @@ impl Drawing<'_> {
         &self.scene
     }
 
-    /// The resources of each draw.
     pub(crate) fn bindings(&self) -> &[Bindings] {
         &self.bindings
     }

@@ -146,7 +146,6 @@ impl Format {
         }
     }
 
-    /// wgpu's format on a device.
     pub(super) fn on(
         self,
         device: &Device,

@@ -6,7 +6,6 @@ use super::request::Geometry;
 use crate::reflect::Program;
 
 impl Scene<'_> {
-    /// Checks that each draw supplies the inputs of its vertex function.
     pub(super) fn expect_inputs(&self, program: &Program) -> Result<(), DrawError> {
         for draw in &self.draws {
             let Some(vertex) = &draw.vertex else { continue };

@@ -2,7 +2,6 @@
 
 use crate::value::{Scalar, Shareable};
 
-/// The number of floats in a position.
 const POSITION: usize = 3;
 
 /// Triangles with attributes of their vertices. The positions are at `@location(0)` as `vec3<f32>`.
@@ -23,7 +22,6 @@ pub struct Mesh {
     pub(super) attributes: Vec<Column>,
 }
 
-/// The values of one attribute.
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub(super) struct Column {
     pub(super) location: u32,
@@ -64,8 +62,8 @@ impl Mesh {
         Self { indices, attributes: vec![column] }
     }
 
-    /// Adds a value for each vertex, such as a normal, texture coordinates or a colour. The vertex function reads it at
-    /// `@location(location)`.
+    /// Adds a value for each vertex, such as a normal, texture coordinates or a colour. The vertex function reads the
+    /// value at `@location(location)`.
     ///
     /// ```
     /// use glam::Vec3;
@@ -140,7 +138,6 @@ impl Column {
         Self { location, scalar, width, words, by_instance }
     }
 
-    /// The format of a value in wgpu.
     pub(super) fn format(&self) -> wgpu::VertexFormat {
         use wgpu::VertexFormat as F;
         let formats = match self.scalar {

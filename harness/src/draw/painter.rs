@@ -22,7 +22,6 @@ struct Prepared<'d> {
     draw: &'d Draw,
     /// The buffer of indices, and a buffer for each attribute.
     buffers: Option<(wgpu::Buffer, Vec<wgpu::Buffer>)>,
-    /// The number of vertices or indices.
     count: u32,
     /// A buffer with the numbers of vertices and copies, if the device reads these numbers from a buffer.
     indirect: Option<wgpu::Buffer>,
@@ -30,14 +29,12 @@ struct Prepared<'d> {
     color: Ready,
 }
 
-/// A pipeline with its resources.
 struct Ready {
     pipeline: wgpu::RenderPipeline,
     groups: Vec<wgpu::BindGroup>,
     immediates: Option<Vec<u8>>,
 }
 
-/// Draws a scene on a device.
 pub(super) struct Painter<'a> {
     pub(super) device: &'a Device,
     pub(super) scene: &'a Scene<'a>,
@@ -46,7 +43,6 @@ pub(super) struct Painter<'a> {
     pub(super) formats: Vec<wgpu::TextureFormat>,
     pub(super) depth_format: wgpu::TextureFormat,
     pub(super) resources: &'a BTreeMap<&'a str, Resource>,
-    /// The targets to read back.
     pub(super) sources: Vec<Source>,
 }
 

@@ -433,7 +433,6 @@ impl Draw {
         own.map(|(_, blend)| *blend).or(self.state.blend).unwrap_or(frame)
     }
 
-    /// Reports if the draw writes any channel of a target.
     pub(super) fn writes(&self, target: usize) -> bool {
         let own = self.state.masks.iter().rev().find(|(index, _)| *index == target);
         own.is_none_or(|(_, channels)| !channels.is_empty())

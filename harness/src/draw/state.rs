@@ -173,7 +173,7 @@ pub(super) struct State {
     pub(super) bias: DepthBias,
     pub(super) stencil: Option<Stencil>,
     pub(super) blend: Option<Blend>,
-    /// The blending for each target that has its own.
+    /// The blending of the targets that have their own.
     pub(super) blends: Vec<(usize, Blend)>,
     pub(super) blend_constant: [f32; 4],
     /// The channels to write for each target that has a mask, such as `"rgb"`.

@@ -102,7 +102,6 @@ pub(super) fn writes_depth(draw: &Draw, program: &Program) -> bool {
     draw.state.depth_write.unwrap_or_else(|| draw.vertex.is_some() || says())
 }
 
-/// Reports if the fragment function of a draw writes a target.
 pub(super) fn writes_target(draw: &Draw, program: &Program, target: usize) -> bool {
     let outputs = outputs(draw, program);
     outputs.is_none_or(|(_, outputs)| outputs.iter().any(|o| o.location as usize == target))

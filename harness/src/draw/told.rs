@@ -34,13 +34,11 @@ impl<'s> Drawing<'s> {
         Ok(Self::with(Cow::Owned(scene), program, bindings, fixtures))
     }
 
-    /// The fragment functions of the drawing, by their names in the linked text.
     pub(crate) fn fragments(&self) -> Vec<&str> {
         let names = self.scene.draws.iter().filter_map(|draw| draw.fragment.as_deref());
         names.map(|name| self.program.entry_point_name(name)).collect()
     }
 
-    /// The vertex functions of the drawing, by their names in the linked text.
     pub(crate) fn vertices(&self) -> Vec<&str> {
         let names = self.scene.draws.iter().filter_map(|draw| draw.vertex.as_deref());
         names.map(|name| self.program.entry_point_name(name)).collect()

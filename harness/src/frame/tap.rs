@@ -199,7 +199,6 @@ impl Candidate {
         format!("{}:{line}:{column}", self.span.file.name)
     }
 
-    /// The type of the value.
     pub(crate) fn shape(&self) -> Result<Shape, TapError> {
         self.value.shape.clone().map_err(|why| TapError::Untold {
             place: self.place(),
@@ -231,7 +230,7 @@ impl Candidate {
         }
     }
 
-    /// The same line, if the value has a name and can be read.
+    /// The line of `told`, if the value has a name and can be read.
     pub(crate) fn listed(&self, program: &Program) -> Option<String> {
         (self.value.shape.is_ok() && self.path(program).is_some()).then(|| self.told(program))
     }
@@ -322,7 +321,6 @@ fn place_of(wanted: &str) -> Option<(&str, usize, Option<usize>)> {
     }
 }
 
-/// The index of the value that the caller named.
 fn find(program: &Program, all: &[Candidate], wanted: &str) -> Result<usize, TapError> {
     let (mut found, mut more) = match place_of(wanted) {
         Some(place) => at_place(all, place, program),
@@ -638,7 +636,6 @@ pub(crate) fn tapped(
     })
 }
 
-/// The values that a device returned, by pixel or invocation.
 pub(crate) struct Read {
     pub(crate) times: Vec<Option<u32>>,
     pub(crate) lanes: Vec<u32>,

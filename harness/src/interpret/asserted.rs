@@ -24,22 +24,17 @@ pub(crate) const KEPT: usize = 1024;
 /// The number of values of a print that a test's output shows.
 pub(crate) const SHOWN: usize = 16;
 
-/// A line that prints, with its values. During a run, a case has the type of its index. Afterwards it has the type of
-/// its name.
+/// A line that prints, with its values. `C` is the type of a case: its index during a run, and its name afterwards.
 struct Print<C> {
-    /// The position of the expression.
     span: Span,
-    /// The text of the expression.
     text: String,
     shape: Shape,
-    /// The number of printed values.
     count: u64,
     /// The first values in the order of cases, each with its call or invocation.
     first: Vec<(C, Vec<u32>)>,
     /// The smallest and the largest number of each component, each with its bits and its case. Booleans and NaN aren't
     /// counted.
     ends: Vec<Option<[(f64, u32, C); 2]>>,
-    /// The number of NaN components.
     nans: u64,
     /// The first case in which the line reads outside of an array.
     outside: Option<C>,
@@ -72,12 +67,10 @@ struct Seen<'p> {
     lanes: usize,
 }
 
-/// The engine's setting for observing asserting and printing lines.
 fn settings() -> Settings {
     Settings { named: &[ASSERTED, PRINTED], ..Settings::default() }
 }
 
-/// Checks if a program has asserting or printing lines.
 pub(crate) fn has_lines(program: &Program) -> bool {
     [ASSERTED, PRINTED].iter().any(|name| program.text().contains(name))
 }
@@ -135,7 +128,6 @@ impl<'p> Seen<'p> {
         Self { program, sites, spans, lines, lanes }
     }
 
-    /// The lines after a run, in the order of the source text.
     fn lines(self) -> Vec<Line> {
         let lines = self.lines.into_iter();
         lines.map(|line| line.into_inner().unwrap_or_else(PoisonError::into_inner)).collect()
@@ -202,7 +194,7 @@ impl Print<usize> {
                 continue;
             }
             let own = (value, *word, case);
-            // Cases run in any order. For equal values, the smallest case is kept.
+            // Cases run in any order. For equal values, the case with the smallest index is kept.
             let [least, most] = ends.get_or_insert([own; 2]);
             if value < least.0 || value == least.0 && case < least.2 {
                 *least = own;
@@ -356,7 +348,7 @@ impl Watched {
         Ok(has_own.then(|| Self { function, lines: Mutex::default() }))
     }
 
-    /// Evaluates the lines in some calls. The arguments of a call are the name of its case.
+    /// Evaluates the asserting and printing lines in some calls. A case is named by the arguments of its call.
     ///
     /// # Errors
     /// If an assertion is false, or reads outside of an array.
@@ -399,7 +391,7 @@ impl Watched {
         let mut lines = self.lines.lock().unwrap_or_else(PoisonError::into_inner);
         let Lines { prints, assertions, calls } = std::mem::take(&mut *lines);
         let mut text: String = prints.iter().map(|print| print.table(SHOWN)).collect();
-        // With a single call, another branch is no reason for a note.
+        // A single call may take another branch, which needs no note.
         if calls > 1 {
             text.extend(assertions.iter().filter_map(Assertion::unreached));
         }

@@ -13,7 +13,6 @@ use crate::package::asserts::is_in_a_line;
 use crate::reflect::Program;
 use crate::settings;
 
-/// The extension of the files that store a test's coverage.
 const ENDING: &str = "coverage";
 
 /// The statements of a program, with the number of times that a test ran them.
@@ -137,7 +136,6 @@ pub fn statements_of(program: &Program) -> Vec<Counted> {
     merged(all.iter().filter_map(|one| Some((one.call, of(one)?))))
 }
 
-/// Checks if this run measures coverage.
 pub(crate) fn counts() -> bool {
     settings::coverage().is_some()
 }

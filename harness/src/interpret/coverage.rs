@@ -24,12 +24,10 @@ pub struct Coverage {
     by_place: BTreeMap<(String, usize, usize), Seen>,
 }
 
-/// The branches that inputs took at one position.
 #[derive(Debug)]
 struct Seen {
     span: Span,
     reached: bool,
-    /// Set if a condition was true.
     is_true: bool,
     is_false: bool,
     /// Set if an index was outside of its array.

@@ -44,7 +44,6 @@ fn dispatched_by(
     Prepared::new(passes, settings)?.dispatched(options_of)
 }
 
-/// The options of passes by default.
 pub(super) fn options() -> Options {
     let deadline = std::time::Instant::now().checked_add(settings::deadline());
     Options { fuel: settings::fuel(), deadline, ..Options::default() }
@@ -123,7 +122,6 @@ impl<'p> Prepared<'p> {
         Self { resources, lowered: Arc::clone(&self.lowered), passes: self.passes }
     }
 
-    /// Runs the passes, and returns the resources that they write.
     pub(super) fn dispatched(&self, options_of: OfPass<'_>) -> Result<Afterwards, DispatchError> {
         let mut number = 0..;
         let held = self.run(&mut |pass, lowered, resources| {
@@ -137,7 +135,6 @@ impl<'p> Prepared<'p> {
         Ok(self.left(&held))
     }
 
-    /// The resources that the passes write, as they are after a run.
     pub(super) fn left(&self, held: &Resources) -> Afterwards {
         let of = |number: usize| {
             let mut binding = self.passes.writer(number)?.1.clone();
@@ -147,7 +144,6 @@ impl<'p> Prepared<'p> {
         (0..self.passes.resources.len()).filter_map(of).collect()
     }
 
-    /// Checks if the result may depend on the subgroup size.
     pub(super) fn has_subgroups(&self) -> bool {
         self.lowered.iter().any(Lowered::has_subgroups)
     }

@@ -150,9 +150,7 @@ const NARROW: f64 = 1.0 / 1024.0;
 
 /// An operation in all lanes of a chunk.
 struct Event<F> {
-    /// The index of the operation's site in the program.
     site: usize,
-    /// Set for an operation in half precision.
     half: bool,
     values: Vec<F>,
     /// The operands, each with its values in all lanes.
@@ -362,7 +360,6 @@ impl Observer<Intervals> for Known {
 }
 
 impl<F> Recorder<F> {
-    /// Checks if the recorder reached its limit.
     fn is_full(&self) -> bool {
         self.events.lock().unwrap_or_else(PoisonError::into_inner).len() >= MOST_EVENTS
     }

@@ -81,7 +81,6 @@ impl OrderOf {
         Self { of_pass: of_pass.collect() }
     }
 
-    /// The options for the pass `number`.
     pub(super) fn options(&self, number: usize, base: &Options) -> Options {
         Options { schedule: self.of_pass[number].clone(), ..base.clone() }
     }
@@ -223,7 +222,6 @@ pub fn in_order_of(passes: &Passes, order: Option<&OrderOf>) -> Result<Afterward
     prepared.dispatched(&|number| options_in(number, order, &options()))
 }
 
-/// The options for the pass `number` in an order.
 pub(super) fn options_in(number: usize, order: Option<&OrderOf>, base: &Options) -> Options {
     order.map_or_else(|| base.clone(), |order| order.options(number, base))
 }
@@ -233,7 +231,6 @@ pub(super) fn options_in(number: usize, order: Option<&OrderOf>, base: &Options)
 pub struct Tried {
     /// The number of orders with different effects, without the usual order.
     pub(crate) orders: u64,
-    /// Set if there are no other orders.
     pub(crate) all: bool,
 }
 

@@ -35,14 +35,13 @@ const ANY: [Elsewhere; 6] = [
     Elsewhere::Number(3),
 ];
 
-/// The reads outside of arrays that change the result of a pass.
+/// The effect of a pass's reads outside of arrays on its result.
 #[derive(Debug, Default)]
 pub(super) struct Matter {
     /// Reads that change the result on their own.
     pub(super) alone: Vec<u32>,
     /// Set if only all reads together change the result.
     pub(super) together: bool,
-    /// The number of reads that weren't tried.
     pub(super) untried: usize,
 }
 

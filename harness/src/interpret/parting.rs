@@ -61,7 +61,6 @@ impl Observer<F32> for Results {
 /// The largest number of atomics that a message lists.
 const TOLD: usize = 16;
 
-/// The atomics of passes in one order.
 #[derive(Debug, Default)]
 pub(crate) struct Turns {
     /// A line about each atomic in order. The list is empty if there are too many.
@@ -123,7 +122,6 @@ pub(super) fn turns(prepared: &Prepared<'_>, order: &OrderOf) -> Turns {
     all
 }
 
-/// The differences between an order and the usual order.
 pub(crate) struct Parting {
     /// The first operation that returns another value to an invocation than in the usual order: its position, and a
     /// clause with the invocation and both values. It is `None` if only the order of writes differs.
@@ -131,7 +129,6 @@ pub(crate) struct Parting {
     pub(crate) turns: Turns,
 }
 
-/// Compares an order with the usual order.
 pub(crate) fn parting(passes: &Passes, order: &OrderOf) -> Option<Parting> {
     let prepared = Prepared::new(passes, &Settings::default()).ok()?;
     Some(Parting { first: first(&prepared, order), turns: turns(&prepared, order) })

@@ -13,12 +13,10 @@ use crate::dispatch::{Afterwards, DispatchError, Pass, Passes};
 use crate::probe::RESULTS;
 use crate::value::Scalar;
 
-/// An operation that has a hazard.
 struct Operation {
     operands: Vec<f32>,
     /// For a derivative, the missing pixel, and the index of the site at which that pixel took another branch.
     missing: Option<(usize, Option<usize>)>,
-    /// The indices of the invocations in which the hazard occurs.
     invocations: BTreeSet<usize>,
 }
 
@@ -168,7 +166,6 @@ fn watched(
     Ok(all)
 }
 
-/// Checks if every float that passes write is finite.
 fn are_finite(passes: &Passes, left: Afterwards) -> Result<bool, DispatchError> {
     let mut finite = true;
     for (number, words) in left {

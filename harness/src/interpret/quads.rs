@@ -6,7 +6,6 @@ use crate::value::{Scalar, Shape};
 /// The number of pixels in a quad: the upper left one, the one to its right, and two below.
 pub(super) const PIXELS: usize = 4;
 
-/// Turns the rows of cases into rows of pixels.
 #[derive(Debug)]
 pub(super) struct Quads {
     /// The scalars of each argument at one pixel. The flag says that the argument varies between pixels.

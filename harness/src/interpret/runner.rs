@@ -28,7 +28,7 @@ const MOST_LIKELY: f64 = 24.0;
 const MOST_TURNS: u64 = 1 << 20;
 const TURNS_OF_ONE: usize = 1 << 22;
 
-/// The number of orders to sample before trying all orders. Their findings are simpler to describe.
+/// The number of orders to sample before trying all orders. The findings of sampled orders are simpler to describe.
 const SIMPLE: u64 = 3;
 
 /// One run of passes in one order.
@@ -56,7 +56,6 @@ pub struct Runner<'p> {
     passes: &'p Passes,
     prepared: Result<Prepared<'p>, Option<DispatchError>>,
     next: Next,
-    /// The number of orders to sample.
     wanted: u64,
     /// Set if all orders are to be tried when there are few.
     explores: bool,
@@ -87,7 +86,6 @@ impl<'p> Runner<'p> {
         Self { wanted: orders, explores: false, ..self }
     }
 
-    /// The number of orders that the runner tried.
     pub(crate) fn tried(&self) -> Tried {
         self.tried
     }
@@ -97,7 +95,6 @@ impl<'p> Runner<'p> {
         self.explores = false;
     }
 
-    /// Chooses the next run.
     fn after(&mut self, examined: &Examined) -> Next {
         let next = std::mem::replace(&mut self.next, Next::End);
         let Ok(prepared) = &self.prepared else { return Next::End };

@@ -100,9 +100,7 @@ pub(super) struct Known {
     violations: Vec<Violation>,
     /// The operations with indices outside of their arrays, each with its pass.
     outside: BTreeSet<(usize, u32)>,
-    /// Set if there was a race of any kind.
     pub(super) races: bool,
-    /// The number of turns that invocations took.
     pub(super) turns: u64,
     /// The atomics of each pass in the last run.
     pub(super) atomics: Vec<Atomics>,
@@ -122,7 +120,6 @@ impl Known {
     }
 }
 
-/// The order of a run.
 pub(super) enum Ways<'w> {
     /// A given order. `None` stands for the usual order.
     Ordered(Option<&'w OrderOf>, &'w Options),
@@ -298,7 +295,7 @@ fn run(
                     "{more} lines that read outside of an array weren't tried with other values"
                 ),
             };
-            watched.reason = format!("of `{}` {lines}", pass.name);
+            watched.reason = format!("in `{}`, {lines}", pass.name);
         }
     }
     let left = is_whole.then(|| prepared.left(&held));
@@ -346,7 +343,6 @@ impl Examining<'_> {
         super::invocation(self.pass, self.size, number)
     }
 
-    /// The position of an access in the source file.
     fn span(&self, site: &karat_engine::Site) -> Option<Span> {
         super::statement_of(&self.pass.program, site)
     }

@@ -58,7 +58,6 @@ enum Seen {
     Single(f32),
     Double(f64),
     Interval(Interval),
-    /// The bits of an integer.
     Word(u32),
     Range(Range),
     Bool(bool),
@@ -71,7 +70,6 @@ struct Values {
     all: Mutex<Vec<(usize, Seen)>>,
     /// Set after an index was outside of its array. WGSL allows any value for later operations.
     lost: AtomicBool,
-    /// The case to trace.
     case: usize,
     /// The number of components to keep for each site. `None` stands for one limit for all sites together.
     most: Option<Most>,
@@ -218,7 +216,6 @@ pub(crate) struct Pixel {
     pub(crate) steps: Vec<Step>,
     /// Set if an operation ran more often.
     pub(crate) more: bool,
-    /// The lanes of the call's results.
     pub(crate) results: Vec<u32>,
 }
 

@@ -23,7 +23,6 @@ pub(crate) const MOST_ROUNDS: u64 = 65_535;
 /// driver has `GL_ARB_compute_shader`, such as NVIDIA's. But naga can't write compute shaders for that version.
 const NO_WORK: &str = "@compute @workgroup_size(1) fn work() {}";
 
-/// The time to wait for a callback before the next poll.
 const CALLBACK: Duration = Duration::from_millis(5);
 
 /// The device of one path.
@@ -38,7 +37,6 @@ pub struct Device {
     pipelines: Mutex<HashMap<blake3::Hash, Arc<Pipeline>>>,
     /// The lock by which threads take turns, if the driver serves only one thread at a time.
     turns: Option<ReentrantMutex<()>>,
-    /// The smallest and the largest subgroup size.
     subgroups: Option<[u32; 2]>,
 }
 

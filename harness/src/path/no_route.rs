@@ -28,7 +28,6 @@ pub(super) enum Routed {
     Spirv(Box<Foreign>),
 }
 
-/// A type without values, because there are no routes.
 pub(super) enum Foreign {}
 
 #[expect(clippy::unnecessary_wraps, reason = "as with routes")]

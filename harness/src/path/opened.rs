@@ -31,7 +31,6 @@ impl Opened {
         }
     }
 
-    /// The device of the path, if there is one.
     pub(crate) fn device(self) -> Option<&'static Device> {
         match self {
             Self::Device(device) => Some(device),

@@ -124,7 +124,6 @@ impl Process {
     }
 }
 
-/// Starts a program, and reads its greeting.
 fn start(runner: &Runner) -> Result<(Running, Greeting), String> {
     let deadline = settings::deadline();
     let mut lines = runner.start(deadline).map_err(|error| error.to_string())?;

@@ -20,7 +20,7 @@ pub(super) fn missing(path: Path) -> Option<String> {
     let missing = Tool::all().iter().filter_map(|tool| tool.as_ref().err());
     let missing = missing.into_iter().find(|missing| missing.name == compiler)?;
     let (via, reason, remedy) = (path.via(), &missing.reason, missing.remedy);
-    Some(format!("`{compiler}` makes SPIR-V of {via}: {reason} ({remedy})"))
+    Some(format!("the route {via} needs `{compiler}`: {reason} ({remedy})"))
 }
 
 /// The language that naga writes, for a route that bypasses wgpu.
@@ -62,7 +62,6 @@ pub(super) fn takes_wgpu(path: Path) -> bool {
     matches!(path.via(), Via::Direct | Via::Wgsl | Via::Spirv)
 }
 
-/// Translates a compute shader along a route.
 pub(super) fn take(path: Path, ir: Ir, entry_point: &str) -> Result<Routed, PathError> {
     if takes_wgpu(path) {
         return through_naga(path, ir).map(Box::new).map(Routed::Ir);

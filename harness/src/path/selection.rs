@@ -6,7 +6,7 @@ use crate::settings::{self, Settings};
 /// Checks that a selector's text is the name of a path, or a part of a name.
 ///
 /// # Errors
-/// If it isn't. The message has the reason and a suggestion.
+/// If the text isn't such a name. The message has the reason and a suggestion.
 pub fn expect_sound(selector: &Selector) -> Result<(), PathError> {
     selector.expect_sound()
 }

@@ -35,7 +35,6 @@ pub(super) enum Runner {
     Chromium(PathBuf),
 }
 
-/// A running program.
 #[derive(Debug)]
 pub(super) enum Running {
     Lines(Lines),
@@ -62,7 +61,7 @@ impl Runner {
                 let here = std::env::current_dir().unwrap_or_default();
                 let found = tint::dawn(&here);
                 Some(found.map(|(node, package)| Self::Dawn { node, package }).map_err(|reason| {
-                    format!("{reason}: install Node, and `npm install --save-dev webgpu`")
+                    format!("{reason}: install Node, and run `npm install --save-dev webgpu`")
                 }))
             }
             "chromium" => {

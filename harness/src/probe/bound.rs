@@ -11,7 +11,6 @@ use crate::path::{Device, PathError, Pipeline};
 /// bind.
 pub(super) type Resources = BTreeMap<u32, Vec<(u32, Resource)>>;
 
-/// A compiled kernel with its bindings.
 pub(super) struct Bound {
     pub(super) pipeline: Compiled,
     pub(super) groups: Vec<wgpu::BindGroup>,
@@ -58,7 +57,6 @@ impl Bound {
         pass.draw(0..3, 0..u32::try_from(cases).expect("a batch fits in 32 bits"));
     }
 
-    /// Sets the pipeline, the bind groups and the immediates for a dispatch.
     pub(super) fn set(&self, pass: &mut wgpu::ComputePass<'_>) {
         let Compiled::Dispatched(pipeline) = &self.pipeline else { return };
         pass.set_pipeline(&pipeline.pipeline);

@@ -39,9 +39,8 @@ pub(super) struct Dispatcher<'d> {
     capacity: usize,
     words_in: usize,
     evidence: Evidence,
-    /// The position of the function's declaration.
     place: Span,
-    /// The turn on the device in which the fields above are released.
+    /// The thread's turn on the device. It lasts until the fields above are released.
     last: Turn<'d>,
 }
 
@@ -174,7 +173,6 @@ impl<'d> Dispatcher<'d> {
         kernel.largest_batch().map_or(largest, |batch| batch.min(largest))
     }
 
-    /// Compiles the kernel with these arguments as constants.
     fn of_constants(&self, arguments: &[u32]) -> Result<Bound, ProbeError> {
         let text = self.kernel.of_constants(arguments).map_err(|reason| {
             let (function, inputs) = (self.evidence.function.clone(), self.kernel.inputs);
@@ -330,7 +328,6 @@ impl<'d> Dispatcher<'d> {
         Ok(read(&words))
     }
 
-    /// Checks if cases run separately.
     pub(super) fn is_alone(&self) -> bool {
         self.alone.is_some()
     }

@@ -14,7 +14,6 @@ pub(crate) struct Kept {
     binding: Binding,
     live: Memory,
     before: Memory,
-    /// The contents after each run.
     after: wgpu::Buffer,
     staging: wgpu::Buffer,
     /// The size of one copy in bytes, rounded up to the alignment of copies.
@@ -23,7 +22,6 @@ pub(crate) struct Kept {
 
 enum Memory {
     Buffer(wgpu::Buffer),
-    /// The texture, and the codec of its texels.
     Texture(wgpu::Texture, Codec),
 }
 

@@ -20,10 +20,8 @@ pub(crate) const CONSTANTS: usize = 64;
 /// panics if a thread waits longer than six seconds for another thread.
 const CALLS: usize = 16;
 
-/// The variable for the results.
 pub(crate) const RESULTS: &str = "karat_out";
 
-/// The name of the generated entry point.
 pub(super) const ENTRY_POINT: &str = "karat_probe";
 
 /// The name of the generated vertex function, for an entry point that is a fragment function.
@@ -50,7 +48,6 @@ pub struct Kernel {
     pub(super) apart: bool,
     /// The number of loop counters, if the kernel returns counters instead of results.
     counted: Option<usize>,
-    /// The linked text, without the kernel.
     linked: String,
     function: Function,
     /// The values of overrides, by their names in the text.
@@ -135,11 +132,11 @@ impl Kernel {
         [groups.min(limit), groups.div_ceil(limit)]
     }
 
+    /// The source of the arguments.
     pub fn inputs(&self) -> Inputs {
         self.inputs
     }
 
-    /// Checks if the kernel is a fragment function, whose cases are quads.
     pub(super) fn is_drawn(&self) -> bool {
         self.function.form.fragment
     }
@@ -194,12 +191,12 @@ impl Kernel {
         let form = &self.function.form;
         let what = match (form.fragment, form.alone) {
             (true, true) => {
-                "Cases from a pixel to the one to its right, canary, cases to the one below, the first case"
+                "x: cases from a pixel to the next one on the right, y: canary, z: cases to the pixel below, w: first case"
             }
-            (true, false) => "Number of cases, canary, quads in a row, rows of quads",
-            (false, true) => "Nothing, canary, nothing, the case",
+            (true, false) => "x: number of cases, y: canary, z: quads in a row, w: rows of quads",
+            (false, true) => "y: canary, w: the case; x and z are unused",
             (false, false) => {
-                "Number of cases, canary, invocations in a row of workgroups, invocations a case"
+                "x: number of cases, y: canary, z: invocations in a row of workgroups, w: invocations for each case"
             }
         };
         writeln!(
@@ -213,7 +210,7 @@ impl Kernel {
         if form.fragment && form.alone {
             writeln!(
                 text,
-                "// A triangle over all pixels. Those of a quad that aren't drawn are helpers, which write nothing.\n\
+                "// A triangle over all pixels. The undrawn pixels of a quad are helpers, which write nothing.\n\
                  @vertex\n\
                  fn {VERTEX}(@builtin(vertex_index) karat_index: u32) -> @builtin(position) vec4<f32> {{\n    \
                  let karat_corner = vec2<f32>(vec2<u32>(karat_index % 2u, karat_index / 2u));\n    \
@@ -227,8 +224,8 @@ impl Kernel {
         } else if form.fragment {
             writeln!(
                 text,
-                "// Each case is a quad of two by two pixels, for its own triangle, which covers all four: a\n\
-                 // driver may read nothing for a pixel that isn't covered.\n\
+                "// Each case is a quad of 2 x 2 pixels with its own triangle, which covers these four pixels: a\n\
+                 // driver may skip reads for a pixel that isn't covered.\n\
                  @vertex\n\
                  fn {VERTEX}(\n    \
                  @builtin(vertex_index) karat_index: u32,\n    \
@@ -259,7 +256,7 @@ impl Kernel {
         } else if self.apart {
             writeln!(
                 text,
-                "    // Invocations a case: more than one keep cases apart.\n    \
+                "    // Only the first invocation of a case calls the function. The others keep cases in separate vectors.\n    \
                  let karat_index = karat_id.x + karat_id.y * karat_batch.z;\n    \
                  if karat_index % karat_batch.w != 0u {{ return; }}\n    \
                  let karat_case = karat_index / karat_batch.w;"
@@ -279,7 +276,7 @@ impl Kernel {
             // llvmpipe's GL drops a store that is repeated after a `discard`, so both stores must look different.
             writeln!(
                 text,
-                "    // The results of a pixel that is discarded, which writes no others.\n    \
+                "    // The results of a discarded pixel. Any other pixel overwrites these results.\n    \
                  let karat_first = min(karat_to, arrayLength(&karat_out));"
             )?;
             let discarded = form.returns.iter().map(|shape| shape.lanes().len()).sum::<usize>() - 1;

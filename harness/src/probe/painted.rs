@@ -27,7 +27,6 @@ fn scalar(format: wgpu::TextureFormat) -> &'static str {
     }
 }
 
-/// Draws each texel into the texture.
 pub(super) fn paint(device: &Device, layer: &Layer<'_>) -> Result<(), PathError> {
     device.checked(|| draw(device, layer))
 }

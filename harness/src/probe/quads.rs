@@ -8,7 +8,6 @@ use crate::reflect::{Overrides, on_deep_stack, parsed_with};
 /// The format of the target. Nothing reads the target.
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
 
-/// The render target for a kernel's quads.
 pub(super) struct Target {
     view: wgpu::TextureView,
     /// The number of quads in a row, and the number of rows.

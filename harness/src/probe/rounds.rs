@@ -84,7 +84,6 @@ impl<'d> Rounds<'d> {
         Ok(rounds.chunks(vector).any(|lanes| at_most(lanes) >= MOST_ROUNDS))
     }
 
-    /// The rounds of each loop for each case, as the driver counts them.
     fn count(
         &self,
         cases: usize,

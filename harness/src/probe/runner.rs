@@ -11,7 +11,6 @@ use crate::path::{Device, guard};
 /// The number of cases in one dispatch. They fill a GPU, and a function with many words still needs only 20 MB.
 pub(crate) const BATCH: usize = 65_536;
 
-/// One probe on one device.
 pub(crate) struct Runner<'d> {
     dispatcher: Dispatcher<'d>,
     /// The counter of loop rounds, if the driver stops long loops.

@@ -21,7 +21,6 @@ pub(crate) struct Codec {
     number: Number,
     /// The number of bits of each channel, in memory order.
     bits: &'static [u8],
-    /// Set if blue comes first.
     swapped: bool,
 }
 
@@ -91,7 +90,6 @@ impl Codec {
         CODECS.into_iter().find(|codec| format!("{:?}", codec.format).to_lowercase() == name)
     }
 
-    /// The size of a texel in bytes.
     pub(crate) fn size(self) -> usize {
         self.bits.iter().map(|bits| usize::from(*bits)).sum::<usize>() / 8
     }

@@ -8,7 +8,6 @@ use crate::fixture::{
 use crate::path::{Api, Device};
 use crate::reflect::{Binding, BindingKind, Dimension, Program, Texels};
 
-/// A fixture on a device.
 pub(crate) enum Resource {
     Buffer(wgpu::Buffer),
     View(wgpu::TextureView),
@@ -314,7 +313,6 @@ fn expect_kept(
     Ok(())
 }
 
-/// Copies a mip level into a texture.
 fn write(
     device: &Device,
     texture: &wgpu::Texture,

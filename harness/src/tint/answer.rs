@@ -32,7 +32,6 @@ impl Answer {
     }
 }
 
-/// A message of Tint.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Message {
     pub(crate) severity: Severity,

@@ -21,7 +21,6 @@ const SHELL: &str = "d=$(mktemp -d) && : > \"$d/page.html\" && \
 
 /// The time in which a browser opens the file on a busy machine.
 const LOADING: Duration = Duration::from_secs(5);
-/// The time between two checks that the file is open.
 const POLL: Duration = Duration::from_millis(20);
 
 /// The script of the page. It checks texts one after another, because concurrent checks would share the device's error
@@ -33,7 +32,6 @@ pub(super) const PAGE: &str = "let last = navigator.gpu ? deviceOf(navigator.gpu
     last.then(() => JSON.stringify({ version: version.replace('/', ' ') }), \
         (error) => JSON.stringify({ error: String(error?.message ?? error) }))";
 
-/// A page of a browser.
 #[derive(Debug)]
 pub(crate) struct Page {
     lines: Lines,
@@ -104,7 +102,6 @@ impl Page {
         Ok(())
     }
 
-    /// Sends a question in JSON.
     pub(crate) fn send(&mut self, question: &str) -> Result<(), NoVerdict> {
         self.evaluate(&format!("ask({question})"))
     }

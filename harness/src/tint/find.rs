@@ -87,7 +87,9 @@ pub(crate) fn dawn(folder: &Path) -> Result<(PathBuf, PathBuf), String> {
     let mut packages = packages.map(|modules| modules.join("webgpu")).filter(|one| is_dawn(one));
     match (packages.next(), node) {
         (Some(package), Some(node)) => Ok((node, package)),
-        (Some(package), None) => Err(format!("`{}` is here, but no `node`", package.display())),
+        (Some(package), None) => {
+            Err(format!("`{}` is installed, but PATH has no `node`", package.display()))
+        }
         (None, _) => Err("not here".to_owned()),
     }
 }
@@ -156,7 +158,6 @@ pub(crate) fn browser() -> Option<PathBuf> {
     in_path.chain(files).find(|program| program.is_file())
 }
 
-/// The programs in PATH with a name.
 fn in_path(name: &str) -> impl Iterator<Item = PathBuf> {
     let path = std::env::var_os("PATH").unwrap_or_default();
     let file = format!("{name}{}", std::env::consts::EXE_SUFFIX);

@@ -15,7 +15,6 @@ use crate::lines::{self, Broken};
 
 /// The time limit for one text. It usually takes about 30 ms.
 const PATIENCE: Duration = Duration::from_secs(10);
-/// The largest help text, in bytes.
 const MOST_BYTES: u64 = 1 << 20;
 const POLL: Duration = Duration::from_millis(1);
 
@@ -55,7 +54,6 @@ pub(super) fn ask(program: &Path, questions: &[Question]) -> Vec<Result<Answer, 
     questions.par_iter().map(|question| judge(program, &question.text)).collect()
 }
 
-/// A temporary folder for one text.
 struct Folder(std::path::PathBuf);
 
 impl Folder {

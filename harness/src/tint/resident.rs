@@ -20,14 +20,11 @@ const PATIENCE: Duration = Duration::from_secs(10);
 /// The largest number of starts in a run. Some texts end the process.
 const MOST_STARTS: usize = 3;
 
-/// The script for Node.
 const NODE: &str = include_str!("node.mjs");
 
-/// The running process.
 pub(super) struct Resident {
     asked: Asked,
     version: String,
-    /// The number of the next question.
     id: u64,
 }
 
@@ -162,7 +159,6 @@ pub(super) fn ask(
     answers
 }
 
-/// The version that the process reports.
 pub(super) fn version(kind: &Kind, resident: &mut Option<Resident>) -> Result<String, NoVerdict> {
     let running = match resident {
         Some(running) => running,

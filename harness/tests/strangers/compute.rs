@@ -159,7 +159,7 @@ fn mistakes_are_reported_before_a_dispatch() {
     let none: [u32; 0] = [];
     told(
         scan(&package).after("data").unrecorded().try_agrees_with(none, Abs(0.0)),
-        &["nothing is compared: the reference gives no element"],
+        &["nothing is compared: the reference has no elements"],
     );
     told(
         scan(&package)
