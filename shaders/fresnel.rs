@@ -206,7 +206,7 @@ mod tests {
     }
 
     #[test]
-    fn what_enters_a_dielectric_can_leave_it() {
+    fn a_dielectric_transmits_equally_in_both_directions() {
         // Light in equilibrium on both sides: 1 - F(1 / n) = (1 - F(n)) / n^2.
         for eta in [1.001, 1.2, GLASS, 2.5_f64] {
             let enters = 1.0 - dielectric_average(eta);

@@ -87,6 +87,7 @@ fn lambert_pdf() {
 
 /// D is a squared quotient of sums of positive terms (24 ulp), G / (4 N.L N.V) takes 16 ulp and F 12 ulp. The error of
 /// V.H, 4 ulp, counts at most fivefold, where F is at most f0 = 0.02.
+// Lesson 15: `eval`
 #[test]
 fn microfacet_eval() {
     PBR.function("brdf::microfacet_eval")
@@ -203,6 +204,7 @@ fn tri_ace_eval() {
 /// exp(-2 x) is at most 0.37, with an error of 3 + 4 x of its ulps: 1.5e-7 at 1/2, and it shrinks faster than its error
 /// grows. It counts 1 / 0.63 times in the difference and 1 / 1.37 times in the sum: 3.5e-7. The roundings of both and
 /// the division add 4.2e-7.
+// Lesson 32
 #[test]
 fn tanh_of() {
     let function = || PBR.function("brdf::tanh_of");
@@ -271,6 +273,7 @@ fn reflectances_are_finite_and_not_negative() {
 /// One cosine goes down to 1e-18, the other to the least normal f32, so that their product is far below any f32. The
 /// part of D that may be flushed, exp(-87) in its numerator, is multiplied by 1 / (4 N.V N.L), at most 1 / the larger
 /// cosine squared. Leaves out results that exceed f32.
+// Lesson 31
 #[test]
 fn cook_torrance_eval_at_the_horizon() {
     let eval = |alpha: f32, v: Vec3, l: Vec3| {
@@ -487,6 +490,7 @@ fn tri_ace_in_a_furnace() {
 }
 
 /// 1, minus the part below the horizon. At alpha = 1 the closed form is 1 / (1 + N.V).
+// Lesson 15: sample, density and eval against each other
 #[test]
 fn densities_integrate_to_what_stays_above() {
     let nodes = |&(alpha, v): &(f32, Vec3)| {
@@ -546,6 +550,7 @@ fn estimators() -> Package {
 /// No sample counts for more than twice its light: G2 / G1 is at most 1, and G of the V-cavity is at most 2 N.H N.V /
 /// V.H, so the weight F G V.H / (N.H N.V) is at most 2 F. The exponentials of eval and pdf have the same errors, which
 /// cancel. If pdf is denormal, its digits may be, too.
+// Lesson 15: sample, density and eval against each other
 #[test]
 fn samples_have_bounded_weights() {
     let package = estimators();
@@ -564,6 +569,7 @@ fn samples_have_bounded_weights() {
 /// crosses up to twice 128 of the 16384 cells. Weights there differ from 0 by up to 2, or not at all if G vanishes with
 /// N.L. With random signs that is 2 sqrt(256) / 16384 = 2e-3, and twice that if the edge runs along the grid. Lambert
 /// has no edge, and so no such error.
+// Lesson 15: sample, density and eval against each other
 #[test]
 fn the_mean_weight_of_samples_is_the_albedo() {
     const SIDE: u32 = 128;
@@ -634,6 +640,7 @@ fn lambert_samples_follow_their_pdf_and_estimate_its_albedo() {
         );
 }
 
+// Lesson 15: all three, by a chi-square test
 #[test]
 fn microfacet_samples_follow_their_pdf_and_estimate_its_albedo() {
     PBR.function("brdf::microfacet_sample")

@@ -21,6 +21,7 @@ fn view_direction() {
 /// Cameras at any place that look anywhere but straight up or down, so that no axis of the world is an axis of the
 /// view. The matrix is rounded to 6e-8 of its elements, so its rows are orthogonal only to a few times that, while the
 /// shader assumes that they are exactly.
+// Lesson 32
 #[test]
 fn view_direction_along_any_axis() {
     let setups = (UnitVector, -10.0..=10.0_f32, 0.1..=2.0_f32)

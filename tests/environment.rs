@@ -56,6 +56,7 @@ fn directions_find_the_face_that_webgpu_says() {
 /// their mean replaces the fourth: its weight is at most 1/4, it is up to a texel off, 1/32, and there the slope of the
 /// colour is at most 1/2 of 0.58, which is 2.3e-3. At the edges of faces wgpu's desktop GL doesn't filter across, but
 /// clamps to the nearest texel: half of one, 1/64, times the slope of 1/2.
+// Lesson 22: a tolerance of one path
 #[test]
 fn directions_find_their_texel() {
     let size = 64;
@@ -206,6 +207,7 @@ fn unit_square() -> impl Domain<Value = Vec2> {
 }
 
 /// A product and a sum, on numbers up to 1.
+// Lesson 10: each direction has its own reference
 #[test]
 fn face_direction() {
     PBR.function("environment::face_direction")
@@ -218,6 +220,7 @@ fn face_direction() {
 
 /// The article defines the cube's faces with y upward in -1..=1, and leaves face 4 to the default. They are WebGPU's
 /// faces.
+// Lesson 10: each direction has its own reference
 #[test]
 fn the_faces_of_the_article() {
     PBR.function("environment::face_direction")
@@ -239,6 +242,7 @@ fn the_faces_of_the_article() {
 }
 
 /// A division of 2.5 ulp, halved, and a sum.
+// Lesson 10: each direction has its own reference
 #[test]
 fn face_point() {
     PBR.function("environment::face_point")
@@ -265,6 +269,7 @@ fn face_point_inverts_face_direction() {
 }
 
 /// WGSL allows atan2 4096 ulp, 4.9e-4 of up to pi. Divided by 2 pi that is 2.5e-4, by pi 4.9e-4.
+// Lesson 10: each direction has its own reference
 #[test]
 fn equirectangular_uv() {
     // At the seam u is 0 on one side and 1 on the other.
@@ -297,6 +302,7 @@ fn poles_are_in_the_middle_of_their_row() {
 }
 
 /// WGSL allows sin and cos 2^-11 = 4.9e-4. Their products have twice that error.
+// Lesson 10: each direction has its own reference
 #[test]
 fn equirectangular_direction() {
     PBR.function("environment::equirectangular_direction")
@@ -400,6 +406,7 @@ fn parallax_sphere_ends_on_the_sphere() {
 
 /// A point on the sphere, with the ray leaving it: both terms of the root vanish, and so does the distance. Uses axes
 /// and powers of two, so that nothing rounds.
+// Lesson 31
 #[test]
 fn parallax_sphere_touches_the_sphere() {
     let axes = || OneOf(vec![0, 1, 2_usize]).map(|axis| Vec3::AXES[axis]);

@@ -6,6 +6,7 @@ use shaders::{PBR, fresnel};
 
 /// `1 - v_dot_h` is exact or off by half an ulp, and its fifth power by five halves. With the roundings of three
 /// products, a difference and a sum, 11 ulp is a bound.
+// Lesson 24
 #[test]
 fn schlick() {
     PBR.function("fresnel::schlick")

@@ -61,7 +61,7 @@ fn images_that_are_no_environment_are_refused() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let square = write(folder.path(), "square.exr", 8, 8);
     let odd = write(folder.path(), "odd.exr", 3, 18);
-    for (file, complaint) in [(square, "is no environment"), (odd, "a power of two is needed")] {
+    for (file, complaint) in [(square, "isn't an environment"), (odd, "a power of two is needed")] {
         let output = gallery(folder.path(), &["environment", "--environment", &file]);
         let text = String::from_utf8_lossy(&output.stderr).into_owned();
         assert!(!output.status.success() && text.contains(complaint), "{text}");
@@ -70,6 +70,7 @@ fn images_that_are_no_environment_are_refused() {
 
 /// Values of the scene on drivers lie in the range that WGSL allows for the inputs that they interpolated. Most have
 /// the engine's bits: products and sums are exact on both, `normalize` and `dot` aren't.
+// Lesson 39
 #[test]
 fn values_of_the_scene_are_the_engine_s() {
     const NAMES: [&str; 10] = [

@@ -66,6 +66,7 @@ fn smith_separable() {
 }
 
 /// Two square roots, weighted, summed and divided: nothing cancels.
+// Lesson 25
 #[test]
 fn smith_correlated() {
     PBR.function("geometry::smith_correlated")
@@ -121,6 +122,7 @@ fn nothing_is_visible_at_the_horizon() {
 
 /// N.V of two equal unit vectors often rounds to just above 1, where 1 - cos^2 is negative. The tangent there is below
 /// 1.5e-3, so nothing is hidden.
+// Lesson 31
 #[test]
 fn cosines_that_round_above_one() {
     let above_one = OneOf((1..=8_u32).map(|i| f32::from_bits(1.0_f32.to_bits() + i)).collect());

@@ -67,6 +67,7 @@ macro_rules! goldens {
             golden(stringify!($name));
         })*
 
+        // Lesson 27
         #[test]
         fn every_frame_has_its_golden() {
             let tested = [$(stringify!($name)),*];

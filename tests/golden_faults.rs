@@ -271,6 +271,7 @@ fn under_noise(rows: &[Row], table: &mut String, complaints: &mut Vec<String>) {
     }
 }
 
+// Lesson 20
 #[test]
 fn faults_are_seen_and_benign_changes_pass() {
     let golden = RIGHT.draw();
@@ -331,6 +332,7 @@ fn the_gate_alone_sees_all_of_them() {
 
 /// Each golden of this repository detects at least a change of one channel of one pixel by three thousandths, anywhere,
 /// in light and in shade.
+// Lesson 20: the smallest fault that each golden detects
 #[test]
 fn the_smallest_fault_of_each_golden_is_seen() {
     let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../golden");

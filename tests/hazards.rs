@@ -5,6 +5,7 @@ use shaders::PBR;
 
 /// The library has no fault without a reason. In the documents' formulas, `hazards` finds the faults that their tests
 /// show.
+// Lesson 111
 #[test]
 fn the_library_has_none_that_is_not_argued() {
     let hazards =

@@ -369,6 +369,7 @@ fn faults_are_seen() {
 }
 
 /// Entry points and functions that no test calls are valid, too.
+// Lesson 53
 #[test]
 fn the_whole_library_is_valid() {
     let found = PBR.is_valid();

@@ -115,6 +115,7 @@ fn a_furnace_is_exact_where_weights_are_divided_out() {
 }
 
 /// The result is 1.0014 because its rings cover 6.3 instead of 2 pi. It has 4032 terms, and as many roundings.
+// Lesson 22: a tolerance of one path
 #[test]
 fn the_loop_is_off_by_what_it_says() {
     furnace("irradiance::loop_corrected")
@@ -168,6 +169,7 @@ fn they_agree_with_their_twins() {
 
 /// Few steps, so that each counts. Between texels the last bit of two weights of 8 bits counts, each of a difference of
 /// 1/32. On GL a step within half a texel of a face's edge is off by half a texel, 1/64.
+// Lesson 32
 #[test]
 fn few_steps_agree_with_their_twin() {
     let map = cube_map(sky);
@@ -185,6 +187,7 @@ fn few_steps_agree_with_their_twin() {
 }
 
 /// Few texels, 6 to 96, so that each counts. GL has half floats, up to 4.9e-4 off in 1..2.
+// Lesson 32
 #[test]
 fn few_texels_agree_with_their_twin() {
     for size in [1, 2, 4_u32] {
@@ -327,6 +330,7 @@ fn filtered_directions_blur_as_much_as_their_texels() {
 /// The twin over the same levels. Fractions of levels have 8 bits, between texels that differ by up to 1/4. GL doesn't
 /// filter the texels at the edges of faces: up to 1/8 off in a level of 8 texels a side, for a quarter of the
 /// directions, with either sign.
+// Lesson 22: a tolerance of one path
 #[test]
 fn filtered_directions_agree_with_their_twin() {
     let map = cube_map(sky).with_mips();

@@ -8,6 +8,7 @@ use crate::drivers::{NVIDIA, SWIFTSHADER};
 
 /// WGSL's `mix` is as accurate as x (1 - a) + y a, which is y at a = 1. (So the library writes out its masks: otherwise
 /// white over a bright base would show the rounding of the base.)
+// Lesson 45
 #[test]
 fn mix_ends_at_its_second_value() {
     let module = "fn blend(x: f32, y: f32, a: f32) -> f32 { return mix(x, y, a); }";

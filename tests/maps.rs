@@ -43,6 +43,7 @@ fn faces_become_the_cube_map_that_they_show() {
 /// Each entry of the table: scale and bias for the centre of its texel, in the channels that are read, and again in the
 /// others. As in `specular.rs`, V.H is rounded to 1e-7 and divided by N.V, which is at least 1/32. On GL a frame has
 /// half floats, which may be cut off: 2^-11 in 1/2..1.
+// Lesson 33
 #[test]
 fn split_sum_fragment() {
     const SIDE: u32 = 16;

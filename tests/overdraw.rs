@@ -92,6 +92,7 @@ fn stepped_depth() {
 }
 
 /// A number below 64 is exact, and so is a product with 1/2; a sum rounds once.
+// Lesson 33
 #[test]
 fn label() {
     PBR.function("overdraw::label")
@@ -173,6 +174,7 @@ fn judge(
 }
 
 /// The nearest sphere without a hole there. Leaves out pixels for which the distance of a facet decides.
+// Lesson 33
 #[test]
 fn holes_show_the_next_sphere() {
     let camera = || scene::oblique_camera(f64::from(SIZE.0) / f64::from(SIZE.1));
@@ -193,6 +195,7 @@ fn holes_show_the_next_sphere() {
 
 /// The nearest step, and of the spheres on it the last. From the other side the last ones are the farthest. Leaves out
 /// pixels for which the distance of a facet, at most 1e-3 of the depth range, decides between two steps.
+// Lesson 33
 #[test]
 fn steps_show_the_last_sphere() {
     let camera = || {

@@ -77,6 +77,7 @@ fn tone_map() {
 
 /// The square of such a white point is below any f32, so any colour except black is beyond white. A channel of 0 stays
 /// 0. Uses colours that are dark enough for the results to be f32.
+// Lesson 31
 #[test]
 fn a_white_next_to_black() {
     // Channels that are 0, or large enough to stay normal.
@@ -101,6 +102,7 @@ fn a_white_next_to_black() {
 
 /// For smaller white points, a bright colour exceeds f32: it becomes infinite, but not NaN. No check accepts infinity
 /// as a result, so this test examines the bits.
+// Lesson 31
 #[test]
 fn no_white_makes_a_nan() {
     let package = calling(

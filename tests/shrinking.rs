@@ -34,6 +34,7 @@ fn simplest(found: &Disagreement) -> Vec<String> {
 const THREE: &str = "fn f(n: vec3f, x: f32, i: u32) -> f32 {\n    \
                      return select(n.z, 2.0, x > 0.3 && x < 0.9 && i > 4u);\n}";
 
+// Lesson 41: shrinking and remembered inputs
 #[test]
 fn each_verb_reduces_its_worst_case() {
     let package = Package::from_source("planted", THREE);
@@ -58,6 +59,7 @@ fn each_verb_reduces_its_worst_case() {
 }
 
 /// Simplification works on the value before the mapping, and a filter holds for each value that it tries.
+// Lesson 41: shrinking and remembered inputs
 #[test]
 fn mapped_and_filtered_domains_are_reduced_within() {
     let wgsl = "fn f(l: vec3f, v: vec3f) -> f32 { return select(dot(l, v), 9.0, l.z < 0.7); }";
@@ -180,7 +182,7 @@ fn the_simplest_case_is_replayed() {
     let (passed, text) = kept(folder.path(), "mended", &environment);
     assert!(passed && text.contains("f: 1 case agrees"), "{text}");
     for (input, message) in
-        [("3f800000", "has values of 5 words, KARAT_INPUT has 1"), ("x", "isn't a list")]
+        [("3f800000", "has values of 5 words, but KARAT_INPUT has 1"), ("x", "isn't a list")]
     {
         let case = ("KARAT_CASE", "f/agrees_with/7");
         let (passed, text) = kept(folder.path(), "", &[case, ("KARAT_INPUT", input)]);
@@ -258,6 +260,7 @@ fn a_remembered_integral_fails_again() {
 }
 
 /// A failing input is stored once, tried again, and stays after it passes.
+// Lesson 41: shrinking and remembered inputs
 #[test]
 fn failing_inputs_are_remembered() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -291,7 +294,7 @@ fn a_remembered_input_fails_again() {
         block(&text, "worst (remembered case 65536)").contains(&"           x = 0.7312"),
         "{text}"
     );
-    assert!(text.contains("line 2 isn't a failure: ignored"), "{text}");
+    assert!(text.contains("line 2 isn't a failing input: ignored"), "{text}");
     let environment = replay(&text, "worst (remembered");
     let (passed, again) = kept(folder.path(), "rare", &environment);
     assert!(!passed && again.contains("1 of 1 case fails"), "{again}");
@@ -306,10 +309,10 @@ fn remembered_inputs_that_no_longer_fit_are_ignored() {
         (
             "",
             "narrow",
-            "(n = (0, 0, 1), x = 0.5, i = 5) is ignored: it isn't in the domain any more",
+            "(n = (0, 0, 1), x = 0.5, i = 5) is ignored: the domain doesn't contain it now",
         ),
         ("", "signature", "is ignored: the function takes other arguments now"),
-        ("mapped", "other_map", "is ignored: it isn't in the domain any more"),
+        ("mapped", "other_map", "is ignored: the domain doesn't contain it now"),
     ] {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let (passed, text) = kept(folder.path(), first, &[]);
@@ -341,6 +344,7 @@ karat::shareable! {
 }
 
 /// Every type of argument arrives bit by bit from every domain.
+// Lesson 40: arguments from uniform buffers and as constants
 #[test]
 fn arguments_come_from_every_source() {
     let wgsl = "struct Mixed { a: f32, v: vec3f, n: i32, flags: array<u32, 2>, on: bool }\n\
@@ -373,6 +377,7 @@ fn arguments_come_from_every_source() {
 }
 
 /// A fault that only some arguments show, from each domain: reported, simplified and replayed there.
+// Lesson 40: arguments from uniform buffers and as constants
 #[test]
 fn a_fault_is_found_from_every_source() {
     let package = Package::from_source("planted", THREE);

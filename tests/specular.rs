@@ -108,6 +108,7 @@ const COLOUR: Abs = Abs(2.0 * 3.0 / 512.0 / 64.0);
 const COLOUR_OF_HALVES: Abs = Abs(2.0 * (3.0 / 512.0 / 64.0 + 2.5e-4));
 
 /// Directions, weights and Fresnel of each sample: the light depends on the direction.
+// Lesson 22: a tolerance of one path
 #[test]
 fn estimate_of_colours() {
     let domain = (UnitRgb, widths(), seen(0.1), Integers(1..=32_u32))

@@ -276,6 +276,7 @@ fn cosine_against(sampler: &str, pdf: &str) -> Result<Fit, Failure> {
         .try_follows(planted.function(pdf), |(), l: Vec3| l)
 }
 
+// Lesson 7
 #[test]
 fn a_pdf_of_the_wrong_scale_is_rejected() {
     let found = findings(ggx_against("scaled_pdf"));
@@ -286,6 +287,7 @@ fn a_pdf_of_the_wrong_scale_is_rejected() {
 
 /// A density that integrates to more than 1 leaves out less than nothing, which isn't a finding of its own. If it
 /// exceeds 1 only by rounding, any sample that leaves is one too many.
+// Lesson 68
 #[test]
 fn a_density_above_one_leaves_nothing_out() {
     let planted = planted();
@@ -303,6 +305,7 @@ fn a_density_above_one_leaves_nothing_out() {
 
 /// A lobe of alpha 0.01 whose peak is a texel: as a half float, 3183.1 is 3184. The density is right on each path,
 /// whatever the format of its textures is; a peak with a larger error isn't.
+// Lesson 68
 #[test]
 fn a_sharp_lobe_from_a_texture_is_judged_by_the_texture() {
     let alpha = 0.01_f32;
@@ -327,6 +330,7 @@ fn a_sharp_lobe_from_a_texture_is_judged_by_the_texture() {
 }
 
 /// All tests of a check together reject a right sampler with the stated probability.
+// Lesson 72
 #[test]
 fn a_check_shares_its_significance_among_its_tests() {
     let planted = planted();
@@ -348,6 +352,7 @@ fn a_check_shares_its_significance_among_its_tests() {
 }
 
 /// The noncentrality is n 0.05^2 = 655 at 2^18 samples: twenty deviations of chi-square.
+// Lesson 7
 #[test]
 fn a_pdf_that_is_five_percent_wrong_is_rejected() {
     assert!(chi_square_alone(ggx_against("tilted_pdf")) < 1e-12);
@@ -357,6 +362,7 @@ fn a_pdf_that_is_five_percent_wrong_is_rejected() {
 }
 
 /// The stated power is real: at half power about half of the runs detect the fault.
+// Lesson 7
 #[test]
 fn power_is_what_it_is_said_to_be() {
     let (planted, samples) = (planted(), 45_000);
@@ -378,6 +384,7 @@ fn power_is_what_it_is_said_to_be() {
     assert!(accepts(chance, 1e-3), "{said}, but {rate:?}");
 }
 
+// Lesson 7
 #[test]
 fn a_squared_alpha_is_rejected() {
     assert!(chi_square_alone(ggx_against("squared_pdf")) < 1e-12);
@@ -392,6 +399,7 @@ fn a_missing_cosine_is_rejected() {
 }
 
 /// 1 / (4 V.H) is missing: the integral is the mean of 4 V.H, far above 1.
+// Lesson 7
 #[test]
 fn a_missing_jacobian_is_rejected() {
     let (planted, v) = (planted(), Vec3::new(0.6, 0.0, 0.8));
@@ -419,12 +427,14 @@ fn a_missing_jacobian_is_rejected() {
     assert!(found.iter().any(|f| matches!(f, Finding::Outside { .. })), "{found:?}");
 }
 
+// Lesson 7
 #[test]
 fn a_missing_stratum_is_rejected() {
     assert!(chi_square_alone(cosine_against("stratum_missing", "cosine_pdf")) < 1e-12);
 }
 
 /// Three samples in a hundred take their azimuth from the height.
+// Lesson 7
 #[test]
 fn correlated_random_numbers_are_rejected() {
     assert!(chi_square_alone(cosine_against("correlated", "cosine_pdf")) < 1e-12);
@@ -531,6 +541,7 @@ fn means_and_distributions_that_are_wrong_are_rejected() {
 
 /// A density that leaves out a part of the integrand, as do its samples: each is right about the other, but the
 /// estimate lacks that part.
+// Lesson 15: planted faults
 #[test]
 fn an_estimate_that_misses_a_part_is_rejected() {
     let planted = planted();
@@ -616,6 +627,7 @@ fn an_interval_of_no_length_is_refused() {
 }
 
 /// A density with a wrong factor gives a mean that is off by the same factor.
+// Lesson 15: planted faults
 #[test]
 fn an_estimate_by_a_scaled_density_is_rejected() {
     let planted = planted();
@@ -634,6 +646,7 @@ fn an_estimate_by_a_scaled_density_is_rejected() {
 
 /// The mean of equal weights is known up to their rounding: if it is off by five times that, it is rejected, although
 /// the density's own integral may be off by more.
+// Lesson 72
 #[test]
 fn a_mean_is_granted_no_more_than_rounding() {
     let planted = planted();
@@ -649,6 +662,7 @@ fn a_mean_is_granted_no_more_than_rounding() {
     assert!(matches!(found[..], [Finding::Mean { .. }, ..]), "{found:?}");
 }
 
+// Lesson 15: planted faults
 #[test]
 fn a_weight_that_is_not_the_quotient_is_rejected() {
     let planted = planted();
@@ -734,7 +748,7 @@ error: `stratum_missing` fails follows: cosine_pdf on the hemisphere
    |         ^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^^
 
 on PATH: adapter, driver
-  # of # configurations are rejected (p below #, for # in all)
+  # of # configurations fail (p below #; the significance of the check is #)
   worst (case #): ()
     chi-square is # with # degrees of freedom: p = #
     sampled: # of # samples on the hemisphere
@@ -799,6 +813,7 @@ fn calibrated(mut p_value: impl FnMut(u64) -> f64) -> (Rate, Rate, f64) {
     (one, ten, uniform.p)
 }
 
+// Lesson 7: no more alarms than announced
 #[test]
 fn chi_square_rejects_as_often_as_it_says() {
     let (one, ten, uniform) = calibrated(|seed| {
@@ -926,6 +941,7 @@ fn power_is_calibrated_too() {
 }
 
 /// On a device, with everything that a check does, in several configurations.
+// Lesson 7: no more alarms than announced
 #[test]
 fn checks_of_right_samplers_reject_as_often_as_they_say() {
     let widths = || OneOf(vec![0.2_f32, 0.8]);

@@ -238,6 +238,8 @@ fn row<'a>(table: &'a str, function: &str) -> Vec<&'a str> {
     line.unwrap_or_else(|| panic!("no row of {function} in:\n{table}")).split_whitespace().collect()
 }
 
+// Lesson 24
+// Lesson 107
 #[test]
 fn a_project_of_its_own() {
     let karat = karat();

@@ -1,60 +1,79 @@
-//! Tests that the tests named in `TESTPLAN.md` exist.
+//! `TESTPLAN.md`: its lessons are written by hand, its tests come from lines `// Lesson N` above them.
 
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-/// Every `file::test` of the plan, in backticks: a path from the root of the repository, and the
-/// name of a function with `#[test]` above it.
-fn named(plan: &str) -> Vec<(String, String)> {
-    let quoted = plan.split('`').skip(1).step_by(2);
-    let parts = quoted.filter_map(|text| text.split_once(".rs::"));
-    parts.map(|(file, test)| (format!("{file}.rs"), test.to_owned())).collect()
-}
+/// The tests of each lesson, as `file::test`, by the label behind the lesson's number.
+type Tests = BTreeMap<u32, BTreeMap<String, Vec<String>>>;
 
-/// Returns `true` if a text has a test of this name.
-fn has_test(text: &str, test: &str) -> bool {
-    let mut attributed = false;
-    for line in text.lines().map(str::trim) {
-        if line == "#[test]" {
-            attributed = true;
-        } else if let Some(rest) = line.strip_prefix("fn ") {
-            let name = rest.split('(').next().unwrap_or_default();
-            if attributed && name == test {
-                return true;
+/// Adds the lessons that a file's tests show.
+///
+/// # Errors
+///
+/// A line `// Lesson` without a number, or without a test below it.
+fn read(file: &str, text: &str, tests: &mut Tests) -> Result<(), String> {
+    let (mut lessons, mut is_test) = (Vec::new(), false);
+    for (number, line) in (1..).zip(text.lines()) {
+        let line = line.trim();
+        if let Some(lesson) = line.strip_prefix("// Lesson ") {
+            let (lesson, label) = lesson.split_once(": ").unwrap_or((lesson, ""));
+            let lesson = lesson.parse::<u32>().map_err(|_| {
+                format!("{file}:{number}: write `// Lesson 12`, or `// Lesson 12: what it shows`")
+            })?;
+            lessons.push((lesson, label.to_owned()));
+        } else if line == "#[test]" {
+            is_test = true;
+        } else if !line.starts_with("#[") && !line.starts_with("//") {
+            let name = line.strip_prefix("fn ").and_then(|rest| rest.split('(').next());
+            let test = name.filter(|_| is_test).map(|name| format!("{file}::{name}"));
+            for (lesson, label) in lessons.drain(..) {
+                let test = test.clone().ok_or(format!(
+                    "{file}:{number}: no test follows the line `// Lesson {lesson}`"
+                ))?;
+                tests.entry(lesson).or_default().entry(label).or_default().push(test);
             }
-            attributed = false;
+            is_test = false;
         }
     }
-    false
+    Ok(())
 }
 
-#[test]
-fn each_named_test_exists() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the repository's root");
-    let plan = std::fs::read_to_string(root.join("TESTPLAN.md")).expect("the plan is there");
-    let named = named(&plan);
-    assert!(named.len() >= 40, "the plan names only {} tests", named.len());
-    let missing: Vec<String> = named
-        .iter()
-        .filter(|(file, test)| {
-            let text = std::fs::read_to_string(root.join(file)).unwrap_or_default();
-            !has_test(&text, test)
-        })
-        .map(|(file, test)| format!("{file}::{test}"))
-        .collect();
-    assert!(missing.is_empty(), "the plan names tests that don't exist: {missing:#?}");
-}
-
-/// Each row of a lesson names its proof, or the reason why there is none yet.
-#[test]
-fn each_row_has_a_test_or_says_that_it_is_open() {
-    let plan = include_str!("../TESTPLAN.md");
-    let rows = plan.lines().filter(|line| line.starts_with("| ") && !line.starts_with("| lesson"));
-    let mut count = 0;
-    for row in rows {
-        count += 1;
-        assert!(row.contains(".rs::") || row.contains("**open**"), "{row}");
+/// The plan with the tests of each lesson.
+///
+/// # Errors
+///
+/// A number that two rows have, a row without a test that doesn't say **open**, and a test of a lesson without a row.
+fn written(plan: &str, mut tests: Tests) -> Result<String, String> {
+    let (mut text, mut lessons) = (String::new(), Vec::new());
+    for line in plan.lines() {
+        let mut cells = line.trim_start_matches("| ").splitn(3, " | ").map(str::trim);
+        let (first, lesson) = (cells.next().unwrap_or_default(), cells.next());
+        let (Ok(number), Some(lesson)) = (first.parse(), lesson) else {
+            text += line;
+            text.push('\n');
+            continue;
+        };
+        if lessons.contains(&number) {
+            return Err(format!("two lessons have the number {number}: take the next free one"));
+        }
+        lessons.push(number);
+        let shown = tests.remove(&number).unwrap_or_default();
+        if shown.is_empty() && !lesson.contains("**open**") {
+            return Err(format!("no test has a line `// Lesson {number}`, for: {lesson}"));
+        }
+        let parts = shown.iter().map(|(label, tests)| {
+            let tests: Vec<String> = tests.iter().map(|test| format!("`{test}`")).collect();
+            let label = if label.is_empty() { String::new() } else { format!("{label}: ") };
+            label + &tests.join(", ")
+        });
+        let parts: Vec<String> = parts.collect();
+        writeln!(text, "| {number} | {lesson} | {} |", parts.join("; ")).expect("memory");
     }
-    assert!(count >= 30, "the plan has {count} rows");
+    match tests.pop_first() {
+        Some((lesson, shown)) => Err(format!("TESTPLAN.md has no lesson {lesson}, of {shown:?}")),
+        None => Ok(text),
+    }
 }
 
 fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
@@ -69,7 +88,40 @@ fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
     }
 }
 
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the repository's root")
+}
+
+#[test]
+fn the_plan_names_the_tests_of_each_lesson() {
+    let (mut files, mut tests) = (Vec::new(), Tests::new());
+    sources(root(), &mut files);
+    files.sort();
+    for path in files {
+        let text = std::fs::read_to_string(&path).expect("UTF-8");
+        let file = path.strip_prefix(root()).expect("below the root").to_str().expect("UTF-8");
+        if file != "tests/testplan.rs" {
+            read(&file.replace('\\', "/"), &text, &mut tests).unwrap_or_else(|why| panic!("{why}"));
+        }
+    }
+    let plan = root().join("TESTPLAN.md");
+    let text = std::fs::read_to_string(&plan).expect("the plan is there").replace("\r\n", "\n");
+    let count = tests.values().flat_map(BTreeMap::values).flatten().count();
+    assert!(count >= 600, "only {count} tests show a lesson");
+    let written = written(&text, tests).unwrap_or_else(|why| panic!("{why}"));
+    if std::env::var_os("WRITE").is_some() {
+        std::fs::write(plan, written).expect("the plan can be written");
+    } else {
+        let other = text.lines().zip(written.lines()).find(|(old, new)| old != new);
+        assert!(
+            other.is_none(),
+            "run `WRITE=1 cargo test --workspace --test testplan`: {other:#?}"
+        );
+    }
+}
+
 /// Tests that fail are declared with a reason, and run. Only `cargo ci full` runs the review's long ones.
+// Lesson 8: none is switched off
 #[test]
 fn no_test_is_switched_off() {
     let full = include_str!("../ci/src/suite.rs");
@@ -77,9 +129,8 @@ fn no_test_is_switched_off() {
     let is_long = |file: &Path, line: &str| {
         file.iter().any(|part| part == "review") && line.ends_with("`cargo ci full` runs it\"]")
     };
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the repository's root");
     let mut files = Vec::new();
-    sources(root, &mut files);
+    sources(root(), &mut files);
     assert!(files.len() > 50, "only {} files were found", files.len());
     for file in files {
         let text = std::fs::read_to_string(&file).expect("UTF-8");
@@ -92,9 +143,34 @@ fn no_test_is_switched_off() {
 }
 
 #[test]
-fn a_test_that_is_named_wrongly_is_missed() {
-    let text = "#[test]\nfn right() {}\n\nfn helper() {}\n";
-    assert!(has_test(text, "right"));
-    assert!(!has_test(text, "wrong") && !has_test(text, "helper") && !has_test("", "right"));
-    assert_eq!(named("| x | `a/b.rs::c` and `d` |"), [("a/b.rs".to_owned(), "c".to_owned())]);
+fn slips_in_lessons_are_errors() {
+    let of = |text: &str| {
+        let mut tests = Tests::new();
+        read("a.rs", text, &mut tests).map(|()| tests)
+    };
+    let plan = "| # | lesson | tests |\n|---|---|---|\n| 7 | NaN passes. | old |\n";
+    let text =
+        "// Lesson 7: on CPU\n#[test]\n#[ignore]\nfn b() {}\n\n// Lesson 7\n#[test]\nfn a() {}\n";
+    let row = "| 7 | NaN passes. | `a.rs::a`; on CPU: `a.rs::b` |\n";
+    let filled = written(plan, of(text).expect("read")).expect("written");
+    assert_eq!(filled, plan.replace("| 7 | NaN passes. | old |\n", row));
+    for (text, why) in [
+        ("// Lesson seven\n#[test]\nfn a() {}\n", "a.rs:1: write `// Lesson 12`"),
+        ("// Lesson 7\nfn helper() {}\n", "a.rs:2: no test follows the line `// Lesson 7`"),
+    ] {
+        let error = of(text).expect_err("refused");
+        assert!(error.starts_with(why), "{error}");
+    }
+    let doubled = format!("{plan}| 7 | Again. | |\n");
+    let added = text.replace("// Lesson 7\n", "// Lesson 8\n// Lesson 7\n");
+    for (plan, text, why) in [
+        (plan, "", "no test has a line `// Lesson 7`, for: NaN passes."),
+        (doubled.as_str(), text, "two lessons have the number 7"),
+        (plan, added.as_str(), "TESTPLAN.md has no lesson 8"),
+    ] {
+        let error = written(plan, of(text).expect("read")).expect_err("refused");
+        assert!(error.starts_with(why), "{error}");
+    }
+    let open = plan.replace("NaN passes.", "NaN passes: **open**.");
+    assert!(written(&open, Tests::new()).is_ok());
 }

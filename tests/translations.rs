@@ -114,6 +114,7 @@ fn as_far_as_valid(words: &mut Words, columns: &[String]) {
 }
 
 /// On drivers other than the page's, a row reaches at least `valid` if it does on the page.
+// Lesson 81
 #[cfg_attr(not(target_os = "linux"), ignore = "the page is that of Mesa's drivers")]
 #[test]
 fn each_row_gets_as_far_as_the_page_says() {

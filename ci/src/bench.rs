@@ -15,13 +15,13 @@ const PAGE: &str = "docs/speed.md";
 pub(crate) fn run(arguments: &[String], page: bool) -> Result<()> {
     // Some benchmarks run the program: `karat watch`.
     command::run(&mut command::cargo(&["build", "--workspace", "--locked", "--bin", "karat"]))?;
-    // The profile of `cargo test`, because that is what an author waits for. The loops that it is compared with are in
+    // The profile of `cargo test`, because authors wait for such a build. The loops that the harness is compared with are in
     // the benchmark itself, and are optimised like the library's own.
     const OPTIMISED: &str = "profile.dev.package.tests.opt-level=2";
     let karat = ["bench", "--workspace", "--locked", "--profile", "dev", "--bench", "karat"];
     let mut bench = command::cargo(&karat);
     bench.args(["--config", OPTIMISED]);
-    // With it, wgpu in this profile takes a backtrace at each lock.
+    // With this variable, wgpu in this profile takes a backtrace at each lock.
     bench.env_remove("RUST_BACKTRACE");
     let target = std::env::var_os("CARGO_TARGET_DIR").unwrap_or_else(|| "target".into());
     bench.env("MESA_SHADER_CACHE_DIR", empty_cache(&command::root().join(target))?);
@@ -44,9 +44,9 @@ pub(crate) fn run(arguments: &[String], page: bool) -> Result<()> {
     ensure!(child.wait()?.success(), "the benchmark failed: `{PAGE}` is as it was");
     let page = format!(
         "# Speed\n\n\
-         `cargo ci bench --page` measured these figures in the profile of `cargo test`. Each is the median, with the \
-         least and the largest\nin parentheses. Compare figures of one run only: another machine, or a busy one, gives \
-         others.\n\n\
+         `cargo ci bench --page` measured these figures in the profile of `cargo test`. Each figure is a median, with \
+         the least and the largest\nmeasurement in parentheses. Compare only figures of one run, because other machines \
+         and busy machines give other figures.\n\n\
          {}\n\n```text\n{}\n```\n",
         machine(),
         measured.trim()
@@ -55,7 +55,7 @@ pub(crate) fn run(arguments: &[String], page: bool) -> Result<()> {
         .with_context(|| format!("can't write `{PAGE}`"))
 }
 
-/// An empty folder for compiled shaders. The user's own cache has those of earlier runs, with the same edits.
+/// An empty folder for compiled shaders. The user's own cache contains compiled shaders of earlier runs.
 fn empty_cache(target: &Path) -> Result<PathBuf> {
     let folder = target.join("bench-driver-cache");
     let shown = folder.display();
@@ -66,7 +66,7 @@ fn empty_cache(target: &Path) -> Result<PathBuf> {
     Ok(folder)
 }
 
-/// The machine of the measurement.
+/// A description of the machine: its processor and its number of cores.
 fn machine() -> String {
     let read = |file: &str, name: &str| {
         let text = std::fs::read_to_string(file).ok()?;
@@ -108,6 +108,7 @@ fn machine() -> String {
 mod tests {
     use super::*;
 
+    // Lesson 167
     #[test]
     fn a_benchmark_begins_with_an_empty_driver_cache_of_its_own() {
         let target = tempfile::tempdir().expect("a folder");

@@ -36,8 +36,8 @@ pub(crate) fn karat(arguments: &[&str]) -> Result<Command> {
     Ok(command)
 }
 
-/// Runs a command to its end, with its output going to this program's. If it fails, the error has its exit status: see
-/// [`exit_code`].
+/// Runs a command to its end. Its output goes to the output of this program. If the command fails, the error has its
+/// exit status: see [`exit_code`].
 pub(crate) fn run(command: &mut Command) -> Result<()> {
     let line = describe(command);
     let status = command.status().with_context(|| {
@@ -46,12 +46,12 @@ pub(crate) fn run(command: &mut Command) -> Result<()> {
     if status.success() { Ok(()) } else { Err(Failure { line, status }.into()) }
 }
 
-/// Does the same as [`run`], with the command's stdout going to stderr.
+/// Runs a command as [`run`] does, but sends its stdout to stderr.
 pub(crate) fn run_aside(command: &mut Command) -> Result<()> {
     run(command.stdout(std::io::stderr()))
 }
 
-/// Returns `true` if a command runs and succeeds. Drops its output.
+/// Checks if a command runs and succeeds. Drops the command's output.
 pub(crate) fn succeeds(command: &mut Command) -> bool {
     command.output().is_ok_and(|output| output.status.success())
 }
@@ -75,7 +75,7 @@ fn quoted(word: &str) -> String {
     if !word.is_empty() && word.chars().all(plain) { word.to_owned() } else { format!("'{word}'") }
 }
 
-/// The exit code of this program for an error: that of the failing child, or 1.
+/// The exit code of this program for an error: the exit code of the failing child process, or 1.
 pub(crate) fn exit_code(error: &anyhow::Error) -> u8 {
     error
         .downcast_ref::<Failure>()
@@ -83,7 +83,7 @@ pub(crate) fn exit_code(error: &anyhow::Error) -> u8 {
         .unwrap_or(1)
 }
 
-/// A child that ran and failed.
+/// A child process that ran and failed.
 #[derive(Debug)]
 struct Failure {
     line: String,

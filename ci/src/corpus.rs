@@ -12,14 +12,13 @@ use crate::{command, setup};
 const HEAD: &str = "\
 # Shaders that others wrote
 
-Made by `cargo ci corpus` from the list in `ci/corpus.toml`; nothing of the crates is kept here. A
-module *opens* if its functions can be listed. It is *whole* if it links and is valid with all that it
-holds, under the features that the list sets: `karat check --crate bevy_pbr@0.20.1` alone says that many
-modules of Bevy's aren't valid, since they need values that the engine sets. A function is *callable* if `karat call` and tests can
-call it.
+Made by `cargo ci corpus` from the list in `ci/corpus.toml`. This repository has no text of these crates. A module is
+*open* if Karat can list its functions. A module is *whole* if it links and all of it is valid, with the features that
+the list sets. Without these features, many modules aren't valid: `karat check --crate bevy_pbr@0.20.1` doesn't know the
+values that the engine sets. A function is *callable* if `karat call` and tests can call it.
 
-Where a crate's Rust puts its text together, the list has the `karat.toml` that says the same: features, `[values]`, a
-`preprocess` command. Below the table stands why the other functions are refused.
+If a crate's Rust code generates its WGSL, the list has a `karat.toml` that does the same: features, `[values]`, a
+`preprocess` command. The last table explains why Karat refuses the other functions.
 
 ";
 
@@ -27,11 +26,11 @@ Where a crate's Rust puts its text together, the list has the `karat.toml` that 
 const ROUTES_HEAD: &str = "\
 # Shaders that others wrote, on each route
 
-Made by `cargo ci corpus --routes` from the list in `ci/corpus.toml`. *In the matrix* are functions that a
-kernel can call and entry points of valid modules; [corpus.md](corpus.md) says why the others aren't. A
-function runs on 64 inputs that are made up from its signature, and agrees if another column returns the
-same within 1e-3. *Wrong* are cells whose results differ, that a validator rejects, or that naga doesn't
-write; most of the rejections are glslang's of naga's HLSL. Digits in messages are `#`.
+Made by `cargo ci corpus --routes` from the list in `ci/corpus.toml`. *In the matrix* are functions that a kernel can
+call, and entry points of valid modules; [corpus.md](corpus.md) explains why the other functions aren't. A function runs
+on 64 inputs, which Karat generates from its signature. It agrees if another column returns the same result within 1e-3.
+*Wrong* cells have different results, are rejected by a validator, or can't be written by naga. Most rejections are by
+glslang, of naga's HLSL. In messages `#` replaces digits.
 
 ";
 
@@ -39,11 +38,11 @@ write; most of the rejections are glslang's of naga's HLSL. Digits in messages a
 const COMPILERS_HEAD: &str = "\
 # Shaders that others wrote, by both compilers
 
-Made by `cargo ci corpus --compilers` from the list in `ci/corpus.toml`, with the features that the list sets.
-Each module is asked about as `karat check --crate NAME@VERSION` does it: naga is the compiler of wgpu and
-Firefox, Tint that of Chrome, Edge, Node and Electron. *On purpose* are modules that use what wgpu alone has,
-such as ray queries; the others don't run in Chrome, and nothing in them says that they aren't meant to.
-*Neither* are mostly modules that another program makes WGSL of: [corpus.md](corpus.md) says which.
+Made by `cargo ci corpus --compilers` from the list in `ci/corpus.toml`, with the features that the list sets. Both
+compilers get each module as in `karat check --crate NAME@VERSION`. naga is the compiler of wgpu and Firefox, Tint
+is the compiler of Chrome, Edge, Node and Electron. *On purpose* are modules with features that only wgpu has, such as
+ray queries. The other modules that only naga accepts don't say that they aren't for Chrome. Most modules in the column
+*neither* become WGSL only by another program: [corpus.md](corpus.md) lists these.
 
 ";
 

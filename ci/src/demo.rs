@@ -20,7 +20,7 @@ pub(crate) fn run() -> ExitCode {
     steps.finish()
 }
 
-/// Sets up and then opens the paths, which needs the harness, so `setup` alone can't do it.
+/// Sets up, and then opens the paths. Only the harness can open a path, so `setup` can't do it.
 pub(crate) fn set_up() -> ExitCode {
     let mut steps = Steps::new("cargo ci setup");
     let _ = steps.run("setup", setup::install_missing)
@@ -50,7 +50,7 @@ pub(crate) fn build() -> anyhow::Result<()> {
     command::run(&mut command::cargo(BUILD))
 }
 
-/// Builds the part that the first verdict needs, with the same features.
+/// Builds the library that the first verdict needs, with the features of [`BUILD`].
 fn build_library() -> anyhow::Result<()> {
     command::run(&mut command::cargo(&["build", "--workspace", "--locked", LIBRARY]))
 }
@@ -61,7 +61,7 @@ fn first_verdict() -> anyhow::Result<()> {
     command::run(test.env("KARAT_PATHS", "all").env("KARAT_REQUIRE", PATHS))
 }
 
-/// The programs of `tests/` that test the shader library's functions, and its frames.
+/// The program of `tests/` that tests the functions and frames of the shader library.
 const LIBRARY: &str = "--test=library";
 const FRAMES: &str = "--test=golden";
 
@@ -77,7 +77,7 @@ fn shader_tests(which: &[&str]) -> anyhow::Result<()> {
 mod tests {
     use super::*;
 
-    /// The demo isn't part of the tests, so only this test notices.
+    /// The tests don't run the demo, so only this test detects a wrong name.
     #[test]
     fn the_demo_names_programs_that_are_there() {
         let manifest = std::fs::read_to_string(command::root().join("tests/Cargo.toml"));

@@ -32,7 +32,7 @@ pub(crate) fn run(target: Option<&str>) -> Result<()> {
     let binary = build(target, &folder)?;
     let completions = folder.join("completions");
     fs::create_dir_all(&completions)?;
-    // They are the same on each target, and the program of another target may not run here.
+    // Completions and manual pages are the same on each target. The program of another target may not run here.
     let program = if target == host { binary.clone() } else { own()? };
     for (shell, file) in SHELLS {
         let said = Command::new(&program).args(["completions", shell]).output()?;
@@ -54,7 +54,7 @@ pub(crate) fn run(target: Option<&str>) -> Result<()> {
         let bytes = fs::metadata(file)?.len();
         ensure!(bytes <= most, "`{}` has {bytes} bytes, more than {most}", file.display());
     }
-    // On Windows npm's and Python's programs have other names, and none of this was ever run there.
+    // On Windows the programs of npm and Python have other names, and this walk was never run there.
     if target == host && cfg!(unix) { walk(&packages) } else { Ok(()) }
 }
 
@@ -149,7 +149,7 @@ fn without_rust() -> Result<std::ffi::OsString> {
     Ok(std::env::join_paths(all)?)
 }
 
-/// Types the commands of a person with npm or Python, in an empty folder and without cargo in `PATH`.
+/// Runs the commands that a person with npm or Python types, in an empty folder and without cargo in `PATH`.
 fn walk(packages: &Path) -> Result<()> {
     let path = without_rust()?;
     let all = files(packages, |name| name.ends_with(".tgz"))?;
@@ -160,7 +160,7 @@ fn walk(packages: &Path) -> Result<()> {
     let (plugins, tgz): (Vec<PathBuf>, Vec<PathBuf>) = all.into_iter().partition(is_plugin);
     let wheel = files(packages, |name| name.ends_with(".whl"))?;
     let wheel = wheel.first().context("no wheel was made")?;
-    // Outside this repository: its manifest would make the folder part of it.
+    // Outside this repository: inside it, Cargo would treat the folder as part of the workspace.
     let place = std::env::temp_dir().join(format!("karat-dist-{}", std::process::id()));
     for way in ["npm", "python"] {
         let folder = place.join(way);

@@ -44,7 +44,7 @@ pub(crate) fn run() -> ExitCode {
 /// The library's tests that fail on a path of the web, with their reasons.
 const KNOWN: &str = "tests/web.txt";
 
-/// The whole shader library on a path of the web: those tests fail that are known to, and no others.
+/// Runs the tests of the whole shader library on a path of the web. Exactly the tests in [`KNOWN`] must fail.
 fn on_the_web(path: &str) -> Result<()> {
     let list = std::fs::read_to_string(command::root().join(KNOWN)).context(KNOWN)?;
     let mut test = command::cargo(&["test", "--workspace", "--locked", "--no-fail-fast"]);
@@ -58,7 +58,7 @@ fn on_the_web(path: &str) -> Result<()> {
     Ok(())
 }
 
-/// Failed tests that the list doesn't have, and tests of the list that passed. A test that is marked `sometimes` may do either.
+/// Failed tests that aren't in the list, and tests in the list that passed. A test marked `sometimes` may pass or fail.
 fn others(list: &str, failed: &[String]) -> Vec<String> {
     let known = list.lines().filter(|line| !line.starts_with('#') && !line.is_empty());
     let (mut always, mut sometimes) = (Vec::new(), Vec::new());
@@ -74,7 +74,7 @@ fn others(list: &str, failed: &[String]) -> Vec<String> {
     new.chain(gone.map(|name| format!("`{name}` passes"))).collect()
 }
 
-/// The whole suite without Mesa: SwiftShader for Vulkan, and nothing for GL.
+/// Runs the whole suite without Mesa: Vulkan is SwiftShader, and there is no GL.
 fn on_swiftshader() -> Result<()> {
     let manifest = swiftshader::manifest().context("no Chromium with SwiftShader is here")?;
     let alone = |command: &mut Command| {
@@ -107,7 +107,7 @@ fn on_swiftshader() -> Result<()> {
         .with_context(|| format!("{}", page.display()))?;
     match (status.success(), sum.failed.len()) {
         (true, 0) => Ok(()),
-        // A program that crashes, or that the deadline ends, names no test.
+        // A test program that crashes or exceeds its deadline doesn't name a failed test.
         (_, 0) => bail!("`cargo test` ended with {status} on SwiftShader alone"),
         (_, failed) => bail!("{failed} tests failed on SwiftShader alone; {PAGE} names them"),
     }
@@ -176,6 +176,7 @@ mod tests {
         assert_eq!(others(list, &failed(&["a::b", "a::d"])), ["`a::d` fails"]);
     }
 
+    // Lesson 197
     #[test]
     fn lines_of_all_programs_are_summed() {
         let mut sum = Sum::default();

@@ -35,14 +35,14 @@ pub(crate) fn run() -> Result<()> {
     };
     write("Cargo.toml", &manifest)?;
     write("src/lib.rs", &tests)?;
-    // The same versions as here, for all crates that both use.
+    // The project gets the versions that this workspace uses.
     std::fs::copy(root.join("Cargo.lock"), folder.join("Cargo.lock"))?;
     let mut test = command::cargo(&["test", "--manifest-path"]);
     test.arg(folder.join("Cargo.toml")).env("KARAT_PATHS", "cpu");
     command::run(&mut test)
 }
 
-/// An engine's own vectors: in a domain, and as arguments and results of a reference.
+/// A test that uses the engine's vector types in a domain, and as arguments and results of a reference.
 const TEST: &str = r#"
 #[cfg(test)]
 mod glam_VERSION_is_the_engines {

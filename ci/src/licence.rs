@@ -11,7 +11,7 @@ use crate::command;
 
 const ALLOWED: &str = include_str!("../licences.txt");
 
-/// Registry crates from before SPDX write `MIT/Apache-2.0`. The rest stays strict.
+/// Crates from before SPDX write `MIT/Apache-2.0`. All other rules of SPDX stay strict.
 const MODE: ParseMode = ParseMode { allow_slash_as_or_operator: true, ..ParseMode::STRICT };
 
 /// Checks the workspace's whole graph, and prints its number of crates.
@@ -106,7 +106,7 @@ fn problems(crates: &[Crate], allowed: &[Licensee]) -> Vec<String> {
             Err(reason) => problems.push(format!("{name} {reason}")),
         }
     }
-    // The refused crate may be the one that needs a line, so check the lines only if none is refused.
+    // A refused crate may need one of the lines, so check the lines only if no crate is refused.
     if problems.is_empty() {
         for (licensee, needed) in allowed.iter().zip(needed) {
             if !needed {
@@ -137,7 +137,7 @@ fn judge(licence: Option<&str>, allowed: &[Licensee]) -> Result<Expression, Stri
     }
 }
 
-/// Returns `true` if the list, less one line if asked, satisfies an expression.
+/// Checks if the list satisfies an expression, without its line `skipped`.
 fn satisfied(expression: &Expression, allowed: &[Licensee], skipped: Option<usize>) -> bool {
     expression.evaluate(|requirement| {
         let mut lines = allowed.iter().enumerate().filter(|(line, _)| Some(*line) != skipped);
@@ -168,8 +168,8 @@ mod tests {
         assert_eq!(refusal(Some("(MIT OR Apache-2.0) AND MIT")), None);
         assert!(refusal(Some("(MIT OR Apache-2.0) AND Unicode-3.0")).is_some());
         assert!(refusal(Some("GPL-3.0-only")).is_some());
-        // A licence with an exception is another licence, so the list must name it, although the exception only widens
-        // it.
+        // A licence with an exception is another licence, so the list must name it, although the exception only adds
+        // rights.
         assert!(refusal(Some("Apache-2.0 WITH LLVM-exception")).is_some());
     }
 

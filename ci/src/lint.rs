@@ -39,9 +39,9 @@ fn clippy() -> Result<()> {
     command::run(command::cargo(&clippy).args(LINTS))
 }
 
-/// Makes Cargo reuse what Clippy has checked. Documentation needs the same metadata of the workspace's libraries. Cargo
-/// files it by the program that made it and by that program's arguments, which `cargo clippy` passes in these two
-/// variables. If they differ, Cargo only checks the libraries again.
+/// Makes Cargo reuse the metadata of the workspace's libraries that Clippy has written. Cargo identifies metadata by the
+/// program that wrote it and by that program's arguments. `cargo clippy` passes both in these two variables. If they
+/// differ, Cargo checks the libraries again.
 fn after_clippy(doc: &mut Command) {
     let sysroot = Command::new("rustc").args(["--print", "sysroot"]).output();
     let sysroot = sysroot
@@ -54,8 +54,8 @@ fn after_clippy(doc: &mut Command) {
     }
 }
 
-/// Documents programs first, then libraries. The program `karat` and the library with that name share a folder, which
-/// `cargo` removes before it writes either. Side by side, one of them sometimes fails.
+/// Documents programs first, then libraries. The program `karat` and the library `karat` share a folder, and `cargo`
+/// removes the folder before it writes either of them. If both run at the same time, one of them sometimes fails.
 fn documentation() -> Result<()> {
     for targets in ["--bins", "--lib"] {
         let mut doc = command::cargo(&["doc", "--workspace", "--no-deps", "--locked", targets]);
@@ -65,7 +65,7 @@ fn documentation() -> Result<()> {
     Ok(())
 }
 
-/// Checks for a toolchain component, which a minimal toolchain lacks.
+/// Checks for a component that a minimal toolchain lacks.
 fn component(name: &str, subcommand: &str) -> Result<()> {
     if command::succeeds(&mut command::cargo(&[subcommand, "--version"])) {
         return Ok(());

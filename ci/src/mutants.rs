@@ -8,8 +8,8 @@ use crate::command;
 pub(crate) fn run(names: &[String]) -> Result<()> {
     let mut mutate = command::karat(&["mutate", "--tests", "library::"])?;
     mutate.args(names.iter().flat_map(|name| ["--only", name]));
-    // Mutants that only frames see live on the engine, so `--fail-under` is 0. The report lists them; the exit code
-    // reports wrong acceptances.
+    // The engine draws no frames, so mutants that only frames detect survive: `--fail-under` is 0. The report lists the
+    // survivors, and the exit code reports wrong acceptances.
     mutate.args(["--fail-under", "0", "--stryker", "target/karat/mutation.json"]);
     command::run(&mut mutate)
 }

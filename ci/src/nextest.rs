@@ -10,7 +10,7 @@ use crate::command;
 const TOOL: &str =
     "cargo-nextest is missing; https://nexte.st has it, or `cargo install cargo-nextest --locked`";
 
-/// The tests to run: enough for each part to have some, and few enough to take seconds.
+/// The tests to run: enough tests for three parts, and few enough to take only seconds.
 const TESTS: &str = "test(/^fresnel::/)";
 
 /// Runs tests at once and in three parts, and compares their reports.

@@ -1,8 +1,8 @@
 //! Checks that code is compiled once: each dependency and library lies in one file.
 //!
-//! Cargo compiles a crate again for each set of its features, and again if it does so for a crate below it, such as a
-//! macro. The features depend on the packages and targets that a command names. The commands below are those that
-//! people, `cargo ci demo` and `cargo ci test` run, so that each can reuse the output of those before it.
+//! Cargo compiles a crate once for each set of its features, and again if one of its dependencies is compiled again. The
+//! features depend on the packages and targets that a command names. [`COMMANDS`] lists the commands that people,
+//! `cargo ci demo` and `cargo ci test` run. Each command must reuse the output of the commands before it.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -12,7 +12,7 @@ use cargo_metadata::{Artifact, Message, Metadata, MetadataCommand, PackageId};
 
 use crate::command;
 
-/// The commands that compile code, as they are run. `--no-run` stands for running the tests.
+/// The commands that compile code. `--no-run` replaces the run of the tests.
 const COMMANDS: [&[&str]; 6] = [
     // `cargo ci` itself, and `cargo karat`, as their aliases do.
     &["build", "--bin", "ci"],
@@ -108,7 +108,7 @@ fn note(
     Ok(())
 }
 
-/// Returns `true` if it was compiled for build scripts and macros: `[profile.dev.build-override]` has level 0.
+/// Checks if a library was compiled for build scripts and macros: `[profile.dev.build-override]` has level 0.
 fn is_for_host(artifact: &Artifact, hosts: &BTreeSet<PackageId>) -> bool {
     hosts.contains(&artifact.package_id) && artifact.profile.opt_level == "0"
 }
@@ -160,6 +160,7 @@ mod tests {
         .to_string()
     }
 
+    // Lesson 196
     #[test]
     fn a_library_in_two_files_is_named() {
         let messages = [

@@ -11,7 +11,8 @@ use cargo_metadata::{Metadata, MetadataCommand, Package};
 use crate::command;
 use crate::step::Steps;
 
-/// Each package has a copy, since a registry shows no files outside it. On Windows a link would be a text file.
+/// Each package has a copy of the licences, because a registry shows only files of the package. On Windows git would write
+/// a link as a text file.
 const LICENCES: [&str; 2] = ["LICENSE-APACHE", "LICENSE-MIT"];
 
 /// The limit of crates.io.
@@ -20,7 +21,7 @@ const MOST_KEYWORDS: usize = 5;
 /// Members that aren't published, each with its reason.
 const PRIVATE: [&str; 3] = ["ci", "shaders", "tests"];
 
-/// Files that a run leaves, by parts of their names.
+/// Parts of the names of files that a test run writes.
 const STRAY: [&str; 8] = [
     ".new.exr",
     ".new.csv",
@@ -173,7 +174,7 @@ fn unpacked() -> PathBuf {
     target().join("package").join("unpacked")
 }
 
-/// A workspace of the packages, each in place of the one in the registry.
+/// Unpacks the packages into a workspace, in which they replace the packages of the registry.
 fn unpack() -> Result<()> {
     let folder = unpacked();
     if folder.exists() {
@@ -185,8 +186,8 @@ fn unpack() -> Result<()> {
     for (name, version) in names()? {
         let member = format!("{name}-{version}");
         let file = target().join("package").join(format!("{member}.crate"));
-        // With the current time: the files in the archive always have the same date, so Cargo would mistake a package
-        // for the one of the last run.
+        // `m` gives files the current time. In the archive all files have the same date, so Cargo would mistake a package
+        // for that of the last run.
         command::run(Command::new("tar").arg("-xzmf").arg(&file).arg("-C").arg(&folder))?;
         patches.push_str(&format!("{name} = {{ path = \"{member}\" }}\n"));
         members.push(member);
@@ -202,7 +203,7 @@ fn unpack() -> Result<()> {
     Ok(())
 }
 
-/// The profiles of a manifest, so that crates that both builds share are compiled once.
+/// The profiles of a manifest. With the same profiles, both builds share their compiled crates.
 fn profiles(manifest: &str) -> String {
     let mut found = String::new();
     let mut within = false;
@@ -235,13 +236,15 @@ fn test() -> Result<()> {
 mod tests {
     use super::*;
 
+    // Lesson 139
     #[test]
     fn our_own_packages_are_whole() {
         check().expect("each is");
     }
 
+    // Lesson 139
     #[test]
-    fn what_is_missing_and_what_does_not_belong_is_named() {
+    fn missing_and_misplaced_files_are_named() {
         let files =
             |names: &[&str]| names.iter().map(|name| (*name).to_owned()).collect::<Vec<_>>();
         let whole =

@@ -13,7 +13,7 @@ use serde_json::Value;
 
 use crate::command;
 
-/// The file with the revision to compare interfaces with before there is a release.
+/// The file with the revision to compare with, until there is a release.
 const FILE: &str = "ci/baseline.txt";
 const BASELINE: &str = include_str!("../baseline.txt");
 
@@ -46,7 +46,7 @@ pub(crate) fn run(revision: Option<String>) -> Result<()> {
         check.args(["--package", name]);
     }
     let began = SystemTime::now();
-    // List the signatures in either case.
+    // List the signatures even if cargo-semver-checks fails.
     let judged = command::run(&mut check);
     for name in PROMISED {
         let [old, new] = interfaces(name, began)?.map(|file| published(&file));
@@ -67,7 +67,7 @@ fn newest(tags: &[String]) -> Option<String> {
     tags.iter().filter(|tag| version(tag).is_some()).max_by_key(version).cloned()
 }
 
-/// The line that isn't a comment.
+/// The first line that isn't a comment.
 fn baseline(text: &str) -> &str {
     let mut lines = text.lines().map(str::trim);
     lines.find(|line| !line.is_empty() && !line.starts_with('#')).unwrap_or_default()
@@ -92,7 +92,7 @@ fn expect_there(revision: &str, origin: &str) -> Result<()> {
     )
 }
 
-/// The lines that git prints; empty if it fails.
+/// The lines that git prints. Empty if git fails.
 fn git(arguments: &[&str]) -> Vec<String> {
     let output = Command::new("git").args(arguments).current_dir(command::root()).output();
     let answer = output.ok().filter(|output| output.status.success());
@@ -100,7 +100,8 @@ fn git(arguments: &[&str]) -> Vec<String> {
     text.unwrap_or_default().lines().map(str::to_owned).collect()
 }
 
-/// The descriptions of a library that cargo-semver-checks has written since then: of the baseline, and of now.
+/// The two descriptions of a library that cargo-semver-checks has written since `since`: of the baseline and of the
+/// working tree.
 fn interfaces(name: &str, since: SystemTime) -> Result<[PathBuf; 2]> {
     let folder = command::root().join("target/semver-checks");
     let crate_name = name.replace('-', "_");
@@ -127,7 +128,8 @@ fn interfaces(name: &str, since: SystemTime) -> Result<[PathBuf; 2]> {
     Ok([old, new])
 }
 
-/// The same without private items, which cargo-semver-checks also makes rustdoc describe. Writes a file beside it.
+/// Copies a description without its private items into a file beside it. cargo-semver-checks makes rustdoc describe
+/// private items, too.
 fn published(file: &Path) -> Result<PathBuf> {
     let text = std::fs::read(file).with_context(|| format!("can't read `{}`", file.display()))?;
     let mut described = serde_json::from_slice(&text).context("rustdoc wrote no JSON")?;
@@ -185,7 +187,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_public_is_left_out() {
+    fn private_items_are_left_out() {
         let item =
             |visibility: Value, inner: Value| json!({ "visibility": visibility, "inner": inner });
         let function = || json!({ "function": {} });

@@ -33,24 +33,41 @@ const WRITTEN: [&str; 5] = [
 /// Fewer words are a name or a part of a sentence.
 const FEWEST_WORDS: usize = 5;
 
-/// Prints as many sentences as are wanted, each with its place. The same seed gives the same ones with the same Rust.
+/// A sentence, with what a reader has seen before it.
+#[derive(Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+struct Sentence {
+    /// The line on which its paragraph begins.
+    line: usize,
+    /// The heading above it, or the code that a comment documents.
+    about: String,
+    /// The sentence before it in its paragraph or row.
+    before: String,
+    text: String,
+}
+
+/// Prints `count` sentences, each with its place and with the sentence before it. One seed gives the same sentences with
+/// one version of Rust.
 pub(crate) fn run(from: Source, count: usize, seed: u64) -> Result<()> {
     let listed = Command::new("git").arg("ls-files").current_dir(command::root()).output()?;
     let listed = String::from_utf8(listed.stdout).context("git lists files by UTF-8")?;
     let mut all = Vec::new();
     for file in listed.lines().filter(|file| is_read(from, file)) {
         let text = std::fs::read_to_string(command::root().join(file))?;
-        for (line, sentence) in sentences(from, &text) {
+        for sentence in sentences(from, &text) {
             let mut hasher = DefaultHasher::new();
-            (seed, file, &sentence).hash(&mut hasher);
-            all.push((hasher.finish(), format!("{file}:{line}: {sentence}")));
+            (seed, file, &sentence.text).hash(&mut hasher);
+            all.push((hasher.finish(), file, sentence));
         }
     }
     all.sort();
     all.dedup();
     let mut out = std::io::stdout().lock();
-    for (_, one) in all.iter().take(count) {
-        writeln!(out, "{one}")?;
+    for (_, file, Sentence { line, about, before, text }) in all.iter().take(count) {
+        writeln!(out, "{file}:{line}: {about}")?;
+        if !before.is_empty() {
+            writeln!(out, "    ({before})")?;
+        }
+        writeln!(out, "    {text}")?;
     }
     writeln!(out, "{} of {} sentences, seed {seed}", count.min(all.len()), all.len())?;
     Ok(())
@@ -69,31 +86,42 @@ fn is_read(from: Source, file: &str) -> bool {
     }
 }
 
-/// The sentences of a file, each with the line on which its paragraph begins.
-fn sentences(from: Source, text: &str) -> Vec<(usize, String)> {
-    let mut paragraphs: Vec<(usize, String)> = Vec::new();
-    let (mut open, mut fenced) = (false, false);
-    // Code of a module's tests prints nothing.
-    let text = match from {
-        Source::Messages => text.split("#[cfg(test)]\nmod ").next().unwrap_or_default(),
-        Source::Docs | Source::Comments => text,
+fn sentences(from: Source, text: &str) -> Vec<Sentence> {
+    let paragraphs = match from {
+        // Code of a module's tests prints nothing.
+        Source::Messages => literals(text.split("#[cfg(test)]\nmod ").next().unwrap_or_default()),
+        Source::Docs | Source::Comments => paragraphs(from, text),
     };
+    paragraphs.into_iter().flat_map(cut).collect()
+}
+
+/// A paragraph: its line, what it is about, its text.
+type Paragraph = (usize, String, String);
+
+fn paragraphs(from: Source, text: &str) -> Vec<Paragraph> {
+    let mut found: Vec<Paragraph> = Vec::new();
+    let (mut open, mut fenced, mut heading) = (false, false, String::new());
+    let mut undocumented = 0;
     for (number, line) in (1..).zip(text.lines()) {
         let line = line.trim();
         let part = match from {
-            Source::Docs => Some(line),
             Source::Comments => line.strip_prefix("///").or_else(|| line.strip_prefix("//!")),
-            Source::Messages => {
-                let quoted = line.split('"').skip(1).step_by(2);
-                paragraphs.extend(quoted.map(|part| (number, part.to_owned())));
-                None
-            }
+            Source::Docs | Source::Messages => Some(line),
         };
         let Some(part) = part.map(str::trim) else {
             (open, fenced) = (false, false);
+            if !line.starts_with("#[") && !line.is_empty() {
+                for (_, about, _) in &mut found[undocumented..] {
+                    line.clone_into(about);
+                }
+                undocumented = found.len();
+            }
             continue;
         };
         fenced ^= part.starts_with("```");
+        if part.starts_with('#') && !fenced {
+            heading = part.trim_start_matches('#').trim().to_owned();
+        }
         let is_prose = !fenced
             && !part.starts_with("```")
             && !part.starts_with(['#', '<', '!'])
@@ -101,46 +129,96 @@ fn sentences(from: Source, text: &str) -> Vec<(usize, String)> {
         let begins = part.starts_with(['-', '|', '*'])
             || part.split_once(". ").is_some_and(|(at, _)| at.parse::<u32>().is_ok());
         if is_prose && open && !begins {
-            let (_, paragraph) = paragraphs.last_mut().expect("one is open");
+            let (.., paragraph) = found.last_mut().expect("one is open");
             paragraph.push(' ');
             paragraph.push_str(part);
         } else if is_prose {
-            paragraphs.push((number, part.to_owned()));
+            found.push((number, heading.clone(), part.to_owned()));
         }
         open = is_prose;
     }
-    let of = |(number, paragraph): (usize, String)| {
-        let cut = paragraph.replace(". ", ".\n").replace("| ", "|\n");
-        let parts: Vec<_> = cut.lines().map(|one| (number, one.trim().to_owned())).collect();
-        parts
-    };
-    let is_one = |(_, one): &(usize, String)| one.split_whitespace().count() >= FEWEST_WORDS;
-    paragraphs.into_iter().flat_map(of).filter(is_one).collect()
+    found
+}
+
+/// Whole string literals of Rust code, without their line breaks.
+fn literals(text: &str) -> Vec<Paragraph> {
+    let (mut found, mut rest, mut line) = (Vec::new(), text, 1);
+    while let Some(first) = rest.chars().next() {
+        let raw = rest.strip_prefix("r\"").map(|body| (body, "\""));
+        let raw = raw.or_else(|| rest.strip_prefix("r#\"").map(|body| (body, "\"#")));
+        let length = if rest.starts_with("//") {
+            rest.find('\n').unwrap_or(rest.len())
+        } else if rest.starts_with("'\"'") {
+            3
+        } else if let Some((body, end)) = raw {
+            rest.len() - body.len() + body.find(end).map_or(body.len(), |at| at + end.len())
+        } else if first == '"' {
+            let mut escaped = false;
+            let end = rest[1..].find(|c| {
+                let is_end = c == '"' && !escaped;
+                escaped = c == '\\' && !escaped;
+                is_end
+            });
+            let end = end.map_or(rest.len(), |at| at + 2);
+            let words = rest[1..end - 1].replace("\\\n", "").replace("\\n", " ");
+            let words: Vec<_> = words.split_whitespace().collect();
+            found.push((line, String::new(), words.join(" ")));
+            end
+        } else {
+            first.len_utf8()
+        };
+        line += rest[..length].matches('\n').count();
+        rest = &rest[length..];
+    }
+    found
+}
+
+/// Cuts a paragraph at the cells of a table, and where a point is followed by a capital or by code.
+fn cut((line, about, paragraph): Paragraph) -> Vec<Sentence> {
+    let mut marked = paragraph.replace("| ", "|\n");
+    for first in ('A'..='Z').chain(['`', '*', '[', '"']) {
+        marked = marked.replace(&format!(". {first}"), &format!(".\n{first}"));
+    }
+    let (mut before, mut found) = (String::new(), Vec::new());
+    for text in marked.lines().map(|one| one.trim().to_owned()) {
+        if text.split_whitespace().count() >= FEWEST_WORDS {
+            let (about, before) = (about.clone(), before.clone());
+            found.push(Sentence { line, about, before, text: text.clone() });
+        }
+        before = text;
+    }
+    found
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
 
+    fn found(from: Source, text: &str) -> Vec<String> {
+        let show =
+            |Sentence { line, about, before, text }| format!("{line} [{about}] ({before}) {text}");
+        sentences(from, text).into_iter().map(show).collect()
+    }
+
     #[test]
     fn sentences_are_whole() {
-        let of = |from, text: &str| {
-            sentences(from, text).into_iter().map(|(line, one)| format!("{line} {one}")).collect()
-        };
-        let page = "# A head of five words here\n\nOne sentence on\ntwo lines here. And one more of six words.\n\n```sh\nno word of this is one\n```\n- An item of five words\n";
-        let found: Vec<String> = of(Source::Docs, page);
+        let page = "# A head of five words here\n\nOne sentence on\ntwo lines, by eq. 7 of a page. And one more of six words.\n\n```sh\nno word of this is one\n```\n- An item of five words\n";
         assert_eq!(
-            found,
+            found(Source::Docs, page),
             [
-                "3 One sentence on two lines here.",
-                "3 And one more of six words.",
-                "9 - An item of five words"
+                "3 [A head of five words here] () One sentence on two lines, by eq. 7 of a page.",
+                "3 [A head of five words here] (One sentence on two lines, by eq. 7 of a page.) And one more of six words.",
+                "9 [A head of five words here] () - An item of five words"
             ]
         );
-        let code = "/// Adds a number to\n/// another one.\nfn f() { bail!(\"can't read a file of {x}\") } // not this line here at all\n";
-        let found: Vec<String> = of(Source::Comments, code);
-        assert_eq!(found, ["1 Adds a number to another one."]);
-        let found: Vec<String> = of(Source::Messages, code);
-        assert_eq!(found, ["3 can't read a file of {x}"]);
+        let code = "/// Adds a number to\n/// another one.\n#[must_use]\nfn f() { bail!(\"can't read a \\\n    file of {x}\") } // not this line here at all\nlet quote = '\"'; \"a message after a quotation mark\"";
+        assert_eq!(
+            found(Source::Comments, code),
+            [r#"1 [fn f() { bail!("can't read a \] () Adds a number to another one."#]
+        );
+        assert_eq!(
+            found(Source::Messages, code),
+            ["4 [] () can't read a file of {x}", "6 [] () a message after a quotation mark"]
+        );
     }
 }

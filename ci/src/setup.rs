@@ -18,8 +18,7 @@ mod npm;
 mod validators;
 mod vulkan;
 
-/// The paths that every test must have run on: on Linux the two that Mesa offers in software, elsewhere the one that
-/// the system has.
+/// The paths on which every test must run: on Linux Mesa's two software paths, elsewhere the system's own path.
 pub(crate) const PATHS: &str = if cfg!(target_os = "macos") {
     "metal"
 } else if cfg!(windows) {
@@ -47,8 +46,8 @@ pub(crate) fn install_missing() -> Result<()> {
     )
 }
 
-/// Installs the browser that the tests of the review page drive, if there is none. Not a part of [`install_missing`]:
-/// the demo needs no browser, and it is a large package.
+/// Installs a browser for the tests of the review page, if there is none. [`install_missing`] doesn't do this: the demo
+/// needs no browser, and a browser is a large package.
 pub(crate) fn install_browser() -> Result<()> {
     let host = Host::current();
     if browser::find(&host).is_none() {
@@ -113,7 +112,7 @@ fn came_with_the_system() -> bool {
     true
 }
 
-/// Prints one line for each path. Returns `true` if all are there.
+/// Prints one line for each path. Returns `true` if all paths can load.
 fn report(host: &Host) -> bool {
     let mut complete = true;
     for (path, finding) in [("vulkan", vulkan::find(host)), ("gl", gl::find(host))] {

@@ -1,5 +1,5 @@
-//! `cargo ci size`: measures the size of the harness, and the number of files that each of its ideas is spread over,
-//! for comparing two revisions. It reads only text, so it works for any revision.
+//! `cargo ci size`: measures the size of the harness, and the number of files that mention a verb, a path or a
+//! subcommand. You can compare two revisions: it reads only text.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
@@ -10,10 +10,11 @@ use anyhow::{Context, Result, ensure};
 
 use crate::command;
 
-/// The measured sources: those of the packages, without their tests.
+/// The folder of the measured sources: all packages, without their tests.
 const HARNESS: &str = "harness";
 
-/// A verb, a path and a subcommand whose names occur only in their own words. A new one touches as many files.
+/// A verb, a path and a subcommand with unique names. The files with such a name are those that a new verb, path or
+/// subcommand would change.
 const SPREAD: [(&str, &str, &str); 3] = [
     ("files of a verb", "harness", "is_unit"),
     ("files of a path", "harness/src", "Api::Dx12"),
@@ -161,7 +162,7 @@ fn examples(lines: &[String]) -> usize {
     lines.iter().filter(is_example).count()
 }
 
-/// The path of a source below the library's folder, which has two crates, or below that of the parts that need no test.
+/// The path of a source inside `harness/src`, `harness/core/src` or `harness/inspect/src`.
 fn in_library(path: &str) -> Option<&str> {
     let folders = ["harness/core/src/", "harness/src/", "harness/inspect/src/"];
     folders.iter().find_map(|folder| path.strip_prefix(folder))
@@ -305,7 +306,7 @@ mod tests {
     }
 
     #[test]
-    fn lines_are_told_apart() {
+    fn code_comments_and_tests_are_counted_separately() {
         let text = "//! Its purpose.\n/// ```\n/// shown();\n/// ```\npub fn shown() {} // behind\n\n\
                     // aside\n#[cfg(test)]\nmod tests {\n    fn hidden() {}\n}\n";
         let lines = without_tests(text);

@@ -28,8 +28,8 @@ impl Steps {
         Self { task, started: Instant::now(), done: Vec::new() }
     }
 
-    /// Runs one step, and keeps its verdict. Returns `true` if it passed, so that a command can stop at the first
-    /// failure by chaining steps with `&&`.
+    /// Runs one step, and keeps its verdict. Returns `true` if the step passed. A command that chains its steps with `&&`
+    /// stops at the first failure.
     pub(crate) fn run(&mut self, name: &'static str, work: impl FnOnce() -> Result<()>) -> bool {
         eprintln!("== {name}");
         let started = Instant::now();
@@ -44,7 +44,7 @@ impl Steps {
         passed
     }
 
-    /// Runs steps beside others, and keeps the verdicts of both. Their output is mixed.
+    /// Runs two lists of steps at the same time, and keeps all verdicts. Their output is mixed.
     pub(crate) fn beside(
         &mut self,
         others: impl FnOnce(&mut Self) + Send,

@@ -15,7 +15,7 @@ use crate::{command, lint, once, swiftshader};
 /// are the test runner's; but GitHub's annotations have to go to stdout.
 pub(crate) fn run() -> ExitCode {
     let mut steps = Steps::new("cargo ci test");
-    // Installing packages waits for the network, so run the lints meanwhile, which don't need them.
+    // Installing packages waits for the network. The lints need no packages, so they run at the same time.
     let packages = |steps: &mut Steps| {
         steps.run("setup", setup::install_missing);
         steps.run("browser", setup::install_browser);
@@ -64,7 +64,7 @@ pub(crate) fn bevy_example() -> Result<()> {
     command::run(test.args(["--features", "example-bevy/fetch"]))
 }
 
-/// Opens the paths for real, where `setup` only saw that their libraries are there.
+/// Opens each path. `setup` has only checked that the libraries exist.
 pub(crate) fn open_paths() -> Result<()> {
     command::run(&mut command::karat(&["doctor", "--require", PATHS])?)
 }
@@ -75,7 +75,7 @@ fn both_compilers() -> Result<()> {
     command::run_aside(&mut check)
 }
 
-/// Runs every test. `karat` finds the recorded verdicts as the last run.
+/// Runs every test. `karat` later reads the recorded verdicts as the last run.
 fn test() -> Result<()> {
     let records = output().join("record");
     let running = Running::begin(&records)
@@ -84,7 +84,7 @@ fn test() -> Result<()> {
     let mut test = command::cargo(&["test", "--workspace", "--locked", "--no-fail-fast"]);
     // A path that doesn't open must fail the run, because skipped tests would prove nothing.
     test.env("KARAT_PATHS", "all").env("KARAT_REQUIRE", PATHS).env("KARAT_RECORD", record);
-    // Tests that start programs mostly wait, so another test can use their core.
+    // Tests that start programs mostly wait for them, so another test can use the processor core.
     if std::env::var_os("RUST_TEST_THREADS").is_none() {
         let cores = std::thread::available_parallelism().map_or(1, usize::from);
         test.env("RUST_TEST_THREADS", (cores + 1).to_string());
@@ -96,8 +96,8 @@ fn test() -> Result<()> {
         .and(outcome)
 }
 
-/// A sample of `cargo ci full`, which runs all tests: functions of five modules of the shader library on SwiftShader, a
-/// Vulkan driver that they weren't tuned for. The browser of the review's tests includes it.
+/// Runs a sample of `cargo ci full`: the functions of five modules of the shader library on SwiftShader, another Vulkan
+/// driver. The browser of the review's tests includes SwiftShader.
 fn second_driver() -> Result<()> {
     let manifest = swiftshader::manifest().context("SwiftShader is gone")?;
     let mut test = command::cargo(&["test", "--workspace", "--locked", "--no-fail-fast"]);
@@ -108,7 +108,7 @@ fn second_driver() -> Result<()> {
     command::run_aside(&mut test)
 }
 
-/// Runs jobs with known answers, and functions of the library, on the paths of the web.
+/// Runs jobs with known results, and functions of the library, on the paths of the web.
 fn web() -> Result<()> {
     for path in ["dawn", "chromium"] {
         command::run_aside(&mut command::karat(&["doctor", "--executor", path])?)?;
@@ -184,8 +184,8 @@ fn mutants() -> Result<()> {
     command::run_aside(command::karat(&["mutate"])?.args(sample))
 }
 
-/// A sample of `cargo ci full`: functions of the shader library on the engine in another process; and resources, passes
-/// and frames of every kind on a driver in another process.
+/// Runs a sample of `cargo ci full` in other processes: functions of the shader library on the engine, and resources,
+/// passes and frames of every kind on a driver.
 fn behind_a_pipe() -> Result<()> {
     for (mut test, least) in [(piped(&["fresnel::", "geometry::"]), 10), (strangers(), 50)] {
         let output = test.output().context("can't run `cargo`")?;
@@ -203,7 +203,7 @@ fn behind_a_pipe() -> Result<()> {
 /// Tests of these modules of the shader library, on Karat's engine in another process.
 pub(crate) fn piped(modules: &[&str]) -> Command {
     let mut test = in_another_process("library", "cpu");
-    // Frames need a driver, and so does the fault of a driver's `pow`.
+    // Frames need a driver. So does the test of a fault in a driver's `pow`.
     test.args(modules);
     test.args(["--skip", "overdraw::", "--skip", "split_sum_fragment", "--skip", "pow_is_less"]);
     test
@@ -231,13 +231,13 @@ pub(crate) fn long() -> Command {
     test.args(["--test", "mutants", "--test", "second_opinion", "--test", "translations"]);
     test.args(["--test", "spec", "--test", "published"]);
     test.args(["--test", "review"]);
-    // The review's images, and its long tests.
+    // `--include-ignored` also runs the long tests of the review.
     test.args(["--", "--include-ignored"]);
     test.env("SUITES", "whole").env("KARAT_PATHS", "all").env("KARAT_REQUIRE", PATHS);
     test
 }
 
-/// Runs a test program with a path that runs another program.
+/// A test program on a path that runs jobs in another process.
 fn in_another_process(program: &str, path: &str) -> Command {
     let mut test = command::cargo(&["test", "--workspace", "--locked", "--no-fail-fast"]);
     test.args(["--test", program, "--"]);
@@ -249,8 +249,8 @@ fn in_another_process(program: &str, path: &str) -> Command {
     test
 }
 
-/// Writes JUnit and, on GitHub, annotations and the job's summary. Doesn't count failed checks: they have failed their
-/// tests already, except those that a test expects to fail.
+/// Writes JUnit and, on GitHub, annotations and the job's summary. Failed checks don't fail this step: their tests have
+/// failed already, or expect the failure.
 fn report(passed: bool) -> Result<()> {
     let junit = output().join("junit.xml");
     let mut report = command::karat(&["report", "--junit"])?;
@@ -262,7 +262,7 @@ fn report(passed: bool) -> Result<()> {
     }
 }
 
-/// Checks that a test compares each golden: an unused golden is useless, or its test is missing.
+/// Checks that some test compares each golden. Otherwise the golden is useless, or its test is missing.
 fn unreferenced() -> Result<()> {
     command::run_aside(&mut command::karat(&["unreferenced"])?)
 }

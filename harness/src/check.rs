@@ -1,9 +1,10 @@
 //! Checks: assertions about a WGSL function.
 //!
-//! Each verb, such as `agrees_with`, runs the function with the domain's cases on every selected path. The
-//! verb returns an [`Agreement`], which says how much was compared, or panics with a [`Failure`]. The
-//! `try_` form of a verb returns the failure instead. Both forms write the verdict to the record of the
-//! run, unless the check is [unrecorded](Check::unrecorded). A check that compared nothing is an error.
+//! Each verb, such as `agrees_with`, runs the function with the domain's cases on every selected path. The verb
+//! returns an [`Agreement`] with the number of cases that Karat compared, or panics with a
+//! [`Failure`]. The `try_` form of a verb returns the failure instead. Both forms write the verdict to the
+//! record of the run, unless the check is [unrecorded](Check::unrecorded). A check that compared nothing is an
+//! error.
 
 mod agreement;
 mod allowances;
@@ -88,11 +89,12 @@ use crate::reflect::Overrides;
 use crate::tolerance::Tolerance;
 use crate::value::{Arguments, Shape};
 
-/// The number of cases of a check that doesn't set it. These fit into one dispatch, and are enough to
+/// The number of cases if the check sets no number. 65,536 cases fit into one dispatch. They are enough to
 /// combine each edge of six arguments with every edge of the other arguments.
 const CASES: u64 = 65_536;
 
-/// The largest finite domain whose values are all tried if the check sets no number of cases.
+/// The number of values up to which Karat tries every value of a finite domain, if the check sets no number of
+/// cases.
 const ENUMERATED: u64 = 1 << 20;
 
 /// A function of a package, before it has a domain.
@@ -113,30 +115,32 @@ pub struct Probe<'a> {
     name: String,
     fixtures: Fixtures,
     overrides: Overrides,
-    /// How the kernel gets its arguments. Empty: from a storage buffer.
+    /// The ways in which the kernel gets its arguments. If empty, from a storage buffer.
     inputs: Vec<Inputs>,
-    /// The executors that run the function. Empty: the executors that the environment selects.
+    /// The executors that run the function. If empty, the executors that the environment selects.
     executors: Vec<&'a dyn Executor>,
-    /// For a generated function: the place of the test that the author wrote, and its package's folder.
+    /// For a generated function: the span of the author's test in its file, and the folder of that test's
+    /// package.
     place: Option<(Span, PathBuf)>,
-    /// For a test in WGSL: the package whose function of the same name also returns the values that its
-    /// expectations compared.
+    /// For a test in WGSL: a package that has a variant of the test function. The variant also returns the
+    /// values that the test's expectations compared.
     telling: Option<&'a Package>,
-    /// The shared function that runs this test and others, if there is one.
+    /// The shared function that runs this test and other tests, if there is one.
     together: Option<Together<'a>>,
 }
 
-/// A function that can run each of several functions. The first argument selects the function; the
-/// arguments of each function follow.
+/// A generated function that can run each of several functions. The first argument selects the function. The
+/// arguments of every function follow.
 #[derive(Clone, Debug)]
 struct Together<'a> {
     package: &'a Package,
-    /// `brdf_test::counted`
+    /// The name of the generated function, such as `brdf_test::counted`.
     function: &'a str,
-    /// The types of all arguments.
+    /// The types of all arguments of the generated function.
     shapes: &'a [Shape],
     which: u32,
-    /// The index of the first word of this function's own arguments, and the words of all arguments.
+    /// The index of the `u32` word at which the selected function's own arguments begin, and the number of
+    /// words of all arguments.
     first: usize,
     words: usize,
 }
@@ -157,7 +161,8 @@ impl Package {
 }
 
 impl<'a> Probe<'a> {
-    /// Supplies a texture, sampler or buffer for the resource variable `name`. Each variable is given once.
+    /// Supplies a texture, sampler or buffer for the resource variable `name`. Call `with` once for each
+    /// variable.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -193,10 +198,10 @@ impl<'a> Probe<'a> {
     /// Runs the function on this executor instead of the environment's paths. Further calls add more
     /// executors.
     ///
-    /// `KARAT_PATHS` and `KARAT_REQUIRE` select drivers only; here Karat just checks them for mistakes. Some
-    /// verbs take a second function, such as the density of a sampler. The second function runs on the same
-    /// executors as the first and can't have its own. An executor can't use the path of a driver, such as
-    /// `vulkan`: call its path `cpu`, or add a maker's name, as in `vulkan@mine`.
+    /// `KARAT_PATHS` and `KARAT_REQUIRE` don't affect this function: Karat only checks these variables for
+    /// mistakes. Some verbs take a second function, such as the density of a sampler. The second function runs
+    /// on the executors of the first, and can't have executors of its own. Don't give an executor the path of a
+    /// driver, such as `vulkan`. Call the executor's path `cpu`, or add a maker's name, as in `vulkan@mine`.
     ///
     /// ```no_run
     /// use karat::unstable::executor::Executor;
@@ -214,13 +219,12 @@ impl<'a> Probe<'a> {
         self
     }
 
-    /// The folder of the package with the checked function or test.
+    /// The root folder of the package that contains the checked function or test.
     fn root(&self) -> PathBuf {
         let root = || self.package.root();
         self.place.as_ref().map_or_else(root, |(_, root)| root.clone())
     }
 
-    /// The name of the function that the kernel calls: the shared function, if there is one.
     fn called(&self) -> &str {
         match &self.together {
             Some(together) if std::ptr::eq(together.package, self.package) => together.function,
@@ -228,19 +232,18 @@ impl<'a> Probe<'a> {
         }
     }
 
-    /// The file of the function's module. None for a module that is text in memory.
+    /// The file of the function's module. `None` if the module is text in memory.
     fn module_file(&self) -> Option<FileRead> {
         let module = self.name.rsplit_once("::").map_or("", |(module, _)| module);
         self.package.file_of(module)
     }
 
-    /// The executors that run the function: at least one.
     fn executors(&self) -> Result<Vec<&'a dyn Executor>, PathError> {
         executor::or_selected(&self.executors)
     }
 
-    /// Chooses the arguments: one domain for a function of one parameter, a tuple of domains for
-    /// up to twelve, `()` for a function without parameters.
+    /// Chooses the arguments' values: one domain for a function of one parameter, a tuple of domains for up to
+    /// twelve parameters, `()` for a function without parameters.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -261,9 +264,9 @@ impl<'a> Probe<'a> {
     }
 }
 
-/// A function with its domain, and a way `C` to use the domain's values. The check calls the function with
-/// the values ([`Calls`]), integrates it with them as parameters ([`Integral`]), or samples from it
-/// ([`Sampling`]).
+/// A function with its domain. The type `C` says how the check uses the domain's values: it calls the function
+/// with them ([`Calls`]), integrates the function with them as parameters ([`Integral`]), or samples from the
+/// function ([`Sampling`]).
 ///
 /// ```
 /// # use karat::prelude::*;
@@ -285,7 +288,7 @@ impl<C> std::fmt::Debug for Check<'_, C> {
     }
 }
 
-/// The way of a [`Check`] that calls the function with values of the type `V`, or with
+/// A marker for a [`Check`] that calls the function with values of the type `V`, or with
 /// [words](crate::unstable::check::Words).
 ///
 /// ```
@@ -309,10 +312,11 @@ impl<'a, C> Check<'a, C> {
         Self { plan: Plan::new(probe), stream: Arc::new(stream), of }
     }
 
-    /// Sets the number of cases. A finite domain of at most that many values is enumerated instead.
+    /// Sets the number of cases. If the domain has at most that many values, Karat tries each value once.
     ///
-    /// The default is 65,536 calls, 256 integrals or 16 configurations of a sampler. By default, a finite
-    /// domain is enumerated if it has at most 2^20 values (65,536 for integrals, 4,096 for samplers).
+    /// The default is 65,536 calls, 256 integrals, or 16 values of a sampler's other arguments. By default,
+    /// Karat tries every value of a domain that has at most 2^20 values (65,536 for integrals, 4,096 for
+    /// samplers).
     ///
     /// ```
     /// use karat::prelude::*;
@@ -340,9 +344,8 @@ impl<'a, C> Check<'a, C> {
         self
     }
 
-    /// Sets another tolerance for paths whose driver or formats are less exact: `Path::GL`,
-    /// `"vulkan@nvidia"`, `"@llvmpipe"` (see [`Selector`]). All other paths keep the verb's own
-    /// tolerance.
+    /// Sets another tolerance for paths whose driver or formats are less exact: `Path::GL`, `"vulkan@nvidia"`,
+    /// `"@llvmpipe"` (see [`Selector`]). On all other paths, the verb's own tolerance applies.
     ///
     /// ```no_run
     /// # use karat::Path;
@@ -366,13 +369,13 @@ impl<'a, C> Check<'a, C> {
         self
     }
 
-    /// Declares that the check fails on a path, with the reason: a driver's bug by its number.
+    /// Declares that the check fails on a path. The reason is a text, such as the number of a driver's bug.
     ///
     /// On that path at least one case must fail. If every case passes, the check fails until you remove the
-    /// declaration. The declaration covers every wrong value on that path, NaN included, so for lost digits
-    /// prefer [`tolerance_on`](Self::tolerance_on). A run that can't end, such as an endless loop, is an
-    /// error in spite of the declaration. Other paths are judged as usual. `karat test` counts the check as
-    /// a known issue, never as a pass.
+    /// declaration. The declaration excuses every wrong value on that path, also NaN. If a path only loses
+    /// digits, use [`tolerance_on`](Self::tolerance_on) instead. An endless loop is an error in spite of the
+    /// declaration. Karat judges the other paths as usual. `karat test` counts the check as a known issue,
+    /// never as a pass.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -388,10 +391,10 @@ impl<'a, C> Check<'a, C> {
         self
     }
 
-    /// Declares that a path can't run the function, with the reason: the path's compiler rejects the
-    /// function, or the path lacks a resource that the function reads. If the function runs on that path,
-    /// the check fails until you remove the declaration, even if all values are right. For wrong values,
-    /// use [`fails_on`](Self::fails_on).
+    /// Declares that a path can't run the function: its compiler rejects the function, or the path lacks a
+    /// resource that the function reads. `reason` says which. If the function runs on that path, the check
+    /// fails until you remove the declaration, even if all values are right. For wrong values, use
+    /// [`fails_on`](Self::fails_on).
     ///
     /// ```no_run
     /// # use karat::Path;
@@ -410,7 +413,7 @@ impl<'a, C> Check<'a, C> {
         self
     }
 
-    /// Leaves the verdict out of the record of the run. For a test that expects a failure.
+    /// Keeps the verdict out of the record of the run. Use it in tests that expect a failure.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -425,11 +428,10 @@ impl<'a, C> Check<'a, C> {
 }
 
 impl<V> Check<'_, Calls<V>> {
-    /// The demand of a verb that calls the function once for each case.
     fn demand(&self) -> Demand {
         Demand {
             arguments: self.of.shapes.clone(),
-            who: "the domain draws",
+            who: "the domain supplies",
             draws_arguments: true,
             cases: CASES,
             enumerated: ENUMERATED,

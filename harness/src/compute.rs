@@ -1,5 +1,5 @@
-//! Tests compute passes: it dispatches entry points over given buffers and textures, then compares their contents with
-//! a reference or checks a statement.
+//! Tests of compute passes. A test dispatches entry points over its buffers and textures. Then it compares the contents
+//! of a resource with a reference, or checks a statement about them.
 //!
 //! ```no_run
 //! use karat::prelude::*;
@@ -17,7 +17,7 @@
 //!     .agrees_with(sums, Abs(0.0));
 //! ```
 //!
-//! Before any path runs the passes, a sanitizer checks them in Karat's engine: see
+//! Before a path runs the passes, the sanitizer checks them in Karat's engine: see
 //! [`Violation`](crate::unstable::compute::Violation).
 
 mod golden;
@@ -70,13 +70,13 @@ pub struct Compute<'a> {
     package: &'a Package,
     wanted: Vec<Wanted>,
     fixtures: Fixtures,
-    /// Variables, each with the variable whose resource it shares.
+    /// Pairs of variables: the first shares the resource of the second.
     same: Vec<(String, String)>,
     overrides: Overrides,
     executors: Vec<&'a dyn Executor>,
     tolerance_on: Selected<Tolerance>,
     known_issues: KnownIssues,
-    /// Intended races.
+    /// Races that the test accepts.
     accepted: Vec<sanitizer::Accepted>,
 }
 
@@ -95,15 +95,15 @@ pub struct Compute<'a> {
 pub struct After<'a> {
     compute: Compute<'a>,
     variable: String,
-    /// Set if the verdict goes into the record of the run.
+    /// Set if the run's record gets the verdict.
     recorded: bool,
     /// Set if the order of the elements doesn't matter.
     up_to_order: bool,
-    /// The rows and columns of its elements.
+    /// The numbers of rows and columns into which the elements are arranged.
     grid: Option<[usize; 2]>,
 }
 
-/// The result of a check that agreed, with its errors.
+/// The result of a check that passed.
 ///
 /// ```
 /// # use karat::prelude::*;
@@ -116,62 +116,62 @@ pub struct After<'a> {
 /// ```
 #[derive(Clone, Debug)]
 pub struct ComputeAgreement {
-    /// The variable.
+    /// The variable that was checked.
     pub variable: String,
-    /// The number of elements that were compared on each path.
+    /// The number of elements that the check compared on each path.
     pub elements: usize,
-    /// Each path with its worst error.
+    /// Each path with its largest error.
     pub paths: Vec<(Adapter, LaneError)>,
-    /// Paths that fail as declared.
+    /// Known issues: paths that fail as the test declared.
     pub known_issues: Vec<KnownIssue>,
 }
 
-/// The reason why passes fail, or can't be judged.
+/// The reason why passes fail, or why Karat can't judge them.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ComputeError {
-    /// Nothing could be dispatched.
+    /// Karat can't dispatch the passes.
     #[error(transparent)]
     Dispatch(#[from] DispatchError),
-    /// A setting of the environment can't be used, or it names a case of another check.
+    /// An environment variable has an unusable value, or it asks for a case of another check.
     #[error(transparent)]
     NotBegun(#[from] NotBegun),
-    /// The reference's elements have another type than the resource's.
+    /// The elements of the reference and of the resource differ in type.
     #[error("`{variable}` holds {declared} after `{entry_point}`, {who} {supplied}")]
     Type {
-        /// The variable.
+        /// The variable of the resource.
         variable: String,
-        /// The last entry point.
+        /// The entry point of the last pass.
         entry_point: String,
-        /// The type of its elements.
+        /// The type of the resource's elements.
         declared: String,
-        /// The one who supplies another type: `the reference gives`.
+        /// The source of the wrong type, with a verb: `the reference gives`.
         who: &'static str,
-        /// The type that was supplied.
+        /// The wrong type.
         supplied: String,
     },
-    /// The reference has another number of elements.
+    /// The reference and the resource differ in their number of elements.
     #[error(
-        "`{variable}` holds {found} elements after `{entry_point}`, the reference gives {expected}"
+        "`{variable}` holds {found} elements after `{entry_point}`, but the reference gives {expected}"
     )]
     Count {
-        /// The variable.
+        /// The variable of the resource.
         variable: String,
-        /// The last entry point.
+        /// The entry point of the last pass.
         entry_point: String,
-        /// The number of its elements.
+        /// The number of elements in the resource.
         found: usize,
-        /// The number of the reference's elements.
+        /// The number of elements in the reference.
         expected: usize,
     },
-    /// The elements don't fill the rows and columns that the test gives.
-    #[error("`{variable}` has {elements} elements, and [{}, {}] rows and columns have {}", grid[0], grid[1], grid[0].saturating_mul(grid[1]))]
+    /// The number of elements isn't the product of the rows and columns in [`After::shape`].
+    #[error("`{variable}` has {elements} elements, and [{}, {}] rows and columns hold {}: correct `shape`", grid[0], grid[1], grid[0].saturating_mul(grid[1]))]
     Grid {
-        /// The variable.
+        /// The variable of the resource.
         variable: String,
-        /// The number of its elements.
+        /// The number of elements in the resource.
         elements: usize,
-        /// Rows and columns.
+        /// The numbers of rows and columns.
         grid: [usize; 2],
     },
     /// There are no elements to compare.
@@ -179,34 +179,36 @@ pub enum ComputeError {
     Nothing(String),
     /// The passes didn't change the resource.
     #[error(
-        "`{variable}` holds after the passes what it held before, word for word, so nothing shows that they \
-         did anything: give it other contents"
+        "`{variable}` has the same contents after the passes as before, so the check can't show that the passes \
+         did anything: start with other contents"
     )]
     Unchanged {
-        /// The variable.
+        /// The variable of the resource.
         variable: String,
     },
-    /// The reference isn't finite.
-    #[error("the reference of `{variable}` is {value} at [{index}]; a reference is finite")]
+    /// A value of the reference isn't finite.
+    #[error(
+        "the reference of `{variable}` is {value} at [{index}], but a reference must be finite"
+    )]
     Reference {
-        /// The variable.
+        /// The variable of the resource.
         variable: String,
         /// The index of the element.
         index: usize,
-        /// The reference's value.
+        /// The value of the reference.
         value: f64,
     },
-    /// The bound of a tolerance is below 0, or no error can exceed it.
+    /// A tolerance's bound is negative or NaN, or so large that no error exceeds it.
     #[error(
         "the tolerance {tolerance} has the bound {bound:e}: use a number of at least 0 that an error can exceed"
     )]
     Bound {
-        /// The tolerance.
+        /// The tolerance that a test set.
         tolerance: Tolerance,
-        /// The bound.
+        /// The bound that can't be used.
         bound: f64,
     },
-    /// A declaration about a path doesn't hold, or names no bug.
+    /// A declaration about a path is wrong, or it names no bug.
     #[error(transparent)]
     Declaration(#[from] WrongDeclaration),
     /// Several paths fail in different ways, or some have no verdict.
@@ -215,12 +217,12 @@ pub enum ComputeError {
     /// Passes do something that WGSL doesn't order or define, such as a race between invocations.
     #[error("{0}")]
     Violations(Box<Violations>),
-    /// An accepted race doesn't happen, or has no reason.
+    /// An accepted race doesn't occur, has no reason, or names an unknown variable.
     #[error("`{verb}` of `{variable}` {what}")]
     Accepted {
-        /// The method that declares it.
+        /// The method that accepts the race.
         verb: &'static str,
-        /// The variable.
+        /// The variable on which invocations race.
         variable: String,
         /// The mistake in the declaration.
         what: String,
@@ -231,7 +233,7 @@ pub enum ComputeError {
     /// Elements differ.
     #[error("{0}")]
     Differs(Box<Difference>),
-    /// Elements differ from their golden, or there is no golden to compare with.
+    /// Elements differ from their golden, or the golden doesn't exist.
     #[error("{}{cause}", difference.as_ref().map_or_else(String::new, ToString::to_string))]
     Golden {
         /// The elements that differ.
@@ -247,7 +249,7 @@ impl From<ValuesError> for ComputeError {
     }
 }
 
-/// The kind of a violation, which is now one of the kinds of hazards.
+/// The old name of [`HazardKind`](crate::check::HazardKind).
 ///
 /// ```
 /// #[expect(deprecated, reason = "its name is another one")]
@@ -371,7 +373,7 @@ impl<'a> Compute<'a> {
     /// let passes = SHADERS
     ///     .compute()
     ///     .with("source", Texture::from_fn(8, 8, |x, y| (x + y) as f32))
-    ///     .with("sums", karat::fixture::Buffer::zeros(32)); // what passes fill
+    ///     .with("sums", karat::fixture::Buffer::zeros(32)); // the passes fill this buffer
     /// # let _ = passes;
     /// ```
     pub fn with(mut self, name: &str, fixture: impl Into<Fixture>) -> Self {
@@ -379,8 +381,8 @@ impl<'a> Compute<'a> {
         self
     }
 
-    /// Gives the variable `name` the same resource as the variable `other`, whose fixture must be added first. For
-    /// example, one pass writes it as `target`, and another reads it as `source`.
+    /// Gives the variable `name` the resource of the variable `other`. Add the fixture of `other` first. For example,
+    /// one pass writes a texture as `target`, and the next pass reads that texture as `source`.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -429,8 +431,8 @@ impl<'a> Compute<'a> {
         self
     }
 
-    /// Dispatches a compute entry point (`module::name`) over this many workgroups, after the passes that were added
-    /// before.
+    /// Adds a pass: dispatches a compute entry point (`module::name`) with `workgroups` workgroups in x, y and z.
+    /// Passes run in the order in which the test adds them.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -440,7 +442,7 @@ impl<'a> Compute<'a> {
     ///     .compute()
     ///     .with("data", Storage::new(values))
     ///     .dispatch("scan::blocks", [4, 1, 1]) // workgroups
-    ///     .dispatch("scan::add", [4, 1, 1]) // then this one, with the same buffer
+    ///     .dispatch("scan::add", [4, 1, 1]) // the next pass, over the same buffer
     ///     .after("data")
     ///     .satisfies("rises", |sums: &[u32]| sums.is_sorted());
     /// ```
@@ -449,7 +451,7 @@ impl<'a> Compute<'a> {
         self
     }
 
-    /// Dispatches on this executor instead of the environment's paths. Each call adds an executor.
+    /// Dispatches the passes on `executor` instead of the paths of the environment. Each call adds an executor.
     ///
     /// ```no_run
     /// use karat::unstable::executor::Executor;
@@ -462,13 +464,13 @@ impl<'a> Compute<'a> {
     /// }
     /// ```
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: for programs that run tests.
     pub fn on(mut self, executor: &'a dyn Executor) -> Self {
         self.executors.push(executor);
         self
     }
 
-    /// Sets another tolerance for paths whose driver is less exact (see [`Selector`]).
+    /// Sets another tolerance for the paths that a [`Selector`] selects, because their driver is less exact.
     ///
     /// ```no_run
     /// # use karat::Path;
@@ -491,7 +493,7 @@ impl<'a> Compute<'a> {
         self
     }
 
-    /// Declares that the check fails on a path, and why. If it passes there, the test fails.
+    /// Declares that the check fails on a path, and gives the reason. If the check passes there, the test fails.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -505,7 +507,7 @@ impl<'a> Compute<'a> {
         self
     }
 
-    /// Declares that a path refuses the passes, and why: see
+    /// Declares that a path refuses the passes, and gives the reason: see
     /// [`Check::refused_on`](crate::Check::refused_on).
     ///
     /// ```no_run
@@ -520,7 +522,8 @@ impl<'a> Compute<'a> {
         self
     }
 
-    /// The contents of a resource after all passes, by the name of its variable. At least one pass must write it.
+    /// Selects a resource by the name of its variable, to check its contents after all passes. At least one pass must
+    /// write the resource.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -551,7 +554,7 @@ impl<'a> Compute<'a> {
 }
 
 impl After<'_> {
-    /// Leaves the verdict out of the record of the run. For a test that expects a failure.
+    /// Keeps the verdict out of the run's record. Use it in a test that expects a failure.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -566,8 +569,9 @@ impl After<'_> {
         self
     }
 
-    /// Compares each element with the reference's, which must have the same number: the elements of an array, the one
-    /// value of another type, or the texels of a texture. A texel of four channels is a `DVec4`, `IVec4` or `UVec4`.
+    /// Compares each element with an element of the reference. An array has one element for each index, a texture one
+    /// for each texel, and any other type has one element. A texel of four channels is a `DVec4`, `IVec4` or `UVec4`.
+    /// Both sides must have the same number of elements.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -581,7 +585,7 @@ impl After<'_> {
     /// ```
     ///
     /// # Panics
-    /// If an element differs, or nothing could be compared.
+    /// If an element differs, or the check can't compare any element.
     #[track_caller]
     pub fn agrees_with<T: Mirror>(
         self,
@@ -591,10 +595,10 @@ impl After<'_> {
         or_panic(self.try_agrees_with(reference, tolerance))
     }
 
-    /// [`agrees_with`](Self::agrees_with) without the panic.
+    /// Like [`agrees_with`](Self::agrees_with), but returns an error instead of panicking.
     ///
     /// # Errors
-    /// If an element differs, or nothing could be compared.
+    /// If an element differs, or the check can't compare any element.
     #[track_caller]
     pub fn try_agrees_with<T: Mirror>(
         self,
@@ -621,7 +625,7 @@ impl After<'_> {
     /// ```
     ///
     /// # Panics
-    /// If the statement doesn't hold, or nothing could be compared.
+    /// If the statement doesn't hold, or the check can't read any element.
     #[track_caller]
     pub fn satisfies<T: Shareable>(
         self,
@@ -631,10 +635,10 @@ impl After<'_> {
         or_panic(self.try_satisfies(statement, holds))
     }
 
-    /// [`satisfies`](Self::satisfies) without the panic.
+    /// Like [`satisfies`](Self::satisfies), but returns an error instead of panicking.
     ///
     /// # Errors
-    /// If the statement doesn't hold, or nothing could be compared.
+    /// If the statement doesn't hold, or the check can't read any element.
     #[track_caller]
     pub fn try_satisfies<T: Shareable>(
         self,
@@ -653,8 +657,8 @@ impl After<'_> {
         self.judge(judge::Assertion::Holds(statement), Location::caller())
     }
 
-    /// Checks that some invocation writes each element or texel. A dispatch that rounds down misses the last ones, as
-    /// does a guard that is too strict by one. Karat's engine records the writes.
+    /// Checks that the passes write every element or texel. It finds a dispatch of too few workgroups, and a bounds
+    /// check that skips the last element. Karat's engine records the writes.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -678,7 +682,7 @@ impl After<'_> {
         or_panic(self.try_is_written())
     }
 
-    /// [`is_written`](Self::is_written) without the panic.
+    /// Like [`is_written`](Self::is_written), but returns an error instead of panicking.
     ///
     /// # Errors
     /// If an element isn't written, or the passes can't be dispatched.
@@ -708,7 +712,7 @@ impl After<'_> {
         self.judge(judge::Assertion::Holds(statement), Location::caller())
     }
 
-    /// The elements on one path.
+    /// Runs the passes on one path, and returns the elements.
     ///
     /// ```
     /// # use karat::Path;
@@ -721,9 +725,9 @@ impl After<'_> {
     /// ```
     ///
     /// # Errors
-    /// If the passes can't be dispatched there, or if the elements have another type.
+    /// If the path can't run the passes, or the elements have another type than `T`.
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: for programs that run tests.
     pub fn read<T: Shareable>(&self, path: Path) -> Result<Vec<T>, ComputeError> {
         let passes = self.compute.passes()?;
         let (part, shape) = passes.written(&self.variable)?;
@@ -733,7 +737,7 @@ impl After<'_> {
         Ok(elements.map(|words| T::load(&mut words.iter())).collect())
     }
 
-    /// The type of an element, if a Rust type can hold it.
+    /// The element type of `shape`, if `host` can hold it.
     fn element(
         &self,
         passes: &Passes,
@@ -763,7 +767,7 @@ impl After<'_> {
     }
 }
 
-/// The scalars of a part of a resource after passes, one word each.
+/// The scalars of one part of a resource after the passes, each as a `u32`.
 fn words(executor: &dyn Executor, passes: &Passes, part: &Part) -> Result<Vec<u32>, DispatchError> {
     let afterwards = executor::dispatch(executor, passes)?;
     let found = afterwards.into_iter().find(|(of, _)| *of == part.number);

@@ -1,6 +1,7 @@
 //! Dispatches compute passes: entry points over shared resources.
 //!
-//! [`Passes`] are linked and validated data. An [`Executor`](crate::executor::Executor) runs them one after another.
+//! [`Passes`] contain linked and validated shaders with their resources. An
+//! [`Executor`](crate::executor::Executor) runs them one after another.
 
 mod part;
 mod runner;
@@ -24,28 +25,28 @@ use crate::value::{Scalar, Shape};
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum DispatchError {
-    /// The shader can't be used.
+    /// The shader isn't valid, or can't be used as a pass.
     #[error(transparent)]
     Reflect(#[from] ReflectError),
-    /// Fixtures and variables don't match.
+    /// The fixtures don't match the shader's variables.
     #[error(transparent)]
     Fixture(#[from] FixtureError),
     /// A path can't be used.
     #[error(transparent)]
     Path(#[from] PathError),
-    /// A pass gives no results.
+    /// A pass ran, but Karat couldn't get its results.
     #[error(transparent)]
     Probe(#[from] ProbeError),
-    /// A loop takes more rounds than the driver allows.
+    /// A loop takes more iterations than the driver allows.
     #[error("{0}")]
     Rounds(Box<Diagnostic>),
-    /// There is no such entry point.
-    #[error("`{name}` is no compute entry point{}",
+    /// The module has no compute entry point with this name.
+    #[error("`{name}` isn't a compute entry point{}",
         nearest.as_ref().map_or_else(String::new, |name| format!("; did you mean `{name}`?")))]
     EntryPoint {
-        /// The name that was asked for.
+        /// The name in the test.
         name: String,
-        /// The closest entry point of its module.
+        /// The entry point of the module with the most similar name.
         nearest: Option<String>,
     },
     /// There are no passes.
@@ -56,75 +57,75 @@ pub enum DispatchError {
     Workgroups {
         /// The entry point.
         name: String,
-        /// Workgroups in each direction.
+        /// The number of workgroups in each direction.
         workgroups: [u32; 3],
     },
     /// A workgroup has more invocations than the path supports.
-    #[error("the workgroup of `{name}` is {} x {} x {}; path `{path}` runs up to {} x {} x {}, and {limit} \
-             invocations in all", size[0], size[1], size[2], sides[0], sides[1], sides[2])]
+    #[error("the workgroup of `{name}` is {} x {} x {}; path `{path}` allows up to {} x {} x {}, and {limit} \
+             invocations in total", size[0], size[1], size[2], sides[0], sides[1], sides[2])]
     WorkgroupSize {
         /// The entry point.
         name: String,
-        /// Invocations in each direction.
+        /// The number of invocations in each direction.
         size: [u32; 3],
         /// The path.
         path: Path,
-        /// The most invocations in each direction.
+        /// The largest number of invocations in each direction that the path supports.
         sides: [u32; 3],
-        /// The most invocations in all.
+        /// The largest number of invocations in a workgroup that the path supports.
         limit: u32,
     },
-    /// There is no such invocation.
-    #[error("`{name}` has no invocation {invocation:?}: it is dispatched over {} x {} x {}, counted from 0",
+    /// The dispatch has no invocation with this id.
+    #[error("`{name}` has no invocation {invocation:?}: its dispatch has {} x {} x {} invocations, counted from 0",
         counts[0], counts[1], counts[2])]
     Invocation {
         /// The entry point.
         name: String,
-        /// The `global_invocation_id` that was asked for.
+        /// The `global_invocation_id` in the request.
         invocation: [u32; 3],
-        /// Invocations in each direction.
+        /// The number of invocations in each direction.
         counts: [u32; 3],
     },
-    /// No pass writes a resource of that name.
+    /// No pass writes a resource with this name.
     #[error("no pass writes `{name}`{}",
-        nearest.as_ref().map_or_else(|| ": assert what passes write".to_owned(),
+        nearest.as_ref().map_or_else(|| ": name a resource that a pass writes".to_owned(),
             |name| format!("; did you mean `{name}`?")))]
     NotWritten {
-        /// The name that was asked for.
+        /// The name in the test.
         name: String,
-        /// The closest written resource; `None` if passes only read the resource.
+        /// The written resource with the most similar name. `None` if passes only read the resource.
         nearest: Option<String>,
     },
-    /// A resource has no such member.
+    /// A resource has no member with this name.
     #[error("`{name}` is {shape}, which has no `{member}`{}",
         nearest.as_ref().map_or_else(String::new, |near| format!("; did you mean `{near}`?")))]
     NoMember {
         /// The resource.
         name: String,
-        /// The member that was asked for.
+        /// The member's name in the test.
         member: String,
         /// The type of the resource.
         shape: String,
-        /// The closest member, with its resource.
+        /// The member with the most similar name, with its resource.
         nearest: Option<String>,
     },
-    /// No pass uses a buffer of that name.
+    /// No pass uses a buffer with this name.
     #[error("no pass uses a buffer `{name}`{}",
         nearest.as_ref().map_or_else(String::new, |name| format!("; did you mean `{name}`?")))]
     NoBuffer {
-        /// The name that was asked for.
+        /// The name in the test.
         name: String,
-        /// The closest name that a pass uses.
+        /// The most similar name of a resource that a pass uses.
         nearest: Option<String>,
     },
-    /// No pass has an override of that name.
+    /// No pass has an override with this name.
     #[error("no pass has the override `{name}`")]
     Override {
-        /// The name that was asked for.
+        /// The name in the test.
         name: String,
     },
     /// The executor can't dispatch passes.
-    #[error("path `{path}` dispatches no entry points")]
+    #[error("path `{path}` can't dispatch compute passes")]
     Unable {
         /// The path.
         path: Path,
@@ -132,8 +133,8 @@ pub enum DispatchError {
 }
 
 impl DispatchError {
-    /// Returns `true` if a path refuses its input before any of it runs. A workgroup that is too large is the author's
-    /// mistake, and doesn't count.
+    /// Checks if a path rejected the passes before it ran any of them. A workgroup that is too large doesn't
+    /// count, because that is the author's mistake.
     pub(crate) fn is_refusal(&self) -> bool {
         match self {
             Self::Path(error) => error.is_refusal(),
@@ -145,56 +146,57 @@ impl DispatchError {
     }
 }
 
-/// The most workgroups in one direction that every device supports.
+/// The largest number of workgroups in one direction that every device supports.
 pub(crate) const MOST_WORKGROUPS: u32 = 65_535;
 
-/// A dispatch, as its author describes it.
+/// A dispatch, as the test's author describes it.
 #[derive(Clone, Debug)]
 pub struct Wanted {
-    /// `module::entry_point`
+    /// The entry point's name, such as `module::entry_point`.
     pub name: String,
-    /// Workgroups in each direction.
+    /// The number of workgroups in each direction.
     pub workgroups: [u32; 3],
 }
 
-/// Dispatches with valid shaders, whose fixtures fit their variables.
+/// Passes with valid shaders, and the resources that fit the shaders' variables.
 #[derive(Debug)]
 pub struct Passes {
-    /// The passes, in their order.
+    /// The passes, in the order in which they run.
     pub passes: Vec<Pass>,
-    /// The resources that they share.
+    /// The resources that the passes share.
     pub resources: Vec<Held>,
 }
 
-/// A dispatch.
+/// One dispatch of an entry point.
 #[derive(Debug)]
 pub struct Pass {
-    /// `module::entry_point`
+    /// The entry point's name, such as `module::entry_point`.
     pub name: String,
-    /// The linked text.
+    /// The linked shader.
     pub program: Arc<Program>,
-    /// The entry point's name in the text.
+    /// The entry point's name in the linked text.
     pub entry_point: String,
-    /// Workgroups in each direction.
+    /// The number of workgroups in each direction.
     pub workgroups: [u32; 3],
-    /// The variables that it uses, each with the number of its resource.
+    /// The resource variables that the entry point uses. The number is the index of the variable's resource in
+    /// [`Passes`].
     pub bindings: Vec<(Binding, usize)>,
-    /// For a draw, the scalars of the fragment function's result. Its `workgroups` are pixels.
+    /// For a draw, the scalar types of the fragment function's result. For a draw, `workgroups` counts pixels.
     pub drawn: Option<Vec<Scalar>>,
 }
 
 impl Pass {
-    /// The number of invocations in all workgroups. A size that is computed from overrides counts as 1.
+    /// The number of invocations in all workgroups. A workgroup size that depends on overrides counts as 1.
     pub(crate) fn invocations(&self) -> u64 {
         self.invocations_of(self.workgroup_size())
     }
 
-    /// The number of invocations in all workgroups of this size.
+    /// The number of invocations in all workgroups, if a workgroup has this size.
     pub(crate) fn invocations_of(&self, size: [u32; 3]) -> u64 {
         size.iter().chain(&self.workgroups).map(|count| u64::from(*count)).product()
     }
 
-    /// The size of a workgroup: its invocations in each direction.
+    /// The size of a workgroup: the number of invocations in each direction.
     pub(crate) fn workgroup_size(&self) -> [u32; 3] {
         if self.drawn.is_some() {
             return [1; 3];
@@ -203,7 +205,8 @@ impl Pass {
         entry_point.expect("a pass has an entry point").1
     }
 
-    /// The name of an invocation, by its number; workgroups of this size come one after another.
+    /// Describes an invocation by its number. The invocations of one workgroup, which has this size, follow
+    /// each other.
     pub(crate) fn invocation(&self, size: [u32; 3], number: usize) -> String {
         let width = size.iter().map(|count| *count as usize).product::<usize>();
         let (group, local) = (split(number / width, self.workgroups), split(number % width, size));
@@ -211,7 +214,7 @@ impl Pass {
     }
 }
 
-/// The position `(x, y, z)` of a number in a grid with these sides.
+/// The position `(x, y, z)` of a numbered cell in a grid with these sides.
 fn split(number: usize, counts: [u32; 3]) -> String {
     let [x, y, _] = counts.map(|count| count as usize);
     format!("({}, {}, {})", number % x, number / x % y, number / (x * y))
@@ -220,20 +223,20 @@ fn split(number: usize, counts: [u32; 3]) -> String {
 /// A resource that passes share.
 #[derive(Debug)]
 pub struct Held {
-    /// The variable's path.
+    /// The name of the variable, with its module.
     pub name: String,
-    /// The fixture with its contents.
+    /// The fixture, with its contents.
     pub fixture: Fixture,
 }
 
 impl Pass {
-    /// The place of its entry point's declaration.
+    /// The place at which the entry point is declared.
     pub(crate) fn span(&self) -> Option<Span> {
         self.program.entry_point_span(&self.entry_point)
     }
 }
 
-/// The error for a member that a resource doesn't have.
+/// Makes the error for a member that a resource doesn't have.
 fn no_member(name: &str, member: &str, shape: &Shape) -> DispatchError {
     let known = part::members(shape);
     let first = member.split('.').next().unwrap_or_default();
@@ -248,17 +251,18 @@ fn no_member(name: &str, member: &str, shape: &Shape) -> DispatchError {
 }
 
 impl Passes {
-    /// Passes over fixtures, and over buffers that have only a size.
+    /// Links passes and binds their fixtures, which may be buffers with only a size.
     ///
     /// # Errors
-    /// If an entry point or a resource is missing, or if a fixture isn't used.
+    /// If an entry point or a fixture is missing, or if no pass uses a fixture.
     pub fn new(
         package: &Package,
         wanted: &[Wanted],
         (given, same): (&Fixtures, &[(String, String)]),
         overrides: &Overrides,
     ) -> Result<Self, DispatchError> {
-        // A variable that shares another's resource is also found under its own name.
+        // A variable may share the resource of another variable. Then the resource has the names of both
+        // variables.
         let of = |(name, other): &(String, String)| {
             let place = given.iter().rposition(|(known, _)| known == other)?;
             Some(((name.clone(), given[place].1.clone()), place))
@@ -284,7 +288,7 @@ impl Passes {
             let (module, own) = name.rsplit_once("::").unwrap_or(("", name));
             let program = Program::of_items(package, module, &[own])
                 .map_err(|error| unknown(package, name, error))?;
-            // Each of several passes takes the overrides that it declares.
+            // If there are several passes, each pass gets only the overrides that it declares.
             let own_overrides: Overrides = overrides
                 .iter()
                 .filter(|(name, _)| wanted.len() == 1 || program.has_override(name))
@@ -301,7 +305,7 @@ impl Passes {
             };
             let mut bound = Vec::new();
             for (binding, fixture) in fixture::resolve(&bindings, &fixtures)? {
-                // One fixture is one resource in all passes.
+                // All passes share the resource of one fixture.
                 let place = fixtures.iter().position(|(_, one)| std::ptr::eq(one, fixture));
                 let place = given_as(place.expect("it is one of the fixtures"));
                 let known = resources.iter().position(|(fixture, _)| *fixture == place);
@@ -325,7 +329,7 @@ impl Passes {
         Ok(Self { passes, resources })
     }
 
-    /// One pass over resources. The entry point has its name in the text.
+    /// Makes one pass over these resources. `entry_point` is the entry point's name in the linked text.
     pub fn over(
         program: Arc<Program>,
         entry_point: &str,
@@ -343,7 +347,7 @@ impl Passes {
         Self { passes: vec![pass], resources }
     }
 
-    /// Returns `true` if results may depend on the subgroup size.
+    /// Checks if the results may depend on the subgroup size.
     pub(crate) fn has_subgroups(&self) -> bool {
         self.passes.iter().any(|pass| pass.program.has_subgroups())
     }
@@ -353,7 +357,7 @@ impl Passes {
         self.passes.iter().map(|pass| pass.name.as_str())
     }
 
-    /// Fails if workgroups are too large for a path, in one direction or in all.
+    /// Returns an error if workgroups are too large for a path, in one direction or in total.
     pub(crate) fn expect_sizes(
         &self,
         path: Path,
@@ -372,7 +376,7 @@ impl Passes {
         Ok(())
     }
 
-    /// The uses of a resource.
+    /// The passes that use a resource, with the variables that they use it by.
     pub(crate) fn uses(&self, resource: usize) -> impl Iterator<Item = (&Pass, &Binding)> {
         self.passes.iter().flat_map(move |pass| {
             let own = pass.bindings.iter().filter(move |(_, number)| *number == resource);
@@ -380,13 +384,13 @@ impl Passes {
         })
     }
 
-    /// The first use of a resource that may write it.
+    /// The first pass that may write a resource, with its variable.
     pub(crate) fn writer(&self, resource: usize) -> Option<(&Pass, &Binding)> {
         self.uses(resource).find(|(_, binding)| binding.kind.is_written())
     }
 
-    /// A written resource and its type, by the name of its variable or of its fixture; or a member of it
-    /// (`particles.position`).
+    /// Finds a written resource and its type by the name of its variable or its fixture. The name may continue
+    /// with a member, as in `particles.position`.
     pub fn written(&self, name: &str) -> Result<(Part, Shape), DispatchError> {
         let (name, member) = part::split(name);
         let is_it = |number: &usize| {
@@ -408,13 +412,13 @@ impl Passes {
         let shape = pass.program.written_shape(binding, Some(count));
         let shape = shape.ok_or_else(|| FixtureError::Unusable {
             variable: binding.path.clone(),
-            reason: "no host can read it".to_owned(),
+            reason: "the host can't read its type".to_owned(),
         })?;
         Part::of(number, &shape, member).ok_or_else(|| no_member(name, member, &shape))
     }
 
-    /// The name of a texel by its number: `[3, 1]`, or `[3, 1, 0]` in a volume or with layers; `None` for a resource
-    /// with one index.
+    /// Names a texel by its number: `[3, 1]`, or `[3, 1, 0]` for a 3D texture or a texture with layers. `None`
+    /// for a resource that has a single index.
     pub fn texel(&self, resource: usize, number: usize) -> Option<String> {
         let view = self.resources[resource].fixture.view()?;
         let level = view.levels.first()?;
@@ -428,20 +432,20 @@ impl Passes {
         }
     }
 
-    /// The lanes of a written resource, from its words.
+    /// The components of a written resource, from its words.
     pub fn lanes(&self, resource: usize, words: &[u32]) -> Option<Vec<u32>> {
         let (pass, binding) = self.writer(resource)?;
         Some(pass.program.lanes_of_words(binding, words))
     }
 
-    /// The lanes of a written buffer before all passes.
+    /// The components of a written buffer before the first pass.
     pub(crate) fn before(&self, resource: usize) -> Option<Vec<u32>> {
         let (pass, binding) = self.writer(resource)?;
         let bytes = self.resources[resource].fixture.bytes(&pass.program, binding)?.ok()?;
         lanes_of(pass.program.module(), binding.ty, &bytes)
     }
 
-    /// The contents of a buffer before all passes: its name, its type and its lanes.
+    /// The contents of a buffer before the first pass: its name, its type and its components.
     pub fn content(&self, name: &str) -> Result<(String, Shape, Vec<u32>), DispatchError> {
         let (name, member) = part::split(name);
         let is_it = |number: &usize| {
@@ -464,7 +468,7 @@ impl Passes {
         found.map(part).unwrap_or_else(|| {
             Err({
                 let held = self.resources.iter().map(|held| held.name.as_str());
-                // If a texture has this name, the name isn't a misspelt buffer.
+                // If a texture has this name, the name isn't a misspelt name of a buffer.
                 let nearest = crate::diagnostic::nearest(name, held).filter(|near| *near != name);
                 let nearest = nearest.map(str::to_owned);
                 DispatchError::NoBuffer { name: name.to_owned(), nearest }
@@ -477,39 +481,39 @@ impl Passes {
         self.passes.iter().map(Pass::invocations).sum()
     }
 
-    /// The author's names of the variables in all passes: resources, and workgroup variables.
+    /// The author's names of all variables in the passes: resources, and workgroup variables.
     pub(crate) fn variables(&self) -> Vec<String> {
         self.passes.iter().flat_map(|pass| pass.program.variables()).collect()
     }
 
-    /// The files that they depend on.
+    /// The files on which the passes depend.
     pub(crate) fn read(&self) -> Vec<FileRead> {
         let modules = self.passes.iter().flat_map(|pass| pass.program.files());
         let fixtures = self.resources.iter().flat_map(|held| held.fixture.read());
         modules.chain(fixtures).cloned().collect()
     }
 
-    /// The modules that their shaders were linked from.
+    /// The modules from which the passes' shaders were linked.
     pub(crate) fn modules(&self) -> Vec<LinkedModule> {
         self.passes.iter().flat_map(|pass| pass.program.modules()).cloned().collect()
     }
 
-    /// The place of the last entry point's declaration.
+    /// The place at which the last pass's entry point is declared.
     pub fn span(&self) -> Option<Span> {
         self.passes.last()?.span()
     }
 
-    /// Returns `true` if a resource is bound, and not set along with the commands.
+    /// Checks if a resource has a binding. Immediates have none.
     fn is_bound(binding: &Binding) -> bool {
         binding.kind != BindingKind::Immediate
     }
 }
 
-/// The contents of written resources after all passes: the number of each, with the words of a buffer, or four words a
-/// texel of a texture.
+/// The contents of the written resources after all passes. Each entry has the resource's number and its words.
+/// A texture has four words for each texel.
 pub type Afterwards = Vec<(usize, Vec<u32>)>;
 
-/// Adds the nearest name of the module to the error of a missing entry point.
+/// Replaces the error about a missing entry point by one with the most similar name, if there is one.
 fn unknown(package: &Package, name: &str, error: ReflectError) -> DispatchError {
     let items = package.functions().unwrap_or_default();
     let known =

@@ -1,8 +1,7 @@
-//! Draws a frame's meshes and full-screen triangles with entry points of one module, and with the resources that these
-//! read.
+//! Draws frames: meshes and full-screen triangles, with the entry points of one module and their resources.
 //!
-//! A [`Drawing`] is linked and validated data for an [`Executor`](crate::executor::Executor). A depth pre-pass draws
-//! depth alone. The colour pass then draws only where the depth is equal, so it shades each pixel once.
+//! A [`Drawing`] is linked and validated data for an [`Executor`](crate::executor::Executor). A depth pre-pass writes
+//! only depth. The colour pass then draws only where the depth is equal, so it shades each pixel once.
 
 mod blend;
 mod depths;
@@ -34,20 +33,20 @@ use crate::fixture::FixtureError;
 use crate::path::{Path, PathError};
 use crate::reflect::{ReflectError, Stage};
 
-/// The reason why a frame can't be drawn.
+/// The reason why Karat can't draw a frame.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum DrawError {
-    /// The shader can't be used.
+    /// Karat can't use the shader.
     #[error(transparent)]
     Reflect(#[from] ReflectError),
-    /// Fixtures and variables don't match.
+    /// The fixtures don't match the variables of the shader.
     #[error(transparent)]
     Fixture(#[from] FixtureError),
-    /// A path can't be used.
+    /// Karat can't use a path.
     #[error(transparent)]
     Path(#[from] PathError),
-    /// A loop takes more rounds than the driver allows.
+    /// A loop runs more rounds than the driver allows.
     #[error("{0}")]
     Rounds(Box<Diagnostic>),
     /// The module has no such entry point.
@@ -55,35 +54,37 @@ pub enum DrawError {
     EntryPoint {
         /// The module.
         module: String,
-        /// The stage that it should belong to.
+        /// The expected stage of the entry point.
         stage: Stage,
-        /// The name that was asked for.
+        /// The name that the test gave.
         name: String,
     },
-    /// A side has 0 pixels, or more than the device can draw.
-    #[error("the frame is {width} x {height}; path `{path}` draws 1 to {limit} pixels a side")]
+    /// The frame's width or height is 0, or larger than the device can draw.
+    #[error(
+        "the frame has {width} x {height} pixels; width and height must be from 1 to {limit} on path `{path}`"
+    )]
     Size {
-        /// Pixels across.
+        /// The frame's width in pixels.
         width: u32,
-        /// Pixels down.
+        /// The frame's height in pixels.
         height: u32,
         /// The path.
         path: Path,
-        /// The longest side that the device can draw.
+        /// The largest width and height that the device can draw.
         limit: u32,
     },
     /// The frame has no draws.
     #[error("the frame draws nothing; add `.mesh(...)` or `.fullscreen(...)`")]
     Empty,
-    /// No device can draw the frame with these settings.
+    /// No device can draw the frame with its settings.
     #[error("the frame can't be drawn: {reason}")]
     Unsound {
-        /// The wrong setting, as the author writes it: `samples`, `formats`, `target`, `depth`, `mesh`.
+        /// The setting that is wrong, by its name in tests: `samples`, `formats`, `target`, `depth`, `mesh`.
         setting: &'static str,
         /// The reason.
         reason: String,
     },
-    /// The executor can call functions, but can't draw.
+    /// The executor calls functions, but draws no frames.
     #[error(
         "path `{path}` draws no frames. They need a driver: `karat doctor` tells how to get one, and \
          `karat test --no-frames` leaves frames out"
@@ -105,7 +106,7 @@ pub enum DrawError {
 }
 
 impl DrawError {
-    /// Returns `true` if a path refuses its input before any of it runs.
+    /// Reports if the path refuses the input before it runs anything.
     pub(crate) fn is_refusal(&self) -> bool {
         match self {
             Self::Path(error) => error.is_refusal(),

@@ -27,10 +27,11 @@ use crate::path::{self, Ability, Adapter, Device, Opened, Path, PathError};
 use crate::probe::{BATCH, Call, Partial, Prepared, ProbeError, Probed, Runner};
 use crate::reflect::{Binding, Program};
 
-/// An executor: a driver, or anything else that runs WGSL.
+/// An executor: a driver, or any other program that runs WGSL.
 ///
-/// Checks and frames use executors only through this trait. The environment selects among wgpu's drivers.
-/// [`Probe::on`](crate::check::Probe::on) and [`Frame::on`](crate::Frame::on) take any other executor.
+/// Checks and frames use executors only through this trait. By default, the environment selects paths, such as
+/// the drivers that wgpu finds. [`Probe::on`](crate::check::Probe::on) and [`Frame::on`](crate::Frame::on) take
+/// any other executor.
 ///
 /// ```
 /// use karat::unstable::executor::Executor;
@@ -39,7 +40,7 @@ use crate::reflect::{Binding, Program};
 /// use karat::prelude::*;
 /// use karat::unstable::probe::{Call, Prepared, ProbeError, Started};
 ///
-/// /// Doubles a number, whatever it is to call.
+/// /// Doubles a number, for any function.
 /// #[derive(Debug)]
 /// struct Doubler;
 ///
@@ -76,27 +77,29 @@ use crate::reflect::{Binding, Program};
 /// package.function("twice").on(&Doubler).over(-1.0..=1.0).agrees_with(|x: f64| 2.0 * x, Ulp(0.0));
 /// ```
 pub trait Executor: Debug + Sync {
-    /// Its name in verdicts, tolerances and replays.
+    /// The executor's name in verdicts, tolerances and replays.
     fn path(&self) -> Path;
 
-    /// Its description in records.
+    /// The executor's description in records.
     fn adapter(&self) -> Adapter;
 
-    /// Returns `true` if it has an ability. Karat refuses work that needs a missing one without asking the executor.
+    /// Reports if the executor has an ability. If a job needs an ability that the executor lacks, Karat refuses
+    /// the job without calling the executor.
     fn can(&self, ability: Ability) -> bool {
         let _ = ability;
         true
     }
 
-    /// The smallest and the largest subgroup size; `None` if it has no subgroups, or doesn't report them.
+    /// The smallest and the largest subgroup size. `None` if the executor has no subgroups, or doesn't report
+    /// their size.
     fn subgroups(&self) -> Option<[u32; 2]> {
         None
     }
 
-    /// Runs a job. The methods below make jobs, unless an executor overrides them.
+    /// Runs a job. The default implementations of the methods below call `run`.
     ///
     /// # Errors
-    /// If the executor can't be asked. The default implementation runs nothing, and returns an error.
+    /// If the executor can't run jobs now. The default implementation runs no job, and always returns an error.
     fn run(&self, job: &Job) -> Result<Reply, PathError> {
         let _ = job;
         Err(PathError::NoJobs { path: self.path() })
@@ -105,29 +108,29 @@ pub trait Executor: Debug + Sync {
     /// Prepares a function to be called.
     ///
     /// # Errors
-    /// If the function can't be called here, or a fixture doesn't fit its variable.
+    /// If this executor can't call the function, or a fixture doesn't fit its variable.
     fn prepare<'e>(&'e self, call: &Call<'_>) -> Result<Box<dyn Prepared + 'e>, ProbeError> {
         jobs::prepare(self.path(), Box::new(|job| self.run(job)), call)
     }
 
-    /// Draws a frame. The image has linear colour and the drawing's size, with the top row first.
+    /// Draws a frame. The image has linear colours and the drawing's size. The top row comes first.
     ///
     /// # Errors
-    /// If it can't be drawn here.
+    /// If this executor can't draw the frame.
     fn draw(&self, drawing: &Drawing<'_>) -> Result<Image, DrawError> {
         jobs::draw(self.path(), &|job| self.run(job), drawing)
     }
 
-    /// Dispatches compute passes. Returns the number and the words of each resource that they write.
+    /// Dispatches compute passes. Returns the number and the words of each resource that the passes write.
     ///
     /// # Errors
-    /// If they can't be dispatched here.
+    /// If this executor can't dispatch the passes.
     fn dispatch(&self, passes: &Passes) -> Result<Afterwards, DispatchError> {
         jobs::dispatch(self.path(), &|job| self.run(job), passes)
     }
 }
 
-/// Fails if the executor lacks an ability that a function or an entry point needs, before it is asked.
+/// Returns an error if the executor lacks an ability that a function or an entry point needs.
 fn expect_able(
     executor: &dyn Executor,
     function: &str,
@@ -144,7 +147,7 @@ fn expect_able(
     })
 }
 
-/// Dispatches passes on an executor, if it has the abilities that they need.
+/// Dispatches passes on an executor, if the executor has the abilities that the passes need.
 pub fn dispatch(executor: &dyn Executor, passes: &Passes) -> Result<Afterwards, DispatchError> {
     for pass in &passes.passes {
         let bindings: Vec<Binding> = pass.bindings.iter().map(|(own, _)| own.clone()).collect();
@@ -154,7 +157,7 @@ pub fn dispatch(executor: &dyn Executor, passes: &Passes) -> Result<Afterwards, 
     path::caught(executor.path(), &names, passes.span().as_ref(), || executor.dispatch(passes))
 }
 
-/// Draws on an executor, if it has the abilities that the frame needs.
+/// Draws a frame on an executor, if the executor has the abilities that the frame needs.
 pub(crate) fn draw(executor: &dyn Executor, drawing: &Drawing<'_>) -> Result<Image, DrawError> {
     if !executor.can(Ability::Frames) {
         return Err(DrawError::Unable { path: executor.path() });
@@ -173,14 +176,14 @@ pub(crate) fn draw(executor: &dyn Executor, drawing: &Drawing<'_>) -> Result<Ima
     }
 }
 
-/// Runs a job on an executor that doesn't need jobs itself.
+/// Runs a job on an executor that has its own `dispatch` and `draw`.
 fn raised(executor: &dyn Executor, job: &Job) -> Reply {
     let passes = &|passes: &Passes| dispatch(executor, passes);
     let frame = &|drawing: &Drawing<'_>| draw(executor, drawing);
     job::run(job, passes, frame)
 }
 
-/// Karat checks with poison and canaries that a driver writes each word once, for the right case.
+/// A driver. Karat uses poison and canaries to check that the driver writes each word once, for the right case.
 impl Executor for Device {
     fn path(&self) -> Path {
         Self::path(self)
@@ -220,7 +223,7 @@ impl Executor for Device {
     }
 }
 
-/// The executor of a path. A process opens each path once.
+/// Returns the executor of a path. A process opens each path only once.
 ///
 /// ```
 /// use karat::Path;
@@ -244,8 +247,8 @@ fn opened(opened: Opened) -> &'static dyn Executor {
     }
 }
 
-/// Calls a function on one path with arguments as lanes, and returns the result's lanes. `cases` holds the lanes of
-/// each case, one after the other.
+/// Calls a function on one path. Each entry of `cases` contains the words of one case's arguments. Returns the
+/// words of each case's result.
 ///
 /// ```
 /// use karat::unstable::probe::Probed;
@@ -259,10 +262,11 @@ fn opened(opened: Opened) -> &'static dyn Executor {
 /// ```
 ///
 /// # Errors
-/// If the path doesn't open, if a fixture is missing, or if the function gives no results there.
+/// If the path doesn't open, if a fixture is missing, or if Karat can't get the function's results on this
+/// path.
 ///
 /// # Panics
-/// If a case doesn't have the number of words of all arguments.
+/// If a case has another number of words than the function's arguments.
 pub fn call(
     probed: &Probed,
     path: Path,
@@ -279,9 +283,9 @@ pub fn call(
     Ok(results.chunks_exact(width).map(<[u32]>::to_vec).collect())
 }
 
-/// The results, if some words were never written and WGSL allows any value for each of those words. Then a driver
-/// needn't write them, and they keep their previous value, a NaN. Otherwise the driver dropped a write, and the error
-/// stays.
+/// Returns the results although the driver left some words unwritten, if WGSL allows any value for each of
+/// these words. Such words keep their previous value, a NaN. Otherwise the driver dropped a write, and the
+/// function returns the error.
 pub(crate) fn left_open(
     (probed, fixtures): (&Probed, &Fixtures),
     (cases, rows): (usize, &[u32]),
@@ -309,12 +313,12 @@ pub(crate) fn left_open(
     }
 }
 
-/// The adapter of an executor, with the name that verdicts and replays use.
+/// The adapter of an executor, with the path's name from verdicts and replays.
 pub(crate) fn adapter(executor: &dyn Executor) -> Adapter {
     Adapter { path: executor.path().to_string(), ..executor.adapter() }
 }
 
-/// These executors, or else those that the environment selects. Never empty.
+/// Returns the executors in `own`, or else the executors that the environment selects: at least one.
 pub(crate) fn or_selected<'e>(
     own: &[&'e dyn Executor],
 ) -> Result<Vec<&'e dyn Executor>, PathError> {

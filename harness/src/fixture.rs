@@ -17,7 +17,7 @@ mod member;
 mod sampler;
 mod texture;
 
-/// The old name of the trait for texels.
+/// The earlier name of the trait for texels.
 pub use crate::value::Shareable as Texel;
 pub use buffer::{Buffer, Storage, Uniform};
 pub use cube_map::{CubeMap, CubeMapError};
@@ -37,40 +37,39 @@ use crate::reflect::{Binding, BindingKind, Dimension, Program, Texels, TextureKi
 /// use karat::fixture::Fixture;
 /// use karat::prelude::*;
 ///
-/// // `.with("name", ...)` takes each kind as it is.
+/// // `.with("name", ...)` accepts every kind of fixture.
 /// let fixtures: [Fixture; 2] = [Sampler::LINEAR.into(), Uniform::new(1.0_f32).into()];
 /// assert!(matches!(fixtures[0], Fixture::Sampler(_)));
 /// ```
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub enum Fixture {
-    /// `texture_cube<f32>`
+    /// A fixture for a `texture_cube<f32>`.
     CubeMap(CubeMap),
-    /// Any texture.
+    /// A fixture for any other texture.
     Texture(Texture),
-    /// `sampler`, `sampler_comparison`
+    /// A fixture for a `sampler` or a `sampler_comparison`.
     Sampler(Sampler),
-    /// One value.
+    /// A buffer with one value.
     Uniform(Uniform),
-    /// Elements of an array.
+    /// A buffer with the elements of an array.
     Storage(Storage),
-    /// Bytes.
+    /// A buffer that is given as bytes.
     Buffer(Buffer),
 }
 
-/// The texels of a fixture.
 pub(crate) struct View<'f> {
     pub(crate) dimension: Dimension,
     pub(crate) arrayed: bool,
     pub(crate) texels: Texels,
     pub(crate) samples: u32,
-    /// The number of layers, including faces.
+    /// The number of layers. Each face of a cube counts as a layer.
     pub(crate) layers: u32,
     pub(crate) levels: &'f [Level],
 }
 
 impl Fixture {
-    /// Its kind, for messages: `a texture_2d<u32>`.
+    /// Describes the fixture's kind in messages, such as ``a Texture for `texture_2d<u32>` ``.
     fn kind(&self) -> String {
         let words = match self {
             Self::CubeMap(_) => "a CubeMap",
@@ -88,7 +87,7 @@ impl Fixture {
         words.to_owned()
     }
 
-    /// The files that it was made of.
+    /// The files from which the fixture was made.
     pub(crate) fn read(&self) -> &[FileRead] {
         match self {
             Self::CubeMap(CubeMap { read, .. }) | Self::Texture(Texture { read, .. }) => read,
@@ -96,7 +95,7 @@ impl Fixture {
         }
     }
 
-    /// Its texels, if it is a texture.
+    /// The fixture's texels, if the fixture is a texture.
     pub(crate) fn view(&self) -> Option<View<'_>> {
         match self {
             Self::CubeMap(CubeMap { levels, .. }) => Some(View {
@@ -119,14 +118,14 @@ impl Fixture {
         }
     }
 
-    /// The fixture as a general texture, if it has texels.
+    /// Converts the fixture to a `Texture`, if the fixture has texels.
     pub(crate) fn to_texture(&self) -> Option<Texture> {
         let View { dimension, arrayed, texels, samples, levels, .. } = self.view()?;
         let (levels, read) = (levels.to_vec(), Vec::new());
         Some(Texture { dimension, arrayed, texels, samples, levels, read })
     }
 
-    /// Fails if the fixture doesn't fit a variable.
+    /// Returns an error if the fixture doesn't fit a variable.
     pub(crate) fn expect(&self, binding: &Binding) -> Result<(), FixtureError> {
         let (variable, kind) = (binding.path.clone(), binding.kind);
         match self.mistake(binding) {
@@ -166,7 +165,7 @@ impl Fixture {
         }
     }
 
-    /// The bytes of a buffer in the layout of its variable; `None` if it isn't a buffer.
+    /// The bytes of a buffer in the layout of its variable. `None` if the fixture isn't a buffer.
     pub(crate) fn bytes(
         &self,
         program: &Program,
@@ -183,7 +182,8 @@ impl Fixture {
                         let variable = binding.path.clone();
                         Err(FixtureError::Short { variable, found, needed })
                     }
-                    // Devices bind whole words, and multiples of 16 bytes for uniform buffers.
+                    // Devices bind storage buffers in multiples of 4 bytes, and uniform buffers in multiples of
+                    // 16 bytes.
                     length => {
                         let mut bytes = bytes.to_vec();
                         let storage = matches!(binding.kind, BindingKind::Storage { .. });
@@ -194,7 +194,8 @@ impl Fixture {
             }
             _ => return None,
         };
-        // Immediates have exactly their variable's size: devices take no padding after them.
+        // Immediates must have exactly the size of their variable, because devices accept no padding after
+        // them.
         let exact = |mut bytes: Vec<u8>| {
             if binding.kind == BindingKind::Immediate {
                 bytes.truncate(program.least_bytes(binding).next_multiple_of(4));
@@ -204,7 +205,7 @@ impl Fixture {
         Some(bytes.map(exact).map_err(|error| error.at(binding)))
     }
 
-    /// The mistake in a fixture that no device accepts.
+    /// Returns an error about a fixture that no device accepts.
     fn mistake(&self, binding: &Binding) -> Option<FixtureError> {
         let variable = || binding.path.clone();
         if let Self::Sampler(sampler) = self {
@@ -229,5 +230,5 @@ macro_rules! into_fixture {
 
 into_fixture!(CubeMap, Texture, Sampler, Uniform, Storage, Buffer);
 
-/// Fixtures by the name of their variable: `environment`, or `sky::environment`.
+/// Fixtures, each with the name of its variable: `environment`, or `sky::environment`.
 pub type Fixtures = Vec<(String, Fixture)>;

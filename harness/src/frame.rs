@@ -1,7 +1,7 @@
-//! Frames: scenes drawn off-screen into linear float colour, and the checks of the images.
+//! Frames: Karat draws a scene off-screen into linear float colours, and checks the image.
 //!
-//! A frame is a list of draws over one module's resources: meshes with a vertex and a fragment
-//! function, and full-screen triangles.
+//! A frame is a list of draws: meshes with a vertex and a fragment function, and full-screen triangles. All draws use
+//! the resources of one module.
 
 mod comparison;
 mod expectation;
@@ -42,14 +42,14 @@ use crate::value::Shareable;
 /// SHADERS.frame("sky", 256, 128).fragment("fragment").matches(&GOLDENS, "sky");
 /// ```
 #[derive(Clone, Debug)]
-#[must_use = "a frame draws nothing until `.render(...)` or `.matches(...)`"]
+#[must_use = "a frame draws nothing until you call `.render(...)` or `.matches(...)`"]
 pub struct Frame<'a> {
     scene: Scene<'a>,
-    /// The frames that it reads, by the name of the texture variable.
+    /// The frames that this frame reads as textures, by the name of the variable.
     inputs: Vec<(String, Self)>,
-    /// The executors that draw it; without any, the environment selects the paths.
+    /// The executors that draw the frame. If the list is empty, the environment selects the paths.
     executors: Vec<&'a dyn Executor>,
-    /// `None` for the default of the golden and the adapter.
+    /// The test's tolerance. `None` stands for the default of the golden and the adapter.
     tolerance: Option<FrameTolerance>,
     tolerance_on: Selected<FrameTolerance>,
     mask: Option<Mask>,
@@ -57,13 +57,13 @@ pub struct Frame<'a> {
     facts: BTreeMap<String, String>,
     aovs: Vec<(String, Self)>,
     known_issues: KnownIssues,
-    /// The place of its declaration, if it differs from the place of the comparison.
+    /// The position of the frame's declaration, if it isn't in Rust.
     declared_at: Option<String>,
-    /// Set if verdicts go into the record of the run.
+    /// Set if the run's record gets the verdicts.
     recorded: bool,
 }
 
-/// The paths on which a frame matches its golden.
+/// The result of a frame that matches its golden on each path.
 ///
 /// ```
 /// # use karat::prelude::*;
@@ -82,31 +82,31 @@ pub struct Frame<'a> {
 /// ```
 #[derive(Clone, Debug)]
 pub struct FrameAgreement {
-    /// Name of the golden.
+    /// The name of the golden.
     pub case: String,
-    /// Each path with its margin.
+    /// Each path with the distance from its tolerance.
     pub paths: Vec<(Adapter, FrameMargin)>,
-    /// Paths that differ as declared.
+    /// Known issues: paths that differ as the test declared.
     pub known_issues: Vec<KnownIssue>,
 }
 
-/// The reason why a frame fails, or can't be judged.
+/// The reason why a frame fails, or why Karat can't judge it.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum FrameError {
-    /// Nothing could be drawn.
+    /// Karat can't draw the frame.
     #[error(transparent)]
     Draw(#[from] DrawError),
-    /// A setting of the environment can't be used, or it names a case of another check.
+    /// An environment variable has an unusable value, or it asks for a case of another check.
     #[error(transparent)]
     NotBegun(#[from] NotBegun),
-    /// A tolerance's bound that isn't a usable number.
+    /// A bound of the tolerance isn't a usable number.
     #[error("the tolerance of the frame is {0}")]
     Tolerance(String),
-    /// A name that an arbitrary output variable (AOV) can't have.
+    /// An arbitrary output variable (AOV) has a name that the file can't store.
     #[error("`{0}` can't name an AOV: {1}")]
     Aov(String, &'static str),
-    /// The mean of a rectangle differs from the expected one.
+    /// The mean colour of a rectangle differs from the expected colour.
     #[error(
         "the mean of {rect} is {mean:?}, expected {expected:?}: {worst}, {}\non {adapter}",
         crate::tolerance::times_allowed(worst.ratio)
@@ -114,13 +114,13 @@ pub enum FrameError {
     Mean {
         /// The adapter that rendered the frame.
         adapter: Box<Adapter>,
-        /// The rectangle.
+        /// The rectangle in the frame.
         rect: Rect,
-        /// The expected red, green and blue.
+        /// The expected mean of red, green and blue.
         expected: [f64; 3],
-        /// The actual red, green and blue.
+        /// The actual mean of red, green and blue.
         mean: [f64; 3],
-        /// The worst error of the three.
+        /// The largest error of the three channels.
         worst: LaneError,
     },
     /// A rectangle that lies outside the frame.
@@ -131,11 +131,11 @@ pub enum FrameError {
     Declaration(#[from] WrongDeclaration),
     /// No draw changed any pixel.
     #[error(
-        "no draw touches a pixel: each still is what the frame was cleared to, {clear:?}; look at what the \
-         vertex function returns, at culling and at depth"
+        "no draw touches a pixel: all pixels still have the clear value {clear:?}. Check the position that the \
+         vertex function returns, the culling and the depth"
     )]
     Untouched {
-        /// The values that the frame was cleared to.
+        /// The clear values of the frame.
         clear: [f32; 4],
     },
     /// An assertion of a fragment function is false.
@@ -144,12 +144,12 @@ pub enum FrameError {
     /// Several paths fail, or some have no verdict.
     #[error("{0}")]
     Paths(Box<PathFailures<Self>>),
-    /// The golden differs, is missing or can't be used.
+    /// The frame differs from its golden, or the golden is missing or unusable.
     #[error("{}", first_then(cause, adapter))]
     Golden {
         /// The adapter that rendered the frame.
         adapter: Box<Adapter>,
-        /// The cause.
+        /// The difference, or the reason why the golden is unusable.
         cause: Box<GoldenError>,
     },
 }
@@ -196,7 +196,7 @@ impl Stop for FrameError {
         matches!(self, Self::Draw(error) if error.is_refusal())
     }
 
-    /// The cause, by which paths are grouped: a missing golden is missing on each path.
+    /// The cause by which Karat groups paths. For example, a golden is missing on all paths together.
     fn cause(&self) -> String {
         match self {
             Self::Golden { cause, .. } if matches!(**cause, GoldenError::Missing { .. }) => {
@@ -223,7 +223,7 @@ impl Passed for FrameAgreement {
     }
 }
 
-/// The difference in one line, then the adapter, then the rest: many failures share the adapter.
+/// Puts the adapter after the first line, because many failures share the adapter.
 fn first_then(source: &GoldenError, adapter: &Adapter) -> String {
     let text = source.to_string();
     match text.split_once('\n') {
@@ -284,8 +284,9 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Supplies the image of another frame for the texture variable `name`. The other frame is drawn first, on the same
-    /// path. Its image is a 2D texture of floats, or of depths if it is [`depth`](Self::depth).
+    /// Supplies the image of another frame for the texture variable `name`. Karat draws the other frame first, on the
+    /// same path. The image is a 2D texture of floats. If the other frame shows its [`depth`](Self::depth), the image
+    /// is a depth texture.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -304,8 +305,8 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Sets one member of a buffer, such as the time or the number of the frame: `globals.time`. The other members come
-    /// from the buffer's fixture, or else are zero. The golden's file keeps the value.
+    /// Sets one member of a buffer, such as the time or the frame's number: `globals.time`. The buffer's fixture
+    /// supplies all other members. Without a fixture, these members are zero. The golden's file keeps the value.
     ///
     /// ```no_run
     /// # let shaders = karat::Package::from_source("m", "");
@@ -336,7 +337,7 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Adds a draw with its state. The draws run in the order in which they are added.
+    /// Adds a draw with its state. Draws run in the order in which the test adds them.
     ///
     /// ```no_run
     /// use glam::Vec3;
@@ -371,8 +372,8 @@ impl<'a> Frame<'a> {
         self.draw(Draw::mesh(vertex, fragment, mesh).instances(instances))
     }
 
-    /// Draws one triangle whose three corners the vertex function makes from `@builtin(vertex_index)`. At depth 1 it
-    /// shows only where no mesh was drawn.
+    /// Draws one triangle. The vertex function computes the three corners from `@builtin(vertex_index)`. A triangle at
+    /// depth 1 is visible only where the frame has no mesh.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -384,7 +385,7 @@ impl<'a> Frame<'a> {
         self.draw(Draw::fullscreen(vertex, fragment))
     }
 
-    /// Draws over the whole frame with a fragment function alone: see [`Draw::fragment`].
+    /// Draws over the whole frame with only a fragment function: see [`Draw::fragment`].
     ///
     /// ```no_run
     /// # let shaders = karat::Package::from_source("m", "");
@@ -395,8 +396,8 @@ impl<'a> Frame<'a> {
         self.draw(Draw::fragment(fragment))
     }
 
-    /// Draws into targets of these formats, the first at `@location(0)` (default: one target of [`Format::Float`]). The
-    /// frame's image is the first target, unless [`target`](Self::target) selects another.
+    /// Sets the formats of the targets, the first one at `@location(0)`. The default is one target of
+    /// [`Format::Float`]. The frame's image is the first target, unless [`target`](Self::target) selects another one.
     ///
     /// ```no_run
     /// use karat::draw::Format;
@@ -406,7 +407,7 @@ impl<'a> Frame<'a> {
     /// SHADERS
     ///     .frame("surface", 64, 64)
     ///     .formats([Format::Rgba8UnormSrgb, Format::Rg16Float])
-    ///     .target(1) // the second is compared
+    ///     .target(1) // compares the second target
     ///     .fragment("fragment")
     ///     .matches(&GOLDENS, "normals");
     /// ```
@@ -434,7 +435,7 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Makes the depth buffer the frame's image: depth is its red channel, from 0 to 1.
+    /// Makes the depth buffer the frame's image. The red channel has the depth, from 0 to 1.
     ///
     /// ```no_run
     /// use karat::draw::{Draw, Mesh};
@@ -449,7 +450,8 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Draws with this number of samples a pixel (default 1). The image has their mean. Every device supports 1 and 4.
+    /// Draws with this number of samples a pixel. The default is 1. Pixels of the image are means of their samples.
+    /// Every device supports 1 and 4.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -462,7 +464,7 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Sets the values of each target before the first draw (default: zeros).
+    /// Sets the values of each target before the first draw. The default is zeros.
     ///
     /// ```no_run
     /// use karat::draw::Blend;
@@ -477,7 +479,8 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Sets the depth before the first draw (default 1). Use 0 for reversed depth, where nearer is larger.
+    /// Sets the depth before the first draw. The default is 1. Use 0 for reversed depth, in which nearer points have
+    /// larger depths.
     ///
     /// ```no_run
     /// use karat::draw::{Draw, Mesh};
@@ -486,7 +489,7 @@ impl<'a> Frame<'a> {
     /// # static SHADERS: Package = karat::package!("shaders");
     /// # static GOLDENS: karat::Goldens = karat::goldens!("golden");
     /// # let scene = Mesh::new(vec![glam::Vec3::ZERO, glam::Vec3::X, glam::Vec3::Y], vec![0, 1, 2]);
-    /// // Reversed depth: nearer is larger.
+    /// // Reversed depth: nearer points have larger depths.
     /// let draw = Draw::mesh("vertex", "fragment", scene).depth_compare(Compare::GreaterEqual);
     /// SHADERS.frame("scene", 64, 64).clear_depth(0.0).draw(draw).matches(&GOLDENS, "reversed");
     /// ```
@@ -495,7 +498,7 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Draws depth alone first, and then colour where the depth is equal.
+    /// Draws first only depth. Then it draws colour where the depth is equal.
     ///
     /// ```no_run
     /// use karat::draw::Mesh;
@@ -511,8 +514,8 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Sets the fragment function that the depth pre-pass runs for the mesh added last. It must discard or write depth
-    /// exactly like the colour pass's function, and may return only a depth.
+    /// Sets the fragment function that the depth pre-pass runs for the last mesh. This function must discard pixels and
+    /// write depth exactly as the colour pass's function does. It may return only a depth.
     ///
     /// ```no_run
     /// use karat::draw::Mesh;
@@ -524,21 +527,21 @@ impl<'a> Frame<'a> {
     ///     .frame("leaf", 64, 64)
     ///     .depth_prepass()
     ///     .mesh("vertex", "fragment", leaves, 100)
-    ///     .depth_fragment("cutout") // discards what is between the leaves
+    ///     .depth_fragment("cutout") // discards the gaps between leaves
     ///     .matches(&GOLDENS, "leaf");
     /// ```
     ///
     /// # Panics
-    /// If no mesh was added.
+    /// If the frame has no mesh yet.
     pub fn depth_fragment(mut self, fragment: &str) -> Self {
         let mesh = self.scene.draws.iter().rposition(Draw::is_mesh);
-        let mesh = mesh.expect("a mesh comes before its `.depth_fragment(...)`");
+        let mesh = mesh.expect("add a mesh before `.depth_fragment(...)`");
         let draw = self.scene.draws.remove(mesh).depth_fragment(fragment);
         self.scene.draws.insert(mesh, draw);
         self
     }
 
-    /// Sets how a new value combines with the pixel's old value (default: the new value replaces the old one).
+    /// Sets the blending in all targets. By default, the new value replaces the pixel's old value.
     ///
     /// ```no_run
     /// use karat::draw::Blend;
@@ -547,7 +550,7 @@ impl<'a> Frame<'a> {
     /// # static GOLDENS: karat::Goldens = karat::goldens!("golden");
     /// SHADERS
     ///     .frame("overdraw", 64, 64)
-    ///     .blend(Blend::Add) // the fragment function returns 1: how often is a pixel shaded?
+    ///     .blend(Blend::Add) // with a fragment function that returns 1: counts how often a pixel is shaded
     ///     .fullscreen("vertex", "fragment")
     ///     .matches(&GOLDENS, "overdraw");
     /// ```
@@ -556,11 +559,12 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Sets how much the frame may differ: a [`FrameTolerance`] or a number. A number is a gate: the largest relative
-    /// difference of each channel, with no outliers allowed.
+    /// Sets how much the frame may differ from its golden: a [`FrameTolerance`] or a number. A number is a gate: the
+    /// largest relative difference that each channel may have in any pixel.
     ///
-    /// The default is [`FrameTolerance::standard`], where a frame that fails the gate of 1e-3 still passes if HDR-FLIP
-    /// sees almost no difference. Integers must be equal, and depths must be within 1e-5; HDR-FLIP doesn't judge them.
+    /// The default is [`FrameTolerance::standard`]: a gate of 1e-3. A frame that fails this gate still passes if
+    /// HDR-FLIP sees almost no difference. By default, integers must be equal, and depths must be within 1e-5. HDR-FLIP
+    /// doesn't judge integers and depths.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -573,7 +577,7 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Sets how much the frame may differ on paths with another driver or other formats than the golden's: `Path::GL`,
+    /// Sets how much the frame may differ on paths whose driver or format isn't the golden's: `Path::GL`,
     /// `"vulkan@nvidia"`, `"@llvmpipe"` (see [`Selector`]).
     ///
     /// ```no_run
@@ -600,7 +604,7 @@ impl<'a> Frame<'a> {
     /// # use karat::prelude::*;
     /// # static SHADERS: Package = karat::package!("shaders");
     /// # static GOLDENS: karat::Goldens = karat::goldens!("golden");
-    /// // The clock in the corner shows another time in each run.
+    /// // The frame's corner shows the time, which differs in each run.
     /// let clock = Rect::new(48, 0, 16, 8);
     /// let frame = SHADERS.frame("hud", 64, 64).mask(Mask::except(&[clock]));
     /// frame.fragment("fragment").matches(&GOLDENS, "hud");
@@ -610,18 +614,20 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Declares that the frame is noisy. `variance` is the variance of each pixel's mean in linear RGB: with `n`
-    /// samples a pixel, the variance of the samples divided by `n`. The golden's file keeps it. A frame that fails its
-    /// tolerance still passes if the noise of frame and golden explains the difference. [`Noise`](crate::metric::Noise)
-    /// decides that for each channel, by the means and the scatter of tiles. One frame in a hundred is rejected by
-    /// chance. HDR-FLIP isn't used unless the tolerance names it.
+    /// Declares that the frame is noisy. `variance` is the variance of each pixel's mean in linear RGB. With `n`
+    /// samples a pixel, divide the variance of the samples by `n`. The golden's file keeps the variance.
+    ///
+    /// A frame that fails its tolerance still passes if the noise of the frame and the golden explains the difference.
+    /// [`Noise`](crate::metric::Noise) decides this for each channel, from the means and the scatter of tiles. Noise
+    /// rejects one correct frame in a hundred by chance. Karat uses HDR-FLIP for a noisy frame only if the tolerance
+    /// names HDR-FLIP.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
     /// # static SHADERS: Package = karat::package!("shaders");
     /// # static GOLDENS: karat::Goldens = karat::goldens!("golden");
     /// # let variance = karat::Image::new(64, 64, vec![[0.01; 4]; 64 * 64]);
-    /// // The variance of each pixel's mean, as the path tracer estimates it.
+    /// // The path tracer's estimate of the variance of each pixel's mean.
     /// SHADERS.frame("room", 64, 64).fragment("fragment").noise(variance).matches(&GOLDENS, "room");
     /// ```
     pub fn noise(mut self, variance: Image) -> Self {
@@ -629,8 +635,8 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Adds a fact about the frame, such as its seed or its samples a pixel. The golden's file keeps it, and Karat
-    /// shows it when the frame differs.
+    /// Adds a fact about the frame, such as its seed or its samples a pixel. The golden's file keeps the fact. Karat
+    /// shows the fact if the frame differs.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -644,9 +650,9 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Keeps another frame of the same scene with the golden, such as its normals. It helps to explain a difference,
-    /// but isn't compared itself. Karat draws it only when this frame differs or is new. `name` names its part of the
-    /// EXR file: use letters, digits, `-`, `_` and `.`.
+    /// Keeps another frame of the same scene with the golden, such as a frame of its normals. It helps to explain a
+    /// difference, but Karat doesn't compare it. Karat draws it only if this frame is new or differs. `name` is the
+    /// name of its part in the EXR file. Use letters, digits, `-`, `_` and `.`.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -660,8 +666,8 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Leaves the verdicts out of the record of the run. For a test that expects a failure; it also runs with
-    /// `KARAT_FRAMES=off`.
+    /// Keeps the verdicts out of the run's record. Use it in a test that expects a failure. Such a frame is drawn even
+    /// with `KARAT_FRAMES=off`.
     ///
     /// ```
     /// # use karat::metric::Rect;
@@ -676,8 +682,8 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Declares that the frame differs from its golden on a path, and why, such as the number of a driver's bug. If the
-    /// frame matches there, the test fails until you remove the declaration.
+    /// Declares that the frame differs from its golden on a path, and gives the reason, such as the number of a
+    /// driver's bug. If the frame matches on that path, the test fails until you remove the declaration.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -691,7 +697,7 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Declares that a path refuses the frame, and why: see
+    /// Declares that a path refuses the frame, and gives the reason: see
     /// [`Check::refused_on`](crate::Check::refused_on).
     ///
     /// ```no_run
@@ -706,8 +712,8 @@ impl<'a> Frame<'a> {
         self
     }
 
-    /// Sets the place of the declaration, as `file:line:column`, if it isn't in Rust. Reports and annotations then name
-    /// that place instead of the comparing call.
+    /// Sets the position of the declaration, as `file:line:column`, for a frame that isn't declared in Rust. Reports
+    /// and annotations then show this position instead of the position of the call.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -717,7 +723,7 @@ impl<'a> Frame<'a> {
     /// frame.declared_at("shaders/sky.scene:3:1").matches(&GOLDENS, "sky");
     /// ```
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: for programs that run tests.
     pub fn declared_at(mut self, place: &str) -> Self {
         self.declared_at = Some(place.to_owned());
         self
@@ -727,7 +733,7 @@ impl<'a> Frame<'a> {
         self.declared_at.clone().unwrap_or_else(|| caller.to_string())
     }
 
-    /// Draws the frame on this executor instead of the environment's paths. Each call adds an executor: see
+    /// Draws the frame on `executor` instead of the paths of the environment. Each call adds an executor: see
     /// [`Probe::on`](crate::check::Probe::on).
     ///
     /// ```no_run
@@ -741,7 +747,7 @@ impl<'a> Frame<'a> {
     /// }
     /// ```
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: for programs that run tests.
     pub fn on(mut self, executor: &'a dyn Executor) -> Self {
         self.executors.push(executor);
         self
@@ -763,13 +769,13 @@ impl<'a> Frame<'a> {
     /// # Errors
     /// If the shader isn't valid, a fixture is missing, or the path doesn't open.
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: for programs that run tests.
     pub fn render(&self, path: Path) -> Result<Image, FrameError> {
         let executor = executor::of(path)?;
         Ok(drawn(executor, &self.drawing_on(executor)?)?)
     }
 
-    /// The drawing for an executor, with the frames that it reads.
+    /// The drawing for an executor, after drawing the frames that it reads.
     fn drawing_on(&self, executor: &dyn Executor) -> Result<Drawing<'_>, DrawError> {
         if self.inputs.is_empty() {
             return self.scene.drawing();
@@ -786,24 +792,23 @@ impl<'a> Frame<'a> {
         Ok(drawing)
     }
 
-    /// The executors that draw the frame: at least one.
     fn executors(&self) -> Result<Vec<&'a dyn Executor>, PathError> {
         executor::or_selected(&self.executors)
     }
 }
 
-/// The reason why no sanitizer checks a frame: its pixels may write a resource that other pixels see.
+/// The reason why no sanitizer checks a frame: it may write a resource that several pixels see.
 fn unwatched(drawing: &Drawing<'_>) -> Option<Watched> {
     let all = drawing.all_bindings();
     let written = all.iter().find(|binding| binding.kind.is_written())?;
     let reason = format!(
-        "the pixels of a draw may write `{}`, and `karat hazards` looks for their races",
+        "the pixels of a draw may write `{}`: only `karat hazards` checks them for races",
         written.name()
     );
     Some(Watched { reason, ..Watched::default() })
 }
 
-/// The image that an executor draws, with its size checked.
+/// Draws the frame on an executor, and checks the size of the image.
 fn drawn(executor: &dyn Executor, drawing: &Drawing<'_>) -> Result<Image, DrawError> {
     let image = executor::draw(executor, drawing)?;
     let (expected, found) = (drawing.size(), (image.width(), image.height()));

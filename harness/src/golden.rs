@@ -1,9 +1,9 @@
 //! Goldens: accepted HDR frames, and accepted values of functions and buffers.
 //!
-//! The golden of a frame has two files: `<case>.exr`, and `<case>.toml` with the same facts as text. The
-//! golden of values has one file, `<case>.csv`: a [`Table`] whose comments are its facts. A frame that has no
-//! golden, or differs from its golden, fails. Karat then writes `<case>.new.exr` or `<case>.new.csv` beside
-//! the golden, or into the folder of build output if `CI` is set. Only accepting writes a golden.
+//! The golden of a frame has two files: `<case>.exr`, and `<case>.toml` with the golden's facts as text. The
+//! golden of values has one file, `<case>.csv`: a [`Table`] with the facts in its comments. A frame fails if it
+//! has no golden or differs from its golden. Karat then writes `<case>.new.exr` or `<case>.new.csv` beside the
+//! golden, or into a folder of build output if `CI` is set. Only accepting writes a golden.
 
 pub(crate) mod acceptance;
 pub(crate) mod changes;
@@ -63,7 +63,7 @@ use crate::path::Adapter;
 pub struct Goldens {
     base: std::borrow::Cow<'static, str>,
     folder: std::borrow::Cow<'static, str>,
-    /// True if pending frames are written beside their goldens even if `CI` is set.
+    /// Writes pending frames beside their goldens even if `CI` is set.
     beside: bool,
 }
 
@@ -81,26 +81,25 @@ macro_rules! goldens {
     };
 }
 
-/// A frame to be compared.
 #[derive(Clone)]
 pub(crate) struct Rendered<'a> {
     pub(crate) image: &'a Image,
     pub(crate) adapter: &'a Adapter,
     pub(crate) shader: String,
     pub(crate) modules: Vec<LinkedModule>,
-    /// The declared tolerance. `None`: the default for this golden and this adapter.
+    /// The declared tolerance. `None` selects the default for this golden and this adapter.
     pub(crate) tolerance: Option<&'a FrameTolerance>,
     pub(crate) mask: Option<&'a Mask>,
     /// The variance of each pixel, if the frame is noisy.
     pub(crate) variance: Option<&'a Image>,
     /// Facts that the author of the test adds, by name.
     pub(crate) facts: &'a BTreeMap<String, String>,
-    /// Further parts for the file, such as AOVs. They are drawn on the frame's own path, and only if the file
-    /// is written.
+    /// Further parts for the file, such as AOVs. Karat draws the parts on the frame's own path, and only if it
+    /// writes the file.
     pub(crate) aovs: &'a dyn Fn() -> Vec<Part>,
-    /// True if a known issue is declared for the frame: then Karat writes no pending frame.
+    /// True if the test declares a known issue for the frame. Then Karat writes no pending frame.
     pub(crate) known_issue: bool,
-    /// True if the frame of another path is pending. You decide about that frame first, and run the test
+    /// True if the frame of another path is pending. You accept or reject that frame first, and run the test
     /// again.
     pub(crate) other_waits: bool,
 }
@@ -110,19 +109,21 @@ impl Rendered<'_> {
         self.tolerance.and_then(FrameTolerance::first_gate).unwrap_or_default()
     }
 
-    /// The samples' format in the file: half floats, unless rounding to half floats could look like a difference.
+    /// The sample format for the file: half floats, or 32-bit floats if rounding to half floats could look like a
+    /// difference.
     fn precision(&self) -> Precision {
         self.gate().precision_for(self.image, self.mask)
     }
 
-    /// True if the tolerance needs 32-bit floats, even if the golden has half floats. Only then does Karat
-    /// examine all pixels: rounding an ordinary frame to half floats changes it by less than its tolerance.
+    /// Checks if the tolerance needs 32-bit floats although the golden has half floats. Only a very small
+    /// tolerance makes Karat examine all pixels: rounding an ordinary frame changes it by less than the usual
+    /// tolerance.
     fn asks_for_floats(&self) -> bool {
         self.gate().relative < f16::EPSILON.to_f32() && self.precision() == Precision::Float
     }
 }
 
-/// The reason why a frame fails, or can't be compared.
+/// The reason why a frame fails, or why Karat can't compare it.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum GoldenError {
@@ -175,10 +176,10 @@ pub enum GoldenError {
         /// Advice on the next step, after you have looked at the frame.
         advice: String,
     },
-    /// There is no golden yet, and the frame can't become one.
+    /// There is no golden yet, and this frame can't become a golden.
     #[error(
         "frame `{case}` has no golden and can't become one: {difference}\n  look at `{pending}`, and \
-         mend the shader"
+         fix the shader"
     )]
     Unacceptable {
         /// The golden's name.
@@ -196,7 +197,7 @@ pub enum GoldenError {
         /// The reason.
         cause: MaskError,
     },
-    /// The pending frame can't be written.
+    /// Karat can't write the pending frame.
     #[error("frame `{case}` fails ({failure}), and its pending image can't be written: {cause}")]
     Pending {
         /// The golden's name.
@@ -209,18 +210,18 @@ pub enum GoldenError {
 }
 
 impl GoldenError {
-    /// Adds the command that shows how the worst pixel, or the first non-finite one, gets its value.
+    /// Adds the command that traces the worst pixel, or the first pixel with NaN or infinity.
     pub(crate) fn point_at_worst(&mut self) {
         let Self::Differs { case, difference, advice, .. } = self else { return };
         let (what, at) = match &**difference {
             FrameDifference::Values(found) => {
                 ("the worst pixel", found.worst.as_ref().map(|worst| (worst.x, worst.y)))
             }
-            FrameDifference::NonFinite(found) => ("the first of them", found.first),
+            FrameDifference::NonFinite(found) => ("the first of these pixels", found.first),
             _ => return,
         };
         if let Some((x, y)) = at {
-            *advice += &format!("\n  `karat trace {case} {x},{y}` shows how {what} comes about");
+            *advice += &format!("\n  `karat trace {case} {x},{y}` shows how {what} gets its value");
         }
     }
 }
@@ -243,7 +244,7 @@ impl Goldens {
         Self { base: Cow::Borrowed(base), folder: Cow::Borrowed(folder), beside: false }
     }
 
-    /// Goldens in this folder.
+    /// Goldens in the folder `folder`.
     ///
     /// ```
     /// use karat::Goldens;
@@ -271,26 +272,24 @@ impl Goldens {
         Path::new(self.base.as_ref()).join(self.folder.as_ref())
     }
 
-    /// The file of the golden for all profiles.
     fn golden(&self, case: &str) -> PathBuf {
         self.folder().join(format!("{case}.exr"))
     }
 
-    /// The file of one profile's golden.
     fn golden_of(&self, case: &str, profile: &Profile) -> PathBuf {
         self.folder().join(format!("@{profile}/{case}.exr"))
     }
 
-    /// The golden that a profile is compared with, and true if the golden is the profile's own. A profile
-    /// without its own golden uses the golden for all profiles, and never that of another profile.
+    /// The golden for comparisons on a profile. The flag is true if the golden is the profile's own. A profile
+    /// without its own golden uses the golden for all profiles, and never a golden of another profile.
     fn used(&self, case: &str, profile: &Profile) -> (PathBuf, bool) {
         let own = self.golden_of(case, profile);
-        // A broken link is a missing golden: the golden was made once.
+        // A broken link counts as the profile's own golden: somebody made that golden once.
         if own.symlink_metadata().is_ok() { (own, true) } else { (self.golden(case), false) }
     }
 
-    /// The files that a comparison depends on: the golden of the adapter's profile, and the golden for all
-    /// profiles. Files that don't exist are left out.
+    /// The files on which a comparison depends: the golden of the adapter's profile, and the golden for all
+    /// profiles. A file that doesn't exist is listed as missing.
     pub(crate) fn files(&self, case: &str, adapter: &Adapter) -> Vec<FileRead> {
         if !is_name(case) {
             return Vec::new();
@@ -299,7 +298,7 @@ impl Goldens {
         [own, self.golden(case)].iter().map(|file| FileRead::now(file)).collect()
     }
 
-    /// The golden that a pending frame was compared with.
+    /// The golden with which Karat compared a pending frame.
     ///
     /// ```no_run
     /// use karat::Goldens;
@@ -322,8 +321,8 @@ impl Goldens {
         }
     }
 
-    /// Compares an image that another program drew with a golden, within the default tolerance of frames. An
-    /// image that differs, or has no golden yet, becomes a pending frame.
+    /// Compares an image that another program drew with a golden, within the default tolerance of frames. If the
+    /// image differs, or has no golden yet, Karat writes it as a pending frame.
     ///
     /// ```no_run
     /// use karat::unstable::path::Adapter;
@@ -369,7 +368,7 @@ impl Goldens {
         )
     }
 
-    /// Loads the golden of a frame, compares the frame with it, and writes or removes the pending frame.
+    /// Compares a frame with its golden, and writes or removes the pending frame.
     pub(crate) fn check(
         &self,
         case: &str,
@@ -380,7 +379,6 @@ impl Goldens {
         self.settle(case, frame, &loaded, compared)
     }
 
-    /// The golden of a frame, if there is one.
     fn load(&self, case: &str, frame: &Rendered<'_>) -> Result<Loaded, GoldenError> {
         if !is_name(case) {
             return Err(GoldenError::Name(case.to_owned()));
@@ -402,7 +400,7 @@ impl Goldens {
         Ok(Loaded { file, golden, profile })
     }
 
-    /// Removes the pending frame if the frame agrees with its golden; otherwise writes the frame as pending.
+    /// Removes the pending frame if the frame agrees with its golden. Otherwise writes the frame as pending.
     fn settle(
         &self,
         case: &str,
@@ -424,7 +422,7 @@ impl Goldens {
             }
             compared => compared.err(),
         };
-        // A known issue needs no decision, so no pending frame is written.
+        // Nobody has to decide about a known issue, so Karat writes no pending frame.
         let is_known = loaded.golden.is_some()
             && frame.known_issue
             && difference.as_ref().is_some_and(FrameDifference::is_of_values);
@@ -451,7 +449,8 @@ impl Goldens {
                 let advice = match &pending {
                     None => String::new(),
                     Some(_) if frame.other_waits => {
-                        "which is the frame of another path: decide about that one first".to_owned()
+                        "which is another path's frame: accept or reject that frame first"
+                            .to_owned()
                     }
                     Some(pending) => self.advice(pending, &difference, &loaded.file),
                 };
@@ -468,21 +467,20 @@ impl Goldens {
         })
     }
 
-    /// True if a profile with its own golden would also pass with the golden for all profiles.
+    /// Checks if a profile with its own golden would also pass with the golden for all profiles.
     fn base_passes(&self, case: &str, frame: &Rendered<'_>) -> bool {
         let base = Reference::read(&self.golden(case), frame.variance.is_some());
         base.is_ok_and(|base| base.compare(frame).is_ok())
     }
 
-    /// Advice about a frame that differs.
     fn advice(&self, pending: &Pending, difference: &FrameDifference, golden: &Path) -> String {
         if matches!(difference, FrameDifference::NonFinite(_)) {
-            return "and mend the shader: nothing could ever agree with such a frame".to_owned();
+            return "and fix the shader: no golden could ever agree with such a frame".to_owned();
         }
         let Pending { case, provenance, .. } = pending;
         if provenance.finding.as_ref().is_some_and(|finding| finding.base_passes) {
             return format!(
-                "then delete `{}` with its `.toml` and run the test again: the golden for all passes",
+                "then delete `{}` with its `.toml` and run the test again: the frame passes with the golden for all profiles",
                 shown(golden)
             );
         }
@@ -493,24 +491,24 @@ impl Goldens {
     }
 }
 
-/// True if a golden can have this name: letters, digits, `-`, `_` and `/` only, so that no name leaves the folder.
+/// Checks if a golden can have this name: letters, digits, `-`, `_` and `/` only, so that no name leads out of
+/// the folder.
 fn is_name(case: &str) -> bool {
     let sound = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_');
     case.split('/').all(|part| !part.is_empty() && part.chars().all(sound))
 }
 
-/// The golden that a frame is compared with.
 struct Loaded {
     file: PathBuf,
-    /// `None`: there is no golden yet.
+    /// `None` if there is no golden yet.
     golden: Option<Reference>,
-    /// The profile of the frame's adapter, if the golden is its own.
+    /// The profile of the frame's adapter, if the profile has its own golden.
     profile: Option<Profile>,
 }
 
 impl Loaded {
-    /// Compares a frame with its golden. A frame without a golden is compared with itself, which finds NaN
-    /// and infinities.
+    /// Compares a frame with its golden. A frame without a golden is compared with itself, which finds NaN and
+    /// infinities.
     fn compare(&self, frame: &Rendered<'_>) -> Result<FrameMargin, FrameDifference> {
         match &self.golden {
             Some(golden) => golden.compare(frame),
@@ -529,7 +527,6 @@ impl Loaded {
         }
     }
 
-    /// The facts of the comparison, which are stored in the pending frame.
     fn against(&self, frame: &Rendered<'_>, finding: Option<FrameFinding>) -> Against {
         Against {
             hash: self.golden.as_ref().map_or_else(String::new, Reference::hash),

@@ -1,7 +1,7 @@
 //! Runs functions of a package in Karat's engine, which needs no driver.
 //!
-//! The engine knows naga's IR and words; a check knows functions, fixtures and the author's files. This module connects
-//! the two.
+//! The engine works with naga's IR and 32-bit words. A check works with functions, fixtures and source files. This
+//! module connects the engine and checks.
 
 mod alone;
 pub mod asserted;
@@ -59,47 +59,46 @@ pub use sanitizer::{examine, examine_made_up};
 pub use work::{evaluations, long_cases};
 pub use written::written;
 
-/// A lowered function, with the resources that it reads.
+/// A lowered function with its resources.
 #[derive(Debug)]
 pub struct Interpreted {
     lowered: Lowered,
     resources: Resources,
-    /// The scalars of a case's arguments and of its result.
     arguments: Vec<Scalar>,
-    /// The layout of a quad's four pixels, if each case is a quad.
+    /// The layout of a quad's four pixels. It is set if each case is a quad.
     quads: Option<Quads>,
     results: Vec<Scalar>,
     function: Box<Function>,
-    /// Maps places to the author's files.
+    /// The program, which maps expressions to positions in source files.
     program: Arc<Program>,
-    /// The most rounds of loops that a case may make.
+    /// The largest number of loop rounds that a case may take.
     fuel: u64,
-    /// Set if subnormals are zero.
+    /// Set if the arithmetic treats subnormals as zero.
     flush: bool,
 }
 
-/// The settings with which an arithmetic of the path `cpu` lowers programs.
+/// The settings for lowering programs with one of the arithmetics of path `cpu`.
 fn lowering(via: Via) -> Settings {
     let (contract, statements) = (via == Via::Fma, counted::counts());
-    // Tests look at the values of assertions.
+    // Assertions need names so that tests can observe their values.
     let named: &[&str] = if statements { &[ASSERTED] } else { &[] };
     Settings { contract, statements, named, ..Settings::default() }
 }
 
-/// The most rounds even for loops with a bound: a case would take minutes.
+/// The largest number of rounds for a case whose loops have a bound. A case with more rounds would take minutes.
 const MOST_FUEL: u64 = 1 << 32;
 
-/// The most rounds of loops for a proof about many arguments at once: while an exit is undecided, and otherwise.
+/// The largest number of rounds in a proof about many arguments at once: while an exit is undecided, and in total.
 const FEW_ROUNDS: u64 = 16;
 const MANY_ROUNDS: u64 = 4096;
 
 impl Interpreted {
-    /// Lowers a function. An operation that the engine can't execute is an error with its place.
+    /// Lowers a function. If the engine can't execute an operation, the error has the operation's position.
     pub fn new(probed: &Probed, fixtures: &Fixtures) -> Result<Self, ProbeError> {
         Self::with(probed, fixtures, &Settings::default())
     }
 
-    /// The same with an arithmetic of the path `cpu`.
+    /// Like `new`, with one of the arithmetics of path `cpu`.
     pub(crate) fn rounding(
         probed: &Probed,
         fixtures: &Fixtures,
@@ -114,8 +113,8 @@ impl Interpreted {
         if function.form.alone {
             let name = &function.name;
             let message = format!(
-                "`{name}` writes what is seen outside of it: of such a function Karat's engine has values, and neither \
-                 bounds nor hazards. `karat hazards` looks at the entry points that call it"
+                "`{name}` writes data that is visible outside of the function: Karat's engine computes its values, but no \
+                 bounds or hazards. `karat hazards` checks the entry points that call it"
             );
             return Err(PathError::Route { path: Path::CPU, message }.into());
         }
@@ -136,8 +135,8 @@ impl Interpreted {
             function: Box::new(function.clone()),
             flush: false,
             program: Arc::clone(program),
-            // Loops with a bound end by themselves. The round in which a loop is left counts here, too; there is at
-            // most one such round for each round of the loop around it.
+            // A loop with a bound ends. The last check of a loop's condition counts as a round, too. There is at most
+            // one such check for each round of the surrounding loop.
             fuel: match program.most_rounds() {
                 Some(rounds) => rounds.saturating_mul(2).min(MOST_FUEL).max(settings::fuel()),
                 None => settings::fuel(),
@@ -145,33 +144,31 @@ impl Interpreted {
         })
     }
 
-    /// The same, stopped after this number of rounds of loops.
+    /// Sets the largest number of loop rounds.
     pub(crate) fn with_fuel(self, fuel: u64) -> Self {
         Self { fuel, ..self }
     }
 
-    /// The same for rows that have the arguments at all pixels of a quad, of which this one is wanted.
+    /// Prepares for rows with the arguments of all four pixels of a quad. The results are those of pixel `own`.
     fn at_pixel(mut self, own: usize) -> Self {
         self.quads.iter_mut().for_each(|quads| quads.own = Some(own));
         self
     }
 
-    /// The pixel of a quad whose results are wanted.
     fn own(&self) -> usize {
         self.quads.as_ref().and_then(|quads| quads.own).unwrap_or(0)
     }
 
-    /// Where the function is declared.
+    /// The position of the function's declaration.
     pub(crate) fn place(&self) -> &Span {
         &self.function.span
     }
 
-    /// The scalars of a result.
     pub(crate) fn results(&self) -> &[Scalar] {
         &self.results
     }
 
-    /// The results of some cases, as the words that a driver would write.
+    /// The results of some cases, as a driver would write them.
     pub(crate) fn words(&self, cases: usize, arguments: &[u32]) -> Result<Vec<u32>, ProbeError> {
         let counts = self.lowered.counts();
         let options = Options { counts: counts.clone(), ..self.options() };
@@ -199,8 +196,9 @@ impl Interpreted {
         Ok(words)
     }
 
-    /// The lanes of the results that WGSL leaves open. They depend on a read or a write outside an array or a texture;
-    /// or on a derivative, or a texture sampled with one, whose errors have no bound (15.7.4).
+    /// For each lane of the results, `true` if WGSL allows other values. Such a lane depends on a read or a write
+    /// outside of an array or a texture. Or it depends on a derivative or on a sampled texture's mip level, whose
+    /// errors have no bound (15.7.4).
     pub fn strays(&self, cases: usize, arguments: &[u32]) -> Result<Vec<bool>, ProbeError> {
         let mut open = self.of_outside(cases, arguments)?;
         if let Some(quads) = &self.quads {
@@ -209,7 +207,7 @@ impl Interpreted {
         Ok(open)
     }
 
-    /// The lanes of the results that depend on a read or a write outside an array or a texture.
+    /// For each lane of the results, `true` if it depends on a read or a write outside of an array or a texture.
     fn of_outside(&self, cases: usize, arguments: &[u32]) -> Result<Vec<bool>, ProbeError> {
         differing(|outside| {
             let options = Options { outside, ..self.options() };
@@ -217,13 +215,13 @@ impl Interpreted {
         })
     }
 
-    /// The values that WGSL allows for each lane of some results. Constants count as the decimals that were rounded to
-    /// them, because a reference uses those.
+    /// The values that WGSL allows for each lane of some results. The bounds use the exact decimals of the shader's
+    /// constants, as a reference does.
     pub fn bounds(&self, cases: usize, arguments: &[u32]) -> Result<Vec<Bound>, ProbeError> {
         self.bounded(cases, arguments, &Options { decimals: true, ..self.options() })
     }
 
-    /// The values that WGSL allows a driver to return, with the shader's rounded constants: within
+    /// The values that WGSL allows a driver to return. They use the constants rounded to `f32`, so they lie within
     /// [`bounds`](Self::bounds).
     pub(crate) fn driver_bounds(
         &self,
@@ -233,7 +231,7 @@ impl Interpreted {
         self.bounded(cases, arguments, &self.options())
     }
 
-    /// [`bounds`](Self::bounds) for an adapter that was measured: never wider.
+    /// Like [`bounds`](Self::bounds), with the measured accuracy of an adapter. The bounds are equal or narrower.
     pub(crate) fn measured_bounds(
         &self,
         cases: usize,
@@ -256,8 +254,8 @@ impl Interpreted {
         Ok((0..cases).flat_map(|case| results.row(case)).map(Bound::of).collect())
     }
 
-    /// [`driver_bounds`](Self::driver_bounds) for all arguments between two rows. `None` if a row has more than the
-    /// arguments.
+    /// The [`driver_bounds`](Self::driver_bounds) for all arguments between two rows. It is `None` for quads and for
+    /// 16-bit floats.
     pub(crate) fn bounds_between(
         &self,
         cases: usize,
@@ -266,21 +264,21 @@ impl Interpreted {
         if self.quads.is_some() || self.arguments.contains(&Scalar::F16) {
             return Ok(None);
         }
-        // A proof doesn't wait for a long loop.
+        // Gives up on long loops, because a proof must be quick.
         let options = Options { undecided: FEW_ROUNDS, fuel: MANY_ROUNDS, ..self.options() };
         let results = self.lowered.call_between(cases, rows, &self.resources, &options, &());
         let results = results.map_err(|stop| stopped(&self.program, &self.function.name, &stop))?;
         Ok(Some((0..cases).flat_map(|case| results.row(case)).map(Bound::of).collect()))
     }
 
-    /// Runs once for all arguments between two rows; returns `false` if that isn't possible.
+    /// Runs the function once for all arguments between two rows. Returns `false` if the engine can't.
     fn watched_between(&self, rows: [&[u32]; 2], observer: &dyn Observer<Intervals>) -> bool {
         let options = Options { undecided: FEW_ROUNDS, fuel: MANY_ROUNDS, ..self.options() };
         let ran = || self.lowered.call_between(1, rows, &self.resources, &options, observer);
         self.quads.is_none() && ran().is_ok()
     }
 
-    /// Results in double precision.
+    /// The results in double precision.
     pub(crate) fn shadow(&self, cases: usize, arguments: &[u32]) -> Result<Vec<f64>, ProbeError> {
         let results = self.call::<F64>(cases, arguments)?;
         let pixels = self.lanes();
@@ -294,25 +292,25 @@ impl Interpreted {
         Ok(lanes.map(value).collect())
     }
 
-    /// The lanes of a case: a quad has one for each pixel.
+    /// The number of lanes that a case uses. A quad uses one for each pixel.
     fn lanes(&self) -> usize {
         if self.quads.is_some() { quads::PIXELS } else { 1 }
     }
 
-    /// Fails for functions whose results WGSL doesn't bound.
+    /// Fails if WGSL doesn't bound the function's results.
     fn expect_bounds(&self) -> Result<(), ProbeError> {
         if self.quads.is_none() {
             return Ok(());
         }
         let name = &self.function.name;
         let message = format!(
-            "`{name}` takes derivatives, of which WGSL doesn't say how exact they are: use a tolerance \
-             of your own"
+            "`{name}` takes derivatives, for which WGSL requires no accuracy: use your own tolerance \
+             instead"
         );
         Err(PathError::Route { path: Path::CPU, message }.into())
     }
 
-    /// The operation that made a bound infinite: its place in the author's file, and its text.
+    /// The operation that made a bound infinite: its position in the source file, and its text.
     pub fn cause(&self, bound: &Bound) -> Option<(Span, String)> {
         let Bound::Float(interval) = bound else { return None };
         author(&self.program, self.lowered.cause(*interval)?.span.to_range()?)
@@ -350,7 +348,7 @@ impl Interpreted {
 
     fn error(&self, stop: &Stop) -> ProbeError {
         match stopped(&self.program, &self.function.name, stop) {
-            // A case is all pixels of its quad.
+            // A case has all pixels of its quad.
             ProbeError::Rounds { case, diagnostic } if self.quads.is_some() => {
                 ProbeError::Rounds { case: case / quads::PIXELS, diagnostic }
             }
@@ -369,14 +367,14 @@ impl Interpreted {
             Some(quads) => (cases * quads::PIXELS, Cow::Owned(quads.pixels(arguments))),
             None => (cases, Cow::Borrowed(arguments)),
         };
-        // Cases store 16-bit floats as 32-bit ones; the engine takes the 16-bit pattern.
+        // Rows have 16-bit floats as 32-bit floats. The engine needs the 16-bit pattern.
         let half = |word: &u32| u32::from(half::f16::from_f32(f32::from_bits(*word)).to_bits());
         each_half(&self.arguments, || rows.to_mut(), half);
         self.lowered.call::<A>(cases, &rows, &self.resources, options, observer)
     }
 }
 
-/// A lowered function that writes nothing visible outside itself.
+/// Lowers a function, and checks that it writes nothing that is visible outside of it.
 fn lowered(probed: &Probed, settings: &Settings) -> Result<Lowered, ProbeError> {
     let Probed { program, function, .. } = probed;
     let settings = Settings { quads: function.form.fragment, ..settings.clone() };
@@ -390,7 +388,7 @@ fn lowered(probed: &Probed, settings: &Settings) -> Result<Lowered, ProbeError> 
     Ok(lowered.map_err(|refusal| refused(program, &refusal))?)
 }
 
-/// The place and the text of an expression in the author's file.
+/// The position and the text of an expression in the source file.
 pub(crate) fn author(program: &Program, range: ops::Range<usize>) -> Option<(Span, String)> {
     let span = program.resolve(range)?;
     if let Some(own) = expression_of(&span) {
@@ -401,7 +399,7 @@ pub(crate) fn author(program: &Program, range: ops::Range<usize>) -> Option<(Spa
     Some((span, text))
 }
 
-/// An operation in the author's file, with its text. naga gives `-x` the place of `x`.
+/// The position and the text of an operation in the source file. naga gives `-x` the range of `x`.
 fn author_of(program: &Program, site: &Site) -> Option<(Span, String)> {
     let range = site.span.to_range()?;
     let (mut span, text) = author(program, range)?;
@@ -419,20 +417,20 @@ fn author_of(program: &Program, site: &Site) -> Option<(Span, String)> {
     Some((span, text))
 }
 
-/// The first line of a statement, a condition or an access.
+/// The first line of a statement, a condition or an access, in the source file.
 fn statement_of(program: &Program, site: &Site) -> Option<Span> {
     let mut span = program.resolve(site.span.to_range()?)?;
-    // naga's place of a `for` condition includes the space before it.
+    // naga's range of a `for` condition includes the space before the condition.
     let text = span.file.text.get(span.range.clone())?;
     span.range.start += text.len() - text.trim_start().len();
-    // naga's place of a call is only its name.
+    // naga's range of a call has only the function's name.
     if let Some(whole) = crate::reflect::whole_call(&span.file.text, span.range.clone()) {
         span.range.end = span.range.start + whole.len();
     }
     Some(span.first_line())
 }
 
-/// The values that WGSL allows for a lane.
+/// The values that WGSL allows for one lane.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Bound {
     /// The bound of a float.
@@ -452,17 +450,17 @@ impl Bound {
         }
     }
 
-    /// Returns `true` if WGSL allows this value.
+    /// Checks if WGSL allows a value.
     pub fn allows(&self, value: f64) -> bool {
         self.ends().is_none_or(|(least, most)| least <= value && value <= most)
     }
 
-    /// Returns `true` if it is unbounded only because implementations may reorder the operations.
+    /// Checks if the bound is infinite only because implementations may reorder operations.
     pub(crate) fn is_reordered(&self) -> bool {
         matches!(self, Self::Float(x) if x.is_reordered())
     }
 
-    /// The smallest and the largest allowed value; `None` if any value is allowed.
+    /// The smallest and the largest allowed value. `None` says that any value is allowed.
     pub fn ends(&self) -> Option<(f64, f64)> {
         match self {
             Self::Float(x) => x.is_bounded().then(|| (f64::from(x.lo()), f64::from(x.hi()))),
@@ -475,7 +473,8 @@ impl Bound {
     }
 }
 
-/// For each word that passes write, `true` if it depends on a read or a write outside an array, which WGSL leaves open.
+/// For each word that passes write, `true` if it depends on a read or a write outside of an array. WGSL allows several
+/// values for such a word.
 pub fn strays(passes: &Passes) -> Result<Vec<bool>, DispatchError> {
     differing(|outside| {
         let options = |_: usize| Options { outside, ..dispatch::options() };
@@ -484,7 +483,8 @@ pub fn strays(passes: &Passes) -> Result<Vec<bool>, DispatchError> {
     })
 }
 
-/// For each word, `true` if it changes with the values read outside arrays, or with the fate of writes there.
+/// For each word, `true` if it depends on the values that reads outside of arrays return, or on the target of such
+/// writes.
 fn differing<E>(run: impl Fn(Choice) -> Result<Vec<u32>, E>) -> Result<Vec<bool>, E> {
     let usual = run(Choice::default())?;
     let mut differs = vec![false; usual.len()];
@@ -496,7 +496,7 @@ fn differing<E>(run: impl Fn(Choice) -> Result<Vec<u32>, E>) -> Result<Vec<bool>
     Ok(differs)
 }
 
-/// The name of an invocation, by its number; for a draw, its pixel.
+/// The name of the invocation `number`. For a draw, it is the name of a pixel.
 fn invocation(pass: &Pass, size: [u32; 3], number: usize) -> String {
     if pass.drawn.is_none() {
         return pass.invocation(size, number);
@@ -505,7 +505,7 @@ fn invocation(pass: &Pass, size: [u32; 3], number: usize) -> String {
     format!("pixel ({x}, {y})")
 }
 
-/// The error for an operation that the engine can't execute, with its place in the author's file.
+/// The error for an operation that the engine can't execute, with the operation's position.
 fn refused(program: &Program, refusal: &Refusal) -> PathError {
     let place = place(program, refusal.span.to_range());
     let place = place.map_or_else(String::new, |place| format!(" ({place})"));
@@ -520,28 +520,28 @@ fn stopped(program: &Program, name: &str, stop: &Stop) -> ProbeError {
     let (span, case, message, note) = match stop {
         Stop::Fuel { span, case, rounds, own } => {
             let which = match is_of_several(*rounds, *own) {
-                true => "all of its loops together",
+                true => "its loops together",
                 false => "this loop",
             };
-            let message = format!(
-                "on path `cpu` `{name}` was stopped: {which} had gone round {rounds} times"
-            );
-            let note = "where it is to go round more often, set KARAT_FUEL to that number";
+            let message =
+                format!("on path `cpu` `{name}` was stopped: {which} had run {rounds} rounds");
+            let note = "if the loop needs more rounds, set KARAT_FUEL to a larger number";
             (span, case, message, note)
         }
         Stop::Late { span, case } => {
             let seconds = settings::deadline().as_secs_f64();
             let message = format!(
-                "on path `cpu` `{name}` was stopped: after {seconds} s it was still in this loop"
+                "on path `cpu` `{name}` was stopped: this loop was still running after {seconds} s"
             );
-            let note = "where it is to take longer, set KARAT_TIMEOUT to the seconds that it may";
+            let note =
+                "if the loop needs more time, set KARAT_TIMEOUT to a larger number of seconds";
             (span, case, message, note)
         }
         Stop::Waits { span, case } => {
             let message = format!(
-                "on path `cpu` `{name}` was stopped: this loop waits for a word that nothing changes any more"
+                "on path `cpu` `{name}` was stopped: this loop waits for a value that no invocation can change any more"
             );
-            let note = "an invocation has to store that word, and not behind a loop or a barrier in which it waits itself";
+            let note = "another invocation must store that value before its own next loop or barrier that waits";
             (span, case, message, note)
         }
         other => {
@@ -556,13 +556,13 @@ fn stopped(program: &Program, name: &str, stop: &Stop) -> ProbeError {
     ProbeError::Rounds { case: *case, diagnostic: Box::new(diagnostic) }
 }
 
-/// Returns `true` if nested loops used up the rounds together, and none did so alone: then each of them may end. A loop
-/// without an end is still reported if one round of it has up to 15 rounds of others.
+/// Checks if several nested loops used up the rounds together, and none of them did so on its own. Each of these loops
+/// may end. The check still reports an endless loop with up to 15 rounds of inner loops in each of its rounds.
 fn is_of_several(rounds: u64, own: u64) -> bool {
     own < rounds / 16
 }
 
-/// Changes the 16-bit floats of rows.
+/// Converts the 16-bit floats in rows.
 fn each_half<'w>(
     scalars: &[Scalar],
     words: impl FnOnce() -> &'w mut Vec<u32>,

@@ -1,19 +1,20 @@
-//! Jobs: work for an executor as data. A job has linked WGSL, resources as words, and the numbers of the resources that
-//! it returns.
+//! Jobs: requests to an executor, as data. A job contains linked WGSL, resources as `u32` words, and the
+//! numbers of the resources that it returns.
 //!
-//! A [`Job`] depends on nothing of wgpu, naga or the harness, so anything can run it: another implementation of WebGPU,
-//! an engine, or a device on another machine. KARAT_EXECUTORS names programs that run jobs:
+//! A [`Job`] doesn't depend on wgpu, naga or the harness. So any program can run a job: another implementation
+//! of WebGPU, an engine, or a program that uses a device on another machine. `KARAT_EXECUTORS` names programs
+//! that run jobs:
 //!
 //! ```sh
 //! KARAT_EXECUTORS='mine=target/debug/mine' KARAT_PATHS=process@mine cargo test
 //! ```
 //!
-//! Such a program writes a [`Greeting`](crate::path::Greeting) as its first line. Then it reads one job in each line,
-//! as JSON, and writes an [`Answer`] for each, as a line. It ends when its input ends. If it ends earlier, Karat shows
-//! its stderr. A call of a function is a job, too. Its text has the kernel around the function, and Karat checks that
-//! each word was written by the case that it belongs to.
+//! Such a program writes a [`Greeting`](crate::path::Greeting) as its first line. Then the program reads jobs,
+//! each as one line of JSON, and writes an [`Answer`] to each job, also as a line. The program ends when its
+//! input ends. If it ends earlier, Karat shows its stderr. Karat also calls functions by jobs: the job's WGSL
+//! contains a kernel that calls the function. Karat checks that the right case wrote each word of the results.
 //!
-//! [`serve`](crate::executor::serve) turns one of Karat's own paths into such a program.
+//! [`serve`](crate::executor::serve) makes such a program from one of Karat's own paths.
 
 mod lower;
 mod raise;
@@ -30,7 +31,7 @@ pub(crate) use raise::run;
 use crate::draw::{Blend, Draw, Format, Source as FrameSource};
 use crate::fixture::{Sampler, Texture};
 
-/// Work to run, and the resources whose contents are its result.
+/// A request to an executor: the work, its resources, and the numbers of the resources to return.
 ///
 /// ```
 /// use karat::unstable::job::Job;
@@ -46,27 +47,27 @@ use crate::fixture::{Sampler, Texture};
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Job {
-    /// The version of this data: 1.
+    /// The version of the job format: 1.
     pub jobs: u32,
-    /// Its number, which its [`Answer`] repeats.
+    /// The job's number. The [`Answer`] repeats it.
     pub id: u64,
-    /// The resources that shaders read and write. Their indices are their numbers.
+    /// The resources that shaders read and write. A resource's number is its index in this list.
     pub resources: Vec<Resource>,
-    /// The numbers of the resources whose contents are the result. A frame's result is its image.
+    /// The numbers of the resources to return. For a frame, the executor returns the image instead.
     pub outputs: Vec<usize>,
-    /// The time limit.
+    /// The time limit in seconds.
     pub seconds: f64,
-    /// The passes, or a frame.
+    /// The work: compute passes, or a frame.
     pub work: Work,
 }
 
-/// The work of a job.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Work {
     /// Compute passes, one after another, over the same resources.
     Passes(Vec<Pass>),
-    /// A frame. Its image is the first output: four linear floats a pixel, as words, with the top row first.
+    /// A frame. The first output is its image, from the top row on. Each pixel has four linear floats, as
+    /// words.
     Frame(Box<Frame>),
 }
 
@@ -74,45 +75,45 @@ pub enum Work {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Shader {
-    /// Its whole text.
+    /// The shader's whole text.
     pub wgsl: String,
-    /// The author's files that it was made from.
+    /// The parts of the text that come from the author's files.
     pub sources: Vec<Source>,
-    /// The values of its overrides by WebGPU's keys: the `@id`s, or the names in the text.
+    /// The values of the shader's overrides by WebGPU's keys: each key is the `@id`, or the name in the text.
     pub overrides: BTreeMap<String, f64>,
 }
 
-/// A stretch of a shader's text that its author wrote.
+/// A part of a shader's text that the author wrote.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Source {
-    /// Its byte range in the text.
+    /// The byte range of the part in the shader's text.
     pub bytes: Range<usize>,
     /// The author's file.
     pub file: String,
-    /// The line of that file on which the stretch begins, from 1.
+    /// The line of that file on which the part begins, counted from 1.
     pub line: usize,
 }
 
-/// A dispatch.
+/// One dispatch of an entry point.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Pass {
-    /// The shader.
+    /// The shader that contains the entry point.
     pub shader: Shader,
-    /// The name of its compute function.
+    /// The name of the compute entry point.
     pub entry_point: String,
     /// The resources that the function uses.
     pub bindings: Vec<Bound>,
-    /// Workgroups in each direction.
+    /// The number of workgroups in each direction.
     pub workgroups: [u32; 3],
 }
 
-/// A resource and its place in a shader.
+/// A resource, and the binding to which it belongs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Bound {
-    /// `@group` and `@binding`; `None` for `var<immediate>`.
+    /// The numbers in `@group` and `@binding`. `None` for `var<immediate>`.
     pub at: Option<[u32; 2]>,
     /// The number of the resource.
     pub resource: usize,
@@ -124,15 +125,16 @@ pub struct Bound {
 pub enum Resource {
     /// A buffer, in the layout of its variable.
     Buffer {
-        /// Its 32-bit words. As an output it has the same number.
+        /// The buffer's 32-bit words. As an output, the buffer has the same number of words.
         #[serde(with = "words")]
         words: Vec<u32>,
     },
-    /// A texture. As an output it has four words for each texel of its first level.
+    /// A texture. As an output, it has four words for each texel of its first level.
     Texture {
-        /// The format of a storage texture, by WGSL's name. Other textures may have any format that keeps their texels.
+        /// The WGSL name of the format of a storage texture. Other textures may have any format that can store
+        /// their texels exactly.
         format: Option<String>,
-        /// Its texels.
+        /// The texels of the texture.
         texture: Texture,
     },
     /// A sampler.
@@ -152,7 +154,7 @@ impl Job {
 }
 
 impl Resource {
-    /// The number of its words as an output.
+    /// The number of words that the resource has as an output.
     pub(crate) fn words(&self) -> usize {
         match self {
             Self::Buffer { words } => words.len(),
@@ -164,32 +166,32 @@ impl Resource {
     }
 }
 
-/// A frame, with all of its state.
+/// A frame, with its whole render state.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Frame {
-    /// The shader with all of its functions.
+    /// The shader, with all functions that the frame uses.
     pub shader: Shader,
-    /// Pixels across.
+    /// The width in pixels.
     pub width: u32,
-    /// Pixels down.
+    /// The height in pixels.
     pub height: u32,
-    /// The draws, in order.
+    /// The draws, in the order in which they run.
     pub draws: Vec<Drawn>,
-    /// Set if a depth pre-pass comes first; colour is then drawn where the depth is equal.
+    /// `true` if a depth pre-pass comes first. The colour passes then draw only where the depth is equal.
     pub prepass: bool,
-    /// How a new value combines with a pixel's old value, unless a draw sets it.
+    /// The operation that combines a new value with a pixel's old value, unless a draw sets its own.
     pub blend: Blend,
-    /// The formats of the colour targets. `float` is RGBA of 32 bits, or of 16 if a device can't blend or resolve 32
-    /// bits.
+    /// The formats of the colour targets. `float` means RGBA with 32 bits per channel, or with 16 bits if a
+    /// device can't blend or resolve 32 bits.
     pub formats: Vec<Format>,
-    /// The source of the image.
+    /// The target that becomes the image.
     pub result: FrameSource,
-    /// Samples a pixel.
+    /// The number of samples per pixel.
     pub samples: u32,
-    /// The clear colour of the targets.
+    /// The colour to which the targets are cleared.
     pub clear: [f32; 4],
-    /// The clear depth.
+    /// The depth to which the depth buffer is cleared.
     pub clear_depth: f32,
 }
 
@@ -197,15 +199,15 @@ pub struct Frame {
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Drawn {
-    /// The draw. If it has no vertex function, it uses that of `covering`.
+    /// The draw. If it has no vertex function, it uses the vertex function of `covering`.
     pub draw: Draw,
-    /// A module with a vertex function whose triangle covers the frame.
+    /// A module with a vertex function that draws a triangle over the whole frame.
     pub covering: Option<String>,
-    /// The resources that its functions use.
+    /// The resources that the draw's functions use.
     pub bindings: Vec<Bound>,
 }
 
-/// The line that answers a job.
+/// The answer to a job, which the program writes as one line.
 ///
 /// ```
 /// use karat::unstable::job::{Answer, Reply};
@@ -219,7 +221,7 @@ pub struct Drawn {
 pub struct Answer {
     /// The job's number.
     pub id: u64,
-    /// Its result.
+    /// The job's result.
     pub reply: Reply,
 }
 
@@ -227,11 +229,11 @@ pub struct Answer {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub enum Reply {
-    /// The words of each output, in the job's order.
+    /// The words of each output, in the order of the job's `outputs`.
     Done(#[serde(deserialize_with = "words::all")] Vec<Vec<u32>>),
-    /// The shader was refused: nothing has run.
+    /// The executor refused the shader, and ran nothing.
     Refused(Problem),
-    /// The job has no result.
+    /// The job failed while it ran.
     Failed(Problem),
 }
 
@@ -244,7 +246,7 @@ pub struct Problem {
     /// The number of the pass with the problem, or 0.
     #[serde(default)]
     pub pass: usize,
-    /// The bytes of that pass's text with the problem.
+    /// The byte range of the problem in the text of that pass.
     #[serde(default)]
     pub bytes: Option<Range<usize>>,
 }

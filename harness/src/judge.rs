@@ -1,4 +1,5 @@
-//! The judges of cases and of buffer elements: they compare rows of words with assertions, and add up the results.
+//! The judges of cases and of buffer elements. They compare rows of words with an assertion, and sum up the
+//! results.
 
 use std::ops::Range;
 
@@ -8,7 +9,7 @@ use crate::record::{self, ExpectationDetails};
 use crate::tolerance::{LaneError, Tolerance, Unit};
 use crate::value::Scalar;
 
-/// The judgement of one case: that of its worst lane.
+/// The judgement of one case: the error of its worst component.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Judged {
     pub(crate) measure: LaneError,
@@ -32,12 +33,12 @@ pub(crate) enum Class {
     Conditioning,
     /// WGSL allows any result.
     Unbounded,
-    /// The case asserted nothing.
+    /// The case evaluated no expectation.
     Idle,
     Other,
 }
 
-/// The number of failing cases, by kind.
+/// The numbers of cases and failures, and the number of failures of each kind.
 ///
 /// ```
 /// # use karat::check::Failure;
@@ -50,41 +51,41 @@ pub(crate) enum Class {
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Census {
-    /// Number of cases that were compared.
+    /// The number of cases that Karat compared.
     pub cases: u64,
-    /// Number of cases that failed.
+    /// The number of cases that failed.
     pub failures: u64,
-    /// Number of failures whose worst component is NaN.
+    /// The number of failures with NaN as the worst component.
     pub nan: u64,
-    /// Number of failures whose worst component is infinite.
+    /// The number of failures with an infinite worst component.
     pub infinite: u64,
-    /// Number of failures whose worst component has the opposite sign of the reference.
+    /// The number of failures in which the worst component has the opposite sign of the reference.
     pub wrong_sign: u64,
-    /// Number of failures whose worst component is below the reference.
+    /// The number of failures in which the worst component is below the reference.
     pub too_low: u64,
-    /// Number of failures whose worst component is above the reference.
+    /// The number of failures in which the worst component is above the reference.
     pub too_high: u64,
-    /// Number of failures under [`Spec`](crate::Spec) because WGSL doesn't allow the reference's value.
+    /// The number of failures under [`Spec`](crate::Spec) because WGSL doesn't allow the reference's value.
     pub shader: u64,
-    /// Number of failures under [`Spec`](crate::Spec) because WGSL doesn't allow the result.
+    /// The number of failures under [`Spec`](crate::Spec) because WGSL doesn't allow the result.
     pub driver: u64,
-    /// Number of failures under [`Spec`](crate::Spec) because WGSL allows results that are too far apart.
+    /// The number of failures under [`Spec`](crate::Spec) because WGSL allows too large a range of results.
     pub ill_conditioned: u64,
-    /// Number of failures under [`Spec`](crate::Spec) because WGSL allows any result.
+    /// The number of failures under [`Spec`](crate::Spec) because WGSL allows any result.
     pub unbounded: u64,
-    /// Number of cases in which a test in WGSL called no expectation.
+    /// The number of cases in which a test in WGSL evaluated no expectation.
     pub idle: u64,
-    /// Number of cases that are inputs on which the test has failed before.
+    /// The number of cases that are remembered inputs: the test failed on them before.
     pub remembered: u64,
 }
 
 impl Census {
-    /// Number of cases in which something was asserted.
+    /// The number of cases in which the check made an assertion.
     pub(crate) fn judged(&self) -> u64 {
         self.cases - self.idle
     }
 
-    /// The numbers of failures of each kind, as the end of a sentence: `, 3 NaN, 9 too low`.
+    /// The number of failures of each kind, as the end of a sentence: `, 3 NaN, 9 too low`.
     pub(crate) fn ways(&self) -> String {
         let ways = [
             (self.nan, "NaN"),
@@ -110,19 +111,19 @@ pub(crate) struct Shown {
 }
 
 impl Shown {
-    /// The index of the worst lane in an array that has `width` words for each case.
+    /// The index of the worst component in an array that has `width` words for each case.
     pub(crate) fn at(&self, width: usize) -> usize {
         usize::try_from(self.case).expect("they are in memory") * width + self.judged.lane
     }
 }
 
-/// The sum over a path's cases. The order of merging doesn't matter.
+/// The summed judgements of a path's cases. The order of merging has no effect.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Tally {
     pub(crate) census: Census,
-    /// The case with the largest ratio; of several, the first.
+    /// The case with the largest ratio. If several cases have it, the first of them.
     pub(crate) worst: Option<Shown>,
-    /// The failing case with the lowest index. Edges come first and are the simplest.
+    /// The failing case with the lowest index. Low indices belong to edges, which are the simplest cases.
     pub(crate) first: Option<Shown>,
 }
 
@@ -195,33 +196,34 @@ fn either(
     }
 }
 
-/// Cases that one task judges: enough that a task takes longer than its start.
+/// The number of cases that one task judges. For so many cases, the work takes longer than starting the task.
 const TASK: usize = 2048;
 
-/// A text that replaces the result of a failing case.
+/// The text that a message shows instead of the result of a failing case.
 pub(crate) struct Described {
     pub(crate) expectations: Vec<ExpectationDetails>,
     pub(crate) notes: Vec<(&'static str, String)>,
 }
 
-/// A judge of the cases of a batch. A case is given by its index in the batch and the words of its result.
+/// A judge of the cases of a batch. `judge` receives a case's index in the batch, and the words of its result.
 pub(crate) trait Judge: Sync {
     fn judge(&self, case: usize, actual: &[u32]) -> Judged;
 
-    /// A fast test: true if the case passes with a ratio of at most `ratio`. False means only that
-    /// [`judge`](Self::judge) must find out.
+    /// A fast check if the case passes with a ratio of at most `ratio`. If this function returns `false`,
+    /// [`judge`](Self::judge) must decide.
     fn is_within(&self, case: usize, actual: &[u32], ratio: f64) -> bool {
         let _ = (case, actual, ratio);
         false
     }
 
-    /// The text for a failing case, if the words of its result mean nothing to people.
+    /// Describes a failing case, if people can't read the words of its result.
     fn describe(&self, actual: &[u32]) -> Option<Described> {
         let _ = actual;
         None
     }
 
-    /// Adds cases of a batch to the tally. The first case of the batch has the index `first_case`.
+    /// Judges cases of a batch and adds them to the tally. The first case of the batch has the index
+    /// `first_case`.
     fn add(
         &self,
         (tally, picked): (&mut Tally, &mut Picked),
@@ -231,7 +233,7 @@ pub(crate) trait Judge: Sync {
     ) {
         for case in cases {
             let actual = results.of(case);
-            // Each case is judged once, because a judge may call a closure of the test's author.
+            // Judges each case only once, because a judge may call a closure of the test's author.
             if picked.wants(case) {
                 let judged = self.judge(case, actual);
                 picked.ratios.push((case, judged.measure.ratio));
@@ -239,7 +241,7 @@ pub(crate) trait Judge: Sync {
                 tally.add(first_case + case as u64, judged);
                 continue;
             }
-            // A case that passes and isn't worse than the worst one is only counted.
+            // A passing case that isn't worse than the worst case only needs to be counted.
             let worst = tally.worst.map_or(f64::NEG_INFINITY, |worst| worst.judged.measure.ratio);
             if self.is_within(case, actual, worst.min(1.0)) {
                 tally.census.cases += 1;
@@ -258,31 +260,31 @@ impl<F: Fn(usize, &[u32]) -> Judged + Sync> Judge for F {
     }
 }
 
-/// The evenly spaced cases of a batch whose errors are stored, and the cases that fail.
+/// Some evenly spaced cases of a batch with their errors, and the cases that fail.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Picked {
-    /// True if failing cases are stored.
+    /// `true` if Karat stores failing cases.
     wants_failing: bool,
-    /// Indices of failing cases in the batch.
+    /// The indices of failing cases in the batch.
     pub(crate) failing: Vec<usize>,
-    /// Distance between two stored cases; 0: none are stored.
+    /// The distance between two stored cases. 0 if Karat stores none.
     every: usize,
-    /// Indices of stored cases in the batch, with their errors divided by their tolerances.
+    /// The indices of stored cases in the batch, with their errors divided by their tolerances.
     pub(crate) ratios: Vec<(usize, f64)>,
 }
 
 impl Picked {
-    /// Stores about `count` cases of `of`.
+    /// Selects about `count` of `of` cases, and stores their errors.
     pub(crate) fn some(count: usize, of: usize) -> Self {
         Self { every: of.div_ceil(count).max(1), ..Self::default() }
     }
 
-    /// Stores the cases that fail, too.
+    /// Also stores the failing cases.
     pub(crate) fn and_failing(self) -> Self {
         Self { wants_failing: true, ..self }
     }
 
-    /// An empty copy with the same selection.
+    /// Makes an empty copy with the same selection.
     fn empty(&self) -> Self {
         Self { every: self.every, wants_failing: self.wants_failing, ..Self::default() }
     }
@@ -298,7 +300,7 @@ impl Picked {
     }
 }
 
-/// Judges each case of a batch. The first case has the index `first_case`; `picked` gets the errors.
+/// Judges each case of a batch. The first case has the index `first_case`. Adds the errors to `picked`.
 pub(crate) fn tally(
     first_case: u64,
     results: View<'_>,
@@ -323,7 +325,7 @@ pub(crate) fn tally(
     all
 }
 
-/// Compares a result with its reference lane by lane. The worst lane is the result's judgement.
+/// Compares a result with its reference, component by component. The worst component decides the judgement.
 pub(crate) fn compare(
     scalars: &[Scalar],
     actual: &[u32],
@@ -339,7 +341,7 @@ pub(crate) fn compare(
     Judged { measure, lane, class }
 }
 
-/// True if each lane passes with a ratio of at most `ratio`; see [`Tolerance::is_within`].
+/// Checks if each component passes with a ratio of at most `ratio`. See [`Tolerance::is_within`].
 #[inline]
 pub(crate) fn is_within(
     scalars: &[Scalar],
@@ -348,7 +350,8 @@ pub(crate) fn is_within(
     tolerance: &Tolerance,
     ratio: f64,
 ) -> bool {
-    // A loop, and no iterators: it runs for each case, and tests are built with little optimisation.
+    // A loop is faster than iterators in tests, which Cargo compiles with little optimisation. The loop runs
+    // for each case.
     for (lane, scalar) in scalars.iter().enumerate() {
         let (word, expected) = (actual[lane], expected[lane]);
         let within = if scalar.is_float() {
@@ -379,7 +382,7 @@ pub(crate) fn classify(actual: f64, expected: f64) -> Class {
     }
 }
 
-/// Fails if a component is NaN or infinite.
+/// Judges a result. The judgement fails if a component is NaN or infinite.
 pub(crate) fn finite(scalars: &[Scalar], actual: &[u32]) -> Judged {
     let bad = scalars
         .iter()
@@ -406,6 +409,7 @@ mod tests {
     use super::*;
     use crate::tolerance::{Abs, Ulp};
 
+    // Lesson 19
     #[test]
     fn one_bad_case_of_many_is_found_wherever_it_is() {
         let scalars = [Scalar::F32, Scalar::F32];
@@ -428,7 +432,8 @@ mod tests {
         }
     }
 
-    /// With a tolerance of 0 each ratio of a failure is infinite, so the error itself decides the worst case.
+    /// If the tolerance is 0, the ratio of every failure is infinite, so the error decides which case is the
+    /// worst.
     #[test]
     fn the_worst_of_exact_cases_is_the_farthest() {
         let tolerance = Tolerance::from(Abs(0.0));
@@ -455,6 +460,7 @@ mod tests {
         assert!(compare(&[Scalar::U32], &[4], &[4.0], &tolerance).measure.passes());
     }
 
+    // Lesson 19
     #[test]
     fn failures_are_classed() {
         assert_eq!(classify(f64::NAN, 1.0), Class::Nan);

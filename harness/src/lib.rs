@@ -1,4 +1,4 @@
-//! Karat tests WGSL shaders from Rust: functions against references, frames against goldens.
+//! Karat tests WGSL shaders from Rust: it compares functions with references, and frames with goldens.
 //!
 //! ```no_run
 //! use std::f64::consts::PI;
@@ -16,10 +16,10 @@
 //! }
 //! ```
 //!
-//! A check runs in a plain `#[test]`. Karat links the function with everything that it uses from the
-//! shader folder, and compares the function's signature with the domain and the reference. Then Karat
-//! generates a compute kernel, runs it on each selected execution path ([`Path`]) and compares the results
-//! with the reference, which computes in `f64` from the same `f32` arguments.
+//! A check runs in a plain `#[test]`. Karat links the function with everything that the function uses from the
+//! shader folder, and compares the function's signature with the domain and the reference. Then Karat generates a
+//! compute kernel, runs the kernel on each selected execution path ([`Path`]) and compares the results with the
+//! reference. The reference computes in `f64` from the same `f32` arguments.
 //!
 //! # What do I have, and what do I use?
 //!
@@ -47,9 +47,9 @@
 //! Every verb, such as `agrees_with`, has a `try_` form that returns the [`Failure`](check::Failure)
 //! instead of panicking.
 //!
-//! The stable names are at the root, in [`prelude`] and in the modules. Only a new major version changes
-//! them. Programs around tests also use records, reports as data and naga's facts about a shader. These are
-//! in [`unstable`], or their documentation says *Unstable*.
+//! The stable names are at the root, in [`prelude`] and in the modules. Only a new major version changes them.
+//! Programs around tests also use records, reports as data and naga's facts about a shader. These names are in
+//! [`unstable`], or their documentation says *Unstable*.
 
 pub mod check;
 pub mod compute;
@@ -79,8 +79,8 @@ pub use glam;
 #[doc(inline)]
 pub use karat_core::{shareable, vector};
 
-/// Domains: the sets that arguments are sampled from. Ranges include both ends, sampling prefers edges,
-/// and a seed determines every case.
+/// Domains: the sets from which Karat samples arguments. Ranges include both ends, sampling prefers edges, and a
+/// seed determines every case.
 pub mod domain {
     pub(crate) use karat_core::domain::*;
     #[doc(inline)]
@@ -96,15 +96,15 @@ pub mod image {
     pub use karat_core::image::{Image, ImageError, Precision};
 }
 
-/// Measures of the difference between a frame and its golden: the gate, HDR-FLIP by tiles, noise. Also
-/// masks, which select the pixels that are compared.
+/// Measures of the difference between a frame and its golden: the gate, HDR-FLIP by tiles, noise. The module also
+/// has masks, which select the pixels to compare.
 pub mod metric {
     pub(crate) use karat_core::metric::*;
     #[doc(inline)]
     pub use karat_core::metric::{Flip, Mask, MaskError, Noise, Pool, Rect};
 }
 
-/// The spaces that samples lie in, and quadrature rules for references.
+/// The sets in which the samples of a sampler lie, and quadrature rules for references.
 pub mod stats {
     pub(crate) use karat_core::stats::*;
     #[doc(inline)]

@@ -1,9 +1,10 @@
 //! A set of WGSL or WESL modules, read at run time: editing a shader never rebuilds Rust.
 //!
-//! A package is a folder with one module in each file, one file, or text in memory. Modules import each other (`import
-//! package::math::PI;`) and packages that their own package depends on. Linking copies the declarations that a test
-//! needs into one WGSL text, byte for byte except for names. So each place in that text has a line and a column in the
-//! author's file. [`Package::is_valid`] also validates modules that no test needs.
+//! A package is a folder with one module in each file, one file, or text in memory. Modules import from each
+//! other (`import package::math::PI;`) and from other packages, on which their package depends. The linker copies
+//! the declarations that a test needs into one WGSL text, byte for byte except for names. So each position in
+//! this text has a line and a column in the author's file. [`Package::is_valid`] also validates modules that no
+//! test needs.
 
 pub(crate) mod accepted;
 pub(crate) mod asserts;
@@ -71,7 +72,7 @@ use overlay::Overlay;
 
 use crate::diagnostic::{FileRead, nearest, shown};
 
-/// File extensions of modules, in the order in which they are looked for.
+/// File extensions of modules, in the order in which Karat tries them.
 const EXTENSIONS: [&str; 2] = ["wgsl", "wesl"];
 
 /// The package through which Bevy's shaders import the values of shader definitions.
@@ -92,11 +93,11 @@ pub struct Package {
     origin: Origin,
     dependencies: Vec<(String, Package)>,
     features: Vec<(String, Feature)>,
-    /// Features of modules that are validated with them.
+    /// For each named module, additional features that are on when Karat validates the module.
     module_features: Vec<(String, Vec<String>)>,
-    /// Set if the package requires Tint's verdict, even without `karat.toml`.
+    /// Requires Tint's verdict, even without `karat.toml`.
     requires_tint: bool,
-    /// Texts that stand in for files.
+    /// Texts that replace the contents of files.
     unsaved: Vec<(PathBuf, Arc<str>)>,
 }
 
@@ -114,7 +115,7 @@ enum Origin {
         name: String,
         modules: Vec<(String, String)>,
     },
-    /// A crate that Karat hasn't looked for yet.
+    /// A crate that Karat hasn't searched yet.
     Crate {
         base: Cow<'static, str>,
         name: Cow<'static, str>,
@@ -123,8 +124,8 @@ enum Origin {
     Found(Found),
 }
 
-/// Declares a [`Package`]: a folder, relative to the manifest of the crate that calls it, or the
-/// shaders of another crate.
+/// Declares a [`Package`]: a folder, or the shaders of another crate. The folder is relative to the manifest of
+/// the crate that calls the macro.
 ///
 /// ```no_run
 /// use karat::Package;
@@ -151,7 +152,8 @@ macro_rules! package {
 }
 
 impl Package {
-    /// A folder relative to `base`. [`package!`](crate::package!) fills in the manifest's folder.
+    /// A package from a folder relative to `base`. [`package!`](crate::package!) passes the manifest's folder as
+    /// `base`.
     ///
     /// ```
     /// use karat::Package;
@@ -167,16 +169,16 @@ impl Package {
         Self::of_origin(Origin::Folder { base: Cow::Borrowed(base), path: Cow::Borrowed(folder) })
     }
 
-    /// The shaders of a crate that the project in the folder `base` builds (`bevy_pbr`), or of any crate at an exact
-    /// version (`bevy_pbr@0.20.1`), which cargo fetches without compiling it. [`package!`](crate::package!) fills in
-    /// the manifest's folder.
+    /// A package with the shaders of a crate. The crate is one that the project in the folder `base` builds
+    /// (`bevy_pbr`), or any crate at an exact version (`bevy_pbr@0.20.1`). Cargo fetches an exact version without
+    /// compiling it. [`package!`](crate::package!) passes the manifest's folder as `base`.
     ///
-    /// Modules are the files below the folder that the crate's metadata declares (`root` of `package.metadata.karat`,
-    /// of `package.metadata.wgsl-analyzer` or of `wesl.toml`), or else below `src`, or else below the innermost folder
-    /// that has all of the crate's shaders. They import from other crates of the same dependency graph by the crates'
-    /// names.
+    /// Modules are the files below the folder that the crate's metadata declares (`root` of
+    /// `package.metadata.karat`, of `package.metadata.wgsl-analyzer` or of `wesl.toml`). Without such metadata,
+    /// modules are the files below `src`, or else below the innermost folder that has all of the crate's shaders.
+    /// Modules can import from other crates of the same dependency graph by the crates' names.
     ///
-    /// Karat looks for the crate when the package is first used.
+    /// Karat searches for the crate at the first use of the package.
     ///
     /// ```no_run
     /// use karat::Package;
@@ -191,7 +193,7 @@ impl Package {
         Self::of_origin(Origin::Crate { base, name, root: None })
     }
 
-    /// [`from_crate`](Self::from_crate) with another folder for its modules, relative to the crate's own.
+    /// Like [`from_crate`](Self::from_crate), with the folder of the modules, relative to the crate's folder.
     ///
     /// ```no_run
     /// use karat::Package;
@@ -219,7 +221,7 @@ impl Package {
         }
     }
 
-    /// Like [`from_crate`](Self::from_crate), but looks for the crate at once.
+    /// Like [`from_crate`](Self::from_crate), but searches for the crate immediately.
     ///
     /// ```no_run
     /// use karat::Package;
@@ -230,15 +232,15 @@ impl Package {
     /// ```
     ///
     /// # Errors
-    /// If there is no such crate, or if it has no shaders.
+    /// If the crate doesn't exist, or if it has no shaders.
     ///
     /// *Unstable*: for programs around tests.
     pub fn open_crate(base: &Path, name: &str, root: Option<&str>) -> Result<Self, PackageError> {
         Ok(Self::of_origin(Origin::Found(cargo::find(base, name, root)?)))
     }
 
-    /// The same crate, but with another module folder for a crate that it imports from. The folder is relative to that
-    /// other crate's own. Use it where Karat doesn't find the modules.
+    /// The same crate, with another module folder for a crate from which it imports. `root` is relative to the
+    /// folder of that other crate. Use this method if Karat doesn't find the modules of that crate.
     ///
     /// ```no_run
     /// use karat::Package;
@@ -249,20 +251,20 @@ impl Package {
     /// ```
     ///
     /// # Errors
-    /// If the package isn't a crate's, or if it can't import from a crate of that name with shaders in that folder.
+    /// If the package isn't a crate, or if it can't import from a crate of this name with shaders in this folder.
     ///
     /// *Unstable*: for programs around tests.
     pub fn with_root_of(&self, krate: &str, root: &str) -> Result<Self, PackageError> {
         let package = self.found()?.into_owned();
         let Origin::Found(found) = &package.origin else {
-            let reason = "a folder's `karat.toml` names its dependencies, and their `root`";
+            let reason = "the package is a folder, so its `karat.toml` names its dependencies and their `root`";
             return Err(PackageError::Crate { name: krate.to_owned(), reason: reason.to_owned() });
         };
         let origin = Origin::Found(found.with_root(krate, root)?);
         Ok(Self { origin, ..package })
     }
 
-    /// A folder of modules, or one file as a package of one module.
+    /// A package from a folder of modules, or from one file, which is the only module.
     ///
     /// ```
     /// use karat::Package;
@@ -273,7 +275,7 @@ impl Package {
     /// ```
     ///
     /// # Errors
-    /// If there is no such folder or file.
+    /// If the folder or file doesn't exist.
     pub fn open(path: impl AsRef<Path>) -> Result<Self, PackageError> {
         let path = path.as_ref();
         let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
@@ -288,7 +290,7 @@ impl Package {
         Ok(package)
     }
 
-    /// One module in memory. Its functions' names have no module before them.
+    /// A package with one module in memory. The paths of its functions have no module name.
     ///
     /// ```
     /// use karat::prelude::*;
@@ -300,7 +302,7 @@ impl Package {
         Self::from_modules(name, [(String::new(), text.into())])
     }
 
-    /// Modules in memory, each with its path (`math`, `noise::value`) and its text.
+    /// A package with modules in memory, each with its path (`math`, `noise::value`) and its text.
     ///
     /// ```
     /// use karat::Package;
@@ -335,9 +337,10 @@ impl Package {
         own
     }
 
-    /// Sets a feature that conditions such as `@if(name)` or `#ifdef name` ask about: on, off, or a number, which is on
-    /// and has a value. Features that aren't set are off. Packages that this one imports from get the feature, too. If
-    /// no condition in any of them asks about the name, the check fails with an error.
+    /// Sets a feature for conditions such as `@if(name)` or `#ifdef name`: on, off, or a number. A feature with a
+    /// number is on and has a value. Features that aren't set are off. The packages from which this package
+    /// imports get the feature, too. If no condition in any of these packages uses the name, the check fails with
+    /// an error.
     ///
     /// ```
     /// use karat::prelude::*;
@@ -354,8 +357,8 @@ impl Package {
         own
     }
 
-    /// Validates `module` with these features on, for a module that isn't valid without them. Only
-    /// [`is_valid`](Self::is_valid) uses them; a test links its functions with the package's features.
+    /// Validates `module` with these features on, if the module isn't valid without them. Only
+    /// [`is_valid`](Self::is_valid) uses these features. A test links its functions with the package's features.
     ///
     /// ```
     /// use karat::Package;
@@ -376,7 +379,7 @@ impl Package {
         own
     }
 
-    /// Checks that each module that is validated with features exists.
+    /// Checks that each module with features for validation exists.
     pub(crate) fn knows_its_validated(&self, modules: &[String]) -> Result<(), PackageError> {
         let unknown = self.module_features.iter().find(|(module, _)| !modules.contains(module));
         let Some((module, _)) = unknown else { return Ok(()) };
@@ -388,7 +391,7 @@ impl Package {
         })
     }
 
-    /// The package with the features that one module is validated with.
+    /// The package with the features for validating one module.
     pub(crate) fn for_validating(&self, module: &str) -> Self {
         let mut package = self.clone();
         for (_, features) in self.module_features.iter().filter(|(name, _)| name == module) {
@@ -399,7 +402,7 @@ impl Package {
         package
     }
 
-    /// The name of the folder, file or crate, or the one given to text in memory.
+    /// The name of the folder, file or crate, or the name that the author gave to text in memory.
     ///
     /// ```
     /// use karat::Package;
@@ -424,7 +427,7 @@ impl Package {
         }
     }
 
-    /// The folder or file; empty for text in memory, and for a crate that isn't found.
+    /// The folder or file. The path is empty for text in memory, and for a crate that Karat doesn't find.
     ///
     /// ```
     /// use karat::Package;
@@ -448,7 +451,7 @@ impl Package {
         }
     }
 
-    /// The package itself; if it stands for a crate, with the place where cargo has that crate.
+    /// The package itself. A crate gets the folder where cargo has its sources.
     fn found(&self) -> Result<Cow<'_, Self>, PackageError> {
         let Origin::Crate { base, name, root } = &self.origin else {
             return Ok(Cow::Borrowed(self));
@@ -457,7 +460,6 @@ impl Package {
         Ok(Cow::Owned(Self { origin, ..self.clone() }))
     }
 
-    /// Returns `true` if the package is a crate's.
     pub(crate) fn is_crate(&self) -> bool {
         matches!(self.origin, Origin::Crate { .. } | Origin::Found(_))
     }
@@ -472,7 +474,7 @@ impl Package {
         let root = shown(&self.root());
         match &self.origin {
             _ if there => Ok(()),
-            // A folder that is opened by its path has nothing to do with a manifest.
+            // Only a folder from `package!` is relative to a manifest.
             Origin::Folder { base, .. } if base.is_empty() => Err(PackageError::NoFolder(root)),
             _ => Err(PackageError::Missing(root)),
         }
@@ -515,9 +517,9 @@ impl Package {
         Ok(modules)
     }
 
-    /// The files beside the modules, sorted: declared tests, tables, images. Hidden files and Cargo's build output are
-    /// left out, and each folder is entered once. For a package of one file, they are the files in its folder. Text in
-    /// memory has none.
+    /// The files beside the modules, sorted: declared tests, tables, images. The list doesn't contain hidden
+    /// files and Cargo's build output. Karat enters each folder once. A package of one file has the files in its
+    /// folder. Text in memory has no files.
     ///
     /// ```
     /// use karat::Package;
@@ -531,7 +533,7 @@ impl Package {
     /// ```
     ///
     /// # Errors
-    /// If a folder can't be read, or if it has a file that looks like a module and can't be one.
+    /// If a folder can't be read, or if a file has the name of a module but can't be a module.
     ///
     /// *Unstable*: for programs around tests.
     pub fn files_beside(&self) -> Result<Vec<PathBuf>, PackageError> {
@@ -559,7 +561,7 @@ impl Package {
         PackageError::Twice { package: self.name(), what: format!("{what} named `{name}`") }
     }
 
-    /// Checks that no two modules in memory, and no two dependencies, have the same name. [`modules`](Self::modules)
+    /// Checks that all modules in memory, and all dependencies, have different names. [`modules`](Self::modules)
     /// checks the modules of a folder.
     fn expect_distinct(&self) -> Result<(), PackageError> {
         let mut names = BTreeSet::new();
@@ -575,7 +577,7 @@ impl Package {
         }
     }
 
-    /// The file of a module, if Karat can read it.
+    /// The file of a module; `None` if Karat can't read it.
     pub(crate) fn file_of(&self, module: &str) -> Option<FileRead> {
         let (overlay, manifest) = (Overlay::of(self).ok()?, manifest::Manifest::of(self).ok()?);
         self.load(&ModulePath::root(module).components, &overlay, &manifest).ok()?.read()

@@ -1,13 +1,13 @@
-//! Tasks on all cores, compiled once: what is generic is compiled again in every test.
+//! Runs tasks on all cores. Most of this code isn't generic, because each test compiles generic code again.
 
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, OnceLock};
 
-/// Rows that one task makes; enough that a task costs more than its start.
+/// The number of rows that one task makes. For so many rows, the work takes longer than starting the task.
 const TASK: usize = 2048;
 
-/// The results of tasks, in their order.
+/// Runs tasks, and returns their results in the order of their indices.
 pub(crate) fn map<T: Send + Sync>(tasks: usize, task: impl Fn(usize) -> T + Sync) -> Vec<T> {
     let slots: Vec<OnceLock<T>> = (0..tasks).map(|_| OnceLock::new()).collect();
     run(tasks, &|index| {
@@ -16,8 +16,8 @@ pub(crate) fn map<T: Send + Sync>(tasks: usize, task: impl Fn(usize) -> T + Sync
     slots.into_iter().map(|slot| slot.into_inner().expect("each task has run")).collect()
 }
 
-/// Runs tasks here and on other cores. A thread that only waited for as many as there are cores would
-/// leave them to the system's scheduler, which often wakes two of them on one core while another idles.
+/// Runs tasks on this thread and on other cores. If this thread only waited while one thread per core worked,
+/// the system's scheduler would often wake two of the threads on one core, and leave another core idle.
 fn run(tasks: usize, task: &(dyn Fn(usize) + Sync)) {
     let next = AtomicUsize::new(0);
     let work = || {
@@ -32,8 +32,8 @@ fn run(tasks: usize, task: &(dyn Fn(usize) + Sync)) {
     });
 }
 
-/// Rows of equal width, one after the other. A task appends some of them; `None` if one says that it
-/// couldn't.
+/// Makes rows of equal width, one after the other. `append` appends some of the rows. `None` if a call of
+/// `append` returns `false`.
 pub(crate) fn rows<T: Copy + Default + Send>(
     count: usize,
     width: usize,
@@ -55,7 +55,7 @@ pub(crate) fn rows<T: Copy + Default + Send>(
         let (range, part) = &parts[index];
         let mut part = part.lock().expect("no other task has it");
         let mut lanes = Vec::with_capacity(part.len());
-        // A thread's own memory is at hand; that of all rows is touched once.
+        // The thread's own buffer stays in its cache. The memory of all rows is written only once.
         match append(range.clone(), &mut lanes) {
             true => part.copy_from_slice(&lanes),
             false => failed.store(true, Ordering::Relaxed),
@@ -98,7 +98,7 @@ mod tests {
         assert!(without(5 * TASK).is_some());
     }
 
-    /// A reference that panics fails the test that called it, whichever thread ran it.
+    /// If a reference panics on any thread, the test that called it fails.
     #[test]
     fn a_panic_of_any_task_reaches_the_caller() {
         for bad in [0, 50, 99] {

@@ -1,19 +1,19 @@
-//! Execution paths: the ways in which a shader reaches results.
+//! Execution paths: the ways to run a shader.
 //!
-//! A path is a translation route with the API and the adapter that run the result: WGSL through SPIR-V on Vulkan,
-//! through GLSL on OpenGL, and so on. A process opens each path once. The environment decides on which paths a check
-//! runs:
+//! A path consists of an API, an adapter, and the route by which naga translates WGSL for that API: SPIR-V for Vulkan,
+//! GLSL for OpenGL, and so on. A process opens each path once. These environment variables select the paths for a
+//! check:
 //!
-//! - `KARAT_PATHS`: `vulkan`, `vulkan,gl`, ..., or `all` drivers that open. If it isn't set: the first driver that
-//!   opens, or else Karat's own engine, `cpu`. A path that is listed by name must open, and can be listed only once.
-//!   `vulkan@llvmpipe` also names the driver, so several drivers of one API can run in one process.
-//! - `KARAT_REQUIRE`: paths that must also run; a path that doesn't open is an error.
-//! - `KARAT_EXECUTORS`: programs that run jobs, `mine=target/debug/mine`; each is a path, `process@mine`. See
-//!   [`job`](crate::unstable::job).
-//! - `KARAT_ADAPTER`: part of an adapter's name, to choose among several.
-//! - `KARAT_TIMEOUT`: seconds that a shader may take before the process gives up (default 60).
-//! - `KARAT_FUEL`: rounds of loops that a case may make on `cpu`, unless the loops have a bound (default 1048576). For
-//!   drivers that would hang in an endless loop, the engine runs the loop first.
+//! - `KARAT_PATHS`: names such as `vulkan` or `vulkan,gl`, or `all` for all drivers that open. By default, it is the
+//!   first driver that opens, or else Karat's own engine, `cpu`. A path that you list by name must open, and you can
+//!   list it only once. `vulkan@llvmpipe` also names the driver, so several drivers of one API can run in one process.
+//! - `KARAT_REQUIRE`: more paths that must run. If one of these paths doesn't open, the check fails with an error.
+//! - `KARAT_EXECUTORS`: programs that run jobs, such as `mine=target/debug/mine`. Each program is a path, here
+//!   `process@mine`. See [`job`](crate::unstable::job).
+//! - `KARAT_ADAPTER`: a part of an adapter's name, to choose one of several adapters.
+//! - `KARAT_TIMEOUT`: the number of seconds that a shader may take before the process ends (default 60).
+//! - `KARAT_FUEL`: the number of loop rounds that a case may take on `cpu`, for loops without a bound (default
+//!   1048576). If a driver would hang in an endless loop, the engine runs the loop first.
 
 pub(crate) mod cpu;
 pub(crate) mod deadline;
@@ -49,7 +49,7 @@ use crate::diagnostic::Span;
 use crate::panics::{self, Panicked};
 use crate::settings::SettingsError;
 
-/// The reason why a path can't be used.
+/// The reason why Karat can't use a path.
 #[derive(Clone, Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PathError {
@@ -57,67 +57,67 @@ pub enum PathError {
     #[error("there is no execution path `{name}`; a path is vulkan, metal, dx12, gl, cpu, dawn, chromium or process@NAME{}",
         guess(nearest.as_deref()))]
     Unknown {
-        /// The name that was asked for.
+        /// The name that the user wrote.
         name: String,
         /// The closest path.
         nearest: Option<String>,
     },
     /// No route has this name.
     #[error(
-        "execution path `{name}` has no route `{via}`; {}{}",
+        "execution path `{name}` has no route `{via}`: {}{}",
         if name.starts_with("cpu") {
-            "behind `cpu:` is fma or ftz"
+            "use `cpu:fma` or `cpu:ftz`"
         } else {
-            "the routes are wgsl, spirv, glsl, hlsl and hlsl-dxc"
+            "use wgsl, spirv, glsl, hlsl or hlsl-dxc"
         },
         guess(nearest.as_deref())
     )]
     UnknownVia {
-        /// The name that was asked for.
+        /// The name that the user wrote.
         name: String,
-        /// The part that should be a route.
+        /// The part of the name that should be a route.
         via: String,
         /// The closest route.
         nearest: Option<String>,
     },
     /// No family of drivers has this name.
     #[error(
-        "execution path `{name}` names no family of drivers: `{driver}` isn't one{}",
+        "execution path `{name}` has no known driver family: `{driver}`{}",
         guess(nearest.as_deref())
     )]
     UnknownDriver {
-        /// The name that was asked for.
+        /// The name that the user wrote.
         name: String,
-        /// The part that should be a family.
+        /// The part of the name that should be a driver family.
         driver: String,
         /// The closest family.
         nearest: Option<String>,
     },
-    /// A path is named twice.
+    /// A list has a path twice.
     #[error("{variable}={names} names `{path}` twice")]
     Repeated {
-        /// The variable.
+        /// The environment variable with the list.
         variable: &'static str,
-        /// Its value.
+        /// The value of the variable.
         names: String,
         /// The path, or `all`.
         path: String,
     },
-    /// A custom executor has the path of another executor, or of one of wgpu's drivers.
+    /// Another executor, or one of wgpu's drivers, has the path of a custom executor.
     #[error(
-        "another executor is called `{path}` already: choose another name after the `@`, such as \
+        "another executor already has the path `{path}`: choose another name after the `@`, such as \
          `{}@mine`", path.api().name()
     )]
     Taken {
         /// The path.
         path: Path,
     },
-    /// The environment has a setting that can't be used.
+    /// An environment variable has an unusable value.
     #[error(transparent)]
     Settings(#[from] SettingsError),
-    /// The path was asked for by name, but doesn't open.
+    /// The user requires the path, but it doesn't open.
     #[error(
-        "execution path `{path}` is required, but unavailable: {reason}; `karat doctor` tells how to get it"
+        "execution path `{path}` is required, but unavailable: {reason}. `karat doctor` explains how to get it"
     )]
     Required {
         /// The path.
@@ -135,42 +135,42 @@ pub enum PathError {
     },
     /// No path opens.
     #[error(
-        "no execution path opens on this machine ({}); install a GPU driver or Mesa's software \
-         rasterisers: `karat doctor` tells how",
+        "no execution path opens on this machine ({}): install a GPU driver or Mesa's software \
+         rasterisers. `karat doctor` explains how",
         reasons.join("; ")
     )]
     None {
-        /// Each path with its reason.
+        /// Each path, with the reason why it doesn't open.
         reasons: Vec<String>,
     },
     /// The executor runs no jobs.
-    #[error("path `{path}` runs no jobs")]
+    #[error("the executor of path `{path}` can't run jobs")]
     NoJobs {
         /// The path.
         path: Path,
     },
-    /// The path's route can't translate the shader.
-    #[error("path `{path}` doesn't take this shader: {message}")]
+    /// Karat can't translate the shader along the path's route, or the engine can't execute it.
+    #[error("path `{path}` can't run this shader: {message}")]
     Route {
         /// The path.
         path: Path,
-        /// The message of naga, or of the compiler after it.
+        /// The message of naga, of the next compiler, or of the engine.
         message: String,
     },
-    /// The driver doesn't compile the shader, or can't make a pipeline of it.
+    /// The driver doesn't compile the shader, or can't make a pipeline from it.
     #[error("the driver of path `{path}` reports: {message}")]
     Refused {
         /// The path.
         path: Path,
-        /// Its message.
+        /// The driver's message.
         message: String,
     },
-    /// The path's translation, its driver or Karat's engine panicked.
+    /// The translation, the driver or Karat's engine panicked.
     #[error("path `{path}` panics at {subject}: {panicked}")]
     Panicked {
         /// The path.
         path: Path,
-        /// Its input: a function or entry points, with their place.
+        /// The function or entry points that the path ran, with their position.
         subject: String,
         /// The panic.
         panicked: Panicked,
@@ -180,25 +180,25 @@ pub enum PathError {
     Driver {
         /// The path.
         path: Path,
-        /// Its message.
+        /// The driver's message.
         message: String,
     },
 }
 
 impl PathError {
-    /// Returns `true` if the path refuses a shader before any of it runs: `.refused_on(...)` declares that. Errors
-    /// after the driver accepted the shader don't count.
+    /// Checks if the path refuses a shader before it runs any part of the shader. `.refused_on(...)` declares such an
+    /// error. Errors after the driver accepted the shader don't count.
     pub(crate) fn is_refusal(&self) -> bool {
         match self {
             Self::Route { .. } | Self::Refused { .. } | Self::NoJobs { .. } => true,
-            // naga panicked while it wrote a language. In a route, the error is `Route`.
+            // naga panicked while it wrote a shader language. Within a route, the error is `Route`.
             Self::Panicked { panicked, .. } => panicked.language().is_some(),
             _ => false,
         }
     }
 }
 
-/// Runs a path's work, which may panic. A panic becomes the path's error, so other paths still have their verdicts.
+/// Runs work that may panic. A panic becomes an error of the path, so other paths still get their verdicts.
 pub(crate) fn caught<T, E: From<PathError>>(
     path: Path,
     names: &[&str],

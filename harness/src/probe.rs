@@ -1,9 +1,8 @@
-//! Calls of one WGSL function with many cases.
+//! Calls one WGSL function with many cases.
 //!
-//! The kernel is ordinary WGSL, which `karat show` prints. Before a dispatch, all results are poison. Each
-//! invocation writes a canary that belongs to this dispatch only. So a kernel that doesn't run, or that runs
-//! on other data, is an error and never a verdict. An [`Executor`](crate::executor::Executor) runs the
-//! kernel.
+//! The kernel is ordinary WGSL, which `karat show` prints. Before a dispatch, Karat fills all results with poison. Each
+//! invocation writes a canary that only this dispatch uses. So if a kernel doesn't run, or if it runs with other data,
+//! the result is an error and never a verdict. An [`Executor`](crate::executor::Executor) runs the kernel.
 
 mod borders;
 mod bound;
@@ -45,30 +44,30 @@ use crate::path::{Ability, Path, PathError};
 use crate::reflect::{Function, Overrides, Program, ReflectError, State};
 use crate::value::Shape;
 
-/// A function that is linked and reflected, with its kernel.
+/// A linked function and its kernel.
 #[derive(Clone, Debug)]
 pub struct Probed {
-    /// The linked text of the function.
+    /// The linked text with the function.
     pub program: Arc<Program>,
-    /// Its signature.
+    /// The signature of the function.
     pub function: Function,
     /// The kernel that calls the function.
     pub kernel: Kernel,
 }
 
 impl Probed {
-    /// Prepares a probe of `path` (`fresnel::schlick`).
+    /// Prepares the function `path`, such as `fresnel::schlick`.
     ///
     /// # Errors
-    /// If there is no such function, if the shader isn't valid, or if a kernel can't call the function.
+    /// If the function doesn't exist, if the shader isn't valid, or if a kernel can't call the function.
     pub fn new(package: &Package, path: &str) -> Result<Self, ProbeError> {
         Self::with_overrides(package, path, &Overrides::new())
     }
 
-    /// The same as [`new`](Self::new), with values of overrides by their names or numbers.
+    /// Like [`new`](Self::new), with values for overrides. The keys are names or `@id` numbers.
     ///
     /// # Errors
-    /// Those of [`new`](Self::new). Also if an override has no value, or if a name or number is unknown.
+    /// As for [`new`](Self::new). Also if an override has no value, or if a name or number is unknown.
     pub fn with_overrides(
         package: &Package,
         path: &str,
@@ -77,11 +76,11 @@ impl Probed {
         Self::in_state(package, path, overrides, &State::new())
     }
 
-    /// The same as [`with_overrides`](Self::with_overrides), with private variables as further arguments and
-    /// results: `state` says which ones the function reads and writes, as [`Program::state_of`] finds them.
+    /// Like [`with_overrides`](Self::with_overrides), but private variables become additional arguments and results.
+    /// `state` has the variables that the function reads and writes, as [`Program::state_of`] finds them.
     ///
     /// # Errors
-    /// Those of [`with_overrides`](Self::with_overrides).
+    /// As for [`with_overrides`](Self::with_overrides).
     pub fn in_state(
         package: &Package,
         path: &str,
@@ -96,11 +95,12 @@ impl Probed {
         Ok(Self { program, function, kernel })
     }
 
-    /// The same as [`with_overrides`](Self::with_overrides), for a test. The function's whole module must be valid,
-    /// because an engine compiles it as a whole. Modules of crates are exempt: many are valid with some features only.
+    /// Like [`with_overrides`](Self::with_overrides), for a test. The function's whole module must be valid, because an
+    /// engine compiles the whole module. Modules of crates may be invalid, because many need features that the test
+    /// didn't set.
     ///
     /// # Errors
-    /// Those of [`with_overrides`](Self::with_overrides). Also if the module isn't valid.
+    /// As for [`with_overrides`](Self::with_overrides). Also if the module isn't valid.
     pub fn in_valid(
         package: &Package,
         path: &str,
@@ -114,15 +114,16 @@ impl Probed {
         Ok(probed)
     }
 
-    /// The same probe with another source of arguments.
+    /// Sets another source for the arguments.
     ///
     /// # Errors
-    /// If the arguments of one case don't fit into a uniform buffer, or if the function can only run with a
-    /// storage buffer.
+    /// If the arguments of one case don't fit into a uniform buffer, or if the function needs a storage buffer for its
+    /// arguments.
     pub(crate) fn with_inputs(self, inputs: Inputs) -> Result<Self, ProbeError> {
         let form = &self.function.form;
         if inputs != Inputs::Storage && (form.alone || form.fragment) {
-            let reason = "it writes what others would see, or needs a quad of pixels".to_owned();
+            let reason =
+                "it writes data that other invocations see, or needs a quad of pixels".to_owned();
             return Err(ProbeError::Inputs { function: self.function.name, inputs, reason });
         }
         let kernel = Kernel::with_inputs(&self.program, &self.function, inputs);
@@ -133,10 +134,10 @@ impl Probed {
         Ok(Self { kernel, ..self })
     }
 
-    /// Sets the lengths of the resources that the function writes, from their fixtures.
+    /// Sets the lengths of the resources that the function writes. The fixtures have these lengths.
     ///
     /// # Errors
-    /// If fixtures and variables don't match.
+    /// If the fixtures don't match the variables.
     pub fn fit(&mut self, fixtures: &Fixtures) -> Result<(), ProbeError> {
         if self.function.written().next().is_none() {
             return Ok(());
@@ -153,8 +154,7 @@ impl Probed {
         Ok(())
     }
 
-    /// The same probe with derivatives of these parameters as further inputs. They have no effect if the
-    /// function takes no derivatives.
+    /// Adds the derivatives of some parameters as inputs. They have an effect only if the function takes derivatives.
     #[must_use]
     pub fn with_quads(mut self, varying: &[bool]) -> Self {
         if varying.contains(&true) {
@@ -168,7 +168,7 @@ impl Probed {
         self
     }
 
-    /// The same probe for arguments of these types. Quads get derivatives if the function takes derivatives.
+    /// Prepares for arguments of these types. If the function takes derivatives, quads get derivatives as inputs.
     pub(crate) fn with_quads_of(self, arguments: &[Shape]) -> Self {
         if !self.takes_derivatives() {
             return self;
@@ -177,14 +177,14 @@ impl Probed {
         self.with_quads(&varying)
     }
 
-    /// The same probe with derivatives of each parameter that has a float, if the function takes derivatives.
-    /// With constant arguments each derivative would be 0 and nothing would be tested.
+    /// If the function takes derivatives, adds the derivatives of each parameter that has a float. With constant
+    /// arguments, each derivative would be 0, so the test would check nothing.
     #[must_use]
     pub fn with_varying(self) -> Self {
         if self.takes_derivatives() { self.varying() } else { self }
     }
 
-    /// The same probe with derivatives of each parameter that has a float, even if the function takes none.
+    /// Adds the derivatives of each parameter that has a float, even if the function takes no derivatives.
     pub fn varying(self) -> Self {
         let parameters = self.function.parameters.iter();
         let floats = |shape: &Shape| shape.lanes().iter().any(|scalar| scalar.is_float());
@@ -192,28 +192,28 @@ impl Probed {
         self.with_quads(&varying)
     }
 
-    /// True if only fragment shaders may call the function. Each case is then a quad of 2 x 2 pixels.
+    /// Checks if only fragment shaders may call the function. Each case is then a quad of 2 x 2 pixels.
     #[must_use]
     pub fn takes_derivatives(&self) -> bool {
         self.function.form.fragment
     }
 
-    /// The function's signature, place, comment and resources.
+    /// The signature, position, comment and resources of the function.
     #[must_use]
     pub fn function(&self) -> &Function {
         &self.function
     }
 
-    /// The function, linked with everything that it uses.
+    /// The linked text with the function and everything that it uses.
     #[must_use]
     pub fn program(&self) -> &Program {
         &self.program
     }
 
-    /// Name of the kernel's entry point.
+    /// The name of the kernel's entry point.
     pub const ENTRY_POINT: &str = kernel::ENTRY_POINT;
 
-    /// The whole text that is compiled: the function with everything that it uses, and then the kernel.
+    /// The WGSL text that drivers compile: the linked text, and then the kernel.
     #[must_use]
     pub fn kernel(&self) -> &str {
         &self.kernel.text
@@ -221,7 +221,7 @@ impl Probed {
 }
 
 impl ProbeError {
-    /// True if the path lacks something that the function needs. Other paths may have it.
+    /// Checks if the path lacks an ability that the function needs. Other paths may have the ability.
     #[must_use]
     pub fn is_of_path(&self) -> bool {
         match self {
@@ -231,8 +231,8 @@ impl ProbeError {
         }
     }
 
-    /// True if a path refuses the program before any part of it runs: its compiler or its route rejects the
-    /// program, or the path lacks something that the program needs.
+    /// Checks if a path refuses the program before it runs any part of it. In this case the compiler or the route
+    /// rejects the program, or the path lacks an ability.
     pub(crate) fn is_refusal(&self) -> bool {
         match self {
             Self::Lacks { .. } => true,
@@ -243,17 +243,17 @@ impl ProbeError {
     }
 }
 
-/// The reason why a function gave no results.
+/// The reason why a function returned no results.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ProbeError {
-    /// The shader has an error, or can't be probed.
+    /// The shader has an error, or a kernel can't call the function.
     #[error(transparent)]
     Reflect(#[from] ReflectError),
-    /// Fixtures and variables don't match.
+    /// The fixtures don't match the variables.
     #[error(transparent)]
     Fixture(#[from] FixtureError),
-    /// A path can't be used.
+    /// Karat can't use a path.
     #[error(transparent)]
     Path(#[from] PathError),
     /// The driver doesn't compile the kernel.
@@ -264,17 +264,17 @@ pub enum ProbeError {
         /// The driver's message.
         error: PathError,
     },
-    /// The path lacks something that the function needs.
+    /// The path lacks an ability that the function needs.
     #[error("`{function}` needs {ability}, which path `{path}` doesn't have")]
     Lacks {
         /// The function.
         function: String,
         /// The path.
         path: Path,
-        /// The ability that it lacks.
+        /// The missing ability.
         ability: Ability,
     },
-    /// The arguments can't have this source.
+    /// The arguments can't come from this source.
     #[error("the arguments of `{function}` can't come from {inputs} inputs: {reason}")]
     Inputs {
         /// The function.
@@ -287,32 +287,32 @@ pub enum ProbeError {
     /// Some cases have no result.
     #[error(
         "the kernel of `{function}` wrote no result for {count} of {cases} cases on path `{path}` \
-         (first: case {first} of its dispatch): the driver didn't run it, or ran something else"
+         (first: case {first} of its dispatch): the driver didn't run the kernel, or ran another one"
     )]
     NotWritten {
         /// The function.
         function: String,
         /// The path.
         path: Path,
-        /// First case without a result.
+        /// The first case without a result.
         first: u32,
-        /// Number of cases without a result.
+        /// The number of cases without a result.
         count: usize,
-        /// Number of cases.
+        /// The number of cases in the dispatch.
         cases: usize,
     },
-    /// The loops of a case make more rounds than the driver allows.
+    /// The loops of a case take more rounds than the driver allows.
     #[error("{diagnostic}")]
     Rounds {
-        /// Index of the case in its dispatch.
+        /// The index of the case in its dispatch.
         case: usize,
-        /// The loop.
+        /// The message about the loop.
         diagnostic: Box<Diagnostic>,
     },
     /// An assertion of the shader is false.
     #[error("{0}")]
     Asserted(Box<Diagnostic>),
-    /// Some results still are poison: the kernel didn't write them.
+    /// Some results are still poison, because the kernel didn't write them.
     #[error(
         "the kernel of `{function}` ran on path `{path}`, but never wrote {count} of {words} result \
          words (first: `result{component}` of case {first} of its dispatch): the driver drops \
@@ -323,48 +323,49 @@ pub enum ProbeError {
         function: String,
         /// The path.
         path: Path,
-        /// The first component that wasn't written: `""` for a scalar, `.x` for a vector.
+        /// The first unwritten component of the result: `""` for a scalar, `.x` for a vector.
         component: String,
-        /// Index of its case.
+        /// The index of the case with that component.
         first: u32,
-        /// Number of words that weren't written.
+        /// The number of unwritten words.
         count: usize,
-        /// Number of words.
+        /// The number of words in all results.
         words: usize,
-        /// All results, including those that weren't written.
+        /// All results, including the unwritten ones.
         partial: Box<Partial>,
     },
-    /// The executor hasn't enough memory for even one case.
-    #[error("the executor of path `{path}` has room for no case of `{function}`")]
+    /// The executor doesn't have enough memory for one case.
+    #[error(
+        "the executor of path `{path}` doesn't have enough memory for one case of `{function}`"
+    )]
     NoRoom {
         /// The function.
         function: String,
         /// The path.
         path: Path,
     },
-    /// The results have the wrong length.
+    /// An executor returned results of the wrong length.
     #[error("path `{path}` returned {found} words instead of {expected}")]
     Length {
         /// The path.
         path: Path,
-        /// Number of expected words.
+        /// The number of expected words.
         expected: usize,
-        /// Number of returned words.
+        /// The number of returned words.
         found: usize,
     },
 }
 
-/// Results in which some words were never written. These words still are the poison, a NaN.
+/// Results with unwritten words. An unwritten word still has the poison, which is a NaN.
 #[derive(Debug)]
 pub struct Partial {
-    /// The words of each case, and its canary.
+    /// The words of each case, and the case's canary.
     pub(crate) words: Vec<u32>,
     pub(crate) stride: usize,
-    /// The indices of the words that weren't written.
+    /// The indices of the unwritten words.
     pub(crate) unwritten: Vec<usize>,
 }
 
-/// The shapes of a function's parameters.
 pub(crate) fn parameter_shapes(function: &Function) -> Vec<&Shape> {
     function.parameters.iter().map(|(_, shape)| shape).collect()
 }

@@ -1,8 +1,9 @@
 //! The verdicts of a run as data: one line of JSON per verdict.
 //!
-//! Each process of a run appends to its own file in the folder that `KARAT_RECORD` names, and the command
-//! line reads all files. Without the variable nothing is written. A command that starts a run gives it its
-//! own folder ([`Running`]). When the run has ended, `run.json` says how it was made ([`Run`]).
+//! Each process of a run appends to its own file in the folder that `KARAT_RECORD` names, and the command line
+//! reads all files. Without the variable, Karat writes nothing. A command that starts a run creates a folder for
+//! the run's records ([`Running`]). When the run ends, the command writes `run.json`, which says which tests ran
+//! and whether they passed ([`Run`]).
 
 mod details;
 mod errors;
@@ -30,7 +31,7 @@ pub use crate::dispatch::{Violation, ViolationAccess, Watched};
 use crate::output;
 use crate::path::Adapter;
 
-/// Version of the format. Karat refuses lines of other versions.
+/// Version of the format. Karat refuses records of other versions.
 pub const SCHEMA: u32 = 5;
 
 /// The conclusion of a check.
@@ -43,7 +44,7 @@ pub enum Verdict {
     KnownIssue,
     /// At least one case fails.
     Fail,
-    /// Nothing could be compared.
+    /// Karat couldn't compare anything.
     Error,
 }
 
@@ -63,7 +64,7 @@ pub struct Record {
     pub verdict: Verdict,
     /// The results of each path that ran.
     pub paths: Vec<PathRecord>,
-    /// The whole message of a failure or error, for people; [`Details`] has the same as data.
+    /// The whole message of a failure or error, for people. [`Details`] is the same failure as data.
     pub message: Option<String>,
     /// The failure or error as data; `None` if the check passes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -71,22 +72,22 @@ pub struct Record {
     /// The part of compute passes that the sanitizer examined; `None` if the check has no passes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub watched: Option<Watched>,
-    /// The folder whose files replaced modules (`KARAT_OVERLAY`); the verdict is then about these files and
+    /// The folder in which files replaced modules (`KARAT_OVERLAY`). The verdict is then about these files, and
     /// not about the package.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub overlay: Option<String>,
-    /// The files on which the verdict depends, each once: modules, goldens, and the images of fixtures, masks
-    /// and variances; empty if an older Karat wrote the record. Two kinds of files are missing: images whose
-    /// pixels were copied into another image, and files that a reference reads. If the check ended before its
-    /// function was compiled, only the function's module is listed.
+    /// The files on which the verdict depends, each once: modules, goldens, and the images of fixtures, masks and
+    /// variances. The list is empty if an older Karat wrote the record. It lacks images whose pixels were copied
+    /// into another image, and files that a reference reads. If the check ended before Karat compiled its
+    /// function, the list has only the function's module.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub read: Vec<FileRead>,
-    /// The time at which the verdict was made; `None` if an older Karat wrote the record.
+    /// The time at which Karat reached the verdict; `None` if an older Karat wrote the record.
     #[serde(flatten)]
     pub time: Option<Time>,
 }
 
-/// The time of a verdict and its duration, with which you find slow tests. It isn't part of the verdict, and
+/// The start and the duration of a check, with which you find slow tests. The time isn't part of the verdict, and
 /// differs from run to run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Time {
@@ -96,11 +97,9 @@ pub struct Time {
     pub seconds: f64,
 }
 
-/// Measures the [`Time`] of a verdict.
 #[derive(Debug)]
 pub(crate) struct Stopwatch {
     started: SystemTime,
-    /// A monotonic clock, because the system's clock may be set during the check.
     running: Instant,
 }
 
@@ -110,7 +109,7 @@ impl Stopwatch {
     }
 
     pub(crate) fn time(&self) -> Time {
-        // Times before 1970 can't be written.
+        // `humantime` can't format times before 1970.
         let started = self.started.max(SystemTime::UNIX_EPOCH);
         Time {
             started: humantime::format_rfc3339_millis(started).to_string(),
@@ -119,7 +118,7 @@ impl Stopwatch {
     }
 }
 
-/// The subject of a verdict.
+/// The function or frame that a verdict is about.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "snake_case")]
 pub enum Subject {
@@ -145,10 +144,10 @@ pub enum Subject {
     Frame {
         /// Name of the golden.
         golden: String,
-        /// The folder of goldens; empty if the frame was compared with a number.
+        /// The folder of goldens; empty if the test compared the frame with a number.
         #[serde(default)]
         folder: String,
-        /// `file:line:column` of the call in the test. The file is written as the compiler got it.
+        /// `file:line:column` of the call in the test, with the file's path as the compiler got it.
         #[serde(default)]
         location: String,
     },
@@ -169,33 +168,32 @@ pub struct PathRecord {
     pub ratio: Option<f64>,
     /// The assertion on this path: a tolerance or a statement.
     pub asserted: String,
-    /// The reason for the declaration that this path fails; `None` without a declaration.
+    /// The declared reason why this path fails; `None` without a declaration.
     pub known_issue: Option<String>,
-    /// The errors that WGSL allows, compared with the tolerance; `None` without a declared tolerance, or if
+    /// The errors that WGSL allows, compared with the tolerance. `None` if the test declares no tolerance, or if
     /// Karat's engine can't run the function.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub allowed: Option<Allowance>,
-    /// The distribution of the errors of some cases; `None` if no single cases are judged, or if an older
-    /// Karat wrote the record.
+    /// The distribution of the errors in a sample of cases. `None` if the check doesn't judge single cases, or if
+    /// an older Karat wrote the record.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub errors: Option<Errors>,
-    /// The errors of some cases and their arguments; `None` if the path passes.
+    /// The errors and arguments in a sample of cases; `None` if the path passes.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub plot: Option<Plot>,
-    /// The counts in the worst configuration of a sampler that fails; `None` in all other records.
+    /// The counts for the worst arguments of a sampler that fails; `None` in all other records.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub histogram: Option<Histogram>,
-    /// Number of a sampler's configurations that were judged, of which `failures` failed;
-    /// `None` if single cases are judged, or if an older Karat wrote the record.
+    /// Number of argument sets for which the check judged a sampler; `failures` of them failed. `None` if the
+    /// check judges single cases, or if an older Karat wrote the record.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub configurations: Option<u64>,
-    /// The smallest and the largest size of a subgroup; `None` if no pass depends on it.
+    /// The smallest and the largest subgroup size; `None` if no pass depends on the size.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub subgroups: Option<[u32; 2]>,
 }
 
 impl PathRecord {
-    /// An empty record of a path.
     pub(crate) fn of(adapter: Adapter) -> Self {
         Self {
             adapter,
@@ -215,34 +213,34 @@ impl PathRecord {
     }
 }
 
-/// The errors that WGSL allows a function, compared with the tolerance of a check. If WGSL allows larger
-/// errors, another driver may fail the check and be right.
+/// The errors that WGSL allows a function, compared with the tolerance of a check. If WGSL allows larger errors
+/// than the tolerance, a correct driver may fail the check.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Allowance {
-    /// Number of examined cases, a sample of all cases.
+    /// Number of examined cases. They are a sample of all cases.
     pub cases: u64,
     /// Number of these cases in which WGSL allows a larger error than the tolerance.
     pub wider: u64,
-    /// The largest error that WGSL allows, divided by the tolerance; `None` if the quotient isn't finite. It
-    /// isn't if WGSL allows any result, or allows an error where the tolerance is 0.
+    /// The largest error that WGSL allows, divided by the tolerance. `None` if the quotient isn't finite: WGSL
+    /// allows any result, or allows an error although the tolerance is 0.
     pub worst: Option<f64>,
     /// Number of cases in which WGSL allows any result; 0 in records of older versions.
     #[serde(default)]
     pub unbounded: u64,
 }
 
-/// How a run was made: `run.json`, beside its records. If the file is missing, the run didn't end. Its
-/// records may then be incomplete, and don't show that something wasn't tested.
+/// The selection and the result of a run: `run.json`, beside the run's records. If the file is missing, the run
+/// didn't end. Then some records may be missing, and a missing record doesn't show that a test didn't run.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Run {
     /// Version of the format, [`SCHEMA`].
     pub schema: u32,
-    /// The selection of tests: a filter, packages, targets. If it is empty, every test ran.
+    /// The selection of tests: a filter, packages, targets. If the list is empty, every test ran.
     pub selected: Vec<String>,
-    /// True if every test passed and every module is valid. A test that fails records nothing after its
+    /// Reports if every test passed and every module is valid. A test that fails records nothing after its
     /// failure.
     pub passed: bool,
-    /// Names of tests that failed, as their runner printed them. The cause may be something else than a check.
+    /// Names of tests that failed, as their runner printed them. A test may fail without a failing check.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub failed: Vec<String>,
     /// Modules that aren't valid, including modules that no test uses.
@@ -251,17 +249,17 @@ pub struct Run {
     /// The errors in these modules.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub errors: Vec<ModuleError>,
-    /// Packages that aren't valid for a reason that no module has. Such a package requires Tint's verdict and
-    /// didn't get it, or has no modules.
+    /// Packages that aren't valid although none of their modules has an error. Such a package requires Tint's
+    /// verdict and didn't get it, or has no modules.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub invalid_packages: Vec<String>,
-    /// Remarks that don't fail the run: modules that Tint rejects, or the reason why Tint wasn't asked.
+    /// Remarks that don't fail the run: modules that Tint rejects, or the reason why Karat didn't ask Tint.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub remarks: Vec<String>,
     /// Number of selected tests that the runner left out after a failure, as the runner printed it.
     #[serde(default, skip_serializing_if = "is_none")]
     pub not_run: u64,
-    /// True if the runner stopped at a failure and didn't print how many tests it left out.
+    /// Reports if the runner stopped at a failure without printing how many tests it left out.
     #[serde(default, skip_serializing_if = "std::ops::Not::not")]
     pub stopped: bool,
 }
@@ -269,7 +267,7 @@ pub struct Run {
 /// An error in a module.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct ModuleError {
-    /// `file:line:column`; empty if the error has no place.
+    /// `file:line:column`; empty if the error has no position.
     pub place: String,
     /// The error's message.
     pub message: String,
@@ -302,7 +300,6 @@ impl Default for Run {
 }
 
 impl Run {
-    /// The file's name in the folder of records.
     const FILE: &'static str = "run.json";
 
     /// Writes `run.json` into a folder of records.
@@ -314,8 +311,8 @@ impl Run {
         crate::image::write_whole(&folder.join(Self::FILE), text.as_bytes())
     }
 
-    /// Reads how the run of a folder's records was made. In a folder of runs, this is the run that ended
-    /// last. `None` if there is no `run.json`.
+    /// Reads `run.json` from a folder of records. If the folder has several runs, Karat reads the run that ended
+    /// last. Returns `None` if there is no `run.json`.
     ///
     /// ```no_run
     /// use karat::unstable::record::Run;
@@ -347,13 +344,11 @@ impl Run {
     }
 }
 
-/// The overlay that is in use, as records name it.
 pub(crate) fn overlay() -> Option<String> {
     crate::settings::overlay().map(|folder| folder.display().to_string())
 }
 
 impl Allowance {
-    /// Adds other cases of the same check.
     pub(crate) fn merge(self, other: Self) -> Self {
         let worst = self.worst.zip(other.worst).map(|(a, b)| a.max(b));
         Self {
@@ -366,7 +361,7 @@ impl Allowance {
 }
 
 thread_local! {
-    /// False while the verdicts of this thread aren't about the package itself, but about a mutant of it.
+    /// False while the tests of this thread run a mutant instead of the package itself.
     static KEPT: Cell<bool> = const { Cell::new(true) };
 }
 
@@ -384,7 +379,8 @@ thread_local! {
     static SEEN: RefCell<Option<Seen>> = const { RefCell::new(None) };
 }
 
-/// Prints the lines that shaders print, below the test's name. It prints them once, because each path has the same.
+/// Prints the lines that shaders print, below the test's name. Each path has the same lines, so this function
+/// prints equal text only once.
 pub(crate) fn tell_prints(text: &str) {
     thread_local! {
         static TOLD: RefCell<String> = const { RefCell::new(String::new()) };
@@ -404,18 +400,19 @@ pub(crate) fn tell_prints(text: &str) {
     });
 }
 
-/// True within [`unrecorded`].
 pub(crate) fn is_unrecorded() -> bool {
     SEEN.with_borrow(Option::is_some)
 }
 
-/// Within [`unrecorded`]: adds rows that a check judged to the hash, and notes the largest ratio of their errors.
+/// Within [`unrecorded`], adds rows that a check judged to the hash, and stores the largest ratio of their
+/// errors.
 pub(crate) fn saw(rows: &mut dyn Iterator<Item = &[u32]>, ratio: f64) {
     SEEN.with_borrow_mut(|seen| {
         if let Some(seen) = seen {
             let mut hasher = blake3::Hasher::new();
             hasher.update(&seen.values);
-            // WGSL may ignore a zero's sign (15.7.2), so -0 is hashed as 0, and so is the smallest integer: same bits.
+            // WGSL may ignore a zero's sign (15.7.2), so -0 is hashed as 0. The smallest `i32` has the same bits
+            // as -0.
             const NEGATIVE_ZERO: u32 = 1 << 31;
             for word in rows.flatten() {
                 let word = if *word == NEGATIVE_ZERO { 0 } else { *word };
@@ -427,8 +424,8 @@ pub(crate) fn saw(rows: &mut dyn Iterator<Item = &[u32]>, ratio: f64) {
     });
 }
 
-/// Runs tests whose verdicts aren't about the package itself, such as the tests of a mutant. Their verdicts
-/// and failing inputs aren't stored. Returns the values that their checks saw, too.
+/// Runs tests whose verdicts aren't about the package itself, such as the tests of a mutant. Karat doesn't store
+/// their verdicts and failing inputs. Also returns a summary of the values that their checks saw.
 pub fn unrecorded<R>(run: impl FnOnce() -> R) -> (R, Seen) {
     struct Before(bool);
     impl Drop for Before {
@@ -442,12 +439,10 @@ pub fn unrecorded<R>(run: impl FnOnce() -> R) -> (R, Seen) {
     (result, SEEN.take().unwrap_or_default())
 }
 
-/// False within [`unrecorded`].
 pub(crate) fn is_kept() -> bool {
     KEPT.get()
 }
 
-/// True if verdicts are recorded.
 pub(crate) fn wanted() -> bool {
     is_kept() && crate::settings::record().is_some()
 }
@@ -455,7 +450,7 @@ pub(crate) fn wanted() -> bool {
 /// Appends a verdict to this process's file, if the run is recorded.
 ///
 /// # Panics
-/// If the record can't be written: without it, the report would be incomplete.
+/// If Karat can't write the record: without the record, the report would be incomplete.
 pub(crate) fn write(record: &Record) {
     let Some(folder) = crate::settings::record().filter(|_| is_kept()) else { return };
     let folder = folder.as_path();
@@ -477,20 +472,20 @@ pub(crate) fn write(record: &Record) {
     }
 }
 
-/// Ending of the files that list tests whose frames are left out.
+/// File extension of the lists of tests whose frames weren't drawn.
 const LEFT_OUT: &str = "left-out";
 
-/// Notes that a test has a frame that isn't drawn, if the run is recorded.
+/// Records that a test has a frame that isn't drawn, if the run is recorded.
 ///
 /// # Panics
-/// If the note can't be written, as for [`write`].
+/// If Karat can't write the file, as for [`write`].
 pub(crate) fn leave_out(test: &str) {
     if let Some(folder) = crate::settings::record() {
         crate::image::append_line(&folder, LEFT_OUT, test);
     }
 }
 
-/// Reads the names of the tests whose frames were left out (`KARAT_FRAMES=off`) from a folder of records.
+/// Reads the names of the tests whose frames weren't drawn (`KARAT_FRAMES=off`) from a folder of records.
 ///
 /// # Errors
 /// If a file can't be read.
@@ -505,7 +500,7 @@ pub fn left_out(folder: &Path) -> std::io::Result<BTreeSet<String>> {
     Ok(tests)
 }
 
-/// The reason why records can't be read.
+/// The reason why Karat can't read records.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum RecordError {
@@ -536,13 +531,14 @@ pub struct Recorded {
     pub folder: PathBuf,
     /// The verdicts of all processes, in an order that doesn't depend on their timing.
     pub records: Vec<Record>,
-    /// How the run was made. `None`: there is no `run.json`.
+    /// The selection and the result of the run; `None` if there is no `run.json`.
     pub run: Option<Run>,
 }
 
 impl Recorded {
-    /// Reads the records of a folder. In a folder of runs, these are the records of the run that ended last;
-    /// otherwise, the files in the folder itself. `None` if the folder has neither.
+    /// Reads the records of a folder. If the folder has several runs, Karat reads the records of the run that
+    /// ended last. Otherwise Karat reads the files in the folder itself. Returns `None` if the folder has no
+    /// records and no `run.json`.
     ///
     /// ```
     /// # let folder = tempfile::tempdir()?;
@@ -562,7 +558,7 @@ impl Recorded {
         if !folder.is_dir() {
             return Ok(None);
         }
-        // Another run may end meanwhile: the lock keeps it from removing these records.
+        // Another run may end at this moment. The lock keeps that run from removing these records.
         let last = || folder::last(folder).filter(|last| last.is_dir());
         let _turn = match last() {
             Some(_) => Some(Turn::wait(folder, File::try_lock_shared).map_err(|cause| {
@@ -577,7 +573,7 @@ impl Recorded {
     }
 }
 
-/// True if a run in a folder of records was killed, and no other has begun since.
+/// Checks if a run in a folder of records was killed, and no run has begun since then.
 #[must_use]
 pub fn was_killed(records: &Path) -> bool {
     // A run that ended has no file `running`.
@@ -635,7 +631,8 @@ fn records(folder: &Path) -> Result<Vec<Record>, RecordError> {
 }
 
 impl Record {
-    /// Replaces characters in names that some formats can't hold: a record may come from another program or machine.
+    /// Replaces characters in names that some formats can't represent. Another program or machine may have
+    /// written the record.
     fn named(mut self) -> Self {
         let mut names = vec![&mut self.test, &mut self.cargo_package];
         match &mut self.subject {
@@ -651,7 +648,7 @@ impl Record {
         self
     }
 
-    /// Sorts records by their subjects. Records of one test and one subject stay in the order in which they were made.
+    /// Sorts records by their subjects. Records with equal test and subject stay in the order of their checks.
     pub fn sort(records: &mut [Self]) {
         let key = |record: &Self| {
             let subject = match &record.subject {

@@ -1,7 +1,7 @@
-//! Reads from naga's validated IR what a WGSL function takes, returns and needs.
+//! Reads a WGSL function's parameters, result and requirements from naga's validated IR.
 //!
 //! A [`Program`] holds the linked text, the IR and the source map. All code that transforms or interprets shaders
-//! starts from it.
+//! starts from a program.
 
 mod ability;
 mod adapter;
@@ -70,16 +70,15 @@ pub use crate::package::stage::Stage;
 use crate::package::workspace::{self, Kind};
 use crate::package::{Linked, LinkedModule, Package, PackageError, as_naga_takes};
 
-/// A linked and validated shader: its text, its IR, and the places in the author's files.
+/// A linked and validated shader: its text, its IR, and the map from the text to the author's files.
 #[derive(Debug)]
 pub struct Program {
     linked: Linked,
     checked: Arc<Checked>,
-    /// The values of overrides, by their names in the text. The IR already contains them.
+    /// The values of overrides, by their names in the text. The IR already contains these values.
     overrides: Overrides,
 }
 
-/// naga's IR of a text, found valid.
 #[derive(Debug)]
 struct Checked {
     module: naga::Module,
@@ -88,19 +87,18 @@ struct Checked {
     subgroups: bool,
 }
 
-/// Checked modules by their text.
 impl Kind for Checked {
     type Key = blake3::Hash;
     type Value = Arc<Self>;
-    // As many as a large package's functions and tests.
+    // Enough for the functions and tests of a large package.
     const MOST: usize = 2048;
 }
 
-/// The reason why a name exists in naga's IR: its WGSL front end names functions, arguments, members, variables and
-/// overrides.
+/// The reason for `expect` on a name in naga's IR: naga's WGSL front end names functions, arguments, members,
+/// variables and overrides.
 const NAMED: &str = "WGSL names it";
 
-/// The reason why a shader can't be reflected or a function can't be probed.
+/// The reason why Karat can't reflect a shader or probe a function.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReflectError {
@@ -110,19 +108,19 @@ pub enum ReflectError {
     /// naga rejects the shader.
     #[error("{0}")]
     Invalid(Box<Diagnostic>),
-    /// Tint rejects the shader, or the shader exceeds a limit, and `karat.toml` makes that an error.
+    /// Tint rejects the shader, or the shader exceeds a limit, and `karat.toml` makes this an error.
     #[error("{0}")]
     Refused(Box<Diagnostic>),
     /// The function is valid, but a compute kernel can't call it.
     #[error("{0}")]
     Unprobeable(Box<Diagnostic>),
-    /// An override has no value, or an invalid one.
+    /// An override has no value, or its value is invalid.
     #[error("{0}")]
     Override(Box<Diagnostic>),
 }
 
 impl ReflectError {
-    /// The message with its places, if it has any.
+    /// The message with its source locations; `None` if the error is a message without locations.
     #[must_use]
     pub fn diagnostic(&self) -> Option<&Diagnostic> {
         match self {
@@ -137,12 +135,12 @@ impl ReflectError {
 }
 
 impl Program {
-    /// The files that the program was linked from.
+    /// The files from which the program was linked.
     pub(crate) fn files(&self) -> &[FileRead] {
         self.linked.sources.files()
     }
 
-    /// The features and the values of overrides that the program was made with, in the form that people write.
+    /// The features and the values of overrides of the program, as text: `SHADOWS, SAMPLES=4`.
     #[must_use]
     pub fn variant(&self) -> String {
         let overrides = self.overrides.iter().map(|(name, value)| format!("{name}={value}"));
@@ -151,12 +149,12 @@ impl Program {
         all.join(", ")
     }
 
-    /// The author's path of a function in its text: `fresnel::schlick`.
+    /// The author's path of a function, `fresnel::schlick`, from the function's name in the text.
     pub(crate) fn path_of(&self, linked: &str) -> String {
         self.linked.names.get(linked).map_or(linked, String::as_str).to_owned()
     }
 
-    /// The modules that the program was linked from.
+    /// The modules from which the program was linked.
     pub(crate) fn modules(&self) -> &[LinkedModule] {
         self.linked.sources.modules()
     }
@@ -174,16 +172,16 @@ impl Program {
     /// ```
     ///
     /// # Errors
-    /// If it can't be linked, or isn't valid WGSL.
+    /// If the function can't be linked, or the linked text isn't valid WGSL.
     pub fn of_function(package: &Package, path: &str) -> Result<Arc<Self>, ReflectError> {
         dependence::program(package, &Wanted::Function(path.to_owned()))
     }
 
-    /// Links and validates a whole module with everything that it declares. naga gets a module without imports and
-    /// conditions unchanged.
+    /// Links and validates a whole module with everything that the module declares. If a module has no imports
+    /// and no conditions, naga gets its text unchanged.
     ///
     /// # Errors
-    /// If it can't be linked, or isn't valid WGSL.
+    /// If the module can't be linked, or the linked text isn't valid WGSL.
     pub fn of_module(package: &Package, module: &str) -> Result<Arc<Self>, ReflectError> {
         dependence::program(package, &Wanted::Module(module.to_owned()))
     }
@@ -191,7 +189,7 @@ impl Program {
     /// Links and validates some declarations of one module with everything that they need.
     ///
     /// # Errors
-    /// If it can't be linked, or isn't valid WGSL.
+    /// If the declarations can't be linked, or the linked text isn't valid WGSL.
     pub fn of_items(
         package: &Package,
         module: &str,
@@ -213,13 +211,14 @@ impl Program {
         }
         if let Some(span) = linked.too_deep() {
             let message = "this expression is too long or too deep to be compiled".to_owned();
-            let note = "compilers recurse over it: split it into several statements";
+            let note = "compilers recurse over the expression: split it into several statements";
             return Err(invalid(Diagnostic::new(message).at(span, "").note(note)));
         }
         on_deep_stack(|| Self::compiled(linked))
     }
 
-    /// Compiles a linked text. A process parses and validates each text once: an edit leaves most functions unchanged.
+    /// Compiles a linked text. A process parses and validates each text only once, because an edit leaves most
+    /// functions unchanged.
     fn compiled(linked: Linked) -> Result<Self, ReflectError> {
         let hash = blake3::hash(linked.text().as_bytes());
         if let Some(checked) = workspace::get::<Checked>(&hash) {
@@ -246,8 +245,8 @@ impl Program {
             .validate(&module)
             .map_err(|error| {
                 let labels = error.spans().map(|(span, text)| (span.to_range(), text.clone()));
-                // The innermost place says most. naga's labels use the names of its own data structures, so they are
-                // dropped.
+                // The innermost location says most. naga's labels name its own data structures, so Karat drops
+                // the labels' text.
                 let mut labels: Vec<_> = labels.map(|(range, _)| (range, String::new())).collect();
                 labels.sort_by_key(|(range, _)| {
                     range.as_ref().map_or(usize::MAX, ExactSizeIterator::len)
@@ -265,14 +264,14 @@ impl Program {
         Ok(Self { linked, checked, overrides: Overrides::new() })
     }
 
-    /// The same program with generated declarations after it.
+    /// The same program with generated declarations appended.
     pub fn followed_by(&self, text: &str) -> Result<Self, ReflectError> {
         let mut linked = self.linked.clone();
         linked.spliced.append(text);
         Self::compiled(linked)
     }
 
-    /// The text of a kernel for this program as naga's IR, with the validator's facts.
+    /// Parses and validates the text of a kernel for this program. Returns naga's IR and the validator's facts.
     pub(crate) fn kernel(&self, text: &str) -> Result<(naga::Module, ModuleInfo), String> {
         let module = parsed_with(text, &self.overrides)?;
         let mut validator = Validator::new(ValidationFlags::all(), Capabilities::all());
@@ -297,13 +296,12 @@ impl Program {
         &self.checked.module
     }
 
-    /// The author's place for a range of [`text`](Self::text).
+    /// The location in the author's file of a range of [`text`](Self::text).
     #[must_use]
     pub fn resolve(&self, range: Range<usize>) -> Option<Span> {
         self.linked.spliced.resolve(range)
     }
 
-    /// The abilities that an executor needs to run the program with these resources.
     pub(crate) fn abilities(&self, bindings: &[Binding]) -> Vec<Ability> {
         use BindingKind as K;
         let has = |is: fn(K) -> bool| bindings.iter().any(|binding| is(binding.kind));
@@ -321,21 +319,22 @@ impl Program {
         all.into_iter().filter_map(|(ability, needed)| needed.then_some(ability)).collect()
     }
 
-    /// The call of the expectation with this number.
+    /// The location of the expectation with this number.
     pub(crate) fn expectation(&self, call: u32) -> Option<&Span> {
         self.linked.calls.get(&call)
     }
 
-    /// The stretches of [`text`](Self::text) that authors wrote.
+    /// The ranges of [`text`](Self::text) that authors wrote, with their locations.
     pub(crate) fn sources(&self) -> Vec<(Range<usize>, Span)> {
         self.linked.spliced.stretches()
     }
 
-    /// The lanes of a resource's contents, from the words of its memory: four lanes a texel for a texture.
+    /// The scalars of a resource's contents, from the `u32` words of its memory. A texture has four words per
+    /// texel.
     pub(crate) fn lanes_of_words(&self, binding: &Binding, words: &[u32]) -> Vec<u32> {
         match binding.kind {
             BindingKind::StorageTexture { format, .. } => {
-                // Engines and drivers return four words a texel in every format.
+                // The engine and drivers return four words per texel in every format.
                 let texels = words.chunks_exact(4);
                 texels.flat_map(|texel| &texel[..format.channels()]).copied().collect()
             }
@@ -347,12 +346,11 @@ impl Program {
         }
     }
 
-    /// The facts that naga's validator found about the module.
     pub(crate) fn info(&self) -> &ModuleInfo {
         &self.checked.info
     }
 
-    /// The name in the text of a declaration by its author's path.
+    /// The name of a declaration in the text, from the author's path.
     pub fn name_of<'a>(&'a self, path: &'a str) -> &'a str {
         self.linked.name_of(path).unwrap_or(path)
     }
@@ -361,7 +359,7 @@ impl Program {
         &self.checked.layouter
     }
 
-    /// The name in the text of an entry point of the linked module.
+    /// The name of an entry point in the text.
     pub fn entry_point_name<'a>(&'a self, name: &'a str) -> &'a str {
         let is_it = |path: &str| path.rsplit("::").next() == Some(name);
         let mut names = self.linked.names.iter();
@@ -370,15 +368,15 @@ impl Program {
     }
 }
 
-/// Runs code that recurses as deep as a shader nests, on a stack for the deepest shader that [`Linked::too_deep`]
-/// accepts.
+/// Runs code that recurses as deeply as a shader nests. The stack suffices for the deepest shader that
+/// [`Linked::too_deep`] accepts.
 pub(crate) fn on_deep_stack<T>(work: impl FnOnce() -> T) -> T {
-    /// In builds without optimisation, naga's lowering takes up to about 20 KB a term.
+    /// naga's lowering takes up to about 20 KB of stack per term in builds without optimisation.
     const STACK: usize = 256 << 20;
     stacker::grow(STACK, work)
 }
 
-/// The text of an expression. For a call, naga keeps only the place of its name.
+/// The text of an expression. For a call, naga stores only the range of the function's name.
 pub(crate) fn whole_call(text: &str, range: Range<usize>) -> Option<&str> {
     let rest = text.get(range.end..)?;
     let mut depth = 0;

@@ -1,11 +1,11 @@
-//! Asks Tint, the WGSL compiler of Chrome, Edge, Node and Electron, for its verdict on a text.
+//! Asks Tint if a text is valid. Tint is the WGSL compiler of Chrome, Edge, Node and Electron.
 //!
-//! naga is one implementation of WGSL, and Tint is another. Each rejects programs that the other accepts, so a shader
-//! for the web needs both verdicts. This module finds Tint on the machine ([`Tint::beside`]) and asks it. It handles
-//! only texts; `reflect` decides what a verdict means for a package.
+//! naga and Tint are two implementations of WGSL. Each rejects programs that the other accepts, so a shader for the web
+//! needs both verdicts. This module finds Tint on the machine ([`Tint::beside`]), and asks it about texts. `reflect`
+//! decides the meaning of a verdict for a package.
 //!
-//! Three programs contain Tint: the npm package `webgpu` (Dawn for Node), the compiler's own binary `tint`, and
-//! Chromium. For the first and the last, one process keeps running and answers line by line.
+//! Three programs contain Tint: the npm package `webgpu` (Dawn for Node), the program `tint`, and Chromium. For Dawn
+//! and for Chromium, Karat keeps one process running, which answers line by line.
 
 mod answer;
 mod browser;
@@ -28,54 +28,54 @@ use resident::Resident;
 
 use crate::lines::Broken;
 
-/// The script of every process that keeps running.
+/// The script of processes that keep running.
 const JUDGE: &str = include_str!("tint/judge.js");
 
-/// The longest answer that is read, in bytes: far more than any is.
+/// The largest answer in bytes. Real answers are much smaller.
 const LONGEST: u64 = 16 << 20;
 
-/// The remedy, in one line.
+/// The advice for a missing Tint, in one line.
 const REMEDY: &str = "`npm install --save-dev webgpu` in the project (with Node 20 or newer), or KARAT_TINT=PATH \
-                      of an installed one, of a `tint` or of a Chromium";
+                      of the installed package, of a `tint` or of a Chromium";
 
-/// Tint, as this machine has it.
+/// The Tint on this machine.
 pub struct Tint {
     kind: Kind,
-    /// The process that keeps running; `None` before the first question, and after the process ended.
+    /// The process that keeps running. It is `None` before the first question, and after the process ended.
     resident: Mutex<Option<Resident>>,
 }
 
-/// The error that Tint isn't available.
+/// The error for a missing Tint.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{reason}")]
 pub struct Missing {
-    /// The reason: `not here`.
+    /// The reason why Tint is missing: `not here`.
     pub reason: String,
-    /// The remedy.
+    /// The advice for the user.
     pub remedy: String,
 }
 
-/// A question: a text with its entry points.
+/// A question to Tint: a text with its entry points.
 #[derive(Clone, Debug, Default, serde::Serialize)]
 pub struct Question {
-    /// The text.
+    /// The WGSL text.
     pub text: String,
-    /// Set to ask for WebGPU's compatibility mode, instead of a device with all features.
+    /// Set to ask for WebGPU's compatibility mode. Otherwise the device has all features.
     pub compatibility: bool,
-    /// The pipelines to make of the text.
+    /// The pipelines to make from the text.
     pub pipelines: Vec<Pipeline>,
 }
 
-/// An entry point, with the data for a pipeline with an automatic layout.
+/// An entry point, with the data for making a pipeline with an automatic layout.
 #[derive(Clone, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Pipeline {
-    /// Its name in the text.
+    /// The name of the entry point in the text.
     pub entry_point: String,
-    /// `compute`, `vertex` or `fragment`.
+    /// The stage: `compute`, `vertex` or `fragment`.
     pub(crate) stage: &'static str,
-    /// The attributes of a vertex stage, with WebGPU's names of formats.
+    /// The attributes of a vertex stage, with WebGPU's names for formats.
     pub(crate) attributes: Vec<Attribute>,
-    /// A module whose vertex stage `karat_feeds` supplies a fragment stage's inputs.
+    /// A module with a vertex function `karat_feeds`, which supplies the inputs of a fragment stage.
     pub(crate) feeder: String,
     /// The formats of a fragment stage's outputs, by location.
     pub(crate) targets: Vec<Option<&'static str>>,
@@ -89,35 +89,35 @@ pub(crate) struct Attribute {
     pub(crate) format: &'static str,
 }
 
-/// The reason why there is no verdict on a text: a fault of the program that was asked.
+/// The reason why a text has no verdict: a fault of the program with Tint.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum NoVerdict {
     /// The process ended.
     #[error(transparent)]
     Process(#[from] Broken),
-    /// The answer isn't in a form that Karat knows.
+    /// Karat can't parse the answer.
     #[error("its answer can't be read: {0}")]
     Garbage(String),
-    /// There is no answer to this question.
+    /// The answer isn't about this question.
     #[error("it answered about another text")]
     Other,
-    /// The process has failed at this question twice.
+    /// The question got two answers.
     #[error("it answered twice")]
     Twice,
-    /// The process can't make a device for this question.
+    /// The browser's device lacks a feature that the text needs.
     #[error("this browser's device lacks a feature: {0}")]
     Lacks(String),
 }
 
 impl Tint {
-    /// The Tint for checks of a folder: the one in the nearest `node_modules`, or another one of the machine. A process
-    /// looks once for each folder.
+    /// The Tint for a folder. It is the package in the nearest `node_modules`, or else another Tint on this machine. A
+    /// process searches once for each folder.
     ///
-    /// KARAT_TINT names another Tint, or is `off`. Chromium takes a second to start, so unless KARAT_TINT names it, it
-    /// is used only if `needed`.
+    /// KARAT_TINT may name another Tint, or be `off`. Chromium takes a second to start. So Karat uses it only if
+    /// `needed` is set, or if KARAT_TINT names it.
     ///
     /// # Errors
-    /// If there is none, with the reason and the remedy.
+    /// If there is no Tint, with the reason and the remedy.
     pub fn beside(folder: &Path, needed: bool) -> Result<Arc<Self>, Missing> {
         type Known = Vec<((PathBuf, bool), Result<Arc<Tint>, Missing>)>;
         static KNOWN: Mutex<Known> = Mutex::new(Vec::new());
@@ -144,7 +144,7 @@ impl Tint {
             kind => {
                 let mut resident = self.resident.lock().unwrap_or_else(PoisonError::into_inner);
                 let mut answers = resident::ask(kind, &mut resident, questions);
-                // The browser draws on a software device here, which supports less than others.
+                // The browser uses a software device here, which supports less than other devices.
                 if matches!(kind, Kind::Browser(_)) {
                     answers.iter_mut().for_each(lacking);
                 }
@@ -153,13 +153,13 @@ impl Tint {
         }
     }
 
-    /// The version: `webgpu 0.6.2, Node 20.20.2`. This starts Tint.
+    /// The version of Tint, such as `webgpu 0.6.2, Node 20.20.2`. The call starts Tint.
     ///
     /// # Errors
-    /// If it doesn't run, with the reason.
+    /// If Tint doesn't run, with the reason.
     pub fn version(&self) -> Result<String, String> {
         match &self.kind {
-            Kind::Program(_) => Ok("it says none".to_owned()),
+            Kind::Program(_) => Ok("unknown".to_owned()),
             kind => {
                 let mut resident = self.resident.lock().unwrap_or_else(PoisonError::into_inner);
                 resident::version(kind, &mut resident).map_err(|error| error.to_string())
@@ -168,7 +168,7 @@ impl Tint {
     }
 }
 
-/// Turns a rejection because of the device, and not of the text, into "no verdict".
+/// Replaces a rejection by "no verdict" if the device is the reason.
 fn lacking(answer: &mut Result<Answer, NoVerdict>) {
     let is_device = |reason: &&str| {
         reason.contains("not allowed in the current environment")
@@ -181,7 +181,7 @@ fn lacking(answer: &mut Result<Answer, NoVerdict>) {
 }
 
 impl fmt::Display for Tint {
-    /// The kind of program: `webgpu in node_modules`.
+    /// The name of the program with Tint: `webgpu in node_modules`.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         self.kind.fmt(f)
     }

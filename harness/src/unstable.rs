@@ -1,5 +1,5 @@
-//! Modules for programs around tests, such as Karat's own command line. Names and meanings may change in any
-//! release, so a test names none of it: what tests use is at the root of the library and in its other modules.
+//! Modules for programs around tests, such as Karat's own command line. Any release may change their names and
+//! meanings, so tests don't use these modules. Tests use the root of the library and its other modules.
 //!
 //! ```
 //! use karat::unstable::record::Verdict;
@@ -37,12 +37,12 @@ pub mod dispatch {
     pub use crate::dispatch::*;
 }
 
-/// Programs that are asked something, and the time that they have.
+/// The output of another program, and the time limit for a look-up.
 pub mod process {
     pub use karat_core::lines::{LOOK_UP, output};
 }
 
-/// Domains that are put together at run time, and their values as words.
+/// Domains that a program builds at run time, and their values as `u32` words.
 pub mod domain {
     pub use karat_core::domain::{
         Above, Composed, Dynamic, Emptiness, Filter, Held, Map, Numbering, Origin, Part, Parts,
@@ -55,12 +55,12 @@ pub mod draw {
     pub use crate::draw::drawing::{Drawing, Source};
 }
 
-/// The trait of all that runs shaders, and how a program serves one.
+/// The trait of everything that runs shaders, and a server for programs that run jobs.
 pub mod executor {
     pub use crate::executor::*;
 }
 
-/// Fixtures of which a test says no more than their size.
+/// Generated fixtures, for which a test declares only a size, and the mip levels of textures.
 pub mod fixture {
     pub use crate::fixture::Fixtures;
     pub use crate::fixture::buffer::blank;
@@ -68,13 +68,13 @@ pub mod fixture {
     pub use crate::fixture::level::Level;
 }
 
-/// Values of frames' fragment functions, and pixels step by step.
+/// Values of a frame's fragment functions, and the steps that compute one pixel.
 pub mod frame {
     pub use crate::frame::pixel::TracedPixel;
     pub use crate::frame::tap::{Tap, TapError, Tapped};
 }
 
-/// Goldens as files: pending ones, acceptance, provenance.
+/// The files of goldens: pending frames, acceptance, provenance.
 pub mod golden {
     pub use crate::golden::acceptance::{AcceptError, Acceptance, Accepted};
     pub use crate::golden::changes::ChangedRow;
@@ -95,7 +95,7 @@ pub mod image {
     };
 }
 
-/// Functions and passes in the engine: what goes wrong inside, what inputs come to.
+/// Runs of functions and passes in the engine: the hazards that occur, and the values that inputs lead to.
 pub mod interpret {
     pub use crate::interpret::*;
 }
@@ -105,7 +105,7 @@ pub mod job {
     pub use crate::job::*;
 }
 
-/// Maps of the differences between two frames.
+/// Metrics of the difference between two frames, and maps of the errors.
 pub mod metric {
     pub use karat_core::metric::{
         DEFAULT_RELATIVE, ErrorMap, ExposureMap, ExposureRange, FlipFailure, Gate, MASK, Measured,
@@ -113,7 +113,7 @@ pub mod metric {
     };
 }
 
-/// Functions of a package, and files that it leaves out.
+/// The functions of a package, and the files that the package leaves out.
 pub mod package {
     pub use crate::package::accepted::*;
     pub use crate::package::function_item::FunctionItem;
@@ -149,7 +149,7 @@ pub mod path {
     pub use crate::reflect::Ability;
 }
 
-/// Functions with their kernels.
+/// Functions, each with the kernel that calls it.
 pub mod probe {
     pub use crate::probe::*;
 }
@@ -159,27 +159,27 @@ pub mod record {
     pub use crate::record::*;
 }
 
-/// Linked text, naga's IR and the source map in one place; signatures, bindings, limits.
+/// A module as linked text, as naga's IR and as a source map; signatures, bindings, limits.
 pub mod reflect {
     pub use crate::reflect::*;
 }
 
-/// The running test: its name, its replays, its known issues.
+/// The running test: its name, its replay command, its known issues.
 pub mod run {
     pub use crate::run::*;
 }
 
-/// Chrome's compiler of WGSL.
+/// Tint, Chrome's compiler of WGSL.
 pub mod tint {
     pub use crate::tint::*;
 }
 
-/// The caches of a process, and the way to forget those that may be stale.
+/// The caches of a process, and a function that forgets the entries that may be stale.
 pub mod workspace {
     pub use crate::package::workspace::refresh;
 }
 
-/// How far numbers are apart, as text.
+/// The difference between numbers, as text.
 pub mod tolerance {
     pub use karat_core::tolerance::{
         Criterion, LaneError, SpecTolerance, Unit, beyond, power, significant, times_allowed,
@@ -187,12 +187,12 @@ pub mod tolerance {
     };
 }
 
-/// Each intermediate of one call.
+/// Each intermediate value of one call.
 pub mod trace {
     pub use crate::interpret::trace::{Step, Value, trace};
 }
 
-/// Words as text.
+/// The text of values that are `u32` words.
 pub mod value {
     pub use karat_core::value::{
         Arguments, Differing, Mirror, Quad, Reference, Scalar, Shape, format_f32, format_lane,

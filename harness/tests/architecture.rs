@@ -1,21 +1,20 @@
 //! Dependencies between modules go in one direction, and only some modules name the large crates.
 //!
-//! The sources are parsed: what counts is a path in code, wherever it stands, and no word in a
-//! comment or a text.
+//! The tests parse the sources, so they find each path in code, and ignore comments and strings.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
 use syn::visit::{self, Visit};
 
-/// A module of the library, as the table of ARCHITECTURE.md has it.
+/// A row of the table of modules in ARCHITECTURE.md.
 struct Row {
     module: String,
-    /// The crates that only it, and others whose rows say so, may name.
+    /// The crates with owners that this module may name.
     crates: Vec<String>,
 }
 
-/// The modules of the library from the bottom up: a module uses only those before it.
+/// The modules of the library, the lowest first. A module uses only the modules before it.
 fn order() -> Vec<Row> {
     let page = Path::new(env!("CARGO_MANIFEST_DIR")).join("../ARCHITECTURE.md");
     let page = std::fs::read_to_string(page).expect("it is beside the library");
@@ -33,7 +32,7 @@ fn order() -> Vec<Row> {
     rows
 }
 
-/// Crates that have owners.
+/// Crates with owners: only the modules that ARCHITECTURE.md lists may name these crates.
 const LARGE: [&str; 11] = [
     "wgpu",
     "naga",
@@ -48,30 +47,30 @@ const LARGE: [&str; 11] = [
     "anstream",
 ];
 
-/// Rows of the table that are the crate `karat-core`.
+/// The number of rows, at the beginning of the table, that belong to the crate `karat-core`.
 const CORE: usize = 13;
 
-/// Rows at its end that are the crate `karat-inspect`.
+/// The number of rows, at the end of the table, that belong to the crate `karat-inspect`.
 const INSPECT: usize = 8;
 
-/// Dependencies of the library: what a user's tests compile.
+/// The most direct dependencies of the library, which a user's tests compile.
 const MOST_DEPENDENCIES: usize = 26;
 
-/// Names at the root, modules and the macros left aside: what a newcomer reads first.
+/// The most names at the root, without modules and macros. A new user reads these names first.
 const MOST_NAMES: usize = 36;
 
-/// What a module's code names: modules of the library, and crates.
+/// The modules of the library and the crates that a module's code names.
 #[derive(Debug, Default)]
 struct Names {
     modules: BTreeSet<String>,
-    /// First parts of paths that aren't `crate`, `self` or `super`.
+    /// The first parts of paths, except `crate`, `self` and `super`.
     crates: BTreeSet<String>,
-    /// How many `super`s lead out of the file's own module, for `super::super::golden`.
+    /// The number of `super`s that lead out of the file's own module, as in `super::super::golden`.
     depth: usize,
 }
 
 impl Names {
-    /// Takes note of a path, `up` modules below the root of the library.
+    /// Notes a path in a file that is `up` modules below the root of the library.
     fn path(&mut self, parts: &[String]) {
         let supers = parts.iter().take_while(|part| *part == "super").count();
         let rest = &parts[supers..];
@@ -100,7 +99,7 @@ impl Names {
         }
     }
 
-    /// Paths in the arguments of a macro, which aren't parsed: `word :: word`.
+    /// Notes paths in the arguments of a macro, which `syn` doesn't parse: `word :: word`.
     fn tokens(&mut self, text: &str) {
         let text = text.replace(" :: ", "::");
         let words = text.split(|c: char| !(c.is_alphanumeric() || c == '_' || c == ':'));
@@ -111,7 +110,7 @@ impl Names {
     }
 }
 
-/// Whether an item is compiled for tests only.
+/// Checks if an item is compiled only for tests.
 fn is_test(attributes: &[syn::Attribute]) -> bool {
     attributes.iter().any(|attribute| {
         let list = attribute.meta.require_list();
@@ -158,20 +157,19 @@ fn sources(folder: &Path, found: &mut Vec<PathBuf>) {
     }
 }
 
-/// What the text of a file in a module of the library names. `depth`: 1 for `golden.rs`, 2 for
-/// `golden/place.rs`.
+/// The names in a file of the library. `depth` is 1 for `golden.rs`, and 2 for `golden/place.rs`.
 fn names(text: &str, depth: usize) -> Names {
     let mut names = Names { depth, ..Names::default() };
     names.visit_file(&syn::parse_file(text).expect("it compiles"));
     names
 }
 
-/// The sources of the library, which is two crates.
+/// The sources of the library's two crates.
 fn library() -> Vec<(PathBuf, PathBuf)> {
     files(&["core/src", "src"])
 }
 
-/// The sources in folders: each file, and where it is below its folder, without its ending.
+/// The source files in folders. Each has its path inside its folder, without the extension.
 fn files(folders: &[&str]) -> Vec<(PathBuf, PathBuf)> {
     let mut all = Vec::new();
     for folder in folders {
@@ -186,7 +184,7 @@ fn files(folders: &[&str]) -> Vec<(PathBuf, PathBuf)> {
     all
 }
 
-/// What each module of the library and of `karat-inspect` names.
+/// The names in each module of the library and of `karat-inspect`.
 fn modules() -> BTreeMap<String, Names> {
     let mut modules: BTreeMap<String, Names> = BTreeMap::new();
     for (file, relative) in files(&["core/src", "src", "inspect/src"]) {
@@ -246,7 +244,7 @@ fn only_their_owners_name_the_large_crates() {
     }
 }
 
-/// The test above sees what it is to see, and nothing else.
+/// The parser finds paths in code, and none in comments and strings.
 #[test]
 fn paths_are_found_wherever_they_stand() {
     let text = r#"
@@ -269,7 +267,7 @@ fn paths_are_found_wherever_they_stand() {
     assert!(found.crates.contains("wgpu"), "{found:?}");
 }
 
-/// What a user's `[dev-dependencies]` compile, and the names that a newcomer meets first.
+/// The library has few direct dependencies, and few names at its root.
 #[test]
 fn the_library_is_small_to_its_users() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
@@ -296,14 +294,14 @@ fn the_library_is_small_to_its_users() {
     });
     let count: usize = exported.sum();
     assert!((20..=MOST_NAMES).contains(&count), "{count} names at the root");
-    // Another crate of ours can't use what isn't public.
+    // Karat's other crates can use only public items.
     for (file, _) in library().iter().filter(|(file, _)| !file.starts_with(root.join("core"))) {
         let text = std::fs::read_to_string(file).expect("UTF-8");
         assert!(!text.contains("doc(hidden)"), "what is public is documented: {}", file.display());
     }
 }
 
-/// Names of items that a `use` brings in; modules and macros have small letters.
+/// The number of items that a `use` imports. Names of modules and macros begin with a small letter.
 fn leaves(tree: &syn::UseTree) -> usize {
     match tree {
         syn::UseTree::Path(path) => leaves(&path.tree),
@@ -315,19 +313,19 @@ fn leaves(tree: &syn::UseTree) -> usize {
     }
 }
 
-/// A public item: its name, with its type's before it, and whether its documentation has an example.
+/// A public item: its name behind the name of its type, and `true` if its documentation has an example.
 type Item = (String, bool);
 
-/// Public items of a file: functions, methods, types, traits and exported macros. What is public is
-/// reachable, which the lint `unreachable_pub` sees to. A trait's own items, variants and members are
-/// shown at what they are part of; nobody makes an error, so an error needs no example.
+/// The public items of a file: functions, methods, types, traits and exported macros. The lint `unreachable_pub` makes
+/// sure that public items are reachable. Items of a trait, variants and members need no example of their own, and
+/// neither do errors.
 #[derive(Debug, Default)]
 struct PublicItems {
     owner: String,
     items: Vec<Item>,
 }
 
-/// The line in the documentation of a method of a promised type that isn't promised itself.
+/// The line in the documentation of an unstable method of a promised type.
 const UNSTABLE: &str = "*Unstable*: for programs around tests.";
 
 impl PublicItems {
@@ -353,12 +351,12 @@ impl PublicItems {
     }
 }
 
-/// True of an item that documentation leaves out.
+/// Checks if the documentation leaves an item out.
 fn is_hidden(attributes: &[syn::Attribute]) -> bool {
     attributes.iter().any(|one| one.path().is_ident("doc") && quoted(one) == "hidden")
 }
 
-/// What an attribute says, as text.
+/// The string in an attribute.
 fn quoted(attribute: &syn::Attribute) -> String {
     match &attribute.meta {
         syn::Meta::NameValue(syn::MetaNameValue { value: syn::Expr::Lit(value), .. }) => {
@@ -421,7 +419,7 @@ impl<'ast> Visit<'ast> for PublicItems {
     }
 }
 
-/// Items without an example. A `try_` form is shown by the form that panics.
+/// Items without an example. A method `try_x` needs none: the example of `x` shows it.
 fn without_example(items: &[Item]) -> Vec<&str> {
     let shown = |name: &str| items.iter().any(|(other, example)| other == name && *example);
     let plain = |name: &str| name.replacen("::try_", "::", 1);
@@ -429,9 +427,9 @@ fn without_example(items: &[Item]) -> Vec<&str> {
     without.map(|(name, _)| name.as_str()).collect()
 }
 
-/// The part of the library that is promised, read off `lib.rs` and the rooms that it makes public.
+/// The stable part of the library: `lib.rs` and its public modules.
 struct Promise {
-    /// The names of a public room: types, functions and traits that its root has, or brings in.
+    /// For each public module, the types, functions and traits that its root defines or reexports.
     names: BTreeMap<String, BTreeSet<String>>,
 }
 
@@ -449,7 +447,7 @@ impl Promise {
             if !is_public(&module.vis) || ["prelude", "unstable"].contains(&&*room) {
                 continue;
             }
-            // A room of `karat-core` has its names written there.
+            // `lib.rs` lists the names that it reexports from a module of `karat-core`.
             let items = match module.content {
                 Some((_, items)) => items,
                 None => parsed(&format!("{room}.rs")),
@@ -462,14 +460,14 @@ impl Promise {
         Self { names }
     }
 
-    /// The public items of a file, of which something is promised: those of types that are, wherever their methods stand.
+    /// The promised public items of a file, with the methods of promised types in other files.
     fn items(&self, file: &Path, below: &Path) -> Vec<Item> {
         let room = below.iter().next().expect("it is in a room").to_string_lossy();
         let room = room.strip_suffix(".rs").unwrap_or(&room);
         let is_of = |name: &str| self.names.get(room).is_some_and(|own| own.contains(name));
         let is_known = |name: &str| self.names.values().any(|own| own.contains(name));
         let is_promised = |(name, _): &Item| match name.split_once("::") {
-            // No two types of public rooms share a name that others than their own add methods to.
+            // No two types of public modules have the same name, so the name identifies the type of an `impl` block.
             Some((of, _)) => is_of(of) || (self.names.contains_key(room) && is_known(of)),
             None => is_of(name),
         };
@@ -483,7 +481,7 @@ fn last(path: Vec<String>) -> String {
     path.into_iter().next_back().expect("a path has a part")
 }
 
-/// The paths that public `use`s bring in.
+/// The paths of public `use`s.
 fn public_uses(items: &[syn::Item]) -> Vec<Vec<String>> {
     let mut paths = Vec::new();
     for item in items {
@@ -509,12 +507,14 @@ fn paths_of(before: &[String], tree: &syn::UseTree, paths: &mut Vec<Vec<String>>
     }
 }
 
-/// Names that the library keeps: types, functions, methods, traits and macros. Each one more is kept for good.
+/// The most names that the library promises: types, functions, methods, traits and macros. Users rely on each name, so
+/// avoid a new one.
 const MOST_PROMISED: usize = 312;
 
-/// Test authors see each item used that the library promises to keep.
+/// The documentation of each promised item shows how to use the item.
+// Lesson 138
 #[test]
-fn what_is_promised_has_an_example() {
+fn promised_items_have_an_example() {
     let promise = Promise::read();
     for (room, name) in [("domain", "UnitVector"), ("path", "Path"), ("check", "Check")] {
         assert!(promise.names[room].contains(name), "`{room}::{name}` is promised");
@@ -535,9 +535,9 @@ fn what_is_promised_has_an_example() {
     );
 }
 
-/// The test above sees what it is to see.
+// Lesson 138
 #[test]
-fn public_items_are_told_from_others() {
+fn public_items_are_recognised() {
     let text = r#"
         /// ```
         /// shown();

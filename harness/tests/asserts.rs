@@ -34,7 +34,8 @@ fn print(x: f32, n: u32) -> Result<String, ProbeError> {
     asserted.map(|()| text)
 }
 
-/// A line prints what it stands for, where control comes by, once a round.
+/// A line prints the value of its expression each time when control reaches it.
+// Lesson 37
 #[test]
 fn a_call_prints_its_values() {
     let all = "<m>:3:21: `y` (f32): 1 value\n  4\n<m>:5:24: `vec2f(x, y)` (vec2<f32>): 1 value\n  (2, 4)\n\
@@ -50,7 +51,8 @@ fn a_call_prints_its_values() {
     }
 }
 
-/// A check fails by an assertion that is false for one of its inputs, on each path, and names the input.
+/// On each path, a check fails if an assertion is false for one input, and names the input.
+// Lesson 37
 #[test]
 fn checks_fail_by_assertions() {
     let text = "fn f(x: f32) -> f32 {\n    //karat: assert x < 3.9\n    return x;\n}\n\
@@ -69,7 +71,7 @@ fn checks_fail_by_assertions() {
     agrees("sound").expect("it holds for all of them");
 }
 
-/// Each call that a check makes is looked at: of other arguments, of a table, of an integral, of samples.
+/// Assertions are evaluated in every call of a check: with transformed arguments, tables, integrals and samples.
 #[test]
 fn every_kind_of_check_looks() {
     let text = "fn f(x: f32) -> f32 {\n    //karat: assert x >= 0.0 && x <= 4.0\n    return x;\n}\n\
@@ -91,7 +93,8 @@ fn every_kind_of_check_looks() {
     assert!(told.to_string().contains("the assertion `x < 0.5` is false"), "{told}");
 }
 
-/// An assertion is what the engine computes: one that it can't look at is no silence.
+/// The engine evaluates assertions. If it can't evaluate one, the check fails.
+// Lesson 37: nothing is silent
 #[test]
 fn an_assertion_that_is_not_looked_at_is_an_error() {
     let text = "@group(0) @binding(0) var<storage, read_write> total: array<f32, 1>;\n\
@@ -100,10 +103,11 @@ fn an_assertion_that_is_not_looked_at_is_an_error() {
     let check = package.function("f").with("total", Storage::new([0.0_f32])).over(0.0..=4.0);
     let failure = check.unrecorded().try_satisfies("is any", |_, _: f32| true);
     let told = failure.expect_err("nothing looks at it").to_string();
-    assert!(told.contains("`f` writes what is seen outside"), "{told}");
+    assert!(told.contains("`f` writes data that is visible outside"), "{told}");
 }
 
-/// Passes print by invocations, and fail by the first that makes an assertion false.
+/// A pass prints values by invocation, and fails at the first invocation with a false assertion.
+// Lesson 37
 #[test]
 fn passes_assert_and_print() {
     let text = "@group(0) @binding(0) var<storage, read_write> data: array<f32>;
@@ -145,7 +149,8 @@ fn passes_assert_and_print() {
     assert!(tables.is_err());
 }
 
-/// A frame fails by the pixels that make an assertion false, in a loop too, and tells what its lines print.
+/// A frame fails if an assertion is false in a pixel, also inside a loop, and prints the values of its lines.
+// Lesson 37
 #[test]
 fn frames_assert_and_print() {
     let text = "@fragment fn fragment(@builtin(position) at: vec4f) -> @location(0) vec4f {
@@ -179,7 +184,7 @@ fn frames_assert_and_print() {
         for part in [
             "is false for 2 of 8 pixels",
             "<m>:5:25",
-            "first for the pixel (3, 0)",
+            "the first pixel is (3, 0)",
             "<m>:7:21: the assertion `sum < 9.0 ||",
         ] {
             assert!(told.contains(part), "{path}: {told}");
@@ -188,7 +193,8 @@ fn frames_assert_and_print() {
     }
 }
 
-/// An assertion of a vertex function doesn't keep the frame from passing.
+/// A frame can pass although its vertex function has a false assertion, because nothing evaluates that assertion.
+// Lesson 213
 #[test]
 fn vertex_functions_are_not_looked_at() {
     let text = "@vertex fn vertex(@location(0) position: vec3f) -> @builtin(position) vec4f {
@@ -209,7 +215,9 @@ fn vertex_functions_are_not_looked_at() {
     }
 }
 
-/// A line changes nothing: a call that writes and an atomic are refused, and a read outside of an array is no truth.
+/// A line can't change a value: calls that write and atomics are refused. An assertion that reads out of bounds isn't
+/// true.
+// Lesson 37
 #[test]
 fn lines_change_nothing_and_read_what_is_there() {
     let told = |text: &str, function: &str, row: &[u32]| {
@@ -228,7 +236,7 @@ fn lines_change_nothing_and_read_what_is_there() {
             "{bump}fn f(x: f32) -> f32 {{\n    var y = x;\n    //karat: print {line}\n    return y + f32(count);\n}}\n"
         );
         let told = told(&text, "f", &[1.0_f32.to_bits()]);
-        let refused = told.contains("changes something itself") && told.contains("<m>:7:20");
+        let refused = told.contains("has a side effect") && told.contains("<m>:7:20");
         assert_eq!(refused, is_refused, "{line}: {told}");
     }
     let text = "fn f(i: u32) -> f32 {\n    var all = array<f32, 2>(1.0, 2.0);\n    //karat: assert all[i] > 0.0\n    \
@@ -238,7 +246,8 @@ fn lines_change_nothing_and_read_what_is_there() {
     assert!(outside.contains("`all[i] > 0.0` reads outside of an array"), "{outside}");
 }
 
-/// NaN is counted, and is neither least nor largest.
+/// NaN is counted, and is neither the smallest nor the largest value.
+// Lesson 37
 #[test]
 fn nan_is_counted() {
     let text = "fn f(x: f32) -> f32 {\n    //karat: print sqrt(x)\n    return x;\n}\n";
@@ -250,7 +259,8 @@ fn nan_is_counted() {
     assert!(table.contains(expected), "{table}");
 }
 
-/// A slip is an error, and so is an expression that isn't valid, at its place.
+/// A misspelt keyword and an invalid expression are errors at their positions.
+// Lesson 37: nothing is silent
 #[test]
 fn slips_are_errors() {
     let wrong = |line: &str| {

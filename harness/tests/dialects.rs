@@ -1,5 +1,5 @@
-//! Modules as engines write them: conditions, directives of `naga_oil`, files that include others, and
-//! what no dialect of ours expands.
+//! Modules as engines write them: conditions, directives of `naga_oil`, files that include other files, and
+//! preprocessors that Karat doesn't have.
 
 use insta::assert_snapshot;
 use karat::package::Feature;
@@ -20,7 +20,7 @@ fn error(package: &Package, function: &str) -> String {
     }
 }
 
-/// The text of one function, `f`, without blank lines and blanks at ends.
+/// The text of the function `f`, without blank lines and trailing blanks.
 fn f(package: &Package) -> String {
     let kernel = linked(package, "f");
     let lines = kernel.lines().map(str::trim_end).filter(|line| !line.trim().is_empty());
@@ -65,6 +65,7 @@ fn oil() -> Package {
     Package::from_modules("engine", OIL.map(|(module, text)| (name(module), text)))
 }
 
+// Lesson 34
 #[test]
 fn modules_of_naga_oil_import_by_the_paths_that_they_give_themselves() {
     let reference = |x: f64| std::f64::consts::PI * 4.0 * x;
@@ -103,7 +104,7 @@ fn values_stand_where_their_names_do() {
     "#);
 }
 
-/// One round sets all values: the error of one feature names the others.
+/// The error for one missing value names all missing values, so that the author can set all of them at once.
 #[test]
 fn all_missing_values_are_named_at_once() {
     let package = |features: &str| {
@@ -129,7 +130,7 @@ fn all_missing_values_are_named_at_once() {
     assert!(!error(&package("#define COUNT 3\n#define LIGHTS 1\n"), "b::g").contains("COUNT"));
 }
 
-/// The author's lines, whatever directives are above them.
+/// Messages name the author's lines, although directives stand above these lines.
 #[test]
 fn places_are_those_of_the_authors_file() {
     let package = oil().feature("GROUP", 12_345_678);
@@ -180,7 +181,7 @@ fn conditions_choose_lines() {
         let at = text.find("return ").expect("it returns") + 7;
         assert_eq!(text[at..at + 1], expected.to_string(), "{n}: {text}");
     }
-    // Wherever it is defined.
+    // The order of the definitions doesn't matter.
     for text in [
         "#define N 3\n#ifdef N\nfn f() -> i32 { return #{N}; }\n#endif\n",
         "# ifdef N\nfn f() -> i32 { return #{N}; }\n#endif\n#define N 3\n",
@@ -188,9 +189,9 @@ fn conditions_choose_lines() {
     ] {
         assert!(f(&one(text)).contains("return 3;"), "{text}");
     }
-    // A definition wins over a feature, as it does there.
+    // A definition replaces a feature, as in naga_oil.
     assert!(f(&one("#define N 3\nfn f() -> i32 { return #{N}; }").feature("N", 4)).contains("3;"));
-    // A condition in a comment is none.
+    // Conditions in comments are ignored.
     assert!(f(&one("/*\n#ifdef A\n*/\nfn f() -> i32 { return 1; }\n// #endif\n")).contains("1;"));
 }
 
@@ -200,14 +201,14 @@ fn conditions_that_cannot_be_read_are_errors() {
         ("#ifdef A\nfn f() {}\n", "this condition has no `#endif`"),
         ("#endif\nfn f() {}\n", "this `#endif` follows no `#if`"),
         ("#else\nfn f() {}\n", "this `#else` follows no `#if`"),
-        ("#ifdef\n#endif\nfn f() {}\n", "`#ifdef` names one feature"),
-        ("#ifdef A B\n#endif\nfn f() {}\n", "`#ifdef` names one feature"),
+        ("#ifdef\n#endif\nfn f() {}\n", "`#ifdef` needs exactly one feature"),
+        ("#ifdef A B\n#endif\nfn f() {}\n", "`#ifdef` needs exactly one feature"),
         ("#if A\n#endif\nfn f() {}\n", "conditions compare a feature with a value"),
-        ("#if A == x\n#endif\nfn f() {}\n", "values are whole numbers"),
+        ("#if A == x\n#endif\nfn f() {}\n", "values must be whole numbers"),
         ("#if A == 1\n#endif\nfn f() {}\n", "`A` has no value"),
         (
             "#define A\n#if A >= 1\n#endif\nfn f() {}\n",
-            "`A` is true, which `>= 1` can't be asked of",
+            "`A` is true, which can't be compared by `>= 1`",
         ),
         (
             "#define A 1\n#if A == true\n#endif\nfn f() {}\n",
@@ -217,19 +218,19 @@ fn conditions_that_cannot_be_read_are_errors() {
             "#define A\n#if A < true\n#endif\nfn f() {}\n",
             "`A` is true, which `< true` can't be asked",
         ),
-        ("#define A x\nfn f() {}\n", "values are whole numbers"),
+        ("#define A x\nfn f() {}\n", "values must be whole numbers"),
         ("#define_import_path a\n#define A\nfn f() {}\n", "a module that others import can't"),
         (
             "#define_import_path a\n#define_import_path b\nfn f() {}\n",
             "a second `#define_import_path`",
         ),
-        ("#define_import_path a b\nfn f() {}\n", "a module gives itself a path"),
-        ("#define_import_path\nfn f() {}\n", "a module gives itself a path"),
+        ("#define_import_path a b\nfn f() {}\n", "a module declares its own path"),
+        ("#define_import_path\nfn f() {}\n", "a module declares its own path"),
         ("#ifdef A\n#else\n#else\n#endif\nfn f() {}\n", "a second `#else`"),
         ("#ifdef A\n#else\n#else ifdef B\n#endif\nfn f() {}\n", "a second `#else`"),
-        ("/* a */ #ifdef A\n#endif\nfn f() {}\n", "a directive begins its line"),
+        ("/* a */ #ifdef A\n#endif\nfn f() {}\n", "a directive must begin its line"),
         ("#if A =< 3\n#endif\nfn f() {}\n", "conditions compare a feature with a value"),
-        ("#ifdef A\n#else maybe\n#endif\nfn f() {}\n", "an `#else` is followed by nothing"),
+        ("#ifdef A\n#else maybe\n#endif\nfn f() {}\n", "can follow an `#else`"),
         ("fn f() -> i32 { return #{N; }\n", "has no value"),
     ] {
         let said = error(&one(text), "f");
@@ -237,7 +238,7 @@ fn conditions_that_cannot_be_read_are_errors() {
     }
 }
 
-/// Comments, conditions and ends of lines wherever `naga_oil` allows them.
+/// Imports may contain comments, conditions and line ends wherever `naga_oil` allows them.
 #[test]
 fn imports_end_where_their_lines_or_braces_do() {
     let text = "#import engine::math::PI// both\r\n#import engine::math::{ // several\r\n    scaled,\r\n\
@@ -254,7 +255,7 @@ fn imports_end_where_their_lines_or_braces_do() {
     check.agrees_with(|x: f64| std::f64::consts::PI * x / 2.0, Ulp(3.0));
 }
 
-/// What the module defines that is linked holds in all that it imports or includes.
+/// The definitions of the linked module also hold in the modules that it imports or includes.
 #[test]
 fn definitions_reach_what_is_imported() {
     let lib = "#define_import_path lib\n#ifdef FULL\nfn v(x: f32) -> f32 { return x; }\n#else\n\
@@ -287,7 +288,6 @@ fn definitions_reach_what_is_imported() {
     assert!(outside.contains("its path leads out of package `m`"), "{outside}");
 }
 
-/// Two meanings of one name are none.
 #[test]
 fn names_that_two_files_give_are_errors() {
     let two = |second: &'static str| {
@@ -312,7 +312,7 @@ fn names_that_two_files_give_are_errors() {
         Package::from_modules("m", [("one", first), ("two", two), ("user", user)])
     };
     assert_snapshot!(error(&shared("const A = 1.0; const g = 2.0;"), "user::f"), @r#"
-    error: `g` is declared in two files that share their names
+    error: `g` is declared in two files that share a name space
       --> <two>:1:4
       |
     1 | fn g(x: f32) -> f32 { return 2.0 * x; }
@@ -352,7 +352,7 @@ fn a_value_stands_for_a_number_with_its_suffix_and_for_no_part_of_a_name() {
     }
 }
 
-/// Vello's, `re_renderer`'s and blade's: what a file includes shares its names.
+/// In Vello, `re_renderer` and blade, an included file shares the names of the file that includes it.
 #[test]
 fn included_files_share_one_name_space() {
     let package = Package::from_modules(
@@ -399,6 +399,7 @@ fn included_files_share_one_name_space() {
 }
 
 /// Bevy's WESL reads values of features from a package that has no file.
+// Lesson 34
 #[test]
 fn values_of_features_are_constants() {
     let text = "import constants::COUNT;\n@group(constants::GROUP) @binding(0) var<uniform> x: f32;\n\
@@ -413,11 +414,11 @@ fn values_of_features_are_constants() {
     2 | @group(constants::GROUP) @binding(0) var<uniform> x: f32;
       |                   ^^^^^
       |
-      = it is a feature with a value: `.feature("GROUP", 3)`, or `--feature GROUP=3`
+      = `GROUP` is a feature with a value: `.feature("GROUP", 3)`, or `--feature GROUP=3`
     "#);
 }
 
-/// Every name of a condition is asked about, however it stands in brackets, and on both sides.
+/// Each name in a condition counts as a feature: inside brackets, and on both sides of an operator.
 #[test]
 fn each_name_of_a_condition_is_asked_about() {
     let texts = [
@@ -433,7 +434,8 @@ fn each_name_of_a_condition_is_asked_about() {
     }
 }
 
-/// An include guard asks about a name before it defines it: what is inside is the module.
+/// An include guard tests a name before the guard defines it. The text inside the guard is the module.
+// Lesson 189
 #[test]
 fn an_include_guard_is_read() {
     let guard = |text: &str| format!("#ifndef G\n#define G\n{text}#endif\n");
@@ -444,14 +446,14 @@ fn an_include_guard_is_read() {
     let wrong = Package::from_modules("m", [("a", guard(&twice.replace("2.0", "nonsense")))]);
     let invalid = wrong.try_is_valid().expect_err("an unknown name").to_string();
     assert!(invalid.contains("<a>:3:34"), "{invalid}");
-    // Setting the name leaves the text out, with a message.
+    // If the author sets the name, the text is left out, and a message says so.
     let left_out = error(&package.feature("G", true), "a::twice");
     assert!(left_out.contains("is declared under `#ifndef G`"), "{left_out}");
-    // So are tests.
+    // Tests inside the guard run, too.
     let test = "import karat::expect_near;\n@test fn t() { expect_near(twice(1.0), 2.0, 0.0); }\n";
     let test = Package::from_source("m", guard(&format!("{test}{twice}")));
     assert_eq!(test.try_is_valid().expect("valid").tests, 1);
-    // A default that others may set, here and in modules that are imported.
+    // A default value, which an author or an importing module may replace.
     let default = "#ifndef N\n#define N 3\n#endif\nfn f() -> i32 { return #{N}; }\n";
     assert!(f(&one(default)).contains("return 3;"));
     assert!(f(&one(default).feature("N", 4)).contains("return 4;"));
@@ -460,7 +462,7 @@ fn an_include_guard_is_read() {
     let both =
         Package::from_modules("m", [("part", part), ("user", &format!("#import part\n{user}"))]);
     assert!(linked(&both, "user::f").contains("return 3;"));
-    // Two files that guard one name guard it for themselves, and one that is included may.
+    // Two files may use the same name in their guards, also if one includes the other.
     let files = [
         ("part", guard(twice)),
         ("user", guard("#include \"part.wgsl\"\nfn f(x: f32) -> f32 { return twice(x); }\n")),
@@ -468,29 +470,33 @@ fn an_include_guard_is_read() {
     linked(&Package::from_modules("m", files), "user::f");
 }
 
-/// A slip in a feature would leave the shader as it is.
+/// A misspelt feature would change nothing in the shader, so it is an error.
+// Lesson 35
 #[test]
 fn a_feature_that_nothing_asks_about_is_an_error() {
     let wesl = "@if(MULTISAMPLED && !FAST) fn g() {}\nfn f() -> f32 { return 1.0; }";
-    assert_snapshot!(error(&one(wesl).feature("MULTISAMPLD", true), "f"), @"nothing in package `s` or in what it imports asks about the feature `MULTISAMPLD`; did you mean `MULTISAMPLED`?; it asks about FAST, MULTISAMPLED");
+    assert_snapshot!(error(&one(wesl).feature("MULTISAMPLD", true), "f"), @"no condition in package `s` or in its imports uses the feature `MULTISAMPLD`; did you mean `MULTISAMPLED`?; its conditions use FAST, MULTISAMPLED");
     let oil =
         "#ifdef MULTISAMPLED\n#else if SAMPLES > 2\n#endif\nfn f() -> i32 { return #{COUNT}; }";
-    assert_snapshot!(error(&one(oil).feature("SAMPLE", 2), "f"), @"nothing in package `s` or in what it imports asks about the feature `SAMPLE`; did you mean `SAMPLES`?; it asks about COUNT, MULTISAMPLED, SAMPLES");
-    // A word that is no condition's, wherever it stands.
+    // `A` occurs only outside conditions.
+    assert_snapshot!(error(&one(oil).feature("SAMPLE", 2), "f"), @"no condition in package `s` or in its imports uses the feature `SAMPLE`; did you mean `SAMPLES`?; its conditions use COUNT, MULTISAMPLED, SAMPLES");
     let commented = "// of A\n@if(B) fn A() {}\nfn f() -> f32 { return 1.0; }";
     for word in ["A", "of", "return", "1"] {
         let said = error(&one(commented).feature(word, true), "f");
-        assert!(said.contains("it asks about B"), "{said}");
+        assert!(said.contains("its conditions use B"), "{said}");
     }
-    assert_snapshot!(error(&one("fn f() -> f32 { return 1.0; }").feature("A", true), "f"), @"nothing in package `s` or in what it imports asks about the feature `A`");
+    assert_snapshot!(error(&one("fn f() -> f32 { return 1.0; }").feature("A", true), "f"), @"no condition in package `s` or in its imports uses the feature `A`");
 }
 
-/// What Karat doesn't expand says so, and what to do.
+/// The error names a preprocessor that Karat doesn't have, and says what to do.
+// Lesson 36
 #[test]
 fn other_preprocessors_are_named() {
     let said = error(&one("fn f() -> f32 { return f32(#RADIUS); }"), "f");
     assert!(
-        said.contains("= `[features]` and a line `RADIUS = 3` in karat.toml give it a value"),
+        said.contains(
+            "= write a line `RADIUS = 3` below `[features]` in karat.toml to set the value"
+        ),
         "{said}"
     );
     assert_snapshot!(error(&one("#use Mode::Fast\nfn f() -> f32 { return 1.0; }"), "f"), @r#"
@@ -539,7 +545,7 @@ fn other_preprocessors_are_named() {
       |
       = hand Karat the expanded text: a `preprocess` command in karat.toml beside the modules, or `Package::from_modules` in Rust
     "#);
-    // Blocks in blocks are WGSL.
+    // `{{` also occurs in WGSL: a block inside a block.
     assert!(f(&one("fn f() -> f32 {{ return 1.0; }}")).contains("{{ return 1.0; }}"));
 }
 
@@ -556,7 +562,7 @@ fn a_name_that_no_module_gives_itself_is_an_error() {
     "#);
 }
 
-/// A condition between an `if` and its `else` would take a statement with it.
+/// A condition between an `if` and its `else` would remove a statement.
 #[test]
 fn a_condition_before_an_else_is_an_error() {
     let text = "fn f(x: f32) -> f32 {\n    var y = 0.0;\n    if x > 1.0 { y = 1.0; } @if(q) else { y = 2.0; }\n    \
@@ -574,7 +580,7 @@ fn a_byte_order_mark_is_named() {
     assert!(said.contains("begins with a byte order mark"), "{said}");
 }
 
-/// One that is in a folder below would hold or not, by which folder is opened.
+/// A `karat.toml` in a subfolder would hold only if that subfolder is opened, so it is an error.
 #[test]
 fn karat_toml_below_the_package_is_an_error() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -585,12 +591,13 @@ fn karat_toml_below_the_package_is_an_error() {
     let error =
         Package::open(folder.path()).expect("a folder").modules().expect_err("it isn't read");
     assert!(
-        error.to_string().contains("only the one in the package's own folder is read"),
+        error.to_string().contains("Karat reads only the karat.toml in the package's own folder"),
         "{error}"
     );
 }
 
-/// A folder says what expands its modules, and which features hold.
+/// `karat.toml` names the program that expands the folder's modules, and the folder's features.
+// Lesson 36
 #[test]
 #[cfg(unix)]
 fn karat_toml_says_what_expands_modules() {
@@ -623,13 +630,16 @@ fn karat_toml_says_what_expands_modules() {
     for (text, message) in [
         ("preprocess = []\n", "`shaders/karat.toml` can't be used: `preprocess` names no program"),
         ("preproces = [\"a\"]\n", "unknown field `preproces`"),
-        ("[features]\nfast = \"yes\"\n", "feature `fast` is a whole number, `true` or `false`"),
+        (
+            "[features]\nfast = \"yes\"\n",
+            "feature `fast` must be a whole number, `true` or `false`",
+        ),
         ("preprocess = [\"yes\"]\n", "it prints more than 16 MiB"),
         ("preprocess = [\"sh\", \"-c\", \"echo 'fn f() {}'; exit 3\"]\n", "exit status: 3: cd "),
         ("preprocess = [\"false\"]\n", "exit status: 1: cd "),
         ("preprocess = [\"true\"]\n", "it prints nothing"),
         ("preprocess = [\"no-such-program-here\"]\n", "it doesn't run"),
-        ("[features]\nfst = true\n", "asks about the feature `fst`"),
+        ("[features]\nfst = true\n", "uses the feature `fst`"),
     ] {
         write("karat.toml", text);
         write("a.wgsl", &format!("fn f() -> f32 {{ return 1.0; }} // {}\n", text.len()));
@@ -638,7 +648,8 @@ fn karat_toml_says_what_expands_modules() {
     }
 }
 
-/// What a host joins shares its names, and who declares a missing one is told. A name that a module declares is no placeholder.
+/// Texts that a host joins share their names. For a missing name the error says which module declares it. A declared
+/// name isn't a placeholder.
 #[test]
 fn texts_that_a_host_joins_are_joined() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -658,14 +669,14 @@ fn texts_that_a_host_joins_are_joined() {
                 write in karat.toml beside the modules:";
     assert!(said.contains(note) && said.contains("[join]\n"), "{said}");
     assert!(said.contains("material = [\"tone\"]"), "{said}");
-    // What is joined already stays in the list.
+    // The suggestion keeps the modules that are in the list already.
     write("karat.toml", "[join]\nmaterial = [\"tone\"]\n");
     let said = error(&package(), "material::shade");
     assert!(said.contains("material = [\"tone\", \"light\"]"), "{said}");
     write("karat.toml", "[join]\nmaterial = [\"light\", \"tone\"]\n");
     package().function("material::shade").over(0.0..=1.0).agrees_with(|x: f64| 0.5 * x, Ulp(1.0));
     package().function("tone::tone").over(0.0..=1.0).agrees_with(|x: f64| 0.25 * x, Ulp(1.0));
-    // The names are shared where others use the module, too: in what imports it, and in its tests.
+    // The joined names are also known in modules that import the module, and in its tests.
     write(
         "other.wgsl",
         "import package::material::shade;\nfn twice(x: f32) -> f32 { return 2.0 * shade(x); }\n",
@@ -691,16 +702,16 @@ fn texts_that_a_host_joins_are_joined() {
     for function in ["material::shade", "other::twice"] {
         let twice = error(&package(), function);
         assert!(
-            twice.contains("`tone` is declared in two files that share their names"),
+            twice.contains("`tone` is declared in two files that share a name space"),
             "{twice}"
         );
     }
 }
 
-/// What Bevy's modules before 0.20 have, and `naga_oil` takes: values without braces, a brace behind a condition's name, no comma
-/// behind a group, and imports of names that aren't there, which nothing uses.
+/// Bevy's modules before 0.20 use this syntax of `naga_oil`: values without braces, a brace after a condition's name,
+/// no comma after a group, and unused imports of missing names.
 #[test]
-fn what_naga_oil_takes_is_taken() {
+fn the_syntax_of_naga_oil_is_accepted() {
     let util = "#define_import_path demo::util\nfn half(x: f32) -> f32 { return 0.5 * x; }\n\
                 #ifdef POINT\nfn only_point(x: f32) -> f32 { return x; }\n#endif\n";
     let other = "#define_import_path demo::other\nfn twice(x: f32) -> f32 { return 2.0 * x; }\n";
@@ -719,10 +730,10 @@ fn what_naga_oil_takes_is_taken() {
     let used = of(&user.replace("twice(x) *", "only_point(x) *")).feature("SLICES", 4);
     let said = error(&used, "user::f");
     assert!(
-        said.contains("`only_point` is declared under `#ifdef POINT`, which doesn't hold"),
+        said.contains("`only_point` is declared under `#ifdef POINT`, which is false here"),
         "{said}"
     );
-    // An import counts where its name is used.
+    // An unused import may be wrong, but a used one may not.
     let slip = user.replace("half, only_point", "half, only_pint");
     let unused = of(&slip).feature("SLICES", 4);
     unused.function("user::f").over(0.0..=1.0).agrees_with(|x: f64| 8.0 * x, Ulp(0.0));
@@ -731,10 +742,12 @@ fn what_naga_oil_takes_is_taken() {
     assert!(said.contains("declares no `only_pint`"), "{said}");
 }
 
-/// Old Bevy's shaders use these liberties of the first `naga_oil`: names behind a blank, a name that the module declares
-/// itself, a module that isn't there and that nothing uses, and two files of one path, of which one declares the name.
+/// Old shaders of Bevy use this syntax of the first `naga_oil`: imported names after a blank, imports of a name that
+/// the module declares itself, unused imports of missing modules, and two files with the same path, one of which
+/// declares the name.
+// Lesson 36
 #[test]
-fn what_naga_oil_took_first_is_taken() {
+fn the_first_import_syntax_of_naga_oil_is_accepted() {
     let util = "#define_import_path demo::util\nfn half(x: f32) -> f32 { return 0.5 * x; }\n\
                 fn twice(x: f32) -> f32 { return 2.0 * x; }\n";
     let user = "#import demo::util half, twice as double\n#import demo::gone::nothing\n\
@@ -748,7 +761,7 @@ fn what_naga_oil_took_first_is_taken() {
     };
     let package = of(user, &empty);
     package.function("user::f").over(0.0..=1.0).agrees_with(|x: f64| 5.5 * x + 7.0, Ulp(4.0));
-    // Two that declare it are still an error, and so are none.
+    // If both files declare the name, or none, that is an error.
     for other in [&real, "#define_import_path demo::dummy\n"] {
         let said = match other == real {
             true => error(&of(user, other), "user::f"),
@@ -762,7 +775,7 @@ fn what_naga_oil_took_first_is_taken() {
     assert!(said.contains("half"), "{said}");
 }
 
-/// A package may name itself, as Bevy's WESL does.
+/// A package may import from itself by its own name, as in Bevy's WESL modules.
 #[test]
 fn a_package_imports_from_itself_by_its_name() {
     let modules = [
@@ -775,7 +788,7 @@ fn a_package_imports_from_itself_by_its_name() {
     assert!(said.contains("has no dependency `demo`"), "{said}");
 }
 
-/// A file is included by its path, though a module calls itself by its name.
+/// An include finds a file by its path, although a module declares the file's name as its own.
 #[test]
 fn a_file_is_included_beside_a_module_of_its_name() {
     let package = Package::from_modules(
@@ -798,7 +811,7 @@ fn a_file_is_included_beside_a_module_of_its_name() {
     imported.function("user::f").over(0.0..=1.0).agrees_with(|x: f64| 3.0 * x, Ulp(1.0));
 }
 
-/// In one process, too: a program of what `karat.toml` said before is never taken.
+/// After an edit of `karat.toml`, the same process links the program again.
 #[test]
 fn karat_toml_is_read_again_when_it_changes() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -818,7 +831,9 @@ fn karat_toml_is_read_again_when_it_changes() {
     }
 }
 
-/// Statements under a condition, a group of which declares for what follows; and places that have no condition.
+/// Conditions may stand before statements and groups of statements. Declarations in a group are visible after it.
+/// At other positions a condition is an error.
+// Lesson 144
 #[test]
 fn conditions_stand_where_wesl_has_them() {
     let text = "@if(A) { const K = 2.0; @if(!A) const L = 1.0; } @else { const K = 3.0; }
@@ -843,7 +858,7 @@ fn f(x: f32) -> f32 {
         package.function("f").over(Just(x as f32)).agrees_with(move |_: f64| expected, Ulp(1.0))
     };
     at(&[], 0.0);
-    // An attribute's arguments may end with a comma.
+    // The arguments of an attribute may end with a comma.
     one("@if(A,) fn f(x: f32) -> f32 { return x; }")
         .feature("A", true)
         .function("f")
@@ -871,19 +886,20 @@ fn f(x: f32) -> f32 {
     }
 }
 
-/// A misspelt condition, and not the feature that nothing seems to ask about, is what is wrong.
+/// For a misspelt condition the error names the condition, and not the feature that seems unused.
 #[test]
 fn a_misspelt_condition_is_shown_beside_its_feature() {
     let text =
         "@iff(fast && !slow) fn g() {}\n@id(3) override fast2: f32;\nfn f() -> f32 { return 1.0; }";
     let said = error(&one(text).feature("fast", true), "f");
-    assert!(said.contains("`@iff(fast && !slow)` is no condition: write `@if`"), "{said}");
+    assert!(said.contains("`@iff(fast && !slow)` isn't a condition: write `@if`"), "{said}");
     assert!(!said.contains("[values]"), "{said}");
     let other = error(&one(text).feature("fast2", true), "f");
-    assert!(!other.contains("is no condition"), "{other}");
+    assert!(!other.contains("isn't a condition"), "{other}");
 }
 
-/// Where a condition would take along what isn't its own, or leave half of it.
+/// A condition that would leave half an item, or remove a comma of another item, is an error.
+// Lesson 144
 #[test]
 fn conditions_end_where_they_should() {
     for (wrong, message) in [
@@ -907,7 +923,7 @@ fn conditions_end_where_they_should() {
             assert!(said.contains(message), "{wrong}: {said}");
         }
     }
-    // An attribute of a group has nothing to stand before.
+    // The attributes of a group are dropped with its braces.
     let group = "fn f(x: f32) -> f32 { @if(A) @diagnostic(off, derivative_uniformity) { let y = 2.0 * x; } return y; }";
     one(group)
         .feature("A", true)
@@ -916,7 +932,8 @@ fn conditions_end_where_they_should() {
         .agrees_with(|x: f64| 2.0 * x, Ulp(0.0));
 }
 
-/// Text that an engine's own code puts into a module.
+/// Values in `karat.toml` replace the placeholders that an engine's code would replace.
+// Lesson 145
 #[test]
 fn values_stand_for_placeholders() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -941,13 +958,13 @@ fn values_stand_for_placeholders() {
     // The column of `y` in the author's line, which has a placeholder before it.
     assert!(said.contains("b.wgsl:1:36"), "{said}");
     for (text, message) in [
-        ("[values]\nN = [1]\n", "the value of `N` is a text, a number"),
-        ("[values]\nN = \"a\\nb\"\n", "the value of `N` is of one line"),
-        ("[values]\n\"N M\" = 1\n", "`N M` in `[values]` is no name"),
-        ("[features]\nset_by_engine = \"A\"\n", "`set_by_engine` lists names of features"),
+        ("[values]\nN = [1]\n", "the value of `N` must be a text, a number"),
+        ("[values]\nN = \"a\\nb\"\n", "the value of `N` must be one line"),
+        ("[values]\n\"N M\" = 1\n", "`N M` in `[values]` isn't a name"),
+        ("[features]\nset_by_engine = \"A\"\n", "`set_by_engine` must list names of features"),
         (
             "[features]\nset_by_engin = [\"A\"]\n",
-            "feature `set_by_engin` is no list; `set_by_engine`",
+            "feature `set_by_engin` can't be a list; `set_by_engine`",
         ),
     ] {
         write("karat.toml", text);
@@ -956,7 +973,8 @@ fn values_stand_for_placeholders() {
     }
 }
 
-/// All of them in one message; but for those that the engine sets for all of its modules.
+/// One message names all unused features, except those that `karat.toml` sets for the whole folder.
+// Lesson 145
 #[test]
 fn features_that_nothing_asks_about() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -968,7 +986,7 @@ fn features_that_nothing_asks_about() {
     let set = package().feature("FASTT", true).feature("BLOCK", 64).feature("ENGINE", true);
     let said = error(&set, "a::f");
     assert!(
-        said.contains("asks about the features `BLOCK`, `ENGINE`, `FASTT` (did you mean `FAST`?)"),
+        said.contains("uses the features `BLOCK`, `ENGINE`, `FASTT` (did you mean `FAST`?)"),
         "{said}"
     );
     assert!(said.ends_with("[values]\nBLOCK = 64"), "{said}");

@@ -1,4 +1,4 @@
-//! A check on an executor of one's own: the seam between checks and what runs shaders.
+//! Checks on an executor that the test defines.
 
 use karat::Image;
 use karat::Path;
@@ -13,17 +13,17 @@ use karat::unstable::probe::{Call, Prepared, ProbeError, Started};
 
 const SHADER: &str = "fn twice(x: f32) -> f32 { return 2.0 * x; }";
 
-/// Multiplies its argument on the host. What it gets wrong is planted.
+/// An executor that multiplies its argument on the host. Its members plant faults.
 #[derive(Debug)]
 struct Fake {
     factor: f32,
-    /// Results that are left out.
+    /// The number of results that the executor leaves out.
     missing: usize,
     room: usize,
     path: Path,
 }
 
-/// It has room for fewer cases than the checks have.
+/// A correct executor. It runs fewer cases at once than the checks have.
 const RIGHT: Fake = Fake { factor: 2.0, missing: 0, room: 100, path: Path::CPU };
 
 impl Executor for Fake {
@@ -36,7 +36,7 @@ impl Executor for Fake {
         Adapter { path, name, driver: String::new(), software: true }
     }
 
-    /// One colour: half of what it multiplies by.
+    /// Draws one colour: half of the factor.
     fn draw(&self, drawing: &Drawing<'_>) -> Result<Image, DrawError> {
         assert_eq!((drawing.module(), drawing.fixtures().len()), ("", 0));
         let (width, height) = drawing.size();
@@ -84,16 +84,16 @@ fn an_executor_of_ones_own_is_a_path_like_others() {
 
     let wrong = check(&Fake { factor: 2.001, ..RIGHT }).expect_err("a thousandth off").to_string();
     assert!(wrong.contains("on cpu: Fake 3000"), "{wrong}");
-    // The environment doesn't select it, so a replay doesn't ask for it.
+    // The environment can't select this executor, so the replay command doesn't name it.
     assert!(wrong.contains("replay: KARAT_SEED="), "{wrong}");
 
     let missing = check(&Fake { missing: 1, ..RIGHT }).expect_err("a result is missing");
     assert_eq!(missing.to_string(), "path `cpu` returned 99 words instead of 100");
 }
 
-/// Tolerances and known issues are declared for it by its name, or by its driver.
+/// Authors declare tolerances and known issues for an executor by its path or by its driver.
 #[test]
-fn what_is_declared_holds_there() {
+fn tolerances_and_known_issues_hold_on_an_executor() {
     let package = Package::from_source("s", SHADER);
     let wrong = Fake { factor: 2.001, ..RIGHT };
     let over = || package.function("twice").on(&wrong).over(0.5..=1.0).cases(100);
@@ -115,22 +115,25 @@ fn what_is_declared_holds_there() {
     assert!(error.to_string().contains("did you mean `cpu`?"), "{error}");
 }
 
-/// Each executor has a name of its own, which no driver has, and room for a case.
+/// Each executor needs a unique name that isn't a driver's, and must run at least one case at once.
 #[test]
-fn executors_that_cannot_be_told_apart_or_do_nothing_are_refused() {
+fn executors_without_a_name_or_room_are_refused() {
     let none = check(&Fake { room: 0, ..RIGHT }).expect_err("no room").to_string();
-    assert_eq!(none, "the executor of path `cpu` has room for no case of `twice`");
+    assert_eq!(
+        none,
+        "the executor of path `cpu` doesn't have enough memory for one case of `twice`"
+    );
     let driver = check(&Fake { path: Path::VULKAN, ..RIGHT }).expect_err("a driver's").to_string();
-    assert!(driver.contains("another executor is called `vulkan` already"), "{driver}");
+    assert!(driver.contains("another executor already has the path `vulkan`"), "{driver}");
     let mine: Path = "vulkan@mine".parse().expect("a name");
     check(&Fake { path: mine, ..RIGHT }).expect("a name of its own");
     let package = Package::from_source("s", SHADER);
     let both = package.function("twice").on(&RIGHT).on(&RIGHT).over(0.0..=1.0);
     let both = both.unrecorded().try_agrees_with(|x: f64| 2.0 * x, Ulp(0.0)).expect_err("one name");
-    assert!(both.to_string().contains("another executor is called `cpu` already"), "{both}");
+    assert!(both.to_string().contains("another executor already has the path `cpu`"), "{both}");
 }
 
-/// A density runs where its sampler runs; an executor of its own isn't passed over.
+/// A density runs on its sampler's executor. An executor set for the density is an error.
 #[test]
 fn a_density_has_no_executor_of_its_own() {
     let wgsl = "fn sample(u: f32) -> f32 { return u; }\nfn twice(x: f32) -> f32 { return 1.0; }";
@@ -172,7 +175,7 @@ impl Executor for Calls {
     }
 }
 
-/// What it draws is judged as what a driver draws is.
+/// Frames of an executor are judged like frames of a driver.
 #[test]
 fn an_executor_draws_frames_or_says_that_it_does_not() {
     let package = Package::from_source("s", FRAME);
@@ -192,7 +195,7 @@ fn an_executor_draws_frames_or_says_that_it_does_not() {
     let small = mean(&Fake { missing: 1, ..RIGHT }).expect_err("it is small");
     assert_eq!(small, "path `cpu` drew 1 x 1 pixels instead of 3 x 2");
     let driver = mean(&Fake { path: Path::VULKAN, ..RIGHT }).expect_err("a driver's");
-    assert!(driver.contains("another executor is called `vulkan` already"), "{driver}");
+    assert!(driver.contains("another executor already has the path `vulkan`"), "{driver}");
     let none = mean(&Calls).expect_err("it draws nothing");
     assert!(none.starts_with("path `cpu` draws no frames"), "{none}");
 }

@@ -1,4 +1,4 @@
-//! What frames are drawn from reaches the shader: vertex attributes, and mip levels of textures.
+//! Inputs of frames reach the shader: vertex attributes, and mip levels of textures.
 
 use glam::{Vec2, Vec3, Vec4};
 use karat::Path;
@@ -47,7 +47,7 @@ fn levels(in: Varyings) -> @location(0) vec4f {
 }
 ";
 
-/// A triangle over the whole frame, its corners' attributes in no order of location.
+/// A triangle over the whole frame. Its attributes aren't in the order of their locations.
 fn triangle() -> Mesh {
     let corners = [Vec2::NEG_ONE, Vec2::new(3.0, -1.0), Vec2::new(-1.0, 3.0)];
     let positions = corners.map(|corner| corner.extend(0.5)).to_vec();
@@ -76,7 +76,7 @@ fn drawn(fragment: &str, fixtures: bool) -> Vec<Image> {
     images
 }
 
-/// Each attribute arrives at its own location, interpolated: small binary fractions are exact.
+/// Each attribute arrives at its own location. The interpolated values are exact, because they are binary fractions.
 #[test]
 fn attributes_reach_the_vertex_function() {
     for image in drawn("attributes", false) {
@@ -90,7 +90,7 @@ fn attributes_reach_the_vertex_function() {
     }
 }
 
-/// Columns 0, 1, 2, 3; in pairs 1/2, 5/2; and all of them 3/2.
+/// The columns have the values 0, 1, 2, 3. The means of two columns are 1/2 and 5/2, and the mean of all is 3/2.
 #[test]
 fn levels_are_means() {
     for image in drawn("levels", true) {
@@ -98,7 +98,7 @@ fn levels_are_means() {
     }
 }
 
-/// The mean is off on each path that opens.
+/// Checks that the mean is wrong on each path that opens.
 fn is_mean(error: &FrameError) -> bool {
     match error {
         FrameError::Mean { .. } => true,
@@ -107,7 +107,7 @@ fn is_mean(error: &FrameError) -> bool {
     }
 }
 
-/// The mean of a rectangle, without a golden; a value that isn't a number is no mean.
+/// The mean of a rectangle is compared without a golden. A mean with NaN fails.
 #[test]
 fn the_mean_of_a_rectangle_is_what_is_expected() {
     let package = Package::from_source("frame", SHADER);
@@ -147,7 +147,7 @@ fn drivers() -> Vec<(Path, String)> {
     adapters.map(|(path, adapter)| (path, format!("{path}@{}", adapter.family()))).collect()
 }
 
-/// What holds for a driver comes before what holds on its path, and that before the rest.
+/// A tolerance for a driver replaces the tolerance for its path, and that one replaces the general tolerance.
 #[test]
 fn the_most_particular_tolerance_holds() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -179,7 +179,7 @@ fn the_most_particular_tolerance_holds() {
     assert!(matches!(error, FrameError::Tolerance(_)), "{error}");
 }
 
-/// What explains a frame is kept with it: other frames of the scene, and what its author says.
+/// A pending frame keeps its AOVs and its author's facts.
 #[test]
 fn aovs_and_facts_are_kept_with_a_frame_that_is_new() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -213,5 +213,5 @@ fn aovs_and_facts_are_kept_with_a_frame_that_is_new() {
     }
     let twice = plain("attributes").aov("a", plain("attributes")).aov("a", plain("attributes"));
     let error = twice.unrecorded().try_matches(&goldens, "aovs_and_facts").expect_err("one name");
-    assert!(error.to_string().contains("another one has it"), "{error}");
+    assert!(error.to_string().contains("another AOV has that name"), "{error}");
 }

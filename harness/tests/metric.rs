@@ -1,5 +1,5 @@
-//! Metrics against what they should be: HDR-FLIP against NVIDIA's implementation, parts against
-//! wholes, and nothing that is left out or unseen.
+//! Metrics against independent results: HDR-FLIP against NVIDIA's implementation, and a part of an image against the
+//! whole image.
 
 use karat::Image;
 use karat::golden::FrameTolerance;
@@ -58,7 +58,7 @@ fn pair(name: &str) -> (Image, Image) {
     }
 }
 
-/// Of `data/flip`.
+/// The bytes of a file in `data/flip`.
 fn data(file: &str) -> Vec<u8> {
     let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/flip");
     std::fs::read(root.join(file)).expect("it is there")
@@ -102,7 +102,7 @@ fn flip_is_what_its_authors_compute() {
     println!("largest difference from the published implementation: {largest:e}");
 }
 
-/// Which exposure is worst, where those that are added to the published ones show no more.
+/// The exposure with the largest error is that of FLIP's authors, if Karat's additional exposures show no larger error.
 #[test]
 fn exposures_are_those_of_flips_authors() {
     let mut same = 0;
@@ -133,7 +133,7 @@ fn exposures_are_those_of_flips_authors() {
     assert!(same > 5000, "{same}");
 }
 
-/// Dark exposures show what is wrong with a light, bright ones what is in its shadow.
+/// Dark exposures show errors in highlights, and bright exposures show errors in shadows.
 #[test]
 fn exposures_tell_highlights_from_shadows() {
     let lamp = Rect::new(20, 20, 24, 24);
@@ -164,10 +164,10 @@ fn exposures_tell_highlights_from_shadows() {
     }
     let shade = exposures(&shadow, None);
     let at = shade.at(105, 95).expect("the middle of the shadow");
-    // Where greys of 0.05 and 0.04 are furthest apart for an eye.
+    // At this exposure, people see the largest difference between greys of 0.05 and 0.04.
     assert!(at > brightest - 4.0, "{at} of {all}");
     assert_eq!(shade.at(32, 32), None);
-    // More light than all others: exposures that are added.
+    // This pixel is brighter than all others, so Karat adds exposures.
     let mut sun = golden.clone();
     sun.pixels_mut()[160 * 95 + 105] = [1e6, 1e6, 1e6, 1.0];
     let at = exposures(&sun, None).at(105, 95);
@@ -179,7 +179,8 @@ fn exposures_tell_highlights_from_shadows() {
     assert!(masked.at(104, 95).is_none() && masked.at(105, 95).is_some(), "{masked:?}");
 }
 
-/// What a display shows of the same images; of `far` only a half differs, and no more is computed.
+/// LDR-FLIP of the same images, as a display shows them. Only one half of `far` differs, so only that half is
+/// computed.
 #[test]
 fn ldr_flip_is_what_its_authors_compute() {
     let default = Flip::MEAN.pixels_per_degree;
@@ -217,7 +218,7 @@ fn ldr_flip_sees_no_alpha_and_nothing_that_a_display_clips() {
     assert!(map.values().is_empty() && map.mean(&same) == 0.0);
 }
 
-/// A fault in one place: the part of the map that is computed is that of the whole.
+/// A small fault gives the same values in a part of the error map as in the whole map.
 #[test]
 fn a_part_of_the_map_is_that_of_the_whole() {
     let golden = image(160, 120, |x, y, c| 2.0 * random(x, y, c, 3));
@@ -229,7 +230,7 @@ fn a_part_of_the_map_is_that_of_the_whole() {
                 actual.pixels_mut()[(y * 160 + x) as usize][1] += 0.5;
             }
         }
-        // With exposures that show all of it, none are added.
+        // These exposures show all values, so Karat adds none.
         let exposures = ExposureRange { start: -3.0, stop: 4.0 };
         let pair = Pair::new(&golden, &actual).expect("finite").with_exposures(exposures);
         let (part, whole) = (Flip::LARGEST_TILE.map(&pair), Flip::LARGEST_TILE.whole(&pair));
@@ -247,9 +248,10 @@ fn a_part_of_the_map_is_that_of_the_whole() {
     }
 }
 
-/// Alpha, negative light, and light that the golden's exposures leave white.
+/// FLIP doesn't detect differences in alpha, in negative values, and in values that are white at the golden's
+/// exposures.
 #[test]
-fn what_flip_does_not_see_does_not_pass() {
+fn differences_that_flip_misses_fail() {
     let golden = image(64, 64, |x, y, c| random(x, y, c, 4));
     let changed = |channel: usize, value: f32| {
         let mut actual = golden.clone();
@@ -258,11 +260,11 @@ fn what_flip_does_not_see_does_not_pass() {
         (measured.value, measured.note.unwrap_or_default())
     };
     let (value, note) = changed(3, 0.99);
-    assert!(value == f64::INFINITY && note == "alpha is off at (36, 1), which FLIP doesn't see");
+    assert!(value == f64::INFINITY && note == "alpha differs at (36, 1), and FLIP ignores alpha");
     let (value, note) = changed(1, -0.5);
     assert!(value == f64::INFINITY && note.contains("a negative value is off at (36, 1)"));
 
-    // Three pixels of sun in 4096 don't move the exposures, under which they are white.
+    // Three bright pixels of 4096 don't change the exposures, at which these pixels are white.
     let sun = |light: f32| {
         let mut image = golden.clone();
         image.pixels_mut()[2000..2003].fill([light, light, light, 1.0]);
@@ -275,7 +277,7 @@ fn what_flip_does_not_see_does_not_pass() {
     let ((seen, _), (unseen, _)) = (map.largest_tile(&pair), whole.largest_tile(&pair));
     assert!(unseen < 1e-3 && seen > 0.012, "{unseen} {seen}");
 
-    // What no exposure shows is no pass.
+    // A difference that no exposure shows fails.
     for (light, other) in [(1e30, 3e38), (3e38, 1e30)] {
         let sun = |light: f32| {
             image(64, 64, |x, y, _| if y == 31 && (16..19).contains(&x) { light } else { 0.2 })
@@ -284,17 +286,15 @@ fn what_flip_does_not_see_does_not_pass() {
         let pair = Pair::new(&golden, &actual).expect("finite");
         let measured = Flip::MEAN.measure(&pair);
         assert_eq!(measured.value, f64::INFINITY);
-        let note = "3e38 at (16, 31) is over 128 stops from what the golden's exposures show, and \
-                    FLIP looks no further: have the shader clamp it, or compare by the gate alone";
+        let note = "3e38 at (16, 31) is more than 128 stops outside of the golden's exposures: \
+                    clamp the value in the shader, or compare only by the gate";
         assert_eq!(measured.note.as_deref(), Some(note));
         assert!(FrameTolerance::default().compare(&golden, &actual, None).is_err());
     }
     let dark = |light: f32| image(64, 64, |x, y, _| if x + y == 9 { light } else { 1e-37 });
     let (night, day) = (dark(1e-41), dark(3e-41));
     let measured = Flip::MEAN.measure(&Pair::new(&night, &day).expect("finite"));
-    assert!(
-        measured.note.is_some_and(|note| note.starts_with("3e-41 at (9, 0) is over 128 stops"))
-    );
+    assert!(measured.note.is_some_and(|note| note.starts_with("3e-41 at (9, 0) is more than 128")));
 
     let pair = pair.with_exposures(ExposureRange { start: f64::NAN, stop: 0.0 });
     assert!(matches!(Flip::MEAN.map(&pair), Err(FlipFailure::Parameters(_))));
@@ -323,7 +323,7 @@ fn the_gate_of_a_channel() {
     }
 }
 
-/// Half floats hold what they round by half of the tolerance.
+/// An image is stored as half floats if rounding changes each value by at most half of the tolerance.
 #[test]
 fn an_image_is_stored_as_precisely_as_the_gate_compares() {
     let gate = |relative| Gate { relative, absolute: None };
@@ -332,14 +332,14 @@ fn an_image_is_stored_as_precisely_as_the_gate_compares() {
     assert_eq!(precision(&ordinary, 1e-3), Precision::Half);
     assert_eq!(precision(&ordinary, 4e-4), Precision::Float);
     assert_eq!(precision(&ordinary, f32::NAN), Precision::Float);
-    // What half floats are is held under any tolerance.
+    // Half floats store their own values under any tolerance.
     assert_eq!(precision(&ordinary.rounded_to(Precision::Half), 0.0), Precision::Half);
     let with = |channel: usize, value: f32| {
         let mut image = ordinary.clone();
         image.pixels_mut()[64 * 20 + 9][channel] = value;
         image
     };
-    // The key is near 8, so that what is below 8e-4 is compared as if it were that.
+    // The key is near 8, so values below 8e-4 are compared as if they were 8e-4.
     for (channel, value, expected) in [
         (1, 65504.0, Precision::Half),
         (1, 7e4, Precision::Float),
@@ -359,7 +359,7 @@ fn an_image_is_stored_as_precisely_as_the_gate_compares() {
         let absolute = Gate { relative: 1e-3, absolute: Some(1e-5) };
         assert_eq!(absolute.precision_for(&dark, None), Precision::Half, "{light}");
     }
-    // What isn't compared neither needs floats nor says what is dark.
+    // A masked pixel neither requires 32-bit floats, nor changes the key.
     let hole = Rect::new(9, 20, 1, 1);
     let masked =
         |image: &Image, rect| gate(1e-3).precision_for(image, Some(&Mask::except(&[rect])));
@@ -367,7 +367,7 @@ fn an_image_is_stored_as_precisely_as_the_gate_compares() {
     assert_eq!(masked(&with(1, f32::NAN), hole), Precision::Half);
     assert_eq!(masked(&with(1, 7e4), Rect::new(0, 0, 9, 9)), Precision::Float);
     assert_eq!(masked(&ordinary, Rect::new(0, 0, 99, 99)), Precision::Float);
-    // Beside a bright half of the frame this is black.
+    // Beside a bright half of the frame, the dark half counts as black.
     let half_dark = image(64, 48, |_, y, _| if y < 24 { 6e4 } else { 1.2345e-5 });
     assert_eq!(precision(&half_dark, 1e-3), Precision::Half);
     assert_eq!(masked(&half_dark, Rect::new(0, 0, 64, 24)), Precision::Float);
@@ -393,7 +393,7 @@ fn masks_leave_out_what_they_say() {
         assert!(
             pair.is_identical() && !pair.is_compared(20, 10) && pair.compared_count() < 64 * 48
         );
-        // A fault beside the hole is seen, and the hole doesn't count.
+        // A fault beside the mask is detected, and the masked pixel doesn't count.
         let mut faulty = actual.clone();
         faulty.pixels_mut()[64 * 12 + 40] = [9.0; 4];
         let pair = Pair::masked(&golden, &faulty, &mask).expect("finite");
@@ -413,7 +413,7 @@ fn masks_leave_out_what_they_say() {
     }
 }
 
-/// The mean of a tile is over those of its pixels that are compared.
+/// The mean of a tile includes only the tile's compared pixels.
 #[test]
 fn tiles_and_means_are_of_what_is_compared() {
     let golden = image(40, 20, |_, _, _| 1.0);
@@ -434,7 +434,7 @@ fn tiles_and_means_are_of_what_is_compared() {
     assert_eq!(map.mean(&pair), 49.0 * 0.25 / 799.0);
 }
 
-/// What is wrong in the dark is seen, however bright the rest of the frame is.
+/// A fault in the dark is detected beside a bright part of the frame.
 #[test]
 fn the_dark_half_of_a_bright_frame_is_seen() {
     let scene = |ground: [f32; 3]| {
@@ -459,9 +459,9 @@ fn the_dark_half_of_a_bright_frame_is_seen() {
     assert!(found.is_err(), "{found:?}");
 }
 
-/// What a mask leaves out chooses neither exposures nor what counts as black.
+/// Masked pixels change neither the exposures nor the limit below which values count as black.
 #[test]
-fn what_is_left_out_has_no_say() {
+fn masked_pixels_influence_no_metric() {
     let scene = |rest: f32| image(160, 120, |_, y, _| if y < 108 { 1e9 } else { rest });
     let mask = Mask::only(&[Rect::new(0, 108, 160, 12)]);
     for tolerance in [FrameTolerance::gate(1e-3), FrameTolerance::default()] {
@@ -475,7 +475,7 @@ fn what_is_left_out_has_no_say() {
     assert!(found.is_err(), "{found:?}");
 }
 
-/// A hue that is wrong at the right luminance is no noise.
+/// A wrong hue with the right luminance isn't noise.
 #[test]
 fn noise_is_judged_in_each_channel() {
     let golden = image(64, 64, |_, _, _| 0.5);
@@ -487,7 +487,6 @@ fn noise_is_judged_in_each_channel() {
     assert!(!(noise.measure(&pair).value <= 1.0));
 }
 
-/// A bound that bounds nothing is no tolerance.
 #[test]
 fn tolerances_of_nothing_compare_nothing() {
     let golden = image(16, 16, |_, _, _| 0.5);

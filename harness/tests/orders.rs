@@ -1,7 +1,7 @@
-//! Programs of few atomics, by the outcomes that their orders allow: which of them the tests of passes meet.
+//! Programs with a few atomics: tests of passes must find the outcomes that other orders have.
 //!
-//! Each program has no race, so only the order of its atomics decides what its invocations are given. All orders are tried
-//! here by another way, one turn after the other, and none is left out.
+//! No program has a race, so its outcome depends only on the order of its atomics. To know all outcomes, these tests
+//! run each order of the atomics with their own simple interpreter.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -19,7 +19,7 @@ enum Atomic {
     Exchange(u32),
 }
 
-/// The word, and what it does.
+/// The index of the atomic, and the operation.
 type Step = (usize, Atomic);
 
 const WORDS: usize = 3;
@@ -35,7 +35,7 @@ fn run((at, atomic): Step, memory: &mut [u32; WORDS]) -> u32 {
     if let Atomic::Store(_) = atomic { 0 } else { old }
 }
 
-/// What the last invocation is given in each order.
+/// The values that the last invocation reads, for each order.
 fn outcomes(program: &[Vec<Step>]) -> BTreeSet<Vec<u32>> {
     fn go(
         program: &[Vec<Step>],
@@ -66,7 +66,7 @@ fn outcomes(program: &[Vec<Step>]) -> BTreeSet<Vec<u32>> {
     all
 }
 
-/// The program, whose last invocation says whether it was given an outcome: 1, or 2.
+/// A program whose last invocation writes 1 if it reads the given outcome, and otherwise 2.
 fn text(program: &[Vec<Step>], places: &[u32], outcome: &[u32]) -> String {
     let mut text = "@group(0) @binding(0) var<storage, read_write> a: array<atomic<u32>, 3>;\n\
                     @group(0) @binding(1) var<storage, read_write> out: array<u32, 1>;\n\
@@ -99,7 +99,7 @@ fn text(program: &[Vec<Step>], places: &[u32], outcome: &[u32]) -> String {
     text + "}\n"
 }
 
-/// Numbers from a seed (Knuth's constants for linear congruential generators, as in MMIX).
+/// A linear congruential generator with Knuth's constants, as in MMIX.
 struct Random(u64);
 
 impl Random {
@@ -127,7 +127,7 @@ impl Random {
     }
 }
 
-/// Runs a program with a test that the outcome isn't met.
+/// Runs a test that fails if some order has the outcome.
 fn test(text: &str, workgroups: u32) -> Result<(), ComputeError> {
     let package = Package::from_source("m", text);
     let cpu = karat::unstable::executor::of(karat::Path::CPU).expect("it is always there");
@@ -137,10 +137,11 @@ fn test(text: &str, workgroups: u32) -> Result<(), ComputeError> {
     after.try_agrees_with([1_u32], Abs(0.0)).map(drop)
 }
 
-/// Of outcomes that only other orders than the usual one have, nearly all fail a test that forbids them.
+/// If a test forbids an outcome that only an unusual order has, the test nearly always fails.
+// Lesson 216
 #[test]
 fn outcomes_of_other_orders_are_met() {
-    /// Programs, and how many of their outcomes are met at least.
+    /// The number of programs, and the least number of outcomes that the tests must find.
     const COUNT: usize = 150;
     const LEAST: usize = 150;
     let mut random = Random(0x6f72_6465);
@@ -152,7 +153,7 @@ fn outcomes_of_other_orders_are_met() {
             continue;
         }
         let outcome = &all[random.below(all.len() as u64) as usize];
-        // In one workgroup, or in several.
+        // All invocations in one workgroup, or each in its own.
         let places: Vec<u32> = match random.below(2) {
             0 => (0..program.len() as u32).map(|who| 2 * who + 1).collect(),
             _ => (0..program.len() as u32).map(|who| 8 * who + who).collect(),
@@ -160,7 +161,7 @@ fn outcomes_of_other_orders_are_met() {
         let text = text(&program, &places, outcome);
         let groups = places.last().expect("there are some") / 8 + 1;
         match test(&text, groups) {
-            // The usual order has it.
+            // The usual order has this outcome.
             Err(ComputeError::Differs(_)) => continue,
             Err(ComputeError::Order(_)) => found += 1,
             Err(other) => panic!("{other}\n{text}"),
@@ -171,26 +172,27 @@ fn outcomes_of_other_orders_are_met() {
     assert!(found >= LEAST, "{found} of {tried}");
 }
 
-/// An outcome that no order has fails no test, though stores may be late.
+/// A test that forbids an impossible outcome passes, although stores may be late.
+// Lesson 217: outcomes that no device has
 #[test]
 fn outcomes_of_no_order_are_never_met() {
     for (first, second) in [
-        // Two reads of one word go with the order of its writes.
+        // Two reads of one word see its writes in order.
         (
             "atomicStore(&a[0], 1u); atomicStore(&a[0], 2u);",
             "let x = atomicLoad(&a[0]); let y = atomicLoad(&a[0]); out[0] = 1u + u32(x == 2u && y == 1u);",
         ),
-        // An invocation sees its own store, or a later one.
+        // An invocation reads its own store, or a later store.
         (
             "atomicStore(&a[0], 2u);",
             "atomicStore(&a[0], 1u); let x = atomicLoad(&a[0]); out[0] = 1u + u32(x == 0u);",
         ),
-        // What it has read isn't older than what it read before.
+        // An invocation never reads an older value than it read before.
         (
             "atomicAdd(&a[0], 1u); atomicAdd(&a[0], 1u);",
             "let x = atomicLoad(&a[0]); let y = atomicLoad(&a[0]); out[0] = 1u + u32(x > y);",
         ),
-        // Of two exchanges of a lock one has it.
+        // If two invocations exchange a lock, exactly one gets it.
         (
             "if atomicExchange(&a[0], 1u) == 0u { atomicStore(&a[1], 1u); }",
             "let x = atomicExchange(&a[0], 1u); out[0] = 1u + u32(x == 0u && atomicLoad(&a[1]) == 1u);",
@@ -203,7 +205,7 @@ fn outcomes_of_no_order_are_never_met() {
     }
 }
 
-/// Two invocations, of one workgroup or of two, each with statements of its own.
+/// A program with two invocations, in one workgroup or in two. Each runs its own statements.
 fn litmus(first: &str, second: &str, workgroups: u32) -> String {
     let other = if workgroups == 1 { "g.x == 7u" } else { "g.x == 9u" };
     format!(
@@ -215,8 +217,9 @@ fn litmus(first: &str, second: &str, workgroups: u32) -> String {
     )
 }
 
-/// The litmus tests of relaxed atomics (Alglave et al. 2014, *Herding cats*): each outcome that WGSL allows, and that no
-/// order of whole atomics has, is met, but for one that needs a store before a load that stands before it.
+/// The litmus tests of relaxed atomics (Alglave et al. 2014, *Herding cats*). Karat finds each outcome that WGSL allows
+/// and that no order of sequentially consistent atomics has, except one that needs a store before an earlier load.
+// Lesson 217
 #[test]
 fn outcomes_of_relaxed_atomics_are_met() {
     let store = |at: u32, x: u32| format!("atomicStore(&a[{at}], {x}u);");
@@ -236,7 +239,7 @@ fn outcomes_of_relaxed_atomics_are_met() {
         (
             "S",
             format!("{} {}", store(0, 2), store(1, 1)),
-            // The store of the first one comes last.
+            // The first invocation's store takes effect last.
             "let x = atomicLoad(&a[1]); let y = atomicExchange(&a[0], 1u); out[0] = 1u + u32(x == 1u && y == 0u);".to_owned(),
             true,
         ),
@@ -272,7 +275,7 @@ fn outcomes_of_relaxed_atomics_are_met() {
             }
         }
     }
-    // The message names both, and none that stands before them.
+    // The message names both late stores, and not the atomic before them.
     let first = format!("atomicAdd(&a[2], 1u); {} {}", store(0, 42), store(1, 1));
     let second =
         "let f = atomicLoad(&a[1]); out[0] = 1u + u32(f == 1u && atomicLoad(&a[0]) == 0u);";
@@ -281,13 +284,14 @@ fn outcomes_of_relaxed_atomics_are_met() {
     let late = &order.turns[1];
     assert!(late.starts_with("`atomicStore(&a[0], 42u)` (<m>:4:"), "{late}");
     assert!(late.contains("is seen after `atomicStore(&a[1], 1u)` (<m>:4:"), "{late}");
-    // Where whole atomics have it as well, nothing is said of relaxed ones.
+    // If sequentially consistent atomics have the outcome, too, the message doesn't mention relaxed ones.
     let seen = test(&litmus(&store(0, 1), "out[0] = 1u + atomicLoad(&a[0]);", 2), 2);
     let Err(ComputeError::Order(order)) = seen else { panic!("{seen:?}") };
     assert!(!order.to_string().contains("atomics are relaxed"), "{order}");
 }
 
-/// A barrier, a word that holds both, and another pass order two atomics; nothing else does.
+/// Two atomics are ordered by a barrier, by the same word, or by a pass boundary, and by nothing else.
+// Lesson 217
 #[test]
 fn what_orders_two_atomics() {
     let cpu = karat::unstable::executor::of(karat::Path::CPU).expect("it is always there");

@@ -1,4 +1,4 @@
-//! Linking: what works across modules and packages, and what each error says.
+//! Linking across modules and packages, and the messages of its errors.
 
 use std::path::Path;
 
@@ -19,7 +19,7 @@ fn write(folder: &Path, file: &str, text: impl AsRef<[u8]>) {
     std::fs::write(path, text).expect("written");
 }
 
-/// What an error says, with the temporary folder's name taken out.
+/// The message of an error, without the name of the temporary folder.
 fn error_in(folder: &tempfile::TempDir, function: &str) -> String {
     let package = Package::open(folder.path()).expect("a folder");
     let name = package.name();
@@ -62,12 +62,12 @@ fn imports_are_followed_through_modules_and_packages() {
         let probed = Probed::new(&package, function).unwrap_or_else(|e| panic!("{function}: {e}"));
         assert_eq!(probed.function().name, function);
     }
-    // Only the closure is linked.
+    // The kernel contains only the declarations that the function needs.
     let kernel = Probed::new(&package, "inline::ball").expect("linked").kernel().to_owned();
     assert!(!kernel.contains("square"), "{kernel}");
 }
 
-/// A function is named as imports name it, and the package's own come first.
+/// A function of a dependency has the name that an import uses. The package's own functions come first.
 #[test]
 fn a_function_agrees_with_one_of_another_package() {
     let shaders = |factor: &str| {
@@ -93,6 +93,7 @@ fn a_function_agrees_with_one_of_another_package() {
     assert!(unknown.contains("`math::half`"), "{unknown}");
 }
 
+// Lesson 52
 #[test]
 fn features_choose_branches() {
     let source = "fn f() -> f32 {\n    @if(fast) return 1.0;\n    @if(!fast) return 2.0;\n}";
@@ -146,6 +147,7 @@ fn a_syntax_error_is_shown_where_it_is() {
     insta::assert_snapshot!(error_in(&folder, "area::f"));
 }
 
+// Lesson 47
 #[test]
 fn a_type_error_in_an_imported_module_is_shown_at_its_line_and_column() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -173,6 +175,7 @@ fn an_unknown_name_inside_a_function_is_shown_where_it_is() {
     insta::assert_snapshot!(error_in(&folder, "area::f"));
 }
 
+// Lesson 47
 #[test]
 fn an_unresolved_import_is_shown_at_the_import() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -210,7 +213,7 @@ fn an_import_cycle_is_shown_with_its_route() {
     insta::assert_snapshot!(error_in(&folder, "a::f"));
 }
 
-/// Modules may import each other; what can't be is that declarations need each other.
+/// Modules may import each other, but their declarations may not depend on each other in a cycle.
 #[test]
 fn modules_may_import_each_other_but_functions_may_not_recurse() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -264,7 +267,7 @@ fn an_unknown_function_names_the_nearest() {
 }
 
 #[test]
-fn what_a_probe_cannot_call_is_refused_with_the_reason() {
+fn functions_that_cannot_be_called_are_refused_with_a_reason() {
     let folder = tempfile::tempdir().expect("a folder");
     write(
         folder.path(),
@@ -299,8 +302,8 @@ fn errors_carry_their_place_as_data() {
     assert_eq!(diagnostic.location().map(ToString::to_string).as_deref(), Some("<s>:2:10"));
 }
 
-/// A text that isn't saved is read in place of its file, and in packages that depend on it; the file and
-/// the package are as they were.
+/// An unsaved text replaces its file, also in packages that depend on its package. It changes neither the file nor the
+/// original package.
 #[test]
 fn texts_that_are_not_saved_stand_in_for_their_files() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -309,7 +312,7 @@ fn texts_that_are_not_saved_stand_in_for_their_files() {
     let file = folder.path().join("b/math.wgsl");
     let math = Package::open(folder.path().join("b")).expect("a package");
     let saved = Package::open(folder.path().join("a")).expect("a package").depends_on("b", &math);
-    // Through `.`, as another program may call it.
+    // The path contains `.`, as another program may write it.
     let edited =
         saved.unsaved(&folder.path().join("b/./math.wgsl"), "\nfn f() -> f32 { return y; }\n");
     let invalid = edited.try_is_valid().expect_err("there is no y").to_string();
@@ -326,11 +329,11 @@ fn texts_that_are_not_saved_stand_in_for_their_files() {
         line(&math.unsaved(&file, "\n\nfn f() -> f32 { return 2.0; }\n")).as_deref(),
         Some("3")
     );
-    // What is no file of the package changes nothing.
+    // A text for a file outside the package changes nothing.
     assert!(saved.unsaved(Path::new("nowhere.wgsl"), "no WGSL").try_is_valid().is_ok());
 }
 
-/// A folder without Rust says in `karat.toml` what its modules import from.
+/// A folder without Rust lists its dependencies in `karat.toml`.
 #[test]
 fn a_folder_declares_its_dependencies() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -347,7 +350,7 @@ fn a_folder_declares_its_dependencies() {
         "noise/value.wgsl",
         "import own::gain::GAIN;\nfn hash(x: f32) -> f32 { return GAIN * x; }\n",
     );
-    // Packages that name each other are two.
+    // Two packages may depend on each other.
     write(
         "noise/karat.toml",
         "[dependencies]\nown = { path = \"../own\" }\nback = { path = \"../shaders\" }\n",
@@ -371,14 +374,14 @@ fn a_folder_declares_its_dependencies() {
     declared("[dependencies]\nnoise = { path = \"../noise\" }\n");
     ran().expect("0.5 x");
     package.function("noise::value::hash").over(0.0..=1.0).agrees_with(|x: f64| 0.5 * x, Ulp(1.0));
-    // Another text of what it depends on is another program.
+    // After an edit in a dependency, the program is linked again.
     write("own/gain.wgsl", "const GAIN = 0.25;\n");
     assert!(ran().is_err());
     for (text, part) in [
         ("noise = { path = \"../nose\" }", "nose` (dependency `noise`)"),
         ("noise = { path = \"../noise\", crate = \"noise\" }", "or { crate = \"name@version\" }"),
-        ("noise = {}", "the dependency `noise` is { path = \"..\" }"),
-        ("karat = { path = \"../noise\" }", "no dependency can be called `karat`"),
+        ("noise = {}", "the dependency `noise` must be { path = \"..\" }"),
+        ("karat = { path = \"../noise\" }", "no dependency can have the name `karat`"),
         ("noise = { pat = \"../noise\" }", "unknown field `pat`"),
     ] {
         declared(&format!("[dependencies]\n{text}\n"));
@@ -386,7 +389,8 @@ fn a_folder_declares_its_dependencies() {
     }
 }
 
-/// A folder of tests alone, whose functions lie in packages that it depends on, is valid.
+/// A folder may contain only tests, of functions in its dependencies.
+// Lesson 190
 #[test]
 fn a_package_of_tests_alone_is_valid() {
     let half = Package::from_source("half", "fn half(x: f32) -> f32 { return 0.5 * x; }");
@@ -400,7 +404,8 @@ fn a_package_of_tests_alone_is_valid() {
     assert!(nothing.expect_err("nothing").to_string().contains("no entry point and no test"));
 }
 
-/// Modules have the names of their places, and what a link leads to again has no other one.
+/// A module is named by its path. If a link leads to its folder again, the module doesn't get a second name.
+// Lesson 188
 #[cfg(unix)]
 #[test]
 fn links_lead_to_each_folder_once() {

@@ -1,5 +1,5 @@
-//! Every path has its verdict, from every verb: two executors, of which the second one alone is wrong, or the
-//! first one gives nothing at all.
+//! Every verb has a verdict for every path. The tests use two executors: only the second one is wrong, or the first one
+//! returns nothing.
 
 use glam::{DQuat, Vec2, Vec3};
 use karat::Path;
@@ -35,37 +35,37 @@ fn sampled(u: f32) -> f32 { return u; }
 @fragment fn gray() -> @location(0) vec4f { return vec4f(0.5, 0.5, 0.5, 1.0); }
 ";
 
-/// A fault that is planted in an executor.
+/// A fault that a test plants in an executor.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Fault {
     None,
-    /// Its values are wrong.
+    /// The executor returns wrong values.
     Values,
-    /// Its values are NaN.
+    /// The executor returns NaN.
     Nan,
-    /// It gives nothing.
+    /// The executor returns no values.
     Stops,
-    /// Its compiler refuses what it is given.
+    /// The compiler refuses the program.
     Refuses,
-    /// Its driver loses the device.
+    /// The driver loses the device.
     Lost,
-    /// Its compiler panics.
+    /// The compiler panics.
     Panics,
-    /// It panics while it runs what was compiled.
+    /// The executor panics while it runs a compiled program.
     PanicsLate,
 }
 
-/// The functions above, on the host.
+/// An executor that computes the functions above on the host.
 #[derive(Debug)]
 struct Fake {
     name: &'static str,
     fault: Fault,
 }
 
-/// A function that an executor calls.
+/// A compiled function of the executor.
 struct Ready {
     name: String,
-    /// Words of the arguments and of the result.
+    /// The number of words of the arguments and of the result.
     width: usize,
     words: usize,
     fault: Fault,
@@ -160,7 +160,7 @@ impl Prepared for Ready {
                 "square" => vec![off(x * x, if x > 0.0 { x * x + 1.0 } else { x * x })],
                 "one" => vec![off(1.0, 2.0)],
                 "near" => vec![off(1.0 + x, 2.0 + x)],
-                // The density is right everywhere; what is sampled isn't.
+                // The density is right in each case, but the samples aren't.
                 "uniform" => vec![1.0],
                 "sampled" => vec![off(x, x * x)],
                 "same" => {
@@ -171,9 +171,9 @@ impl Prepared for Ready {
                     let v = [0, 1].map(|lane| f32::from_bits(row[lane]));
                     vec![off(-v[1], v[0] + 1.0), v[0]]
                 }
-                // Of the other hand where it is wrong.
+                // A wrong frame is left-handed.
                 "frame" => vec![1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, off(1.0, -1.0)],
-                // A test in WGSL that evaluates one expectation, which holds or not.
+                // A test in WGSL with one expectation.
                 _ => {
                     let mut report = vec![0; self.words];
                     (report[0], report[1]) = (1, if wrong || nan { 99 } else { 0 });
@@ -205,7 +205,7 @@ fn package() -> Package {
     Package::from_source("paths", SHADER)
 }
 
-/// A verb on two paths: what it says, or that both agree.
+/// A verb's name, and a function that runs it on two paths and returns its message.
 type Verb = (&'static str, fn(&[Fake; 2]) -> Result<(), String>);
 
 fn told<T, E: std::fmt::Display>(result: Result<T, E>) -> Result<(), String> {
@@ -226,7 +226,7 @@ where
     told(verb(probe.over(domain).cases(256)))
 }
 
-/// Every verb of a function, of a frame and of passes.
+/// Every verb of functions, frames and passes.
 const VERBS: [Verb; 22] = [
     ("agrees_with", |fakes| {
         check(fakes, "twice", 0.0..=1.0, |c| {
@@ -317,7 +317,7 @@ const VERBS: [Verb; 22] = [
         told(probe.over_dynamic(Dynamic::new(&[], vec![])).unrecorded().try_expects())
     }),
     ("golden of values", |fakes| {
-        // Below the project: in CI each folder there has a place of its own for what waits.
+        // The folder lies inside the project, because in CI each such folder has its own folder of pending files.
         let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).expect("a folder");
         let text = "x,result\n0.25,0.5\n0.5,1.0\n";
         let golden = folder.path().join("twice.csv");
@@ -362,6 +362,7 @@ const VERBS: [Verb; 22] = [
     }),
 ];
 
+// Lesson 172
 #[test]
 fn a_fault_of_the_second_path_alone_is_seen_by_every_verb() {
     for (verb, run) in VERBS {
@@ -376,7 +377,8 @@ fn a_fault_of_the_second_path_alone_is_seen_by_every_verb() {
     }
 }
 
-/// A path that gives nothing keeps no other one from its verdict.
+/// If one path returns nothing, the other path still has its verdict.
+// Lesson 172
 #[test]
 fn a_path_that_stops_leaves_the_others_their_verdict() {
     for (verb, run) in VERBS {
@@ -394,18 +396,21 @@ fn a_path_that_stops_leaves_the_others_their_verdict() {
             assert!(error.contains(&format!("on {differs}: ")), "{verb}: {error}");
         }
         let error = run(&two(Fault::Stops, Fault::None)).expect_err(verb);
-        assert!(error.contains("on vulkan@two: two of two\n  it agrees"), "{verb}: {error}");
+        assert!(
+            error.contains("on vulkan@two: two of two\n  all results agree"),
+            "{verb}: {error}"
+        );
     }
 }
 
-/// Declares a known issue of each path, in two ways: of its values, and that it refuses what it is given.
+/// The two kinds of known issues: wrong values, and a compiler that refuses the program.
 #[derive(Clone, Copy)]
 enum Declared {
     Fails,
     Refused,
 }
 
-/// What functions, frames and passes say where something is declared of both paths.
+/// The verdicts of functions, frames and passes with a known issue on both paths.
 fn declared(fakes: &[Fake; 2], declared: Declared) -> [Result<usize, String>; 3] {
     let package = package();
     let names = fakes.each_ref().map(|fake| fake.name);
@@ -435,8 +440,9 @@ fn declared(fakes: &[Fake; 2], declared: Declared) -> [Result<usize, String>; 3]
     ]
 }
 
-/// A known issue is about values, of functions, frames and passes alike. NaN is a value; what stops a path
-/// is none.
+/// A known issue of a function, a frame or a pass is about wrong values. NaN is a value, but an error that stops the
+/// path isn't.
+// Lesson 173
 #[test]
 fn a_known_issue_is_about_values() {
     for fault in [Fault::Values, Fault::Nan] {
@@ -456,7 +462,8 @@ fn a_known_issue_is_about_values() {
     }
 }
 
-/// A known issue that is gone on the second of two paths is a failure.
+/// If a known issue no longer occurs on the second of two paths, the test fails.
+// Lesson 173
 #[test]
 fn a_known_issue_that_is_gone_on_the_second_path() {
     for found in declared(&two(Fault::Values, Fault::None), Declared::Fails) {
@@ -465,7 +472,8 @@ fn a_known_issue_that_is_gone_on_the_second_path() {
     }
 }
 
-/// A refusal is declared by itself: neither wrong values nor another error are one.
+/// A known refusal covers only a compiler that refuses the program, and neither wrong values nor other errors.
+// Lesson 173
 #[test]
 fn a_path_that_refuses_is_declared_by_itself() {
     for found in declared(&two(Fault::Refuses, Fault::Refuses), Declared::Refused) {
@@ -474,21 +482,22 @@ fn a_path_that_refuses_is_declared_by_itself() {
     for fault in [Fault::None, Fault::Values, Fault::Nan] {
         for found in declared(&two(Fault::Refuses, fault), Declared::Refused) {
             let error = found.expect_err("the second path runs it");
-            assert!(error.contains("remove its `refused_on`"), "{fault:?}: {error}");
+            assert!(error.contains("remove the `refused_on`"), "{fault:?}: {error}");
         }
     }
     for found in declared(&two(Fault::Refuses, Fault::Stops), Declared::Refused) {
         let error = found.expect_err("it doesn't refuse it");
         assert!(error.contains("on vulkan@two: two of two there is no verdict"), "{error}");
     }
-    // A driver that fails has refused nothing.
+    // A lost device isn't a refusal.
     for found in declared(&two(Fault::Lost, Fault::Lost), Declared::Refused) {
         let error = found.expect_err("the device is lost");
         assert!(error.contains("reports: lost") && !error.contains("bug 1"), "{error}");
     }
 }
 
-/// Programs tell errors apart, too.
+/// Programs can match each kind of error.
+// Lesson 172
 #[test]
 fn failures_of_paths_are_data() {
     let fakes = two(Fault::Stops, Fault::Values);
@@ -514,7 +523,7 @@ fn failures_of_paths_are_data() {
     assert_eq!(paths.agreeing.len(), 0);
 }
 
-/// A compiler or a driver that panics is that path's failure, at what it was given, from every verb.
+/// If a compiler or a driver panics, each verb reports a failure of that path, and the other path has its verdict.
 #[test]
 fn a_path_that_panics_leaves_the_others_their_verdict() {
     for (verb, run) in VERBS {
@@ -525,13 +534,13 @@ fn a_path_that_panics_leaves_the_others_their_verdict() {
                 let told = format!("path `vulkan@{panics}` panics at `");
                 assert!(error.contains(&told), "{verb} {fault:?}: {error}");
                 assert!(error.contains("planted (panicked at "), "{verb} {fault:?}: {error}");
-                assert!(error.contains("it agrees"), "{verb} {fault:?}: {error}");
+                assert!(error.contains("all results agree"), "{verb} {fault:?}: {error}");
             }
             let error = run(&two(fault, Fault::Values)).expect_err(verb);
             assert!(error.contains("path `vulkan@one` panics at `"), "{verb} {fault:?}: {error}");
         }
     }
-    // It was no refusal, and no value.
+    // A panic is neither a refusal nor a wrong value.
     for declaration in [Declared::Fails, Declared::Refused] {
         for found in declared(&two(Fault::Panics, Fault::Panics), declaration) {
             let error = found.expect_err("nobody declares a panic");
@@ -540,7 +549,7 @@ fn a_path_that_panics_leaves_the_others_their_verdict() {
     }
 }
 
-/// A reference that panics fails its test, with its own message.
+/// A reference that panics fails its test with the message of the panic.
 #[test]
 fn a_reference_that_panics_is_no_path_s_failure() {
     let (fakes, package) = (two(Fault::None, Fault::None), package());

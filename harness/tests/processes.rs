@@ -5,14 +5,14 @@ use std::path::{Path, PathBuf};
 
 use syn::visit::{self, Visit};
 
-/// Bounds of a process.
+/// The limit on the time of a process.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Bound {
-    /// `lines::output`, `child::run` or a loop of its own ends it.
+    /// `lines::output`, `child::run` or a loop in the same file ends the process.
     Deadline,
-    /// It answers message by message, and each answer has a deadline.
+    /// The process answers messages, and each answer has a deadline.
     Answers,
-    /// The reason why none is needed.
+    /// The reason why the process needs no deadline.
     Needless(&'static str),
 }
 
@@ -23,7 +23,7 @@ const OURS: Bound =
 const TESTS: Bound = Needless("tests take as long as they take; what they dispatch has deadlines");
 const CARGO: Bound = Needless("cargo downloads, builds and waits for other builds");
 
-/// Each file that starts processes, with how many `Command::new` it has.
+/// Each file that starts processes, with the number of its `Command::new`.
 const KNOWN: &[(&str, usize, Bound)] = &[
     ("cli/src/cargo.rs", 1, OURS),
     ("cli/src/cli/browser.rs", 1, OURS),
@@ -60,7 +60,7 @@ const KNOWN: &[(&str, usize, Bound)] = &[
     ("translate/src/tool.rs", 2, Deadline),
 ];
 
-/// Counts `Command::new` outside of tests.
+/// Counts calls of `Command::new` outside tests.
 #[derive(Default)]
 struct Started(usize);
 

@@ -1,4 +1,4 @@
-//! Loops that a driver leaves before they end are errors and no results.
+//! If a driver leaves a loop before its end, the check reports an error instead of the result.
 
 use karat::draw::DrawError;
 use karat::frame::FrameError;
@@ -21,7 +21,7 @@ fn paths() -> Vec<Path> {
     paths
 }
 
-/// Whether this path's driver is the one that leaves loops.
+/// Checks if the driver of this path is llvmpipe, which leaves long loops.
 fn leaves(path: Path) -> bool {
     adapter(path).expect("it opens").name.contains("llvmpipe")
 }
@@ -31,6 +31,7 @@ fn probed(source: &str, function: &str) -> Probed {
     Probed::new(&package, function).unwrap_or_else(|error| panic!("{error}"))
 }
 
+// Lesson 55
 #[test]
 fn a_loop_that_the_driver_leaves_is_an_error_with_its_line() {
     let probed = probed(SPIN, "spin");
@@ -53,7 +54,8 @@ fn a_loop_that_the_driver_leaves_is_an_error_with_its_line() {
     }
 }
 
-/// Rounds of all loops of an invocation count together, also in functions that it calls.
+/// The rounds of all loops of an invocation are added up, including loops in called functions.
+// Lesson 55
 #[test]
 fn loops_count_together() {
     let source = format!(
@@ -72,10 +74,11 @@ fn loops_count_together() {
     }
 }
 
-/// A loop that no case enters takes a round each time when what is around it runs: then the driver leaves all
-/// loops after fewer rounds of the others.
+/// The driver counts a round for a loop that no case enters, each time when the code around the loop runs. So it leaves
+/// other loops after fewer rounds.
+// Lesson 55
 #[test]
-fn loops_that_nobody_enters_count() {
+fn loops_that_are_never_entered_count() {
     let source = format!(
         "{SPIN}fn hidden(n: u32) -> u32 {{\n    var s = 0u;\n    \
          for (var i = 0u; i < n; i++) {{\n        \
@@ -103,7 +106,8 @@ fn loops_that_nobody_enters_count() {
     counts("before", 65_000, &[65_535, 131_072]);
 }
 
-/// Lanes of a vector go round each other's loops: none of these cases is too long by itself.
+/// The invocations of one vector share the driver's counter of rounds. Each of these cases is short enough alone.
+// Lesson 55
 #[test]
 fn neighbours_do_not_cut_each_other_short() {
     let source = format!(
@@ -122,7 +126,7 @@ fn neighbours_do_not_cut_each_other_short() {
             call(&probed(&source, "either"), path, &cases, &Vec::new()).expect("each ends");
         assert_eq!(results, expected, "on {path}");
 
-        // Each lane has a turn in a loop of its own: together they go round 16 times as often.
+        // Each invocation runs another loop, so the driver counts 16 times as many rounds.
         let cases: Vec<Vec<u32>> = (0..64).map(|i| vec![9_000 + i, i % 16]).collect();
         let expected: Vec<Vec<u32>> = (0..64).map(|i| vec![spun(9_000 + i)]).collect();
         let results =
@@ -131,7 +135,8 @@ fn neighbours_do_not_cut_each_other_short() {
     }
 }
 
-/// What the IR shows to be bounded isn't counted, and its kernel has nothing for it.
+/// If naga's IR shows that loops are bounded, their kernel contains no counter.
+// Lesson 55: loops that need no counter
 #[test]
 fn bounded_loops_have_the_plain_kernel() {
     let source =
@@ -140,7 +145,8 @@ fn bounded_loops_have_the_plain_kernel() {
     assert!(probed(SPIN, "spin").kernel().contains("karat_index"));
 }
 
-/// The same of frames: in fragment shaders, in vertex shaders, and in what they call.
+/// Rounds are also counted in frames: in fragment and vertex shaders, and in the functions that these call.
+// Lesson 55
 #[test]
 fn loops_of_frames_are_watched() {
     let shader = |vertex: &str, fragment: &str| {

@@ -1,4 +1,4 @@
-//! What WGSL allows, as a tolerance; and what a failing check says of it.
+//! WGSL's accuracy as a tolerance (`Spec`), and the messages of checks that fail.
 
 use karat::Path;
 use karat::check::Failure;
@@ -15,7 +15,7 @@ fn package(text: &str) -> Package {
     Package::from_source("spec", text)
 }
 
-/// A check on the engine, of one argument from 0 to 1.
+/// A check of a function with one argument from 0 to 1, on the engine.
 fn check(
     text: &str,
     reference: impl Fn(f64) -> f64 + Sync,
@@ -60,7 +60,7 @@ struct Driver {
 #[derive(Debug)]
 struct Ready {
     factor: f32,
-    /// Whether it is the whole function, or the binding that holds the product.
+    /// The name of the function: `f`, or the `let` with the product.
     name: String,
 }
 
@@ -85,7 +85,7 @@ impl Prepared for Ready {
         4096
     }
 
-    /// `(3 x) (3 x)`, and what the bindings of that have.
+    /// Computes `(3 x) (3 x)`, or the value of one of its `let`s.
     fn start<'p>(&'p self, cases: usize, arguments: &[u32]) -> Result<Started<'p>, ProbeError> {
         let is_of = |binding: &str| self.name.contains(&format!("karat_let = {binding};"));
         let (same, thrice) = (is_of("same"), is_of("thrice"));
@@ -111,15 +111,15 @@ const SQUARE: &str = "fn f(x: f32) -> f32 {\n    let same = x;\n    let thrice =
                       return thrice * thrice;\n}\n";
 
 #[test]
-fn what_wgsl_allows_passes_without_a_number() {
+fn results_within_the_wgsl_bound_pass() {
     let agreement = check(SQUARE, |x| 9.0 * x * x, Spec).expect("it agrees");
     assert_eq!(agreement.cases, 4096);
     assert!(agreement.worst.ratio < 0.01, "a few steps of f32 are allowed: {agreement}");
 }
 
-/// Each of the four failures is told apart.
+// Lesson 90
 #[test]
-fn who_is_wrong_is_told() {
+fn the_census_separates_shader_and_driver() {
     let shader = census(check(SQUARE, |x| 9.001 * x * x, Spec));
     assert!(shader.shader > 3000 && shader.driver == 0, "{shader:?}");
 
@@ -127,7 +127,7 @@ fn who_is_wrong_is_told() {
     let driver = census(wrong);
     assert!(driver.driver > 3000 && driver.shader == 0, "{driver:?}");
 
-    // The reference has what the shader loses: 1 - (1 - x) of a small x.
+    // The shader loses the digits of a small x in 1 - (1 - x). The reference doesn't.
     let cancels = "fn f(x: f32) -> f32 { let y = 1.0 - x * 1e-4; return (1.0 - y) * 90000.0 * x; }";
     let ill = census(check(cancels, |x| 9.0 * x * x, Spec));
     assert!(ill.ill_conditioned > 1000 && ill.driver == 0, "{ill:?}");
@@ -139,20 +139,21 @@ fn who_is_wrong_is_told() {
 
 #[test]
 fn where_wgsl_allows_too_much_another_tolerance_holds() {
-    // log2(0) is unbounded, so pow(0, y) is.
+    // WGSL bounds neither log2(0) nor pow(0, y).
     let pow = "fn f(x: f32) -> f32 { return 9.0 * pow(x, 2.0); }";
     let census = census(check(pow, |x| 9.0 * x * x, Spec));
     assert!(census.unbounded > 0 && census.unbounded < 2000, "{census:?}");
     check(pow, |x| 9.0 * x * x, Spec.or(Abs(1e-3))).expect("0 is right there");
-    // What is outside stays outside.
+    // A value outside the bound fails also with a second tolerance.
     let wrong = check_on(&Driver { factor: 1.1 }, SQUARE, |x| 9.0 * x * x, Spec.or(Abs(100.0)));
     assert!(self::census(wrong).driver > 3000);
-    // Who needs two digits has them.
+    // `needing(Rel(0.5))` accepts any bound that is narrower than half of the result.
     let coarse = "fn f(x: f32) -> f32 { let y = 3.0 * x; return y * y + 0.0 * x * sin(x); }";
     check(coarse, |x| 9.0 * x * x, Spec.needing(Rel(0.5))).expect("it is that close");
 }
 
-/// A tolerance that judges everything in place of the specification is the author's to name.
+/// If `Spec` can't judge any case, the author must name another tolerance.
+// Lesson 90
 #[test]
 fn a_specification_that_judges_nothing_is_an_error() {
     let unbounded = "fn f(x: f32) -> f32 { return 9.0 * x * x + 0.0 * sin(40.0 + x); }";
@@ -162,9 +163,10 @@ fn a_specification_that_judges_nothing_is_an_error() {
     }
 }
 
-/// On the paths that the environment selects. WGSL doesn't bound sines of such angles.
+/// WGSL doesn't bound the sine of such angles. The checks run on the paths that the environment selects.
 const WAVE: &str = "fn f(x: f32) -> f32 { return 0.5 * sin(4.0 + 40.0 * x); }";
 
+// Lesson 92
 #[test]
 fn an_adapter_is_as_exact_as_it_was_measured() {
     let check = |text: &str, reference: fn(f64) -> f64, criterion: Criterion| {
@@ -179,15 +181,15 @@ fn an_adapter_is_as_exact_as_it_was_measured() {
     let wave = |x: f64| 0.5 * (4.0 + 40.0 * x).sin();
     let unbounded = disagreement(check(WAVE, wave, Spec.into()));
     assert!(unbounded.paths[0].census.unbounded > 3000, "{unbounded}");
-    // Where the angle's own rounding matters most, the sine is near 0.
+    // The rounding of the angle has the largest effect where the sine is near 0.
     let need = DeviceSpec.needing(Rel(1e-3)).or(Abs(1e-4));
     let agreement = check(WAVE, wave, need.clone().into()).expect("it agrees");
     assert_eq!(agreement.cases, 4096);
-    // The shader is off by more than its adapter can be.
+    // The error is larger than that of any measured adapter.
     let off = |x: f64| 0.5 * (4.0 + 40.0 * x).sin() + 1e-2;
     let wrong = disagreement(check(WAVE, off, DeviceSpec.needing(Abs(1e-3)).into()));
     assert!(wrong.paths[0].census.shader > 2000, "{wrong}");
-    // pow(0, 5) is unbounded by WGSL, and 0 on an adapter that was measured to have each such power be 0.
+    // WGSL doesn't bound pow(0, 5). On a measured adapter each such power is 0.
     let pow = "fn f(x: f32) -> f32 { return pow(x, 5.0); }";
     if let Err(failure) = check(pow, |x| x.powi(5), DeviceSpec.into()) {
         let census = &disagreement(Err(failure)).paths[0].census;
@@ -196,33 +198,42 @@ fn an_adapter_is_as_exact_as_it_was_measured() {
     assert!(check(pow, |x| x.powi(5), Spec.into()).is_err(), "0 is a case");
 }
 
-/// What leaves the measured bounds is a driver that is less exact than it was.
+/// A result outside the measured bounds means that the driver is less accurate than it was.
+// Lesson 92
 #[test]
-fn what_is_less_exact_than_was_measured_is_told() {
+fn results_below_the_measured_accuracy_are_reported() {
     let text = "fn f(x: f32) -> f32 {\n    return (3.0 * x) * (3.0 * x);\n}\n";
     let wrong = check_on(&Driver { factor: 1.00001 }, text, |x| 9.0 * x * x, DeviceSpec);
     let wrong = disagreement(wrong);
     assert!(wrong.paths[0].census.driver > 3000, "{wrong}");
     let text = wrong.to_string();
-    assert!(text.contains("the driver is less exact here than it was measured to be"), "{text}");
+    assert!(text.contains("the driver is less exact here than Karat measured"), "{text}");
 }
 
-/// A failing check of any tolerance says what WGSL allows, and the first binding that leaves it.
+/// With each tolerance, a failing check prints WGSL's bound and the first `let` whose value is outside its bound.
 #[test]
 fn the_first_binding_that_leaves_what_is_allowed_is_blamed() {
     let result = check_on(&Driver { factor: 1.01 }, SQUARE, |x| 9.0 * x * x, Rel(1e-4));
     let text = disagreement(result).to_string();
-    assert!(text.contains("this path leaves it"), "{text}");
-    assert!(text.contains("blame = `thrice` (<spec>:3:9) leaves it first: 3.03"), "{text}");
+    assert!(text.contains("this path's result lies outside"), "{text}");
+    assert!(
+        text.contains(
+            "blame = `thrice` (<spec>:3:9) is the first value outside of WGSL's bounds: 3.03"
+        ),
+        "{text}"
+    );
     let result = check(SQUARE, |x| 9.01 * x * x, Rel(1e-4));
     let text = disagreement(result).to_string();
-    assert!(text.contains("the reference isn't what this code computes"), "{text}");
+    assert!(
+        text.contains("the reference lies outside: this code computes something else"),
+        "{text}"
+    );
     let unbounded = "fn f(x: f32) -> f32 { return 8.0 * x * x + 0.0 * pow(x - 1.0, 5.0); }";
     let text = disagreement(check(unbounded, |x| 9.1 * x * x, Rel(1e-4))).to_string();
-    assert!(text.contains("allows anything: it doesn't bound `pow(x - 1.0, 5.0)`"), "{text}");
+    assert!(text.contains("allows anything: it sets no bounds for `pow(x - 1.0, 5.0)`"), "{text}");
 }
 
-/// A driver that returns a number of its own.
+/// A driver that returns a constant.
 #[derive(Debug)]
 struct Returns(f32);
 
@@ -254,7 +265,7 @@ impl Prepared for Returns {
     }
 }
 
-/// The neighbours of an exact sum of two, between which an implementation may choose.
+/// The two floats next to an exact sum. An implementation may return either.
 fn rounded(exact: f64) -> [f32; 2] {
     let nearest = exact as f32;
     match f64::from(nearest).partial_cmp(&exact) {
@@ -264,7 +275,8 @@ fn rounded(exact: f64) -> [f32; 2] {
     }
 }
 
-/// Each order of three terms passes, and a step beyond all of them doesn't.
+/// The sum of three terms passes in each order, and a sum one ULP outside all orders fails.
+// Lesson 168: a result one ULP beyond fails
 #[test]
 fn a_sum_of_three_is_what_some_order_gives() {
     let numbers = [0.1_f32, 1.0, -1.0, 3.3, 1e-3, -7.25, 16_777_216.0, 1e-7, -0.99];
@@ -283,7 +295,7 @@ fn a_sum_of_three_is_what_some_order_gives() {
         let returns = |value: f32| {
             let driver = Returns(value);
             let check = package.function("f").on(&driver).over((Just(x), Just(y), Just(z)));
-            // Numbers of 16,777,216 are 2 apart.
+            // Floats near 16,777,216 are 2 apart.
             check
                 .unrecorded()
                 .try_agrees_with(|x: f64, y: f64, z: f64| x + y + z, Spec.needing(Abs(16.0)))
@@ -300,7 +312,8 @@ fn a_sum_of_three_is_what_some_order_gives() {
     assert_eq!(beyond, 18);
 }
 
-/// Where another order overflows, any result is allowed, no driver is wrong, and the message says so.
+/// If another order of the terms overflows, WGSL allows any result, and the message says so.
+// Lesson 168: overflow is reported
 #[test]
 fn an_order_that_overflows_is_named() {
     let text = "fn f(x: f32) -> f32 {\n    return x * 1e-30 * 1e25 * 1e20;\n}\n";
@@ -308,18 +321,16 @@ fn an_order_that_overflows_is_named() {
     let census = found.paths[0].census;
     assert!(census.unbounded > 4000 && census.driver == 0, "{census:?}");
     let message = found.to_string();
-    assert!(
-        message.contains("(<spec>:2:12) is bounded in the order in which it is written"),
-        "{message}"
-    );
+    assert!(message.contains("(<spec>:2:12) has bounds in the written order"), "{message}");
     assert!(
         message.contains("any result is allowed") && !message.contains("is wrong"),
         "{message}"
     );
 }
 
-/// On the paths that the environment selects: each is the function itself, and Mesa's compilers evaluate
-/// some of them in another order.
+/// Each function agrees with itself on the paths that the environment selects. Mesa's compilers evaluate some of these
+/// functions in another order.
+// Lesson 168: each order of terms lies within the bound
 #[test]
 fn a_function_agrees_with_itself_in_any_order() {
     let one = |text: &str, reference: fn(f64) -> f64| {
@@ -347,8 +358,9 @@ fn a_function_agrees_with_itself_in_any_order() {
     wrapped.function("f").over(over).agrees_with(reference, Spec.or(Abs(300.0)));
 }
 
-/// Equal texels don't make a filter exact, nor is an integer over 255: on the paths that the environment
-/// selects.
+/// A filter of equal texels isn't exact, and neither is a normalised integer divided by 255. The checks run on the
+/// paths that the environment selects.
+// Lesson 169
 #[test]
 fn texels_are_as_exact_as_formats_and_filters() {
     let sampled = package(
@@ -368,7 +380,7 @@ fn texels_are_as_exact_as_formats_and_filters() {
     check.agrees_with(|x: u32| f64::from(x) / 255.0, Spec);
 }
 
-/// Numbers from a seed, by Knuth's generator.
+/// A linear congruential generator with Knuth's constants.
 struct Random(u64);
 
 impl Random {
@@ -382,7 +394,7 @@ impl Random {
         of[self.below(of.len() as u32) as usize]
     }
 
-    /// A number that is computed of parameters: of a type's components.
+    /// A random expression of parameters with these numbers of components.
     fn number(&mut self, parameters: &[u8], depth: u32) -> String {
         if depth == 0 || self.below(8) == 0 {
             if self.below(4) == 0 {
@@ -458,7 +470,7 @@ impl Random {
     }
 }
 
-/// A path that is here, under a name of its own.
+/// An executor of this machine under another name.
 #[derive(Debug)]
 struct Here(&'static dyn Executor);
 
@@ -476,15 +488,16 @@ impl Executor for Here {
     }
 }
 
-/// What Mesa's drivers return beyond WGSL in one of these functions, and why. It must be so.
+/// The function for which Mesa's drivers return a result outside WGSL's bound, with the reason. The test fails if they
+/// don't.
 const BEYOND: [(&str, &str, &str); 1] = [(
     "gl",
     "dot(vec2f(p1.x, p1.y), vec2f(p1.y, p1.x))",
     "x y + y x is computed as x (y + y), which overflows",
 )];
 
-/// Right paths are called wrong nowhere: neither the drivers that are here, nor the engine as it rounds, fuses and flushes.
-/// A sample of the hundred functions, unless suites run whole.
+/// No correct path fails: neither a driver of this machine, nor the engine with its ways to round, fuse and flush. The
+/// test runs a sample of the hundred functions, or all of them in `cargo ci full`.
 #[test]
 fn no_path_is_called_wrong_by_a_function_of_floats() {
     const CASES: u64 = 1024;
@@ -523,8 +536,7 @@ fn no_path_is_called_wrong_by_a_function_of_floats() {
         });
         let declared = declared.collect::<Vec<_>>().join(", ");
         let package = package(&format!("fn f({declared}) -> f32 {{ return {body}; }}"));
-        // What isn't finite WGSL doesn't bound, so that any number will do.
-        // A constant that isn't finite is an error: `sqrt(-0.25)`.
+        // WGSL doesn't bound results that aren't finite. A constant that isn't finite is an error: `sqrt(-0.25)`.
         let Ok(probed) = Probed::new(&package, "f") else { continue };
         left -= 1;
         let expect = |row: &[u32], lanes: &mut Vec<f64>| {

@@ -1,4 +1,4 @@
-//! Values of fragment functions on all pixels, by the right pixel and the right draw.
+//! Values of fragment functions on all pixels: each value comes from the right pixel and the right draw.
 
 use glam::{Vec2, Vec3};
 use karat::draw::{Blend, Draw, Format, Mesh};
@@ -122,7 +122,7 @@ fn floats(tapped: &Tapped) -> Vec<f32> {
     tapped.lanes.iter().map(|lane| f32::from_bits(*lane)).collect()
 }
 
-/// Each driver with the value on 4 x 2 pixels.
+/// Calls `check` for each driver with the value on 4 x 2 pixels.
 fn each(frame: impl Fn(&Package) -> Frame<'_>, tap: &Tap, check: impl Fn(&Tapped)) {
     let package = package();
     let drivers = drivers();
@@ -136,6 +136,7 @@ fn plain(package: &Package) -> Frame<'_> {
     package.frame("", 4, 2).fragment("fragment")
 }
 
+// Lesson 38: on each pixel of a frame
 #[test]
 fn a_value_is_that_of_its_pixel() {
     each(plain, &Tap::new("column"), |tapped| {
@@ -160,13 +161,13 @@ fn a_value_is_that_of_its_pixel() {
 }
 
 #[test]
-fn what_a_pixel_does_not_come_to_is_not_told() {
+fn a_pixel_that_skips_a_line_has_no_value() {
     each(plain, &Tap::new("direction"), |tapped| {
         assert_eq!(tapped.told, [false, false, false, false, false, false, true, true]);
         assert_eq!(tapped.times[4..], [Some(0), Some(0), Some(1), Some(1)]);
         assert_eq!(tapped.lanes[..3], [0; 3]);
     });
-    // A pixel that is discarded is drawn by nothing.
+    // A discarded pixel has no draw.
     each(plain, &Tap::new("in.at.y < 1.0"), |tapped| {
         assert_eq!(
             tapped.times,
@@ -175,10 +176,11 @@ fn what_a_pixel_does_not_come_to_is_not_told() {
     });
 }
 
+// Lesson 38: on each pixel of a frame
 #[test]
-fn rounds_are_told_one_by_one() {
+fn each_round_of_a_loop_has_its_value() {
     let term = |round| Tap::new("term").round(round);
-    // uv.x is 0.625 and 0.875 in columns 2 and 3, which go round 2 and 3 times.
+    // In columns 2 and 3, uv.x is 0.625 and 0.875, and the loop has 2 and 3 rounds.
     each(plain, &term(None), |tapped| {
         assert_eq!(floats(tapped)[6..], [1.25, 2.625]);
         assert_eq!(tapped.times[6..], [Some(2), Some(3)]);
@@ -191,7 +193,7 @@ fn rounds_are_told_one_by_one() {
 }
 
 #[test]
-fn every_shape_is_told() {
+fn values_of_each_type_are_read() {
     each(plain, &Tap::new("twice"), |tapped| {
         assert_eq!(floats(tapped)[28..], [0.875, 0.75, 1.875, 1.75]);
     });
@@ -202,7 +204,7 @@ fn every_shape_is_told() {
     each(plain, &Tap::new("x"), |tapped| assert_eq!(floats(tapped)[6..], [0.625, 0.875]));
 }
 
-/// The left half.
+/// A rectangle over the left half of the frame.
 fn half() -> Mesh {
     let corners = [Vec2::NEG_ONE, Vec2::new(0.0, -1.0), Vec2::new(-1.0, 3.0), Vec2::new(0.0, 3.0)];
     let corners = corners.map(|corner| Vec3::new(corner.x, corner.y, 0.5)).to_vec();
@@ -214,19 +216,20 @@ fn both(package: &Package) -> Frame<'_> {
     package.frame("", 4, 2).draw(Draw::fragment("nothing")).draw(draw.blend(Blend::Alpha))
 }
 
+// Lesson 38: on each pixel of a frame
 #[test]
-fn the_draw_that_is_seen_tells() {
+fn the_visible_draw_gives_the_value() {
     let package = package();
     for path in drivers() {
         let told = tapped(&both(&package).clear([1.0; 4]), path, &Tap::new("from_red"));
         assert_eq!(told.told, [true, true, false, false, true, true, false, false], "{path}");
         assert_eq!(floats(&told)[..2], [100.5, 101.5]);
         assert_eq!(told.times[2], Some(0), "the other draw covers it");
-        // Two copies cover all of it.
+        // Two instances cover the whole frame.
         let draw = Draw::mesh("vertex", "red", half()).instances(2);
         let copies = tapped(&package.frame("", 4, 2).draw(draw), path, &Tap::new("from_red"));
         assert_eq!(floats(&copies)[..4], [100.5, 101.5, 102.5, 103.5]);
-        // Without a draw behind it, the clear colour is no value.
+        // The right half has only the clear colour, so it has no value.
         let draw = Draw::mesh("vertex", "red", half()).instances(1);
         let alone = package.frame("", 4, 2).clear([1.0; 4]).draw(draw);
         assert_eq!(tapped(&alone, path, &Tap::new("from_red")).times[2..4], [None, None]);
@@ -249,7 +252,8 @@ fn several_targets_and_depth_stay() {
     }
 }
 
-/// A draw has room for 32 bytes of a pixel: what it tells of several values is what it tells of each alone.
+/// One draw reads up to 32 bytes per pixel. Several values in one draw are the same as each value in its own draw.
+// Lesson 214
 #[test]
 fn several_values_share_draws() {
     let package = package();
@@ -273,7 +277,7 @@ fn several_values_share_draws() {
             beside.iter().zip(&all).all(|(a, b)| a.lanes == b.lanes && a.changed == Some(0)),
             "{path}"
         );
-        // One unknown value among several refuses all.
+        // If one value is unknown, all are refused.
         let wrong = frame.taps(path, &[Tap::new("column"), Tap::new("colunm")]);
         assert!(wrong.is_err_and(|error| error.to_string().contains("did you mean `column`?")));
     }
@@ -298,19 +302,19 @@ fn places_name_the_largest_expression() {
     assert_eq!(of(&format!("{file}:{line}:20")), "in.uv.x");
     let between = error(&format!("{file}:{line}:11"));
     assert!(
-        between.contains("on this line there are")
+        between.contains("this line has the values")
             && between.contains("fragment::sum: f32 = wave(in.uv.x, column)")
     );
     assert!(error("collumn").contains("did you mean `column`?"));
     let several = error("in.uv");
-    assert!(several.contains("is 4 values: say which"), "{several}");
+    assert!(several.contains("matches 4 values: choose one"), "{several}");
     assert_eq!(of("wave::term"), "x * f32(i + 1u)");
     assert!(error("ave::term").contains("has no value `ave::term`"));
     let elsewhere = error("other.wgsl:3");
-    assert!(elsewhere.contains("has nothing in this file"), "{elsewhere}");
+    assert!(elsewhere.contains("run no code in this file"), "{elsewhere}");
 }
 
-/// Each step with a name, in `f32`: as `tap` has it.
+/// The steps of a trace that have a name, with their `f32` values, as `tap` shows them.
 fn named_steps(traced: &karat::unstable::frame::TracedPixel) -> Vec<(String, Vec<f32>)> {
     use karat::unstable::trace::Value;
     let float = |value: &Value| match value {
@@ -324,7 +328,8 @@ fn named_steps(traced: &karat::unstable::frame::TracedPixel) -> Vec<(String, Vec
     named.map(|(name, values)| (name, values.iter().map(float).collect())).collect()
 }
 
-/// The engine computes for a pixel the values that a driver computes there, and the colour that the frame shows.
+/// For a pixel, the engine computes the same values as a driver, and the colour of the frame.
+// Lesson 39
 #[test]
 fn a_traced_pixel_is_the_drawn_one() {
     let package = package();
@@ -370,7 +375,9 @@ fn a_traced_pixel_is_the_drawn_one() {
     }
 }
 
-/// Derivatives are those of the pixel's quad; of several draws the one that is seen is traced.
+/// Derivatives are those of the pixel's quad. If several draws cover the pixel, the visible one is traced.
+// Lesson 39
+// Lesson 210
 #[test]
 fn derivatives_and_draws_are_the_pixel_s_own() {
     let package = package();
@@ -384,7 +391,7 @@ fn derivatives_and_draws_are_the_pixel_s_own() {
             assert_eq!(traced.driver[0], 0.25);
             assert!(traced.notes.is_empty(), "{:?}", traced.notes);
         }
-        // They are of no straight line: each pixel has its own place in the quad.
+        // The value isn't linear, so each pixel of the quad has other derivatives.
         let bent = package.frame("", 4, 2).fragment("bent");
         for pixel in (0..8).map(|pixel| (pixel % 4, pixel / 4)) {
             let traced = bent.trace(path, pixel).unwrap_or_else(|error| panic!("{path}: {error}"));
@@ -417,7 +424,7 @@ fn derivatives_and_draws_are_the_pixel_s_own() {
         let of = |pixel| both(&package).trace(path, pixel).expect("it is drawn");
         assert_eq!((&*of((1, 0)).function, &*of((2, 0)).function), ("red", "nothing"));
         assert_eq!(of((1, 0)).arguments[0].1, "(1.5, 0.5, 0.5, 1)");
-        // One column of a quad is another draw's.
+        // Another draw covers one column of the quad.
         let corner = Mesh::new(
             vec![Vec3::new(-1.0, -1.0, 0.5), Vec3::new(-0.5, -1.0, 0.5), Vec3::new(-1.0, 3.0, 0.5)],
             vec![0, 1, 2],
@@ -426,14 +433,15 @@ fn derivatives_and_draws_are_the_pixel_s_own() {
         let edge = package.frame("", 4, 2).draw(Draw::fragment("nothing")).draw(draw);
         let edge = edge.trace(path, (0, 1)).unwrap_or_else(|error| panic!("{path}: {error}"));
         assert!(
-            edge.notes.iter().any(|note| note.contains("isn't drawn by the same")),
+            edge.notes.iter().any(|note| note.contains("another function draws a neighbour")),
             "{:?}",
             edge.notes
         );
     }
 }
 
-/// A number that naga widens to a vector stays a number, an alias has the value of its original, and parts have names.
+/// A number that naga converts to a vector is shown as a number, an alias has the value of its original, and components
+/// have names.
 #[test]
 fn types_aliases_and_parts_are_the_author_s() {
     let package = package();
@@ -449,14 +457,14 @@ fn types_aliases_and_parts_are_the_author_s() {
         assert_eq!(of("pair.many.x").lanes[0], 16_777_217);
         assert_eq!(of("pair.many").lanes[..2], [16_777_217, 7]);
         assert_eq!(floats(&of("at.y * 3.0"))[0], 1.5);
-        // Each draw has resources of its own.
+        // Each draw has its own resources.
         let front = frame.trace(path, (0, 0)).unwrap_or_else(|error| panic!("{path}: {error}"));
         let wide = named_steps(&front).into_iter().rfind(|(name, _)| name == "wide");
         assert_eq!(wide.map(|(_, values)| values), Some(vec![3.0]), "{path}");
         let behind = frame.trace(path, (3, 0)).unwrap_or_else(|error| panic!("{path}: {error}"));
         assert_eq!((&*behind.engine, behind.driver), ("(0.25, 0.25, 0.25, 0.25)", [0.25; 4]));
         assert!(behind.notes.is_empty(), "{:?}", behind.notes);
-        // The draw behind the one that shows, and none behind that.
+        // Behind the visible draw there is a second draw, and no third.
         let second =
             frame.trace_layer(path, (0, 0), 2).unwrap_or_else(|error| panic!("{path}: {error}"));
         assert_eq!((&*second.engine, second.driver), (&*behind.engine, [0.25; 4]), "{path}");
@@ -464,7 +472,7 @@ fn types_aliases_and_parts_are_the_author_s() {
         assert!(matches!(third, TapError::Undrawn { pixel: (0, 0) }), "{third}");
         let blended = both(&package).trace(path, (0, 0)).expect("it is drawn");
         assert!(
-            blended.notes.iter().any(|note| note.contains("made of several draws")),
+            blended.notes.iter().any(|note| note.contains("several draws contribute")),
             "{:?}",
             blended.notes
         );
@@ -472,17 +480,20 @@ fn types_aliases_and_parts_are_the_author_s() {
 }
 
 #[test]
-fn what_has_no_value_is_refused_by_name() {
+fn names_without_a_value_are_refused() {
     let package = package();
     let refused = |frame: Frame<'_>, wanted: &str| {
         frame.tap(drivers()[0], &Tap::new(wanted)).expect_err(wanted)
     };
     let constant = refused(plain(&package), "none");
     assert!(matches!(constant, TapError::Untold { .. }), "{constant}");
-    assert!(constant.to_string().contains("`2.0` can't be tapped: it is a constant"), "{constant}");
+    assert!(
+        constant.to_string().contains("`2.0` can't be tapped, because it is a constant"),
+        "{constant}"
+    );
     let often = plain(&package).tap(drivers()[0], &Tap::new("term").round(Some(9)));
     let often = often.expect_err("no pixel goes round so often").to_string();
-    assert!(often.contains("for the time 9: at most 3 times"), "{often}");
+    assert!(often.contains("9 times: the largest number is 3"), "{often}");
     let variable = refused(plain(&package), "sum.x").to_string();
     assert!(variable.contains("has no value `sum.x`"), "{variable}");
     let mesh = Mesh::new(vec![Vec3::ZERO, Vec3::X, Vec3::Y], vec![0, 1, 2]);
@@ -530,6 +541,7 @@ fn inside(in: In) {
 ";
 
 /// Each invocation of a pass has its value, on the engine and on drivers.
+// Lesson 39
 #[test]
 fn invocations_tell_values() {
     let package = Package::from_source("m", PASS);
@@ -561,7 +573,7 @@ fn invocations_tell_values() {
         let second = root.tap(path, &Tap::new("part").round(Some(2))).expect("some go round twice");
         assert_eq!((second.told[1], floats(&second)[3]), (false, 7.0), "{path}");
         assert_eq!(of("id").lanes[3 * 10..3 * 11], [2, 1, 0], "{path}");
-        // The pass as it is doesn't change by being tapped.
+        // The taps don't change the results of the pass.
         let left = karat::unstable::compute::left(&root, path).expect("it runs");
         assert_eq!(f32::from_bits(left[0].lanes[3]), 8.0, "{path}");
         let without = passes.clone().dispatch("without", [1, 1, 1]);

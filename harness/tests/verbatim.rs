@@ -1,5 +1,4 @@
-//! What runs is what was written: linked text against the author's bytes, and Karat's verdict on a
-//! file against naga's.
+//! Linked code is the author's text, byte by byte, and Karat's verdict on a file is naga's verdict.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -11,13 +10,13 @@ use karat::unstable::probe::{ProbeError, Probed};
 use karat::unstable::reflect::{Program, ReflectError};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
-/// naga's own verdict on a file, as wgpu would have it.
+/// Checks if naga accepts a file, with the capabilities that wgpu has.
 fn naga_accepts(text: &str) -> bool {
     let Ok(module) = naga::front::wgsl::parse_str(text) else { return false };
     Validator::new(ValidationFlags::all(), Capabilities::all()).validate(&module).is_ok()
 }
 
-/// The value of a function without parameters on the first path that opens.
+/// The result of a function without parameters, on the first path that opens.
 fn value(package: &Package, function: &str) -> f32 {
     let probed = Probed::new(package, function).unwrap_or_else(|error| panic!("{error}"));
     let path =
@@ -26,7 +25,7 @@ fn value(package: &Package, function: &str) -> f32 {
     f32::from_bits(results.expect("it runs")[0][0])
 }
 
-/// Literals that a lexer gets wrong easily, with their values.
+/// Literals that a lexer easily reads wrong, with their values.
 const LITERALS: [(&str, f32); 24] = [
     ("0x1p-2", 0.25),
     ("0x1.8p-3", 0.1875),
@@ -54,9 +53,10 @@ const LITERALS: [(&str, f32); 24] = [
     ("f32(0x7fffffff)", 2_147_483_600.0),
 ];
 
-/// Forms that naga knows and other parsers of WGSL don't.
+/// Texts that naga accepts and other parsers of WGSL refuse.
+// Lesson 49: text is copied from the author's bytes
 #[test]
-fn what_naga_accepts_is_accepted() {
+fn texts_that_naga_accepts_are_accepted() {
     let texts = [
         "var<immediate> exposure: f32; fn f() -> f32 { return exposure; }",
         "fn f() -> i64 { return 1li; }",
@@ -76,6 +76,7 @@ fn what_naga_accepts_is_accepted() {
     }
 }
 
+// Lesson 49: text is copied from the author's bytes
 #[test]
 fn literals_of_every_form_have_their_values() {
     for (literal, expected) in LITERALS {
@@ -94,9 +95,10 @@ fn literals_of_every_form_have_their_values() {
     }
 }
 
-/// What the linker can't read is an error, wherever it stands, and never left out.
+/// Text that the linker can't read is an error at each position. The linker never drops it.
+// Lesson 49: text is copied from the author's bytes
 #[test]
-fn what_is_no_wgsl_is_refused() {
+fn invalid_tokens_are_refused() {
     for body in [
         "return x $ ;",
         "return 'x';",
@@ -120,12 +122,12 @@ fn what_is_no_wgsl_is_refused() {
     }
 }
 
-/// Whether this is a published package, which has no library beside it, and fewer shaders of its own.
+/// Checks if this is a published package, which doesn't contain the shader library.
 fn is_published() -> bool {
     Path::new(env!("CARGO_MANIFEST_DIR")).join(".cargo_vcs_info.json").exists()
 }
 
-/// The shaders of this repository: the library's and the examples'.
+/// The shaders of this repository: the library and the examples.
 fn own_shaders() -> Vec<Package> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let many = if is_published() { "tests/strangers/shaders" } else { "../shaders" };
@@ -133,7 +135,7 @@ fn own_shaders() -> Vec<Package> {
     folders.iter().map(|folder| Package::open(folder).expect("a folder")).collect()
 }
 
-/// Modules of this repository, linked: WGSL without imports.
+/// The linked modules of this repository: WGSL without imports.
 fn plain_texts() -> Vec<String> {
     let mut texts = Vec::new();
     for package in own_shaders() {
@@ -145,8 +147,8 @@ fn plain_texts() -> Vec<String> {
     texts
 }
 
-/// Each function of a linked text is the author's text but for names: where the two differ, both
-/// have a whole word.
+/// A linked function equals the author's text except for names: where the two differ, both have a whole word.
+// Lesson 49: text is copied from the author's bytes
 #[test]
 fn linked_functions_are_the_authors_bytes_but_for_names() {
     let is_word = |c: &char| c.is_alphanumeric() || *c == '_';
@@ -157,7 +159,7 @@ fn linked_functions_are_the_authors_bytes_but_for_names() {
                 panic!("`{}` doesn't link", item.name)
             };
             for (handle, function) in program.module().functions.iter() {
-                // Karat's own, which calls one that may discard.
+                // Karat adds this function, which calls a function that may discard.
                 if function.name.as_deref() == Some("karat_or_discarded") {
                     continue;
                 }
@@ -168,7 +170,7 @@ fn linked_functions_are_the_authors_bytes_but_for_names() {
                 let (mut a, mut b) = (0, 0);
                 while a < linked.len() || b < author.len() {
                     let (left, right) = (linked.get(a), author.get(b));
-                    // An entry point is a function without its attributes.
+                    // The linked text has entry points as functions, without their attributes.
                     let is_head = item.entry_point.is_some() && !linked[..a].contains(&'{');
                     if left == right || is_head && left == Some(&' ') {
                         (a, b) = (a + 1, b + 1);
@@ -210,7 +212,7 @@ fn linked_functions_are_the_authors_bytes_but_for_names() {
     assert!(functions > if is_published() { 10 } else { 500 }, "{functions}");
 }
 
-/// A stream of numbers for damages: SplitMix64 (Steele et al. 2014).
+/// A random number generator: SplitMix64 (Steele et al. 2014).
 struct Numbers(u64);
 
 impl Numbers {
@@ -223,7 +225,7 @@ impl Numbers {
     }
 }
 
-/// Words, numbers, blanks and symbols: coarse, as damages needn't be neat.
+/// Splits a text roughly into words, numbers, blanks and symbols.
 fn pieces(text: &str) -> Vec<String> {
     let mut pieces: Vec<String> = Vec::new();
     for c in text.chars() {
@@ -240,7 +242,7 @@ fn pieces(text: &str) -> Vec<String> {
     pieces
 }
 
-/// Things that are put into a text.
+/// Texts that a damage inserts.
 const STRANGE: [&str; 40] = [
     "$",
     "'",
@@ -284,11 +286,12 @@ const STRANGE: [&str; 40] = [
     "struct S { a: f32, }",
 ];
 
+// Lesson 49: files have naga's verdict
 #[test]
 fn damaged_files_have_nagas_verdict() {
-    /// Damages in all; half of them once, the others up to three times in a file.
+    /// The number of damaged files. Half of them have one damage, and the others up to three.
     const DAMAGES: usize = 10_000;
-    // The smaller texts: a damage is tried in a millisecond.
+    // Only smaller texts, so that each check takes a millisecond.
     let mut texts = plain_texts();
     texts.sort_by_key(String::len);
     let texts: Vec<Vec<String>> =
@@ -309,7 +312,7 @@ fn damaged_files_have_nagas_verdict() {
             .collect();
         workers.into_iter().map(|worker| worker.join().expect("no verdict differs")).sum()
     });
-    // Both verdicts occur, so that agreement says something.
+    // Both verdicts must occur. Otherwise agreement proves nothing.
     assert!((DAMAGES / 100..DAMAGES / 2).contains(&valid), "{valid} of {DAMAGES} are valid");
 }
 
@@ -331,21 +334,21 @@ fn damaged(texts: &[Vec<String>], number: usize) -> String {
     pieces.concat()
 }
 
-/// Compares the verdicts; whether both accept the text.
+/// Compares the verdicts. Returns `true` if both accept the text.
 fn compare(text: &str, number: usize) -> bool {
     let package = Package::from_source("damaged", text);
     let karat = Program::of_module(&package, "");
-    // WGSL, section 3.1, has no null character. naga doesn't look into comments, as browsers do.
+    // WGSL, section 3.1, forbids the null character. Browsers also refuse it in comments, and naga doesn't.
     let naga = naga_accepts(text) && !text.contains('\0');
     if let Err(error) = &karat {
-        // Karat's own syntax: naga refuses it as well, so no verdict differs.
+        // Karat's own syntax is invalid. naga must refuse the text, too.
         assert!(!naga, "damage {number}: naga accepts, Karat says {error}\n{text}");
     }
-    // What naga refuses may be WESL.
+    // A text that naga refuses may be WESL.
     let wesl = ["@if", "import", "::"].iter().any(|mark| text.contains(mark));
     assert!(naga || wesl || karat.is_err(), "damage {number}: Karat alone accepts\n{text}");
     if naga {
-        // What a test would call is linked, too, and is the whole file's function.
+        // The functions that a test would call also link, and equal those of the whole file.
         for item in package.functions().expect("naga accepts it").iter().take(3) {
             match Probed::new(&package, &item.name) {
                 Ok(_) | Err(ProbeError::Reflect(ReflectError::Unprobeable(_))) => {}
@@ -356,7 +359,8 @@ fn compare(text: &str, number: usize) -> bool {
     naga
 }
 
-/// What broke the process or took seconds before there was a limit.
+/// These texts ended the process or took seconds, until Karat had limits.
+// Lesson 56
 #[test]
 fn deep_and_long_shaders_are_compiled_or_refused_in_time() {
     let function = |body: String| format!("fn f(x: f32) -> f32 {{ {body} }}");
@@ -377,7 +381,7 @@ fn deep_and_long_shaders_are_compiled_or_refused_in_time() {
     };
     let members =
         |depth: usize| function(format!("return vec2f(x){};", ".xy".repeat(depth) + ".x"));
-    // In a thread with the stack of a test's.
+    // Runs in a thread with the stack size of a test.
     let verdict = |text: String| {
         let package = Package::from_source("deep", text);
         Probed::new(&package, "f").map(drop).map_err(|error| error.to_string())
@@ -405,7 +409,8 @@ fn deep_and_long_shaders_are_compiled_or_refused_in_time() {
     assert!(verdict(import + "fn f(x: f32) -> f32 { return x; }").is_err());
 }
 
-/// One parse a module: time grows with the file and not with its square.
+/// Karat parses each module once, so the time grows with the size of the file, and not with its square.
+// Lesson 56
 #[test]
 fn five_thousand_functions_are_listed() {
     let functions: String = (0..5_000)
@@ -422,7 +427,8 @@ fn five_thousand_functions_are_listed() {
     }
 }
 
-/// A shader may have functions of its own that are called as WGSL's are, and resources likewise.
+/// A shader may declare functions and resources with the names of WGSL's builtin functions.
+// Lesson 51
 #[test]
 fn names_of_wgsl_may_be_declared() {
     let source = "fn clamp(x: f32) -> f32 { return x + 1.0; }\n\
@@ -436,7 +442,7 @@ fn names_of_wgsl_may_be_declared() {
     for (function, expected) in [("select", 10.0), ("karat_out", 3.0), ("vec3", 7.0)] {
         assert_eq!(value(&package, function), expected, "{function}");
     }
-    // Imported modules keep WGSL's own.
+    // Imported modules call the builtin function.
     let modules = Package::from_modules(
         "s",
         [
@@ -451,7 +457,8 @@ fn names_of_wgsl_may_be_declared() {
     assert_eq!(value(&modules, "a::f"), 1.5);
 }
 
-/// Names that mean something else where they stand, and must not be replaced.
+/// Names that mean something other than the import aren't replaced.
+// Lesson 51
 #[test]
 fn only_names_that_mean_the_import_are_replaced() {
     let module = "import package::lib::{PI, scale as x, S, function, read, flat};\n\
@@ -485,6 +492,7 @@ fn only_names_that_mean_the_import_are_replaced() {
     }
 }
 
+// Lesson 52
 #[test]
 fn conditions_choose_wherever_they_may_stand() {
     let source = "@if(a) diagnostic(off, derivative_uniformity); @else diagnostic(info, derivative_uniformity);\n\
@@ -515,9 +523,10 @@ fn conditions_choose_wherever_they_may_stand() {
     assert_eq!(value_with(&[("a", true), ("b", true)]), 412.51);
 }
 
-/// Whatever is wrong outside of what a test calls is found.
+/// An error is found even if no test calls the function with the error.
+// Lesson 53
 #[test]
-fn what_no_test_reaches_is_validated() {
+fn functions_that_no_test_reaches_are_validated() {
     let good = "fn f(x: f32) -> f32 { return x; }\n";
     let entry = "@fragment fn main() -> @location(0) vec4f { return colr; }\n";
     let package = Package::from_modules("s", [("m", format!("{good}{entry}")), ("n", good.into())]);
@@ -540,6 +549,7 @@ fn what_no_test_reaches_is_validated() {
     assert_eq!((found.modules, found.functions, found.entry_points), (2, 2, 0));
 }
 
+// Lesson 53
 #[test]
 fn modules_may_be_valid_with_features_alone() {
     let debug = "@if(DEBUG) const SCALE = 2.0;\nfn f(x: f32) -> f32 { return x * SCALE; }";
@@ -551,7 +561,8 @@ fn modules_may_be_valid_with_features_alone() {
     assert!(error.contains("did you mean `debug::overlay`?"), "{error}");
 }
 
-/// A function that isn't there is reported as itself.
+/// The error for a missing function names that function.
+// Lesson 54
 #[test]
 fn an_unknown_function_is_not_another_modules_error() {
     let good = "fn f(x: f32) -> f32 { return x; }\n@if(fast) fn b() -> f32 { return 1.0; }";
@@ -568,8 +579,8 @@ fn an_unknown_function_is_not_another_modules_error() {
     };
 }
 
-/// A name that an import gives a second meaning is refused where it is imported; the same import
-/// twice means one thing.
+/// An import that gives a name a second meaning is refused at the import. The same import may occur twice.
+// Lesson 75
 #[test]
 fn a_name_means_one_thing() {
     let sq = "fn sq(x: f32) -> f32 { return x * x; }\nfn cube(x: f32) -> f32 { return x; }";
@@ -591,7 +602,8 @@ fn a_name_means_one_thing() {
     assert_eq!(check(&format!("{same}{f}")).expect("one meaning").modules, 3);
 }
 
-/// Two modules or dependencies of one name: neither is dropped without a word.
+/// Two modules or dependencies with the same name are an error.
+// Lesson 75
 #[test]
 fn modules_and_dependencies_have_names_of_their_own() {
     let text = |body: &str| format!("fn f() -> f32 {{ return {body}; }}");
@@ -606,7 +618,8 @@ fn modules_and_dependencies_have_names_of_their_own() {
     assert!(error.contains("two dependencies named `noise`"), "{error}");
 }
 
-/// Whatever looks like a module is read, or is an error.
+/// Each file that looks like a module is read, or is an error.
+// Lesson 76
 #[test]
 fn every_file_of_a_package_is_looked_at() {
     let check = |files: &[&str]| {
@@ -624,7 +637,7 @@ fn every_file_of_a_package_is_looked_at() {
         ("target/b.wgsl", "target/b.wgsl:1:"),
         ("a.wesl", "two modules named `a`"),
         ("v1.2/b.wgsl", "v1.2/b.wgsl:1:"),
-        ("B.WGSL", "write its extension in small letters"),
+        ("B.WGSL", "write its extension in lower case"),
     ] {
         let error = check(&["a.wgsl", file]).expect_err(file);
         assert!(error.contains(reason), "{file}: {error}");
@@ -632,6 +645,7 @@ fn every_file_of_a_package_is_looked_at() {
     assert!(check(&["a.wgsl", "target/b.wgsl", "target/CACHEDIR.TAG"]).is_ok(), "cargo's output");
 }
 
+// Lesson 78
 #[test]
 fn paths_that_leave_the_package_and_null_characters_are_refused() {
     let up = "import super::super::m::g;\nfn f() -> f32 { return g(); }";
@@ -651,7 +665,8 @@ fn paths_that_leave_the_package_and_null_characters_are_refused() {
     assert!(error.contains("<s>:2:1"), "{error}");
 }
 
-/// Links that loop are no endless search.
+/// A link to a parent folder doesn't cause an endless search.
+// Lesson 56
 #[cfg(unix)]
 #[test]
 fn links_that_loop_are_an_error_or_ignored() {

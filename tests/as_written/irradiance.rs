@@ -149,7 +149,7 @@ fn a_lambertian_looks_the_same_from_everywhere() {
 
 /// E8: 1 / pi.
 #[test]
-fn what_is_stored_is_divided_by_pi_already() {
+fn stored_irradiance_is_already_divided_by_pi() {
     let white = || PBR.function("as_written::irradiance::lambert").over((UnitRgb, Just(Vec3::ONE)));
     caught(white().unrecorded().try_agrees_with(irradiance::lambert, Ulp(1.0)));
     let found = caught(

@@ -29,9 +29,17 @@ fn fixtures_of_another_type() {
     check(right(), table()).expect("the fixtures fit");
     let swapped = Uniform::new(Swapped { bias: 3.0, gain: 2.0 });
     let wrong = [
-        (swapped, table(), "holds { gain: f32, bias: f32 }, the fixture { bias: f32, gain: f32 }"),
-        (Uniform::new([1.0_f32; 2]), table(), "holds { gain: f32, bias: f32 }, the fixture array"),
-        (right(), Storage::new([7_u32]), "holds f32, the fixture u32"),
+        (
+            swapped,
+            table(),
+            "holds { gain: f32, bias: f32 }, but the fixture holds { bias: f32, gain: f32 }",
+        ),
+        (
+            Uniform::new([1.0_f32; 2]),
+            table(),
+            "holds { gain: f32, bias: f32 }, but the fixture holds array",
+        ),
+        (right(), Storage::new([7_u32]), "holds f32, but the fixture holds u32"),
         (right(), Storage::new(Vec::<f32>::new()), "is empty"),
     ];
     for (gains, table, message) in wrong {
@@ -42,6 +50,7 @@ fn fixtures_of_another_type() {
 
 /// Two variables of a frame may have the same binding number in different draws: each draw reads its own fixture. In
 /// one draw they can't.
+// Lesson 70
 #[test]
 fn a_fixture_that_another_one_hides() {
     let wgsl = "@group(0) @binding(0) var<uniform> near: vec4f;\n\
@@ -69,7 +78,7 @@ fn a_fixture_that_another_one_hides() {
         assert_eq!(
             error,
             "`near` and `far` are both @group(0) @binding(0), and a shader can use only one of \
-             them: give one another number"
+             them: give one of the two another number"
         );
     }
 }

@@ -9,12 +9,15 @@ use shaders::{PBR, geometry};
 
 use crate::{disagreement, mutant, schlick};
 
+// Lesson 40: arguments from storage buffers, with controls
 #[test]
 fn the_unchanged_library_agrees() {
     let agreement = schlick(&mutant("fresnel", "abs(1.0 - v_dot_h)", "abs(1.0 - v_dot_h)"));
     assert_eq!(agreement.expect("no fault is planted").cases, 65_536);
 }
 
+// Lesson 1: functions
+// Lesson 28: mutants
 #[test]
 fn a_wrong_constant_in_schlick() {
     let faults = [
@@ -31,6 +34,7 @@ fn a_wrong_constant_in_schlick() {
     assert_eq!(found.function.name, "fresnel::schlick", "a fault in what it calls is seen too");
 }
 
+// Lesson 28: mutants
 #[test]
 fn swapped_arguments() {
     let package = mutant(
@@ -54,6 +58,7 @@ fn swapped_arguments() {
 }
 
 /// One of 65,536 inputs gives NaN or an infinity: found even with the loosest tolerance.
+// Lesson 5
 #[test]
 fn one_bad_result_of_65536() {
     for (bits, nan, infinite) in [("0x7fc00000u", 1, 0), ("0x7f800000u", 0, 1)] {
@@ -76,6 +81,7 @@ fn one_bad_result_of_65536() {
 }
 
 /// The same in the last of three components, of floats and of integers. The first two are right everywhere.
+// Lesson 14
 #[test]
 fn one_bad_component_of_65536() {
     let floats = "fn f(i: u32) -> vec3f { return vec3f(1.0, 1.0, select(1.0, 2.0, i == 54321u)); }";
@@ -101,6 +107,7 @@ fn one_bad_component_of_65536() {
 }
 
 /// The tolerance of the last component counts: only `z` is wrong, and only `z` has a strict one.
+// Lesson 14
 #[test]
 fn a_fault_in_the_last_component() {
     let wgsl = "fn f(x: f32) -> vec3f { return vec3f(x, x, x * 1.001); }";
@@ -111,6 +118,7 @@ fn a_fault_in_the_last_component() {
     assert!(disagreement(found).paths.iter().all(|path| path.worst.component == ".z"));
 }
 
+// Lesson 5: a reference that is NaN
 #[test]
 fn a_reference_that_is_not_a_number() {
     let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return x; }");
@@ -119,6 +127,8 @@ fn a_reference_that_is_not_a_number() {
     assert!(matches!(found, Err(Failure::Reference { .. })), "{found:?}");
 }
 
+// Lesson 4
+// Lesson 9
 #[test]
 fn nothing_to_compare() {
     let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return x; }");
@@ -148,10 +158,10 @@ fn nothing_to_compare() {
         package.function("f").over(1.0..=0.0).unrecorded().try_agrees_with(identity, Ulp(0.0)),
     ];
     let reasons = [
-        "is asked for 0 cases",
+        "has 0 cases",
         "is empty: its list is empty",
-        "has a filter that rejects nearly everything",
-        "has a filter that rejects nearly everything",
+        "has a filter that rejects nearly all values",
+        "has a filter that rejects nearly all values",
         "is empty: its range starts at 1 and ends at 0",
     ];
     for (found, reason) in found.into_iter().zip(reasons) {
@@ -167,6 +177,7 @@ fn nothing_to_compare() {
 }
 
 /// A transformation without an effect, and bounds that exclude no value.
+// Lesson 13
 #[test]
 fn a_check_that_could_not_fail() {
     let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return x; }");
@@ -213,6 +224,7 @@ fn shaders_that_redefine_what_the_kernel_uses() {
 }
 
 /// No case sees what another case writes: each has its own resources and its own workgroup.
+// Lesson 124
 #[test]
 fn functions_that_would_share_state_between_cases() {
     let shared = [
@@ -256,6 +268,7 @@ fn functions_that_would_share_state_between_cases() {
 
 /// Functions that are NaN or infinite only where two arguments are equal, away from the axes and inside ranges.
 /// Components of a tuple that have the same type meet.
+// Lesson 64
 #[test]
 fn arguments_that_meet() {
     let slanted = "all(abs(a) > vec3f(0.1))";
@@ -339,6 +352,7 @@ fn many_threads_on_one_device() {
     });
 }
 
+// Lesson 13
 #[test]
 fn a_domain_or_reference_of_other_types() {
     let package = Package::from_source("planted", "fn f(x: f32, n: u32) -> f32 { return x; }");
@@ -365,11 +379,15 @@ fn a_domain_or_reference_of_other_types() {
     });
     assert_eq!(
         texts[0],
-        "`f` takes (f32, u32), the domain draws (f32)\n  f(x: f32, n: u32) -> f32\n  at <planted>:1:1"
+        "`f` takes (f32, u32), but the domain supplies (f32)\n  f(x: f32, n: u32) -> f32\n  at <planted>:1:1"
     );
-    assert!(texts[1].contains("takes (f32, u32), the domain draws (f32, i32)"), "{}", texts[1]);
-    assert!(texts[2].contains("returns f32, the reference returns vec3<f32>"), "{}", texts[2]);
-    assert!(texts[3].contains("returns 1 component, the tolerance is declared for 2"));
+    assert!(
+        texts[1].contains("takes (f32, u32), but the domain supplies (f32, i32)"),
+        "{}",
+        texts[1]
+    );
+    assert!(texts[2].contains("returns f32, but the reference returns vec3<f32>"), "{}", texts[2]);
+    assert!(texts[3].contains("returns 1 component, but the tolerance has bounds for 2"));
 }
 
 #[test]
@@ -409,7 +427,7 @@ fn an_unknown_function_and_a_missing_fixture() {
         .with("environment_sampler", Sampler::LINEAR);
     assert!(
         message(wrong.over(UnitVector).unrecorded().try_agrees_with(constant, Ulp(0.0)))
-            .contains("is a texture_cube<f32>, the fixture is a Texture")
+            .contains("is a texture_cube<f32>, but the fixture is a Texture")
     );
 }
 
@@ -446,6 +464,7 @@ fn bounds_near_zero() {
 }
 
 /// If every result and its reference may be flushed to 0, nothing is compared.
+// Lesson 77
 #[test]
 fn results_that_may_all_be_flushed() {
     let package = Package::from_source("s", "fn f(d: f32) -> f32 { return exp(-2.0 * d); }");
@@ -455,7 +474,7 @@ fn results_that_may_all_be_flushed() {
     };
     for tolerance in [Rel(1e-3).into(), Ulp(4.0).into()] {
         let failure = check(90.0, tolerance).expect_err("nothing is compared").to_string();
-        assert!(failure.contains("below the least normal f32"), "{failure}");
+        assert!(failure.contains("below the smallest normal f32"), "{failure}");
     }
     assert!(matches!(check(0.5, Rel(1e-3).into()), Err(Failure::Disagreement(_))));
 }
@@ -482,6 +501,7 @@ fn step(x: f64, y: f64) -> f64 {
 }
 
 /// Subnormal arguments may be zeros, each on its own. Nothing else may.
+// Lesson 48
 #[test]
 fn only_subnormal_arguments_may_be_flushed() {
     let numbers = || (Edges::f32(), OneOf(vec![0.0_f32, 1e-45, 0.5]));

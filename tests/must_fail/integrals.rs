@@ -36,6 +36,7 @@ pub(crate) fn albedo_rule(albedo: &Vec3) -> Vec<((Vec3, Vec3), f64)> {
 /// The rounding of `albedo / pi` and of the planted constant: two steps of `f32`.
 const ALBEDO: Rel = Rel(1.2e-7);
 
+// Lesson 40: arguments from storage buffers, with controls
 #[test]
 fn an_integral_that_is_right() {
     let package = diffuse("0.318309886");
@@ -115,6 +116,7 @@ fn an_integral_above_its_bound() {
 }
 
 /// 100,000 nodes in two dispatches. One gives NaN or an infinity, with any weight.
+// Lesson 5
 #[test]
 fn one_bad_node_of_an_integral() {
     for (bits, nan, infinite) in [("0x7fc00000u", 3, 0), ("0xff800000u", 0, 3)] {
@@ -152,6 +154,7 @@ fn one_bad_node_of_an_integral() {
 }
 
 /// A rule without nodes, with weights that aren't finite, and expectations that aren't.
+// Lesson 4
 #[test]
 fn an_integral_of_nothing() {
     let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return x; }");
@@ -169,7 +172,7 @@ fn an_integral_of_nothing() {
         Err(failure @ Failure::Rule { .. }) => failure.to_string(),
         other => panic!("the rule was not refused: {other:?}"),
     };
-    let empty = "the quadrature rule of `f` has no nodes, so nothing would be integrated, for case \
+    let empty = "the quadrature rule of `f` has no nodes, so there is nothing to integrate, for case \
                  3: 0.75";
     assert_eq!(
         refused(integral(None).unrecorded().try_agrees_with(|x| f64::from(*x), Abs(6e38))),
@@ -241,10 +244,10 @@ fn an_integral_of_other_types() {
             .try_agrees_with(|n| *n, Abs(1.0)),
     ];
     let expected = [
-        "takes (f32, u32), the quadrature rule supplies (f32)\n",
-        "returns vec2<f32>, the expected integral is f32\n",
-        "returns vec2<f32>, the bound is vec3<f32>\n",
-        "returns 2 components, the tolerance is declared for 1\n",
+        "takes (f32, u32), but the quadrature rule supplies (f32)\n",
+        "returns vec2<f32>, but the expected integral is f32\n",
+        "returns vec2<f32>, but the bound is vec3<f32>\n",
+        "returns 2 components, but the tolerance has bounds for 1\n",
         "returns u32, and an integral is a sum of floats\n",
     ];
     for (found, expected) in found.into_iter().zip(expected) {
@@ -259,6 +262,7 @@ fn an_integral_of_other_types() {
 }
 
 /// The replay command runs only the failing integral. The record counts integrals and nodes.
+// Lesson 9: the record has the number of cases
 #[test]
 fn an_integral_is_replayed_and_recorded() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -286,6 +290,7 @@ fn an_integral_is_replayed_and_recorded() {
 }
 
 /// A wrong constant; and a lobe between the rings, for which no rule finds the integral.
+// Lesson 67
 #[test]
 fn an_integral_over_directions() {
     let check = |body: &str, directions, expected: f64| {
@@ -336,7 +341,7 @@ fn an_integral_over_directions() {
         }
         let text = found.to_string();
         assert!(text.contains("     control = "), "{text}");
-        assert!(text.contains("so that more `rings` may be needed"), "{text}");
+        assert!(text.contains("the two rules disagree: try more `rings`"), "{text}");
     }
     // A failing case is a verdict, even if other cases have none.
     let mixed =

@@ -32,7 +32,7 @@ fn the_engine_behind_a_pipe_is_a_path() {
     assert_eq!(lines[4], "load: agrees", "{text}");
     assert!(
         lines[5].contains(
-            "it takes derivatives, or discards and writes, for which pixels have to be drawn"
+            "it takes derivatives, or discards and writes, so it runs only on drawn pixels"
         ),
         "{text}"
     );
@@ -62,8 +62,8 @@ fn a_program_that_does_not_do_its_work_is_found_out() {
         ("wrong", "`half` fails agrees_with", "`data` after `add` fails"),
         (
             "short",
-            "it returned outputs of [8191] words, and [8192] are wanted",
-            "it returned outputs of [1] words, and [2] are wanted",
+            "it returned outputs of [8191] words, but the job needs [8192]",
+            "it returned outputs of [1] words, but the job needs [2]",
         ),
         ("few", "it returned outputs of [] words, and [", "it returned outputs of [] words, and ["),
         ("refuses", "it is too beautiful (<piped>:1:1)", "it is too beautiful (<piped>:6:"),
@@ -131,7 +131,7 @@ fn a_line_belongs_to_its_job() {
 
 /// Another program doesn't open, and the reason explains it.
 #[test]
-fn what_runs_no_jobs_does_not_open() {
+fn programs_that_run_no_jobs_do_not_open() {
     let planted = env!("CARGO_BIN_EXE_planted");
     for (executors, paths, message) in [
         (
@@ -142,14 +142,18 @@ fn what_runs_no_jobs_does_not_open() {
         (
             "mine=PLANTED executor cpu",
             "process@mien",
-            "KARAT_EXECUTORS names no `mien`; did you mean `mine`?",
+            "KARAT_EXECUTORS has no program `mien`; did you mean `mine`?",
         ),
         (
             "mine=PLANTED executor cpu",
             "process",
-            "`process@NAME` is a program that KARAT_EXECUTORS names",
+            "write `process@NAME` with a name from KARAT_EXECUTORS",
         ),
-        ("mine=PLANTED executor cpu", "process:hlsl@mine", "takes WGSL, without a route"),
+        (
+            "mine=PLANTED executor cpu",
+            "process:hlsl@mine",
+            "gets WGSL, so its path can't have a route",
+        ),
         (
             "mine=PLANTED executor cpu silent",
             "process@mine",
@@ -158,12 +162,12 @@ fn what_runs_no_jobs_does_not_open() {
         (
             "mine=PLANTED executor cpu old",
             "process@mine",
-            "it reads jobs of version 0, and this Karat writes version 1",
+            "it reads jobs of version 0, but this Karat writes version 1",
         ),
         (
             "mine=PLANTED executor cpu rude",
             "process@mine",
-            "its first line is no greeting: good morning",
+            "its first line isn't a greeting: good morning",
         ),
         ("mine", "process@mine", "KARAT_EXECUTORS=mine isn't a list of NAME=PROGRAM ARGUMENTS"),
     ] {
@@ -201,6 +205,7 @@ fn conformed(path: &str, fault: &str) -> BTreeMap<String, Value> {
 }
 
 /// Honest programs answer each job as expected. Jobs beyond the engine's abilities aren't asked.
+// Lesson 87
 #[test]
 fn honest_programs_conform() {
     for (path, unasked) in [("cpu", &["nearest", "pixels"][..]), ("vulkan", &[])] {
@@ -218,6 +223,7 @@ fn honest_programs_conform() {
 }
 
 /// Each lie is found by the jobs about it, and the reason shows the reply.
+// Lesson 87
 #[test]
 fn lies_do_not_conform() {
     for (fault, name, reason) in [
@@ -225,7 +231,7 @@ fn lies_do_not_conform() {
         ("dropped", "bits", "word 0 is 0x7fc01234, not 0xffffffff; 1 of 6 differ"),
         ("shifted", "untouched", "word 0 is 0xdead0003, not 0xdead0000; 8 of 8 differ"),
         ("wrong", "long", "1 of 262144 differ"),
-        ("short", "grid", "it returned outputs of [71] words, and [72] are wanted"),
+        ("short", "grid", "it returned outputs of [71] words, but the job needs [72]"),
         ("few", "outputs", r#"its reply is {"done":[]}, not {"done":[[3,8,9],[1]]}"#),
         ("late", "outputs", r#"its reply is {"done":[["#),
         (
@@ -307,6 +313,7 @@ fn misfit(all: &Value, schema: &Value, value: &Value) -> Option<String> {
 }
 
 /// Jobs, greeting and answers follow the published schema, and each required member exists.
+// Lesson 87
 #[test]
 fn jobs_are_as_the_schema_says() {
     let schema = include_str!("../../docs/guide/jobs.schema.json");

@@ -26,6 +26,8 @@ fn covers(declared: Path, path: Path) -> bool {
 }
 
 /// A declared failure has to fail, and isn't counted among the paths that agree.
+// Lesson 8: a declared failure must fail
+// Lesson 45
 #[test]
 fn a_known_issue_is_no_agreement() {
     let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return x + 1.0; }");
@@ -41,7 +43,7 @@ fn a_known_issue_is_no_agreement() {
     for issue in &agreement.known_issues {
         assert_eq!((&*issue.reason, issue.cases, issue.failures), ("bug 1", 65_536, 65_536));
     }
-    assert!(agreement.to_string().contains("fails 65536 as declared: bug 1"), "{agreement}");
+    assert!(agreement.to_string().contains("fails 65536 cases as declared: bug 1"), "{agreement}");
     // Other paths are judged as usual.
     for path in &paths {
         let found =
@@ -58,6 +60,8 @@ fn a_known_issue_is_no_agreement() {
     }
 }
 
+// Lesson 8: a declared failure must fail
+// Lesson 45
 #[test]
 fn an_issue_that_is_gone_or_has_no_reason() {
     let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return x; }");
@@ -66,8 +70,8 @@ fn an_issue_that_is_gone_or_has_no_reason() {
     let found = over().fails_on(path, "bug 1").unrecorded().try_agrees_with(|x: f64| x, Ulp(0.0));
     let text = found.expect_err("it passes").to_string();
     let expected = format!(
-        "`f` is as it should be on {path}, where it is declared to fail: bug 1\n\
-         the bug is gone, or hidden: remove its `fails_on`"
+        "`f` passes on {path}, where it is declared to fail: bug 1\n\
+         the bug is fixed, or hidden: remove the `fails_on`"
     );
     assert_eq!(text, expected);
     for reason in ["", " "] {
@@ -86,6 +90,9 @@ fn an_issue_that_is_gone_or_has_no_reason() {
 }
 
 /// A frame that is declared to differ from its golden must differ, and no declaration replaces a missing golden.
+// Lesson 8: a declared failure must fail
+// Lesson 71
+// Lesson 173
 #[test]
 fn a_frame_that_is_declared_to_fail() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -129,8 +136,9 @@ fn a_frame_that_is_declared_to_fail() {
 
 /// An endless loop, or a workgroup that no device accepts, gives no values, so no declaration covers it: neither
 /// `fails_on` nor `refused_on`.
+// Lesson 173
 #[test]
-fn what_stops_passes_is_no_known_issue() {
+fn a_pass_that_stops_is_no_known_issue() {
     let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
          @compute @workgroup_size(1) fn endless() {
              loop { if data[0] > 9u { break; } data[1] += 1u; }
@@ -151,7 +159,7 @@ fn what_stops_passes_is_no_known_issue() {
     let known = declared("wrong", false).expect("its values are wrong, as declared").known_issues;
     assert_eq!(known.len(), selected().len());
     let error = declared("wrong", true).expect_err("it runs").to_string();
-    assert!(error.contains("remove its `refused_on`"), "{error}");
+    assert!(error.contains("remove the `refused_on`"), "{error}");
     // Lavapipe ends an endless loop. Another driver hangs, and the deadline ends the process.
     let ends = selected().iter().all(|path| {
         karat::unstable::path::adapter(*path).is_ok_and(|adapter| adapter.family() == "llvmpipe")
@@ -166,6 +174,7 @@ fn what_stops_passes_is_no_known_issue() {
 }
 
 /// Samples and means may be declared to fail, and then have to.
+// Lesson 79
 #[test]
 fn samples_and_means_that_are_declared_to_fail() {
     let wgsl = "fn same(u: f32) -> f32 { return u; }\nfn squared(u: f32) -> f32 { return u * u; }\n\
@@ -197,6 +206,7 @@ fn samples_and_means_that_are_declared_to_fail() {
 }
 
 /// The record says that the issue is known, and doesn't count it as a pass.
+// Lesson 8: a declared failure must fail
 #[test]
 fn known_issues_are_recorded() {
     for (fault, verdict) in [
@@ -235,7 +245,7 @@ fn known_issues_are_recorded() {
 
 /// A verb that returns its failure also records it, unless its author disables that.
 #[test]
-fn what_is_returned_is_recorded_unless_it_is_left_out() {
+fn returned_failures_are_recorded_by_default() {
     // Without frames, the recorded one isn't drawn.
     let runs = [("recorded", "on", 5, 5), ("unrecorded", "on", 5, 0)];
     let without = [("recorded", "off", 4, 4), ("unrecorded", "off", 5, 0)];
@@ -255,6 +265,7 @@ fn what_is_returned_is_recorded_unless_it_is_left_out() {
 }
 
 /// Every verdict under an overlay says so in the record: for values, samples and frames.
+// Lesson 74
 #[test]
 fn records_name_the_overlay() {
     let (folder, overlay) = (tempfile::tempdir(), tempfile::tempdir());
@@ -273,6 +284,9 @@ fn records_name_the_overlay() {
 }
 
 /// A path's own tolerance applies only to it, and is as strict as any.
+// Lesson 13
+// Lesson 22: a tolerance of one path
+// Lesson 26
 #[test]
 fn a_tolerance_of_one_path() {
     let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return x + 0.25; }");

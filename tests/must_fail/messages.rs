@@ -6,6 +6,8 @@ use karat::unstable::check::Disagreement;
 use crate::{disagreement, mutant, schlick};
 
 /// The message of a failure, without the parts that differ between machines.
+// Lesson 19
+// Lesson 21
 #[test]
 fn the_message_shows_line_inputs_values_error_census_and_replay() {
     let fault = "abs(1.0 - v_dot_h) * 1.01";
@@ -37,7 +39,7 @@ fn the_message_shows_line_inputs_values_error_census_and_replay() {
 
 /// Paths with equal values share one text with one replay command. Another path has its own.
 #[test]
-fn paths_that_fail_alike_are_told_together() {
+fn paths_with_equal_failures_share_one_message() {
     let package = Package::from_source("planted", "fn f(x: u32) -> u32 { return x + 1u; }");
     let check = package.function("f").over(Integers(0..=9_u32)).unrecorded();
     let mut found = disagreement(check.try_satisfies("is 0", |_, y: u32| y == 0));
@@ -52,7 +54,7 @@ fn paths_that_fail_alike_are_told_together() {
 
 /// A function that is checked twice by one verb: each check has its own cases, name and replay.
 #[test]
-fn two_checks_of_one_function_are_told_apart() {
+fn two_checks_of_one_function_have_different_names() {
     let package = Package::from_source("planted", "fn f(x: f32) -> f32 { return sqrt(x); }");
     let over = |low: f32| package.function("f").over(low..=1.0);
     let is_number = |_, x: f32| x >= 0.0;

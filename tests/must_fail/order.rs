@@ -28,6 +28,7 @@ var<workgroup> shared_count: atomic<u32>;
 }
 
 /// Each assertion holds in the usual order.
+// Lesson 216
 #[test]
 fn results_of_an_order() {
     for (name, body, size, groups, expected) in [
@@ -116,6 +117,7 @@ fn results_of_an_order() {
 }
 
 /// Results that are equal in each order, late stores included.
+// Lesson 216: passes with one outcome are green
 #[test]
 fn results_of_no_order() {
     for (name, body, size, groups, expected) in [
@@ -179,6 +181,7 @@ fn results_of_no_order() {
 }
 
 /// Races that need a certain order of three workgroups, or an invocation that stalls.
+// Lesson 216
 #[test]
 fn races_of_an_order() {
     for (name, body, size, groups) in [
@@ -212,6 +215,7 @@ fn races_of_an_order() {
 }
 
 /// A subgroup operation in workgroups of all sizes up to which its result doesn't depend on the size of subgroups.
+// Lesson 218
 #[test]
 fn subgroups_in_workgroups_of_each_size() {
     for size in [1_u32, 2, 3, 5, 16, 31, 32, 33, 48, 63, 64, 96, 128, 256] {
@@ -245,8 +249,9 @@ fn subgroups_in_workgroups_of_each_size() {
 }
 
 /// A read accesses its whole memory view, used or not.
+// Lesson 220
 #[test]
-fn what_is_read_and_not_used_races() {
+fn a_read_without_use_still_races() {
     let races = |body: &str| {
         let text = format!(
             "struct Pair {{ kept: u32, count: u32 }}

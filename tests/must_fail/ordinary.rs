@@ -61,7 +61,7 @@ fn results_outside_of_their_range() {
         [(1.0, 0.0), (f64::NAN, 1.0), (0.0, f64::NAN), (f64::NEG_INFINITY, f64::INFINITY)]
     {
         let reason = unsuited(over().unrecorded().try_stays_within(least..=most));
-        assert!(reason.contains("no result, or every one, does"), "{reason}");
+        assert!(reason.contains("no result passes this check, or every result does"), "{reason}");
     }
     let truth = package("fn f(x: f32) -> bool { return x > 0.0; }");
     unsuited(truth.function("f").over(-1.0..=1.0).unrecorded().try_stays_within(0.0..=1.0));
@@ -106,7 +106,7 @@ fn results_at_the_end_of_a_half_open_range() {
     assert_eq!(found.assertion, "is above 0");
     for range in [1.0..1.0, 1.0..0.0, f64::NAN..1.0, f64::NEG_INFINITY..f64::INFINITY] {
         let reason = unsuited(nth().unrecorded().try_stays_within(range));
-        assert!(reason.contains("no result, or every one, does"), "{reason}");
+        assert!(reason.contains("no result passes this check, or every result does"), "{reason}");
     }
     // A smooth peak.
     let hill = part.function("hill").over((0.0..=1.0, 0.0..=1.0)).unrecorded();
@@ -191,6 +191,7 @@ fn frames_of_the_other_hand_and_vectors_that_lean() {
     assert!(reason.contains("isn't three vectors of three floats"), "{reason}");
 }
 
+// Lesson 175
 #[test]
 fn functions_that_are_not_their_other_form() {
     let text = |factor: &str| {
@@ -211,7 +212,7 @@ fn functions_that_are_not_their_other_form() {
     disagreement(compared(&text("1.001"), "exact"));
     let reason = unsuited(compared(&text("1.0"), "turned"));
     assert!(
-        reason.contains("takes (vec3<f32>, f32), the domain draws (f32, vec3<f32>)"),
+        reason.contains("takes (vec3<f32>, f32), but the domain supplies (f32, vec3<f32>)"),
         "{reason}"
     );
     let error = compared(&text("1.0"), "exakt").expect_err("there is none").to_string();
@@ -252,7 +253,7 @@ fn functions_that_are_not_their_other_form() {
 }
 
 #[test]
-fn what_grazes_is_left_out() {
+fn excluded_grazing_directions_are_not_drawn() {
     let grazing = package("fn f(v: vec3f) -> f32 { return select(1.0, 2.0, v.z < 0.01); }");
     let over = |domain: &dyn Fn() -> karat::unstable::domain::Above| {
         grazing.function("f").over(domain()).unrecorded().try_stays_within(1.0..=1.5)
@@ -275,7 +276,10 @@ fn hazards_of_a_kind() {
     let capped = || package.function("capped").over(0.0..=1.0).cases(512).unrecorded();
     let level = || package.function("level").over(Integers(0..=3_u32)).unrecorded();
     let found = disagreement(capped().try_has_none_of([Kind::Infinite]));
-    assert_eq!((found.check, &*found.assertion), ("has_none_of", "nothing inside is infinite"));
+    assert_eq!(
+        (found.check, &*found.assertion),
+        ("has_none_of", "no operation has the hazard infinite")
+    );
     // Of its kinds of hazards, only the requested ones are shown.
     assert!(!found.to_string().contains("unbounded at"), "{found}");
     disagreement(capped().try_has_none_of([Kind::Nan, Kind::Infinite]));
@@ -294,8 +298,8 @@ fn hazards_of_a_kind() {
         (unsuited(both().try_has_none_of([Kind::Nan])), "isn't needed: remove it"),
         (unsuited(capped().accept_hazard("1.0 / x", " ").try_has_no_hazards()), "has no reason"),
         (unsuited(both().try_is_finite()), "does nothing here"),
-        (unsuited(capped().try_has_none_of([Kind::Race])), "is asked for the hazard `race`"),
-        (unsuited(capped().try_has_none_of([])), "is asked for no kind of hazard"),
+        (unsuited(capped().try_has_none_of([Kind::Race])), "is checked for the hazard `race`"),
+        (unsuited(capped().try_has_none_of([])), "is checked for no kind of hazard"),
     ] {
         assert!(reason.contains(part), "{reason}");
     }

@@ -28,6 +28,7 @@ const table = array<u32, 3>(5u, 6u, 7u);
     lines.collect()
 }
 
+// Lesson 219
 #[test]
 fn reads_outside_that_matter() {
     let all: &[(&str, &[u32], &[usize])] = &[
@@ -81,6 +82,7 @@ fn reads_outside_that_matter() {
     }
 }
 
+// Lesson 219
 #[test]
 fn reads_outside_that_do_not_matter() {
     let all: &[(&str, &[u32])] = &[
@@ -106,6 +108,7 @@ fn reads_outside_that_do_not_matter() {
 }
 
 /// A pass with more lines that read outside than there are runs reports how many weren't tried.
+// Lesson 219
 #[test]
 fn lines_that_are_not_tried_are_counted() {
     let many: String =
@@ -123,6 +126,7 @@ fn lines_that_are_not_tried_are_counted() {
     let passes = passes.with("out", Storage::new([9_u32; 4])).dispatch("main", [1, 1, 1]);
     let (found, watched) = karat::unstable::compute::violations(&passes).expect("it is valid");
     assert!(found.is_empty(), "{found:?}");
-    let expected = "of `main` 11 lines that read outside of an array weren't tried with what else they may read";
+    let expected =
+        "of `main` 11 lines that read outside of an array weren't tried with other values";
     assert_eq!(watched.reason, expected);
 }

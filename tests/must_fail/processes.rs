@@ -22,6 +22,7 @@ pub(crate) fn planted(fault: &[&str], environment: &[(&str, &str)]) -> (Output, 
     (output, text)
 }
 
+// Lesson 40: arguments from storage buffers, with controls
 #[test]
 fn no_fault_succeeds() {
     let (output, text) = planted(&["none"], &[]);
@@ -34,7 +35,7 @@ fn a_signature_that_does_not_fit_is_recorded_where_it_stands() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let folder_name = folder.path().display().to_string();
     let (output, text) = planted(&["signature"], &[("KARAT_RECORD", &folder_name)]);
-    let told = "member 1 of the function's `Pair` is `a: f32`, of the other one it is `b: f32`";
+    let told = "member 1 of `Pair` is `a: f32` in the function, but `b: f32` in the test";
     assert!(!output.status.success() && text.contains(told), "{text}");
     let records = karat::unstable::record::read(folder.path()).expect("the verdict was recorded");
     let [record] = &*records else { panic!("one check, {} records", records.len()) };
@@ -45,8 +46,9 @@ fn a_signature_that_does_not_fit_is_recorded_where_it_stands() {
 }
 
 /// The validity of a whole package is a check, which the record lists like others.
+// Lesson 184
 #[test]
-fn that_a_package_is_valid_is_recorded() {
+fn the_validity_of_a_package_is_recorded() {
     for (fault, verdict, failures) in [
         ("valid", karat::unstable::record::Verdict::Pass, 0),
         ("invalid", karat::unstable::record::Verdict::Fail, 1),
@@ -74,6 +76,7 @@ fn that_a_package_is_valid_is_recorded() {
 
 /// A replay that matches nothing fails, and names the check that was probably meant. One that replays the second check
 /// of a program passes.
+// Lesson 65
 #[test]
 fn a_replay_of_nothing() {
     let (output, text) = planted(&["two"], &[("KARAT_CASE", "g/agrees_with/3")]);
@@ -85,14 +88,14 @@ fn a_replay_of_nothing() {
         assert!(!output.status.success(), "{case}: {text}");
         assert!(
             text.contains(&format!(
-                "test `main` replays nothing: KARAT_CASE={case} is none of its"
+                "test `main` replays nothing: KARAT_CASE={case} names none of its"
             )),
             "{text}"
         );
         assert!(text.contains("; did you mean `f/agrees_with`?"), "{text}");
     }
     let (output, text) = planted(&["two"], &[("KARAT_CASE", "g/agrees_with/65536")]);
-    assert!(!output.status.success() && text.contains("none with index 65536"), "{text}");
+    assert!(!output.status.success() && text.contains("no case with index 65536"), "{text}");
     // A case that a transformation doesn't change proves nothing about the others.
     for case in ["f/invariant_under/0", "f/invariant_under/1"] {
         let (output, text) = planted(&["mirrored"], &[("KARAT_CASE", case)]);
@@ -106,10 +109,11 @@ fn a_replay_of_nothing() {
     let picture = ["golden", &folder.path().display().to_string()];
     let (output, text) = planted(&picture, &[("KARAT_CASE", "gradient/matches/0")]);
     assert!(!output.status.success(), "{text}");
-    assert!(text.contains("is none of its checks, `frame gradient`"), "{text}");
+    assert!(text.contains("names none of its checks: `frame gradient`"), "{text}");
 }
 
 /// The same in the threads of Rust's test runner: this program runs one of its own tests.
+// Lesson 65
 #[test]
 fn a_test_that_replays_nothing() {
     let run = |case: &str| {
@@ -135,6 +139,7 @@ fn a_test_that_replays_nothing() {
 }
 
 /// Each name and value of the environment is read, or refused.
+// Lesson 66
 #[test]
 fn settings_with_a_slip() {
     for (name, value, message) in [
@@ -157,6 +162,7 @@ fn settings_with_a_slip() {
 }
 
 /// A fault that shows only on the last path is simplified on that path.
+// Lesson 73
 #[test]
 fn a_fault_of_the_last_path_is_reduced_there() {
     let (output, text) = planted(&["one_path"], &[("KARAT_PATHS", "all")]);
@@ -170,6 +176,8 @@ fn a_fault_of_the_last_path_is_reduced_there() {
 }
 
 /// The replay command runs only the failing case, with the same inputs.
+// Lesson 21
+// Lesson 41: replay
 #[test]
 fn replay() {
     let (_, text) = planted(&["too_large"], &[]);
@@ -187,10 +195,12 @@ fn replay() {
     };
     assert_eq!(shown(&text), shown(&again));
     let (output, text) = planted(&["too_large"], &[("KARAT_CASE", "99999999")]);
-    assert!(!output.status.success() && text.contains("none with index 99999999"), "{text}");
+    assert!(!output.status.success() && text.contains("no case with index 99999999"), "{text}");
 }
 
 /// Mesa and the loader find no driver: a required path must run, and at least one path must.
+// Lesson 3
+// Lesson 112
 #[test]
 fn no_adapter() {
     let hidden = [
@@ -224,6 +234,7 @@ fn no_adapter() {
 }
 
 /// A shader that never ends is reported within the deadline, and leaves no process behind.
+// Lesson 23
 #[test]
 fn an_endless_loop() {
     let open = Path::ALL.into_iter().filter(|path| karat::unstable::path::adapter(*path).is_ok());
@@ -238,7 +249,7 @@ fn an_endless_loop() {
         let driver = format!("`endless` (<planted>:1:1) on path {path}");
         let by_driver = text.contains(&driver) && text.contains("did not finish within 1.5 s");
         let engine =
-            "`endless` was stopped: after 1.5 s it was still in this loop\n  --> <planted>:1:";
+            "`endless` was stopped: this loop was still running after 1.5 s\n  --> <planted>:1:";
         let slow = karat::unstable::path::adapter(path)
             .is_ok_and(|adapter| adapter.family() == "llvmpipe");
         assert!(by_driver || !slow && text.contains(engine), "{text}");

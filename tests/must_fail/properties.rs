@@ -43,7 +43,7 @@ fn a_function_that_does_not_scale() {
     assert!(eval("l.z / (v.z + l.z)").is_ok());
     let found = disagreement(eval("l.z / (v.z + 1.01 * l.z)"));
     assert_eq!(found.check, "scales_under");
-    assert!(found.to_string().contains("expected is that for those without, times the factor"));
+    assert!(found.to_string().contains("expected: the result for the others, times the factor"));
     let package = Package::from_source("planted", "fn f(x: f32, y: f32) -> f32 { return x; }");
     let over = package.function("f").over((0.0..=1.0, 0.0..=1.0));
     let error =
@@ -86,7 +86,7 @@ fn messages_of_properties_show_both_calls() {
           a' = 0
           b' = 1
     returned = 2
-               (returned for the arguments with a prime, expected for those without)
+               (returned for the arguments with a prime, expected for the arguments without a prime)
       actual = 2 (0x1p+1)
     expected = 1 (0x1p+0)  nearest f32 of 1
        error = 8.39e6 ulp (4 allowed), rel 1, abs 1
@@ -99,6 +99,7 @@ fn messages_of_properties_show_both_calls() {
 }
 
 /// A tolerance larger than any change proves nothing about the direction.
+// Lesson 77
 #[test]
 fn changes_within_the_tolerance() {
     let package = Package::from_source("s", "fn f(x: f32) -> f32 { return x * x; }");
@@ -143,6 +144,7 @@ fn a_function_that_is_not_monotone() {
     assert_eq!(found.assertion, "decreasing in `x`, abs 5e-1");
 }
 
+// Lesson 4
 #[test]
 fn a_monotone_check_of_nothing() {
     let wgsl = "fn f(alpha: f32, c: f32, d: vec3f) -> f32 { return c; }";
@@ -156,7 +158,7 @@ fn a_monotone_check_of_nothing() {
         ),
         (
             over().unrecorded().try_is_monotone_in(1, up, Ulp(0.0)),
-            "has one value of argument 1 only",
+            "has only one value of argument 1",
         ),
     ];
     for (found, message) in vacuous {

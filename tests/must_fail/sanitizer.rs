@@ -56,6 +56,7 @@ fn first(body: &str, groups: u32) -> (HazardKind, String, [String; 2]) {
 }
 
 /// Blelloch's sum of a workgroup in a tree, with one barrier of a round missing.
+// Lesson 215
 #[test]
 fn a_scan_without_its_second_barrier() {
     let scan = |second: &str| {
@@ -85,6 +86,7 @@ data[id.x] = tile[i];"
     assert!(seen.to_string().contains("at the end of the loop or of the function, too"), "{seen}");
 }
 
+// Lesson 215
 #[test]
 fn a_reduction_across_workgroups() {
     let reduce = "tile[i] = data[id.x];
@@ -230,6 +232,7 @@ fn a_histogram_without_atomics() {
     passes.dispatch("main", [1, 1, 1]).after("counts").agrees_with([16_u32; 4], Abs(0.0));
 }
 
+// Lesson 215
 #[test]
 fn barriers_that_some_invocations_miss() {
     let reduce = |inside: &str, behind: &str| {
@@ -240,14 +243,14 @@ fn barriers_that_some_invocations_miss() {
     let (kind, _, [one, other]) = first(&reduce("workgroupBarrier();", ""), 1);
     assert_eq!(kind, HazardKind::Barrier);
     assert_eq!(one, "2 local (0) of workgroup (0) reaches it");
-    assert_eq!(other, "2 local (32) of workgroup (0) goes another way here");
+    assert_eq!(other, "2 local (32) of workgroup (0) takes another branch here");
     assert!(races(&reduce("", "workgroupBarrier();"), 1).is_empty());
     let rounds =
         "for (var k = 0u; k < data[id.x]; k++) { workgroupBarrier(); }\ndata[id.x] += 100u;";
     let (kind, _, [one, other]) = first(rounds, 1);
     assert_eq!(kind, HazardKind::Barrier);
     assert_eq!(one, "1 local (1) of workgroup (0) reaches it", "the first has one round");
-    assert_eq!(other, "1 local (0) of workgroup (0) goes another way here");
+    assert_eq!(other, "1 local (0) of workgroup (0) takes another branch here");
     let behind = |parts: &str| format!("{parts}\n\nworkgroupBarrier();\ndata[id.x] += 1u;");
     let inside = |parts: &str| format!("{parts}\ndata[id.x] += 1u;");
     // The line at which they went different ways, however far it is from the barrier.
@@ -269,7 +272,7 @@ fn barriers_that_some_invocations_miss() {
         let (kind, _, [_, other]) = first(&format!("\n{body}"), 1);
         assert_eq!(kind, HazardKind::Barrier);
         assert!(
-            other.starts_with(&format!("{line} ")) && other.ends_with("goes another way here"),
+            other.starts_with(&format!("{line} ")) && other.ends_with("takes another branch here"),
             "{parts}: {other}"
         );
     }
@@ -357,7 +360,7 @@ fn an_index_one_beyond_the_end() {
     };
     assert!(headline.contains("reads outside of `data`, and"), "{headline}");
     assert_eq!(accesses[0].invocation, "local (63, 0, 0) of workgroup (1, 0, 0)");
-    assert_eq!(accesses[0].does, "has index 128, and `data` has 128 elements");
+    assert_eq!(accesses[0].does, "has index 128, but `data` has 128 elements");
     assert!(accesses[0].place.starts_with(&format!("<races>:{}:", HEAD.lines().count() + 1)));
     assert!(races(&blur("select(0u, data[id.x + 1u], id.x < 127u)"), 2).is_empty());
     // The element decides about the result only if it is a certain number.
@@ -392,7 +395,7 @@ fn an_index_that_wraps_around() {
         panic!("{violations:?}");
     };
     assert_eq!(accesses[0].invocation, "local (0, 0, 0) of workgroup (1, 0, 0)");
-    assert_eq!(accesses[0].does, "means element 4294967360, and finds 64");
+    assert_eq!(accesses[0].does, "computes index 4294967360, but accesses element 64");
     assert!(accesses[0].place.starts_with(&format!("<races>:{}:", HEAD.lines().count() + 2)));
     assert!(races(&row("0u"), 2).is_empty());
 }
@@ -458,13 +461,13 @@ fn races_that_are_accepted() {
         (
             "equal",
             "data[i] = i + 1u;",
-            "isn't needed, as no two invocations write one value there: remove it",
+            "isn't needed, as no two invocations write the same value there: remove it",
         ),
-        ("race", "data[i] = i + 1u;", "isn't needed, as there is none: remove it"),
-        ("typo", "data[i] = 1u;", "names a variable that no pass has; did you mean `data`?"),
-        ("silent", "data[0] = 1u;", "has no reason: say why the race is meant"),
+        ("race", "data[i] = i + 1u;", "isn't needed, as there is no such race: remove it"),
+        ("typo", "data[i] = 1u;", "names a variable that no pass uses; did you mean `data`?"),
+        ("silent", "data[0] = 1u;", "has no reason: say why the race is harmless"),
         ("tile", "data[0] = 1u; tile[i] = 0u;", "has a race on `data[0]`"),
-        ("none", "data[0] = 1u;", "names a variable that no pass has"),
+        ("none", "data[0] = 1u;", "names a variable that no pass uses"),
     ] {
         let wrong = accepting(how, body);
         assert!(wrong.contains(part), "{how} {body}: {wrong}");
@@ -502,7 +505,7 @@ fn an_append_whose_order_matters() {
     let seen = order(after("invocations", 1, "found").try_agrees_with(thirds, Abs(0.0)));
     assert!(seen.location.starts_with("<append>:4:"), "{}", seen.location);
     let operation = seen.operation.as_deref();
-    let expected = "`atomicAdd(&count, 1u)` gives local (0, 0, 0) of workgroup (0, 0, 0) 2 there, and 0 in the usual order";
+    let expected = "`atomicAdd(&count, 1u)` gives local (0, 0, 0) of workgroup (0, 0, 0) 2 in this order, and 0 in the usual order";
     assert_eq!(operation, Some(expected));
     let place = seen.element.as_ref().map(|element| element.place.to_string());
     assert_eq!(place.as_deref(), Some("[0]"), "{seen}");
@@ -667,7 +670,7 @@ fn an_order_that_matters_where_the_usual_one_fails() {
     let seen = passes("append").after("out").unrecorded().try_agrees_with(others.clone(), Abs(0.0));
     let Err(ComputeError::Order(order)) = seen else { panic!("{seen:?}") };
     assert!(!order.holds && order.location == "<append>:4:17", "{order}");
-    let says = "in Karat's engine it isn't so that elements agree within abs 0. But each order";
+    let says = "in the usual order of Karat's engine this doesn't hold: elements agree within abs 0. But each order";
     assert!(order.to_string().contains(says), "{order}");
     let seen = passes("lost").after("count").unrecorded().try_agrees_with([8_u32], Abs(0.0));
     assert!(matches!(seen, Err(ComputeError::Order(_))), "one after the other leaves 8: {seen:?}");
@@ -736,7 +739,7 @@ fn a_reduction_that_assumes_subgroups_of_32() {
     for (entry, kind, part) in [
         ("tail", HazardKind::Barrier, "a subgroup operation that not every invocation"),
         ("next", HazardKind::OutOfRange, "isn't in its subgroup"),
-        ("fifth", HazardKind::OutOfRange, "in subgroups of 4, `fifth` takes the value"),
+        ("fifth", HazardKind::OutOfRange, "in subgroups of 4, `fifth` reads the value"),
         ("room_for_two", HazardKind::OutOfRange, "in subgroups of 4, `room_for_two` writes"),
     ] {
         let wrong = sum(entry, 32);
@@ -920,6 +923,6 @@ fn a_race_with_a_function_above() {
         let left = passes.dispatch("own", [1, 1, 1]).on(cpu).after("data").unrecorded();
         let Err(ComputeError::Violations(found)) = left.try_is_written() else { panic!("a race") };
         let advice = &found.all[0].advice;
-        assert!(advice.contains("a `workgroupBarrier()` between both does"), "{found}");
+        assert!(advice.contains("put a `workgroupBarrier()` between both"), "{found}");
     }
 }

@@ -20,6 +20,7 @@ fn package(text: &str) -> Package {
 }
 
 /// Steps down that only neighbouring arguments show.
+// Lesson 177
 #[test]
 fn a_function_that_falls_in_short_steps() {
     let text = "fn f(x: f32) -> f32 { return x - 2e-5 * f32(u32(x * 65536.0) & 1u); }";
@@ -36,6 +37,7 @@ fn a_function_that_falls_in_short_steps() {
 }
 
 /// Two rules that agree only in the first component.
+// Lesson 177
 #[test]
 fn rules_of_an_integral_that_differ_in_the_second_component() {
     let lobe = "exp(1e3 * (l.x - 1.0))";
@@ -49,6 +51,7 @@ fn rules_of_an_integral_that_differ_in_the_second_component() {
     assert!(error.contains("so there is no verdict: use more rings"), "{error}");
 }
 
+// Lesson 177
 #[test]
 fn integers_have_an_upper_bound_too() {
     let package = package("fn f(i: u32) -> u32 { return i; }\nfn g(i: i32) -> i32 { return i; }");
@@ -71,6 +74,7 @@ fn integers_have_an_upper_bound_too() {
 }
 
 /// The range that WGSL allows reaches far on only one side of the reference: above it, or below.
+// Lesson 177
 #[test]
 fn an_allowed_interval_is_wide_at_either_end() {
     for (function, side) in [("max", 1.0), ("min", -1.0)] {
@@ -90,6 +94,7 @@ fn an_allowed_interval_is_wide_at_either_end() {
 }
 
 /// No two cases are equal, however many there are.
+// Lesson 177
 #[test]
 fn cases_beyond_the_first_dispatch_are_new() {
     let package = package("fn f(x: f32) -> f32 { return x; }");
@@ -110,6 +115,7 @@ fn cases_beyond_the_first_dispatch_are_new() {
 }
 
 /// In the dark a gate allows its share of the frame's key, and not a multiple of it.
+// Lesson 178
 #[test]
 fn the_floor_of_a_gate() {
     let image = |dark: f32, alpha: f32| {
@@ -126,6 +132,7 @@ fn the_floor_of_a_gate() {
     assert!(!passes(0.0, 1.5e-4), "more than the floor of alpha");
 }
 
+// Lesson 178
 #[test]
 fn an_edit_of_one_ulp_is_a_change() {
     let before = package("fn f(x: f32) -> f32 { return x; }");
@@ -136,8 +143,9 @@ fn an_edit_of_one_ulp_is_a_change() {
 }
 
 /// Any case may be the one that reads outside an array.
+// Lesson 178
 #[test]
-fn each_case_that_is_out_of_range_is_told() {
+fn each_case_out_of_range_is_reported() {
     let text = "fn f(i: u32) -> f32 { var a = array<f32, 3>(1.0, 2.0, 3.0); return a[i]; }";
     let package = package(text);
     for bad in 0..8 {
@@ -152,6 +160,7 @@ fn each_case_that_is_out_of_range_is_told() {
 }
 
 /// Bounds that no value can exceed, and ranges that contain all values.
+// Lesson 175
 #[test]
 fn bounds_that_nothing_exceeds_are_refused() {
     let package = package("fn f(x: f32) -> f32 { return x; }\nfn u(i: u32) -> u32 { return i; }");
@@ -170,11 +179,12 @@ fn bounds_that_nothing_exceeds_are_refused() {
         package.function("u").over(Integers(0..=9_u32)).unrecorded().try_stays_within(0.0..=most)
     };
     let error = all(f64::from(u32::MAX)).expect_err("every u32 is there").to_string();
-    assert!(error.contains("no result, or every one, does"), "{error}");
+    assert!(error.contains("no result passes this check, or every result does"), "{error}");
     all(f64::from(u32::MAX) - 1.0).expect("they do");
 }
 
 /// Passes that leave everything unchanged prove nothing, whatever is asserted.
+// Lesson 176
 #[test]
 fn passes_that_change_no_word() {
     let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
@@ -205,6 +215,7 @@ fn passes_that_change_no_word() {
 }
 
 /// A mesh completely outside the frame leaves the clear colour.
+// Lesson 176
 #[test]
 fn a_draw_that_touches_no_pixel() {
     let text = "struct Out { @builtin(position) at: vec4f }
@@ -236,6 +247,7 @@ fn a_draw_that_touches_no_pixel() {
 }
 
 /// If a variable had two fixtures, one would be ignored.
+// Lesson 175
 #[test]
 fn a_variable_is_given_once() {
     let text = "@group(0) @binding(0) var<uniform> gain: f32;

@@ -406,6 +406,8 @@ fn irradiance() {
 }
 
 /// The map's sum is the integral, except for its steps: the sum of all texels, weighted by their solid angles.
+// Lesson 25
+// Lesson 46
 #[test]
 fn the_irradiance_map_holds_the_integral() {
     let studio = frames::studio();
@@ -519,6 +521,8 @@ fn scaled(image: &mut Image, factor: f32) {
 
 /// The lecture's estimator loses half of the light, which violates both the formula and the error of the samples. Only
 /// the formula detects half a percent; both detect a NaN.
+// Lesson 1: shader side
+// Lesson 20
 #[test]
 fn faults_are_seen() {
     let count = |found: &[String], what: &str| {
@@ -544,6 +548,7 @@ fn some_pixels_graze() {
 }
 
 /// A frame shifted by a pixel shows at mirrors and edges.
+// Lesson 1: shader side
 #[test]
 fn a_shifted_pixel_is_seen() {
     let found = tampered("specular", |image| image.pixels_mut().rotate_right(1));

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use super::host::Host;
 
-/// Names of its program, in the order of preference.
+/// Names of Chromium's program, in the order of preference.
 const NAMES: [&str; 7] = [
     "chromium",
     "chromium-browser",
@@ -15,7 +15,7 @@ const NAMES: [&str; 7] = [
     "chrome.exe",
 ];
 
-/// The path of its program: from `KARAT_BROWSER`, or in the usual folders.
+/// The path of Chromium's program: from `KARAT_BROWSER`, or in the usual folders.
 pub(crate) fn find(host: &Host) -> Option<PathBuf> {
     if let Some(named) = host.listed("KARAT_BROWSER") {
         return named.into_iter().find(|program| program.is_file());

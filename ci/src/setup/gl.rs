@@ -7,10 +7,10 @@ use anyhow::{Context, Result, bail};
 use super::host::{self, Host};
 use super::manifest;
 
-/// The expected drivers in words; or an error that names the missing part.
+/// Describes the drivers that GL will use. The error names the missing part.
 pub(crate) fn find(host: &Host) -> Result<String> {
     host.library("libEGL.so.1").context("EGL, libEGL.so.1")?;
-    // Either variable replaces the usual folders.
+    // Each of these variables replaces the usual folders.
     let variable = ["__EGL_VENDOR_LIBRARY_FILENAMES", "__EGL_VENDOR_LIBRARY_DIRS"]
         .into_iter()
         .find_map(|variable| Some((variable, host.listed(variable)?)));

@@ -1,13 +1,13 @@
 //! The machine that setup examines: environment variables, folders and shared libraries.
 //!
-//! All lookups are below a root folder, so that tests can make up a machine.
+//! All paths are below a root folder, so that tests can simulate a machine.
 
 use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-/// A machine, or one that a test makes up.
+/// A machine, real or simulated by a test.
 pub(crate) struct Host {
     root: PathBuf,
     variables: BTreeMap<OsString, OsString>,
@@ -26,7 +26,7 @@ impl Host {
         Self {
             root: PathBuf::from("/"),
             variables: std::env::vars_os().collect(),
-            // Without it (musl has none), the usual folders are still searched.
+            // musl has no `ldconfig`. The usual folders are searched anyway.
             ldconfig: ldconfig.unwrap_or_default(),
         }
     }
@@ -47,7 +47,7 @@ impl Host {
         (!paths.is_empty()).then_some(paths)
     }
 
-    /// The places of `name` below the data folders: XDG's first, then the system's.
+    /// The paths of `name` below the data folders: first the folders of XDG, then those of the system.
     pub(crate) fn data_folders(&self, name: &str) -> Vec<PathBuf> {
         let home = self.listed("XDG_DATA_HOME").or_else(|| {
             let homes = self.listed("HOME")?;
@@ -79,15 +79,15 @@ impl Host {
         listed.into_iter().chain(system.iter().map(|folder| self.path(folder))).collect()
     }
 
-    /// A shared library, by the name that the dynamic linker gets.
+    /// Finds a shared library by the name that a program gives to the dynamic linker.
     pub(crate) fn library(&self, name: &str) -> Option<PathBuf> {
         let cached = cached_libraries(&self.ldconfig, name, std::env::consts::ARCH);
         let usual = self.library_folders().into_iter().map(|folder| folder.join(name));
         cached.map(|path| self.path(path)).chain(usual).find(|path| path.is_file())
     }
 
-    /// Returns `true` if there is a GPU that a hardware driver could open. Distributions install the drivers of every
-    /// maker at once, so that the presence of a driver proves nothing.
+    /// Checks if there is a GPU that a hardware driver could open. Distributions install the drivers of all makers, so an
+    /// installed driver doesn't prove that there is a GPU.
     pub(crate) fn has_gpu(&self) -> bool {
         let nodes = ["/dev/nvidiactl", "/dev/dxg", "/dev/kgsl-3d0", "/dev/mali0"];
         nodes.iter().any(|node| self.path(node).exists())

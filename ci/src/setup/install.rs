@@ -21,13 +21,13 @@ pub(crate) enum Wanted {
     Node,
 }
 
-/// Distributions by package manager.
+/// The distributions that share a package manager.
 #[derive(Debug, PartialEq, Eq)]
 pub(crate) enum Family {
     Debian,
     Fedora,
     Arch,
-    /// A distribution without support, by its own name.
+    /// The name of an unsupported distribution.
     Other(String),
 }
 
@@ -60,13 +60,13 @@ impl Family {
         Self::Other(if own.is_empty() { std::env::consts::OS.to_owned() } else { own })
     }
 
-    /// The commands that install it, in order.
+    /// The commands that install the wanted packages, in order.
     fn commands(&self, wanted: Wanted) -> Vec<Package> {
         let fatal = |line: String| Package { failing: Failing::Fatal, line };
         let install = |manager: &str| fatal(format!("{manager} {}", self.packages(wanted)));
         match self {
             Self::Debian => vec![
-                // A stale or broken list of another repository may not matter: the installation decides.
+                // A broken package list may not matter, so an error of `update` is tolerated. The installation decides.
                 Package { failing: Failing::Tolerated, line: format!("{APT} update") },
                 install(&format!("{APT} install -y --no-install-recommends")),
             ],
@@ -101,7 +101,7 @@ impl Family {
     }
 }
 
-/// Another process may hold the lock for a while.
+/// Waits up to two minutes for another package manager to finish.
 const APT: &str = "apt-get -o DPkg::Lock::Timeout=120";
 
 /// One run of a package manager.
@@ -136,7 +136,7 @@ impl Privilege {
         }
     }
 
-    /// A package manager's command, run with it.
+    /// The command of a package manager, with this privilege.
     fn command(self, line: &str) -> Command {
         let mut words = line.split_whitespace();
         // sudo drops most variables, so `env` sets this one.
@@ -158,7 +158,7 @@ impl Privilege {
     }
 }
 
-/// Installs it, and shows the output of the package manager.
+/// Installs the wanted packages, and shows the output of the package manager.
 pub(crate) fn run(family: &Family, privilege: Privilege, wanted: Wanted) -> Result<()> {
     let commands = family.commands(wanted);
     if commands.is_empty() || privilege == Privilege::Lacking {

@@ -16,7 +16,7 @@ pub(crate) struct Driver {
 /// The result of a search through manifests.
 pub(crate) struct Search {
     pub(crate) drivers: Vec<Driver>,
-    /// The reasons why manifests name no usable driver, a line each.
+    /// The reasons why manifests name no usable driver, one reason per manifest.
     pub(crate) rejected: Vec<String>,
 }
 

@@ -97,16 +97,16 @@ fn stage(staged: &Path, source: &Path) -> Result<()> {
         std::fs::copy(source.join(file), staged.join(file))
             .with_context(|| format!("no {file}"))?;
     }
-    // Without scripts: the package's own would build parts that it already contains.
+    // Without scripts: those of the package would build files that the package already contains.
     npm.args(["ci", "--ignore-scripts", "--no-audit", "--no-fund"]).current_dir(staged);
     command::run_aside(&mut npm).context("npm doesn't install the packages")
 }
 
-/// npm of a recent enough Node.
+/// The npm in `PATH`, if its Node is recent enough.
 fn npm_in_path(host: &Host) -> Option<Command> {
     let folders = host.listed("PATH")?;
     let node = program(&folders, "node").filter(|node| is_new(node))?;
-    // On Windows it is a script, which needs the shell.
+    // On Windows npm is a script, which needs the shell.
     let npm = program(&folders, "npm").or_else(|| {
         let script = node.with_file_name("npm.cmd");
         script.is_file().then_some(script)
@@ -146,7 +146,7 @@ fn npm_of(node: &Path) -> Option<Command> {
     Some(npm)
 }
 
-/// npm of a Node that is installed only for this.
+/// The npm of a Node that is installed for Karat's tests.
 fn own_npm(staged: &Path) -> Result<Command> {
     let host = Host::current();
     let has_pip = || {
@@ -181,13 +181,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn versions_of_node_are_told_apart() {
+    fn versions_of_node_are_parsed() {
         assert_eq!(numbers("v18.20.4\n"), Some((18, 20)));
         assert_eq!(numbers("v22.20.0"), Some((22, 20)));
         assert_eq!(numbers("22"), None);
     }
 
-    /// Many machines have a Node, which would hide an installation that doesn't work.
+    /// Most machines have a Node, so only this test detects that its installation fails.
+    // Lesson 207
     #[test]
     fn a_machine_without_node_has_no_npm() {
         let machine = Machine::new().variable("PATH", "/usr/bin").file("/usr/bin/npm", "");
@@ -195,6 +196,7 @@ mod tests {
     }
 
     /// Lock files have versions and checksums, and no address of a mirror.
+    // Lesson 212: lock files
     #[test]
     fn lock_files_have_integrity_and_no_addresses() {
         for name in ["tint", "web", "web-before"] {

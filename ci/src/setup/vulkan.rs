@@ -5,10 +5,10 @@ use anyhow::{Context, Result, bail};
 use super::host::{self, Host};
 use super::manifest::{self, Driver};
 
-/// The expected drivers in words; or an error that names the missing part.
+/// Describes the drivers that Vulkan will use. The error names the missing part.
 pub(crate) fn find(host: &Host) -> Result<String> {
     host.library("libvulkan.so.1").context("the Vulkan loader, libvulkan.so.1")?;
-    // Either variable replaces the usual folders; the second is the older name of the first.
+    // Each of these variables replaces the usual folders. `VK_ICD_FILENAMES` is the older name of `VK_DRIVER_FILES`.
     let variable = ["VK_DRIVER_FILES", "VK_ICD_FILENAMES"]
         .into_iter()
         .find_map(|variable| Some((variable, host.listed(variable)?)));

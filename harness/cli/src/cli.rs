@@ -632,7 +632,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn causes_are_told_once() {
+    fn an_error_names_each_cause_once() {
         let told = |error: &anyhow::Error| format!("{error:#}");
         let folder = || std::io::Error::new(std::io::ErrorKind::IsADirectory, "it is a folder");
         let image = ImageError::Read { path: "a".to_owned(), cause: folder() };

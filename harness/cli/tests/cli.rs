@@ -196,6 +196,7 @@ fn open_paths(folder: &FilePath) -> Vec<String> {
     open.map(|path| path["path"].as_str().expect("a name").to_owned()).collect()
 }
 
+// Lesson 38
 #[test]
 fn call_prints_each_path_with_decimal_and_hexadecimal_value() {
     let project = project();
@@ -216,6 +217,7 @@ fn call_prints_each_path_with_decimal_and_hexadecimal_value() {
     assert_eq!(karat(project.path(), &one).good(), expected);
 }
 
+// Lesson 38
 #[test]
 fn call_takes_and_returns_every_type() {
     let project = project();
@@ -357,6 +359,7 @@ fn a_table_may_name_its_columns_in_any_order_or_not_at_all() {
     assert_eq!(karat(project.path(), &table).good(), format!("x,y,{path}\n-3,7,true\n"));
 }
 
+// Lesson 194
 #[test]
 fn a_faulty_table_is_an_error_that_names_the_line() {
     let project = project();
@@ -487,7 +490,7 @@ fn cargo_karat_is_karat() {
 }
 
 #[test]
-fn doctor_tells_which_paths_open() {
+fn doctor_reports_which_paths_open() {
     let project = project();
     let folder = project.path();
     let report = json(&karat(folder, &["doctor", "--json"]).good());

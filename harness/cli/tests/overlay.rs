@@ -84,7 +84,7 @@ fn a_file_that_replaces_nothing_is_an_error() {
     assert!(err.contains("(KARAT_OVERLAY) has `shaders/maths.wgsl`, no module of"), "{err}");
     assert!(err.contains("package `shaders`; did you mean `math.wgsl`?"), "{err}");
     let err = Project::new(&[("math.txt", "")]).refused("overlay");
-    assert!(err.contains("has `math.txt`, no module of package `shaders`"), "{err}");
+    assert!(err.contains("has `math.txt`, which isn't a module of package `shaders`"), "{err}");
 }
 
 #[test]

@@ -21,21 +21,21 @@ pub use self::mend::Mend;
 use crate::output::visible;
 pub use blame::{At, Blame, Blamed};
 
-/// A file of the author, as read.
+/// A file of the author, as Karat read it.
 #[derive(PartialEq, Eq)]
 pub struct SourceFile {
     /// The path as messages show it: relative to the working directory, if that is shorter.
     pub name: String,
-    /// Whole text.
+    /// The whole text.
     pub text: String,
-    /// The places of values that replace the author's placeholders, in order. No value contains a line break.
+    /// The values that replace the author's placeholders, in the order of the text. No value contains a line break.
     pub values: Vec<Value>,
 }
 
 /// A value in a text, and the author's text that it replaces.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Value {
-    /// Its bytes in the text.
+    /// The range of the value's bytes in the text.
     pub at: Range<usize>,
     /// The author's text: `{{ N }}`.
     pub placeholder: String,
@@ -43,7 +43,7 @@ pub struct Value {
     pub hidden: bool,
 }
 
-/// Prints only the name: `expect` on an error would otherwise print the whole text.
+/// Prints only the name. Otherwise `expect` on an error would print the whole text.
 impl fmt::Debug for SourceFile {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.debug_struct("SourceFile").field("name", &self.name).finish_non_exhaustive()
@@ -51,13 +51,13 @@ impl fmt::Debug for SourceFile {
 }
 
 impl SourceFile {
-    /// An unchanged author's text.
+    /// A file without placeholders.
     #[must_use]
     pub fn new(name: impl Into<String>, text: impl Into<String>) -> Self {
         Self { name: name.into(), text: text.into(), values: Vec::new() }
     }
 
-    /// The author's text.
+    /// The author's text, with placeholders instead of values.
     #[must_use]
     pub fn written(&self) -> Cow<'_, str> {
         if self.values.is_empty() {
@@ -73,8 +73,8 @@ impl SourceFile {
         Cow::Owned(written)
     }
 
-    /// The byte of the author's text that a byte of this text comes from. Inside a value it is the start of the
-    /// placeholder.
+    /// Converts a byte offset in this text to one in the author's text. An offset inside a value becomes the start of
+    /// its placeholder.
     #[must_use]
     pub fn written_at(&self, offset: usize) -> usize {
         let (mut text, mut written) = (0, 0);
@@ -92,14 +92,14 @@ impl SourceFile {
         written + (offset - text)
     }
 
-    /// The file; `None` for a text in memory, whose name is in brackets.
+    /// The file with its hash. `None` for a text in memory, whose name begins with `<`.
     #[doc(hidden)]
     pub fn read(&self) -> Option<FileRead> {
         let file = Path::new(&self.name);
         (!self.name.starts_with('<')).then(|| FileRead::of(file, self.written().as_bytes()))
     }
 
-    /// Line and column of a byte offset, both counted from 1; columns count characters.
+    /// Line and column of a byte offset. Both begin at 1, and columns count characters.
     #[must_use]
     pub fn line_column(&self, offset: usize) -> (usize, usize) {
         let written = self.written();
@@ -111,24 +111,24 @@ impl SourceFile {
     }
 }
 
-/// A stretch of an author's file.
+/// A range of bytes in an author's file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Span {
     /// The file.
     pub file: Arc<SourceFile>,
-    /// Byte range in its text.
+    /// The range of bytes in the file's text.
     pub range: Range<usize>,
 }
 
 impl Span {
-    /// The author's text of its file, and the range in that text.
+    /// The author's text of the span's file, and the span's range in that text.
     #[must_use]
     pub fn written(&self) -> (Cow<'_, str>, Range<usize>) {
         let range = self.file.written_at(self.range.start)..self.file.written_at(self.range.end);
         (self.file.written(), range)
     }
 
-    /// The part on its first line, for a range that would fill a screen.
+    /// The part of the span on its first line, because the whole span could fill a screen.
     #[doc(hidden)]
     pub fn first_line(&self) -> Self {
         let text = self.file.text.get(self.range.clone()).unwrap_or_default();
@@ -139,33 +139,33 @@ impl Span {
 }
 
 impl fmt::Display for Span {
-    /// `file:line:column`, which terminals and editors open.
+    /// Writes `file:line:column`. Terminals and editors can open such a position.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (line, column) = self.file.line_column(self.range.start);
         write!(f, "{}:{line}:{column}", self.file.name)
     }
 }
 
-/// A message with labelled places in the author's files.
+/// A message with labelled positions in the author's files.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Diagnostic {
     /// The problem, in one sentence.
     pub message: String,
-    /// Places, the most important one first; each with a remark, which may be empty.
+    /// The positions in files, the most important one first. Each has a remark, which may be empty.
     pub labels: Vec<(Span, String)>,
     /// The next steps.
     pub notes: Vec<String>,
-    /// The line of `karat.toml` that may fix it.
+    /// The line of `karat.toml` that may fix the problem.
     pub mend: Option<Mend>,
 }
 
 impl Diagnostic {
-    /// A message without a place.
+    /// A message without a position.
     pub fn new(message: impl Into<String>) -> Self {
         Self { message: message.into(), labels: Vec::new(), notes: Vec::new(), mend: None }
     }
 
-    /// Adds a place.
+    /// Adds a position.
     #[must_use]
     pub fn at(mut self, span: Span, remark: impl Into<String>) -> Self {
         self.labels.push((span, remark.into()));
@@ -179,19 +179,19 @@ impl Diagnostic {
         self
     }
 
-    /// Sets the line of `karat.toml` that may fix it.
+    /// Sets the line of `karat.toml` that may fix the problem.
     #[must_use]
     pub fn mended_by(self, mend: Option<Mend>) -> Self {
         Self { mend, ..self }
     }
 
-    /// The first place to look at.
+    /// The most important position.
     #[must_use]
     pub fn location(&self) -> Option<&Span> {
         self.labels.first().map(|(span, _)| span)
     }
 
-    /// The message as a warning, which fails nothing.
+    /// The text of the message with the heading `warning`. A warning fails no test.
     #[must_use]
     pub fn to_warning(&self) -> String {
         self.shown(codespan::Severity::Warning)
@@ -199,7 +199,7 @@ impl Diagnostic {
 
     fn shown(&self, severity: codespan::Severity) -> String {
         let text = self.render(severity).unwrap_or_else(|_| self.message.clone());
-        // Messages contain names that others chose.
+        // Files and drivers can put terminal commands into the names that messages contain.
         without_made_up(&visible(&text)).trim_end().to_owned()
     }
 
@@ -210,7 +210,8 @@ impl Diagnostic {
         let mut files = Excerpts::default();
         let mut known: Vec<(&Arc<SourceFile>, usize)> = Vec::new();
         let mut labels = Vec::new();
-        // Drops ranges beyond the end, or that begin inside a character: they couldn't be shown.
+        // Drops ranges that end after the end of the text, or that begin inside a character: an excerpt can't show
+        // them.
         let within = |span: &Span| {
             let text = &span.file.text;
             text.floor_char_boundary(span.range.start)..text.floor_char_boundary(span.range.end)
@@ -256,7 +257,7 @@ impl fmt::Display for Diagnostic {
 
 impl std::error::Error for Diagnostic {}
 
-/// A message in which generated names for an author's line, such as `karat_value_12`, are replaced by words.
+/// Replaces the names that Karat generated for an author's line, such as `karat_value_12`.
 fn without_made_up(text: &str) -> String {
     const MADE_UP: [&str; 3] = ["karat_value_", "karat_assert_", "karat_print_"];
     let mut text = text.to_owned();
@@ -269,8 +270,8 @@ fn without_made_up(text: &str) -> String {
     text
 }
 
-/// The name in `known` that `unknown` most likely means, if one is close: its last `::` part is equal, or at most a
-/// third of the letters differ.
+/// The name in `known` that is most likely meant by `unknown`. A name is close if its last `::` part equals that of
+/// `unknown`, or if at most a third of the letters differ. `None` if no name is close.
 pub fn nearest<'a>(unknown: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let last = |name: &str| name.rsplit("::").next().unwrap_or_default().to_owned();
     known
@@ -279,7 +280,8 @@ pub fn nearest<'a>(unknown: &str, known: impl IntoIterator<Item = &'a str>) -> O
         .map(|name| {
             let whole = strsim::damerau_levenshtein(unknown, name);
             let tail = strsim::damerau_levenshtein(&last(unknown), &last(name));
-            // The same function in another module is a better guess than a similar spelling.
+            // A function with the same name in another module is a better guess than a function with a similar
+            // spelling.
             (whole.min(tail + 1), whole, name)
         })
         .filter(|(distance, _, _)| *distance <= (last(unknown).len() / 3).max(1))
@@ -287,8 +289,8 @@ pub fn nearest<'a>(unknown: &str, known: impl IntoIterator<Item = &'a str>) -> O
         .map(|(_, _, name)| name)
 }
 
-/// BLAKE3 of a shader's text, in hexadecimal. Line ends of `\n` and `\r\n` give the same hash, because checkouts differ
-/// in them.
+/// BLAKE3 of a shader's text, in hexadecimal. The line ends `\n` and `\r\n` give the same hash, because git may change
+/// line ends.
 #[must_use]
 pub fn text_hash(text: &[u8]) -> String {
     let mut hasher = blake3::Hasher::new();
@@ -304,9 +306,9 @@ pub fn text_hash(text: &[u8]) -> String {
 /// A file that was read, with the hash of its contents at that time.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, serde::Serialize, serde::Deserialize)]
 pub struct FileRead {
-    /// The file, with its folders from the root.
+    /// The file's absolute path.
     pub file: PathBuf,
-    /// BLAKE3 of its bytes, in hexadecimal; empty for a missing file.
+    /// BLAKE3 of the file's bytes, in hexadecimal. Empty for a missing file.
     pub hash: String,
 }
 
@@ -317,7 +319,7 @@ impl FileRead {
         Self { hash: blake3::hash(bytes).to_hex().to_string(), ..Self::missing(file) }
     }
 
-    /// A file that is missing or can't be read. Results that depend on it change when it appears.
+    /// A file that is missing or can't be read. Results that depend on the file change when the file appears.
     #[must_use]
     pub fn missing(file: &Path) -> Self {
         let file = std::path::absolute(file).unwrap_or_else(|_| file.to_owned());
@@ -331,7 +333,7 @@ impl FileRead {
     }
 }
 
-/// The bytes of an author's file. Fails for a pipe, a socket or a device, which may never end.
+/// The bytes of an author's file. Reading a pipe, a socket or a device may never end, so the function fails for them.
 ///
 /// # Errors
 /// If the path doesn't exist, isn't a file, or can't be read.
@@ -340,10 +342,11 @@ pub fn read_file(file: &Path) -> std::io::Result<Vec<u8>> {
     if kind.is_file() || kind.is_dir() {
         return std::fs::read(file);
     }
-    Err(std::io::Error::other("it is a pipe, a socket or a device, and no file"))
+    Err(std::io::Error::other("it is a pipe, a socket or a device, not a file"))
 }
 
-/// A path in its most readable form: absolute without `..`, or relative to the working directory, which itself is `.`.
+/// A path for messages: relative to the working directory if the path is inside it, otherwise absolute, without `..`.
+/// The working directory itself is `.`.
 pub fn shown(path: &Path) -> String {
     let here = std::env::current_dir().unwrap_or_default();
     let mut clean = PathBuf::new();
@@ -362,7 +365,7 @@ pub fn shown(path: &Path) -> String {
     }
 }
 
-/// An expression in one line, cut to the length of a line.
+/// An expression on one line, cut if it is too long.
 #[doc(hidden)]
 pub fn one_line(text: &str) -> String {
     const MOST: usize = 60;
@@ -377,7 +380,6 @@ pub fn one_line(text: &str) -> String {
 mod tests {
     use super::*;
 
-    /// A place after a value is the author's, and a file's hash is that of the author's text.
     #[test]
     fn places_behind_values_are_the_authors() {
         let value = |at, placeholder: &str| Value {
@@ -433,6 +435,7 @@ mod tests {
         Diagnostic::new("it is wrong").at(Span { file, range }, "here")
     }
 
+    // Lesson 63
     #[test]
     fn a_long_line_is_cut_and_its_place_is_the_author_s() {
         let text = format!("first\n{}bad{}\nlast\n", "(".repeat(1 << 20), ")".repeat(1 << 20));
@@ -447,6 +450,7 @@ mod tests {
         assert_eq!(text, expected);
     }
 
+    // Lesson 62
     #[test]
     fn nothing_in_a_message_commands_a_terminal() {
         let hostile = "\u{1b}[2J\u{9b}\u{202e}";

@@ -1,14 +1,14 @@
-//! Domains: the sets that the arguments of a probe are sampled from.
+//! Domains: the sets from which Karat samples the arguments of functions.
 //!
-//! A domain is closed (it includes its ends), biased toward its edges (ends, their neighbours, points at log distance
-//! from them, poles, axes), and seeded: the value of case *i* depends only on the seed and on *i*, so any case can be
-//! sampled again without the cases before it. A finite domain ([`Just`], [`Grid`], [`OneOf`] and products of them) is
-//! enumerated completely.
+//! A domain is closed: it includes its ends. Karat samples edges more often than other values (ends, their neighbours,
+//! points at a logarithmic distance from the ends, poles, axes). A domain is seeded: the value of case *i* depends only
+//! on the seed and on *i*, so any case can be sampled again without the cases before it. A finite domain ([`Just`],
+//! [`Grid`], [`OneOf`] and products of them) is enumerated completely.
 //!
-//! One sampled tuple in eight ties two components of the same type: one becomes equal to the other, opposite, or close
-//! to either. Functions of two directions often fail there.
+//! In one of eight sampled tuples, two components of the same type are tied: one component becomes equal to the other,
+//! opposite to it, or close to one of these. Functions of two directions often fail there.
 //!
-//! A case that fails is simplified within its domain: see [`Domain::shrink`].
+//! Karat simplifies a case that fails, within its domain. See [`Domain::shrink`].
 
 mod composed;
 mod direction;
@@ -50,10 +50,10 @@ pub use stream::{Held, Numbering, Stream, Typed};
 use crate::value::{Arguments, Shareable};
 
 /// The number of samples in a row that a [`filter`](Domain::filter) may reject before the check gives up. A filter that
-/// keeps 1 % is stopped by chance once in 5e8 cases.
+/// accepts 1 % of the samples fails by chance in one of 5e8 cases.
 const REJECTIONS: u32 = 2000;
 
-/// The number of grid points that are tried in place of one: enough to see whether a simple one fails.
+/// The number of simpler grid points that are tried for a failing grid point.
 const SIMPLER: usize = 256;
 
 /// A set of values to sample from.
@@ -98,21 +98,21 @@ pub trait Domain: Send + Sync {
     /// The type of the values.
     type Value: Clone + Debug + Send + Sync + 'static;
 
-    /// Samples a value; `None` if a filter rejected too many in a row.
+    /// Samples a value. `None` if a filter rejected too many values in a row.
     fn draw(&self, source: &mut Source) -> Option<Self::Value>;
 
-    /// Values that are always tried first, beginning with the simplest and most extreme ones.
+    /// Values that are always tried first. The simplest and most extreme values come first.
     fn edges(&self) -> Vec<Self::Value> {
         Vec::new()
     }
 
-    /// Returns `true` if the domain has no value: for example, a range that ends before it starts. It doesn't detect a
-    /// filter that rejects everything.
+    /// Checks if the domain has no value: for example, a range that ends before it starts. This doesn't detect a filter
+    /// that rejects everything.
     fn is_empty(&self) -> bool {
         self.emptiness().is_some()
     }
 
-    /// The reason why the domain has no value, for the check's message; `None` if it has one.
+    /// The reason why the domain has no value, for the check's message. `None` if it has values.
     fn emptiness(&self) -> Option<Emptiness> {
         (self.size() == Some(0)).then(|| Emptiness::of("domain", "has no value"))
     }
@@ -122,21 +122,22 @@ pub trait Domain: Send + Sync {
         None
     }
 
-    /// Value `index` of a finite domain; `None` past its end, or if the domain isn't finite.
+    /// The value at `index` in a finite domain. `None` past the domain's end, or if the domain isn't finite.
     fn nth(&self, index: u64) -> Option<Self::Value> {
         let _ = index;
         None
     }
 
-    /// Returns whether `value` belongs to the domain; `None` if the domain can't decide, as after `map`.
+    /// Returns `Some(true)` if `value` belongs to the domain, and `Some(false)` if not. `None` if the domain can't
+    /// decide, as after `map`.
     fn admits(&self, value: &Self::Value) -> Option<bool> {
         let _ = value;
         None
     }
 
     /// Two values such that each component of every value lies between theirs; `None` if there are none. `stays_within`
-    /// proves its statement for everything between them. It is safe if the interval has further values, but a value of
-    /// the domain outside it would make the proof false.
+    /// proves its statement for everything between these two values. The interval may contain values that the domain
+    /// doesn't have. But a value of the domain outside of the interval would make the proof false.
     ///
     /// ```
     /// use karat::{Domain, UnitRgb};
@@ -149,16 +150,16 @@ pub trait Domain: Send + Sync {
         None
     }
 
-    /// Values of the domain that are simpler than `value`, the simplest first. A failing case is replaced by the first
-    /// of them that fails, again and again, until none fails. The default is an empty list.
+    /// Values of the domain that are simpler than `value`, the simplest first. Karat replaces a failing case by the
+    /// first of these values that fails, and repeats this until none fails. The default is an empty list.
     fn shrink(&self, value: &Self::Value) -> Vec<Self::Value> {
         let _ = value;
         Vec::new()
     }
 
-    /// A case from [`nth`](Self::nth), [`edges`](Self::edges) or [`draw`](Self::draw), with everything that is needed
-    /// to simplify it. Domains that are made of other domains override this; for all others [`shrink`](Self::shrink) is
-    /// enough.
+    /// A case from [`nth`](Self::nth), [`edges`](Self::edges) or [`draw`](Self::draw), with the data for simplifying
+    /// it. Domains that are made of other domains override this method. All other domains need only
+    /// [`shrink`](Self::shrink).
     fn shrinkable(&self, origin: Origin<'_>) -> Option<Shrinkable<'_, Self::Value>> {
         let value = match origin {
             Origin::Nth(index) => self.nth(index),
@@ -178,7 +179,7 @@ pub trait Domain: Send + Sync {
         Map { domain: self, map }
     }
 
-    /// The same values as another type of the same shape, such as a vector of another glam, or of mint.
+    /// Converts the values to another type of the same shape, such as a vector of another glam version, or of mint.
     ///
     /// ```
     /// use glam::Vec3;
@@ -198,7 +199,7 @@ pub trait Domain: Send + Sync {
         Self::Value: Shareable,
     {
         let (own, other) = (Self::Value::shape(), T::shape());
-        assert!(own == other, "a `{own}` is no `{other}`: `cast` keeps the shape");
+        assert!(own == other, "a `{own}` can't become a `{other}`: `cast` keeps the shape");
         self.map(|value| {
             let mut lanes = Vec::new();
             value.store(&mut lanes);
@@ -206,8 +207,8 @@ pub trait Domain: Send + Sync {
         })
     }
 
-    /// Values of a structure or a vector, from the domains of its members in their order. Unlike [`map`](Domain::map),
-    /// it knows the values' members, so it can simplify and tie them.
+    /// Makes values of a structure or a vector from the domains of its members, in order. Unlike [`map`](Domain::map),
+    /// this keeps the members apart, so Karat can simplify and tie them.
     ///
     /// ```
     /// use glam::{Vec2, Vec3};
@@ -307,7 +308,7 @@ impl<T: Clone + Debug + Send + Sync + 'static> Domain for Just<T> {
     }
 }
 
-/// The listed values. Each of them is tried.
+/// The listed values. Karat tries each of them.
 ///
 /// ```
 /// use karat::{Domain, OneOf};
@@ -335,7 +336,7 @@ impl<T: Clone + Debug + Send + Sync + 'static> Domain for OneOf<T> {
     fn nth(&self, index: u64) -> Option<T> {
         usize::try_from(index).ok().and_then(|index| self.0.get(index)).cloned()
     }
-    /// Simplifies numbers and booleans by how readable they are, and other values by their place in the list.
+    /// Simplifies numbers and booleans towards the most readable one, and other values towards the front of the list.
     fn shrinkable(&self, origin: Origin<'_>) -> Option<Shrinkable<'_, T>> {
         let index = match origin {
             Origin::Nth(index) => usize::try_from(index).ok()?,
@@ -360,7 +361,7 @@ impl<T: Clone + Debug + Send + Sync + 'static> OneOf<T> {
     }
 }
 
-/// A measure of how complicated a number or boolean is to read.
+/// A measure of how hard a number or boolean is to read. `None` for other types.
 #[doc(hidden)]
 pub fn complexity(value: &dyn Any) -> Option<u64> {
     None.or_else(|| value.downcast_ref::<bool>().map(|value| u64::from(*value)))
@@ -372,12 +373,12 @@ pub fn complexity(value: &dyn Any) -> Option<u64> {
         })
 }
 
-/// See [`Domain::map`].
+/// The domain that [`Domain::map`] returns.
 ///
 /// ```
 /// use karat::Domain;
 ///
-/// // Roughness is what artists set; the function takes its square.
+/// // Artists set the roughness. The function takes the roughness squared.
 /// let alpha = (0.05..=1.0).map(|roughness: f32| roughness * roughness);
 /// assert!(alpha.edges().iter().all(|alpha| *alpha <= 1.0));
 /// ```
@@ -414,7 +415,7 @@ where
     }
 }
 
-/// See [`Domain::filter`].
+/// The domain that [`Domain::filter`] returns.
 ///
 /// ```
 /// use karat::{Domain, Hemisphere};

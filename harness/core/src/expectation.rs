@@ -1,39 +1,40 @@
-//! The packages of expectations, such as `expect_near`, for tests in WGSL: their texts, and the values that each
-//! expectation keeps.
+//! The packages of expectations, such as `expect_near`, for tests in WGSL: their texts, and the layout of the values
+//! that a failing expectation stores.
 //!
-//! `karat` contains Karat's own expectations, and `wgsl_test` those of the WGSL community's test runner. The first
-//! argument of each is a number that identifies the call; the linker inserts it after the `(`. Private variables keep
-//! the values of expectations that may have failed, and the host judges them, by [`Wanted`].
+//! `karat` contains Karat's own expectations, and `wgsl_test` has the expectations of the WGSL community's test runner.
+//! The first argument of each expectation is a number that identifies the call. The linker inserts this number after
+//! the `(`. If an expectation may have failed, private variables store its values. Then the host decides with
+//! [`Wanted`] if the expectation failed.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::sync::LazyLock;
 
-/// The number of words that an expectation keeps if it may have failed: its place, its kind and its number of
-/// components, the values, the expected values, and two bounds.
+/// The number of `u32`s that an expectation stores if it may have failed: the number of its call, its kind with its
+/// number of components, four for the values, four for the expected values, and two for the bounds.
 pub const KEPT_WORDS: usize = 12;
 
-/// The number of failures that a case keeps. A message about more failures names these, and counts the others.
+/// The number of failed expectations that a case stores. A message lists these, and counts the others.
 pub const MOST_KEPT: usize = 3;
 
-/// The number of words in a test's result: how many expectations were evaluated, how many may have failed, and the
-/// first of these.
+/// The number of `u32`s in a test's result: the number of evaluated expectations, the number that may have failed, and
+/// the values of the first few of these.
 pub const REPORT_WORDS: usize = 2 + MOST_KEPT * KEPT_WORDS;
 
-/// The kind of an expectation. The numbers occur in the generated WGSL.
+/// The kind of an expectation. The numbers also occur in the generated WGSL.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wanted {
     True,
     EqualU32,
     EqualI32,
     EqualF32,
-    /// At most this far apart.
+    /// The values differ by at most the bound.
     Near,
-    /// At most this far apart, relative to the expected value.
+    /// The values differ by at most the bound times the expected value.
     Relative,
-    /// At most this many `f32` steps apart.
+    /// The values are at most this many `f32` steps apart.
     Ulp,
-    /// Within the larger of an absolute and a relative distance.
+    /// The values differ by at most the larger of an absolute and a relative bound.
     Within,
     Finite,
     AtMost,
@@ -61,9 +62,9 @@ impl Wanted {
 /// A package of expectations.
 #[derive(Debug)]
 pub struct Expectations {
-    /// Its one module.
+    /// The text of the package's only module.
     pub text: String,
-    /// Their names, such as `expect_near`.
+    /// The names of the expectations, such as `expect_near`.
     pub names: BTreeSet<String>,
 }
 
@@ -78,7 +79,6 @@ impl Expectations {
 static KARAT: LazyLock<Expectations> = LazyLock::new(|| Expectations::new(karat()));
 static WGSL_TEST: LazyLock<Expectations> = LazyLock::new(|| Expectations::new(wgsl_test()));
 
-/// The package of expectations with this name, if Karat has one.
 pub fn package(name: &str) -> Option<&'static Expectations> {
     match name {
         "karat" => Some(&KARAT),
@@ -87,7 +87,7 @@ pub fn package(name: &str) -> Option<&'static Expectations> {
     }
 }
 
-/// Suffixes of the functions for one to four components, and their types.
+/// The suffixes of the functions for one to four components, with the components' types.
 const FLOATS: [(&str, &str); 4] =
     [("", "f32"), ("_vec2", "vec2f"), ("_vec3", "vec3f"), ("_vec4", "vec4f")];
 const WHOLES: [(&str, &str); 4] =
@@ -95,7 +95,7 @@ const WHOLES: [(&str, &str); 4] =
 const SIGNED: [(&str, &str); 4] =
     [("_i32", "i32"), ("_vec2i", "vec2i"), ("_vec3i", "vec3i"), ("_vec4i", "vec4i")];
 
-/// `x`, or its components followed by zeros, as four words.
+/// WGSL for a `vec4u` with the bits of `x`, followed by zeros.
 fn words(x: &str, width: usize) -> String {
     match width {
         1 => format!("vec4u(bitcast<u32>({x}), 0u, 0u, 0u)"),
@@ -105,7 +105,7 @@ fn words(x: &str, width: usize) -> String {
     }
 }
 
-/// The same as four `f32`, for comparisons.
+/// WGSL for a `vec4f` with the components of `x`, followed by zeros, for comparisons.
 fn four(x: &str, width: usize) -> String {
     match width {
         1 => format!("vec4f({x}, 0.0, 0.0, 0.0)"),
@@ -115,8 +115,8 @@ fn four(x: &str, width: usize) -> String {
     }
 }
 
-/// The declarations of the variables for expectations that may have failed. Drivers compile an array with a variable
-/// index tens of times more slowly, so each place has variables of its own.
+/// Declares the variables that store expectations that may have failed. Each stored expectation has variables of its
+/// own: drivers compile an array with a variable index tens of times more slowly.
 fn report() -> String {
     let mut text = "\nvar<private> evaluated: u32;\nvar<private> suspected: u32;\n".to_owned();
     let (mut stored, mut listed) = (String::new(), String::new());
@@ -171,9 +171,9 @@ fn judge(site: u32, kind: u32, actual: vec4u, expected: vec4u, bound: vec2u, pas
 }
 
 fn karat() -> String {
-    // A driver may assume that no value is NaN, so the shader checks for NaN by bits. It accepts values within a
-    // narrower bound than the author's, and the host judges the others. A difference that exceeds the author's bound
-    // stays above the narrower one, however it is rounded.
+    // A driver may assume that no value is NaN, so the shader tests the bits for NaN. The shader accepts values within
+    // a narrower bound than the author's, and the host judges the others. Rounding can't bring a difference above the
+    // author's bound below the narrower bound.
     let mut text = format!(
         "{}
 
@@ -188,7 +188,7 @@ fn are_near(actual: vec4f, expected: vec4f, absolute: f32, relative: f32) -> boo
         && all((abs(actual - expected) <= 0.999 * bound) | (abs(actual - expected) < vec4f(absolute)));
 }}
 
-// From the least to the largest number: a bound of as many bounds nothing.
+// The steps from the smallest to the largest number. A larger bound passes everything.
 const MOST_STEPS: f32 = 4278190080.0;
 
 fn place(x: f32) -> u32 {{
@@ -290,7 +290,7 @@ fn expect_false(site: u32, condition: bool) {{
             &pair,
             &judge(Wanted::AtMost, "0.0", &format!("{finite} && all(a <= e)")),
         );
-        // Missing components count as equal.
+        // Components above `width` count as equal.
         let less = (0..width).map(|lane| format!(" && a[{lane}] < e[{lane}]")).collect::<String>();
         text += &of("less", &pair, &judge(Wanted::Less, "0.0", &format!("{finite}{less}")));
         let inside = (0..width).map(|lane| format!(" && least <= a[{lane}] && a[{lane}] <= most"));
@@ -317,7 +317,8 @@ fn expect_false(site: u32, condition: bool) {{
     text
 }
 
-/// The package with the names of the WGSL community's runner. Its tolerances are 1e-3 relative and 1e-6 absolute.
+/// The package with the functions of the WGSL community's test runner. The default tolerances are 1e-3 (relative) and
+/// 1e-6 (absolute).
 fn wgsl_test() -> String {
     let mut text = "import karat::{judge_within, judge_ulp, judge};
 fn expect(site: u32, condition: bool) {

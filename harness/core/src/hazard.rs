@@ -1,6 +1,6 @@
-//! The kinds of hazards in shaders: one list for operations, passes and reports.
+//! The kinds of hazards in shaders. Operations, passes and reports use the same list.
 
-/// The kind of a hazard, the worst first.
+/// The kind of a hazard. The worst kinds come first.
 #[derive(
     Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Serialize, serde::Deserialize,
 )]
@@ -15,10 +15,10 @@ pub enum Kind {
     Wrapped,
     /// An unsigned difference goes below 0, and is converted to a float.
     BelowZero,
-    /// Two accesses of an element are unordered.
+    /// Two accesses of the same element have no defined order, and at least one is a write.
     Race,
-    /// Some invocations of a workgroup miss a barrier, some of a subgroup miss a subgroup operation, or some of a quad
-    /// miss a derivative.
+    /// Some invocations of a workgroup miss a barrier, some invocations of a subgroup miss a subgroup operation, or
+    /// some invocations of a quad miss a derivative.
     Barrier,
     /// An integer is divided by zero.
     ByZero,
@@ -30,19 +30,19 @@ pub enum Kind {
     EdgesReversed,
     /// More than half of a value's digits are rounding errors.
     LostDigits,
-    /// Two writes of the same value are unordered.
+    /// Two writes of the same value to the same element have no defined order.
     EqualWrites,
-    /// WGSL allows any result.
+    /// WGSL allows any result for these operands.
     Unbounded,
-    /// A loop was stopped.
+    /// The engine stopped a loop after too many rounds.
     Endless,
-    /// Workgroup memory is read before an invocation writes it. WGSL (7.3) says that it is zero, but hosts may turn
-    /// that off.
+    /// An invocation reads workgroup memory that no invocation has written. WGSL (7.3) says that this memory is zero,
+    /// but hosts may turn that off.
     Unwritten,
 }
 
 impl Kind {
-    /// Its name. `karat.toml` and JSON use the same, but without blanks.
+    /// The kind's name. `karat.toml` and JSON use the same name, with `_` for blanks.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -64,56 +64,56 @@ impl Kind {
         }
     }
 
-    /// The meaning, in a sentence.
+    /// The meaning of the kind, in a clause for messages.
     #[must_use]
     pub fn about(self) -> &'static str {
         match self {
             Self::Nan => "it isn't a number, though its operands are",
             Self::OutOfRange => {
-                "the index leaves its array: WGSL lets a read give any element or zero, and a write change any or none"
+                "the index is outside of its array: WGSL lets a read return any element or zero, and a write change any element or none"
             }
             Self::Wrapped => {
-                "a sum or a product of the index goes beyond 32 bits: it finds another element than is meant"
+                "a sum or a product of the index overflows 32 bits, so the index selects a wrong element"
             }
             Self::BelowZero => {
-                "a difference of whole numbers without a sign goes below 0: as a float it is some 4.29e9"
+                "an unsigned difference goes below 0 and wraps around: as a float it is about 4.29e9"
             }
             Self::Race => {
-                "nothing orders these two accesses of an element: each driver has an order of its own"
+                "these two accesses of one element have no defined order: each driver may choose its own"
             }
             Self::Barrier => {
-                "WGSL wants each invocation of a workgroup to reach a barrier, of a subgroup its operation, and of a quad a \
-                 derivative, `textureSample`'s too (15.2)"
+                "all invocations of a workgroup must reach a barrier, of a subgroup a subgroup operation, of a quad a \
+                 derivative or `textureSample` (WGSL 15.2), and some don't"
             }
-            Self::EqualWrites => "nothing orders two writes of the same value",
+            Self::EqualWrites => "two writes of the same value have no defined order",
             Self::ByZero => "an integer is divided by zero: in WGSL x / 0 is x, and x % 0 is 0",
             Self::Infinite => "it overflows, or divides by zero",
             Self::Saturated => {
-                "the integer type doesn't reach so far: WGSL takes its nearest value, GLSL any"
+                "the float is outside of the integer type's range: WGSL takes the nearest integer of the type, GLSL any integer"
             }
             Self::EdgesReversed => {
-                "the low edge is above the high one, or of `smoothstep` the same: implementations differ in what comes of that"
+                "the low edge is above the high edge, or equal to it in `smoothstep`: implementations return different results"
             }
             Self::LostDigits => "more than half of its digits are rounding errors",
             Self::Unbounded => {
-                "WGSL bounds no error here, so drivers may return anything (15.7.4: a divisor outside of 2^-126 to \
+                "WGSL doesn't limit the error here, so drivers may return anything (15.7.4: a divisor outside of 2^-126 to \
                  2^126, an angle beyond pi)"
             }
             Self::Endless => "the loop was stopped after thousands of rounds",
             Self::Unwritten => {
-                "workgroup memory is zero where nothing wrote it, but hosts may turn that off"
+                "the shader reads workgroup memory before it writes it: WGSL makes the memory zero, but hosts may turn that off"
             }
         }
     }
 
-    /// Returns `true` if WGSL leaves the result open, so that a test of passes fails. Unwritten workgroup memory is
-    /// zero: a hazard, but not a failure.
+    /// Checks if a pass with this hazard fails its test, because WGSL leaves the result open. Unwritten workgroup
+    /// memory is zero, so reading it is a hazard, but not a failure.
     #[must_use]
     pub fn fails(self) -> bool {
         self != Self::Unwritten
     }
 
-    /// Returns `true` if an index selects another element than the intended one.
+    /// Checks if an index selects another element than the intended one.
     #[must_use]
     pub fn is_of_index(self) -> bool {
         matches!(self, Self::OutOfRange | Self::Wrapped)

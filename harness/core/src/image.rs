@@ -1,4 +1,4 @@
-//! Float images, of frames and goldens.
+//! Images of floats, for frames and goldens.
 
 mod bytes;
 mod error;
@@ -22,13 +22,13 @@ use std::sync::Arc;
 
 use crate::diagnostic::FileRead;
 
-/// An image of linear RGBA in 32-bit floats, with rows from the top.
+/// An image of linear RGBA in 32-bit floats. The first row is the top row.
 ///
 /// ```
 /// use karat::Image;
 ///
 /// let mut image = Image::new(2, 1, vec![[0.5, 0.25, 0.0, 1.0]; 2]);
-/// image.pixels_mut()[1] = [4.0, 4.0, 4.0, 1.0]; // light has no upper end
+/// image.pixels_mut()[1] = [4.0, 4.0, 4.0, 1.0]; // light can be brighter than 1
 /// assert_eq!((image.width(), image.height(), image.pixels().len()), (2, 1, 2));
 /// ```
 #[derive(Clone, Debug)]
@@ -36,18 +36,18 @@ pub struct Image {
     width: u32,
     height: u32,
     pixels: Vec<[f32; 4]>,
-    /// The file that it was read from, for verdicts.
+    /// The file from which the image was read, for verdicts.
     origin: Option<Arc<FileRead>>,
 }
 
-/// Compares sizes and pixels, but not files.
+/// Compares sizes and pixels, but not origins.
 impl PartialEq for Image {
     fn eq(&self, other: &Self) -> bool {
         (self.width, self.height) == (other.width, other.height) && self.pixels == other.pixels
     }
 }
 
-/// The number of pixels in an image that aren't finite.
+/// The number of pixels in an image that are NaN or infinite.
 ///
 /// ```
 /// use karat::Image;
@@ -61,12 +61,12 @@ pub struct NonFinite {
     pub nan: usize,
     /// The number of pixels with an infinity and no NaN.
     pub infinite: usize,
-    /// Column and row of the first such pixel.
+    /// Column and row of the first pixel with a NaN or an infinity.
     pub first: Option<(u32, u32)>,
 }
 
 impl Image {
-    /// An image from its pixels.
+    /// Makes an image from its pixels, row by row from the top.
     ///
     /// ```
     /// use karat::Image;
@@ -84,13 +84,13 @@ impl Image {
         Self { width, height, pixels, origin: None }
     }
 
-    /// The same, read from a file.
+    /// The same image, marked as read from `file` with the contents `bytes`.
     #[doc(hidden)]
     pub fn read_from(self, file: &std::path::Path, bytes: &[u8]) -> Self {
         Self { origin: Some(Arc::new(FileRead::of(file, bytes))), ..self }
     }
 
-    /// The file that it was read from, even after changes to its pixels.
+    /// The file from which the image was read, even after changes to its pixels.
     #[doc(hidden)]
     pub fn origin(&self) -> Option<&FileRead> {
         self.origin.as_deref()
@@ -134,7 +134,7 @@ impl Image {
         &self.pixels
     }
 
-    /// All pixels, for changes.
+    /// All pixels, for reading and changing, row by row from the top.
     ///
     /// ```
     /// use karat::Image;
@@ -149,7 +149,7 @@ impl Image {
         &mut self.pixels
     }
 
-    /// The image after it is written to a file of this precision and read again.
+    /// The image that results from writing it to a file of this precision and reading it again.
     ///
     /// ```
     /// use karat::Image;
@@ -164,7 +164,7 @@ impl Image {
     pub fn rounded_to(&self, precision: Precision) -> Self {
         let mut rounded = self.clone();
         if precision == Precision::Half {
-            // As many as fit in the smallest cache. Converting a slice is several times faster than converting its
+            // The array fits into the smallest cache. Converting a slice is several times faster than converting its
             // values one by one.
             let mut halves = [f16::ZERO; 4096];
             for values in rounded.pixels.as_flattened_mut().chunks_mut(halves.len()) {
@@ -176,7 +176,7 @@ impl Image {
         rounded
     }
 
-    /// A hash of size and pixel bits.
+    /// A hash of the image's size and of its pixels' bits.
     ///
     /// ```
     /// use karat::Image;
@@ -195,7 +195,7 @@ impl Image {
         hasher.finalize().to_hex().to_string()
     }
 
-    /// Counts NaN and infinities.
+    /// Counts the pixels with NaN and infinities.
     ///
     /// ```
     /// use karat::Image;
@@ -222,8 +222,8 @@ impl Image {
         census
     }
 
-    /// The logarithmic mean of luminance: the brightness that an exposure would map to grey. Black and non-finite
-    /// pixels are left out; without any others, the key is 1.
+    /// The logarithmic mean of the pixels' luminance: the brightness that an exposure would map to grey. Black and
+    /// non-finite pixels don't count. If all pixels are black or non-finite, the key is 1.
     ///
     /// ```
     /// use karat::Image;
@@ -246,13 +246,13 @@ impl Image {
     }
 }
 
-/// Luminance of linear sRGB, ITU-R BT.709.
+/// Luminance of linear sRGB (ITU-R BT.709).
 #[doc(hidden)]
 pub fn luminance([r, g, b, _]: &[f32; 4]) -> f32 {
     0.2126 * r + 0.7152 * g + 0.0722 * b
 }
 
-/// Converts linear light, 0 to 1, to sRGB (IEC 61966-2-1), 0 to 1.
+/// Converts linear light to sRGB (IEC 61966-2-1). Both are from 0 to 1.
 #[doc(hidden)]
 pub fn encode_srgb(linear: f64) -> f64 {
     if linear <= 0.003_130_8 { 12.92 * linear } else { 1.055 * linear.powf(1.0 / 2.4) - 0.055 }
@@ -265,7 +265,7 @@ impl approx::AbsDiffEq for Image {
         f32::EPSILON
     }
 
-    /// Compares sizes, and each channel to within `epsilon`. NaN equals nothing.
+    /// Compares sizes, and checks that each channel differs by at most `epsilon`. NaN is unequal to everything.
     fn abs_diff_eq(&self, other: &Self, epsilon: f32) -> bool {
         self.all_channels(other, |a, b| a.abs_diff_eq(&b, epsilon))
     }
@@ -276,7 +276,8 @@ impl approx::RelativeEq for Image {
         f32::EPSILON
     }
 
-    /// Compares sizes, and each channel to within `epsilon`, or relatively to within `max_relative`.
+    /// Compares sizes, and checks that each channel differs by at most `epsilon`, or relatively by at most
+    /// `max_relative`.
     fn relative_eq(&self, other: &Self, epsilon: f32, max_relative: f32) -> bool {
         self.all_channels(other, |a, b| a.relative_eq(&b, epsilon, max_relative))
     }
@@ -304,6 +305,7 @@ mod tests {
         Image::new(3, 2, vec![[value, value, value, 1.0]; 6])
     }
 
+    // Lesson 19
     #[test]
     fn non_finite_pixels_are_counted_and_placed() {
         let mut image = grey(0.5);

@@ -1,11 +1,11 @@
-//! The parts of [Karat](https://docs.rs/karat) that need no shader: values, domains, tolerances, statistics, images,
-//! messages.
+//! //! The parts of [Karat](https://docs.rs/karat) that work without shaders: values, domains, tolerances, statistics,
+//! images and messages.
 //!
-//! Test authors use these parts through `karat`, under its names. They form a crate of their own, so that cargo
+//! Test authors use these parts through the crate `karat`, which exports them. They are a separate crate so that cargo
 //! compiles them in parallel with the shader compilers. Items that are hidden in the documentation are internal to
 //! Karat.
 
-/// This crate's glam, for its macros.
+/// The version of glam that this crate uses, for Karat's macros.
 pub use glam;
 
 pub mod diagnostic;

@@ -1,4 +1,4 @@
-//! Talks to processes: one that answers message by message and ends with its owner, and one that is asked once.
+//! Talks to other programs: to a process that answers messages until its owner ends, or to a program that runs once.
 
 use std::io::{BufRead, BufReader, Read, Write};
 use std::process::{Child, ChildStdin, Command, Output, Stdio};
@@ -6,16 +6,16 @@ use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel, sync_channel}
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-/// The number of bytes that are kept from the end of a process's log: its last words.
+/// The number of bytes that are kept from the end of a process's log, for error messages.
 const LAST_WORDS: usize = 2 << 10;
-/// The most messages that wait to be read. A process with more messages waits, too.
+/// The number of unread messages after which a process must wait.
 const MOST_UNREAD: usize = 256;
-/// The interval at which a process is checked for its end.
+/// The interval at which Karat checks if a process has ended.
 const POLL: Duration = Duration::from_millis(50);
-/// The time limit for a program that looks something up: git, or a compiler that is asked for its name. They take about
-/// 30 ms.
+/// The time limit for a program that looks something up, such as git, or a compiler that prints its name. Such programs
+/// take about 30 ms.
 pub const LOOK_UP: Duration = Duration::from_secs(60);
-/// The time that a process has to end after its last question.
+/// The time in which a process must end after its last message.
 const LINGER: Duration = Duration::from_secs(1);
 
 /// The reason why a process doesn't answer.
@@ -30,7 +30,7 @@ pub enum Broken {
     Hung(u64),
 }
 
-/// The stream with the process's answers. The other stream has its last words.
+/// The stream on which the process answers. Karat keeps the end of the other stream for error messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[doc(hidden)]
 pub enum Answers {
@@ -39,18 +39,18 @@ pub enum Answers {
     Stderr,
 }
 
-/// The output and exit status of a program without input that ends soon. `patience` is its time limit; of each stream,
-/// at most `most` bytes and one more are read.
+/// Runs a program without input, and returns its output and exit status. `patience` is the time limit. From each
+/// stream, at most `most + 1` bytes are read.
 ///
 /// # Errors
-/// If the program doesn't start, or doesn't end in time.
+/// If the program doesn't start, or doesn't end within `patience`.
 pub fn output(command: &mut Command, patience: Duration, most: u64) -> Result<Output, Broken> {
     command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped());
     let mut child = command.spawn().map_err(|error| Broken::Start(error.to_string()))?;
     let out = all_of(child.stdout.take().expect("it is piped"), most);
     let err = all_of(child.stderr.take().expect("it is piped"), most);
     let began = Instant::now();
-    // The program, or one that it started, may go on writing until then.
+    // After the program ends, programs that it started may still write. The time limit includes them.
     let left = || patience.saturating_sub(began.elapsed());
     let said = (|| {
         let (stdout, stderr) = (out.recv_timeout(left()).ok()?, err.recv_timeout(left()).ok()?);
@@ -69,37 +69,37 @@ pub fn output(command: &mut Command, patience: Duration, most: u64) -> Result<Ou
     })
 }
 
-/// Reads a stream in parallel with others. One byte above the limit shows that there is too much; reading then stops,
-/// and the writer is ended.
+/// Reads a stream on another thread. If the stream has more than `most` bytes, one byte more is read to show this, and
+/// the stream is closed.
 fn all_of(stream: impl Read + Send + 'static, most: u64) -> Receiver<Vec<u8>> {
     let (sender, receiver) = channel();
     std::thread::spawn(move || {
         let mut bytes = Vec::new();
-        // Data from before an error still counts.
+        // If reading fails, the data before the error still count.
         drop(stream.take(most.saturating_add(1)).read_to_end(&mut bytes));
         drop(sender.send(bytes));
     });
     receiver
 }
 
-/// Sends messages to a process through its stdin, and receives its answers.
+/// A process that receives messages on stdin and answers them.
 #[doc(hidden)]
 pub struct Lines {
     child: Child,
-    /// The channel to the writing thread, so that a process that doesn't read blocks nothing else. `None` after its
-    /// input was closed, which makes it end.
+    /// The channel to the thread that writes to the process, so that a process that doesn't read its input blocks
+    /// nothing else. `None` after the input was closed, which makes the process end.
     to: Option<Sender<Vec<u8>>>,
     from: Receiver<String>,
     /// The byte that ends each message.
     end: u8,
     said: Arc<Mutex<Vec<u8>>>,
-    /// Disconnected after its log has been read completely.
+    /// Disconnects when the process's log has been read to its end.
     silent: Receiver<()>,
 }
 
 impl Lines {
-    /// Starts a program whose messages end with a byte. The longest message is limited, because a faulty process may
-    /// never end one.
+    /// Starts a program in which the byte `end` ends each message. The length of a message is limited, because a faulty
+    /// process may never end one.
     #[doc(hidden)]
     pub fn start(
         command: &mut Command,
@@ -108,8 +108,7 @@ impl Lines {
         longest: u64,
     ) -> Result<Self, Broken> {
         command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
-        // An interrupt at this process's terminal doesn't reach the other process: it ends with its input, and cleans
-        // up.
+        // Ctrl-C in the terminal must not reach the process: the process ends when its input closes, and cleans up.
         #[cfg(unix)]
         std::os::unix::process::CommandExt::process_group(command, 0);
         let mut child = command.spawn().map_err(|error| Broken::Start(error.to_string()))?;
@@ -145,7 +144,7 @@ impl Lines {
         Ok(Self { child, to: Some(to), from, end, said, silent })
     }
 
-    /// Sends a message. If the process doesn't accept it, [`receive`](Self::receive) returns the error.
+    /// Sends a message. If the process can't receive the message, [`receive`](Self::receive) returns the error.
     #[doc(hidden)]
     pub fn send(&mut self, message: &str) -> Result<(), Broken> {
         let bytes = [message.as_bytes(), &[self.end]].concat();
@@ -153,7 +152,6 @@ impl Lines {
         if sent { Ok(()) } else { Err(self.ended()) }
     }
 
-    /// The next message, within a time limit.
     #[doc(hidden)]
     pub fn receive(&mut self, patience: Duration) -> Result<String, Broken> {
         match self.from.recv_timeout(patience) {
@@ -163,11 +161,11 @@ impl Lines {
         }
     }
 
-    /// The way it ended, with its last words.
+    /// The error for a process that has ended, with the end of its log.
     fn ended(&mut self) -> Broken {
         self.to = None;
         let status = self.wait().unwrap_or_else(|| "it closed its output".to_owned());
-        // Programs that it started may go on writing.
+        // Programs that the process started may still write.
         let _ = self.silent.recv_timeout(LINGER);
         let said = self.said.lock().unwrap_or_else(PoisonError::into_inner);
         let said = String::from_utf8_lossy(&said);
@@ -178,7 +176,7 @@ impl Lines {
         Broken::Ended { status, said }
     }
 
-    /// Waits a short time for its end.
+    /// Waits up to [`LINGER`] for the end of the process, and returns its status.
     fn wait(&mut self) -> Option<String> {
         let until = Instant::now() + LINGER;
         loop {
@@ -199,10 +197,10 @@ impl std::fmt::Debug for Lines {
 
 impl Drop for Lines {
     fn drop(&mut self) {
-        // It ends by itself when its input is closed, so it can clean up.
+        // The process ends when its input is closed, so the process can clean up.
         self.to = None;
         if self.wait().is_none() {
-            // Also ends the programs that it started, such as a browser behind a shell.
+            // Also ends the programs that the process started, such as a browser behind a shell.
             #[cfg(unix)]
             {
                 let group = format!("-{}", self.child.id());
@@ -215,7 +213,7 @@ impl Drop for Lines {
     }
 }
 
-/// Writes messages until there are no more, or until the process closes its input.
+/// Writes messages until the sender is dropped, or the process closes its input.
 fn write(mut stdin: ChildStdin, messages: &Receiver<Vec<u8>>) {
     for message in messages {
         if stdin.write_all(&message).and_then(|()| stdin.flush()).is_err() {
@@ -224,7 +222,7 @@ fn write(mut stdin: ChildStdin, messages: &Receiver<Vec<u8>>) {
     }
 }
 
-/// Reads to the end, since a full pipe would stop the process, and keeps the last bytes.
+/// Reads to the end, because a full pipe would block the process, and keeps the last bytes.
 fn keep(mut stream: impl Read, kept: &Mutex<Vec<u8>>) {
     let mut part = [0; 1024];
     while let Ok(count @ 1..) = stream.read(&mut part) {
@@ -244,13 +242,13 @@ mod tests {
     }
 
     #[test]
-    fn what_is_asked_once_has_a_deadline() {
+    fn a_single_request_has_a_deadline() {
         let (short, long) = (Duration::from_millis(300), Duration::from_secs(20));
         let good = said("echo a; echo b >&2; exit 3", long, 100).expect("it ends");
         assert_eq!((good.stdout, good.stderr), (b"a\n".to_vec(), b"b\n".to_vec()));
         assert_eq!(good.status.code(), Some(3));
         assert_eq!(said("exec sleep 600", short, 100).expect_err("it hangs"), Broken::Hung(0));
-        // A program that it started holds its output open.
+        // The program started another program, which keeps the output open.
         assert_eq!(said("sleep 5 & echo a", short, 100).expect_err("one hangs"), Broken::Hung(0));
         assert!(said("exec cat", long, 100).expect("it has no input").stdout.is_empty());
         let much = said("echo 0123456789", long, 4).expect("it ends");

@@ -1,11 +1,11 @@
-//! Metrics: the difference between a frame and its golden, as numbers.
+//! Metrics: numbers that measure the difference between a frame and its golden.
 //!
-//! A [`Pair`] is a golden and a frame of the same size, both finite. Pixels outside a [`Mask`] are equal in both. A
-//! [`Metric`] measures one number for the pair, and the frame's tolerance decides whether it is small enough. NaN
-//! fails.
+//! A [`Pair`] is a golden and a frame of the same size. All their pixels are finite. Pixels outside a [`Mask`] are
+//! equal in both images. A [`Metric`] measures one number for the pair, and the frame's tolerance decides if the number
+//! is small enough. NaN fails.
 //!
-//! [`Gate`] is the difference of each channel, without outliers. [`Flip`] is the difference that a person would see.
-//! [`Noise`] is the difference that the noise of both images doesn't explain.
+//! [`Gate`] measures the difference of each channel, without outliers. [`Flip`] measures the difference that a person
+//! would see. [`Noise`] measures the difference that the noise of the two images doesn't explain.
 
 mod exposure;
 mod exposure_map;
@@ -29,7 +29,7 @@ pub use noise::Noise;
 pub use pair::{Pair, PairError};
 pub use tiles::{ErrorMap, TILE};
 
-/// A difference between a golden and a frame, as one number.
+/// A measure of the difference between a golden and a frame.
 ///
 /// ```
 /// use karat::Image;
@@ -55,14 +55,14 @@ pub use tiles::{ErrorMap, TILE};
 /// assert_eq!(Green.measure(&Pair::new(&golden, &actual).unwrap()).value, 0.5);
 /// ```
 pub trait Metric: fmt::Debug + Send + Sync {
-    /// Its name in messages: `largest FLIP tile`.
+    /// The metric's name in messages: `largest FLIP tile`.
     fn name(&self) -> String;
 
-    /// Measures the pair. Pixels outside the mask are equal in both images, and aren't [`counted`](Pair::is_compared).
+    /// Measures the pair. Pixels outside the mask are equal in both images, and aren't [compared](Pair::is_compared).
     fn measure(&self, pair: &Pair<'_>) -> Measured;
 
-    /// The largest possible difference: every frame passes a bound of at least this. Infinite, unless the metric
-    /// overrides it.
+    /// The largest possible difference. Every frame passes with a bound of at least this. Infinite, unless the metric
+    /// overrides this method.
     fn most(&self) -> f64 {
         f64::INFINITY
     }
@@ -77,18 +77,18 @@ pub trait Metric: fmt::Debug + Send + Sync {
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Measured {
-    /// The difference: 0 if the images are equal. NaN and infinity fail under every bound.
+    /// The difference. It is 0 if the images are equal. NaN and infinity fail under every bound.
     pub value: f64,
-    /// The place of the largest difference.
+    /// The rectangle with the largest difference.
     pub place: Option<Rect>,
-    /// The difference of each pixel, if the metric has one.
+    /// The difference of each pixel, if the metric measures pixels.
     pub map: Option<ErrorMap>,
     /// A remark for messages.
     pub note: Option<String>,
 }
 
 impl Measured {
-    /// A number without a place.
+    /// A difference without a rectangle, a map or a note.
     ///
     /// ```
     /// use karat::unstable::metric::Measured;

@@ -1,8 +1,9 @@
-//! Writes text for people. Text can't command a terminal, and a command behaves the same if its output isn't read.
+//! Writes text for people. The text can't send commands to a terminal. If nobody reads the output, a command still does
+//! the same work.
 //!
-//! Names of files and drivers, and texts of shaders, can't be trusted. So every character is escaped (`\u{1b}`) unless
-//! it is printable, a line end or a tab. Karat's own colours pass, because a [`Style`] is marked with a number that
-//! only this process knows.
+//! Names of files and drivers, and the texts of shaders, can't be trusted. So every character is escaped (`\u{1b}`)
+//! unless the character is printable, a line end or a tab. Karat's own colours stay, because each [`Style`] is marked
+//! with a random number that only this process knows.
 
 use std::borrow::Cow;
 use std::fmt;
@@ -10,8 +11,8 @@ use std::hash::{BuildHasher, Hasher, RandomState};
 use std::io::{self, ErrorKind, Write};
 use std::sync::LazyLock;
 
-/// The look of a stretch of text: `{BAD}` begins it and `{BAD:#}` ends it. The string contains the commands (ECMA-48,
-/// SGR) that begin it.
+/// The colour and weight of a piece of text: `{BAD}` begins the style and `{BAD:#}` ends it. The string contains the
+/// terminal commands (ECMA-48, SGR) that begin the style.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Style(&'static str);
 
@@ -30,7 +31,8 @@ impl Style {
     pub const PLAIN: Self = Self("");
 }
 
-/// Replaces the escape of Karat's own styles until the text is written. It is too long for foreign text to guess.
+/// Stands for the escape character in Karat's own styles until the text is written. The mark is too long for foreign
+/// text to guess.
 static MARK: LazyLock<String> = LazyLock::new(|| {
     let number = || RandomState::new().build_hasher().finish();
     format!("\u{1b}{:016x}{:016x}", number(), number())
@@ -43,14 +45,14 @@ impl fmt::Display for Style {
     }
 }
 
-/// Marks a text whose terminal commands are Karat's own, so that an [`Output`] lets them pass.
+/// Marks a text whose terminal commands come from Karat, so that an [`Output`] writes them unchanged.
 #[must_use]
 pub fn trusted(text: &str) -> String {
     text.replace('\u{1b}', &MARK)
 }
 
-/// Marks a text of another program, so that an [`Output`] lets its colours pass. All other terminal commands in it are
-/// escaped.
+/// Marks a text of another program, so that an [`Output`] writes the text's colours unchanged. All other terminal
+/// commands in the text are escaped.
 #[must_use]
 pub fn with_colours(text: &str) -> String {
     let mut parts = text.split('\u{1b}');
@@ -65,17 +67,17 @@ pub fn with_colours(text: &str) -> String {
     marked
 }
 
-/// `1 check`, `12 checks`: a count with its noun, whose plural ends in `s`.
+/// A count with its noun, whose plural ends in `s`: `1 check`, `12 checks`.
 #[must_use]
 pub fn counted(count: impl TryInto<u64>, one: &str) -> String {
-    // A count that doesn't fit is many.
+    // A count that doesn't fit into `u64` gets the plural.
     match count.try_into().unwrap_or(u64::MAX) {
         1 => format!("1 {one}"),
         many => format!("{many} {one}s"),
     }
 }
 
-/// Returns `true` for a character that a terminal would take as a command, or that changes the order of the text after
+/// Checks if a terminal would take the character as a command, or if the character changes the order of the text after
 /// it. Line ends and tabs are text.
 fn commands(character: char) -> bool {
     match character {
@@ -83,18 +85,18 @@ fn commands(character: char) -> bool {
         '\u{61c}' | '\u{200e}' | '\u{200f}' => true, // marks of direction
         '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}' => true, // overrides and isolates
         '\u{2028}' | '\u{2029}' => true,             // ends of lines and paragraphs
-        '\u{fffe}' | '\u{ffff}' => true,             // no characters, which XML can't hold
+        '\u{fffe}' | '\u{ffff}' => true,             // not characters: XML can't contain them
         _ => character.is_control(),
     }
 }
 
-/// A text with escaped terminal commands: `\u{1b}`. Line ends, `\n` and `\r\n`, stay.
+/// Escapes terminal commands in a text: `\u{1b}`. The line ends `\n` and `\r\n` stay.
 #[must_use]
 pub fn visible(text: &str) -> Cow<'_, str> {
     escaped(text, |character| format!("\\u{{{:x}}}", u32::from(character)))
 }
 
-/// The first line of a message that isn't empty, without the word that all errors begin with.
+/// The first line of a message that isn't empty, without the prefix `error: `.
 ///
 /// ```
 /// assert_eq!(karat_core::output::headline("\nerror: no module `a`\n  --> b.wgsl:1:1"), "no module `a`");
@@ -105,7 +107,7 @@ pub fn headline(message: &str) -> &str {
     line.strip_prefix("error: ").unwrap_or(line)
 }
 
-/// A text in one line: [`visible`], with escaped line ends and tabs.
+/// A text on one line: like [`visible`], and line ends and tabs are escaped, too.
 #[must_use]
 pub fn one_line(text: &str) -> Cow<'_, str> {
     let ends = |character: char| matches!(character, '\n' | '\r' | '\t') || commands(character);
@@ -119,17 +121,18 @@ pub fn one_line(text: &str) -> Cow<'_, str> {
     Cow::Owned(text.chars().map(shown).collect())
 }
 
-/// The longest name, in bytes. A replay command has several names, and Linux limits an argument to 128 KiB.
+/// The length of the longest name, in bytes. A replay command has several names, and Linux limits an argument to 128
+/// KiB.
 const LONGEST_NAME: usize = 1000;
 
-/// A name in a form that every format accepts: [`one_line`]. A name of more than 1000 bytes is cut, with the beginning
-/// of a hash at its end, so that two names stay different.
+/// A name in a form that every format accepts: [`one_line`]. A name of more than 1000 bytes is cut and ends with the
+/// beginning of a hash, so that two long names stay different.
 #[must_use]
 pub fn name(text: &str) -> Cow<'_, str> {
     name_within(text, LONGEST_NAME)
 }
 
-/// [`name`] with another limit in bytes: a file's name has 255.
+/// Like [`name`], with another limit in bytes. A file's name can have 255 bytes.
 #[doc(hidden)]
 pub fn name_within(text: &str, most: usize) -> Cow<'_, str> {
     let shown = one_line(text);
@@ -141,8 +144,8 @@ pub fn name_within(text: &str, most: usize) -> Cow<'_, str> {
     Cow::Owned(format!("{}..{hash}", &shown[..kept]))
 }
 
-/// A text in Markdown that neither Markdown nor HTML interprets: it ends no cell of a table, and has no tag, link,
-/// image or code.
+/// A text in Markdown that neither Markdown nor HTML interprets: the text can't end a table cell, and can't contain a
+/// tag, a link, an image or code.
 #[must_use]
 pub fn markdown(text: &str) -> String {
     let text = text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;");
@@ -150,7 +153,7 @@ pub fn markdown(text: &str) -> String {
     visible(&text.replace(['\n', '\r'], " ")).into_owned()
 }
 
-/// [`visible`] for JSON, where such characters occur only in strings and become `\u001b`.
+/// [`visible`] for JSON. There, terminal commands occur only in strings, and become `\u001b`.
 #[must_use]
 pub fn visible_json(json: &str) -> Cow<'_, str> {
     escaped(json, |character| format!("\\u{:04x}", u32::from(character)))
@@ -172,7 +175,7 @@ fn escaped(text: &str, escape: impl Fn(char) -> String) -> Cow<'_, str> {
     Cow::Owned(shown)
 }
 
-/// A text with Karat's styles as terminal commands, and everything else [`visible`].
+/// Turns Karat's styles into terminal commands, and makes the rest of the text [`visible`].
 fn styled(text: &str) -> String {
     let parts: Vec<_> = text.split(MARK.as_str()).map(visible).collect();
     parts.join("\u{1b}")
@@ -180,12 +183,12 @@ fn styled(text: &str) -> String {
 
 /// A writer of text for people, line by line.
 ///
-/// Writing never fails. If the reader closes the stream, the rest is dropped, so that a command does the same, with the
-/// same exit code, whether its output is read or not. [`finish`](Self::finish) returns any other error.
+/// Writing never fails. If the reader closes the stream, the rest of the text is dropped. So a command does the same
+/// work and has the same exit code if nobody reads its output. [`finish`](Self::finish) returns any other error.
 #[derive(Debug)]
 pub struct Output<W: Write> {
     inner: W,
-    /// The text without a line end so far.
+    /// The text after the last line end.
     line: Vec<u8>,
     state: State,
 }
@@ -207,7 +210,7 @@ impl Output<anstream::AutoStream<io::StdoutLock<'static>>> {
 }
 
 impl Output<anstream::AutoStream<io::Stderr>> {
-    /// Standard error, which others may write to at the same time.
+    /// Standard error. Other code may write to standard error at the same time.
     #[must_use]
     pub fn stderr() -> Self {
         Self::new(anstream::stderr())
@@ -215,15 +218,15 @@ impl Output<anstream::AutoStream<io::Stderr>> {
 }
 
 impl<W: Write> Output<W> {
-    /// Writes to `inner`.
+    /// Makes a writer that writes to `inner`.
     pub fn new(inner: W) -> Self {
         Self { inner, line: Vec::new(), state: State::Open }
     }
 
-    /// Writes the rest.
+    /// Writes the rest of the text.
     ///
     /// # Errors
-    /// If a write failed for another reason than a closed reader.
+    /// If a write failed, and the reader hadn't closed the stream.
     pub fn finish(mut self) -> io::Result<()> {
         self.pass_on(self.line.len());
         self.attempt(Write::flush);
@@ -233,7 +236,7 @@ impl<W: Write> Output<W> {
         }
     }
 
-    /// Writes this number of the waiting bytes.
+    /// Writes the first `bytes` bytes of the waiting text.
     fn pass_on(&mut self, bytes: usize) {
         let rest = self.line.split_off(bytes);
         let text = std::mem::replace(&mut self.line, rest);
@@ -278,8 +281,7 @@ impl<W: Write> Drop for Output<W> {
     }
 }
 
-/// Writes a text that isn't a result to standard error. If that is closed, the text is lost: there is no other place to
-/// report it.
+/// Writes a text that isn't a result to standard error. If standard error is closed, the text is lost.
 pub fn tell(text: &str) {
     let mut err = Output::stderr();
     // Writing to an `Output` never fails.
@@ -290,19 +292,19 @@ pub fn tell(text: &str) {
 mod tests {
     use super::*;
 
-    /// The text that a terminal would get.
     fn written(parts: &[&[u8]]) -> String {
         let mut bytes = Vec::new();
         let mut output = Output::new(&mut bytes);
         for part in parts {
-            output.write_all(part).expect("it never fails");
+            output.write_all(part).expect("writing never fails");
         }
         output.finish().expect("memory");
         String::from_utf8(bytes).expect("UTF-8")
     }
 
+    // Lesson 62
     #[test]
-    fn what_commands_a_terminal_is_shown() {
+    fn control_characters_are_escaped() {
         for (text, shown) in [
             ("a\u{1b}[31mb", r"a\u{1b}[31mb"),
             ("\u{9b}2J\u{7f}\u{0}\u{8}", r"\u{9b}2J\u{7f}\u{0}\u{8}"),
@@ -313,7 +315,7 @@ mod tests {
         ] {
             assert_eq!(visible(text), shown);
             assert_eq!(written(&[text.as_bytes()]), shown);
-            assert_eq!(visible(&visible(text)), shown, "once is enough");
+            assert_eq!(visible(&visible(text)), shown, "a second call changes nothing");
         }
         let json = "[\"\u{9b}2J\u{202e}\"]\n";
         assert_eq!(visible_json(json), "[\"\\u009b2J\\u202e\"]\n");
@@ -329,6 +331,7 @@ mod tests {
         assert_eq!(written(&[b"a\xffb\x9bc"]), "a\u{fffd}b\u{fffd}c");
     }
 
+    // Lesson 62
     #[test]
     fn only_styles_of_our_own_are_colours() {
         let (bad, foreign) = (Style::BAD, "\u{1b}[32m\u{1b}0123456789abcdef0123456789abcdefa");
@@ -345,7 +348,7 @@ mod tests {
         assert_eq!(written(&[other.as_bytes()]), expected);
     }
 
-    /// Fails with an error after some bytes.
+    /// A writer that accepts some bytes, and then fails.
     struct Failing(usize, ErrorKind, Vec<u8>);
 
     impl Write for Failing {
@@ -362,6 +365,7 @@ mod tests {
         }
     }
 
+    // Lesson 57
     #[test]
     fn a_reader_that_has_gone_is_no_error_and_a_full_disk_is_one_at_the_end() {
         for (room, kind, good) in [

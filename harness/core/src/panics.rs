@@ -1,4 +1,4 @@
-//! Catches panics of compilers, which shaders can cause. The caller gets the message, and stderr doesn't.
+//! Catches panics of compilers, which shaders can cause. The caller gets the message, and nothing is written to stderr.
 
 use std::any::Any;
 use std::cell::{Cell, RefCell};
@@ -9,14 +9,14 @@ use std::sync::Once;
 /// A panic that was caught.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Panicked {
-    /// Its message.
+    /// The panic's message.
     pub message: String,
-    /// Its place: `naga-30.0.1/src/back/glsl/writer.rs:2120`; empty if it is unknown.
+    /// The file and line of the panic: `naga-30.0.1/src/back/glsl/writer.rs:2120`. Empty if unknown.
     pub place: String,
 }
 
 impl Panicked {
-    /// The language that naga was writing.
+    /// The language that naga was writing when it panicked.
     #[must_use]
     pub fn language(&self) -> Option<&'static str> {
         let (krate, behind) = self.place.split_once("/src/back/")?;
@@ -47,19 +47,19 @@ impl fmt::Display for Panicked {
 }
 
 thread_local! {
-    /// Set while panics of this thread are caught.
+    /// `true` while panics of this thread are caught.
     static CAUGHT: Cell<bool> = const { Cell::new(false) };
-    /// The place of the last caught panic.
+    /// The file and line of the last caught panic.
     static PLACE: RefCell<String> = const { RefCell::new(String::new()) };
 }
 
-/// A panic of a caller's own code. It isn't caught, although it passes through work whose panics are.
+/// A panic of a caller's own code. It isn't caught, although the code runs inside of [`caught`].
 struct Passing(Box<dyn Any + Send>);
 
-/// Does work, and catches its panic.
+/// Runs `work`, and catches its panic.
 ///
 /// # Errors
-/// If the work panics.
+/// If `work` panics.
 pub fn caught<T>(work: impl FnOnce() -> T) -> Result<T, Panicked> {
     static HOOK: Once = Once::new();
     HOOK.call_once(|| {
@@ -77,7 +77,7 @@ pub fn caught<T>(work: impl FnOnce() -> T) -> Result<T, Panicked> {
         Ok(value) => return Ok(value),
         Err(payload) => payload,
     };
-    // The panic of a helping thread.
+    // The panic of a helper thread.
     let payload = match payload.downcast::<Panicked>() {
         Ok(panicked) => return Err(*panicked),
         Err(payload) => payload,
@@ -93,7 +93,7 @@ pub fn caught<T>(work: impl FnOnce() -> T) -> Result<T, Panicked> {
     }
 }
 
-/// Runs a caller's own code within [`caught`]: its panic goes on to the caller, with its message.
+/// Runs a caller's own code inside of [`caught`]. A panic of this code reaches the caller, with its message.
 pub fn passing<T>(work: impl FnOnce() -> T) -> T {
     if !CAUGHT.replace(false) {
         return work();
@@ -103,13 +103,13 @@ pub fn passing<T>(work: impl FnOnce() -> T) -> T {
     done.unwrap_or_else(|payload| resume_unwind(Box::new(Passing(payload))))
 }
 
-/// Returns `true` while panics are caught. The helpers of a thread need to know.
+/// Checks if panics of this thread are caught. Pass the result to the thread's helpers.
 #[must_use]
 pub fn are_caught() -> bool {
     CAUGHT.get()
 }
 
-/// Does a part of another thread's work. `caught` is the result of [`are_caught`] in that thread.
+/// Runs a part of another thread's work. `caught` is the result of [`are_caught`] in that thread.
 pub fn helping<T>(caught: bool, work: impl FnOnce() -> T) -> T {
     match caught {
         true => self::caught(work).unwrap_or_else(|panicked| resume_unwind(Box::new(panicked))),
@@ -117,7 +117,7 @@ pub fn helping<T>(caught: bool, work: impl FnOnce() -> T) -> T {
     }
 }
 
-/// The place of a panic, without the folder in which cargo keeps crates.
+/// The file and line of a panic, without the folder in which cargo stores crates.
 fn short(file: &str, line: u32) -> String {
     let file = file.replace('\\', "/");
     let behind = file.split_once("/registry/src/").and_then(|(_, own)| own.split_once('/'));
@@ -134,7 +134,7 @@ mod tests {
         assert_eq!(panicked.message, "no way");
         assert!(panicked.place.contains("panics.rs:"), "{panicked}");
         assert_eq!(caught(|| 3), Ok(3));
-        assert!(!are_caught(), "what comes later is no answer");
+        assert!(!are_caught(), "later panics must not be caught");
         let inner = caught(|| caught(|| panic!("inner")).is_err() && are_caught());
         assert_eq!(inner, Ok(true));
     }
@@ -142,7 +142,7 @@ mod tests {
     #[test]
     fn a_caller_s_own_panic_passes() {
         let own = catch_unwind(|| caught(|| caught(|| passing(|| panic!("own")))));
-        let payload = own.expect_err("it isn't an answer");
+        let payload = own.expect_err("the panic passes");
         assert_eq!(payload.downcast_ref::<&str>(), Some(&"own"));
         assert_eq!(caught(|| passing(are_caught)), Ok(false));
     }

@@ -1,6 +1,6 @@
-//! The environment's settings: every variable whose name begins with `KARAT_`, read and checked once.
+//! The settings in environment variables. Karat reads and checks every variable whose name begins with `KARAT_`, once.
 //!
-//! If a misspelt variable were ignored, a run that should require a path or replay a case would pass without doing so.
+//! If Karat ignored a misspelt variable, a run that should require a path or replay a case could pass without doing so.
 //! So an unknown name or value is an error, with a suggestion. A variable with an empty value counts as not set.
 
 use std::collections::BTreeMap;
@@ -14,11 +14,11 @@ use crate::diagnostic::nearest;
 /// The prefix of Karat's variables.
 const PREFIX: &str = "KARAT_";
 
-/// Every variable that Karat reads, with its purpose.
+/// Every variable that Karat reads, with its purpose and its default.
 const VARIABLES: [(&str, &str); 17] = [
     (
         PATHS,
-        "paths that checks run on: `vulkan`, `vulkan,gl`, `gl@llvmpipe`, `all` (the first that opens; `cpu` where no driver does)",
+        "paths on which checks run: `vulkan`, `vulkan,gl`, `gl@llvmpipe`, `all` (the first that opens, or `cpu` if no driver opens)",
     ),
     (REQUIRE, "paths that must have run: a list as above, without `all` (none)"),
     (
@@ -27,27 +27,30 @@ const VARIABLES: [(&str, &str); 17] = [
     ),
     (ADAPTER, "part of the name of the adapter to use (hardware before software)"),
     (DEADLINE, "seconds that a shader may take before the process gives up (60; 10 in `watch`)"),
-    (FUEL, "rounds of loops that a case may make on `cpu`, unless they have a bound (1048576)"),
+    (
+        FUEL,
+        "largest number of loop rounds in a case on `cpu`; loops with a known bound don't count (1048576)",
+    ),
     (
         SCHEDULES,
-        "orders of invocations in which compute passes run on `cpu` before a test is judged, where there are too many to try all; 0: the usual order alone (16)",
+        "orders of invocations in which `cpu` runs a compute pass, if there are too many to try all of them; 0: only the usual order (16)",
     ),
-    (SEED, "seed of the selected check, or of all (from the test's name)"),
-    (CASE, "the one case that is run: `function/check/index`, as a failure prints it (all)"),
-    (INPUT, "arguments of that case, as hexadecimal words (its own)"),
-    (FAILURES, "`off`: failing inputs are neither remembered nor tried again (on)"),
-    (FRAMES, "`off`: frames are left out, as `karat test --no-frames` does (on)"),
-    (OVERLAY, "folder whose files stand in for modules of the same name (none)"),
+    (SEED, "seed of the selected check, or of all checks (from the test's name)"),
+    (CASE, "the only case to run: `function/check/index`, as a failed check prints it (all cases)"),
+    (INPUT, "arguments that replace the case's own, as hexadecimal words (none)"),
+    (FAILURES, "`off`: Karat doesn't store failing inputs, and doesn't try stored ones (on)"),
+    (FRAMES, "`off`: Karat skips frames, as `karat test --no-frames` does (on)"),
+    (OVERLAY, "folder whose files replace modules of the same name (none)"),
     (
         TINT,
-        "Tint: a folder with the npm package `webgpu`, a `tint` or a Chromium; `off`: it isn't asked (the one that is found)",
+        "Tint: a folder with the npm package `webgpu`, a `tint` or a Chromium; `off`: Karat doesn't use Tint (the first that Karat finds)",
     ),
-    (RECORD, "folder that verdicts are written into, as JSON lines (none; `karat test` sets it)"),
+    (RECORD, "folder for verdicts, as JSON lines (none; `karat test` sets it)"),
     (
         COVERAGE,
         "folder for counts of the statements that tests run on `cpu` (none; `karat coverage` sets it)",
     ),
-    (BROWSER, "Chromium for Karat's own tests of the review page (the one that is found)"),
+    (BROWSER, "Chromium for Karat's own tests of the review page (the first that Karat finds)"),
 ];
 
 /// The names of the variables.
@@ -79,17 +82,18 @@ const COVERAGE: &str = "KARAT_COVERAGE";
 const TINT: &str = "KARAT_TINT";
 const BROWSER: &str = "KARAT_BROWSER";
 
-/// The most orders: each runs all passes, so this many take hours.
+/// The largest number of orders. Each order runs all passes, so this many take hours.
 const MOST_SCHEDULES: u64 = 1 << 16;
 
-/// The default fuel: far more than a pixel can afford. An endless loop is found after some seconds at most.
+/// The default number of rounds: far more than a fast pixel makes. The engine runs them in some seconds at most, so it
+/// finds endless loops.
 const FUEL_ROUNDS: u64 = 1 << 20;
 
-/// The default deadline: long enough for any test's shader on a software rasteriser.
+/// The default time limit of a shader: long enough for any test's shader on a software rasteriser.
 #[doc(hidden)]
 pub const DEADLINE_SECONDS: f64 = 60.0;
 
-/// The settings from the environment.
+/// The settings in the environment.
 #[derive(Clone, Debug, PartialEq)]
 #[doc(hidden)]
 pub struct Settings {
@@ -99,36 +103,37 @@ pub struct Settings {
     /// The names of paths that must open.
     #[doc(hidden)]
     pub require: Option<String>,
-    /// Programs that run jobs: the name of each, then the program and its arguments.
+    /// Programs that run jobs. Each has a name, a program, and the program's arguments.
     #[doc(hidden)]
     pub executors: Vec<(String, Vec<String>)>,
-    /// Part of the adapter's name.
+    /// A part of the adapter's name.
     #[doc(hidden)]
     pub adapter: Option<String>,
     /// The time limit of a shader.
     #[doc(hidden)]
     pub deadline: Duration,
-    /// The most rounds of all loops that a case may make in the engine, if the IR shows no bound.
+    /// The largest number of rounds of all loops that a case may make in the engine. Loops whose bound the IR shows
+    /// don't count.
     #[doc(hidden)]
     pub fuel: u64,
-    /// The number of orders of invocations in which compute passes run.
+    /// The number of orders of invocations in which the engine runs compute passes.
     #[doc(hidden)]
     pub schedules: Option<u64>,
-    /// The seed that replaces the one of the selected check, or of all checks.
+    /// The seed of the selected check, or of all checks if no check is selected.
     #[doc(hidden)]
     pub seed: Option<u64>,
-    /// The one case that a replay runs.
+    /// The only case that a replay runs.
     #[doc(hidden)]
     pub case: Option<SelectedCase>,
-    /// Set if failing inputs are stored and tried again.
+    /// `true` if Karat stores failing inputs and tries them again.
     #[doc(hidden)]
     pub failures: bool,
-    /// Set if frames are drawn and compared.
+    /// `true` if Karat draws and compares frames.
     #[doc(hidden)]
     pub frames: bool,
 }
 
-/// One case, of the check that a replay command names, or of every check.
+/// A case of the check that a replay command names, or a case of every check.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[doc(hidden)]
 pub struct SelectedCase {
@@ -137,10 +142,11 @@ pub struct SelectedCase {
     pub check: Option<String>,
     #[doc(hidden)]
     pub case: u64,
-    /// The choices of simpler values, one after another, beginning with the case's own value.
+    /// The simplification steps: in each, the index of the chosen simpler value. The first step begins at the case's
+    /// own value.
     #[doc(hidden)]
     pub steps: Vec<usize>,
-    /// The lanes of the arguments that replace the case's own.
+    /// The lanes of the arguments that replace the case's own arguments.
     #[doc(hidden)]
     pub input: Option<Vec<u32>>,
 }
@@ -175,7 +181,7 @@ pub enum SettingsError {
         nearest: Option<&'static str>,
     },
     /// There are arguments for a case, but no case is named.
-    #[error("KARAT_INPUT needs KARAT_CASE, which says for which check it is")]
+    #[error("KARAT_INPUT needs KARAT_CASE, which selects the check")]
     InputWithoutCase,
 }
 
@@ -189,15 +195,15 @@ pub fn current() -> Result<&'static Settings, SettingsError> {
     SETTINGS.get_or_init(|| Settings::read(std::env::vars_os())).as_ref().map_err(Clone::clone)
 }
 
-/// One of Karat's variables, with its value in the environment.
+/// One of Karat's variables, and its value in the environment.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Variable {
-    /// `KARAT_PATHS`
+    /// The variable's name, such as `KARAT_PATHS`.
     pub name: &'static str,
-    /// Its purpose, with the default in brackets.
+    /// The variable's purpose, with its default in brackets.
     pub about: &'static str,
-    /// Its value; `None` if it isn't set, or is empty.
+    /// The variable's value. `None` if it isn't set, or is empty.
     pub value: Option<String>,
 }
 
@@ -208,7 +214,7 @@ pub fn variables() -> Vec<Variable> {
     VARIABLES.map(|(name, about)| Variable { name, about, value: value(name) }).to_vec()
 }
 
-/// The value of a variable, unless it is empty.
+/// The value of a variable, unless the value is empty.
 fn set(name: &str) -> Option<OsString> {
     std::env::var_os(name).filter(|value| !value.is_empty())
 }
@@ -219,13 +225,13 @@ pub fn overlay() -> Option<PathBuf> {
     set(OVERLAY).map(PathBuf::from)
 }
 
-/// The place of Tint, or `off`.
+/// The path to Tint, or `off`.
 #[doc(hidden)]
 pub fn tint() -> Option<PathBuf> {
     set(TINT).map(PathBuf::from)
 }
 
-/// The folder for verdicts. A verdict about an invalid setting is written there, too.
+/// The folder for verdicts. Karat writes there also if another setting is invalid.
 #[doc(hidden)]
 pub fn record() -> Option<PathBuf> {
     set(RECORD).map(PathBuf::from)
@@ -237,13 +243,14 @@ pub fn coverage() -> Option<PathBuf> {
     set(COVERAGE).map(PathBuf::from)
 }
 
-/// The most rounds that a case may make in the engine. Other readers of the settings report an invalid one.
+/// The largest number of rounds that a case may make in the engine. The default if a setting is invalid, because other
+/// callers report the error.
 #[doc(hidden)]
 pub fn fuel() -> u64 {
     current().map_or(FUEL_ROUNDS, |settings| settings.fuel)
 }
 
-/// The number of orders of invocations for compute passes; `None` for the usual number.
+/// The number of orders of invocations for compute passes. `None` if it isn't set.
 #[doc(hidden)]
 pub fn schedules() -> Option<u64> {
     current().ok()?.schedules
@@ -256,13 +263,13 @@ pub fn deadline() -> Duration {
     current().map_or(usual, |settings| settings.deadline)
 }
 
-/// Returns `true` if frames are left out. With an invalid setting they aren't; other readers of the settings report it.
+/// Checks if Karat skips frames. `false` if a setting is invalid, because other callers report the error.
 #[doc(hidden)]
 pub fn leaves_frames_out() -> bool {
     current().is_ok_and(|settings| !settings.frames)
 }
 
-/// The case of a replay, as the user typed it.
+/// The case to replay, as the user typed it.
 #[doc(hidden)]
 pub fn case_as_typed() -> String {
     set(CASE).unwrap_or_default().to_string_lossy().into_owned()
@@ -276,7 +283,7 @@ pub fn check() -> Result<(), SettingsError> {
     current().map(|_| ())
 }
 
-/// Old names of settings, with the new names.
+/// The old names of settings, with the new names.
 const RENAMED: [(&str, &str); 1] = [("KARAT_DEADLINE", DEADLINE)];
 
 impl Settings {
@@ -311,7 +318,7 @@ impl Settings {
         let words = "a list of hexadecimal words with commas between them";
         let seed = text(SEED).map(parsed(SEED, number))?.by(integer)?;
         let input = text(INPUT).map(parsed(INPUT, words))?.by(read_words)?;
-        let case = "a case, `function/check/index`, as a failure's replay command has it";
+        let case = "a case, `function/check/index`, as in a replay command";
         let case = text(CASE).map(parsed(CASE, case))?.by(SelectedCase::parse)?;
         if input.is_some() && case.is_none() {
             return Err(SettingsError::InputWithoutCase);
@@ -356,7 +363,6 @@ fn switch(name: &'static str, value: Option<String>) -> Result<bool, SettingsErr
     }
 }
 
-/// A value that is being parsed.
 struct Parsed {
     name: &'static str,
     expected: &'static str,
@@ -376,7 +382,7 @@ fn refused(name: &'static str, value: &str, expected: &'static str) -> SettingsE
 }
 
 impl SelectedCase {
-    /// Reads `function/check/index` or `index`, optionally followed by a colon and the steps of a simplification.
+    /// Reads `function/check/index` or `index`. A colon and the steps of a simplification may follow.
     fn parse(text: &str) -> Option<Self> {
         let (check, case) = match text.rsplit_once('/') {
             Some((check, case)) => (Some(check.to_owned()), case),
@@ -387,13 +393,13 @@ impl SelectedCase {
     }
 }
 
-/// Reads lanes in the form of the environment and of files: `3f800000,00000000`.
+/// Reads lanes as written in environment variables and files: `3f800000,00000000`.
 #[doc(hidden)]
 pub fn read_words(text: &str) -> Option<Vec<u32>> {
     text.split(',').map(|word| u32::from_str_radix(word.trim(), 16).ok()).collect()
 }
 
-/// Reads steps in the form of the environment and of files: `3.0`.
+/// Reads steps as written in environment variables and files: `3.0`.
 #[doc(hidden)]
 pub fn read_steps(text: &str) -> Option<Vec<usize>> {
     text.split('.').filter(|step| !step.is_empty()).map(|step| step.parse().ok()).collect()
@@ -429,7 +435,7 @@ fn duration(text: &str) -> Option<Duration> {
     (!duration.is_zero()).then_some(duration)
 }
 
-/// The place, in cargo's home, of a file that outlives a project's `target` and can be made again.
+/// The path, in cargo's home, of a file that Karat can make again. It outlives the `target` folder of a project.
 #[doc(hidden)]
 pub fn kept(file: &str) -> Option<PathBuf> {
     let home = std::env::var_os("CARGO_HOME").map(PathBuf::from);
@@ -482,6 +488,7 @@ mod tests {
         assert_eq!(read.executors, [dawn, ("mine".to_owned(), command(&["./mine"]))]);
     }
 
+    // Lesson 66
     #[test]
     fn slips_are_errors_that_name_the_nearest() {
         for (name, value, message) in [
@@ -514,8 +521,8 @@ mod tests {
             (
                 "KARAT_CASE",
                 "fresnel::schlick",
-                "KARAT_CASE=fresnel::schlick isn't a case, `function/check/index`, as a failure's \
-                 replay command has it",
+                "KARAT_CASE=fresnel::schlick isn't a case, `function/check/index`, as in a \
+                 replay command",
             ),
             ("KARAT_CASE", "f/agrees_with/", "KARAT_CASE=f/agrees_with/ isn't a case"),
             ("KARAT_CASE", "f/agrees_with/7:x", "KARAT_CASE=f/agrees_with/7:x isn't a case"),

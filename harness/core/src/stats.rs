@@ -1,11 +1,12 @@
-//! Statistical tests of random samples, computed on the host without a device.
+//! Statistical tests of random samples. They run on the CPU, without a device.
 //!
-//! Each test compares observed values with expected ones. It returns a p-value, the probability of such a large
-//! difference by chance; or [`NoVerdict`], if there are too few samples, a single cell, or a value that isn't a number.
-//! It never returns a NaN. [`accepts`] decides whether a p-value is large enough; NaN fails there, too.
+//! Each test compares observed values with expected values. It returns a p-value: the probability that chance causes a
+//! difference at least as large. It returns [`NoVerdict`] if there are too few samples, only one cell, or a value that
+//! isn't a number. A test never returns NaN. [`accepts`] decides if a p-value is large enough, and rejects NaN.
 //!
-//! A pilot run lays the cells of a histogram ([`Cells`]), so that each gets about as many samples. The expected number
-//! of a cell's samples is an adaptive integral of the density ([`integrate`]).
+//! [`Cells`] divides the domain into the cells of a histogram: a pilot run chooses the cells so that each gets about as
+//! many samples as the others. The expected number of samples in a cell is an adaptive integral of the density
+//! ([`integrate`]).
 
 mod cells;
 mod chi_square;
@@ -42,14 +43,14 @@ pub enum NoVerdict {
         /// The number that the test needs.
         needed: u64,
     },
-    /// After cells were pooled, too few cells are left to compare.
-    #[error("{cells} cells are left after pooling: no degree of freedom")]
+    /// After cells with few samples were pooled, too few cells are left to compare.
+    #[error("{cells} cells are left after pooling, but the test needs at least 2")]
     NoFreedom {
-        /// The number of cells with an expectation; the pool counts as one.
+        /// The number of cells with an expected value. The pool counts as one cell.
         cells: usize,
     },
     /// The numbers of observed and expected cells differ.
-    #[error("{observed} cells are observed, {expected} are expected")]
+    #[error("{observed} cells have observed values, but {expected} cells have expected values")]
     Length {
         /// The number of observed cells.
         observed: usize,
@@ -65,41 +66,40 @@ pub enum NoVerdict {
     TooSkewed {
         /// The number of samples.
         found: u64,
-        /// Their mean.
+        /// The mean of the samples.
         mean: f64,
         /// The expected mean.
         expected: f64,
-        /// Their skewness.
+        /// The skewness of the samples.
         skewness: f64,
     },
-    /// A value that a test can't use.
+    /// A value that the test can't use, such as NaN.
     #[error("{what} is {value}")]
     NotANumber {
-        /// The name of the value.
+        /// The name of the value in messages.
         what: &'static str,
-        /// Its value.
+        /// The value.
         value: f64,
     },
 }
 
-/// Returns `true` if a p-value is large enough to accept the hypothesis at this threshold. NaN isn't.
+/// Checks if a p-value is large enough to accept the hypothesis at this threshold. NaN never is.
 #[must_use]
 pub fn accepts(p: f64, threshold: f64) -> bool {
     p >= threshold
 }
 
-/// The threshold for each of `tests` independent tests, for which the probability that any of them rejects a true
-/// hypothesis is `significance`. Sidak 1967.
+/// The threshold for each of `tests` independent tests. With this threshold, the probability that at least one of the
+/// tests rejects a true hypothesis is `significance`. Source: Sidak 1967.
 #[must_use]
 pub fn sidak(significance: f64, tests: u64) -> f64 {
     // 1 - (1 - s)^(1/m), computed without cancellation.
     -((-significance).ln_1p() / tests.max(1) as f64).exp_m1()
 }
 
-/// The value as a p-value, or an error.
 fn probability(value: f64) -> Result<f64, NoVerdict> {
     if (0.0..=1.0 + 1e-9).contains(&value) {
-        return Ok(value.min(1.0)); // a sum of tails may round above 1
+        return Ok(value.min(1.0)); // rounding may make a sum of tails larger than 1
     }
     Err(NoVerdict::NotANumber { what: "the p-value", value })
 }

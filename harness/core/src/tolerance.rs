@@ -1,8 +1,9 @@
 //! Tolerances: the allowed difference between a shader's result and its reference.
 //!
-//! A tolerance is a tree of bounds. Each bound turns a lane's error into the ratio error / bound, which passes up to 1:
-//! `any` takes the smallest ratio of its parts, `all` the largest. NaN and infinite results have an infinite ratio
-//! under every tolerance. Only `ratio <= 1` passes, so a comparison with NaN never counts as agreement.
+//! A tolerance is a tree of bounds. Each bound turns a lane's error into the ratio error / bound. The lane passes if
+//! the ratio is at most 1. `any` takes the smallest ratio of its parts, `all` takes the largest. NaN and infinite
+//! results have an infinite ratio under every tolerance. Only `ratio <= 1` passes, so a comparison with NaN never
+//! passes.
 
 mod line;
 mod spec;
@@ -15,15 +16,15 @@ use std::fmt;
 
 use crate::value::Scalar;
 
-/// More than the rounding error of a few `f64` operations, so that an estimate of a ratio is a true bound.
+/// A factor above the rounding error of a few `f64` operations. It turns an estimate of a ratio into an upper bound.
 const ROUNDING: f64 = 1.0 + 1e-12;
 
 /// Units in the last place: the number of `f32` steps between the result and the reference.
 ///
-/// Distances are measured on the ordered line of all `f32`, so `-0` equals `+0`, denormals count as steps, and there is
-/// no jump at a binade's end. Below `f32::MIN_POSITIVE` WGSL allows results to be flushed to zero, so two values closer
-/// than that count as equal. If a function subtracts nearly equal values, [`near_zero`](Tolerance::near_zero) widens
-/// that band.
+/// Distances are measured on the ordered line of all `f32` values: `-0` equals `+0`, denormals count as steps, and the
+/// powers of two cause no jumps. WGSL allows drivers to flush results below `f32::MIN_POSITIVE` to zero, so two values
+/// closer than `f32::MIN_POSITIVE` count as equal. If a function subtracts nearly equal values,
+/// [`near_zero`](Tolerance::near_zero) widens this band.
 ///
 /// ```
 /// use karat::{Tolerance, Ulp};
@@ -42,7 +43,7 @@ pub struct Ulp(pub f64);
 ///
 /// let tolerance = Tolerance::from(Rel(0.01));
 /// assert!(tolerance.measure(0, 1000.0, 1005.0).passes());
-/// assert!(!tolerance.measure(0, 1e-9, 0.0).passes()); // nothing is near 0 but 0
+/// assert!(!tolerance.measure(0, 1e-9, 0.0).passes()); // only 0 passes
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rel(pub f64);
@@ -57,7 +58,7 @@ pub struct Rel(pub f64);
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Abs(pub f64);
 
-/// A bound on the error of each lane, made of [`Ulp`], [`Rel`] and [`Abs`].
+/// A limit on the error of each lane, made of [`Ulp`], [`Rel`] and [`Abs`].
 ///
 /// Integer and boolean lanes must be equal under every tolerance.
 ///
@@ -67,7 +68,7 @@ pub struct Abs(pub f64);
 /// let tolerance = Rel(1e-4).or(Abs(1e-6));
 /// assert!(tolerance.measure(0, 5e-7, 0.0).passes());
 /// assert!(!tolerance.measure(0, f32::NAN, 0.0).passes());
-/// // One bound a component: only the last one is loose.
+/// // One bound for each component: only the last bound is loose.
 /// let tolerance = Tolerance::per_lane([Ulp(1.0).into(), Ulp(1.0).into(), Rel(0.1).into()]);
 /// assert!(!tolerance.measure(0, 1.05, 1.0).passes());
 /// assert!(tolerance.measure(2, 1.05, 1.0).passes());
@@ -75,16 +76,17 @@ pub struct Abs(pub f64);
 #[derive(Clone, Debug, PartialEq)]
 #[must_use]
 pub enum Tolerance {
-    /// The distance in `f32` steps; a step is never smaller than at `band`.
+    /// The distance in `f32` steps. No step counts as smaller than a step at `band`.
     Ulp {
         /// The largest distance that passes.
         bound: f64,
-        /// The magnitude below which the error is absolute: `bound` steps of the size at `band`.
+        /// The magnitude below which the error is absolute. There, the error may be `bound` steps of the size that
+        /// steps have at `band`.
         band: f64,
     },
-    /// See [`Rel`].
+    /// The relative error, as in [`Rel`].
     Rel(f64),
-    /// See [`Abs`].
+    /// The absolute error, as in [`Abs`].
     Abs(f64),
     /// Passes if any part passes.
     Any(Vec<Tolerance>),
@@ -107,13 +109,13 @@ pub enum Tolerance {
 pub enum Unit {
     /// `f32` steps.
     Ulp,
-    /// Relative.
+    /// Relative to the reference.
     Rel,
-    /// Absolute.
+    /// In the unit of the value.
     Abs,
-    /// Integers and booleans: 0 or 1.
+    /// For integers and booleans: 0 if equal, 1 if not.
     Exact,
-    /// A statement: 0 if it holds, 1 if it doesn't.
+    /// For a statement: 0 if it holds, 1 if it doesn't.
     Statement,
     /// The distance of the reference from the range that the function may return.
     Shader,
@@ -123,12 +125,12 @@ pub enum Unit {
     Measured,
     /// The width of the allowed range of results.
     Conditioning,
-    /// Any result is allowed.
+    /// There is no bound: WGSL allows any result.
     Unbounded,
 }
 
 impl Unit {
-    /// Short name, as printed after a number.
+    /// The short name that messages print after a number.
     ///
     /// ```
     /// use karat::unstable::tolerance::Unit;
@@ -152,7 +154,7 @@ impl Unit {
     }
 }
 
-/// One lane's error against one bound.
+/// The error of one lane, compared with one bound.
 ///
 /// ```
 /// use karat::Ulp;
@@ -160,11 +162,11 @@ impl Unit {
 ///
 /// let error = Tolerance::from(Ulp(4.0)).measure(0, 1.0, 1.0 + 2.0_f64.powi(-22));
 /// assert_eq!(error.to_string(), "2 ulp");
-/// assert_eq!(error.ratio, 0.5); // of what is allowed
+/// assert_eq!(error.ratio, 0.5); // half of the bound
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LaneError {
-    /// Error / bound; infinite for NaN and infinities.
+    /// Error / bound. Infinite for NaN and infinities.
     pub ratio: f64,
     /// The error in `unit`.
     pub error: f64,
@@ -180,7 +182,7 @@ impl LaneError {
 
     #[doc(hidden)]
     pub fn new(error: f64, bound: f64, unit: Unit) -> Self {
-        // 0/0 is exact agreement under an exact bound. NaN fails.
+        // 0/0 is an exact match under a bound of 0. NaN fails.
         let ratio = if error == 0.0 { 0.0 } else { error / bound };
         let ratio = if ratio >= 0.0 { ratio } else { f64::INFINITY };
         Self { ratio, error, bound, unit }
@@ -191,7 +193,7 @@ impl LaneError {
         Self::new(if equal { 0.0 } else { 1.0 }, 0.0, Unit::Exact)
     }
 
-    /// The excess of `value` over `bound`; `slack` of it is allowed.
+    /// The error of a `value` that must not be larger than `bound`. An excess up to `slack` passes.
     #[doc(hidden)]
     pub fn excess(value: f64, bound: f64, slack: f64) -> Self {
         Self::new(if value <= bound { 0.0 } else { value - bound }, slack, Unit::Abs)
@@ -202,7 +204,7 @@ impl LaneError {
         Self { unit: Unit::Statement, ..Self::equality(holds) }
     }
 
-    /// Returns `true` if the error is within the bound. NaN never is.
+    /// Checks if the error is within the bound. NaN never is.
     ///
     /// ```
     /// use karat::Abs;
@@ -219,7 +221,7 @@ impl LaneError {
 }
 
 impl LaneError {
-    /// Returns `true` if this error is larger: relative to its bound, or, for a bound of 0, by itself. NaN is the
+    /// Checks if this error has a larger ratio than `other`, or the same ratio and a larger absolute error. NaN is the
     /// largest.
     #[doc(hidden)]
     #[must_use]
@@ -248,20 +250,20 @@ impl fmt::Display for LaneError {
 #[doc(hidden)]
 pub fn times_allowed(ratio: f64) -> String {
     match ratio.is_infinite() {
-        // No error is a multiple of the bound 0.
+        // The bound 0 has no multiples.
         true => "and nothing is allowed".to_owned(),
         false => format!("{} times what is allowed", significant(ratio)),
     }
 }
 
-/// [`times_allowed`], with the error itself if it isn't a multiple of the bound.
+/// [`times_allowed`], with the error itself if the bound is 0.
 #[doc(hidden)]
 pub fn beyond(error: f64, ratio: f64) -> String {
     let times = times_allowed(ratio);
     if ratio.is_infinite() { format!("abs {}, {times}", significant(error.abs())) } else { times }
 }
 
-/// Three significant digits, with an exponent if plain digits would be long.
+/// A number with three significant digits, and with an exponent if plain digits would be long.
 #[doc(hidden)]
 pub fn significant(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
@@ -281,14 +283,14 @@ pub fn significant(value: f64) -> String {
     }
 }
 
-/// A number, with its exponent unless that is 0: `1e-3`, and `2.5`.
+/// A number with its exponent, unless the exponent is 0: `1e-3`, `2.5`.
 #[doc(hidden)]
 pub fn power(value: impl fmt::LowerExp) -> String {
     let text = format!("{value:e}");
     text.strip_suffix("e0").unwrap_or(&text).to_owned()
 }
 
-/// A bound as its author would write it; a computed one has three digits.
+/// A bound as its author would write it. A computed bound has three digits.
 fn exponent(bound: f64) -> String {
     let exact = power(bound);
     if exact.len() <= 7 { exact } else { format!("{bound:.2e}") }
@@ -301,7 +303,7 @@ impl Tolerance {
     /// use karat::tolerance::Tolerance;
     /// use karat::{Abs, Ulp};
     ///
-    /// // Of a vec2f: an exact x, and a y with an absolute error.
+    /// // For a vec2f: x must be equal, y may have an absolute error.
     /// let tolerance = Tolerance::per_lane([Ulp(0.0).into(), Abs(1e-3).into()]);
     /// assert_eq!(tolerance.lanes(), Some(2));
     /// ```
@@ -345,13 +347,13 @@ impl Tolerance {
         }
     }
 
-    /// Measures ulps near zero in steps of the size at `magnitude`. A function that subtracts values of that size can't
-    /// promise more. Other bounds stay unchanged.
+    /// Measures ulps near zero in steps of the size at `magnitude`, because a function that subtracts values of that
+    /// size can't be more exact. Bounds of other kinds stay unchanged.
     ///
     /// ```
     /// use karat::{Abs, Ulp};
     ///
-    /// // The difference of two numbers near 1 has their steps, even where it is nearly 0.
+    /// // The difference of two numbers near 1 is a multiple of the steps near 1, even if the difference is nearly 0.
     /// let tolerance = Ulp(2.0).or(Abs(0.0)).near_zero(1.0);
     /// assert!(tolerance.measure(0, 1.2e-7, 0.0).passes());
     /// ```
@@ -366,7 +368,7 @@ impl Tolerance {
         }
     }
 
-    /// The number of lanes that this tolerance was declared for; `None` if it fits any number.
+    /// The number of lanes for which this tolerance was declared. `None` if it fits any number of lanes.
     ///
     /// ```
     /// use karat::tolerance::Tolerance;
@@ -386,11 +388,11 @@ impl Tolerance {
         }
     }
 
-    /// The first unusable bound: NaN, negative, or so large that no two numbers of `f32` are further apart.
+    /// The first unusable bound: NaN, a negative bound, or a bound so large that every two `f32` are within it.
     #[doc(hidden)]
     pub fn unusable(&self) -> Option<f64> {
-        // The distance from the smallest to the largest number, the largest quotient of two, and the steps between
-        // them.
+        // The largest bounds: the distance from the smallest to the largest number, the largest quotient of two
+        // numbers, and the number of steps between the smallest and the largest number.
         let apart = 2.0 * f64::from(f32::MAX);
         let quotient = apart / f64::from(f32::from_bits(1));
         let steps = 2.0 * f64::from(f32::MAX.to_bits());
@@ -402,7 +404,7 @@ impl Tolerance {
             }
             Self::Rel(bound) => Some(*bound).filter(nothing(quotient)),
             Self::Abs(bound) => Some(*bound).filter(nothing(apart)),
-            // Without alternatives, nothing could pass, or everything.
+            // Without parts, `Any` could never pass, and `All` would always pass.
             Self::Any(parts) | Self::All(parts) if parts.is_empty() => Some(f64::NAN),
             Self::Any(parts) | Self::All(parts) | Self::PerLane(parts) => {
                 parts.iter().find_map(Self::unusable)
@@ -410,14 +412,14 @@ impl Tolerance {
         }
     }
 
-    /// The error of one `f32` lane. In a tolerance for each lane, a lane without one fails.
+    /// The error of one `f32` lane. In a `PerLane` tolerance, a lane without a tolerance of its own fails.
     ///
     /// ```
     /// use karat::Rel;
     /// use karat::tolerance::Tolerance;
     ///
     /// let error = Tolerance::from(Rel(0.1)).measure(0, 1.05, 1.0);
-    /// assert!((error.ratio - 0.5).abs() < 1e-6); // half of what is allowed
+    /// assert!((error.ratio - 0.5).abs() < 1e-6); // half of the bound
     /// ```
     ///
     /// *Unstable*: for programs around tests.
@@ -426,7 +428,8 @@ impl Tolerance {
         self.measure_sum(lane, f64::from(actual), expected)
     }
 
-    /// The component of a value in words with the largest error, and that error. Integers are equal or wrong.
+    /// Measures a value in 32-bit lanes. Returns the index of the component with the largest error, and that error.
+    /// Integer components are equal or wrong.
     ///
     /// ```
     /// use karat::prelude::*;
@@ -439,7 +442,7 @@ impl Tolerance {
     /// ```
     ///
     /// # Panics
-    /// If there are fewer words, or fewer expected numbers, than scalars.
+    /// If there are fewer words, or fewer expected numbers, than scalar types.
     ///
     /// *Unstable*: for programs around tests.
     #[must_use]
@@ -464,7 +467,7 @@ impl Tolerance {
         worst
     }
 
-    /// Like [`measure`](Self::measure), for a sum computed in `f64`; it isn't rounded first.
+    /// Like [`measure`](Self::measure), for a sum computed in `f64`. The sum isn't rounded to `f32` first.
     #[doc(hidden)]
     pub fn measure_sum(&self, lane: usize, value: f64, expected: f64) -> LaneError {
         let error = (value - expected).abs();
@@ -478,8 +481,8 @@ impl Tolerance {
         }
         match self {
             Self::Ulp { bound, band } => {
-                // Inside the band, a step is the spacing at `band`. Values that a flush to zero could make equal count
-                // as equal.
+                // Below `band`, the step size is that at `band`. Values that a flush to zero could make equal count as
+                // equal.
                 let distance = if value.abs().max(expected.abs()) <= *band {
                     error / spacing(*band)
                 } else {
@@ -489,13 +492,14 @@ impl Tolerance {
                 LaneError::new(if flushed { 0.0 } else { distance }, *bound, Unit::Ulp)
             }
             Self::Rel(bound) => {
-                // As for ulps, a value that may be flushed to zero counts as zero.
+                // As with ulps, a value that may be flushed to zero counts as zero.
                 let flushed = error < f64::from(f32::MIN_POSITIVE);
                 let relative = if flushed { 0.0 } else { error / expected.abs() };
                 LaneError::new(relative, *bound, Unit::Rel)
             }
             Self::Abs(bound) => {
-                // Here a small result has an error of its own size, but 0 for a subnormal has none.
+                // Under an absolute bound, only the result 0 counts as flushed. As the result for a subnormal number,
+                // it has the error 0.
                 let flushed = value == 0.0 && expected.abs() < f64::from(f32::MIN_POSITIVE);
                 LaneError::new(if flushed { 0.0 } else { error }, *bound, Unit::Abs)
             }
@@ -515,9 +519,8 @@ impl Tolerance {
         }
     }
 
-    /// Returns `true` if the ratio of a lane's error is at most `ratio`, by an estimate that takes a fraction of the
-    /// time. `false` means that nothing is known. Most results are neither wrong nor the worst so far, and need only
-    /// this estimate.
+    /// Checks quickly, by an estimate, if the ratio of a lane's error is at most `ratio`. `false` means that the ratio
+    /// may still be at most `ratio`. Most results are neither wrong nor the worst so far, and need only this estimate.
     #[inline]
     #[doc(hidden)]
     pub fn is_within(&self, lane: usize, value: f64, expected: f64, ratio: f64) -> bool {
@@ -528,8 +531,8 @@ impl Tolerance {
         let at_most = |bound: f64| error * ROUNDING <= ratio * bound;
         let flushed = || error < f64::from(f32::MIN_POSITIVE) && 0.0 <= ratio;
         match self {
-            // No step between two numbers of the same sign is smaller than the one at the smaller number, or than the
-            // one at `band`.
+            // A step between two numbers of the same sign is at least as large as the step at the smaller number and
+            // the step at `band`.
             Self::Ulp { bound, band } => {
                 let smaller = value.abs().min(expected.abs());
                 let smaller = if value * expected > 0.0 { smaller.max(*band) } else { *band };
@@ -543,7 +546,6 @@ impl Tolerance {
         }
     }
 
-    /// [`is_within`](Self::is_within) for a tolerance with parts.
     fn is_within_parts(&self, lane: usize, value: f64, expected: f64, ratio: f64) -> bool {
         let within = |part: &Self| part.is_within(lane, value, expected, ratio);
         match self {

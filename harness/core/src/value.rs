@@ -1,9 +1,9 @@
-//! The values that cross the CPU/GPU boundary.
+//! The values that travel between the CPU and the GPU.
 //!
-//! A value travels as *lanes*: its scalars in declaration order, each in one 32-bit word. The probe kernel assembles
-//! the value from its lanes, so WGSL's memory layout (padding, alignment, strides) can't cause errors. [`Shape`] names
-//! the WGSL type, and is the same for host types ([`Shareable`]), for their `f64` twins ([`Mirror`]) and for the
-//! signature that naga reflects: Karat compares the three before it dispatches anything.
+//! A value travels as *lanes*: the value's scalars in the order of their declaration, each in one 32-bit word. The
+//! probe kernel assembles the value from its lanes, so WGSL's memory layout (padding, alignment, strides) can't cause
+//! errors. A [`Shape`] describes a WGSL type. A host type ([`Shareable`]), its `f64` twin ([`Mirror`]) and the
+//! signature that naga reflects each have a shape. Karat compares the three shapes before it dispatches anything.
 
 mod differing;
 mod glams;
@@ -35,18 +35,18 @@ pub use shareable::{Arguments, Shareable};
 pub enum Scalar {
     /// `f32`
     F32,
-    /// `f16`; its lane holds the value widened to `f32`, which is exact.
+    /// `f16`. The lane has the value converted to `f32`, which is exact.
     F16,
     /// `i32`
     I32,
     /// `u32`
     U32,
-    /// `bool`; its lane holds 0 or 1.
+    /// `bool`. The lane is 0 or 1.
     Bool,
 }
 
 impl Scalar {
-    /// The WGSL keyword.
+    /// The WGSL keyword for the type.
     ///
     /// ```
     /// use karat::unstable::value::Scalar;
@@ -64,8 +64,8 @@ impl Scalar {
         }
     }
 
-    /// Returns `true` if a lane of this type is compared with a tolerance. Integers and booleans aren't: they are equal
-    /// or wrong.
+    /// Checks if Karat compares a lane of this type with a tolerance. Integers and booleans have no tolerance: a lane
+    /// is equal or wrong.
     ///
     /// ```
     /// use karat::unstable::value::Scalar;
@@ -78,7 +78,7 @@ impl Scalar {
         matches!(self, Self::F32 | Self::F16)
     }
 
-    /// The scalar of this keyword.
+    /// The scalar type with this WGSL keyword.
     ///
     /// ```
     /// use karat::unstable::value::Scalar;
@@ -93,7 +93,7 @@ impl Scalar {
             .find(|scalar| scalar.wgsl() == wgsl)
     }
 
-    /// The lane of a decimal, `true` or `false`; `None` if the text isn't a finite value of the type.
+    /// The lane for a decimal number, `true` or `false`. `None` if the text isn't a finite value of the type.
     ///
     /// ```
     /// use karat::unstable::value::Scalar;
@@ -113,7 +113,7 @@ impl Scalar {
         }
     }
 
-    /// The value in a lane, which is exact for each scalar type.
+    /// The value in a lane. The conversion to `f64` is exact for each scalar type.
     ///
     /// ```
     /// use karat::unstable::value::Scalar;
@@ -165,18 +165,18 @@ pub enum Shape {
         /// Number of elements, at least 1.
         length: u32,
     },
-    /// A WGSL structure.
+    /// A structure in WGSL.
     Struct {
-        /// The name, as the author wrote it.
+        /// The structure's name, as the author wrote it.
         name: String,
-        /// The members in order, with their names.
+        /// The structure's members in order, with their names.
         members: Vec<(String, Shape)>,
     },
 }
 
 impl Shape {
-    /// The scalar type and the number of components, from one to four, of an attribute or a texel: a scalar, a vector,
-    /// or an array of scalars.
+    /// The scalar type of an attribute or a texel, and its number of components, from one to four. `None` unless the
+    /// shape is a scalar, a vector, or an array of scalars.
     ///
     /// ```
     /// use karat_core::value::{Scalar, Shareable};
@@ -200,7 +200,7 @@ impl Shape {
         (is_number && (1..=4).contains(&count)).then_some((scalar, count))
     }
 
-    /// The scalars of the value, in the order of its lanes.
+    /// The scalar type of each lane, in order.
     ///
     /// ```
     /// use karat::unstable::value::{Scalar, Shape};
@@ -215,8 +215,7 @@ impl Shape {
         lanes
     }
 
-    /// The name of each lane as an access in WGSL: `""` for a scalar, `".x"`, `"[2].y"`,
-    /// `".weight"`.
+    /// The name of each lane as an access in WGSL: `""` for a scalar, `".x"`, `"[2].y"`, `".weight"`.
     ///
     /// ```
     /// use karat::unstable::value::{Scalar, Shape};
@@ -264,10 +263,10 @@ impl Shape {
         }
     }
 
-    /// Returns `true` if a host value of this shape can stand for the WGSL type `wgsl`.
+    /// Checks if a host value of this shape can stand for the WGSL type `wgsl`.
     ///
-    /// Structures agree if their members do; their own names may differ. If `result` is set, an `f32` of the host also
-    /// stands for `f16`, because a reference computes in `f64`, where both are the same.
+    /// Two structures match if their members match. The structures' own names may differ. If `result` is set, the
+    /// host's `f32` also matches `f16`, because a reference computes in `f64` for both types.
     ///
     /// ```
     /// use karat::unstable::value::{Scalar, Shape};
@@ -303,13 +302,13 @@ impl Shape {
         }
     }
 
-    /// The shape of a [`Quad`] of this shape.
+    /// The shape of a [`Quad`] of values of this shape.
     #[doc(hidden)]
     pub fn as_quad(&self) -> Self {
         Quad::<f32>::members(self)
     }
 
-    /// The shape of the value that varies from pixel to pixel, if this is the shape of a [`Quad`].
+    /// The shape of the value that varies from pixel to pixel, if `self` is the shape of a [`Quad`]; otherwise `None`.
     ///
     /// ```
     /// use karat::unstable::value::{Scalar, Shape};
@@ -325,7 +324,7 @@ impl Shape {
         }
     }
 
-    /// The value in `lanes` in WGSL's notation, with the shortest decimals that give the same bits.
+    /// The value in `lanes` in WGSL's notation. Each number has the fewest decimal digits that give the same bits.
     ///
     /// ```
     /// use karat::unstable::value::{Scalar, Shape};
@@ -335,7 +334,7 @@ impl Shape {
     /// ```
     ///
     /// # Panics
-    /// If there are fewer lanes than the value has.
+    /// If `lanes` has fewer lanes than the value.
     #[must_use]
     pub fn format(&self, lanes: &[u32]) -> String {
         let mut at = 0;
@@ -403,7 +402,7 @@ impl fmt::Display for Shape {
     }
 }
 
-/// One lane in decimal: the shortest digits that give the same bits.
+/// One lane in decimal, with the fewest digits that give the same bits.
 ///
 /// ```
 /// use karat::unstable::value::Scalar;
@@ -421,8 +420,8 @@ pub fn format_lane(scalar: Scalar, lane: u32) -> String {
     }
 }
 
-/// An `f32` in decimal: the shortest digits that give the same bits, with an exponent if plain digits would be long.
-/// `-0`, `NaN` and `inf` keep their names.
+/// An `f32` in decimal, with the fewest digits that give the same bits, and with an exponent if plain digits would be
+/// long. `-0`, `NaN` and `inf` are written as such.
 ///
 /// ```
 /// use karat::unstable::value::format_f32;
@@ -439,7 +438,7 @@ pub fn format_f32(value: f32) -> String {
     }
 }
 
-/// An `f32` in C99 hexadecimal, which shows every bit: `0x1.99999ap-4`.
+/// An `f32` in C99's hexadecimal notation, which shows every bit: `0x1.99999ap-4`.
 ///
 /// ```
 /// use karat::unstable::value::hexfloat;
@@ -456,7 +455,7 @@ pub fn hexfloat(value: f32) -> String {
     }
     let bits = value.to_bits();
     let sign = if value.is_sign_negative() { "-" } else { "" };
-    // The 23 bits of the fraction are shown as 24: six hexadecimal digits, without trailing zeros.
+    // The 23 bits of the fraction are shown as 24 bits: six hexadecimal digits, without trailing zeros.
     let fraction = format!("{:06x}", (bits & 0x007f_ffff) << 1);
     let fraction = fraction.trim_end_matches('0');
     let point = if fraction.is_empty() { "" } else { "." };
@@ -474,6 +473,7 @@ pub fn hexfloat(value: f32) -> String {
 mod tests {
     use super::*;
 
+    // Lesson 48
     #[test]
     fn hexfloat_shows_every_bit() {
         assert_eq!(hexfloat(0.1), "0x1.99999ap-4");

@@ -1,56 +1,56 @@
-//! The accuracy of built-in functions, measured on one adapter.
+//! The accuracy of the built-in functions of one adapter, measured.
 //!
-//! The specification bounds some built-in functions loosely: the sine by an absolute error of 2^-11, and only between
-//! -pi and pi. Karat measures an adapter once, and allows twice the measured error.
+//! The specification allows large errors for some built-in functions: 2^-11 for the sine, and only between -pi and pi.
+//! Karat measures an adapter once, and allows twice the measured error.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 use crate::interval::{Interval, ulp};
 use crate::rules::{Exponential, FloatRule, Trigonometry};
 
-/// The factor of the measured error that is allowed. Between two measured arguments the error may be larger than at
-/// either.
+/// The allowed error divided by the measured error. Between two measured arguments the error may be larger than at
+/// both.
 const SAFETY: f64 = 2.0;
 
-/// Measured arguments for each sign and exponent.
+/// The number of measured arguments for each sign and exponent.
 const PER_EXPONENT: u32 = 256;
 
-/// Of these, the arguments near which a sine, a cosine or a tangent is 0. There the absolute error stays as large as
-/// elsewhere, but the ulp of the result shrinks.
+/// The number of these arguments that are close to a zero of a sine, a cosine or a tangent. At a zero, the absolute
+/// error is as large as elsewhere, but an ulp of the result is smaller.
 const NEAR_ZEROS: u32 = 8;
 
-/// Above this many ulps near a zero, the error counts as one that doesn't shrink with the result. A driver that reduces
-/// the argument with enough digits is off by a few ulps there; others are off by thousands.
+/// If the error near a zero is more than this many ulps, only its absolute size counts. A driver that reduces the
+/// argument with enough digits has an error of a few ulps near a zero. Other drivers have thousands.
 const NEAR_ZERO_ULPS: f32 = 256.0;
 
-/// The buckets of measured arguments: one for each sign and exponent.
+/// The number of buckets of arguments: one bucket for each sign and exponent.
 const BUCKETS: usize = 512;
 
-/// The shape of a function: the way its values lie between those at two arguments.
+/// The form of a function's graph, which determines its least and greatest value between two arguments.
 #[derive(Clone, Copy, Debug)]
 enum Shape {
     Monotonic,
-    /// The least value is the one at 0.
+    /// The function is even and has its least value at 0.
     Even,
-    /// The greatest value, 1, is at this argument and at those a whole number of turns away.
+    /// The function is a wave. Its greatest value, 1, is at this argument, and at every whole turn from it.
     Wave(f64),
-    /// Rising between poles at odd quarters of a turn.
+    /// The function rises between poles at odd quarters of a turn.
     Tangent,
 }
 
-/// A measured function of one number.
+/// A function of one number that Karat measures.
 #[derive(Debug)]
 struct Function {
     text: &'static str,
     rule: FloatRule,
     exact: fn(f64) -> f64,
     shape: Shape,
-    /// The arguments for which it is defined.
+    /// The range of arguments for which the function is defined.
     domain: (f64, f64),
 }
 
 const ALL: (f64, f64) = (f64::NEG_INFINITY, f64::INFINITY);
-/// Numbers above zero that aren't subnormal, so that no driver flushes them.
+/// Numbers above zero that aren't subnormal, so drivers can't flush them.
 const ABOVE_ZERO: (f64, f64) = (f32::MIN_POSITIVE as f64, f64::INFINITY);
 const UNIT: (f64, f64) = (-1.0, 1.0);
 
@@ -89,8 +89,8 @@ const LOG2: usize = 3;
 const POW: FloatRule = FloatRule::Exponential(Exponential::Pow);
 
 impl Function {
-    /// The distance between arguments where the function is 0. For a sine and a cosine it includes those where it is 1;
-    /// for a tangent every second quarter turn is a pole.
+    /// The distance between arguments at which the function is 0. For a sine and a cosine, arguments at which it is 1
+    /// or -1 are included. For a tangent, every second quarter turn is a pole, and isn't included.
     fn between_zeros(&self) -> Option<f64> {
         match self.shape {
             Shape::Wave(_) => Some(FRAC_PI_2),
@@ -99,15 +99,15 @@ impl Function {
         }
     }
 
-    /// The least and the greatest value between two arguments; `None` if the function isn't defined on all of them, or
-    /// has a pole there.
+    /// The least and the greatest value between two arguments. `None` if the function isn't defined for all arguments
+    /// between them, or has a pole there.
     fn image(&self, lo: f64, hi: f64) -> Option<(f64, f64)> {
         if !(self.domain.0 <= lo && lo <= hi && hi <= self.domain.1) {
             return None;
         }
         let ends = [(self.exact)(lo), (self.exact)(hi)];
         let (least, greatest) = (ends[0].min(ends[1]), ends[0].max(ends[1]));
-        // Tests for an argument between the two: `x`, or `x` a whole number of turns further.
+        // Checks if `x`, or `x` plus a whole number of turns, is between the two arguments.
         let holds = |x: f64| x + TAU * ((lo - x) / TAU).ceil() <= hi;
         match self.shape {
             Shape::Monotonic => Some((least, greatest)),
@@ -125,7 +125,7 @@ impl Function {
     }
 }
 
-/// The largest errors measured for a sign and an exponent. Each result was within one of the two.
+/// The largest measured errors for a sign and an exponent of the argument. The error of each result is within both.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Error {
     ulps: f32,
@@ -146,18 +146,18 @@ impl Error {
     }
 }
 
-/// The accuracy of an adapter's built-in functions.
+/// The measured accuracy of an adapter's built-in functions.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Accuracy {
     /// The errors of each function, by sign and exponent of the argument.
     functions: Vec<Vec<Error>>,
-    /// `true` if `pow` was as exact as `exp2(y * log2(x))` of the measured functions.
+    /// `true` if `pow` is as exact as `exp2(y * log2(x))` with the measured `exp2` and `log2`.
     powers: bool,
-    /// `true` if 0 to each power above zero was 0.
+    /// `true` if 0 to each power above zero is 0.
     powers_of_zero: bool,
 }
 
-/// `pow`, which is measured last because its bounds use the others.
+/// The expression for `pow`. It is measured last, because its bounds use the measurements of other functions.
 const POWER: &str = "pow(a, b)";
 
 impl Default for Accuracy {
@@ -167,22 +167,22 @@ impl Default for Accuracy {
 }
 
 impl Accuracy {
-    /// An adapter that hasn't been measured: all bounds are the specification's.
+    /// The accuracy of an adapter that isn't measured: all bounds are those of the specification.
     #[must_use]
     pub fn new() -> Self {
         let functions = vec![vec![Error::UNKNOWN; BUCKETS]; FUNCTIONS.len()];
         Self { functions, powers: false, powers_of_zero: false }
     }
 
-    /// The expressions to measure, in this order: of `a`, or of `a` and `b`.
+    /// The expressions to measure, in this order. They use the arguments `a`, or `a` and `b`.
     pub fn functions() -> impl Iterator<Item = &'static str> {
         FUNCTIONS.iter().map(|function| function.text).chain([POWER])
     }
 
-    /// The arguments to measure an expression with: rows of one number, or of two if it has a `b`.
+    /// The arguments with which to measure an expression: rows of one number, or of two if the expression has a `b`.
     #[must_use]
     pub fn arguments(function: &str) -> Vec<f32> {
-        // The fractional parts of multiples of an irrational number fill a range evenly.
+        // Spreads arguments evenly over a range: the fractional parts of the multiples of an irrational number do this.
         let spread = |case: u32| case.wrapping_mul(0x9e37_79b9);
         if function != POWER {
             let known = FUNCTIONS.iter().find(|one| one.text == function);
@@ -204,7 +204,7 @@ impl Accuracy {
                     };
                     f32::from_bits(bucket << 23 | mantissa)
                 })
-                // Infinities and NaN have no values.
+                // Infinities and NaN are no test arguments, so 1 replaces them.
                 .map(|x| if x.is_finite() { x } else { 1.0 })
                 .collect();
         }
@@ -228,8 +228,8 @@ impl Accuracy {
             .collect()
     }
 
-    /// Takes the results of [`arguments`](Self::arguments), one a row. Ignores an unknown function and a wrong number
-    /// of results.
+    /// Takes the results for [`arguments`](Self::arguments), one for each row. An unknown function, or a wrong number
+    /// of results, is ignored.
     pub fn take(&mut self, function: &str, results: &[f32]) {
         let arguments = Self::arguments(function);
         if function == POWER && arguments.len() == 2 * results.len() {
@@ -243,7 +243,7 @@ impl Accuracy {
         let mut measured = vec![None; BUCKETS];
         for (&x, &result) in arguments.iter().zip(results) {
             let Some((exact, _)) = function.image(f64::from(x), f64::from(x)) else { continue };
-            // A result that overflows has no bound anyway.
+            // The bounds of a result that overflows are infinite, so its error doesn't matter.
             if !(exact.abs() <= f64::from(f32::MAX)) {
                 continue;
             }
@@ -270,7 +270,7 @@ impl Accuracy {
         }
     }
 
-    /// The bounds of one operation on this adapter: within `allowed`, if that is finite.
+    /// Narrows the interval `allowed` of a rule's result to this adapter's measured accuracy.
     pub(crate) fn narrow(&self, rule: FloatRule, x: &[Interval], allowed: Interval) -> Interval {
         let bound = match x {
             [x, y] if rule == POW && self.powers => self.power(*x, *y),
@@ -283,7 +283,7 @@ impl Accuracy {
         allowed.meet(bound)
     }
 
-    /// Returns `true` if [`narrow`](Self::narrow) can narrow the results of a rule.
+    /// Checks if [`narrow`](Self::narrow) can narrow the results of a rule.
     pub(crate) fn knows(rule: FloatRule) -> bool {
         rule == POW || FUNCTIONS.iter().any(|function| function.rule == rule)
     }
@@ -296,21 +296,22 @@ impl Accuracy {
         let errors = &self.functions[index];
         let mut error = buckets(x.lo(), x.hi()).fold(Error::NONE, |all, one| all.join(errors[one]));
         if FUNCTIONS[index].between_zeros().is_some() && error.ulps > NEAR_ZERO_ULPS {
-            // Closer to a zero, the same error is more ulps.
+            // Closer to a zero, the same absolute error is even more ulps. So only the absolute error counts.
             error.ulps = f32::INFINITY;
         }
-        // An ulp doubles somewhere between the two ends.
+        // The size of an ulp may double between the two ends.
         let wider = if least == greatest { 1.0 } else { 2.0 };
         Interval::outwards(least - wider * error.of(least), greatest + wider * error.of(greatest))
     }
 
-    /// exp2(y log2(x)).
+    /// The bounds of `exp2(y * log2(x))` with the measured `exp2` and `log2`.
     fn power(&self, x: Interval, y: Interval) -> Interval {
         if x.flushed().lo() == 0.0 && y.lo() > 0.0 && self.powers_of_zero {
             let zero = Interval::point(0.0);
             return match x.hi() {
                 0.0 => zero,
-                // Larger bases have larger powers, and subnormal ones have no logarithm.
+                // Larger bases have larger powers. A subnormal base has no logarithm, so the least normal number
+                // replaces it.
                 hi => zero.join(self.power(Interval::point(hi.max(f32::MIN_POSITIVE)), y)),
             };
         }
@@ -319,7 +320,7 @@ impl Accuracy {
         product.exp2().meet(self.bound(EXP2, product))
     }
 
-    /// All measurements as words, to save.
+    /// All measurements as words, for storing them.
     #[must_use]
     pub fn words(&self) -> Vec<u32> {
         let flags = [u32::from(self.powers), u32::from(self.powers_of_zero)];
@@ -330,7 +331,7 @@ impl Accuracy {
             .collect()
     }
 
-    /// The measurements that [`words`](Self::words) saved; `None` if these aren't such words.
+    /// The measurements that [`words`](Self::words) returned. `None` if the number of words is wrong.
     #[must_use]
     pub fn from_words(words: &[u32]) -> Option<Self> {
         let (flags, errors) = words.split_at_checked(2)?;
@@ -354,7 +355,7 @@ fn bucket(x: f32) -> usize {
     (x.to_bits() >> 23) as usize
 }
 
-/// The `nth` multiple of a number in a bucket, one of [`NEAR_ZEROS`]; `None` if the bucket has fewer.
+/// Multiple `nth` of `of` in a bucket; there are at most [`NEAR_ZEROS`]. `None` if the bucket has fewer multiples.
 fn multiple(of: f64, bucket: u32, nth: u32) -> Option<f32> {
     let least = f32::from_bits(bucket << 23);
     let size = f64::from(least.abs());
@@ -366,7 +367,7 @@ fn multiple(of: f64, bucket: u32, nth: u32) -> Option<f32> {
     (first >= 1.0 && turn <= last && x.is_finite()).then(|| x.copysign(least))
 }
 
-/// The buckets of all numbers between two numbers.
+/// The buckets of all numbers from `lo` to `hi`.
 fn buckets(lo: f32, hi: f32) -> impl Iterator<Item = usize> {
     const NEGATIVE: usize = BUCKETS / 2;
     let negative = if lo < 0.0 {
@@ -379,13 +380,13 @@ fn buckets(lo: f32, hi: f32) -> impl Iterator<Item = usize> {
     negative.chain(positive)
 }
 
-/// The error of a result. Infinity and NaN have an infinite error.
+/// The error of a result. For infinity and NaN it is infinite.
 fn error(exact: f64, result: f32) -> Error {
     let distance = (f64::from(result) - exact).abs();
     if !distance.is_finite() {
         return Error::UNKNOWN;
     }
-    // Rounded up, so that the bound isn't slightly too tight.
+    // Errors are rounded up, so that the bound is never too small.
     let up = |x: f64| (x as f32).next_up();
     Error { ulps: up(distance / ulp(exact)), absolute: up(distance) }
 }
@@ -394,7 +395,7 @@ fn error(exact: f64, result: f32) -> Error {
 mod tests {
     use super::*;
 
-    /// Measures functions that are rounded correctly, except one that is off by so many ulps.
+    /// The accuracy of an adapter that rounds all functions correctly, except one that has an error of `ulps`.
     fn measured(wrong: &str, ulps: f64) -> Accuracy {
         let mut accuracy = Accuracy::new();
         for function in &FUNCTIONS {
@@ -428,7 +429,8 @@ mod tests {
         assert!((38.0..=46.0).contains(&wide), "{wide}");
     }
 
-    /// An error that doesn't shrink with the result is recognized.
+    /// An error that stays the same near a zero is recognised.
+    // Lesson 165
     #[test]
     fn a_sine_may_be_off_near_its_zeros_as_elsewhere() {
         let mut accuracy = Accuracy::new();
@@ -445,7 +447,7 @@ mod tests {
         }
         let rounded = measured("", 0.0).narrow(sine, &[Interval::point(44.0)], Interval::UNBOUNDED);
         assert!(width_in_ulps(rounded) <= 4.0, "{rounded:?}");
-        // Each driver's tangent is far off next to its poles; another bound covers that.
+        // Each driver's tangent has large errors next to its poles. Another bound covers them.
         let off = |x: &f32| ((libm::sin(f64::from(*x)) + 1e-6) / libm::cos(f64::from(*x))) as f32;
         let results: Vec<f32> = Accuracy::arguments("tan(a)").iter().map(off).collect();
         accuracy.take("tan(a)", &results);
@@ -457,13 +459,15 @@ mod tests {
         }
     }
 
+    // Lesson 92
     #[test]
     fn bounds_are_never_wider_than_the_specification() {
         let off = measured("exp(a)", 1000.0);
         let rule = FloatRule::Exponential(Exponential::Exp);
         let x = Interval::point(0.3);
         assert_eq!(off.narrow(rule, &[x], x.exp()), x.exp());
-        // If a driver's result is outside what WGSL allows, the two bounds have nothing in common.
+        // If a driver's result is outside of what WGSL allows, the measured interval and the allowed interval don't
+        // overlap.
         let elsewhere = Interval::point(5.0);
         assert_eq!(measured("", 0.0).narrow(rule, &[x], elsewhere), elsewhere);
     }
@@ -484,15 +488,16 @@ mod tests {
         assert!(bound.contains(0.03125) && !bound.contains(0.0313), "{bound:?}");
     }
 
+    // Lesson 92
     #[test]
-    fn what_was_not_measured_is_unknown() {
+    fn unmeasured_accuracy_is_unbounded() {
         let rule = FloatRule::Exponential(Exponential::Exp);
         let x = Interval::point(0.3);
         assert!(!Accuracy::new().narrow(rule, &[x], Interval::UNBOUNDED).is_bounded());
         let mut nan = measured("", 0.0);
         nan.take("exp(a)", &vec![f32::NAN; Accuracy::arguments("exp(a)").len()]);
         assert!(!nan.narrow(rule, &[x], Interval::UNBOUNDED).is_bounded());
-        // These powers are further off than the errors of the logarithm and of `exp2` explain.
+        // The errors of these powers are larger than those of the logarithm and `exp2` explain.
         let rows = Accuracy::arguments(POWER).len() / 2;
         nan.take(POWER, &vec![0.5; rows]);
         assert!(!nan.powers && !nan.powers_of_zero);

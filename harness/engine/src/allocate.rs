@@ -1,25 +1,26 @@
-//! Removes unused operations, and lets values that aren't alive at the same time share a register.
+//! Removes unused operations, and lets values that aren't needed at the same time share a register.
 //!
-//! The program is one list. Control only goes forward in it, except at the ends of loops. So a value lives from its
-//! first to its last place in the list, and to the end of each loop that uses it without defining it.
+//! A program is one list of operations. Control only goes forward in it, except at the ends of loops. So a value lives
+//! from its first to its last position in the list. If a loop uses a value that was defined before the loop, the value
+//! lives to the end of the loop.
 
 use crate::code::{Code, Op, Shape};
 use crate::scalar::File;
 
-/// The places at which a register occurs.
+/// The positions in the list at which a register occurs, and the number of its uses.
 #[derive(Clone, Copy, Debug)]
 struct Life {
     first: u32,
     last: u32,
-    /// The number of writes.
+    /// The number of writes to the register.
     writes: u32,
-    /// The number of reads.
+    /// The number of reads of the register.
     reads: u32,
 }
 
 const NEVER: Life = Life { first: u32::MAX, last: 0, writes: 0, reads: 0 };
 
-/// One register of an operation: its file, its place in the pool, whether it is written.
+/// A register of an operation: its file, its index in the pool, and `true` if the operation writes it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Operand {
     pub(crate) file: File,
@@ -49,7 +50,7 @@ pub(crate) fn allocated(mut code: Code) -> Code {
         let needed = crate::coverage::needed(&code);
         for statement in &mut code.statements {
             let own = &needed[statement.start as usize..statement.end as usize];
-            // A statement that emits no operation, such as a new name for a value, counts as needed.
+            // A statement without operations, such as a new name for a value, counts as needed.
             statement.needed = own.is_empty() || own.contains(&true);
         }
     }
@@ -59,7 +60,7 @@ pub(crate) fn allocated(mut code: Code) -> Code {
     code
 }
 
-/// A value for each file and register.
+/// A value for each register of each file.
 type Table<T> = [Vec<T>; 3];
 
 fn table<T: Clone>(code: &Code, value: &T) -> Table<T> {
@@ -90,9 +91,9 @@ fn lives(code: &Code) -> Table<Life> {
     lives
 }
 
-/// The loops of a program: where each begins and ends, and which encloses it.
+/// The loops of a program: the beginning and the end of each, and the loop around it.
 struct Loops {
-    /// For each place, the innermost loop that it is in.
+    /// For each position in the list, the index of the innermost loop around it.
     of: Vec<Option<u32>>,
     loops: Vec<(u32, u32, Option<u32>)>,
 }
@@ -118,13 +119,13 @@ impl Loops {
         Self { of, loops }
     }
 
-    /// The last place at which a value is needed that is defined at `defined` and used at `used`.
+    /// The last position at which a value is needed, if it is defined at `defined` and used at `used`.
     fn needed(&self, defined: u32, used: u32) -> u32 {
         let mut last = used;
         let mut inner = self.of[used as usize];
         while let Some(index) = inner {
             let (start, end, outer) = self.loops[index as usize];
-            // A parameter is defined before the first operation, which may be a loop; a loop itself defines nothing.
+            // A parameter is defined before the first operation, which may be a loop. A loop operation defines nothing.
             if start >= defined {
                 last = last.max(end);
             }
@@ -140,13 +141,13 @@ fn is_pinned(code: &Code, file: File, register: u32) -> bool {
         .any(|&(pinned, base, count)| pinned == file && (base..base + count).contains(&register))
 }
 
-/// Replaces reads of a copy with reads of its source, if the source isn't written in between.
+/// Replaces reads of a copy by reads of its source, if no operation between them writes the source.
 fn forward_copies(code: &mut Code) {
     let lives = lives(code);
     let loops = Loops::of(code);
-    // The places at which each register is written, in order.
+    // For each register, the positions at which it is written, in order.
     let mut writes: Table<Vec<u32>> = table(code, &Vec::new());
-    // The last place at which each register's value is needed, by the place where it is first written.
+    // For each register, the last position at which its value is needed.
     let mut needed: Table<u32> = table(code, &0);
     for (place, instruction) in code.instructions.iter().enumerate() {
         if let Op::Scatter(file, _) = instruction.op {
@@ -179,7 +180,7 @@ fn forward_copies(code: &mut Code) {
         let Op::Move(file) = instruction.op else { continue };
         let [to, from] = [0, 1].map(|k| code.pool[instruction.at as usize + k]);
         let f = file as usize;
-        // The source of a copy may be a copy itself.
+        // The source of a copy may also be a copy.
         let from = renamed[f][from as usize].unwrap_or(from);
         let life = lives[f][to as usize];
         if life.writes != 1 || is_pinned(code, file, to) {
@@ -211,7 +212,7 @@ fn forward_copies(code: &mut Code) {
     }
 }
 
-/// Returns `true` if the only effect of an operation is to write its results.
+/// Checks if the only effect of an operation is to write its results.
 fn is_pure(op: Op) -> bool {
     matches!(
         op,
@@ -260,12 +261,13 @@ fn remove_unused(code: &mut Code) {
         }
     }
     let mut removed = vec![false; code.instructions.len()];
-    // A loop may read a variable before the place that writes it, so one pass isn't enough.
+    // A loop may read a variable at a position before the write, so several passes are needed.
     loop {
         let mut changed = false;
         for place in (0..code.instructions.len()).rev() {
             let instruction = code.instructions[place];
-            // "A read accesses all locations of its memory view" (WGSL, *Memory Operation*), and races with it.
+            // "A read accesses all locations of its memory view" (WGSL, *Memory Operation*), so an unused read may
+            // race. The sanitizer must see it.
             let races = match instruction.op {
                 Op::Load(_, walk) => code.may_race(walk),
                 _ => false,
@@ -317,7 +319,6 @@ fn remove_unused(code: &mut Code) {
     }
 }
 
-/// Assigns as few registers as possible.
 fn assign(code: &mut Code) {
     let mut lives = lives(code);
     let loops = Loops::of(code);
@@ -333,7 +334,7 @@ fn assign(code: &mut Code) {
         counts[file as usize] += 1;
         counts[file as usize] - 1
     };
-    // Constants and registers that are found by index keep their registers for good.
+    // Constants, and registers that are selected by an index, have a register of their own.
     for &(file, base, count) in &code.pinned {
         for register in base..base + count {
             assigned[file as usize][register as usize] = Some(fresh(file));
@@ -358,7 +359,8 @@ fn assign(code: &mut Code) {
         let mut free: Vec<u32> = Vec::new();
         for register in order {
             let life = lives[f][register as usize];
-            // Its register is still taken at its last place: the results there are written beside it.
+            // A register stays taken at the last position of its value, because an operation's results mustn't
+            // overwrite its operands.
             while let Some(&std::cmp::Reverse((last, old))) = active.peek()
                 && last < life.first
             {

@@ -1,4 +1,4 @@
-//! The arithmetics that a program runs in.
+//! The arithmetics in which a program can run.
 
 use std::fmt::Debug;
 
@@ -7,19 +7,19 @@ use crate::rules::Half;
 
 /// The representation of numbers while a program runs: [`F32`], [`F64`] or [`Intervals`].
 ///
-/// The trait is sealed. Each builtin has one rule for each arithmetic, side by side in the folder `rules`; a fourth
-/// arithmetic would need a fourth rule in each.
+/// The trait is sealed. The folder `rules` has one rule for each builtin and each arithmetic. A fourth arithmetic would
+/// need a fourth rule for each builtin.
 pub trait Arithmetic: Rules {}
 
-/// IEEE single precision, rounded to nearest: a conforming GPU.
+/// IEEE single precision, rounded to nearest, as a conforming GPU computes.
 #[derive(Clone, Copy, Debug)]
 pub struct F32;
 
-/// The shadow: the same program with floats of double precision. Integers are exact, as in [`F32`].
+/// The shadow: it runs the same program with floats of double precision. Integers are exact, as in [`F32`].
 #[derive(Clone, Copy, Debug)]
 pub struct F64;
 
-/// Bounds of every result that the WGSL specification allows.
+/// The bounds of all results that the WGSL specification allows.
 #[derive(Clone, Copy, Debug)]
 pub struct Intervals;
 
@@ -27,81 +27,82 @@ impl Arithmetic for F32 {}
 impl Arithmetic for F64 {}
 impl Arithmetic for Intervals {}
 
-/// One rule from floats to floats, in each arithmetic.
+/// A rule from floats to floats, for each arithmetic.
 pub trait FloatRule<const I: usize, const O: usize> {
-    /// In [`F32`].
+    /// Computes the rule in [`F32`].
     fn single(x: [f32; I]) -> [f32; O];
-    /// In [`F64`].
+    /// Computes the rule in [`F64`].
     fn double(x: [f64; I]) -> [f64; O];
-    /// In [`Intervals`].
+    /// Computes the rule in [`Intervals`].
     fn interval(x: [Interval; I]) -> [Interval; O];
 }
 
-/// One rule from integers to an integer. Words are the bits of an `i32` or a `u32`.
+/// A rule from integers to an integer, for each arithmetic. Words are the bits of an `i32` or a `u32`.
 pub trait IntRule<const I: usize> {
     /// `true` if the result is an `i32`.
     const SIGNED: bool;
-    /// In [`F32`] and [`F64`].
+    /// Computes the rule in [`F32`] and in [`F64`].
     fn exact(x: [u32; I]) -> u32;
-    /// In [`Intervals`].
+    /// Computes the rule in [`Intervals`].
     fn range(x: [Range; I]) -> Range;
 }
 
-/// One rule from floats to an integer.
+/// A rule from floats to an integer, for each arithmetic.
 pub trait ToIntRule<const I: usize> {
     /// `true` if the result is an `i32`.
     const SIGNED: bool;
-    /// In [`F32`].
+    /// Computes the rule in [`F32`].
     fn single(x: [f32; I]) -> u32;
-    /// In [`F64`].
+    /// Computes the rule in [`F64`].
     fn double(x: [f64; I]) -> u32;
-    /// In [`Intervals`].
+    /// Computes the rule in [`Intervals`].
     fn interval(x: [Interval; I]) -> Range;
 }
 
-/// One rule from an integer to floats.
+/// A rule from an integer to floats, for each arithmetic.
 pub trait FromIntRule<const O: usize> {
-    /// In [`F32`].
+    /// Computes the rule in [`F32`].
     fn single(x: u32) -> [f32; O];
-    /// In [`F64`].
+    /// Computes the rule in [`F64`].
     fn double(x: u32) -> [f64; O];
-    /// In [`Intervals`].
+    /// Computes the rule in [`Intervals`].
     fn interval(x: Range) -> [Interval; O];
 }
 
-/// One rule from a float and an integer to a float.
+/// A rule from a float and an integer to a float, for each arithmetic.
 pub trait MixedRule {
-    /// In [`F32`].
+    /// Computes the rule in [`F32`].
     fn single(x: f32, i: u32) -> f32;
-    /// In [`F64`].
+    /// Computes the rule in [`F64`].
     fn double(x: f64, i: u32) -> f64;
-    /// In [`Intervals`].
+    /// Computes the rule in [`Intervals`].
     fn interval(x: Interval, i: Range) -> Interval;
 }
 
-/// The first and the last value that an integer may have, as its type reads them.
+/// The least and the greatest value that an integer may have, signed or unsigned as its type.
 pub(crate) type Bounds = (i64, i64);
 
 pub(crate) mod sealed {
     use super::*;
 
-    /// Narrows the interval of a result, given those of the arguments.
+    /// A function that narrows the interval of a result. Its first argument has the intervals of the operation's
+    /// arguments.
     pub(crate) type Narrow<'n> = &'n dyn Fn(&[Interval], Interval) -> Interval;
 
-    /// The operations that the machine needs of an arithmetic.
+    /// The operations of an arithmetic that the machine needs.
     pub trait Rules: Copy + Debug + Send + Sync + 'static {
         /// A float of any width.
         type Float: Copy + Default + Debug + Send + Sync;
         /// An `i32` or a `u32`.
         type Int: Copy + Default + Debug + Send + Sync;
-        /// A boolean, which is also what masks are made of.
+        /// A boolean. Masks consist of these, too.
         type Bool: Copy + Default + Debug + Send + Sync + PartialEq;
 
-        /// `true` if a boolean may be undecided, so that masks within a loop are relative to its entry.
+        /// `true` if a boolean may be undecided. Then the masks inside a loop are relative to the mask at its entry.
         const UNDECIDED: bool;
 
         fn float(x: f32) -> Self::Float;
-        /// Bounds of the numbers that round to this one, if its author probably wrote a decimal.
+        /// A literal's value. If the author probably wrote a decimal, intervals contain all numbers that round to `x`.
         fn decimal(x: f32, half: bool) -> Self::Float {
             let _ = half;
             Self::float(x)
@@ -112,7 +113,7 @@ pub(crate) mod sealed {
         fn float_rule<R: FloatRule<I, O>, const I: usize, const O: usize>(
             x: [Self::Float; I],
         ) -> [Self::Float; O];
-        /// The result of a rule. Intervals narrow it.
+        /// The result of a rule. In intervals, `narrow` may narrow it.
         fn narrow(_: Narrow<'_>, _: &[Self::Float], y: Self::Float) -> Self::Float {
             y
         }
@@ -130,29 +131,30 @@ pub(crate) mod sealed {
         fn and(a: Self::Bool, b: Self::Bool) -> Self::Bool;
         fn or(a: Self::Bool, b: Self::Bool) -> Self::Bool;
         fn not(a: Self::Bool) -> Self::Bool;
-        /// Returns `true` if the boolean may be true.
+        /// Checks if the boolean may be true.
         fn possible(a: Self::Bool) -> bool;
-        /// An undecided boolean, in an arithmetic that has one: the join of true and false.
+        /// An undecided boolean: the join of true and false, in an arithmetic that has such booleans.
         fn undecided() -> Self::Bool;
-        /// Returns `true` if the boolean may be false.
+        /// Checks if the boolean may be false.
         fn avoidable(a: Self::Bool) -> bool;
 
-        /// `yes` where `c` is true, `no` where it is false, and the join of both where it is undecided.
+        /// `yes` if `c` is true, `no` if `c` is false, and the join of both if `c` is undecided.
         fn select_float(c: Self::Bool, yes: Self::Float, no: Self::Float) -> Self::Float;
         fn select_int(c: Self::Bool, yes: Self::Int, no: Self::Int) -> Self::Int;
         fn select_bool(c: Self::Bool, yes: Self::Bool, no: Self::Bool) -> Self::Bool;
 
-        /// The values that an index may have. `signed` says how its bits are read.
+        /// The values that an index may have. `signed` says if its bits are an `i32`.
         fn bounds(i: Self::Int, signed: bool) -> Bounds;
 
-        /// The value rounded to half precision; the shadow doesn't round it. Intervals hold each value that rounding a
-        /// result of this exactness may give.
+        /// Rounds a value to half precision. The shadow doesn't round. In intervals, the result has each value that may
+        /// result from rounding with this exactness.
         fn to_half(x: Self::Float, half: Half) -> Self::Float;
-        /// The value with subnormals flushed to zero.
+        /// Flushes subnormal values to zero.
         fn flush(x: Self::Float) -> Self::Float;
-        /// Returns `true` if the float is unbounded. Its cause is then noted.
+        /// Checks if the float is unbounded. The machine notes the cause of such a float.
         fn is_unknown(x: Self::Float) -> bool;
-        /// Notes the operation that made a value unbounded: the earliest cause among `inputs`, or else `site`.
+        /// Notes the operation that made a value unbounded: the earliest cause among `inputs`, or `site` if no input
+        /// has a cause.
         fn note(
             x: Self::Float,
             inputs: &mut dyn Iterator<Item = Self::Float>,
@@ -160,29 +162,29 @@ pub(crate) mod sealed {
         ) -> Self::Float;
         /// `true` if `note` has an effect.
         const NOTES: bool;
-        /// An unbounded float, caused by operation `site`; `None` in an arithmetic without such values.
+        /// An unbounded float whose cause is operation `site`. `None` if the arithmetic has no such values.
         fn unknown_float(site: u32) -> Option<Self::Float>;
-        /// Any integer at all.
+        /// The range of all integers of the type. `None` if the arithmetic has no ranges.
         fn unknown_int(signed: bool) -> Option<Self::Int>;
-        /// Either boolean.
+        /// An undecided boolean. `None` if the arithmetic has none.
         fn unknown_bool() -> Option<Self::Bool>;
 
-        /// The float as memory stores it: the nearest `f32`, or the middle of an interval.
+        /// The word that memory stores for a float: the nearest `f32`, or the middle of an interval.
         fn float_word(x: Self::Float) -> u32;
-        /// The integer as memory stores it: the least of a range.
+        /// The word that memory stores for an integer. For a range, it is the least integer.
         fn int_word(x: Self::Int) -> u32;
-        /// The boolean as memory stores it: 1 if it may be true, otherwise 0.
+        /// The word that memory stores for a boolean: 1 if it may be true, otherwise 0.
         fn bool_word(x: Self::Bool) -> u32 {
             u32::from(Self::possible(x))
         }
 
-        /// A filter's result: a weighted sum of texels that all lie in `hull`.
+        /// The result of a filter: a weighted sum of texels, which are all in `hull`.
         fn filtered(sum: f64, hull: (f32, f32)) -> Self::Float;
         /// A channel of a normalised format, converted from its integer.
         fn normalized(x: f32) -> Self::Float {
             Self::float(x)
         }
-        /// The coordinate that filters compute with.
+        /// The coordinate that filters use.
         fn coordinate(x: Self::Float) -> f64;
     }
 }
@@ -323,7 +325,7 @@ impl Rules for F32 {
         x.to_bits()
     }
     fn filtered(sum: f64, _: (f32, f32)) -> f32 {
-        // The weights of a 2D filter are products of two `f32`. GPUs compute them with fewer bits.
+        // In a 2D filter, a weight is a product of two `f32`. GPUs compute weights with fewer bits.
         sum as f32
     }
     fn coordinate(x: f32) -> f64 {
@@ -383,9 +385,10 @@ impl Rules for Intervals {
         Interval::point(x)
     }
     fn decimal(x: f32, half: bool) -> Interval {
-        /// The most bits of a fraction that an author writes exactly, such as 0.625.
+        /// The largest number of bits of a fraction that an author writes exactly, such as 0.625. Longer fractions
+        /// count as decimals.
         const SHORT: u32 = 12;
-        /// The same for half precision, which has 11 bits.
+        /// The same limit for half precision, which has 11 bits.
         const SHORT_HALF: u32 = 6;
         let digits = if half { SHORT_HALF } else { SHORT };
         let short = x.to_bits() & ((1 << (24 - digits)) - 1) == 0;
@@ -514,12 +517,12 @@ impl Rules for Intervals {
         x.lo() as u32
     }
     fn filtered(_: f64, hull: (f32, f32)) -> Interval {
-        /// A filter weights at most 16 texels (eight of each of two levels) by products of four numbers, and adds them.
-        /// That is 20 roundings of less than 2^-23 of the largest texel each.
+        /// A filter multiplies at most 16 texels (eight texels of each of two levels) by products of four numbers, and
+        /// adds them. This takes 20 roundings. Each has an error of less than 2^-23 of the largest texel.
         const SLACK: f64 = 1.0 / 262_144.0; // 2^-18
-        // Neither WGSL nor WebGPU bounds the error of a filter. Its result is a weighted mean of texels, with any
-        // weights, so it lies between the least and the greatest texel. But weights are rounded, so they add up to a
-        // little more or less than 1. The mean of texels with one sign has that sign.
+        // WGSL and WebGPU don't limit the error of a filter. A filter's result is a weighted mean of texels with any
+        // weights, so it lies between the least and the greatest texel. But weights are rounded, so their sum may be
+        // slightly more or less than 1. If all texels have the same sign, the mean has this sign, too.
         let [lo, hi] = [hull.0, hull.1].map(f64::from);
         let size = lo.abs().max(hi.abs());
         let below = if lo >= 0.0 { lo } else { size };

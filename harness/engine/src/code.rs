@@ -1,4 +1,4 @@
-//! A lowered program: operations over registers, in one list, with jumps between them.
+//! A lowered program: a list of operations on registers, with jumps.
 
 use naga::{AtomicFunction, Span};
 
@@ -13,7 +13,7 @@ pub(crate) struct Reg {
     pub(crate) index: u32,
 }
 
-/// A comparison of two numbers. Lowering exchanges the operands for the converses.
+/// A comparison of two numbers. For `>` and `>=`, lowering swaps the operands.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Compare {
     Equal,
@@ -22,8 +22,8 @@ pub(crate) enum Compare {
     LessEqual,
 }
 
-/// A lane of a quad, seen from another of its lanes. The lanes are the upper left pixel, the one to its right, and the
-/// two below.
+/// The lane of a quad from which another lane of the quad reads a value. The lanes are the upper left pixel, the pixel
+/// on its right, and the two pixels below.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Neighbour {
     Left,
@@ -43,7 +43,7 @@ impl Neighbour {
     }
 }
 
-/// An operation. Its registers are in [`Code::pool`], results first.
+/// An operation. [`Code::pool`] has its registers, results first.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Op {
     Float(FloatRule),
@@ -53,33 +53,33 @@ pub(crate) enum Op {
     Scale(Scale),
     /// Rounds to half precision. The argument says how exact the result must be.
     ToHalf(Half),
-    /// The value of another lane of the quad.
+    /// Reads the value of another lane of the quad.
     Neighbour(Neighbour),
     CompareFloat(Compare),
     CompareInt(Compare, bool),
     And,
     Or,
     Not,
-    /// Exclusive or of two booleans.
+    /// The exclusive or of two booleans.
     Differ,
-    /// Tests a float for NaN, or for infinity.
+    /// Tests if a float is NaN, or infinite.
     IsNan,
     IsInf,
-    /// Registers: the result, the condition, the value if it is true, the value if it is false.
+    /// Registers: the result, the condition, the value for true, the value for false.
     Select(File),
-    /// Copies in all lanes.
+    /// Copies a value in all lanes.
     Move(File),
-    /// Copies in active lanes.
+    /// Copies a value in active lanes.
     Store(File),
-    /// Registers: the result, the first one of a range, indices. [`Code::walks`] describes the indexing.
+    /// Registers: the result, the first register of a range, indices. [`Code::walks`] describes the indexing.
     Gather(File, u32),
-    /// Registers: the first one of a range, the value, indices.
+    /// Registers: the first register of a range, the value, indices.
     Scatter(File, u32),
-    /// Registers: the result, that many candidates, the index. `true` if the index is signed.
+    /// Registers: the result, this many candidates, the index. The `bool` says if the index is signed.
     Pick(File, u32, bool),
-    /// Registers: the result, the index into the constants of a table.
+    /// Registers: the result, the index into a table of constants.
     Table(File, u32),
-    /// Registers: the result, indices. The walk counts bytes of a buffer.
+    /// Registers: the result, indices. The walk leads to bytes of a buffer.
     Load(Scalar, u32),
     /// Registers: the value, indices.
     Write(Scalar, u32),
@@ -87,54 +87,55 @@ pub(crate) enum Op {
     ArrayLength(u32),
     /// Registers: the result (or none), the value, the compared value (or none), indices.
     Atomic(u32),
-    /// Registers: results, operands. [`Code::images`] describes them.
+    /// Registers: results, operands. [`Code::images`] describes the operation.
     Image(u32),
     /// Registers: floats, coordinates and layer, integers.
     ImageStore(u32),
-    /// Registers: an index, and those that it is computed from. Reports where it has wrapped. [`Code::wraps`] describes
-    /// the computation.
+    /// Reports lanes in which a computed index has wrapped around. Registers: the index, and the registers from which
+    /// it is computed. [`Code::wraps`] describes the computation.
     Wrap(u32),
 
-    /// Register: the condition. Jumps if it holds in no lane.
+    /// Register: the condition. Jumps if the condition holds in no lane.
     If,
-    /// Register: the condition of its `If`. Jumps if it holds in all lanes.
+    /// Register: the condition of its `If`. Jumps if the condition holds in all lanes.
     Else,
-    /// Jumps to the end of the enclosing construct if no lane is left. The other ends do so, too.
+    /// Jumps to the end of the enclosing construct if no lane is active any more. `EndSwitch`, `EndLoop` and `EndCall`
+    /// also do this.
     EndIf,
     Switch,
-    /// Register: the condition. `true` if lanes fall through from the case before.
+    /// Register: the condition. The `bool` says if lanes fall through from the case before.
     Case(bool),
     EndSwitch,
     Loop,
-    /// Begins a round of a loop, which costs fuel.
+    /// Begins a round of a loop, and uses up a round of fuel.
     Round,
     Continuing,
     /// Register: the condition.
     BreakIf,
-    /// Jumps back while some lane is active.
+    /// Jumps back while a lane is active.
     EndLoop,
-    /// Jumps if no lane is left.
+    /// Jumps if no lane is active any more.
     Skip,
     Call,
     EndCall,
-    /// The number of frames that it leaves, not counting its target.
+    /// The argument is the number of frames that the jump leaves, without the target's frame.
     Break(u32),
     Continue(u32),
     Return(u32),
-    /// A named value is complete. Its registers are in the pool, by file.
+    /// Marks that a named value is complete. The pool has its registers, by file.
     Mark(u32),
-    /// Registers: the result, operands. [`Code::subgroups`] describes them.
+    /// Registers: the result, operands. [`Code::subgroups`] describes the operation.
     Subgroup(u32),
-    /// Active lanes become helpers.
+    /// Makes active lanes helpers.
     Discard,
-    /// A barrier that orders accesses of these address spaces.
+    /// A barrier that orders accesses to these address spaces.
     Barrier(naga::Barrier),
     Halt,
 }
 
 impl Op {
-    /// Returns `true` for the ends of the parts of a branch, a loop or a call. They run even if the operation before
-    /// them, whose place they have, didn't.
+    /// Checks if an operation is an end in a branch, a loop or a call. Ends run even if the operation before them
+    /// didn't run. They have that operation's position in the source.
     pub(crate) fn is_an_end(self) -> bool {
         matches!(
             self,
@@ -151,19 +152,19 @@ impl Op {
     }
 }
 
-/// One operation: its registers, its jump target and its origin.
+/// An operation with its registers, its jump target and its origin.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Instruction {
     pub(crate) op: Op,
-    /// Its first register in the pool.
+    /// The index of its first register in the pool.
     pub(crate) at: u32,
-    /// The number of its registers there, once registers are assigned.
+    /// The number of its registers in the pool. It is set after registers are assigned.
     pub(crate) count: u32,
     pub(crate) target: u32,
     pub(crate) site: u32,
 }
 
-/// The step of an index, and the number of its valid values.
+/// The stride of an index, and the number of its valid values.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Step {
     pub(crate) stride: u32,
@@ -171,32 +172,32 @@ pub(crate) struct Step {
     pub(crate) signed: bool,
 }
 
-/// The number of elements.
+/// The number of elements of an array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Count {
     Fixed(u32),
-    /// As many elements of this stride as fit into the buffer after this many bytes.
+    /// The array has as many elements of this stride as fit into the buffer after an offset in bytes.
     Runtime {
         offset: u32,
         stride: u32,
     },
 }
 
-/// A whole number that may wrap around: an index, or a difference that becomes a float.
+/// A computed integer that may wrap around: an index, or a difference that becomes a float.
 #[derive(Clone, Debug)]
 pub(crate) struct Wrap {
-    /// The buffer that has the elements, if one does.
+    /// The buffer with the elements, if there is one.
     pub(crate) buffer: Option<u32>,
-    /// The array that it indexes; `None` for a difference that becomes a float.
+    /// The array that is indexed. `None` for a difference that becomes a float.
     pub(crate) step: Option<Step>,
-    /// The computation, operands first.
+    /// The terms of the computation. Operands come before the operation that uses them.
     pub(crate) terms: Vec<Term>,
 }
 
-/// A term of a number that is computed without wrapping.
+/// A term of an integer that is computed without wrapping.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Term {
-    /// The next register.
+    /// The value of the next register.
     Register,
     Negate,
     Add,
@@ -205,41 +206,41 @@ pub(crate) enum Term {
     ShiftLeft,
 }
 
-/// The way from indices to a register, or to bytes of a buffer.
+/// Describes how indices lead to a register, or to bytes of a buffer.
 #[derive(Clone, Debug)]
 pub(crate) struct Walk {
     pub(crate) buffer: u32,
     pub(crate) offset: u32,
     pub(crate) steps: Vec<Step>,
     pub(crate) atomic: Option<AtomicOp>,
-    /// `false` for an atomic, whose accesses don't race.
+    /// `false` for an atomic, because atomics don't race with each other.
     pub(crate) plain: bool,
 }
 
-/// The effect of an atomic on a word.
+/// The effect of an atomic on a word of memory.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct AtomicOp {
     pub(crate) function: AtomicFunction,
     pub(crate) scalar: Scalar,
     pub(crate) result: bool,
-    /// `true` if something reads the word that it returns.
+    /// `true` if another operation reads the word that the atomic returns.
     pub(crate) used: bool,
 }
 
 /// The origin of an operation.
 #[derive(Clone, Debug)]
 pub struct Site {
-    /// Its number in the program.
+    /// The site's number in the program.
     pub number: usize,
-    /// The function that the author wrote it in.
+    /// The function in which the author wrote the operation.
     pub function: String,
-    /// The expression in that function, if it comes from one.
+    /// The expression in that function, if the operation comes from one.
     pub expression: Option<naga::Handle<naga::Expression>>,
-    /// The name of the let-binding, if it comes from one.
+    /// The name of the let-binding, if the operation comes from one.
     pub name: Option<String>,
-    /// Its bytes in the source.
+    /// The operation's bytes in the source.
     pub span: Span,
-    /// `true` if its results are floats of half precision.
+    /// `true` if the results are floats of half precision.
     pub half: bool,
 }
 
@@ -250,26 +251,26 @@ pub(crate) struct Constant {
     pub(crate) word: u32,
 }
 
-/// The number of registers of each file that an operation has: results, then arguments.
+/// The number of registers of each file that an operation has: for results, and for arguments.
 #[derive(Clone, Copy, Debug, Default)]
 pub(crate) struct Shape {
     pub(crate) outs: [u32; 3],
     pub(crate) ins: [u32; 3],
 }
 
-/// A variable in the memory of a workgroup, or a buffer.
+/// A buffer, or a variable in workgroup memory.
 #[derive(Clone, Debug)]
 pub(crate) struct BufferSlot {
     pub(crate) binding: Binding,
     pub(crate) name: String,
     pub(crate) span: Span,
-    /// The least size of its type, in bytes.
+    /// The size of its type, in bytes. The last array counts with one element if its size is known only at run time.
     pub(crate) least: u32,
     pub(crate) written: bool,
 }
 
 impl BufferSlot {
-    /// The bytes of workgroup memory that it takes.
+    /// The workgroup memory that it needs, in bytes.
     pub(crate) fn workgroup_bytes(&self) -> u64 {
         if self.binding == Binding::Workgroup { u64::from(self.least) } else { 0 }
     }
@@ -280,11 +281,10 @@ impl BufferSlot {
 pub(crate) enum Binding {
     /// A resource of the caller.
     Resource { group: u32, binding: u32 },
-    /// Memory of the workgroup, zero at its start.
+    /// Memory of the workgroup. It is zero at the start.
     Workgroup,
 }
 
-/// A whole lowered program.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Code {
     pub(crate) instructions: Vec<Instruction>,
@@ -295,32 +295,32 @@ pub(crate) struct Code {
     pub(crate) tables: Vec<(Vec<Constant>, bool)>,
     pub(crate) images: Vec<ImageOp>,
     pub(crate) subgroups: Vec<SubgroupOp>,
-    /// The first subgroup operation.
+    /// The source position of the first subgroup operation.
     pub(crate) subgroup: Option<Span>,
     pub(crate) buffers: Vec<BufferSlot>,
     pub(crate) textures: Vec<HandleSlot>,
     pub(crate) samplers: Vec<HandleSlot>,
-    /// Registers that keep one value for all lanes.
+    /// Registers that have the same value in all lanes, and never change.
     pub(crate) constants: Vec<(Reg, Constant)>,
     pub(crate) registers: [u32; 3],
-    /// The invocations of a workgroup, for an entry point.
+    /// For an entry point, the number of invocations of a workgroup in each direction.
     pub(crate) workgroup: [u32; 3],
     pub(crate) parameters: Vec<(Reg, Scalar)>,
     pub(crate) results: Vec<(Reg, Scalar)>,
-    /// Shapes of named values.
+    /// The number of registers of each file that a named value has.
     pub(crate) marks: Vec<[u32; 3]>,
-    /// The first operation of half precision whose result has no bounds.
+    /// The source position of the first operation of half precision whose error WGSL doesn't limit.
     pub(crate) half: Option<Span>,
-    /// Registers that are stored to: only these differ between the worlds of a lane.
+    /// Registers that operations store to. Only these can differ between the worlds of a lane.
     pub(crate) mutable: [Vec<u32>; 3],
-    /// Statements, if they are listed.
+    /// The statements of the program, if they are listed.
     pub(crate) statements: Vec<Statement>,
-    /// Ranges of registers that are found by index, so that they stay together.
+    /// Ranges of registers that are selected by an index, so they must stay together.
     pub(crate) pinned: Vec<(File, u32, u32)>,
 }
 
 impl Code {
-    /// Returns `true` if an access through this walk may race with another access.
+    /// Checks if an access through this walk may race with another access.
     pub(crate) fn may_race(&self, walk: u32) -> bool {
         let walk = &self.walks[walk as usize];
         let slot = self.buffers.get(walk.buffer as usize);
@@ -332,7 +332,7 @@ impl Code {
 #[derive(Clone, Debug)]
 pub(crate) struct HandleSlot {
     pub(crate) written: bool,
-    /// The dimension and the kind that a texture must have.
+    /// The dimension and the scalar kind that a texture must have.
     pub(crate) image: Option<(naga::ImageDimension, naga::ScalarKind)>,
     pub(crate) group: u32,
     pub(crate) binding: u32,
@@ -342,8 +342,8 @@ pub(crate) struct HandleSlot {
 
 /// An operation on a texture.
 ///
-/// Its operands in order. Floats: coordinates, reference, level or both gradients. Integers:
-/// coordinates, layer, sample, level; or layer and offset.
+/// The operands have this order. Floats: coordinates, reference, level or both gradients. Integers: coordinates, layer,
+/// sample, level; or layer and offset.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct ImageOp {
     pub(crate) texture: u32,
@@ -351,9 +351,9 @@ pub(crate) struct ImageOp {
     pub(crate) kind: ImageKind,
     pub(crate) coordinates: u32,
     pub(crate) arrayed: bool,
-    /// One bit for each integer operand: 1 if it is signed.
+    /// One bit for each integer operand, which is 1 if the operand is signed.
     pub(crate) signed: u32,
-    /// `true` if its texels are signed integers.
+    /// `true` if the texels are signed integers.
     pub(crate) signed_texels: bool,
     pub(crate) outs: [u32; 3],
     pub(crate) ins: [u32; 3],
@@ -371,30 +371,30 @@ pub(crate) enum ImageKind {
     Store(naga::StorageFormat),
 }
 
-/// An operation on a scalar over the lanes of a subgroup.
+/// An operation of a subgroup on a scalar in each lane.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SubgroupOp {
     pub(crate) kind: SubgroupKind,
     pub(crate) scalar: Scalar,
 }
 
-/// The kind of a subgroup operation. Operands: a value, and an index where it has one.
+/// The kind of a subgroup operation. The operands are a value, and an index if the kind needs one.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum SubgroupKind {
-    /// One of the four words of a ballot. Operand: a condition.
+    /// One of the four words of a ballot. The operand is a condition.
     Ballot(u32),
     Collective(naga::SubgroupOperation, naga::CollectiveOperation),
     Gather(From),
 }
 
-/// The lane that another one takes a value from.
+/// The lane from which another lane takes a value.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum From {
     /// The first active lane.
     First,
     /// The lane with this index.
     Lane,
-    /// The lane that is this many lanes above, or below.
+    /// The lane whose index is higher by the operand. `Below` is the lane whose index is lower.
     Above,
     Below,
     Xor,
@@ -422,7 +422,7 @@ pub(crate) enum Detail {
 }
 
 impl Code {
-    /// Returns `true` if a lane reads a value of another lane of its quad.
+    /// Checks if a lane reads a value of another lane of its quad.
     pub(crate) fn has_neighbours(&self) -> bool {
         self.instructions.iter().any(|one| matches!(one.op, Op::Neighbour(_)))
     }

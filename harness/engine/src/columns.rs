@@ -1,10 +1,11 @@
-//! Registers: each is a column of lanes.
+//! Registers. Each register is a column of lanes.
 
-/// All registers of one kind. A register is a column with a value for each lane.
+/// All registers of one kind. A register is a column with one value for each lane.
 #[derive(Debug)]
 pub(crate) struct Columns<T> {
     columns: Vec<Box<[T]>>,
-    /// Columns for results. Each then takes the place of a register, so that a result may replace one of its arguments.
+    /// Spare columns for results. After an operation, a spare column replaces the register's column. So a result may
+    /// use the register of an argument.
     spares: [Box<[T]>; 4],
     width: usize,
 }
@@ -55,7 +56,7 @@ impl<T: Copy + Default> Columns<T> {
         }
     }
 
-    /// Overwrites a register through its spare, lane by lane.
+    /// Computes a register's new lanes in the spare column, then exchanges the two columns.
     #[inline(always)]
     pub(crate) fn write(&mut self, register: u32, f: impl Fn(&Self, &mut [T])) {
         let mut spare = std::mem::take(&mut self.spares[0]);

@@ -1,8 +1,8 @@
-//! Coverage: the number of times that each statement runs, and the ways that its branches take.
+//! Coverage: how many times each statement runs, and which ways its branches take.
 //!
-//! Between two operations that change the mask, the active lanes stay the same. So one counter for each straight line
-//! is enough, and nothing is counted inside it. [`Settings::statements`](crate::Settings::statements) lists the
-//! statements, [`Options::counts`](crate::Options) has the counters.
+//! The active lanes change only at operations that change the mask. Between two such operations is a straight line of
+//! operations, and one counter for each straight line is enough. [`Settings::statements`](crate::Settings::statements)
+//! lists the statements, and [`Options::counts`](crate::Options) has the counters.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -14,21 +14,21 @@ use crate::arithmetic::sealed::Rules;
 use crate::code::{Binding, Code, Op, Walk};
 use crate::lower::STACK;
 
-/// A statement of a program. A statement of a function with two calls is listed twice.
+/// A statement of a program. If a function is called twice, its statements are listed twice.
 #[derive(Clone, Debug)]
 pub struct Statement {
-    /// The function that contains it.
+    /// The function that contains the statement.
     pub function: String,
-    /// The number of the call that inlines that function here.
+    /// The number of the call that is replaced by the function's statements.
     pub call: usize,
-    /// Its bytes in the source.
+    /// The statement's bytes in the source.
     pub span: Span,
-    /// Its kind.
+    /// The kind of the statement.
     pub kind: StatementKind,
-    /// `true` if a test can see its effect: on a result, on written memory, on whether a loop ends, or through the
-    /// sanitizer.
+    /// `true` if a test can see an effect of the statement: in a result, in written memory, in whether a loop ends, or
+    /// by the sanitizer.
     pub needed: bool,
-    /// Its operations: the index of the first, and the index after the last.
+    /// The index of the statement's first operation, and the index after its last operation.
     pub(crate) start: u32,
     pub(crate) end: u32,
 }
@@ -38,49 +38,49 @@ pub struct Statement {
 pub enum StatementKind {
     /// A statement without branches: a let-binding, an assignment, a call, a jump.
     Plain,
-    /// `switch`. Its clauses are statements of their own.
+    /// A `switch`. Each of its clauses is also a statement.
     Switch,
-    /// `if`, `&&` or `||`. Its ways: the condition holds, or not. For `||`, naga tests the opposite.
+    /// An `if`, `&&` or `||`. It has two ways: the condition holds, or it doesn't. For `||`, naga tests the opposite.
     If,
-    /// `select`, an expression. Its ways: the condition holds, or not.
+    /// A `select` expression. It has two ways: the condition holds, or it doesn't.
     Select,
-    /// A clause of a `switch`, by its number. It has one way.
+    /// A clause of a `switch`, with its index. It has one way.
     Clause(usize),
-    /// A loop. Its ways: it is left in the first round, in the second, or in a later one.
+    /// A loop. It has three ways: a lane leaves it in the first round, in the second, or in a later one.
     Loop,
-    /// The condition of `for` or `while`. Its ways are those of the loop.
+    /// The condition of a `for` or `while`. Its ways are those of the loop.
     Exit,
 }
 
-/// The most ways of a statement.
+/// The largest number of ways of a statement.
 const WAYS: usize = 3;
 
-/// The counters of a program's operations. All runs add to them.
+/// The counters of a program's operations. All runs of the program add to them.
 #[derive(Debug)]
 pub struct Counts(Vec<Counter>);
 
 #[derive(Debug, Default)]
 struct Counter {
-    /// Lanes that reached the operation.
+    /// The number of lanes that reached the operation.
     lanes: AtomicU64,
-    /// 1 + the first case that reached it; 0 if none did.
+    /// The index of the first case that reached the operation, plus 1. It is 0 if no case did.
     first: AtomicU64,
     ways: [AtomicU64; WAYS],
 }
 
-/// The counts of a statement.
+/// The counts of one statement.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Count {
-    /// The number of lanes that reached it.
+    /// The number of lanes that reached the statement.
     pub lanes: u64,
-    /// The first case that reached it.
+    /// The first case that reached the statement.
     pub first: Option<usize>,
-    /// The number of lanes that took each of its ways.
+    /// The number of lanes that took each way.
     pub ways: [u64; WAYS],
 }
 
 impl Counts {
-    /// Counts lanes that reach the straight line beginning at an operation.
+    /// Counts the lanes that reach the straight line that begins at an operation.
     pub(crate) fn come<A: Rules>(&self, at: usize, case: usize, lanes: &[A::Bool]) {
         let Some(counter) = self.0.get(at) else { return };
         let count = count::<A>(lanes);
@@ -101,7 +101,8 @@ impl Counts {
         self.0[at].ways[way].fetch_add(lanes, Ordering::Relaxed);
     }
 
-    /// Counts lanes that begin a round of a loop; rounds count from 1. A lane leaves in the last round that it begins.
+    /// Counts the lanes that begin a round of a loop. Rounds count from 1. A lane leaves the loop in the last round
+    /// that it begins.
     pub(crate) fn round<A: Rules>(&self, at: usize, round: u64, lanes: &[A::Bool]) {
         let ways = &self.0[at].ways;
         let Ok(way) = usize::try_from(round - 1) else { return };
@@ -114,7 +115,7 @@ impl Counts {
         }
     }
 
-    /// Counts lanes that select by a condition. Once both ways were taken, the counts stay.
+    /// Counts the lanes that take each way of a condition. After both ways were taken, the counts no longer change.
     pub(crate) fn select<A: Rules>(&self, at: usize, condition: &[A::Bool], lanes: &[A::Bool]) {
         let ways = &self.0[at].ways;
         if ways[..2].iter().any(|way| way.load(Ordering::Relaxed) == 0) {
@@ -126,12 +127,11 @@ impl Counts {
     }
 }
 
-/// The number of lanes that may be active.
 pub(crate) fn count<A: Rules>(lanes: &[A::Bool]) -> u64 {
     lanes.iter().map(|lane| u64::from(A::possible(*lane))).sum()
 }
 
-/// Returns `true` for an operation that may change which lanes are active.
+/// Checks if an operation may change which lanes are active.
 fn parts(op: Op) -> bool {
     matches!(
         op,
@@ -156,7 +156,7 @@ fn parts(op: Op) -> bool {
 }
 
 impl crate::Program {
-    /// Counters for [`Options::counts`](crate::Options::counts), all at zero; `None` if no statements were listed.
+    /// New counters for [`Options::counts`](crate::Options::counts), all zero. `None` if no statements are listed.
     #[must_use]
     pub fn counts(&self) -> Option<Arc<Counts>> {
         let code = self.code();
@@ -164,13 +164,13 @@ impl crate::Program {
         (!code.statements.is_empty()).then(|| Arc::new(Counts(counters())))
     }
 
-    /// The statements, each with its count.
+    /// The statements with their counts.
     pub fn counted<'p>(
         &'p self,
         counts: &'p Counts,
     ) -> impl Iterator<Item = (&'p Statement, Count)> {
         let code = self.code();
-        // The first operation of the straight line that contains each statement.
+        // For each operation, the first operation of its straight line.
         let mut lines: Vec<usize> = Vec::with_capacity(code.instructions.len() + 1);
         let mut line = 0;
         for (at, instruction) in code.instructions.iter().enumerate() {
@@ -196,7 +196,7 @@ impl crate::Program {
 }
 
 impl Statement {
-    /// The operation that counts the ways of a statement.
+    /// The index of the operation that counts the ways of a statement.
     fn branch(&self, code: &Code) -> Option<usize> {
         let (start, end) = (self.start as usize, self.end as usize);
         let mut own = (start..end).map(|at| (at, code.instructions[at].op));
@@ -205,7 +205,7 @@ impl Statement {
             StatementKind::If => own.find(|(_, op)| *op == Op::If),
             StatementKind::Select => own.find(|(_, op)| matches!(op, Op::Select(_))),
             StatementKind::Loop => own.find(|(_, op)| *op == Op::Round),
-            // The clause itself begins the list.
+            // The operation of the clause comes first in the list.
             StatementKind::Clause(_) => own.next(),
         };
         found.map(|(at, _)| at)
@@ -255,7 +255,8 @@ fn list_block(block: &Block, list: &mut dyn FnMut(Span, StatementKind)) {
                     list_block(continuing, list);
                 }
                 naga::Statement::Switch { cases, .. } => {
-                    // A clause with several values is several cases. The last case has the statements.
+                    // A clause with several values has several cases in naga. The last of these cases has the clause's
+                    // statements.
                     for (clause, case) in cases.iter().filter(|case| !case.fall_through).enumerate()
                     {
                         list(*span, StatementKind::Clause(clause));
@@ -269,7 +270,7 @@ fn list_block(block: &Block, list: &mut dyn FnMut(Span, StatementKind)) {
 }
 
 impl StatementKind {
-    /// The kind of a statement; `None` if it isn't listed.
+    /// The kind of a statement. `None` if this statement isn't listed.
     pub(crate) fn of(statement: &naga::Statement) -> Option<Self> {
         let leaves = |block: &Block| matches!(block.last(), Some(naga::Statement::Break));
         Some(match statement {
@@ -285,8 +286,9 @@ impl StatementKind {
     }
 }
 
-/// The operations that something which a test sees depends on: a result, a value that observers are shown, what is written
-/// into a buffer that outlives the program, whether it ends, and in a pass what the sanitizer looks at. Of control flow those that decide about one of them.
+/// Finds the operations that can affect something that a test sees. A test sees results, values that are shown to
+/// observers, buffers that outlive the program, and if the program ends. In a pass it also sees what the sanitizer
+/// checks. A branch, a loop or a jump is needed if it decides if a needed operation runs.
 pub(crate) fn needed(code: &Code) -> Vec<bool> {
     let mut frames: Vec<(Option<usize>, bool)> = Vec::new();
     let mut frame_of: Vec<Option<usize>> = Vec::with_capacity(code.instructions.len());
@@ -328,7 +330,7 @@ pub(crate) fn needed(code: &Code) -> Vec<bool> {
 
 struct Needed<'c> {
     code: &'c Code,
-    /// For each branch, loop and call: the enclosing one, and `true` if something in it is needed.
+    /// For each branch, loop and call: the construct around it, and `true` if it contains a needed operation.
     frames: Vec<(Option<usize>, bool)>,
     registers: [Vec<bool>; 3],
     buffers: Vec<bool>,
@@ -342,7 +344,7 @@ impl Needed<'_> {
             self.registers[file as usize][self.code.pool[at] as usize]
         };
         match instruction.op {
-            // A jump decides about everything behind it in the construct that it leaves.
+            // A jump decides if the operations after it run, up to the end of the construct that it leaves.
             Op::Break(depth) | Op::Continue(depth) | Op::Return(depth) => {
                 let mut target = frame;
                 for _ in 0..depth {
@@ -350,7 +352,7 @@ impl Needed<'_> {
                 }
                 target.is_some_and(|frame| self.frames[frame].1)
             }
-            // A test sees that a loop ends. In a pass the sanitizer looks at each access and at each index.
+            // A test sees if a loop ends. In a pass, the sanitizer checks each access and each index.
             Op::ImageStore(_)
             | Op::Discard
             | Op::Barrier(_)
@@ -370,7 +372,7 @@ impl Needed<'_> {
             Op::Scatter(file, _) => {
                 self.range(file, instruction.at).any(|own| self.registers[file as usize][own])
             }
-            // It saves time, and belongs to the loop that it stands behind.
+            // `Skip` only saves time, and belongs to the loop before it.
             Op::Skip | Op::Wrap(_) | Op::Halt => false,
             op if parts(op) => frame.is_some_and(|frame| self.frames[frame].1),
             _ => registers().any(|one| one.written && is(one.file, one.at)),
@@ -407,7 +409,7 @@ impl Needed<'_> {
         &self.code.walks[walk as usize]
     }
 
-    /// The registers of the range that contains one in the pool.
+    /// The registers of the range that contains the register at pool index `at`.
     fn range(&self, file: crate::scalar::File, at: u32) -> impl Iterator<Item = usize> + use<> {
         let base = self.code.pool[at as usize];
         let is_own = |&&(pinned, first, count): &&(crate::scalar::File, u32, u32)| {

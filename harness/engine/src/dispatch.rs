@@ -1,5 +1,5 @@
-//! Runs compute entry points, with the invocations of a workgroup as the lanes of one chunk, and fragment entry points,
-//! with tiles of pixels for workgroups.
+//! Runs entry points. A compute entry point runs in workgroups, whose invocations are the lanes of one chunk. A
+//! fragment entry point runs in tiles of pixels, as if they were workgroups.
 
 use std::collections::HashMap;
 use std::time::Instant;
@@ -19,16 +19,16 @@ use crate::resources::Resources;
 use crate::runs::Runs;
 use crate::schedule::{Actor, ByPriority, Priorities, Schedule, Stores, Turns, shuffled};
 
-/// The most invocations of a workgroup. WebGPU's limit is 256; devices may offer this many.
+/// The largest number of invocations of a workgroup. The limit of WebGPU is 256, but devices may have this limit.
 const MOST_INVOCATIONS: u32 = 1024;
 
 /// The inputs of an entry point, and the size of its workgroups.
 #[derive(Debug)]
 pub(crate) struct Entry {
     size: [u32; 3],
-    /// `true` for a fragment entry point: its workgroups are tiles, its invocations pixels in quads.
+    /// `true` for a fragment entry point. Then workgroups are tiles, and invocations are pixels in quads.
     drawn: bool,
-    /// For each scalar of the parameters, the builtin and its component.
+    /// For each scalar of the parameters, the builtin and the index of the component.
     inputs: Vec<(BuiltIn, usize)>,
 }
 
@@ -42,7 +42,7 @@ impl Entry {
         let drawn = point.stage == naga::ShaderStage::Fragment;
         let size = if drawn { TILE } else { size };
         if size.contains(&0) {
-            return Err(refuse("workgroups of no invocations"));
+            return Err(refuse("workgroups without invocations"));
         }
         let invocations = size.iter().fold(1u32, |n, k| n.saturating_mul(*k));
         if invocations > MOST_INVOCATIONS {
@@ -51,7 +51,7 @@ impl Entry {
         let mut inputs = Vec::new();
         let mut add = |binding: &Option<naga::Binding>, inner: &TypeInner| {
             let Some(naga::Binding::BuiltIn(builtin)) = binding else {
-                return Err(refuse("an input that is no builtin"));
+                return Err(refuse("an input that isn't a builtin"));
             };
             let components =
                 if let TypeInner::Vector { size, .. } = inner { *size as usize } else { 1 };
@@ -87,22 +87,22 @@ impl Entry {
     }
 }
 
-/// Pixels of a tile, across and down. Four successive lanes are a quad.
+/// The size of a tile in pixels, across and down. Four successive lanes are a quad.
 const TILE: [u32; 3] = [8, 8, 1];
 
-/// The place in its tile of an invocation.
+/// The pixel of an invocation in its tile.
 fn place_in_tile(index: u32) -> [u32; 3] {
     let (quad, pixel) = (index / 4, index % 4);
     let across = TILE[0] / 2;
     [quad % across * 2 + pixel % 2, quad / across * 2 + pixel / 2, 0]
 }
 
-/// The tiles of a draw of so many pixels across and down.
+/// The number of tiles across and down in a draw of `pixels` across and down.
 fn tiles(pixels: [u32; 3]) -> [u32; 3] {
     [pixels[0].div_ceil(TILE[0]), pixels[1].div_ceil(TILE[1]), 1]
 }
 
-/// The pixel of an invocation, by its number and the width of the draw in pixels.
+/// The pixel of an invocation, from the invocation's number and the width of the draw in pixels.
 #[must_use]
 pub fn pixel_of(invocation: usize, across: u32) -> [u32; 2] {
     let of_tile = TILE[0] * TILE[1];
@@ -112,7 +112,7 @@ pub fn pixel_of(invocation: usize, across: u32) -> [u32; 2] {
     [tile % columns * TILE[0] + x, tile / columns * TILE[1] + y]
 }
 
-/// Returns `true` for a builtin value whose meaning depends on the size of subgroups.
+/// Checks if the meaning of a builtin value depends on the size of subgroups.
 fn is_of_subgroups(builtin: BuiltIn) -> bool {
     matches!(
         builtin,
@@ -131,7 +131,7 @@ struct Given {
 }
 
 impl Entry {
-    /// The word of an input, for an invocation of a workgroup.
+    /// The word of an input for an invocation of a workgroup.
     fn word(&self, (builtin, k): (BuiltIn, usize), index: usize, given: &Given) -> u32 {
         let Given { id, workgroups, subgroup } = *given;
         let [x, y, z] = self.size;
@@ -143,7 +143,7 @@ impl Entry {
         let global = |k: usize| id[k].wrapping_mul(self.size[k]).wrapping_add(local[k]);
         match builtin {
             BuiltIn::Position { .. } if k < 2 => (global(k) as f32 + 0.5).to_bits(),
-            // The depth of the near plane, and 1/w.
+            // The z of a position is the depth of the near plane, and the w is 1.
             BuiltIn::Position { .. } => [0.0_f32, 1.0][k - 2].to_bits(),
             BuiltIn::GlobalInvocationId => global(k),
             BuiltIn::LocalInvocationId => local[k],
@@ -159,28 +159,30 @@ impl Entry {
     }
 }
 
-/// A running workgroup. The next one reuses its allocations.
+/// The state of a running workgroup. The next workgroup reuses its allocations.
 struct Room<'p, 'm, A: Arithmetic> {
     machines: Vec<Machine<'p, A>>,
-    /// The number of its first unit, and of its first invocation.
+    /// The number of the workgroup's first unit, and of its first invocation.
     unit: u32,
     first: usize,
-    /// Machines that haven't ended, and machines that wait at a barrier, each with its site.
+    /// The number of machines that haven't ended, and the machines that wait at a barrier, each with the barrier's
+    /// site.
     open: usize,
     held: Vec<(usize, u32)>,
-    /// Stores that haven't taken effect yet.
+    /// The number of stores that haven't taken effect yet.
     stores: usize,
-    /// Machines at a barrier with stores that haven't taken effect yet.
+    /// The machines that are at a barrier and have stores that haven't taken effect yet.
     draining: Vec<(usize, u32)>,
-    /// Machines before an atomic on a word that a pending store of theirs will change.
+    /// The machines that are before an atomic on a word which one of their own pending stores will change.
     blocked: Vec<usize>,
-    /// While another workgroup runs: its workgroup memory by slot, and what the detector knows about it.
+    /// The workgroup's memory, by slot, and the state of the detector for this workgroup. Both are kept here while
+    /// another workgroup runs.
     own: Vec<(usize, Buffer<'m, A>)>,
     known: OfGroup,
 }
 
 impl<'p, 'm, A: Arithmetic> Room<'p, 'm, A> {
-    /// Allocates a workgroup of so many `invocations`. So many `lanes` of them share a machine.
+    /// Allocates the state for a workgroup of `invocations`. Each machine runs `lanes` of them.
     fn new(code: &'p Code, options: &'p Options, invocations: usize, lanes: usize) -> Self {
         let machine =
             |first: usize| Machine::<A>::new(code, options, lanes.min(invocations - first));
@@ -203,7 +205,7 @@ impl<'p, 'm, A: Arithmetic> Room<'p, 'm, A> {
         }
     }
 
-    /// Exchanges its memory, and what the detector knows about it, with those in use.
+    /// Exchanges the kept memory and detector state with the current ones.
     fn exchange(&mut self, memory: &mut Memory<'m, A>, detector: &mut Option<Box<Detector>>) {
         for (slot, buffer) in &mut self.own {
             std::mem::swap(&mut memory.buffers[*slot], buffer);
@@ -214,7 +216,7 @@ impl<'p, 'm, A: Arithmetic> Room<'p, 'm, A> {
     }
 }
 
-/// An atomic of a run that records the order of its atomics.
+/// An atomic in a run that records the order of its atomics.
 #[derive(Clone, Debug)]
 pub struct Turn {
     /// The number of the invocation in the dispatch; the first, if several run side by side.
@@ -229,20 +231,20 @@ pub struct Turn {
     pub behind: Option<Site>,
 }
 
-/// Requests about a run, besides its results.
+/// What a run is asked to do in addition to computing results.
 pub(crate) struct Watch<'w> {
-    /// The workgroups to run; `None` for all.
+    /// The workgroups to run, or `None` for all workgroups.
     groups: Option<&'w [usize]>,
     explorer: Option<&'w mut Explorer>,
 }
 
 /// The order of atomics, if it is recorded.
 struct Order {
-    /// Each atomic with its word and, for a store, the turn in which its invocation reached it.
+    /// Each atomic, with its word. A store also has the turn in which its invocation reached it.
     taken: Option<Vec<(Turn, Done)>>,
 }
 
-/// The most recorded turns of a run. Two orders differ early if they differ.
+/// The largest number of recorded turns. If two orders differ, they usually differ early.
 const MOST_TURNS: usize = 1 << 12;
 
 impl Order {
@@ -250,7 +252,7 @@ impl Order {
         self.taken.as_ref().map_or(0, Vec::len)
     }
 
-    /// Adds atomics of invocations; the first lane has this number.
+    /// Adds atomics of invocations. `first` is the number of the first lane's invocation.
     fn add(&mut self, code: &Code, first: usize, done: impl Iterator<Item = Done>) {
         let Some(taken) = self.taken.as_mut().filter(|all| all.len() < MOST_TURNS) else { return };
         for one in done {
@@ -261,7 +263,8 @@ impl Order {
         }
     }
 
-    /// The atomic behind a store in its invocation that another invocation could see before the store.
+    /// The atomic that comes after a store in the same invocation, if another invocation could see the atomic before
+    /// the store.
     fn behind(
         taken: &[(Turn, Done)],
         invocation: usize,
@@ -279,11 +282,11 @@ impl Order {
     }
 }
 
-/// The least number of rooms, and the most invocations that they have together.
+/// The smallest number of rooms, and the largest number of invocations that all rooms have together.
 const LEAST_ROOMS: usize = 4;
 const ROOMY: usize = 4096;
 
-/// Makes a workgroup's memory, and what the detector knows about it, current.
+/// Makes the memory and the detector state of a workgroup the current ones.
 fn enter<'m, A: Arithmetic>(
     here: &mut Option<usize>,
     next: Option<usize>,
@@ -299,27 +302,27 @@ fn enter<'m, A: Arithmetic>(
     }
 }
 
-/// Turns in a row in which all units only wait; after that many they count as waiting forever. Invocations that run
-/// side by side get fewer, as they may wait for each other.
+/// After this many turns in a row in which all units only wait, they count as waiting forever. Invocations that run
+/// side by side get fewer turns, because they may wait for each other.
 const WAITS: usize = 1 << 14;
 const WAITS_TOGETHER: usize = 1 << 10;
 
-/// Turns between two looks at the clock.
+/// The number of turns after which the clock is read again.
 const TURNS: usize = 1024;
 
 impl Program {
-    /// Runs a compute entry point, one workgroup after the other: one of the orders that the specification allows.
-    /// Changes the storage that it writes in `resources`.
+    /// Runs a compute entry point, one workgroup after another. This is one of the orders that the specification
+    /// allows. Writes to storage change `resources`.
     ///
-    /// For a fragment entry point, `workgroups` is the size of a draw in pixels, across and down, and the case of an
-    /// invocation is the number that [`pixel_of`] takes. Its position is its only input.
+    /// For a fragment entry point, `workgroups` is the size of a draw in pixels, across and down. The case of an
+    /// invocation is the number that [`pixel_of`] takes. The position is the only input of such an entry point.
     ///
-    /// Intervals can't be written to memory: a program that writes is stopped.
+    /// Intervals can't be written to memory, so a program that writes memory is stopped.
     ///
     /// # Errors
     ///
-    /// A missing resource, or an invocation that spends its fuel. The case of the error is then the number of the
-    /// invocation in the dispatch, workgroup after workgroup.
+    /// If a resource is missing, or if an invocation runs too many loop rounds. Then the case of the error is the
+    /// number of the invocation in the dispatch, workgroup after workgroup.
     pub fn dispatch<A: Runs>(
         &self,
         workgroups: [u32; 3],
@@ -330,12 +333,13 @@ impl Program {
         A::dispatch(self, workgroups, resources, options, observer)
     }
 
-    /// Runs a compute entry point as [`dispatch`](Self::dispatch) does in `f32`, and reports the accesses that race and
-    /// the barriers that not all invocations reached. Runs the given workgroups, counted from 0; `None` for all.
+    /// Runs a compute entry point in `f32`, as [`dispatch`](Self::dispatch) does, and reports racing accesses and
+    /// barriers that some invocations missed. Runs the given workgroups, counted from 0, or all if `None`.
     ///
     /// # Errors
     ///
-    /// As [`dispatch`](Self::dispatch), except for loops that take too long: the findings so far then carry the stop.
+    /// The same as for [`dispatch`](Self::dispatch), except for loops that run too long: then the result has the
+    /// findings until the stop, and the reason for the stop.
     pub fn observe_races(
         &self,
         workgroups: [u32; 3],
@@ -347,11 +351,12 @@ impl Program {
         self.run_workgroups::<F32, false>(workgroups, resources, options, &(), watch)
     }
 
-    /// Does the same in the explorer's next order, instead of the schedule's. Runs all workgroups.
+    /// Does the same as [`observe_races`](Self::observe_races), but in the explorer's next order instead of the
+    /// schedule's. Runs all workgroups.
     ///
     /// # Errors
     ///
-    /// As [`observe_races`](Self::observe_races).
+    /// The same as for [`observe_races`](Self::observe_races).
     pub fn explore(
         &self,
         workgroups: [u32; 3],
@@ -364,32 +369,32 @@ impl Program {
         self.run_workgroups::<F32, false>(workgroups, resources, options, &(), watch)
     }
 
-    /// Returns `true` if the order of invocations may change the results even without a race: if the program has
-    /// atomics.
+    /// Checks if the program has atomics. With atomics, the order of invocations may change the results even without a
+    /// race.
     #[must_use]
     pub fn has_atomics(&self) -> bool {
         let code = self.code();
         code.instructions.iter().any(|one| code.is_atomic(one.op))
     }
 
-    /// The invocations of a workgroup in each direction; 1 for a draw, whose workgroups are pixels. `None` for a
-    /// function.
+    /// The number of invocations of a workgroup in each direction. It is 1 for a draw, because a draw's size counts
+    /// pixels. `None` for a function.
     #[must_use]
     pub fn workgroup_size(&self) -> Option<[u32; 3]> {
         self.entry.as_ref().map(|entry| if entry.drawn { [1; 3] } else { entry.size })
     }
 
-    /// Returns `true` for an entry point whose results may depend on the size of subgroups.
+    /// Checks if this is an entry point whose results may depend on the size of subgroups.
     #[must_use]
     pub fn has_subgroups(&self) -> bool {
         let given = |entry: &Entry| entry.inputs.iter().any(|(one, _)| is_of_subgroups(*one));
         self.code().subgroup.is_some() || self.entry.as_ref().is_some_and(given)
     }
 
-    /// Implements [`dispatch`](Self::dispatch), compiled once for each arithmetic.
+    /// Implements [`dispatch`](Self::dispatch). It is compiled once for each arithmetic.
     ///
-    /// Invocations that run side by side may wait for each other forever. If that happens in the usual order, they run
-    /// one by one.
+    /// Invocations that run side by side may wait for each other forever. If this happens in the usual order, the
+    /// dispatch starts again, and invocations run one by one.
     pub(crate) fn run_workgroups<A: Arithmetic, const SEEN: bool>(
         &self,
         workgroups: [u32; 3],
@@ -441,7 +446,7 @@ impl Program {
         let invocations = (x * y * z) as usize;
         let mut observed = Observed::default();
         let schedule = &options.schedule;
-        // The invocations of a subgroup stay together, as do the pixels of a quad.
+        // The invocations of a subgroup must stay together. The pixels of a quad, too.
         let of = match (self.has_subgroups(), entry.drawn) {
             (true, _) => options.subgroup() as usize,
             (_, true) => 4,
@@ -464,7 +469,7 @@ impl Program {
             let mut memory = self.memory::<A>(resources)?;
             let [across, down, deep] = workgroups.map(|count| count as usize);
             let all = across * down * deep;
-            // If not all fit into memory, run some before the deadline.
+            // If not all workgroups fit into memory, the function runs some of them before the deadline.
             let mut groups: Box<dyn Iterator<Item = usize>> = match (some, schedule.priorities) {
                 (Some(some), _) => Box::new(some.iter().copied()),
                 (None, Priorities::ByNumber | Priorities::InTurn) => Box::new(0..all),
@@ -488,12 +493,13 @@ impl Program {
                 watch_is_on.then(|| Box::new(Detector::new(code, invocations, blank)));
             let mut order = Order { taken: options.shows_order.then(Vec::new) };
             let (mut stopped, mut work, mut count) = (None, options.work, 0_usize);
-            // Turns in a row of units that only wait, and the number at which they count as waiting forever.
+            // The number of turns in a row in which units only waited, and the number at which they count as waiting
+            // forever.
             let mut idle = 0;
             let for_ever = if lanes > 1 { WAITS_TOGETHER } else { WAITS };
             let for_ever = for_ever.max(2 * rooms.len() * units);
             let mut room_of: HashMap<u32, usize> = HashMap::new();
-            // The next turn of a machine, if turns ask for it.
+            // The next turn of a machine, if `turns` uses it.
             let step = |machine: &Machine<'_, A>, memory: &Memory<'_, A>, group, asks| match asks {
                 true => machine.next_step(memory, group),
                 false => Step::atomic(Vec::new()),
@@ -553,7 +559,7 @@ impl Program {
                     ));
                 }
                 if count > options.most_turns {
-                    stopped = Some(Stop::Misuse("more turns of its invocations than are tried"));
+                    stopped = Some(Stop::Misuse("more turns of its invocations than Karat tries"));
                     break;
                 }
                 let number = room_of[&actor.unit];

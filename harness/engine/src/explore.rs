@@ -1,9 +1,9 @@
-//! Explores the orders of a dispatch's atomics, one of each class of equivalent orders.
+//! Explores the orders of a dispatch's atomics. One order of each class of equivalent orders runs.
 //!
-//! Two orders are equivalent if they differ only in neighbours that commute: accesses of different words, two reads,
-//! two additions whose results nothing uses. One order of each class runs. *Source sets* hold the turns to try instead
-//! of one that was taken, *sleep sets* those that lead to a class that has run (Abdulla et al. 2014, *Optimal dynamic
-//! partial order reduction*, algorithm 1).
+//! Two orders are equivalent if one becomes the other by exchanging neighbouring turns that commute. Accesses of
+//! different words commute, and so do two reads, or two additions whose results nothing uses. *Source sets* contain the
+//! turns that must be tried instead of a turn that was taken. *Sleep sets* contain the turns that lead to a class that
+//! has already run (Abdulla et al. 2014, *Optimal dynamic partial order reduction*, algorithm 1).
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
@@ -12,14 +12,14 @@ use naga::AtomicFunction;
 
 use crate::schedule::{Actor, Turns};
 
-/// A word that invocations share: its variable, the workgroup whose memory it is in, its offset in bytes.
+/// A word that invocations share: its variable, the workgroup that has the memory, and its offset in bytes.
 pub(crate) type Word = (u32, u32, u32);
 
 /// The kind of an atomic, as other invocations see it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(crate) enum Access {
     Reads,
-    /// Changes the word in a way that commutes with itself. Nothing uses the word that it returns.
+    /// Changes the word in a way that commutes with accesses of the same kind. Nothing uses the word that it returns.
     Adds,
     Ands,
     Ors,
@@ -44,13 +44,14 @@ impl Access {
         }
     }
 
-    /// Returns `true` if two such accesses of one word have the same effect in both orders.
+    /// Checks if two accesses of one word have the same effect in both orders.
     pub(crate) fn commutes(self, other: Self) -> bool {
         self == other && self != Self::Changes
     }
 }
 
-/// The accesses of shared words in an actor's next turn. An actor that begins or has passed a barrier has none.
+/// The accesses of shared words in an actor's next turn. There are none if the actor begins, or has just passed a
+/// barrier.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Step {
     atomic: bool,
@@ -58,7 +59,7 @@ pub(crate) struct Step {
 }
 
 impl Step {
-    /// An atomic, with its accesses if turns ask for them.
+    /// An atomic with its accesses. `touches` is empty unless the turns use accesses.
     pub(crate) fn atomic(touches: Vec<(Word, Access)>) -> Self {
         Self { atomic: true, touches }
     }
@@ -79,7 +80,7 @@ impl Step {
     }
 }
 
-/// For each actor, by number: how many of its turns come before.
+/// For each actor, by number: how many of its turns come before a point.
 type Clock = Vec<u32>;
 
 fn join(to: &mut Clock, from: &[u32]) {
@@ -92,15 +93,15 @@ fn join(to: &mut Clock, from: &[u32]) {
 struct Taken {
     actor: Actor,
     step: Step,
-    /// The number of its actor, its number among the actor's turns, and the clock of all that comes before it, itself
-    /// included.
+    /// The number of the turn's actor, the turn's number among the actor's turns, and a clock. The clock has the turn
+    /// itself and all turns that come before it.
     own: usize,
     number: u32,
     clock: Clock,
 }
 
 impl Taken {
-    /// Returns `true` if it comes before everything with this clock.
+    /// Checks if the turn comes before the point with this clock.
     fn is_before(&self, clock: &[u32]) -> bool {
         clock.get(self.own).is_some_and(|count| *count >= self.number)
     }
@@ -111,31 +112,31 @@ impl Taken {
 struct Node {
     ready: BTreeMap<Actor, Step>,
     chosen: Actor,
-    /// The actors that have to go next here in some order.
+    /// The actors that must go next at this point in some order.
     wanted: BTreeSet<Actor>,
-    /// The actors whose turn here leads to an order that has run.
+    /// The actors whose turn at this point leads to an order that has already run.
     asleep: BTreeMap<Actor, Step>,
 }
 
-/// The most turns of an explored order. A longer one has too many orders, or no end.
+/// The largest number of turns in an explored order. A longer run has too many orders, or doesn't end.
 const MOST_TURNS: usize = 512;
 
 /// Explores the orders of dispatches, run by run.
 #[derive(Debug, Default)]
 pub struct Explorer {
     nodes: Vec<Node>,
-    /// The current run: the turns taken, the actors that can go on, and those that wait for a word to change.
+    /// The turns of the current run, the actors that can go on, and the actors that wait for a word to change.
     taken: Vec<Taken>,
     ready: BTreeMap<Actor, Step>,
     waiting: BTreeMap<Actor, Step>,
     clocks: BTreeMap<Actor, Clock>,
-    /// The numbers of actors.
+    /// The number of each actor.
     numbers: BTreeMap<Actor, usize>,
-    /// Pairs of turns compared, in all runs.
+    /// The number of pairs of turns that were compared in all runs.
     work: u64,
-    /// Everything before the current dispatch.
+    /// A clock with all turns before the current dispatch.
     base: Clock,
-    /// The first turn of each dispatch.
+    /// For each dispatch, the index of its first turn.
     begins: Vec<usize>,
     last: Actor,
     last_waits: bool,
@@ -146,7 +147,7 @@ pub struct Explorer {
 }
 
 impl Explorer {
-    /// Begins the next run. Returns `false` if no order is left.
+    /// Begins the next run. Returns `false` if all orders have run.
     pub fn begin(&mut self) -> bool {
         if std::mem::replace(&mut self.has_begun, true) {
             loop {
@@ -170,7 +171,7 @@ impl Explorer {
         true
     }
 
-    /// Begins a dispatch, which comes after everything that has run.
+    /// Begins a dispatch. It comes after all turns of earlier dispatches.
     pub(crate) fn begin_dispatch(&mut self) {
         let clocks = std::mem::take(&mut self.clocks);
         clocks.values().for_each(|clock| join(&mut self.base, clock));
@@ -182,31 +183,32 @@ impl Explorer {
         self.begins.push(self.taken.len());
     }
 
-    /// Returns `true` if the run was cut short because it is equivalent to an earlier one.
+    /// Checks if the run was cut short because it is equivalent to an earlier run.
     #[must_use]
     pub fn is_cut(&self) -> bool {
         self.cut
     }
 
-    /// Returns `true` if an invocation waited in a loop for others. In orders that weren't tried it may have gone on.
+    /// Checks if an invocation waited for others in a loop. In orders that weren't tried, the invocation may have gone
+    /// on.
     #[must_use]
     pub fn has_waited(&self) -> bool {
         self.has_waited
     }
 
-    /// Returns `true` if a run had too many turns to explore.
+    /// Checks if a run had too many turns to explore.
     #[must_use]
     pub fn is_too_long(&self) -> bool {
         self.too_long
     }
 
-    /// Pairs of turns compared in all runs so far: the cost of exploring.
+    /// The number of pairs of turns that were compared in all runs so far. It measures the cost of exploring.
     #[must_use]
     pub fn work(&self) -> u64 {
         self.work
     }
 
-    /// The turns of each dispatch of the run.
+    /// The turns of each dispatch in the run.
     #[must_use]
     pub fn turns(&self) -> Vec<Vec<Actor>> {
         let ends = self.begins.iter().skip(1).copied().chain([self.taken.len()]);
@@ -220,7 +222,7 @@ impl Explorer {
         let step = self.ready.remove(&actor)?;
         let base = &self.base;
         let mut clock = self.clocks.get(&actor).cloned().unwrap_or_else(|| base.clone());
-        // All earlier turns that don't commute with it.
+        // The clock gets all earlier turns that don't commute with this turn.
         let before = clock.clone();
         for taken in &self.taken {
             if !taken.step.commutes(&step) {
@@ -244,7 +246,8 @@ impl Explorer {
         Some(actor)
     }
 
-    /// If a turn races with an earlier one, asks for an actor to go first there, so that the other outcome occurs.
+    /// If a turn races with an earlier turn, adds an actor to try at the earlier point, so that another order has the
+    /// other outcome.
     fn want_otherwise(&mut self, actor: Actor, step: &Step, before: &[u32]) {
         let mut racing: Vec<usize> = Vec::new();
         let mut dependent: Vec<usize> = Vec::new();
@@ -253,7 +256,7 @@ impl Explorer {
             if one.actor == actor || one.step.commutes(step) || one.is_before(before) {
                 continue;
             }
-            // Race: no turn in between orders the two.
+            // It is a race if no turn between the two orders them.
             if !dependent.iter().any(|between| one.is_before(&self.taken[*between].clock)) {
                 racing.push(at);
             }
@@ -261,7 +264,7 @@ impl Explorer {
         }
         for at in racing {
             let one = &self.taken[at];
-            // All turns behind it that don't depend on it, and then this turn.
+            // All turns after `one` that don't depend on it, and then this turn.
             let mut firsts: Vec<Actor> = Vec::new();
             let mut seen: Vec<&Taken> = Vec::new();
             let free = self.taken[at + 1..].iter().filter(|other| !one.is_before(&other.clock));
@@ -289,7 +292,7 @@ impl Explorer {
 
 impl Turns for Explorer {
     fn ready(&mut self, actor: Actor, step: Step) {
-        // A pending store comes after everything that its invocation has done.
+        // A pending store comes after everything that its invocation has done so far.
         if actor.store > 0 {
             let unit = Actor { store: 0, ..actor };
             let clock = self.clocks.get(&unit).unwrap_or(&self.base).clone();
@@ -300,7 +303,7 @@ impl Turns for Explorer {
     }
 
     fn next(&mut self) -> Option<Actor> {
-        // A step that others can't see is no turn.
+        // A step without an atomic isn't a turn, because other actors can't see it.
         if let Some(actor) =
             self.ready.iter().find(|(_, step)| !step.atomic).map(|(actor, _)| *actor)
         {
@@ -309,7 +312,7 @@ impl Turns for Explorer {
             return Some(actor);
         }
         if self.ready.is_empty() {
-            // The rest wait for each other. They may go on: a loop may end by itself.
+            // All other actors wait. They may still go on, because a loop may end without a change.
             self.ready.append(&mut self.waiting);
         }
         let at = self.taken.len();

@@ -1,4 +1,4 @@
-//! Intervals of floats and integers, and booleans that may be undecided.
+//! Intervals of floats, ranges of integers, and booleans that may be undecided.
 
 mod chain;
 mod half;
@@ -8,25 +8,25 @@ use std::fmt;
 
 use chain::{Chain, Ends};
 
-/// The values that WGSL allows a float: every `f32` from `lo` to `hi`. An unbounded interval allows anything, NaN
-/// included.
+/// The values that WGSL allows for a float: every `f32` from `lo` to `hi`. An unbounded interval allows any value,
+/// including NaN.
 ///
-/// A result is unbounded if it overflows, or if the specification doesn't bound its accuracy, and so is everything
-/// computed from it: an implementation may assume that neither infinities nor NaN occur. Bounds are rounded outwards to
-/// `f32`.
+/// A result is unbounded if it overflows, or if the specification doesn't limit its error. Everything that is computed
+/// from an unbounded value is unbounded, too, because an implementation may assume that infinities and NaN don't occur.
+/// Bounds are rounded outwards to `f32`.
 ///
-/// A sum or a product covers each order of its operations, across bindings, variables and calls: it remembers its terms
-/// or factors.
+/// A sum or a product includes the results of all orders of its operations, also across let-bindings, variables and
+/// calls. For this, an interval remembers its terms or factors.
 #[derive(Clone, Copy)]
 pub struct Interval {
     lo: f32,
     hi: f32,
-    /// 1 + the site that made it unbounded, or 0; and the bit [`REORDERED`].
+    /// The site that made the interval unbounded, plus 1; or 0. Also the bit [`REORDERED`].
     cause: u32,
     chain: Chain,
 }
 
-/// The bit of a cause that is set if the operation is bounded in the order in which it is written.
+/// The bit of a cause that is set if the result is bounded in the order in which the operations are written.
 const REORDERED: u32 = 1 << 31;
 
 impl fmt::Debug for Interval {
@@ -42,24 +42,24 @@ impl Default for Interval {
 }
 
 impl PartialEq for Interval {
-    /// Compares bounds, and ignores the causes of unbounded ones.
+    /// Compares bounds, and ignores causes.
     fn eq(&self, other: &Self) -> bool {
         self.lo == other.lo && self.hi == other.hi
     }
 }
 
 impl Interval {
-    /// Anything at all.
+    /// All floats, including NaN.
     pub const UNBOUNDED: Self =
         Self { lo: f32::NEG_INFINITY, hi: f32::INFINITY, cause: 0, chain: Chain::Single };
 
-    /// One float; unbounded if it isn't finite.
+    /// The interval of one float. Unbounded if the float isn't finite.
     #[must_use]
     pub fn point(x: f32) -> Self {
         Self::between(x, x)
     }
 
-    /// Every float from `lo` to `hi`; unbounded if an end isn't finite.
+    /// The interval of all floats from `lo` to `hi`. Unbounded if an end isn't finite.
     #[must_use]
     pub fn between(lo: f32, hi: f32) -> Self {
         if lo.is_finite() && hi.is_finite() && lo <= hi {
@@ -69,38 +69,38 @@ impl Interval {
         }
     }
 
-    /// The least value, negative infinity when unbounded.
+    /// The least value. Negative infinity if the interval is unbounded.
     #[must_use]
     pub fn lo(self) -> f32 {
         self.lo
     }
 
-    /// The greatest value, infinity when unbounded.
+    /// The greatest value. Infinity if the interval is unbounded.
     #[must_use]
     pub fn hi(self) -> f32 {
         self.hi
     }
 
-    /// Returns `true` if both bounds are finite.
+    /// Checks if both bounds are finite.
     #[must_use]
     pub fn is_bounded(self) -> bool {
         self.lo.is_finite() && self.hi.is_finite()
     }
 
-    /// Returns `true` if it contains `x`. An unbounded one contains NaN and infinities, too.
+    /// Checks if the interval contains `x`. An unbounded interval contains all values, also NaN and infinities.
     #[must_use]
     pub fn contains(self, x: f64) -> bool {
         !self.is_bounded() || (f64::from(self.lo) <= x && x <= f64::from(self.hi))
     }
 
-    /// Returns `true` if only another order of some operations, which WGSL allows (15.7.5), makes it unbounded: there
-    /// an intermediate result may overflow, or become a divisor without bounds.
+    /// Checks if the interval is unbounded only because WGSL allows another order of operations (15.7.5). In the other
+    /// order, an intermediate result may overflow, or become a divisor without bounds.
     #[must_use]
     pub fn is_reordered(self) -> bool {
         self.cause & REORDERED != 0
     }
 
-    /// The site of the operation that made it unbounded, if it is.
+    /// The site of the operation that made the interval unbounded, if there is one.
     pub(crate) fn cause(self) -> Option<u32> {
         (self.cause & !REORDERED).checked_sub(1)
     }
@@ -109,12 +109,13 @@ impl Interval {
         Self { cause: (self.cause & REORDERED) | (site + 1), ..self }
     }
 
-    /// Unbounded, with the cause of its operand.
+    /// This interval with the cause of `other`.
     pub(crate) fn caused_as(self, other: Self) -> Self {
         Self { cause: other.cause, ..self }
     }
 
-    /// This interval, which covers any order, marked if the written order is bounded.
+    /// Combines this interval, which includes all orders, with the interval of the written order. If only the written
+    /// order is bounded, the result is marked as [`REORDERED`].
     fn unless_written(self, written: Self) -> Self {
         match (self.is_bounded(), written.is_bounded()) {
             (true, true) => self,
@@ -123,7 +124,7 @@ impl Interval {
         }
     }
 
-    /// Unbounded, with the cause of the operand that is unbounded.
+    /// An unbounded result of two operands. It keeps the operands' mark [`REORDERED`].
     fn lost(self, other: Self) -> Self {
         Self { cause: (self.cause | other.cause) & REORDERED, ..Self::UNBOUNDED }
     }
@@ -140,13 +141,13 @@ impl Interval {
         }
     }
 
-    /// Rounds exact bounds outwards to `f32`, and includes zero if a subnormal may be flushed.
+    /// Rounds exact bounds outwards to `f32`. Adds zero if a value may be subnormal, because subnormals may be flushed.
     pub(crate) fn outwards(lo: f64, hi: f64) -> Self {
         if !(lo.abs() <= f64::from(f32::MAX) && hi.abs() <= f64::from(f32::MAX) && lo <= hi) {
             return Self::UNBOUNDED;
         }
         let (low, high) = (lo as f32, hi as f32);
-        // Without branches: every second one would be mispredicted.
+        // There are no branches, because branch prediction would fail half of the time.
         let low = stepped(low, -i32::from(f64::from(low) > lo));
         let high = stepped(high, i32::from(f64::from(high) < hi));
         if !(low.is_finite() && high.is_finite()) {
@@ -155,13 +156,14 @@ impl Interval {
         Self { lo: low, hi: high, ..Self::UNBOUNDED }.flushed()
     }
 
-    /// These bounds for the rest of it after a sum takes off its whole part, in any order.
+    /// The bounds `lo` to `hi` of a remainder such as `x - floor(x)`, widened for all orders in which `self` may be
+    /// added up.
     pub(crate) fn with_slack(self, lo: f64, hi: f64) -> Self {
         let slack = self.chained().map_or(0.0, |(ends, chain)| chain.slack(ends));
         Self::outwards(lo - slack, hi + slack)
     }
 
-    /// Includes zero if one of its values is subnormal.
+    /// Adds zero if one of the values is subnormal.
     pub(crate) fn flushed(self) -> Self {
         let tiny = f32::MIN_POSITIVE;
         let mut flushed = self;
@@ -174,7 +176,7 @@ impl Interval {
         flushed
     }
 
-    /// The least interval that contains both.
+    /// The smallest interval that contains both intervals.
     pub(crate) fn join(self, other: Self) -> Self {
         if let (Some(ends), Some(others)) = (self.bounds(), other.bounds()) {
             let chain = self.chain.join(ends, other.chain, others);
@@ -184,8 +186,8 @@ impl Interval {
         Self { cause: if self.cause == 0 { other.cause } else { self.cause }, ..Self::UNBOUNDED }
     }
 
-    /// The intersection: `other` if this one is unbounded; this one if the other is unbounded or the two have nothing
-    /// in common.
+    /// The intersection of the two intervals. It is `other` if `self` is unbounded. It is `self` if `other` is
+    /// unbounded, or if the two intervals don't overlap.
     pub(crate) fn meet(self, other: Self) -> Self {
         match (self.is_bounded(), other.is_bounded()) {
             (_, false) => self,
@@ -197,13 +199,13 @@ impl Interval {
         }
     }
 
-    /// The bounds in `f64`, with subnormals flushed or not.
+    /// The bounds in `f64`. The range includes both the subnormals and their flushed value. `None` if unbounded.
     pub(crate) fn bounds(self) -> Option<(f64, f64)> {
         let flushed = self.flushed();
         self.is_bounded().then(|| (f64::from(flushed.lo), f64::from(flushed.hi)))
     }
 
-    /// Applies a monotonic `f` to both bounds and widens them by `error`.
+    /// Applies a monotonic function `f` to both bounds, and widens the result by `error`.
     pub(crate) fn monotonic(self, f: impl Fn(f64) -> f64, error: impl Fn(f64, f64) -> f64) -> Self {
         let Some((lo, hi)) = self.bounds() else { return Self::UNBOUNDED };
         let mut ends = [(lo, f(lo)), (hi, f(hi))];
@@ -245,7 +247,7 @@ impl Interval {
         }
     }
 
-    /// The quotient, within 2.5 ulp for divisors of magnitude 2^-126 to 2^126.
+    /// The quotient. WGSL allows an error of 2.5 ulp for divisors with a magnitude of 2^-126 to 2^126.
     pub(crate) fn div(self, other: Self) -> Self {
         let (Some(x), Some(y)) = (self.chained(), other.chained()) else {
             return self.lost(other);
@@ -261,8 +263,8 @@ impl Interval {
         }
         let quotients = [a / c, a / d, b / c, b / d];
         let (lo, hi) = (least(&quotients), greatest(&quotients));
-        // No implementation gives a quotient the wrong sign, though 2.5 ulp around 0 would allow it: `sqrt(0 / x)`
-        // would then have no bound.
+        // No implementation returns a quotient with the wrong sign, although an error of 2.5 ulp around 0 would allow
+        // this. With the wrong sign, `sqrt(0 / x)` would be unbounded.
         let (below, above) = widened(lo, hi, |_, y| 2.5 * ulp(y));
         let (below, above) = match (lo >= 0.0, hi <= 0.0) {
             (true, true) => (lo, hi),
@@ -273,7 +275,7 @@ impl Interval {
         chain::divide(x, y, Self::outwards(below, above))
     }
 
-    /// Exact: one of the arguments.
+    /// The smaller argument, which is exact.
     pub(crate) fn min(self, other: Self) -> Self {
         self.both(other, f32::min)
     }
@@ -282,8 +284,8 @@ impl Interval {
         self.both(other, f32::max)
     }
 
-    /// The float that an integer of a normalised format reads as: within 3 ulp of the exact quotient, which is the
-    /// bound of `unpack4x8unorm` and its like (15.7.4). 0 is exact.
+    /// The float for an integer of a normalised format. WGSL allows an error of 3 ulp from the exact quotient for
+    /// `unpack4x8unorm` and similar functions (15.7.4), and Karat allows the same here. 0 is exact.
     pub(crate) fn normalized(exact: f64) -> Self {
         let error = 3.0 * ulp(exact);
         match exact == 0.0 {
@@ -300,7 +302,7 @@ impl Interval {
         Self { lo: f(a.lo, b.lo), hi: f(a.hi, b.hi), ..Self::UNBOUNDED }
     }
 
-    /// Within 2 ulp, for arguments above zero.
+    /// The inverse square root. WGSL allows an error of 2 ulp for arguments above zero.
     pub(crate) fn inverse_sqrt(self) -> Self {
         match self.bounds() {
             Some((lo, _)) if lo > 0.0 => self.monotonic(|x| 1.0 / x.sqrt(), |_, y| 2.0 * ulp(y)),
@@ -308,7 +310,7 @@ impl Interval {
         }
     }
 
-    /// `1 / inverseSqrt(x)`, and 0 for 0.
+    /// The square root: `1 / inverseSqrt(x)`, and 0 for 0.
     pub(crate) fn sqrt(self) -> Self {
         let Some((lo, hi)) = self.bounds() else { return Self::UNBOUNDED };
         if lo < 0.0 {
@@ -320,17 +322,17 @@ impl Interval {
         let one = Self::point(1.0);
         if lo == 0.0 {
             // A subnormal argument may be flushed to 0, which has no inverse root. The root of the least normal number
-            // is larger than its own.
+            // is larger than the root of any subnormal number.
             let hi = (hi as f32).max(f32::MIN_POSITIVE);
             return one.div(Self::point(hi).inverse_sqrt()).join(Self::point(0.0));
         }
         one.div(self.inverse_sqrt())
     }
 
-    /// Within an absolute 2^-11 on [-pi, pi], for `sin` and `cos`. `offset` is 0 for `sin`, 1/4 turn for `cos`.
+    /// A sine, or a cosine if `cosine` is set. WGSL allows an absolute error of 2^-11 on [-pi, pi].
     pub(crate) fn wave(self, cosine: bool) -> Self {
         let Some((lo, hi)) = self.bounds() else { return Self::UNBOUNDED };
-        // The domain's end is the f32 nearest to pi, which is a little above it.
+        // The end of the domain is the `f32` nearest to pi, which is slightly above pi.
         let end = f64::from(std::f32::consts::PI);
         if lo < -end || hi > end {
             return Self::UNBOUNDED;
@@ -353,7 +355,7 @@ impl Interval {
         self.monotonic(f64::exp, |x, y| (3.0 + 2.0 * x.abs()) * ulp(y))
     }
 
-    /// Logarithms: within an absolute 2^-21 on [0.5, 2], elsewhere above zero within 3 ulp.
+    /// A logarithm. WGSL allows an absolute error of 2^-21 on [0.5, 2], and 3 ulp for other arguments above zero.
     pub(crate) fn logarithm(self, f: impl Fn(f64) -> f64) -> Self {
         match self.bounds() {
             Some((lo, hi)) if lo > 0.0 => {
@@ -365,7 +367,7 @@ impl Interval {
                     }
                 };
                 let mut all = self.monotonic(&f, error);
-                // Inside the interval the error may be larger than at either end.
+                // Inside the interval, the error may be larger than at both ends.
                 for edge in [0.5, 2.0] {
                     if lo < edge && edge < hi {
                         all = all.join(Self::point(edge as f32).monotonic(&f, error));
@@ -399,13 +401,14 @@ impl Interval {
     }
 }
 
-/// 2^-126 and 2^126. The specification bounds division for divisors between them.
+/// The least divisor, 2^-126, and the greatest, 2^126, for which the specification limits the error of a division.
 const LEAST_DIVISOR: f64 = f32::MIN_POSITIVE as f64;
 const GREATEST_DIVISOR: f64 = 1.0 / LEAST_DIVISOR;
 
-/// The least distance between two `f32` near `x`. Below a power of two the neighbour is nearer than above it.
+/// The smallest distance between two neighbouring `f32` near `x`. At a power of two, the neighbour below is nearer than
+/// the neighbour above.
 pub(crate) fn ulp(x: f64) -> f64 {
-    /// The exponent of the least normal `f32`, 2^-126, as `f64` has it.
+    /// The biased exponent in `f64` of the least normal `f32`, 2^-126.
     const LEAST: u64 = 1023 - 126;
     let power_of_two = x.to_bits() << 12 == 0;
     let exponent = (x.to_bits() >> 52) & 0x7ff;
@@ -420,11 +423,11 @@ enum End {
     Most,
 }
 
-/// A range of exact results, widened by their errors.
+/// Widens a range of exact results by their errors.
 ///
-/// The larger error isn't always at an end: an ulp doubles at a power of two, so just behind the first power in the
-/// range the error may reach further than at the end nearer to zero. The other parts of an error change by less than
-/// 2^-20 between the end and a power that is near enough to matter.
+/// The error that reaches furthest isn't always at an end. An ulp doubles at a power of two. So just beyond the first
+/// power of two in the range, the error may reach further than at the end nearer to zero. The other parts of an error
+/// change by less than 2^-20 between the end and such a power.
 fn widened(least: f64, most: f64, error: impl Fn(End, f64) -> f64) -> (f64, f64) {
     const ELSEWHERE: f64 = 1.0 + 1.0 / 1_048_576.0;
     let mut below = least - error(End::Least, least);
@@ -443,14 +446,14 @@ fn widened(least: f64, most: f64, error: impl Fn(End, f64) -> f64) -> (f64, f64)
     (below, above)
 }
 
-/// The least power of two that is at least this number above zero, and at least 2^-126.
+/// The smallest power of two that is at least `x`, and at least 2^-126.
 fn power_above(x: f64) -> f64 {
-    // The exponent alone.
+    // The exponent without the fraction.
     let floor = f64::from_bits(x.to_bits() & 0x7FF << 52).max(f64::from(f32::MIN_POSITIVE));
     if floor < x { 2.0 * floor } else { floor }
 }
 
-/// The exact rounding error of a sum in `f64`. Knuth, TAOCP 4.2.2, theorem B.
+/// The exact rounding error of a sum in `f64`. Source: Knuth, TAOCP 4.2.2, theorem B.
 fn lost(a: f64, b: f64, sum: f64) -> f64 {
     let part = sum - a;
     (a - (sum - part)) + (b - part)
@@ -466,9 +469,9 @@ fn upper_sum(a: f64, b: f64) -> f64 {
     if lost(a, b, sum) > 0.0 { sum.next_up() } else { sum }
 }
 
-/// The float that is `by` floats away; zero counts twice.
+/// The float that is `by` floats away from `x`. Both zeros count.
 fn stepped(x: f32, by: i32) -> f32 {
-    // The bits of negative floats count downwards. Turned, all count upwards.
+    // The bits of negative floats count downwards. `turned` makes all bits count upwards.
     let turned = |bits: i32| bits ^ ((bits >> 31) & i32::MAX);
     let place = turned(x.to_bits().cast_signed()).wrapping_add(by);
     f32::from_bits(turned(place).cast_unsigned())
@@ -484,7 +487,7 @@ fn greatest(of: &[f64; 4]) -> f64 {
     more(more(of[0], of[1]), more(of[2], of[3]))
 }
 
-/// The values of an integer: each one from `lo` to `hi`, as its type reads them.
+/// The values of an integer: each integer from `lo` to `hi`, signed or unsigned as its type.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Range {
     lo: i64,
@@ -492,13 +495,13 @@ pub struct Range {
 }
 
 impl Range {
-    /// Every integer from `lo` to `hi`, each an `i32` or a `u32`.
+    /// The integers from `lo` to `hi`. Each must be an `i32` or a `u32`.
     pub(crate) fn between(lo: i64, hi: i64) -> Self {
         debug_assert!(lo <= hi, "{lo} to {hi}");
         Self { lo, hi }
     }
 
-    /// `lo` to `hi`, or every integer of the type if an end is outside the type.
+    /// The integers from `lo` to `hi`, or all integers of the type if `lo` or `hi` is outside of the type.
     pub(crate) fn or_full(lo: i64, hi: i64, signed: bool) -> Self {
         let full = Self::full(signed);
         if full.lo <= lo && lo <= hi && hi <= full.hi { Self { lo, hi } } else { full }
@@ -517,19 +520,19 @@ impl Range {
         }
     }
 
-    /// The least.
+    /// The least integer.
     #[must_use]
     pub fn lo(self) -> i64 {
         self.lo
     }
 
-    /// The greatest.
+    /// The greatest integer.
     #[must_use]
     pub fn hi(self) -> i64 {
         self.hi
     }
 
-    /// Its only word, if it has one value.
+    /// The word of the only integer. `None` if there are several.
     pub(crate) fn word(self) -> Option<u32> {
         (self.lo == self.hi).then_some(self.lo as u32)
     }
@@ -551,12 +554,12 @@ impl Range {
 /// A boolean that may be undecided.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Truth {
-    /// No.
+    /// The boolean is false.
     #[default]
     False,
-    /// Yes.
+    /// The boolean is true.
     True,
-    /// Either: the specification allows both.
+    /// The boolean is false or true: the specification allows both.
     Undecided,
 }
 
@@ -599,7 +602,7 @@ impl Truth {
 mod tests {
     use super::*;
 
-    /// A subnormal number may be flushed to 0, and has a root either way.
+    /// A subnormal number may be flushed to 0. Both 0 and the subnormal number have a root.
     #[test]
     fn roots_of_subnormal_numbers_are_bounded() {
         for x in [f32::from_bits(1), 1e-38, 1e-40] {
@@ -615,7 +618,7 @@ mod tests {
             let bounds = Interval::outwards(x, x);
             let (lo, hi) = (f64::from(bounds.lo()), f64::from(bounds.hi()));
             assert!(lo <= x && x <= hi, "{x}: {bounds:?}");
-            // No other float lies between, except zero, to which a subnormal may be flushed.
+            // No other float is between the bounds, except zero, to which a subnormal may be flushed.
             let near = bounds.lo() == bounds.hi() || bounds.lo().next_up() == bounds.hi();
             assert!(near || lo == 0.0 || hi == 0.0, "{x}: {bounds:?}");
         }
@@ -625,7 +628,8 @@ mod tests {
         assert!(!Interval::outwards(f64::NAN, 0.0).is_bounded());
     }
 
-    /// 2^x just above x = 0 has twice the ulp of 2^x just below.
+    /// Just above x = 0, an ulp of 2^x is twice as large as just below.
+    // Lesson 91
     #[test]
     fn errors_double_behind_a_power_of_two() {
         let crossing = Interval::point(-1e-7).join(Interval::point(1.0)).exp2();

@@ -23,7 +23,7 @@ impl Refusal {
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum Stop {
     /// A loop ran for more rounds than the options allow.
-    #[error("case {case} spent its fuel of {rounds} loop rounds")]
+    #[error("case {case} ran more than {rounds} loop rounds")]
     Fuel {
         /// The loop.
         span: Span,
@@ -43,7 +43,7 @@ pub enum Stop {
         case: usize,
     },
     /// Each running invocation reads the same words in a loop, and none of them changes a word.
-    #[error("case {case} waits in a loop for a word that nothing changes any more")]
+    #[error("case {case} waits in a loop for a word that nothing changes")]
     Waits {
         /// A read in such a loop.
         span: Span,
@@ -51,7 +51,7 @@ pub enum Stop {
         case: usize,
     },
     /// The loops of all cases together ran for more rounds than the options allow.
-    #[error("its loops go round more than {rounds} times together")]
+    #[error("its loops run more than {rounds} rounds in total")]
     Work {
         /// A loop that was running.
         span: Span,
@@ -59,7 +59,7 @@ pub enum Stop {
         rounds: u64,
     },
     /// The words aren't whole rows.
-    #[error("{found} words aren't {cases} rows of {width}")]
+    #[error("{found} words don't make {cases} rows of {width} words")]
     Rows {
         /// The number of words.
         found: usize,
@@ -83,7 +83,7 @@ pub enum Stop {
         span: Span,
     },
     /// A buffer is smaller than its type.
-    #[error("buffer `{name}` has {found} bytes, its type {needed}")]
+    #[error("buffer `{name}` has {found} bytes, but its type needs {needed}")]
     Short {
         /// Its name in the module.
         name: String,

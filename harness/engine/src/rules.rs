@@ -284,6 +284,7 @@ mod tests {
 
     /// For any numbers in the argument intervals, the bounds of their result lie within the bounds for the intervals.
     /// Otherwise an allowed result could lie outside.
+    // Lesson 109
     #[test]
     fn wider_arguments_have_wider_results() {
         let families: [Vec<FloatRule>; 5] = [

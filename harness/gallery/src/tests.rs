@@ -129,8 +129,9 @@ impl Write for Closed {
     }
 }
 
+// Lesson 57
 #[test]
-fn frames_are_written_though_nobody_reads_about_them() {
+fn frames_are_written_to_a_closed_output() {
     let gallery = Gallery::new().frame("grey", "", |_| draw("grey"));
     let folder = tempfile::tempdir().expect("a temporary folder");
     let out = folder.path().to_string_lossy();

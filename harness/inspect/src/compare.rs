@@ -1019,7 +1019,7 @@ mod tests {
     }
 
     #[test]
-    fn an_edit_is_told_by_what_it_changes() {
+    fn a_change_of_each_kind_is_reported() {
         let before = "// old\nfn half(x: f32) -> f32 { return x / 2.0; }\n\
                       fn user(x: f32) -> f32 { return half(x) + 1.0; }\n\
                       fn gone() -> u32 { return 1u; }\nfn other(x: f32) -> f32 { return x; }\n";
@@ -1041,7 +1041,7 @@ mod tests {
 
     /// Coverage of a function, and of one that writes memory.
     #[test]
-    fn lines_that_no_argument_comes_to_are_told() {
+    fn lines_that_no_argument_reaches_are_listed() {
         let before = "@group(0) @binding(0) var<storage, read_write> seen: array<f32>;
             fn f(x: f32) -> f32 {
                 if x * x == 1234.56 { return 2.0; }
@@ -1072,7 +1072,7 @@ mod tests {
 
     /// If each input decides a condition alike, its other way isn't covered.
     #[test]
-    fn conditions_that_each_input_decides_alike_are_told() {
+    fn conditions_with_one_outcome_are_listed() {
         let text = "fn key(x: u32, y: u32) -> u32 {
                 let far = select(0u, 2u, y * y != 7654321u);
                 if x > 3u && y >= 0u { return far; }
@@ -1091,7 +1091,7 @@ mod tests {
     /// With an index outside its array, the engine reads what drivers may read: for example the last element, which a
     /// guard would have chosen, too.
     #[test]
-    fn an_index_outside_that_an_edit_brings_is_told() {
+    fn a_new_index_out_of_bounds_is_reported() {
         let of = |value: &str| {
             format!(
                 "fn pick(i: u32) -> f32 {{
@@ -1198,7 +1198,7 @@ mod tests {
 
     /// The comparison reports each input and output whose attribute changed, and no other.
     #[test]
-    fn each_attribute_that_changes_is_told() {
+    fn each_changed_attribute_is_reported() {
         let of = |all: &[(&str, &str)]| {
             all.iter()
                 .map(|(path, is)| ((*path).to_owned(), (*is).to_owned()))
@@ -1227,7 +1227,7 @@ mod tests {
     }
 
     #[test]
-    fn a_change_is_told_by_the_simplest_arguments() {
+    fn a_change_is_shown_at_the_simplest_arguments() {
         let before = "fn f(a: f32, b: f32) -> f32 { return a + b; }\n\
                       fn n(x: f32) -> f32 { return x; }\n";
         let after = "fn f(a: f32, b: f32) -> f32 { return select(a + b, a - b, a > 0.25); }\n\
@@ -1242,6 +1242,7 @@ mod tests {
         assert_eq!((paths[0].ulp, &*paths[0].after), (None, "NaN"), "NaN is no distance");
     }
 
+    // Lesson 106
     #[test]
     fn the_worst_change_is_shown_and_not_the_simplest() {
         let before = "fn f(x: f32) -> f32 { return max(x, 0.0) + 1.0; }\n";
@@ -1253,8 +1254,9 @@ mod tests {
         assert_eq!((&*paths[0].after, paths[0].ulp), ("NaN", None), "{paths:?}");
     }
 
+    // Lesson 106
     #[test]
-    fn what_cannot_be_called_is_untouched_or_not_judged() {
+    fn functions_that_cannot_be_called_are_unchanged_or_unjudged() {
         let before = "fn add(x: ptr<function, atomic<u32>>) { let a = 1.0; }\n\
                       @compute @workgroup_size(1) fn nothing() { let x = 1.0; }\n";
         let untouched = changes(before, &format!("// a comment\n{before}"));
@@ -1300,6 +1302,7 @@ mod tests {
         );
     }
 
+    // Lesson 132
     #[test]
     fn derivatives_have_something_to_differentiate() {
         let before = "struct Point { uv: vec2f, id: u32 }\n\
@@ -1323,8 +1326,10 @@ mod tests {
     }
 
     /// The results are the same, but the host has to supply resources differently.
+    // Lesson 152
+    // Lesson 200
     #[test]
-    fn other_bindings_and_layouts_are_told() {
+    fn changed_bindings_and_layouts_are_reported() {
         let package = |text: &str| Package::from_source("p", text);
         let interface = |before: &str, from: &str, to: &str| {
             let request = Request::new(package(before), package(&before.replace(from, to)));
@@ -1364,8 +1369,9 @@ mod tests {
 
     /// Textures differ in size and levels, numbers have the ranges declared in `karat.toml`, and cosines round to a
     /// little above 1.
+    // Lesson 153
     #[test]
-    fn what_is_made_up_tells_edits_apart() {
+    fn generated_resources_reveal_edits() {
         let textures = "@group(0) @binding(0) var t: texture_2d<f32>;\n\
                         @group(0) @binding(1) var u: texture_2d<f32>;\n\
                         fn f(i: u32) -> vec2u { return textureDimensions(t); }\n\
@@ -1433,7 +1439,7 @@ mod tests {
     }
 
     #[test]
-    fn of_a_whole_buffer_what_changed_is_shown() {
+    fn only_the_changed_elements_of_a_buffer_are_shown() {
         let before = "@group(0) @binding(0) var<storage, read_write> all: array<u32, 40>;\n\
                       fn put(i: u32) { all[3] = 1u; }\n";
         let all = changes(before, &before.replace("1u", "2u"));
@@ -1485,7 +1491,7 @@ mod tests {
     }
 
     #[test]
-    fn each_verdict_is_told_once_with_its_count() {
+    fn each_verdict_is_printed_once_with_its_count() {
         let text: String =
             (0..9).map(|n| format!("fn f{n}x(x: f32) -> f32 {{ return x * {n}.5; }}\n")).collect();
         let [before, after] =
@@ -1504,6 +1510,7 @@ mod tests {
         assert_eq!(names, all.iter().map(|one| &one.function).collect::<Vec<_>>());
     }
 
+    // Lesson 106
     #[test]
     fn a_change_far_from_small_numbers_is_found() {
         let before = "fn hash(seed: u32) -> u32 { return seed * 747796405u; }\n\
@@ -1673,7 +1680,7 @@ mod tests {
 
     /// A count below the elements, a state with an initial value, an override that nothing uses.
     #[test]
-    fn what_a_first_reader_found_is_told() {
+    fn rare_edits_of_guards_states_and_overrides_are_reported() {
         let guard = "@group(0) @binding(0) var<uniform> count: u32;
             @group(0) @binding(1) var<storage, read_write> d: array<f32>;
             @compute @workgroup_size(64) fn c(@builtin(global_invocation_id) id: vec3u) {
@@ -1754,7 +1761,7 @@ mod tests {
 
     /// The other modules keep their verdicts if one can't be read.
     #[test]
-    fn a_broken_module_is_told_and_the_others_are_compared() {
+    fn a_broken_module_is_reported_and_the_others_are_compared() {
         let package =
             |bad: &str, good: &str| Package::from_modules("p", [("bad", bad), ("good", good)]);
         let (bad, good) = ("fn f( {", "fn g(x: f32) -> f32 { return x; }");
@@ -1954,8 +1961,9 @@ mod tests {
     }
 
     /// If the engine runs nothing, coverage is unknown, and the comparison says so.
+    // Lesson 88
     #[test]
-    fn what_is_not_measured_is_told() {
+    fn unmeasured_coverage_is_reported() {
         let mut both = Both::default();
         assert!(both.uncovered("f.wgsl:1:1").is_empty(), "nothing was asked");
         let [before, after] = [0, 1];
@@ -1973,6 +1981,7 @@ mod tests {
     }
 
     /// Text that can't be read, under a condition or in an invalid module, must not count as unchanged.
+    // Lesson 88
     #[test]
     fn edits_that_cannot_be_read_are_unjudged() {
         let of = |before: &str, after: &str| {

@@ -874,6 +874,7 @@ mod tests {
     }
 
     /// Declared lanes are held, names count in a function without callers, and plain numbers come first.
+    // Lesson 99
     #[test]
     fn known_lanes_are_held() {
         let (probed, mut ranges) =

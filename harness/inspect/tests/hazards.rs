@@ -25,8 +25,9 @@ fn at(text: &str, kind: Kind, operation: &str) -> Hazard {
 
 /// A fault goes wrong in each sample of the free inputs. If some sample averts it, it is a requirement, and lists the
 /// inputs of which each alone can avert it.
+// Lesson 97
 #[test]
-fn running_tells_faults_from_requirements() {
+fn running_separates_faults_from_requirements() {
     use Class::{Dropped, Fault, Requirement};
     let of = |parameters: &str, result: &str, body: &str| {
         format!(
@@ -199,6 +200,7 @@ fn running_tells_faults_from_requirements() {
 }
 
 /// A declaration turns a requirement into a fault, or removes it.
+// Lesson 97
 #[test]
 fn declared_inputs_are_held() {
     let text = "fn f(value: f32, k: f32) -> f32 { let bins = array(1.0, 2.0, 3.0, 4.0); return k * bins[u32(value * 4.0)]; }\n\
@@ -224,6 +226,8 @@ fn declared_inputs_are_held() {
 }
 
 /// A finding in a function with callers is judged at the outermost callers.
+// Lesson 97
+// Lesson 143
 #[test]
 fn callers_judge_what_they_call() {
     let root = "fn root(x: f32) -> f32 { return sqrt(x - 0.5); }\n";
@@ -272,8 +276,9 @@ fn callers_judge_what_they_call() {
 }
 
 /// A bad value counts if it reaches a result, a condition, an index or an unbounded number.
+// Lesson 143
 #[test]
-fn what_something_uses_is_not_dropped() {
+fn used_results_are_not_dropped() {
     for text in [
         "fn lit(a: f32) -> f32 { return select(0.0, 1.0, sqrt(a) > 0.5); }",
         "fn hit(a: f32) -> bool { return sqrt(a) < 1.0; }",
@@ -299,6 +304,7 @@ fn what_something_uses_is_not_dropped() {
 }
 
 /// Each operation of a function counts, also after others of its kind.
+// Lesson 97
 #[test]
 fn each_operation_has_its_own_verdict() {
     let text = "fn f(x: f32, y: f32) -> f32 { let a = 1.0 / (x - x); let b = 1.0 / (y - y); let c = 1.0 / x; return a + b + c; }";
@@ -342,6 +348,7 @@ fn a_function_is_judged_by_what_it_uses() {
 }
 
 /// An invalid module has no callers, so its functions are judged one by one.
+// Lesson 143
 #[test]
 fn modules_that_are_not_valid_may_call() {
     let modules = |broken: &'static str| {
@@ -358,6 +365,7 @@ fn modules_that_are_not_valid_may_call() {
     assert_eq!((beside.found.len(), beside.of(Class::Met).count()), (0, 1), "{beside}");
 }
 
+// Lesson 111
 #[test]
 fn each_is_found_where_it_is_born() {
     let schlick =
@@ -427,6 +435,7 @@ fn of_kind(hazards: &Hazards, kind: Kind) -> Hazard {
 }
 
 /// If the engine reported one lane of 256, `always` would look like `rarely`.
+// Lesson 140
 #[test]
 fn each_input_of_a_hazard_counts() {
     let always =
@@ -480,6 +489,7 @@ fn each_input_of_a_hazard_counts() {
 }
 
 /// Integers are declared like floats, and the ends of their types are sampled.
+// Lesson 146
 #[test]
 fn integers_are_declared_and_reach_the_ends_of_their_types() {
     let text = "fn g(count: u32) -> u32 { return 100u / (50u - count); }";
@@ -505,6 +515,7 @@ fn integers_are_declared_and_reach_the_ends_of_their_types() {
 }
 
 /// A report says which values it tried. Unconstrained numbers are sampled as in tests.
+// Lesson 147
 #[test]
 fn a_report_says_what_was_drawn() {
     let hazards =
@@ -516,6 +527,7 @@ fn a_report_says_what_was_drawn() {
     assert_eq!(hazards.drawn.to_string(), drawn);
 }
 
+// Lesson 150
 #[test]
 fn edges_in_the_wrong_order_and_numbers_beyond_a_type_are_hazards() {
     for (text, kind) in [
@@ -544,6 +556,7 @@ fn edges_in_the_wrong_order_and_numbers_beyond_a_type_are_hazards() {
 }
 
 /// Members of buffers have names, ranges and several contents.
+// Lesson 149
 #[test]
 fn members_of_buffers_are_drawn_and_declared() {
     let text = "struct P { groups: u32, other: u32, gain: f32, seeds: array<u32, 3> }\n\
@@ -582,8 +595,9 @@ fn members_of_buffers_are_drawn_and_declared() {
 }
 
 /// The report counts the parts that weren't checked.
+// Lesson 151
 #[test]
-fn what_was_not_looked_at_is_counted() {
+fn unchecked_inputs_and_functions_are_counted() {
     let text = "fn f(m: u32) -> f32 { var s = 0.0; for (var i = 0u; i < m; i++) { s += 1.0 / f32(i + 1u); }\n\
                 return s; }\n\
                 @group(0) @binding(0) var<storage, read_write> p: f32; fn unseen(x: f32) { p = x; }\n";
@@ -645,8 +659,9 @@ fn progress_never_goes_backwards() {
 }
 
 /// Correct code gives no findings: authors read few findings, and ignore many.
+// Lesson 111
 #[test]
-fn what_is_right_has_none() {
+fn correct_functions_have_no_findings() {
     for text in [
         "fn f(n_dot_l: f32, albedo: vec3f) -> vec3f { return albedo * n_dot_l / 3.1415927; }",
         "fn f(f0: vec3f, v_dot_h: f32) -> vec3f { let c = 1.0 - v_dot_h; let c2 = c * c;\n\
@@ -940,6 +955,7 @@ fn contents_of_a_pass_may_decide_alone() {
 }
 
 /// The pixels of a draw run side by side, each at its own place.
+// Lesson 215: two pixels of a draw
 #[test]
 fn pixels_that_write_storage_race() {
     let declared = "struct P { width: u32, height: u32 }
@@ -1029,7 +1045,7 @@ fn a_race_for_one_element_is_one_whatever_contents_are() {
 
 /// Loops with many rounds aren't reported as endless, and the inputs that they don't depend on are checked.
 #[test]
-fn long_loops_are_told_from_those_without_an_end() {
+fn long_loops_are_not_reported_as_endless() {
     let look = |text: &str| {
         karat_inspect::hazards(&Package::from_source("planted", text))
             .run()
@@ -1128,7 +1144,7 @@ fn derivatives_want_a_whole_quad() {
     of("whole").expect("each pixel takes it");
     let found = of("edge").expect_err("some don't").to_string();
     assert!(found.contains("barrier at `fwidth(x)`"), "{found}");
-    assert!(found.contains("goes another way at"), "{found}");
+    assert!(found.contains("takes another branch at"), "{found}");
     for body in [
         "let c = textureSample(t, s, uv); if uv.x > 0.5 { return c; } return vec4f(0.0);",
         "if uv.x > 0.5 { discard; } return textureSample(t, s, uv);",
@@ -1142,7 +1158,7 @@ fn derivatives_want_a_whole_quad() {
 
 /// A race stays a race if zeros make its writes equal. The barrier that would order it is present.
 #[test]
-fn races_of_values_that_are_read_are_told() {
+fn races_of_read_values_are_reported() {
     let pass = |body: &str| {
         look(&format!(
             "@group(0) @binding(0) var<storage, read> a: array<f32>;
@@ -1160,7 +1176,7 @@ fn races_of_values_that_are_read_are_told() {
         race(&pass(body));
     }
     let within = race(&pass("tile[i] = a[id.x]; b[id.x] = tile[63u - i];"));
-    assert!(within.contains("a `workgroupBarrier()` between both does"), "{within}");
+    assert!(within.contains("put a `workgroupBarrier()` between both"), "{within}");
 }
 
 /// A missing guard shows at the tail, along a long side and along three short ones, and the report says where.
@@ -1337,7 +1353,7 @@ fn the_work_of_a_function_is_bounded() {
 }
 
 #[test]
-fn each_function_is_told_as_it_is_done() {
+fn each_function_is_reported_when_it_is_done() {
     let text = "fn a(x: f32) -> f32 { return 1.0 / x; }\nfn b(x: f32) -> f32 { return x; }\n\
                 fn c(x: f32) -> f32 { return log(x); }\n";
     let told = std::sync::Mutex::new(Vec::new());
@@ -1354,8 +1370,9 @@ fn each_function_is_told_as_it_is_done() {
 }
 
 /// Cases that a reader of the guide found: each had no finding, or one with a wrong class or name.
+// Lesson 98
 #[test]
-fn what_is_free_is_drawn() {
+fn free_inputs_are_drawn() {
     let head = "@group(0) @binding(0) var tex: texture_2d<f32>;\n@group(0) @binding(1) var smp: sampler;\n";
     let fragment = |body: &str| {
         format!(
@@ -1418,8 +1435,9 @@ fn what_is_free_is_drawn() {
 
 /// False faults that generated inputs caused in shaders of other projects: arrays are longer than the dispatch, a
 /// matrix called a projection has no declared entries, and another function has filled a private variable.
+// Lesson 98
 #[test]
-fn what_hosts_give_makes_no_fault() {
+fn inputs_of_the_host_cause_no_fault() {
     let level = "struct U { width: u32 } @group(0) @binding(0) var<uniform> ubo: U;
         @group(0) @binding(1) var<storage, read> buf_in: array<f32>;
         @group(0) @binding(2) var<storage, read_write> buf_out: array<f32>;
@@ -1467,6 +1485,7 @@ fn what_hosts_give_makes_no_fault() {
 }
 
 /// An override has its declared value, or its default.
+// Lesson 98
 #[test]
 fn overrides_are_declared() {
     let text = "override SCALE: f32;\nfn f(x: f32) -> f32 { return x / SCALE; }\n\
@@ -1500,7 +1519,7 @@ fn overrides_are_declared() {
 /// Each kind of declaration removes its own findings: distinct elements, lengths, workgroups, directions, numbers of
 /// one function.
 #[test]
-fn what_hosts_give_is_declared() {
+fn declared_inputs_of_the_host_are_used() {
     let folder = tempfile::tempdir().expect("a folder");
     let write = |name: &str, text: &str| {
         std::fs::write(folder.path().join(name), text).expect("it is ours");
@@ -1568,9 +1587,9 @@ fn what_hosts_give_is_declared() {
         ("[inputs]\nplaces = { range = [0, \"length(summ)\"] }", "no buffer is `summ`"),
         ("[inputs]\nk = { one_of = [0.5] }", "not all of them are u32"),
         ("[inputs]\nk = \"unit_vector\"", "declared as \"unit_vector\", and it is u32"),
-        ("[inputs]\nk = \"unit vector\"", "the input `k` is a number"),
+        ("[inputs]\nk = \"unit vector\"", "the input `k` must be a number"),
         ("[overrides]\nSIZES = 4", "uses an override `SIZES`"),
-        ("[overrides]\nSIZE = \"4\"", "the override `SIZE` is a number or a bool"),
+        ("[overrides]\nSIZE = \"4\"", "the override `SIZE` must be a number or a bool"),
     ] {
         write("karat.toml", declared);
         let error = karat_inspect::hazards(&package).run().expect_err(declared).to_string();

@@ -78,7 +78,7 @@ fn a_barrier_that_is_gone_is_a_new_violation() {
 }
 
 #[test]
-fn what_connects_an_entry_point_to_its_host_is_told() {
+fn changes_of_an_interface_are_reported() {
     let all = edited("@location(2) uv: vec2f,\n}", "@location(3) uv: vec2f,\n}");
     let told = |name: &str| {
         let one = all.iter().find(|one| one.function == name);

@@ -673,6 +673,7 @@ mod tests {
         found.map(|(_, text)| text).collect()
     }
 
+    // Lesson 28: mutants
     #[test]
     fn each_rule_makes_its_slips() {
         for (body, rule, expected) in [
@@ -730,6 +731,7 @@ mod tests {
     }
 
     /// Comments, types, attributes, declarations and imports aren't mutated.
+    // Lesson 28: mutants
     #[test]
     fn only_code_is_changed() {
         let text = "import package::math::PI; // 1 + 2\n\
@@ -749,7 +751,7 @@ mod tests {
 
     /// A comparison doesn't begin a template, and a shift doesn't end one.
     #[test]
-    fn templates_are_told_from_comparisons() {
+    fn templates_are_not_comparisons() {
         assert_eq!(by_rule("if (a < b) { c = d > e; }", Rule::Comparison).len(), 4);
         assert_eq!(by_rule("a = b >> 2u;", Rule::Operator), ["a = b << 2u;"]);
         assert_eq!(by_rule("a = array<vec2<f32>>(b);", Rule::Operator), [""; 0]);

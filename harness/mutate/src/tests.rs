@@ -46,6 +46,7 @@ fn of<'h>(hunted: &'h Hunted, item: &str, original: &str, replacement: &str) -> 
     all.find(is_it).unwrap_or_else(|| panic!("no `{original}` -> `{replacement}` in {item}"))
 }
 
+// Lesson 29
 #[test]
 fn each_mutant_has_the_fate_that_it_deserves() {
     let folder = folder(SHADER, TESTS);
@@ -72,6 +73,7 @@ fn each_mutant_has_the_fate_that_it_deserves() {
 
 /// A test hides a mutant if it sees other values and allows them. A test that sees the same values doesn't. The one
 /// closest to failing is named.
+// Lesson 29
 #[test]
 fn tolerances_hide_what_they_allow() {
     let shader = "fn scaled(x: f32) -> f32 { return 100.0 * x; }\n\
@@ -94,6 +96,7 @@ fn tolerances_hide_what_they_allow() {
 }
 
 /// A mutation of an unused value, or one that an identity undoes, gives an equivalent shader.
+// Lesson 29
 #[test]
 fn equal_mutants_are_no_gaps() {
     let shader = "fn f(x: f32) -> f32 { let unused = x * 3.0; return x * 1.0; }\n\
@@ -157,6 +160,7 @@ fn guards_that_never_act_are_equal() {
 }
 
 /// Tests of passes judge what the passes are linked with, and nothing else.
+// Lesson 209
 #[test]
 fn passes_judge_their_own_module() {
     let folder = folder("fn apart(x: f32) -> f32 { return x + 1.0; }\n", "");
@@ -235,6 +239,7 @@ fn all_inputs_are_tried_where_they_are_few() {
 }
 
 /// Suggested tests pass on the original, and kill the mutants that they are for.
+// Lesson 29
 #[test]
 fn suggested_tests_kill() {
     let folder = folder(SHADER, TESTS);
@@ -306,6 +311,7 @@ fn tests_are_suggested_in_three_languages() {
 
 /// Each failure has its message: failing tests, no tests, nothing to change, tests that assert nothing about the
 /// change.
+// Lesson 29
 #[test]
 fn nothing_is_judged_without_evidence() {
     let wrong = |shader: &str, tests: &str| {
@@ -425,6 +431,8 @@ fn texts_are_the_authors() {
 }
 
 /// A mutant that is invalid, left out by a condition or endless isn't killed.
+// Lesson 29
+// Lesson 30
 #[test]
 fn no_kill_is_made_up() {
     let shader = "fn sum(n: u32) -> f32 {\n    var s = 0.0;\n    for (var i = 0u; i < n; i += 1u) { s += 0.5; }\n    return s;\n}\n\
@@ -443,6 +451,7 @@ fn no_kill_is_made_up() {
 }
 
 /// An acceptance with a reason covers a mutant that no test can kill. An acceptance without a mutant is an error.
+// Lesson 30
 #[test]
 fn acceptances_are_held() {
     let folder = folder(SHADER, TESTS);

@@ -206,7 +206,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_embedded_ends_no_script() {
+    fn embedded_data_ends_no_script() {
         let text = embedded(&json!({ "name": "</script>\u{2028}" }));
         assert_eq!(text, r#"{"name":"\u003c/script>\u2028"}"#);
     }

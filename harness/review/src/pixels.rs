@@ -198,6 +198,7 @@ mod tests {
         assert_eq!(farthest(&golden, &Image::new(2, 3, vec![[1.0; 4]; 6])), []);
     }
 
+    // Lesson 39
     #[test]
     fn questions_are_read_and_nothing_else() {
         let asked = Asked::of(Arc::new(Echo));

@@ -1,4 +1,4 @@
-//! Results that agree with a reference.
+//! The verb `agrees_with`: compares results with a reference.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -19,14 +19,13 @@ use crate::run::or_panic;
 use crate::tolerance::{Criterion, SpecTolerance, Tolerance};
 use crate::value::{Arguments, Scalar, Shape};
 
-/// The results that a reference computes for rows of arguments.
+/// A reference, and the type of its results.
 pub(super) struct Expected<'e> {
-    /// The type that the reference returns.
     pub(super) shape: Shape,
     pub(super) expect: Expect<'e>,
 }
 
-/// Hides the reference's type from `then`, so that the compiler compiles `then` once for all types.
+/// Hides the reference's type from `then`. So the compiler compiles `then` only once.
 pub(super) fn with_reference<A: Arguments, T>(
     reference: &impl Reference<A>,
     then: impl FnOnce(Expected<'_>) -> T,
@@ -34,7 +33,8 @@ pub(super) fn with_reference<A: Arguments, T>(
     then(Expected {
         shape: reference.shape(),
         expect: &|rows, lanes| {
-            // Written as a loop: tests are compiled with little optimisation, and this runs for each case.
+            // A loop is fast in tests too, which Cargo compiles with little optimisation. The loop runs once
+            // for each case.
             let mut row = 0;
             while row < rows.len() {
                 reference.expect(&A::load_all(&mut rows.of(row).iter()), lanes);
@@ -46,18 +46,19 @@ pub(super) fn with_reference<A: Arguments, T>(
 
 /// Compares the results of a batch's cases with the expected results.
 struct Comparison<'c> {
-    /// The lanes of a result.
+    /// The scalar types of a result's components.
     scalars: &'c [Scalar],
-    /// The expected lanes of each case, one case after the other.
+    /// The expected components of all cases, one case after the other.
     expected: &'c [f64],
     batch: &'c Batch,
-    /// The lanes of the arguments; `expect` computes the expected lanes of arguments with flushed subnormals.
+    /// The scalar types of the arguments' components. If an argument is subnormal, `expect` computes the
+    /// expected result again with 0.
     arguments: &'c [Scalar],
     expect: Expect<'c>,
     tolerance: &'c Tolerance,
     /// The results that WGSL or the adapter allows, if the test asks for `Spec` or `DeviceSpec`.
     allowed: Option<Allowed<'c>>,
-    /// True after a result that wasn't excused by flushing to 0 (see `tells`).
+    /// Set as soon as a result can show a difference from its reference (see `tells`).
     told_apart: &'c AtomicBool,
 }
 
@@ -86,15 +87,15 @@ impl Judge for Comparison<'_> {
     }
 
     fn is_within(&self, case: usize, actual: &[u32], ratio: f64) -> bool {
-        // Each result is judged until one of them sets `told_apart`.
+        // Until a result has set `told_apart`, `judge` must examine every result.
         self.allowed.is_none()
             && self.told_apart.load(Ordering::Relaxed)
             && is_within(self.scalars, actual, self.of(case), self.tolerance, ratio)
     }
 }
 
-/// True if a result can show a difference from its reference. If both are subnormal and differ, both may be
-/// flushed to 0, and the comparison shows nothing.
+/// Checks if a result can show a difference from its reference. If the two differ and are both subnormal, a
+/// driver may flush either to 0, and the comparison shows nothing.
 fn tells(scalars: &[Scalar], actual: &[u32], expected: &[f64]) -> bool {
     scalars.iter().zip(actual).zip(expected).any(|((scalar, word), expected)| {
         let actual = scalar.decode(*word);
@@ -107,13 +108,13 @@ impl<V: Arguments> Check<'_, Calls<V>> {
     /// Checks that the function agrees with a reference to within a tolerance.
     ///
     /// The reference receives the same `f32` values as the shader, widened to `f64`. WGSL lets drivers flush
-    /// subnormal arguments to 0. So if a result disagrees and some arguments are subnormal, Karat calls the
-    /// reference again with zeros in place of these arguments.
+    /// subnormal arguments to 0. If a result disagrees and some arguments are subnormal, Karat calls the
+    /// reference again with 0 instead of these arguments.
     ///
-    /// Instead of a tolerance, [`Spec`](crate::Spec) accepts the results that the WGSL specification allows
-    /// for this code, if the allowed interval is narrow enough. [`DeviceSpec`](crate::tolerance::DeviceSpec)
-    /// accepts the results that the adapter's measured accuracy allows. A tolerance for a single path,
-    /// from [`tolerance_on`](Self::tolerance_on), replaces both on that path.
+    /// Instead of a tolerance, [`Spec`](crate::Spec) accepts the results that the WGSL specification allows for
+    /// this code, if the allowed interval is narrow enough. [`DeviceSpec`](crate::tolerance::DeviceSpec)
+    /// accepts the results that the adapter's measured accuracy allows. [`tolerance_on`](Self::tolerance_on)
+    /// sets a tolerance for one path. On that path, the tolerance replaces `Spec` and `DeviceSpec`.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -185,7 +186,6 @@ impl Plan<'_> {
 }
 
 impl Session<'_> {
-    /// Compares each case with a reference.
     pub(super) fn agrees(
         &self,
         expected: &Expected<'_>,
@@ -211,13 +211,13 @@ impl Session<'_> {
         let (scalars, tolerance) = (session.called.scalars(), tolerances.of(&session.called));
         let arguments = session.called.argument_scalars();
         let told_apart = AtomicBool::new(false);
-        // The record contains the largest error that WGSL allows.
+        // For the record, Karat also computes the largest error that WGSL allows.
         let wanted = spec_tolerance.is_none() && self.recorded && record::wanted();
         let granter = wanted.then(|| session.witness().ok()).flatten();
         let mut allowance: Option<Allowance> = None;
         let mut left = allowances::wanted(&session.called.probed.program);
         let mut tally = session.run(&mut |batch, running| {
-            // Meanwhile, the device runs the dispatch.
+            // The device runs the dispatch while the host computes the reference.
             let lanes = session.expected(batch, batch.rows(), expected.expect)?;
             if let Some(granter) = granter.as_ref().filter(|_| left > 0)
                 && let Ok(found) = Allowances::of(granter, batch, &mut left)
@@ -225,7 +225,7 @@ impl Session<'_> {
                 let more = found.against(&scalars, &lanes, tolerance);
                 allowance = Some(allowance.map_or(more, |allowance| allowance.merge(more)));
             }
-            // The bounds of the specification, or of the adapter's measured accuracy.
+            // The bounds from the specification, or from the adapter's measured accuracy.
             let bounds = match (&witness, &measured) {
                 (None, _) => Vec::new(),
                 (Some(witness), None) => witness.bounds(batch.cases, &batch.lanes())?,

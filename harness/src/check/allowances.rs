@@ -1,4 +1,5 @@
-//! Compares a test's tolerance with the errors that WGSL allows, to see if another driver may fail the test.
+//! Compares a test's tolerance with the errors that WGSL allows. The comparison shows if the test may fail on
+//! another driver.
 
 use super::batch::Batch;
 use crate::interpret::{Bound, Interpreted};
@@ -8,30 +9,32 @@ use crate::reflect::Program;
 use crate::tolerance::Tolerance;
 use crate::value::Scalar;
 
-/// The number of cases for which Karat computes WGSL's bounds, in a function without loops. They take some
-/// milliseconds.
+/// The number of cases for which Karat computes WGSL's bounds if the function has no loops. The computation
+/// takes some milliseconds.
 const ASKED: usize = 128;
 
-/// The most iterations of loops in all these cases together. Interval arithmetic is slow, and only the record
+/// The limit on loop iterations, summed over all these cases. Interval arithmetic is slow, and only the record
 /// needs its results.
 const ROUNDS: u64 = 4096;
 
-/// The number of cases for which Karat computes WGSL's bounds: 0 if the function's loops iterate too often.
+/// The number of cases for which Karat computes WGSL's bounds: fewer if the function's loops iterate often,
+/// down to 0.
 pub(super) fn wanted(program: &Program) -> usize {
     let rounds = program.most_rounds().unwrap_or(u64::MAX).max(1);
     usize::try_from(ROUNDS / rounds).unwrap_or(ASKED).min(ASKED)
 }
 
-/// The results that WGSL allows for some cases of a batch.
+/// The intervals of results that WGSL allows for some cases of a batch.
 pub(super) struct Allowances {
     cases: Vec<usize>,
-    /// The bounds of each case's lanes, one case after the other.
+    /// The bounds of each component of the results, one case after the other.
     bounds: Vec<Bound>,
 }
 
 impl Allowances {
-    /// Computes WGSL's bounds for some cases of a batch. Half of them are the first cases, which have the
-    /// edges; the others are spread over the batch. `left` is the number of cases that are still to do.
+    /// Computes WGSL's bounds for some cases of a batch. Half of these cases are the batch's first cases, which
+    /// contain the edges. The other half is spread over the batch. `left` is the number of cases that remain to
+    /// be computed.
     pub(super) fn of(
         witness: &Interpreted,
         batch: &Batch,
@@ -48,7 +51,7 @@ impl Allowances {
         Ok(Self { bounds: witness.driver_bounds(cases.len(), &rows)?, cases })
     }
 
-    /// Compares the allowed results with the tolerance around `expected`, which has the lanes of all cases.
+    /// Compares the allowed results with the tolerance around `expected`, the expected components of all cases.
     pub(super) fn against(
         &self,
         scalars: &[Scalar],
@@ -77,7 +80,7 @@ fn allowed(scalars: &[Scalar], bounds: &[Bound], expected: &[f64], tolerance: &T
         let of = |end: f64| tolerance.measure_sum(lane, end, *expected).ratio;
         match scalar.is_float() {
             true => of(least).max(of(most)),
-            // WGSL allows a single value. It may be wrong, but no other driver returns another value.
+            // WGSL allows a single value. This value may be wrong, but every driver returns it.
             false if least == most => 0.0,
             false => f64::INFINITY,
         }
@@ -112,7 +115,9 @@ mod tests {
         allowances.against(&[Scalar::F32], &expected, &tolerance.into())
     }
 
-    /// WGSL lets a sine be off by 2^-11.
+    /// WGSL allows `sin` an error of 2^-11.
+    // Lesson 93
+    // Lesson 171
     #[test]
     fn tolerances_that_other_drivers_may_leave_are_found() {
         let loose = allowance("sin(x)", f64::sin, Abs(1e-3));
@@ -122,10 +127,10 @@ mod tests {
         let tight = allowance("sin(x)", f64::sin, Ulp(4.0));
         assert_eq!(tight.wider, 100);
         assert!(tight.worst.is_some_and(|worst| worst > 1000.0), "{tight:?}");
-        // The first case is 0: `pow` of 0 is unbounded.
+        // The first case is `x = 0`. WGSL sets no bounds for `pow` of 0.
         let unbounded = allowance("pow(x, 5.0)", |x| x.powi(5), Abs(1e-3));
         assert_eq!((unbounded.wider, unbounded.worst, unbounded.unbounded), (1, None, 1));
-        // All drivers have the shader's constant. Only the reference may have a different 0.3.
+        // All drivers use the constant in the shader. Only the reference may use a different 0.3.
         let constant = allowance("0.3", |_| f64::from(0.3_f32), Ulp(0.0));
         assert_eq!((constant.wider, constant.worst), (0, Some(0.0)));
         let inexact = allowance("0.3 * x", |x| f64::from(0.3_f32) * x, Ulp(0.0));

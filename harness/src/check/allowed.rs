@@ -7,19 +7,19 @@ use crate::judge::{Class, Judged};
 use crate::tolerance::{LaneError, SpecTolerance, Unit};
 use crate::value::Scalar;
 
-/// The bounds that WGSL allows for the results of each case of a batch, and the tolerance that the test's author sets.
+/// The bounds that WGSL sets for each result of a batch, and the tolerance that the test's author sets.
 #[derive(Clone, Copy)]
 pub(super) struct Allowed<'g> {
     pub(super) spec_tolerance: &'g SpecTolerance,
-    /// The bounds of each case's lanes, one case after the other.
+    /// The bounds of each component of the results, one case after the other.
     pub(super) bounds: &'g [Bound],
-    /// True after a case passed by its bounds alone. Where bounds are too wide, the test's other tolerance
-    /// judges.
+    /// Set as soon as the bounds decide that a case passes. For bounds that are too wide, the test's second
+    /// tolerance decides instead.
     pub(super) judged: &'g AtomicBool,
 }
 
 impl Allowed<'_> {
-    /// Judges each lane of a case and returns the worst one.
+    /// Judges each component of a case's result and returns the worst judgement.
     pub(super) fn judge(
         &self,
         scalars: &[Scalar],
@@ -65,7 +65,7 @@ impl Allowed<'_> {
             let (ratio, error) = (f64::INFINITY, f64::INFINITY);
             return LaneError { ratio, error, bound: 0.0, unit: Unit::Unbounded };
         };
-        // The reference's own rounding error in f64.
+        // A bound on the reference's own rounding error in f64.
         let noise = 8.0 * f64::EPSILON * reference.abs();
         let outside = |x: f64, noise: f64| (least - x).max(x - most) - noise;
         let size = (most - least).max(f64::from(f32::EPSILON) * least.abs().max(most.abs()));
@@ -76,7 +76,7 @@ impl Allowed<'_> {
             bound: 0.0,
             unit,
         };
-        // NaN lies inside no interval, so the comparison is written to reject it.
+        // The negated comparison rejects NaN, which lies in no interval.
         if !(outside(reference, noise) <= 0.0) {
             return wrong(outside(reference, noise), Unit::Shader);
         }

@@ -1,12 +1,12 @@
-//! The cases of one dispatch, as rows of words.
+//! The cases of one dispatch, as rows of `u32` words.
 
 use std::borrow::Cow;
 use std::ops::Range;
 
-/// The index of the first case that a search has found: above the indices of all other cases.
+/// The index of the first case that a search adds. It is above the indices of all other cases.
 pub(super) const SEARCHED: u64 = 1 << 62;
 
-/// Rows of equal width, one after the other in memory.
+/// Rows of `u32` words. All rows have the same width and follow each other in memory.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Rows<'r> {
     words: &'r [u32],
@@ -15,13 +15,12 @@ pub(super) struct Rows<'r> {
 }
 
 impl<'r> Rows<'r> {
-    /// `count` rows of `width` words. `width` may be 0.
+    /// Splits `words` into `count` rows of `width` words each. `width` may be 0.
     pub(super) fn new(words: &'r [u32], width: usize, count: usize) -> Self {
-        assert_eq!(words.len(), width * count, "rows have equal widths");
+        assert_eq!(words.len(), width * count, "the words fill `count` rows of `width` words");
         Self { words, width, count }
     }
 
-    /// The words of all rows, one row after the other.
     pub(super) fn words(self) -> &'r [u32] {
         self.words
     }
@@ -48,14 +47,14 @@ impl<'r> Rows<'r> {
 /// The cases of one dispatch.
 #[derive(Clone, Debug)]
 pub(super) struct Batch {
-    /// Index of the first case.
+    /// The index of the first case.
     pub(super) first: u64,
     pub(super) cases: usize,
-    /// True if the cases are sampled for the check. False if they are simplified or remembered cases.
+    /// `true` if Karat sampled the cases for the check. `false` for simplified or remembered cases.
     pub(super) is_drawn: bool,
     rows: Vec<u32>,
     width: usize,
-    /// The number of words in a row that are the function's arguments. The row's other words are a companion.
+    /// The number of words in a row that hold the function's arguments. The row's other words are a companion.
     words: usize,
 }
 
@@ -67,7 +66,7 @@ impl Batch {
         width: usize,
         words: usize,
     ) -> Self {
-        assert!(rows.len() == width * cases && words <= width, "rows hold the arguments");
+        assert!(rows.len() == width * cases && words <= width, "each row contains the arguments");
         Self { first, cases, is_drawn: false, rows, width, words }
     }
 
@@ -79,17 +78,16 @@ impl Batch {
         Rows::new(&self.rows, self.width, self.cases)
     }
 
-    /// The arguments of a case.
     pub(super) fn arguments(&self, case: usize) -> &[u32] {
         &self.rows().of(case)[..self.words]
     }
 
-    /// The companion of a case: the words that the check samples in addition to the arguments.
+    /// The companion of a case: values that the check samples in addition to the arguments.
     pub(super) fn companion(&self, case: usize) -> &[u32] {
         &self.rows().of(case)[self.words..]
     }
 
-    /// The arguments of all cases, in the layout of the kernel's input.
+    /// The arguments of all cases, in the layout of the kernel's input buffer.
     pub(super) fn lanes(&self) -> Cow<'_, [u32]> {
         if self.width == self.words {
             return Cow::Borrowed(&self.rows);
@@ -99,7 +97,7 @@ impl Batch {
         Cow::Owned(lanes)
     }
 
-    /// Rows of other arguments for the same cases.
+    /// Splits other arguments for the cases of this batch into rows.
     pub(super) fn with_lanes<'l>(&self, lanes: &'l [u32]) -> Rows<'l> {
         Rows::new(lanes, self.words, self.cases)
     }

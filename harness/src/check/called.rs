@@ -1,4 +1,4 @@
-//! A function on its executor. Calls take rows of words; cases and verdicts are elsewhere.
+//! Calls a function on an executor, with arguments and results as rows of `u32` words.
 
 use std::borrow::Cow;
 use std::ops::Deref;
@@ -16,7 +16,7 @@ use crate::reflect::{Function, Overrides};
 use crate::tolerance::Tolerance;
 use crate::value::{Scalar, Shape};
 
-/// A function whose parameters fit the arguments that the check supplies.
+/// A function that has been compared with the check's arguments: its parameters have their types.
 #[derive(Debug)]
 pub(super) struct Fitting(Probed);
 
@@ -25,13 +25,12 @@ impl Fitting {
         &self.0.function
     }
 
-    /// Sets the place in the source where the author wrote the function.
     pub(super) fn declared_at(&mut self, place: Span) {
         self.0.function.span = place;
     }
 
-    /// Finds a function that takes the `supplied` arguments. An error names their origin by `who`, such as
-    /// `the domain draws`.
+    /// Finds a function that takes arguments of the `supplied` types. In an error message, `who` says who
+    /// supplies the arguments, such as `the domain supplies`.
     pub(super) fn find(
         (package, function): (&Package, &str),
         (fixtures, overrides): (&Fixtures, &Overrides),
@@ -54,7 +53,7 @@ impl Fitting {
         Err(Mismatch::Arguments { declared, supplied, who }.of(&probed.function))
     }
 
-    /// Prepares the function on an executor, with room for `calls` calls in a batch.
+    /// Prepares the function on an executor. A batch has at most `calls` calls.
     pub(super) fn on<'e>(
         self,
         executor: &'e dyn Executor,
@@ -69,17 +68,16 @@ impl Fitting {
     }
 }
 
-/// A function that can be called on one executor. A check on several executors has one of these for each, so
-/// that it can't skip an executor.
+/// A function that is ready to be called on one executor.
 pub(super) struct Called<'e> {
     caller: Caller<'e>,
     pub(super) adapter: Adapter,
-    /// The function's lines that assert or print, if it has any.
+    /// The function's statements that assert or print, if it has any.
     watched: Option<Watched>,
 }
 
 impl Drop for Called<'_> {
-    /// Writes the function's printed lines when the check has finished.
+    /// Writes the lines that the function printed.
     fn drop(&mut self) {
         self.watched.iter().for_each(|watched| tell_prints(&watched.told()));
     }
@@ -94,7 +92,7 @@ impl<'e> Deref for Called<'e> {
 }
 
 impl Called<'_> {
-    /// The files that the results depend on: the function's modules, and the files of its fixtures.
+    /// The files on which the results depend: the function's modules, and the files of its fixtures.
     pub(super) fn files(&self, fixtures: &Fixtures) -> Vec<FileRead> {
         let modules = self.probed.program.files().iter();
         modules.chain(fixtures.iter().flat_map(|(_, fixture)| fixture.read())).cloned().collect()
@@ -104,17 +102,17 @@ impl Called<'_> {
         &self.probed.function
     }
 
-    /// The lanes of a result.
+    /// The scalar types of a result's components.
     pub(super) fn scalars(&self) -> Vec<Scalar> {
         self.function().result.lanes()
     }
 
-    /// The lanes of all arguments.
+    /// The scalar types of the components of all arguments.
     pub(super) fn argument_scalars(&self) -> Vec<Scalar> {
         probe::parameter_shapes(self.function()).into_iter().flat_map(Shape::lanes).collect()
     }
 
-    /// Starts calls. If the function asserts or prints, Karat's engine runs these calls first.
+    /// Starts calls on the executor. If the function asserts or prints, Karat's engine runs these calls first.
     pub(super) fn start(&self, rows: &[u32], calls: usize) -> Result<Running<'_>, ProbeError> {
         if let Some(watched) = &self.watched {
             watched.look(calls, rows)?;
@@ -122,17 +120,16 @@ impl Called<'_> {
         self.caller.start(rows, calls)
     }
 
-    /// Calls the function and waits for the results.
     pub(super) fn call(&self, rows: &[u32], calls: usize) -> Result<Results, Failure> {
         Ok(self.start(rows, calls)?.read()?)
     }
 
-    /// The numbers in the words of a result.
+    /// Decodes the words of a result into numbers.
     pub(super) fn decode(&self, words: &[u32]) -> Vec<f64> {
         self.scalars().iter().zip(words).map(|(scalar, word)| scalar.decode(*word)).collect()
     }
 
-    /// Returns an error unless the function returns this type.
+    /// Returns an error unless the type `host` fits the function's return type.
     pub(super) fn expect_result(&self, host: &Shape, who: &str) -> Result<(), Failure> {
         let function = self.function();
         if host.stands_for(&function.result, true) {
@@ -142,8 +139,8 @@ impl Called<'_> {
         Err(Mismatch::Result { declared, supplied, who: who.to_owned() }.of(function))
     }
 
-    /// Returns an error if a value of the reference isn't finite. `lanes` has the lanes of one case after the
-    /// other. `case` returns a case's index and arguments.
+    /// Returns an error if a value of the reference isn't finite. `lanes` contains the components of all cases,
+    /// one case after the other. `case` returns a case's index and its arguments as text.
     pub(super) fn expect_finite(
         &self,
         lanes: &[f64],
@@ -159,7 +156,8 @@ impl Called<'_> {
         Err(Failure::Reference { function, value, place, case, arguments })
     }
 
-    /// Returns an error if the tolerance has an unusable bound, or bounds for another number of components.
+    /// Returns an error if a bound of the tolerance can't be used, or if the tolerance's number of bounds
+    /// differs from the result's number of components.
     pub(super) fn expect_lanes(&self, tolerance: &Tolerance) -> Result<(), Failure> {
         let lanes = self.scalars().len();
         if let Some(bound) = tolerance.unusable() {
@@ -174,7 +172,6 @@ impl Called<'_> {
         }
     }
 
-    /// An error of the domain: no result can be judged.
     pub(super) fn vacuous<T>(&self, reason: Vacuous) -> Result<T, Failure> {
         Err(Failure::Domain { function: self.function().name.clone(), reason: Box::new(reason) })
     }

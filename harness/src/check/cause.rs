@@ -1,9 +1,9 @@
-//! Describes in one line where a function fails: a property of the arguments that separates failing cases from
-//! passing cases.
+//! Describes in one line which arguments make a function fail. The line names a property of the arguments that
+//! separates failing cases from passing cases.
 //!
-//! The properties are the components of the arguments and combinations of two arguments: quotients, products
-//! and differences of numbers, angles and distances of vectors. For each property, Karat finds the interval
-//! that has the most failing cases and the fewest passing cases.
+//! A property is a component of an argument, or a number computed from two arguments: the quotient, product or
+//! difference of two numbers, the dot product or distance of two vectors. For each property, Karat finds the
+//! interval of values that contains many failing cases and few passing cases.
 
 use super::batch::Batch;
 use crate::judge::Tally;
@@ -11,45 +11,46 @@ use crate::reflect::Function;
 use crate::tolerance::significant;
 use crate::value::{Scalar, Shape};
 
-/// The most failing cases, and the most passing cases, that are examined first. They give a share to within
-/// 1 %.
+/// The largest number of failing cases, and of passing cases, that Karat examines first. With 2048 cases, a
+/// share is exact to within 1 %.
 const CASES: usize = 2048;
 
-/// The fewest failing cases, and the fewest passing cases, for a cause. With fewer cases, an interval of some
-/// property can separate them by chance.
+/// The smallest number of failing cases, and of passing cases, for which Karat reports a cause. With fewer
+/// cases, an interval of some property can separate failing from passing cases by chance.
 const FEWEST: usize = 8;
 
-/// The smallest gain of an interval that is reported. The gain is the share of failing cases in the interval
-/// minus the share of passing cases.
+/// The smallest gain of a reported interval. An interval's gain is its share of the failing cases minus its
+/// share of the passing cases.
 const TELLING: f64 = 0.95;
 
-/// A property of two arguments replaces a property of one argument only if its gain is larger by this.
+/// The difference in gain by which a property of two arguments must exceed a property of one argument to
+/// replace it.
 const SIMPLER: f64 = 0.02;
 
-/// Returns the arguments of a case.
+/// A function that returns the arguments of a case.
 type Of<'b> = &'b dyn Fn(usize) -> &'b [u32];
 
-/// Failing cases and passing cases.
 struct Cases<'b> {
     arguments: Of<'b>,
     failing: Vec<usize>,
     passing: Vec<usize>,
-    /// The numbers of failing and of passing cases before they were thinned.
+    /// The numbers of failing and of passing cases, before `thinned` removed some.
     all: (usize, usize),
 }
 
-/// Computes a number from a case's lanes.
+/// A function that computes a property from the components of a case's arguments.
 type Measured = Box<dyn Fn(&[f64]) -> f64>;
 
-/// A number that each case has, with its name.
+/// A number that Karat computes for each case, with a name.
 struct Property {
     name: String,
     of: Measured,
-    /// True if the property combines two arguments.
+    /// `true` if the property combines two arguments.
     mixed: bool,
 }
 
-/// An interval of a property's values, with the shares of the failing and of the passing cases in it.
+/// An interval of a property's values. `failing` is the share of all failing cases that lie in it, `passing`
+/// the share of all passing cases.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Interval {
     /// The lower end. `None`: the smallest value of all cases.
@@ -66,8 +67,8 @@ impl Interval {
     }
 }
 
-/// The cause as text: `where x is at least 0.2 (all that fails, 0.4 % of what passes)`, or `everywhere but ..`.
-/// `None` if no single property separates the cases.
+/// The cause as text: `where x is at least 0.2 (all failing cases, 0.4 % of the passing cases)`, or
+/// `everywhere except ..`. `None` if no single property separates the cases.
 pub(super) fn cause(
     function: &Function,
     batch: &Batch,
@@ -79,7 +80,7 @@ pub(super) fn cause(
     is_whole.then(|| cause_of(function, batch.cases, &|case| batch.arguments(case), failing))?
 }
 
-/// The same as `cause`, with a function that returns the arguments of a case by its index.
+/// Like `cause`. `arguments` returns the arguments of the case with an index.
 pub fn cause_of<'b>(
     function: &Function,
     cases: usize,
@@ -97,7 +98,7 @@ pub fn cause_of<'b>(
     let all = (count, passing.len());
     let cases = Cases { arguments, failing: thinned(failing), passing: thinned(&passing), all };
     if cases.passes_at_zeros_alone(parameters) {
-        return Some("everywhere but where a number among the arguments is 0".to_owned());
+        return Some("everywhere except where a number in the arguments is 0".to_owned());
     }
     let mut best: Option<(Property, Interval)> = None;
     for property in properties(parameters) {
@@ -109,7 +110,7 @@ pub fn cause_of<'b>(
         }
     }
     let (property, interval) = best?;
-    // The thinned cases select the property. All cases give the ends of its interval.
+    // The examined cases select the property. All cases together give the ends of its interval.
     let whole = Cases { failing: failing.to_vec(), passing, ..cases };
     let interval = whole.split(parameters, &property).unwrap_or(interval);
     Some(said(&property.name, &interval))
@@ -121,7 +122,7 @@ fn thinned(cases: &[usize]) -> Vec<usize> {
 
 fn said(name: &str, interval: &Interval) -> String {
     let Interval { least, most, failing, passing } = interval;
-    // Adding 0 turns -0 into 0, so that the text never shows the sign of a zero.
+    // Adding 0 turns -0 into 0. So the text never shows "-0".
     let [least, most] = [least, most].map(|end| end.map(|end| end + 0.0));
     let place = match (least, most) {
         (Some(least), Some(most)) if least == most => format!("is {}", significant(least)),
@@ -135,12 +136,12 @@ fn said(name: &str, interval: &Interval) -> String {
     let share = |share: f64| format!("{:.3}", 100.0 * share);
     let share = |part: f64| share(part).trim_end_matches('0').trim_end_matches('.').to_owned();
     let fails = match failing {
-        1.0 => "all that fails".to_owned(),
-        part => format!("{} % of what fails", share(*part)),
+        1.0 => "all failing cases".to_owned(),
+        part => format!("{} % of the failing cases", share(*part)),
     };
     let passes = match passing {
-        0.0 => "nothing that passes".to_owned(),
-        part => format!("{} % of what passes", share(*part)),
+        0.0 => "no passing case".to_owned(),
+        part => format!("{} % of the passing cases", share(*part)),
     };
     if *failing == 1.0 && *passing == 0.0 {
         return format!("where {name} {place}, and nowhere else");
@@ -149,12 +150,12 @@ fn said(name: &str, interval: &Interval) -> String {
 }
 
 impl Cases<'_> {
-    /// True if most cases fail, and nearly all passing cases have a 0 among their arguments. A function with a
-    /// wrong factor does that: 0 times a wrong factor is still 0. A product or a quotient would only show how
-    /// small the values near 0 are.
+    /// Checks if most cases fail, and nearly all passing cases have a 0 among their arguments. A function with
+    /// a wrong factor shows this pattern, because 0 times a wrong factor is still 0. A product or quotient of
+    /// arguments would explain the pattern less clearly.
     fn passes_at_zeros_alone(&self, parameters: &[(String, Shape)]) -> bool {
         let scalars: Vec<Scalar> = parameters.iter().flat_map(|(_, shape)| shape.lanes()).collect();
-        // Drivers may flush subnormal numbers to 0, also a product with the smallest normal number.
+        // Drivers may flush subnormal numbers to 0. So a product with the smallest normal number may be 0, too.
         let zero = f64::from(f32::MIN_POSITIVE);
         let has_zero = |case: &&usize| {
             let mut lanes = scalars.iter().zip((self.arguments)(**case));
@@ -164,7 +165,6 @@ impl Cases<'_> {
         self.all.0 > 2 * self.all.1 && zeros as f64 >= TELLING * self.passing.len() as f64
     }
 
-    /// The interval of the property with the largest gain.
     fn split(&self, parameters: &[(String, Shape)], property: &Property) -> Option<Interval> {
         let scalars: Vec<Scalar> = parameters.iter().flat_map(|(_, shape)| shape.lanes()).collect();
         let mut values = Vec::with_capacity(self.failing.len() + self.passing.len());
@@ -187,12 +187,12 @@ impl Cases<'_> {
     }
 }
 
-/// The interval whose weights have the largest sum. Failing cases have positive weights, passing cases
-/// negative ones. This is Kadane's algorithm over the distinct values.
+/// Finds the interval of values with the largest sum of weights. Failing cases have positive weights, passing
+/// cases negative weights. The function uses Kadane's algorithm over the distinct values.
 fn largest_sum(values: &mut [(f64, f64)]) -> Option<Interval> {
     values.sort_by(|a, b| a.0.total_cmp(&b.0));
     let (first, last) = (values.first()?.0, values.last()?.0);
-    // All values are equal up to rounding, such as lengths of unit vectors: `normalize` errs by 2 to 4 ulp.
+    // The values differ only by rounding, such as the lengths of unit vectors: `normalize` errs by 2 to 4 ulp.
     if last - first < f64::from(f32::EPSILON) * 4.0 * last.abs().max(first.abs()) {
         return None;
     }
@@ -232,7 +232,7 @@ fn largest_sum(values: &mut [(f64, f64)]) -> Option<Interval> {
     })
 }
 
-/// The properties that may separate the cases: properties of single arguments first.
+/// The properties that may separate the cases. Properties of single arguments come first.
 fn properties(parameters: &[(String, Shape)]) -> Vec<Property> {
     let (mut single, mut mixed) = (Vec::new(), Vec::new());
     let (mut numbers, mut vectors) = (Vec::new(), Vec::new());
@@ -296,14 +296,15 @@ mod tests {
     use crate::package::Package;
     use crate::value::Arguments;
 
-    /// The reported cause of a function that returns 1 where `fails` holds and 0 elsewhere.
+    /// Reports the cause for a function that returns 1 if `fails` holds and 0 otherwise, and must stay below
+    /// 0.5.
     fn told<D: Domain>(parameters: &str, fails: &str, domain: D) -> Option<String>
     where
         D::Value: Arguments,
     {
         let text = format!("fn f({parameters}) -> f32 {{ return select(0.0, 1.0, {fails}); }}");
         let package = Package::from_source("s", &text);
-        // The engine runs the function, because some drivers flush subnormal numbers to 0.
+        // The engine runs the function because some drivers flush subnormal numbers to 0.
         let cpu = crate::executor::of(crate::path::Path::CPU).expect("it opens");
         let check = package.function("f").on(cpu).over(domain);
         let error = check
@@ -316,7 +317,7 @@ mod tests {
     }
 
     #[test]
-    fn the_simplest_property_that_tells_is_named() {
+    fn the_simplest_property_of_failing_cases_is_named() {
         let unit = || 0.0..=1.0_f32;
         for (parameters, fails, said) in [
             ("x: f32, y: f32", "x > 0.25", "where x is at least 0.25"),
@@ -337,18 +338,18 @@ mod tests {
         assert!(told_of.is_some_and(|told| told.starts_with("where dot(n, l) is at most -0.5")));
         let told_of = told("x: f32, i: u32", "i == 3u", (unit(), Integers(0..=7_u32)));
         assert_eq!(told_of.as_deref(), Some("where i is 3, and nowhere else"));
-        // The ends of the interval come from all cases, also if there are many.
+        // The ends of the interval come from all cases, not only from the examined ones.
         let told_of = told("i: u32", "i != 0u", Integers(0..=u32::MAX));
         let least = "where i is at least 1, and nowhere else";
         assert_eq!(told_of.as_deref(), Some(least));
     }
 
     #[test]
-    fn what_fails_here_and_there_has_no_cause() {
+    fn scattered_failures_have_no_cause() {
         let unit = || 0.0..=1.0_f32;
         assert_eq!(told("x: f32", "fract(x * 7919.0) > 0.5", unit()), None);
         assert_eq!(told("x: f32", "true", unit()), None, "all of them");
-        let zero = Some("everywhere but where a number among the arguments is 0".to_owned());
+        let zero = Some("everywhere except where a number in the arguments is 0".to_owned());
         assert_eq!(told("x: f32, y: f32", "x * y != 0.0", (unit(), unit())), zero);
         assert_eq!(told("x: f32", "x != 0.0", unit()), zero);
     }

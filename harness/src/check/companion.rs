@@ -1,38 +1,37 @@
-//! Companions: additional values that some verbs need for each case, such as a second value of an argument, or
-//! a rotation.
+//! Companions: additional values that some verbs need for each case. Examples are a second value of an
+//! argument, and a rotation.
 //!
-//! A companion is sampled after the arguments, from the same stream of random numbers, and its words follow the
-//! arguments' words. So arguments and companion are simplified, remembered and replayed together.
+//! Karat samples a companion after the arguments, from the same stream of random numbers. In a row, the
+//! companion's words follow the arguments' words. So Karat simplifies, remembers and replays the arguments and
+//! the companion together.
 
 use crate::domain::{Emptiness, Held, Origin, Parts, Shrinkable, Source, Stream};
 
-/// The seed of companions of edges and of enumerated values. Their random numbers differ from those of sampled
-/// cases.
+/// The seed for the companions of edges and of enumerated values. With this seed, their random numbers differ
+/// from those of sampled cases.
 const LISTED: u64 = 0x6c69_7374_6564;
 
-/// Samples companions, each of [`words`](Self::words) words.
 pub(super) trait Companion: Sync {
-    /// The number of words of a companion.
     fn words(&self) -> usize;
 
-    /// Samples a companion for these arguments.
     fn draw(&self, arguments: &[u32], source: &mut Source) -> Vec<u32>;
 
-    /// True if sampling can return this companion. `None` if the answer is unknown.
+    /// Reports if sampling can return this companion. `None` if that is unknown.
     fn admits(&self, arguments: &[u32], companion: &[u32]) -> Option<bool>;
 
-    /// Companions that are simpler than this one, the simplest first.
+    /// Returns simpler companions than this one, the simplest first.
     fn shrink(&self, arguments: &[u32], companion: &[u32]) -> Vec<Vec<u32>>;
 }
 
-/// A stream of arguments whose cases have companions.
+/// A stream of arguments that adds a companion to each case.
 pub(super) struct WithCompanion<'a> {
     pub(super) arguments: &'a dyn Stream,
     pub(super) companion: &'a dyn Companion,
 }
 
 impl WithCompanion<'_> {
-    /// Passes the origin of the arguments to `make`. Returns its value, and the random numbers for the companion.
+    /// Calls `make` with the origin of the arguments. Returns the result of `make`, and the source of random
+    /// numbers for the companion.
     fn drawn<T>(
         &self,
         origin: Origin<'_>,
@@ -98,7 +97,7 @@ impl Stream for WithCompanion<'_> {
 
     fn shrinkable(&self, origin: Origin<'_>) -> Option<Shrinkable<'_, Held>> {
         let make = |origin: Origin<'_>| self.arguments.shrinkable(origin);
-        // The returned value borrows the stream, and not the origin.
+        // The returned value borrows the stream but not the origin.
         let (arguments, mut source) = self.drawn(origin, make)?;
         let row = arguments.value().row.clone();
         let companion = self.companion.draw(&row, &mut source);
@@ -116,7 +115,7 @@ impl Stream for WithCompanion<'_> {
     }
 
     fn shrink(&self, _: &[u32]) -> Vec<Vec<u32>> {
-        Vec::new() // what is simplified has an origin
+        Vec::new() // `shrinkable` simplifies the cases instead
     }
 
     fn show(&self, row: &[u32]) -> String {

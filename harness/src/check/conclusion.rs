@@ -1,4 +1,4 @@
-//! Makes a check's verdict from the results of all paths.
+//! Combines the results of all paths into a check's verdict.
 
 use super::path_tally::PathTally;
 use super::session::{Asserted, Session};
@@ -9,22 +9,22 @@ use crate::reflect::Function;
 use crate::run::{Conclusion, Descent, Replayed};
 use crate::tolerance::LaneError;
 
-/// The results of one path with one way to pass arguments.
+/// The results on one path, with the arguments in one kind of buffer or as constants.
 pub(super) struct Outcome {
     function: Function,
     inputs: Inputs,
-    /// The number of cases in which the check asserted something.
+    /// The number of cases in which the check made an assertion.
     cases: u64,
     worst: LaneError,
     proved: bool,
     seed: u64,
-    /// The disagreement, if the path fails and the failure is to be shown.
+    /// The disagreement, if the path fails and Karat is to show the failure.
     disagreement: Option<PathDisagreement>,
 }
 
 impl Session<'_> {
-    /// The outcome of the path. `told` is true if a failure is to be shown. Returns an error if some cases
-    /// weren't compared.
+    /// Builds the outcome of the path. If `told`, the outcome includes a failure. Returns an error if the check
+    /// didn't compare all cases.
     pub(super) fn outcome(&self, tally: PathTally, told: bool) -> Result<Outcome, Failure> {
         let (compared, declared) = (tally.tally.census.cases, self.declared());
         if compared < declared {
@@ -42,7 +42,7 @@ impl Session<'_> {
         })
     }
 
-    /// The failures of the path with the commands that replay them.
+    /// The failures on the path, with the commands that replay them.
     fn path_disagreement(&self, tally: PathTally) -> Option<PathDisagreement> {
         let PathTally { adapter, tally, worst, first, simplest, cause, .. } = tally;
         let worst = worst?;
@@ -95,7 +95,6 @@ impl Session<'_> {
 }
 
 impl Plan<'_> {
-    /// The verdict on all paths.
     pub(super) fn verdict(
         &self,
         asserted: &Asserted,
@@ -119,7 +118,7 @@ impl Plan<'_> {
             vec![Failure::Disagreement(Box::new(disagreement))]
         };
         let (agreeing, known_issues) = all.verdict(differ)?;
-        // Each way to pass arguments has its own cases, and all paths run the same cases.
+        // Each way to pass arguments has its own cases. All paths run the same cases.
         let mut cases = 0;
         for inputs in Inputs::ALL {
             let own = agreeing.iter().filter(|(_, one)| one.inputs == inputs);

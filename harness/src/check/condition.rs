@@ -9,13 +9,11 @@ use crate::package::{Package, texts};
 use crate::probe::{ProbeError, Probed};
 use crate::value::{Scalar, Shape};
 
-/// The name of the generated module around a condition, in diagnostics.
 const MODULE: &str = "condition";
 
-/// The name of the condition's value in the generated module. No parameter has this name.
+/// The name of the condition's value in the generated module. No parameter can have this name.
 const RESULT: &str = "karat_condition";
 
-/// The name of the function in the generated module.
 const FUNCTION: &str = "holds";
 
 /// A statement about a function's arguments: a WGSL expression of type `bool`. It can use the names of the
@@ -32,8 +30,8 @@ const FUNCTION: &str = "holds";
 #[derive(Clone)]
 pub struct Condition {
     interpreted: Arc<Interpreted>,
-    /// The indices of the lanes that the condition takes. For a value that varies from pixel to pixel, these
-    /// are the lanes of the pixel itself, without those of its neighbours.
+    /// The indices of the scalars in a row that the condition reads. For an argument that varies from pixel to
+    /// pixel, the condition reads only the pixel's own value, not its neighbours' values.
     lanes: Vec<usize>,
 }
 
@@ -47,7 +45,7 @@ impl Condition {
     /// Reads a statement about these parameters.
     ///
     /// # Errors
-    /// A sentence, if the text isn't an expression of type `bool`, or names none of the parameters.
+    /// Returns a sentence if the text isn't an expression of type `bool`, or names none of the parameters.
     pub fn parse(parameters: &[(String, Shape)], text: &str) -> Result<Self, String> {
         let all = texts(text);
         if !parameters.iter().any(|(name, _)| all.contains(&name.as_str())) {
@@ -60,7 +58,7 @@ impl Condition {
                 ),
             });
         }
-        // An extra `)` would close the generated bracket, and the text behind it could be any statement.
+        // An extra `)` would close the generated bracket. The text after it could then be any statement.
         let depth = all.iter().try_fold(0_u32, |depth, text| match *text {
             "(" => Some(depth + 1),
             ")" => depth.checked_sub(1),
@@ -80,7 +78,7 @@ impl Condition {
         }
         let has = |wanted: Scalar| parameters.iter().any(|(_, s)| s.lanes().contains(&wanted));
         let enable = if has(Scalar::F16) { "enable f16;\n" } else { "" };
-        // The line break behind `text` ends a `//` comment, which would hide the closing bracket.
+        // A `//` comment at the end of `text` would hide the closing bracket. The line break ends the comment.
         let taken = taken.join(", ");
         let source = format!(
             "{enable}{structures}fn {FUNCTION}({taken}) -> bool {{ let {RESULT}: bool = (\n{text}\n); return {RESULT}; }}"
@@ -92,14 +90,14 @@ impl Condition {
         Ok(Self { interpreted, lanes })
     }
 
-    /// True if the text names this parameter.
+    /// Checks if the text names this parameter.
     #[must_use]
     pub fn names(text: &str, parameter: &str) -> bool {
         texts(text).contains(&parameter)
     }
 
-    /// True if the condition holds for the words of the arguments. False if the engine can't evaluate the
-    /// case.
+    /// Checks if the condition holds for a row of arguments. Returns `false` if the engine can't evaluate the
+    /// condition for this row.
     #[must_use]
     pub fn holds(&self, row: &[u32]) -> bool {
         let taken: Vec<u32> = self.lanes.iter().map(|lane| row[*lane]).collect();
@@ -107,7 +105,8 @@ impl Condition {
     }
 }
 
-/// Returns the name of a type, and appends the structures that the type needs, the innermost first.
+/// Returns the WGSL name of a type. Appends declarations of the structures that the type needs, the innermost
+/// first.
 fn declared(shape: &Shape, structures: &mut String) -> String {
     match shape {
         Shape::Array { element, length } => {
@@ -127,7 +126,7 @@ fn declared(shape: &Shape, structures: &mut String) -> String {
     }
 }
 
-/// The compiler's message about the expression, without the location in the generated module.
+/// Returns the compiler's message about the expression, without the location in the generated module.
 fn sentence(error: &ProbeError, text: &str) -> String {
     let told = match error {
         ProbeError::Reflect(error) => error.diagnostic().map(|own| own.message.clone()),
@@ -164,7 +163,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_condition_says_why() {
+    fn an_invalid_condition_says_why() {
         for (text, part) in [
             ("s.k", "`s.k`: "),
             ("v.x >", "`v.x >`: "),

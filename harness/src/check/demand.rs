@@ -1,4 +1,4 @@
-//! The needs of a verb, and the number of a check's cases.
+//! The requirements of a verb, and the number of a check's cases.
 
 use super::vacuous::{MOST_CASES, Vacuous};
 use super::{Failure, Plan};
@@ -7,27 +7,27 @@ use crate::probe::{CONSTANTS, Inputs};
 use crate::reflect::Function;
 use crate::value::Shape;
 
-/// The number of cases if each case needs its own dispatch, unless the check sets a number. A driver needs about
-/// 50 µs per dispatch.
+/// The default number of cases if each case needs its own dispatch. A driver needs about 50 µs per dispatch.
 const ALONE: u64 = 2048;
 
-/// The needs of one verb.
 pub(super) struct Demand {
-    /// Types of the arguments that the host supplies.
+    /// The types of the arguments that the check supplies.
     pub(super) arguments: Vec<Shape>,
-    /// The origin of the arguments, for messages: `the domain draws`.
+    /// The words in messages that say who supplies the arguments: `the domain supplies`.
     pub(super) who: &'static str,
-    /// True if the parts of the stream are the function's arguments.
+    /// `true` if the parts of the stream are the function's arguments.
     pub(super) draws_arguments: bool,
-    /// The number of cases if the domain isn't enumerated and the check sets no number.
+    /// The number of sampled cases, if the check sets no number.
     pub(super) cases: u64,
-    /// The largest finite domain whose values are all tried if the check sets no number of cases.
+    /// The number of values up to which Karat tries every value of a finite domain, if the check sets no number
+    /// of cases.
     pub(super) enumerated: u64,
-    /// The most calls of the function per case in one dispatch.
+    /// The largest number of calls that one case makes in one dispatch.
     pub(super) calls: usize,
 }
 
-/// The cases of a check for a seed, in the number that the check or its verb sets. No cases are an error.
+/// Numbers the cases of a check for a seed. The check or its verb sets their number. Returns an error if there
+/// are no cases.
 pub(super) fn number(
     plan: &Plan<'_>,
     function: &Function,

@@ -10,9 +10,9 @@ use crate::reflect::Function;
 use crate::run::or_panic;
 use crate::value::{Scalar, Shape};
 
-/// The largest allowed difference between a length and 1. In WGSL `normalize` alone may be off by 1e-6, and a
-/// vector from a cosine and `sqrt(1 - c * c)` by several times as much. Vectors that aren't normalised are off
-/// by more than this.
+/// The largest allowed difference between a length and 1. WGSL allows `normalize` an error of 1e-6, and a
+/// vector from a cosine and `sqrt(1 - c * c)` an error several times as large. The length of a vector that
+/// isn't normalised differs from 1 by more than 1e-5.
 const LENGTH: f64 = 1e-5;
 
 impl<V> Check<'_, Calls<V>> {
@@ -42,7 +42,7 @@ impl<V> Check<'_, Calls<V>> {
     }
 
     /// Checks that results are vectors perpendicular to an argument, a vector of the same type. The absolute
-    /// cosine between them must be at most 1e-5. A zero vector has no direction, so it fails.
+    /// cosine between them must be at most 1e-5. A zero vector fails, because it has no direction.
     ///
     /// This check can't see a wrong sign: a tangent or bitangent that points backwards passes.
     ///
@@ -72,12 +72,13 @@ impl<V> Check<'_, Calls<V>> {
         self.plan.is_perpendicular_to(&*self.stream, &self.demand(), &argument.into())
     }
 
-    /// Checks that results are right-handed frames: three unit vectors at right angles, of which the first two have
-    /// the third as their cross product, all to within 1e-5. They are the columns of a 3x3 matrix, the elements of
-    /// an array or the members of a structure.
+    /// Checks that results are right-handed frames: three unit vectors at right angles to each other. The third
+    /// vector must be the cross product of the first two. Lengths, angles and the product must be right to
+    /// within 1e-5. The function returns the vectors as the columns of a 3x3 matrix, the elements of an array
+    /// or the members of a structure.
     ///
-    /// A mirrored frame fails this check; [`is_unit`](Self::is_unit) can't see the mirroring. This check
-    /// doesn't see a frame that is rotated about an axis: use [`satisfies`](Self::satisfies) for that.
+    /// A mirrored frame fails this check, but passes [`is_unit`](Self::is_unit). A rotated frame passes this
+    /// check: to test the frame's directions, use [`satisfies`](Self::satisfies).
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -87,8 +88,8 @@ impl<V> Check<'_, Calls<V>> {
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if a result is no such frame, if the function returns something else, or if nothing
-    /// could be checked.
+    /// With the [`Failure`], if a result isn't a right-handed frame, if the function returns something else, or
+    /// if nothing could be checked.
     #[track_caller]
     pub fn is_right_handed_frame(self) -> Agreement {
         or_panic(self.try_is_right_handed_frame())
@@ -97,7 +98,8 @@ impl<V> Check<'_, Calls<V>> {
     /// [`is_right_handed_frame`](Self::is_right_handed_frame) without the panic.
     ///
     /// # Errors
-    /// If a result is no such frame, if the function returns something else, or if nothing could be checked.
+    /// If a result isn't a right-handed frame, if the function returns something else, or if nothing could be
+    /// checked.
     pub fn try_is_right_handed_frame(self) -> Result<Agreement, Failure> {
         self.plan.is_right_handed_frame(&*self.stream, &self.demand())
     }
@@ -107,7 +109,6 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// True if three vectors are a right-handed frame.
 fn is_right_handed(lanes: &[f64]) -> bool {
     let [a, b, c] = [0, 3, 6].map(|first| &lanes[first..first + 3]);
     let cross = [0, 1, 2].map(|x| {
@@ -115,13 +116,13 @@ fn is_right_handed(lanes: &[f64]) -> bool {
         a[y] * b[z] - a[z] * b[y]
     });
     let is_unit = |x: &&[f64]| (dot(x, x).sqrt() - 1.0).abs() <= LENGTH;
-    // Three unit vectors are perpendicular if one is the cross product of the others.
+    // Two unit vectors are perpendicular if their cross product is a unit vector.
     [a, b, c].iter().all(is_unit)
         && dot(a, b).abs() <= LENGTH
         && cross.iter().zip(c).all(|(x, c)| (x - c).abs() <= LENGTH)
 }
 
-/// The scalar type, if this is a vector of floats.
+/// Returns the scalar type if `shape` is a vector of floats.
 fn floats(shape: &Shape) -> Option<Scalar> {
     match shape {
         Shape::Vector { scalar: scalar @ (Scalar::F32 | Scalar::F16), .. } => Some(*scalar),
@@ -129,7 +130,7 @@ fn floats(shape: &Shape) -> Option<Scalar> {
     }
 }
 
-/// The scalar type, if this is three vectors of three floats.
+/// Returns the scalar type if `shape` is a matrix, array or structure of three vectors of three floats.
 fn three_vectors(shape: &Shape) -> Option<Scalar> {
     let of_three = |shape: &Shape| match shape {
         Shape::Vector { size: 3, .. } => floats(shape),
@@ -187,7 +188,7 @@ impl Plan<'_> {
             };
             let (place, first) = argument.place(&function)?;
             let (name, shape) = &function.parameters[place];
-            // For an argument that varies from pixel to pixel, the pixel's own value comes first.
+            // An argument that varies from pixel to pixel has four values. The pixel's own value comes first.
             if *shape.quad().unwrap_or(shape) != function.result {
                 let (name, shape, result) = (name.clone(), shape.clone(), function.result.clone());
                 return Err(Mismatch::NoDirection { name, shape, result }.of(&function));
@@ -201,7 +202,7 @@ impl Plan<'_> {
                 let to = decoded(scalar, &arguments[first..first + words.len()]);
                 let own = decoded(scalar, words);
                 let lengths = dot(&own, &own).sqrt() * dot(&to, &to).sqrt();
-                // A zero vector has no direction, and an infinite length would make each cosine small.
+                // A zero vector has no direction. An infinite length would make every cosine small.
                 let is_angle = lengths > 0.0 && lengths.is_finite();
                 is_angle && dot(&own, &to).abs() <= LENGTH * lengths
             };

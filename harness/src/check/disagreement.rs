@@ -15,9 +15,9 @@ use crate::value::{Scalar, Shape, format_f32, hexfloat};
 
 /// A failed check: the function's results violate the assertion on at least one path.
 ///
-/// `Display` shows the function in the author's file. For each path, it shows a census, the worst
-/// and the first failing case with their inputs, the simplest case that the worst could be reduced
-/// to, and the commands that replay them.
+/// `Display` shows the function in the author's file. For each path, `Display` shows the number of failing
+/// cases, the worst and the first failing case with their inputs, and the command that replays a case. If Karat
+/// could simplify the worst case, `Display` shows the simplest case instead of the first.
 ///
 /// ```
 /// use karat::check::Failure;
@@ -33,21 +33,21 @@ use crate::value::{Scalar, Shape, format_f32, hexfloat};
 /// ```
 #[derive(Clone, Debug)]
 pub struct Disagreement {
-    /// The function.
+    /// The function under test.
     pub function: Function,
-    /// The verb: `agrees_with`.
+    /// The verb, such as `agrees_with`.
     pub check: &'static str,
     /// The assertion: the tolerance, or the statement.
     pub assertion: String,
     /// The relation between the expected value and the actual value.
     pub expectation: Expectation,
-    /// The domain, if the test's author may not have chosen it: `x from 0 to 1`. Otherwise empty.
+    /// The domain, such as `x from 0 to 1`, if Karat may have chosen it. Empty if the test's author chose it.
     pub domain: String,
-    /// Each path that disagrees.
+    /// The paths on which the check fails.
     pub paths: Vec<PathDisagreement>,
-    /// The paths that agree, with the way to pass arguments.
+    /// The paths on which the check passes, each with the way to pass arguments.
     pub agreeing: Vec<(Adapter, Inputs)>,
-    /// Seed of the cases.
+    /// The seed of the cases.
     pub seed: u64,
 }
 
@@ -79,7 +79,7 @@ impl fmt::Display for Expectation {
     }
 }
 
-/// The failures of one path.
+/// The failures of a check on one path.
 ///
 /// ```
 /// # use karat::check::Failure;
@@ -94,15 +94,15 @@ impl fmt::Display for Expectation {
 /// ```
 #[derive(Clone, Debug)]
 pub struct PathDisagreement {
-    /// Path, adapter and driver.
+    /// The path, its adapter and its driver.
     pub adapter: Adapter,
     /// The way to pass arguments.
     pub inputs: Inputs,
     /// The numbers of failing cases, by kind.
     pub census: Census,
     /// The property of the arguments that separates failing from passing cases, if there is one:
-    /// `where x is at least 0.2 (all that fails, 0.4 % of what passes)`, or
-    /// `everywhere but where a number among the arguments is 0`.
+    /// `where x is at least 0.2 (all failing cases, 0.4 % of the passing cases)`, or
+    /// `everywhere except where a number in the arguments is 0`.
     pub cause: Option<String>,
     /// The case with the largest error.
     pub worst: CaseFailure,
@@ -114,7 +114,7 @@ pub struct PathDisagreement {
     pub simplest: Option<Simplest>,
 }
 
-/// A simplification of the worst case, which fails the same check on the same path.
+/// A simplification of the worst case. The simplified case fails the same check on the same path.
 ///
 /// ```
 /// # use karat::check::Failure;
@@ -128,9 +128,10 @@ pub struct PathDisagreement {
 /// ```
 #[derive(Clone, Debug)]
 pub struct Simplest {
-    /// The failure. Its index is that of the case that Karat simplified.
+    /// The failure of the simplified case. `failure.case` is the index of the case that Karat simplified.
     pub failure: CaseFailure,
-    /// The lanes of the arguments. Empty for an integral, because its cases may be of any type.
+    /// The components of the arguments, as `u32` bits. Empty for an integral, because an integral's cases may
+    /// have any type.
     pub input: Vec<u32>,
     /// The command that runs the simplest case again.
     pub replay: Replay,
@@ -158,38 +159,39 @@ impl Simplest {
 /// ```
 #[derive(Clone, Debug)]
 pub struct CaseFailure {
-    /// Index of the case.
+    /// The index of the case.
     pub case: u64,
-    /// True if the input comes from an earlier failure of this check, and not from this run's sampling.
+    /// `true` if the input comes from an earlier failure of this check. `false` if this run sampled the input.
     pub remembered: bool,
-    /// True if no sampled case failed, and a search that began at the cases nearest to a bound found this
-    /// input.
+    /// `true` if no sampled case failed, and a search found this input. The search begins at the cases nearest
+    /// to a bound.
     pub searched: bool,
-    /// Each argument's name, and its value in WGSL's syntax. For an integral, the first entry is `case` with
-    /// the case's `Debug` text; the arguments that all nodes share follow.
+    /// Each argument's name, and its value in WGSL's syntax. For an integral, the first entry is
+    /// `case` with the case's `Debug` text. After it follow the arguments that have the same value at all
+    /// nodes.
     pub arguments: Vec<(String, String)>,
-    /// Index of the worst component.
+    /// The index of the worst component.
     pub(crate) lane: usize,
     /// The name of the worst component, such as `".y"`. `""` for a scalar.
     pub component: String,
     /// The bits of the component's value. For an integral, the bits of the nearest `f32`.
     pub actual: u32,
-    /// The component's expected value, or its bound. `None` if the check is a predicate.
+    /// The component's expected value, or the bound on it. `None` if the check is a predicate.
     pub expected: Option<f64>,
     /// The type of the component.
     pub scalar: Scalar,
-    /// The whole result.
+    /// The function's result, in WGSL's syntax.
     pub result: String,
-    /// The names of the compared results, if the case calls the function more than once.
+    /// The names of the compared results, if a case calls the function more than once.
     pub compared: &'static str,
     /// The error in its unit, with the largest allowed error.
     pub error: String,
-    /// Notes with a name and a text each: the results that WGSL allows, and the first operation where the path
-    /// leaves these bounds.
+    /// Notes, each with a name and a text. They say which results WGSL allows, and which operation on the path
+    /// is the first to return a value outside of WGSL's bounds.
     pub explanation: Vec<(&'static str, String)>,
     /// The failing expectations of a test in WGSL.
     pub expectations: Vec<ExpectationDetails>,
-    /// The integral, if the check integrates.
+    /// The integral, if the check integrates the function.
     pub integral: Option<IntegralFailure>,
 }
 
@@ -208,13 +210,14 @@ pub struct CaseFailure {
 /// ```
 #[derive(Clone, Debug)]
 pub struct IntegralFailure {
-    /// The worst component, before it is rounded to `f32`.
+    /// The value of the worst component, before rounding to `f32`.
     pub value: f64,
     /// The number of nodes of the quadrature rule.
     pub nodes: usize,
-    /// If the second rule doesn't confirm the integral: the second rule's integral and its number of nodes.
+    /// The integral by a second quadrature rule and that rule's number of nodes, if this integral also fails
+    /// the check.
     pub control: Option<(f64, usize)>,
-    /// The first node whose result isn't finite.
+    /// The first node at which the function's result isn't finite.
     pub node: Option<NodeFailure>,
 }
 
@@ -238,7 +241,7 @@ pub struct NodeFailure {
     pub index: usize,
     /// The node's weight.
     pub weight: f64,
-    /// Each argument: its name, and its value as WGSL would write it.
+    /// Each argument's name, and its value in WGSL's syntax.
     pub arguments: Vec<(String, String)>,
     /// The result of the function at the node.
     pub result: String,
@@ -273,32 +276,32 @@ impl CaseFailure {
             let error = crate::tolerance::significant(measure.error);
             match measure.unit {
                 Unit::Shader => format!(
-                    "the shader is wrong: this code may not return the reference, which is {error} \
-                     outside of what is allowed"
+                    "the shader is wrong: the reference lies {error} outside of the results that \
+                     WGSL allows for this code"
                 ),
                 Unit::Driver => {
-                    format!("the driver is wrong: WGSL doesn't allow its result, {error} outside")
+                    format!("the driver is wrong: its result lies {error} outside of WGSL's bounds")
                 }
                 Unit::Measured => format!(
-                    "the driver is less exact here than it was measured to be: its result is \
-                     {error} outside"
+                    "the driver is less exact here than Karat measured: its result lies {error} \
+                     outside of the measured bounds"
                 ),
                 Unit::Conditioning => {
                     let expected = expected.and_then(|expected| expected.get(lane));
-                    // Within a few operations of the subnormal numbers, which begin at 1.2e-38.
+                    // A few operations can take such a value below 1.2e-38, where subnormal numbers begin.
                     let flushed = expected.is_some_and(|value| value.abs() < 1e-37);
                     let advice = if flushed {
-                        "; so near to 0 a driver may flush to 0: allow that by `Spec.or(Abs(1e-37))`, \
+                        "; a driver may flush a value so near to 0: allow this with `Spec.or(Abs(1e-37))`, \
                          in a test's file by `spec or abs 1e-37`"
                     } else {
                         ""
                     };
                     format!(
-                        "ill-conditioned here: WGSL allows results as far from the reference as rel {error} \
-                         ({bound} is needed){advice}"
+                        "ill-conditioned here: WGSL allows results that differ from the reference by rel {error} \
+                         (the test allows {bound}){advice}"
                     )
                 }
-                Unit::Unbounded => "unbounded here: any result is allowed".to_owned(),
+                Unit::Unbounded => "unbounded here: WGSL allows any result".to_owned(),
                 unit => {
                     let actual = actual.get(lane).map(|word| scalar.decode(*word));
                     let expected = expected.and_then(|expected| expected.get(lane));
@@ -343,7 +346,7 @@ impl CaseFailure {
         Self { integral: Some(integral), ..failure }
     }
 
-    /// Adds the second rule's integral, if that rule doesn't confirm the integral.
+    /// Adds the integral by a second quadrature rule, if there is one.
     pub(super) fn with_control(mut self, control: Option<(f64, usize)>) -> Self {
         if let Some(integral) = &mut self.integral {
             integral.control = control;
@@ -351,12 +354,12 @@ impl CaseFailure {
         self
     }
 
-    /// True if this run sampled the case. False if the case is remembered or a search found it.
+    /// Checks if this run sampled the case. The other cases are remembered, or found by a search.
     pub(super) fn is_drawn(&self) -> bool {
         !self.remembered && !self.searched
     }
 
-    /// Writes the failure. `expectation` is the label of the expected value.
+    /// Writes the failure. `expectation` is the label before the expected value of an integral.
     fn write(&self, f: &mut fmt::Formatter<'_>, title: &str, expectation: &str) -> fmt::Result {
         match (self.searched, self.remembered) {
             (true, _) => writeln!(f, "  {title}found by a search)")?,
@@ -427,7 +430,7 @@ impl CaseFailure {
     }
 }
 
-/// A failing case as text.
+/// The text of a failing case.
 struct Told<'f> {
     failure: &'f CaseFailure,
     title: &'f str,
@@ -440,14 +443,13 @@ impl fmt::Display for Told<'_> {
     }
 }
 
-/// ``` `fresnel::schlick` fails stays_within: lies in 0..=1 ```, at the function.
+/// Builds the headline at the function: ``` `fresnel::schlick` fails stays_within: lies in 0..=1 ```.
 pub(super) fn failed(function: &Function, check: &str, assertion: &str) -> Diagnostic {
     let message = format!("`{}` fails {check}: {assertion}", function.name);
     Diagnostic::new(message).at(first_line(function), "")
 }
 
 impl Disagreement {
-    /// The same as data.
     pub(super) fn details(&self) -> Details {
         Details {
             headline: failed(&self.function, self.check, &self.assertion).message,
@@ -458,18 +460,18 @@ impl Disagreement {
 }
 
 impl PathDisagreement {
-    /// The text about a path without the path's name and replay commands. The simplest case comes first, because
-    /// people read it first.
+    /// The text about a path, without the path's name and the replay command. The simplest case comes first,
+    /// because people read the first case.
     fn told(&self, expectation: &str) -> String {
         let Census { cases, failures, idle, remembered, .. } = self.census;
         let share = 100.0 * failures as f64 / cases as f64;
         let fail = if cases == 1 { "case fails" } else { "cases fail" };
         let mut text = format!("  {failures} of {cases} {fail} ({share:.3}%)");
         if remembered > 0 {
-            text += &format!(", {remembered} of them from an earlier failure");
+            text += &format!(", {remembered} of them remembered from earlier failures");
         }
         if idle > 0 {
-            text += &format!(", {idle} call no expectation");
+            text += &format!(", {idle} evaluate no expectation");
         }
         text += &self.census.ways();
         text.push('\n');
@@ -492,7 +494,7 @@ impl PathDisagreement {
         text
     }
 
-    /// The command that runs the simplest case again. Records also have the command of the worst case.
+    /// The command that runs the simplest case again, or the worst case if there is no simplest one.
     fn replay(&self) -> &Replay {
         self.simplest.as_ref().map_or(&self.replay, |one| &one.replay)
     }
@@ -513,7 +515,6 @@ impl PathDisagreement {
 }
 
 impl CaseFailure {
-    /// The same as data.
     fn details(&self) -> CaseDetails {
         let expected = |value: f64| match self.scalar {
             Scalar::Bool => (value != 0.0).to_string(),
@@ -565,12 +566,12 @@ impl CaseFailure {
             writeln!(f, "    {:>width$} = {}{}", "actual", decimal(integral.value), self.place())?;
         }
         if let Some((value, nodes)) = integral.control {
-            // If the two rules' integrals differ much, both rules may be too coarse.
+            // If the integrals by the two rules differ much, both rules may be too coarse.
             let apart = (value - integral.value).abs();
             let is_coarse =
                 self.expected.is_some_and(|e| apart > 0.25 * (integral.value - e).abs());
             let hint = match is_coarse {
-                true => "; the two rules disagree, so that more `rings` may be needed",
+                true => "; the two rules disagree: try more `rings`",
                 false => "",
             };
             let value = decimal(value);
@@ -587,12 +588,12 @@ impl CaseFailure {
     }
 }
 
-/// The error in the units other than the tolerance's: `, rel 2.4e-7, abs 1e-8`.
+/// The error in the units that the tolerance doesn't use: `, rel 2.4e-7, abs 1e-8`.
 fn others(unit: Unit, actual: f64, expected: f64) -> String {
     if !matches!(unit, Unit::Ulp | Unit::Rel | Unit::Abs) {
         return String::new();
     }
-    // The bounds don't matter here: these tolerances only measure errors.
+    // These tolerances only measure errors, so their bounds have no effect.
     let tolerances: [(Unit, Tolerance); 3] =
         [(Unit::Ulp, Ulp(1.0).into()), (Unit::Rel, Rel(1.0).into()), (Unit::Abs, Abs(1.0).into())];
     let wanted = tolerances.iter().filter(|(other, _)| *other != unit);
@@ -600,7 +601,7 @@ fn others(unit: Unit, actual: f64, expected: f64) -> String {
     measured.filter(|other| other.error.is_finite()).map(|other| format!(", {other}")).collect()
 }
 
-/// An `f64` in decimal, with an exponent if plain digits would be long.
+/// Formats an `f64` in decimal, with an exponent if plain digits would be long.
 fn decimal(value: f64) -> String {
     if value == 0.0 || (1e-4..1e7).contains(&value.abs()) || !value.is_finite() {
         format!("{value}")
@@ -616,7 +617,7 @@ impl fmt::Display for Disagreement {
             writeln!(f, "arguments: {}", self.domain)?;
         }
         let expectation = &self.expectation.to_string();
-        // Paths with the same values share one text.
+        // Paths with the same values share one text in the report.
         let mut told: Vec<(Vec<&PathDisagreement>, String)> = Vec::new();
         for path in &self.paths {
             let text = path.told(expectation);
@@ -640,7 +641,7 @@ impl fmt::Display for Disagreement {
     }
 }
 
-/// The function's head: from `fn` to the end of its first line.
+/// The span of the first line of the function, from `fn` on.
 fn first_line(function: &Function) -> crate::diagnostic::Span {
     let mut span = function.span.clone();
     let text = span.file.text.get(span.range.clone()).unwrap_or_default();

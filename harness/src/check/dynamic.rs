@@ -1,4 +1,4 @@
-//! Checks whose domain is chosen at run time, by a tool or a file.
+//! Checks for which a tool or a file chooses the domain at run time.
 
 use std::marker::PhantomData;
 
@@ -12,7 +12,8 @@ use crate::domain::{Dynamic, Held};
 use crate::tolerance::{Criterion, Tolerance};
 use crate::value::Shape;
 
-/// Arguments and results as words: the lanes of all arguments one after the other, and the result's lanes.
+/// Arguments and results as `u32` words. A row contains the components of all arguments, one after the other. A
+/// result is the words of its components.
 ///
 /// ```
 /// use karat::check::{Agreement, Calls, Check, Failure};
@@ -25,11 +26,12 @@ use crate::value::Shape;
 #[derive(Clone, Copy, Debug)]
 pub enum Words {}
 
-/// A function that appends the expected lanes for a case's arguments.
+/// A function that appends the expected components of the result for the words of a case's arguments.
 pub type ExpectWords<'e> = &'e (dyn Fn(&[u32], &mut Vec<f64>) + Sync);
 
 impl<'a> Probe<'a> {
-    /// Chooses the arguments with a domain from run time. The closures of verbs take and return words.
+    /// Chooses the arguments' values with a domain that is known only at run time. The closures that you pass
+    /// to verbs take and return `u32` words.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -52,10 +54,10 @@ impl<'a> Probe<'a> {
     }
 }
 
-/// The verbs with closures, for checks whose domain is chosen at run time. These closures take words instead of
+/// Verbs for checks with a domain that is known only at run time. Their closures take `u32` words instead of
 /// values.
 impl Check<'_, Calls<Words>> {
-    /// Checks that the function agrees with `expect`, which appends the result's expected lanes.
+    /// Checks that the function agrees with `expect`, which appends the expected components of the result.
     ///
     /// # Errors
     /// See [`Check::try_agrees_with`].
@@ -73,7 +75,7 @@ impl Check<'_, Calls<Words>> {
         self.plan.agrees(&*self.stream, &self.demand(), &expected, &criterion.into())
     }
 
-    /// Checks that a statement holds for the words of the arguments and the result.
+    /// Checks that a statement holds. `holds` receives the words of the arguments and of the result.
     ///
     /// # Errors
     /// See [`Check::try_satisfies`].
@@ -84,7 +86,8 @@ impl Check<'_, Calls<Words>> {
         self.plan.satisfies(&*self.stream, &self.demand(), statement, (&shape, holds))
     }
 
-    /// Checks that the result stays the same for the transformed arguments that `transform` appends.
+    /// Checks that the result stays the same if `transform` changes the arguments. `transform` appends the
+    /// changed arguments.
     ///
     /// # Errors
     /// See [`Check::try_invariant_under`].
@@ -121,7 +124,7 @@ impl Check<'_, Calls<Words>> {
         self.plan.has_limit(stream, demand, approach, &expected, tolerance.into())
     }
 
-    /// Runs a test that is written in WGSL: see [`WgslTest`](crate::unstable::check::WgslTest).
+    /// Runs a test that is written in WGSL. See [`WgslTest`](crate::unstable::check::WgslTest).
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -139,15 +142,15 @@ impl Check<'_, Calls<Words>> {
     /// ```
     ///
     /// # Errors
-    /// If an expectation fails, or none was evaluated.
+    /// If an expectation fails, or the test evaluates no expectation.
     ///
     /// *Unstable*: for programs around tests.
     pub fn try_expects(self) -> Result<Agreement, Failure> {
         self.plan.expects(&*self.stream, &self.demand())
     }
 
-    /// Checks the integral over directions. The direction is the function's last argument; the domain supplies
-    /// the arguments before it.
+    /// Checks the function's integral over directions. The direction is the function's last argument. The
+    /// domain supplies the other arguments.
     ///
     /// # Errors
     /// See [`Check::try_integrates_to`].
@@ -163,7 +166,7 @@ impl Check<'_, Calls<Words>> {
         self.integrate(directions, expect, assertion)
     }
 
-    /// Checks that the integral over directions is at most a bound plus `slack`.
+    /// Checks that the function's integral over directions is at most a bound plus `slack`.
     ///
     /// # Errors
     /// See [`Check::try_integrates_to_at_most`].

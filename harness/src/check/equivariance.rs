@@ -1,4 +1,4 @@
-//! Checks that results rotate with their arguments.
+//! The verb `equivariant_under`: checks that results rotate with their arguments.
 
 use std::f64::consts::{FRAC_1_SQRT_2, TAU};
 
@@ -16,20 +16,20 @@ use crate::run::or_panic;
 use crate::tolerance::{Tolerance, significant};
 use crate::value::{Arguments, Mirror, Shape, Shareable};
 
-/// A function that appends the rotated value of some words: as `u32` words, or as `f64` lanes.
+/// A function that rotates the value in some words, and appends the rotated value as `u32` words or as `f64`
+/// components.
 type Turn<'t, T> = &'t (dyn Fn(&[u32], DQuat, &mut Vec<T>) + Sync);
 
-/// The rotations of arguments and results, as functions of words.
+/// The functions that rotate arguments and results.
 struct Turned<'t> {
     arguments: Turn<'t, u32>,
     result: Turn<'t, f64>,
-    /// The type of the result.
     shape: Shape,
 }
 
 impl<V: Arguments> Check<'_, Calls<V>> {
-    /// Checks that the result rotates with its arguments. Each case has its own rotation. Seven of eight rotations
-    /// are uniformly distributed; one of eight is a quarter turn about an axis.
+    /// Checks that the result rotates with its arguments. Each case has a random rotation. Seven of eight
+    /// rotations are uniformly distributed. One of eight is a quarter turn about an axis.
     ///
     /// `arguments` rotates the arguments that are directions. `result` rotates the result, or returns it
     /// unchanged if the function only measures angles.
@@ -98,7 +98,7 @@ impl Plan<'_> {
         let stream = WithCompanion { arguments: stream, companion: &Rotations };
         self.conclude(&asserted, &stream, demand, &mut |session| {
             let called = &session.called;
-            called.expect_result(&turned.shape, "the rotation of the result takes")?;
+            called.expect_result(&turned.shape, "the function that rotates the result takes")?;
             tolerances.expect_usable(&session.called)?;
             let (scalars, tolerance) = (called.scalars(), tolerances.of(called));
             let mut changed = false;
@@ -121,7 +121,7 @@ impl Plan<'_> {
                 let exhibit = |case: usize| Exhibit {
                     lanes: batch.arguments(case).to_vec(),
                     varied: vec![("rotation".to_owned(), shown(rotation(case)))],
-                    compared: "returned for the turned arguments; expected is the turned result",
+                    compared: "returned for the rotated arguments; the rotated result was expected",
                     actual: after.of(case).to_vec(),
                     expected: expected(case),
                     judged: judge(case),
@@ -133,11 +133,10 @@ impl Plan<'_> {
     }
 }
 
-/// Samples rotations, as quaternions of `f32`.
 struct Rotations;
 
-/// Simple rotations: half turns, quarter turns and turns by 106 degrees about the axes. The quaternions of the
-/// last ones are (3, 4) / 5.
+/// The simple rotations: half turns, quarter turns and turns by 106 degrees about the axes. The quaternion of a
+/// turn by 106 degrees has the components 4/5 and 3/5.
 fn simple() -> impl Iterator<Item = [u32; 4]> {
     let about = |imaginary: f64, real: f64| {
         DVec3::AXES.map(|axis| {
@@ -184,14 +183,14 @@ fn words(q: DQuat) -> [u32; 4] {
     q.to_array().map(|component| (component as f32).to_bits())
 }
 
-/// `90 degrees about (0, 0, 1)`
+/// Describes a rotation, such as `90 degrees about (0, 0, 1)`.
 fn shown(q: DQuat) -> String {
     let (axis, angle) = q.to_axis_angle();
     let [x, y, z] = axis.to_array().map(significant);
     format!("{} degrees about ({x}, {y}, {z})", significant(angle.to_degrees()))
 }
 
-/// The rotation of a companion, normalized in `f64`.
+/// Reads the rotation from a companion, and normalises it in `f64`.
 fn rotation(companion: &[u32]) -> DQuat {
     DQuat::from_array(std::array::from_fn(|i| f64::from(f32::from_bits(companion[i])))).normalize()
 }
@@ -209,8 +208,8 @@ mod tests {
             assert!((q * DVec3::X).dot(q * DVec3::Y).abs() < 1e-12);
             mean += q * DVec3::Z / 4000.0;
         }
-        // Each component of the mean of 3500 uniform directions is off by about 0.01. One of eight
-        // rotations is a quarter turn; quarter turns take Z to (1/3, -1/3, 1/3) on average.
+        // For 3500 uniform directions, each component of the mean differs from 0 by about 0.01. One of eight
+        // rotations is a quarter turn. Quarter turns rotate Z to (1/3, -1/3, 1/3) on average.
         let expected = DVec3::new(1.0, -1.0, 1.0) / 24.0;
         assert!(mean.distance(expected) < 0.06, "{mean}");
     }

@@ -1,4 +1,4 @@
-//! Runs tests that are written in WGSL, and judges on the host the values that their expectations compared.
+//! Runs tests that are written in WGSL. The host judges the values that the tests' expectations compared.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -18,7 +18,7 @@ use crate::run::{Identity, Memory};
 use crate::tolerance::{Abs, LaneError, Rel, Tolerance, Ulp};
 use crate::value::{Scalar, format_f32, format_lane};
 
-/// An expectation in a case's report, with its values. The shader reports expectations that may fail.
+/// An expectation in a case's report, with its values. The shader reports the expectations that may fail.
 struct Kept<'r> {
     words: &'r [u32],
 }
@@ -33,7 +33,7 @@ impl Kept<'_> {
         f64::from(f32::from_bits(self.words[10 + index]))
     }
 
-    /// True if the expectation holds in `f64`. Values that aren't finite fail.
+    /// Checks in `f64` if the expectation holds. Values that aren't finite fail.
     fn holds(&self) -> bool {
         let (Some(wanted), width) = self.kind() else { return false };
         (0..width).all(|lane| self.lane_holds(wanted, lane))
@@ -54,7 +54,7 @@ impl Kept<'_> {
             Wanted::Relative => finite && within(Rel(first).into()),
             Wanted::Ulp => finite && within(Ulp(first).into()),
             Wanted::Within => {
-                // Relative to the larger of both values, as in the WGSL community's test runner.
+                // The error is relative to the larger value, as in the WGSL community's test runner.
                 let largest = f64::from(a.abs().max(e.abs()));
                 finite && within(Abs(second.max(first * largest)).into())
             }
@@ -69,9 +69,11 @@ impl Kept<'_> {
         }
     }
 
-    /// The expectation's text in a message: both values, and the largest allowed error.
+    /// Describes the expectation in a message: both values, and the largest allowed error.
     fn text(&self) -> String {
-        let (Some(wanted), width) = self.kind() else { return "a broken report".to_owned() };
+        let (Some(wanted), width) = self.kind() else {
+            return "a damaged report from the shader".to_owned();
+        };
         let scalar = match wanted {
             Wanted::True => Scalar::Bool,
             Wanted::EqualU32 => Scalar::U32,
@@ -87,14 +89,18 @@ impl Kept<'_> {
         let (first, second) = (bound(0), bound(1));
         match wanted {
             Wanted::Near => format!("{actual}, expected {expected} within {first}"),
-            Wanted::Relative => format!("{actual}, expected {expected} within {first} of it"),
+            Wanted::Relative => {
+                format!("{actual}, expected {expected} within a relative error of {first}")
+            }
             Wanted::Ulp => {
                 let unusable = Tolerance::from(Ulp(self.bound(0))).unusable();
-                let nothing = unusable.map_or("", |_| ", which bounds nothing");
+                let nothing = unusable.map_or("", |_| ", which is no usable bound");
                 format!("{actual}, expected {expected} within {first} ulp{nothing}")
             }
             Wanted::Within => {
-                format!("{actual}, expected {expected} within {first} of the larger, or {second}")
+                format!(
+                    "{actual}, expected {expected} within {first} of the larger value, or within {second}"
+                )
             }
             Wanted::Finite => format!("{actual}, expected a finite value"),
             Wanted::AtMost => format!("{actual}, expected at most {expected}"),
@@ -105,8 +111,9 @@ impl Kept<'_> {
     }
 }
 
-/// The report of a case: the number of evaluated expectations, the number of those that may have failed, and in
-/// telling kernels the values of the first of these.
+/// The report that the shader writes for a case: the number of evaluated expectations, and the number of
+/// suspected expectations, which may have failed. Kernels that report values add the values of the first few
+/// suspected expectations.
 struct Report<'r> {
     words: &'r [u32],
 }
@@ -125,13 +132,13 @@ impl<'r> Report<'r> {
         words.take(self.suspected().min(MOST_KEPT)).map(|words| Kept { words })
     }
 
-    /// True if the host can see that all expectations hold. False if the report has the values of only some, or
-    /// none, of the expectations that may have failed.
+    /// Checks if the reported values prove that all expectations hold. Returns `false` if the report lacks the
+    /// values of an expectation that may have failed.
     fn passes(&self) -> bool {
         self.kept().count() == self.suspected() && self.kept().all(|kept| kept.holds())
     }
 
-    /// The failing expectations, with their places.
+    /// Describes the failing expectations, with their places in the test.
     fn described(&self, program: &Program) -> Described {
         let failed = self.kept().filter(|kept| !kept.holds()).map(|kept| {
             let seen = kept.text();
@@ -149,8 +156,8 @@ impl<'r> Report<'r> {
             true => (
                 "unclear",
                 format!(
-                    "{} values lie so close to their bound that only the first {MOST_KEPT} were \
-                     judged, which hold: widen the tolerance by a thousandth, or split the test",
+                    "{} values lie very close to their bounds. Karat judged only the first {MOST_KEPT}, \
+                     and these pass. Widen the tolerance by a thousandth, or split the test",
                     self.suspected()
                 ),
             ),
@@ -159,7 +166,6 @@ impl<'r> Report<'r> {
     }
 }
 
-/// Judges the reports of a batch.
 struct Reports<'r> {
     program: &'r Program,
 }
@@ -180,8 +186,8 @@ impl Judge for Reports<'_> {
 /// The name of the verb in records and replays.
 pub(super) const NAME: &str = "expects";
 
-/// A stream for the shared function of several tests, which places one test's arguments among the shared
-/// function's arguments.
+/// A stream for the shared function of several tests. It writes one test's arguments into the shared function's
+/// row of arguments.
 #[derive(Debug)]
 struct Placed<'s> {
     stream: Rows<'s>,
@@ -190,7 +196,7 @@ struct Placed<'s> {
     words: usize,
 }
 
-/// A stream, wrapped because streams don't implement `Debug`.
+/// A wrapper for a stream, because streams don't implement `Debug`.
 struct Rows<'s>(&'s dyn Stream);
 
 impl std::fmt::Debug for Rows<'_> {
@@ -235,7 +241,8 @@ impl Stream for Placed<'_> {
         made
     }
 
-    /// Returns `None`: a failing test runs again alone, so this stream never simplifies a case.
+    /// Returns `None`. A failing test runs again without the other tests, so this stream never simplifies a
+    /// case.
     fn value(&self, _: Origin<'_>) -> Option<Held> {
         None
     }
@@ -262,21 +269,21 @@ impl Stream for Placed<'_> {
     }
 }
 
-/// The result of a run with a kernel that only counts the expectations that may have failed.
+/// The result of a run. Its kernel may only count the expectations that may have failed.
 enum Counted {
-    /// The verdict: all expectations hold, or the run had an error.
+    /// The run gave a verdict or an error.
     Concluded(Result<Agreement, Failure>),
-    /// An expectation may have failed. The test must run again.
+    /// An expectation may have failed. The test must run again with a kernel that reports values.
     Suspicious,
 }
 
 impl<'a> Plan<'a> {
     /// Runs a test that is written in WGSL.
     ///
-    /// Drivers need a third of the time to compile a kernel that only counts failures, compared with a kernel
-    /// that also reports values. They compile one kernel with several tests faster than several kernels. So Karat
-    /// first runs tests together in a counting kernel. A test that doesn't pass there runs again alone, and
-    /// reports its values.
+    /// A kernel that only counts failures compiles in a third of the time of a kernel that also reports values.
+    /// Drivers compile one kernel with several tests faster than several kernels. So Karat first runs several
+    /// tests in one counting kernel. If a test doesn't pass there, Karat runs that test again in its own
+    /// kernel, which reports values.
     pub(super) fn expects(
         &self,
         stream: &dyn Stream,
@@ -303,8 +310,8 @@ impl<'a> Plan<'a> {
         }
     }
 
-    /// Runs the test together with other tests, and returns the verdict if the test passes. Returns `None` for
-    /// a test with remembered or replayed inputs, which must run alone.
+    /// Runs the test in the shared kernel, and returns the verdict if the test passes. Returns `None` if the
+    /// test has remembered or replayed inputs, because such a test needs its own kernel.
     fn together(
         &self,
         identity: &Identity,
@@ -329,9 +336,9 @@ impl<'a> Plan<'a> {
     }
 
     fn counted(&self, identity: &Identity, stream: &dyn Stream, demand: &Demand) -> Counted {
-        let asserted = Asserted::new(NAME, "what its expectations say".to_owned());
+        let asserted = Asserted::new(NAME, "all its expectations hold".to_owned());
         let suspicious = AtomicBool::new(false);
-        // If the test runs with others and doesn't pass, a later run gives the verdict.
+        // If the test doesn't pass in the shared kernel, a later run gives the verdict.
         let withheld = AtomicBool::new(false);
         let run = (identity, &withheld);
         let mut verb = |session: &Session<'_>| {
@@ -339,7 +346,7 @@ impl<'a> Plan<'a> {
             let tally = session.run(&mut |batch, running| {
                 let tally = session.judge(batch, running, |_| None, &reports)?;
                 if self.probe.telling.is_some() && tally.fails() {
-                    // This error stays inside: a later run gives the verdict.
+                    // Nobody sees this error, because a later run gives the verdict.
                     suspicious.store(true, Ordering::Relaxed);
                     return session.called.vacuous(Vacuous::NoExpectation);
                 }
@@ -390,8 +397,9 @@ mod tests {
         words
     }
 
+    // Lesson 104
     #[test]
-    fn what_was_not_kept_does_not_pass() {
+    fn a_case_without_kept_values_fails() {
         let passes = |words: &[u32]| Report { words }.passes();
         assert!(passes(&[3, 0]) && !passes(&[3, 1]), "a report that only counts");
         let good = kept(Wanted::Near, 1.0, 1.0, [0.0; 2]);
@@ -401,9 +409,13 @@ mod tests {
             passes(&words)
         };
         assert!(report(3, [good; 3]) && !report(4, [good; 3]) && !report(2, [good, bad, good]));
-        assert!(report(1, [good, bad, bad]), "what is behind the count is of an earlier case");
+        assert!(
+            report(1, [good, bad, bad]),
+            "values after the counted ones belong to an earlier case"
+        );
     }
 
+    // Lesson 100
     #[test]
     fn the_host_judges_exactly() {
         let holds = |wanted, actual, expected, bounds| {

@@ -1,4 +1,5 @@
-//! The notes below a failing case: the results that WGSL allows, and the operation where a path leaves them.
+//! The notes below a failing case: which results WGSL allows, and which operation on the path first returned a
+//! value outside of WGSL's bounds.
 
 use std::borrow::Cow;
 
@@ -12,8 +13,8 @@ use crate::probe::lets;
 use crate::value::{Scalar, format_f32};
 
 impl Session<'_> {
-    /// Adds notes to a failing case about the results that WGSL allows for its arguments. If the engine can't
-    /// execute the function, adds nothing.
+    /// Adds notes to a failing case about the results that WGSL allows. Adds nothing if the engine can't
+    /// execute the function.
     pub(super) fn explain(&self, failure: &mut CaseFailure, row: &[u32]) {
         match self.asserted.explained {
             Explained::Nothing => {}
@@ -30,7 +31,8 @@ impl Session<'_> {
         failure.explanation.extend(self.first_not_finite(row));
     }
 
-    /// The first operation with a NaN or infinite value. A clamp may have turned that value into a number since.
+    /// Finds the first operation that returned NaN or an infinity. A later operation, such as a clamp, may have
+    /// turned this value into a finite number.
     fn first_not_finite(&self, row: &[u32]) -> Option<(&'static str, String)> {
         let mut found = self.witness().ok()?.hazards_but(1, row, &|_| true).ok()?;
         first_not_finite(found.cases.pop()?.iter())
@@ -59,10 +61,10 @@ impl Session<'_> {
                 let text = one_line(&text);
                 match bound.is_reordered() {
                     true => format!(
-                        ": `{text}` ({span}) is bounded in the order in which it is written, but may be \
-                         evaluated in another (15.7.5), which overflows or divides by what is too near to 0"
+                        ": `{text}` ({span}) has bounds in the written order, but WGSL allows \
+                         another order (15.7.5), which overflows or divides by a value too near to 0"
                     ),
-                    false => format!(": it doesn't bound `{text}` ({span})"),
+                    false => format!(": it sets no bounds for `{text}` ({span})"),
                 }
             });
             lines.push(("WGSL", format!("allows anything{cause}")));
@@ -72,10 +74,10 @@ impl Session<'_> {
         let inside = |x: f64| least <= x && x <= most;
         let allowed = bound.allows(actual);
         let said = match (allowed, inside(expected)) {
-            (true, true) => "; the tolerance asks for more",
-            (true, false) => "; the reference isn't what this code computes",
-            (false, true) => "; this path leaves it",
-            (false, false) => "; neither result nor reference is in it",
+            (true, true) => "; the test's tolerance is stricter",
+            (true, false) => "; the reference lies outside: this code computes something else",
+            (false, true) => "; this path's result lies outside",
+            (false, false) => "; the result and the reference lie outside",
         };
         let width = width(least, most);
         lines.push(("WGSL", format!("allows {}{width}{said}", interval(bound))));
@@ -85,7 +87,7 @@ impl Session<'_> {
         Ok(lines)
     }
 
-    /// The first `let` whose value on a path is outside of WGSL's bounds.
+    /// Finds the first `let` on the path with a value outside of WGSL's bounds.
     fn blame(&self, witness: &Interpreted, row: &[u32]) -> Option<String> {
         for one in lets(&self.called.probed) {
             let Some(probed) = &one.probed else { continue };
@@ -103,16 +105,16 @@ impl Session<'_> {
             if let Some((value, bound)) = found {
                 let place = one.span.map_or_else(String::new, |span| format!(" ({span})"));
                 let allowed = interval(&bound);
-                let last = if one.repeats { ", by its last value in a loop" } else { "" };
+                let last = if one.repeats { ", in the last iteration of a loop" } else { "" };
                 return Some(format!(
-                    "`{}`{place} leaves it first{last}: {value}, where WGSL allows {allowed}",
+                    "`{}`{place} is the first value outside of WGSL's bounds{last}: {value}, allowed {allowed}",
                     one.name
                 ));
             }
         }
         let place = &witness.place();
         Some(format!(
-            "no let-binding does before what `{}` returns ({place})",
+            "all let-bindings are within WGSL's bounds; the value that `{}` returns isn't ({place})",
             self.called.function().name
         ))
     }
@@ -126,7 +128,7 @@ fn interval(bound: &Bound) -> String {
     }
 }
 
-/// The width of an interval, in ulp of `f32` at its larger end.
+/// The width of an interval as text, in ulp of `f32` at the end that is farther from 0.
 fn width(least: f64, most: f64) -> String {
     let largest = number_of(least.abs().max(most.abs()));
     let step = f64::from(largest.next_up()) - f64::from(largest);

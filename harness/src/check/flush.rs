@@ -1,21 +1,21 @@
-//! Flushing of subnormal arguments, as WGSL allows it.
+//! The flushing of subnormal arguments to 0, which WGSL allows.
 //!
 //! Each operation may flush a subnormal operand to 0 or -0, independently of the other operations (section
-//! 15.7.2). So a result is right if it fits the given arguments, or arguments with zeros in place of any of
-//! the subnormals. This module doesn't handle subnormal intermediate values.
+//! 15.7.2). So a result is right if it fits the given arguments. It is also right if it fits arguments in which
+//! zeros replace some of the subnormals. This module doesn't handle subnormal intermediate values.
 
 use crate::judge::Judged;
 use crate::value::Scalar;
 
-/// The most subnormals of a case for which every combination is tried: 3^4 rows. If a case has more, they are
-/// flushed all together or not at all.
+/// The number of subnormal arguments up to which Karat tries every combination, which are 3^4 rows. If a case
+/// has more, Karat flushes all of them together, or none.
 const APART: usize = 4;
 
 /// The smallest normal `f16`, 2^-14.
 const LEAST_F16: f32 = 1.0 / 16_384.0;
 
-/// Returns the judgement `given` for a case's own arguments if it passes. Otherwise judges the case by arguments
-/// with flushed subnormals. If no flushing makes the case pass, returns `given`.
+/// Returns `given`, the judgement for a case's own arguments, if the case passes. Otherwise judges the case
+/// with flushed arguments. Returns `given` if the case passes with no flushed arguments.
 pub(super) fn allowing_flushes(
     scalars: &[Scalar],
     arguments: &[u32],
@@ -38,17 +38,17 @@ fn is_subnormal(scalar: Scalar, word: u32) -> bool {
     }
 }
 
-/// The rows that flushing can make of a row of arguments, without the row itself.
+/// An iterator over the rows that flushing can make from a row of arguments. It leaves out the row itself.
 pub struct Flushed<'r> {
     row: &'r [u32],
-    /// The subnormal lanes, in groups that are flushed together.
+    /// The indices of the subnormal arguments. Karat flushes the indices of one group together.
     lanes: Vec<Vec<usize>>,
-    /// The number of the next row. Its ternary digits, one per group, mean: unchanged, 0 or -0.
+    /// The number of the next row. It has one ternary digit for each group: 0 keeps the group's values, 1
+    /// replaces them by 0, 2 by -0.
     next: usize,
 }
 
 impl<'r> Flushed<'r> {
-    /// The flushed rows of a row of arguments.
     pub fn of(scalars: &[Scalar], row: &'r [u32]) -> Self {
         let lanes = scalars.iter().zip(row).enumerate();
         let lanes = lanes.filter(|(_, (scalar, word))| is_subnormal(**scalar, **word));
@@ -106,7 +106,7 @@ mod tests {
         assert_eq!(found.len(), 8, "9 combinations without the row itself");
         assert!(found.contains(&vec![TINY, 1.0, 0.0]) && found.contains(&vec![0.0, 1.0, 0.0]));
         assert!(found.iter().all(|row| row[1] == 1.0));
-        // The subnormals of f16 are larger: 5e-5 is subnormal in f16 and normal in f32.
+        // f16 has larger subnormals: 5e-5 is subnormal in f16 and normal in f32.
         let half = 5e-5;
         assert_eq!(rows(&[Scalar::F16, Scalar::F32], &[half, half]).len(), 2);
     }
@@ -118,7 +118,7 @@ mod tests {
         assert_eq!(found, [[0.0, 0.0, 1.0, 0.0, 0.0, 0.0]; 2]);
     }
 
-    /// A passing case isn't judged again, and a case that always fails keeps its first error.
+    /// Karat doesn't judge a passing case again. A case that always fails keeps its first error.
     #[test]
     fn the_arguments_as_given_come_first() {
         let judged = |holds: bool, lane: usize| Judged {

@@ -1,14 +1,14 @@
-//! The aim of the search for failing arguments, which begins after a check's cases pass.
+//! The aim of a search for failing arguments. The search begins after a check's sampled cases pass.
 
-/// A function that returns the distance of a result from the aim.
+/// A function that returns the distance between a result and the search's aim.
 pub(super) type Distance<'d> = &'d (dyn Fn(&[u32]) -> f64 + Sync);
 
-/// The aim of a search.
 pub(super) struct Goal<'g> {
-    /// The distance of a result from the aim: 0 or less if the result reaches it. `None` if there is no aim.
+    /// The distance between a result and the aim: 0 or less if the result reaches the aim. `None` if the search
+    /// has no aim.
     pub(super) distance: Option<Distance<'g>>,
-    /// True if arguments with this result fail.
+    /// Checks if the check fails for these arguments and this result.
     pub(super) fails: &'g (dyn Fn(&[u32], &[u32]) -> bool + Sync),
-    /// True if it is proved that no arguments fail.
+    /// Checks if there is a proof that no arguments fail.
     pub(super) is_proved: &'g dyn Fn() -> bool,
 }

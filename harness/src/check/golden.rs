@@ -1,5 +1,5 @@
-//! Checks against a golden: values that the function returned earlier for fixed arguments, and that a person
-//! accepted.
+//! The verb `matches`: checks a function against its golden. The golden contains values that the function
+//! returned earlier, and that a person accepted.
 
 use std::cell::Cell;
 use std::collections::HashMap;
@@ -23,21 +23,23 @@ use crate::run::or_panic;
 use crate::tolerance::Tolerance;
 use crate::value::{Scalar, Shape};
 
-/// The number of cases of a check that doesn't set it. It is small: a person looks through the rows, and the
+/// The number of cases if the check sets no number. It is small, because a person reads the rows, and the
 /// repository keeps them forever.
 const CASES: u64 = 256;
 
-/// The largest finite domain whose values are all kept if the check sets no number of cases.
+/// The number of values up to which the golden contains every value of a finite domain, if the check sets no
+/// number of cases.
 const ENUMERATED: u64 = 1024;
 
 impl<V> Check<'_, Calls<V>> {
-    /// Checks that the function returns the values of its accepted golden, to within a tolerance. For functions
-    /// without a reference. The golden is the file `golden/<case>.csv` with arguments and results.
+    /// Checks that the function returns the values of its accepted golden, to within a tolerance. Use this verb
+    /// for functions without a reference. The golden is the file `golden/<case>.csv`, which contains arguments
+    /// and results.
     ///
-    /// The golden's arguments are the domain's first 256 cases. A finite domain of at most 1,024 values is
-    /// enumerated. [`cases`](Self::cases) sets another number. The arguments depend on the golden's name, and
-    /// not on the test's name. If the domain's arguments differ from the golden's, the check fails until you
-    /// accept the new ones.
+    /// The golden's arguments are the domain's first 256 cases, or all values of a finite domain that has at
+    /// most 1,024. [`cases`](Self::cases) sets another number. The arguments depend on the golden's name, not
+    /// on the test's name. If the domain's arguments differ from the golden's arguments, the check fails until
+    /// you accept the new values.
     ///
     /// ```no_run
     /// # use karat::{Goldens, prelude::*};
@@ -52,7 +54,7 @@ impl<V> Check<'_, Calls<V>> {
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if a case differs, or there is nothing to compare with.
+    /// With the [`Failure`], if a result differs from the golden, or there is no golden.
     #[track_caller]
     pub fn matches(
         self,
@@ -66,7 +68,7 @@ impl<V> Check<'_, Calls<V>> {
     /// [`matches`](Self::matches) without the panic.
     ///
     /// # Errors
-    /// If a case differs, or there is nothing to compare with.
+    /// If a result differs from the golden, or there is no golden.
     pub fn try_matches(
         self,
         goldens: &Goldens,
@@ -87,7 +89,7 @@ impl Plan<'_> {
     ) -> Result<Agreement, Failure> {
         let golden = goldens.table(case);
         let text = format!("golden `{case}`, {tolerance}");
-        // Failing arguments needn't be remembered: the golden has all arguments.
+        // The check doesn't remember failing arguments, because the golden contains all arguments.
         let asserted = Asserted { remembers: false, ..Asserted::new("matches", text) };
         let comparison = Comparison {
             plan: self,
@@ -152,7 +154,7 @@ impl Plan<'_> {
         )
     }
 
-    /// The path that makes goldens: the first one of lavapipe and the engine, or else the first path.
+    /// The path that makes goldens: lavapipe or the engine, whichever comes first, or else the first path.
     fn canonical(&self) -> Option<Path> {
         let executors = self.probe.executors().ok()?;
         let canonical = |executor: &&&dyn Executor| {
@@ -163,7 +165,7 @@ impl Plan<'_> {
     }
 }
 
-/// The pending values that the check leaves for a person to accept.
+/// The pending values that the check writes for a person to accept.
 #[derive(Default)]
 enum Left {
     #[default]
@@ -175,7 +177,7 @@ enum Left {
 }
 
 impl Failure {
-    /// Adds the pending values to the failure of a check whose values differ from the golden.
+    /// Adds the message about pending values to the failure of a check with values that differ from the golden.
     fn with_golden(self, source: ValuesError) -> Self {
         match self {
             Self::Disagreement(differs) => {
@@ -196,8 +198,8 @@ impl Failure {
         }
     }
 
-    /// The failure of a check that can't be compared with its golden. Without a usable golden, each path fails
-    /// because it has no cases. The golden's error replaces these failures; other failures are kept.
+    /// The failure of a check that can't be compared with its golden. Without a usable golden, every path fails
+    /// because it has no cases. The golden's error replaces these failures. All other failures stay.
     fn beside_golden(self, source: ValuesError) -> Self {
         let Self::Paths(mut paths) = self else { return Self::golden(source) };
         paths.stopped.retain(|(_, error)| !error.has_no_cases());
@@ -213,7 +215,6 @@ impl Failure {
     }
 }
 
-/// The comparison of a function with its golden.
 struct Comparison<'c> {
     plan: &'c Plan<'c>,
     domain: &'c dyn Stream,
@@ -222,16 +223,15 @@ struct Comparison<'c> {
     case: &'c str,
     seed: u64,
     tolerances: Tolerances,
-    /// The path that makes goldens.
     canonical: Option<Path>,
     left: Cell<Left>,
-    /// True if a path agrees with the whole golden.
+    /// `true` after a path agreed with all rows of the golden.
     agrees: Cell<bool>,
 }
 
 impl Comparison<'_> {
-    /// Makes values pending. Differing values that are pending already stay. Otherwise the values of the path that
-    /// makes goldens replace those of other paths.
+    /// Makes values pending, unless values that differ from the golden are pending already. The values of the
+    /// path that makes goldens replace values of other paths.
     fn leave(
         &self,
         session: &Session<'_>,
@@ -247,7 +247,7 @@ impl Comparison<'_> {
         Ok(())
     }
 
-    /// Compares the function with its golden, at the golden's arguments.
+    /// Compares the function's results with the golden, for the golden's arguments.
     fn compare(&self, session: &Session<'_>, golden: &Table) -> Result<PathTally, Failure> {
         let (goldens, case, function) = (self.goldens, self.case, session.called.function());
         let numbering =
@@ -275,7 +275,7 @@ impl Comparison<'_> {
                         let words = scalars.iter().zip(*words);
                         lanes.extend(words.map(|(scalar, word)| scalar.decode(*word)));
                     }
-                    // The golden has no values for other arguments. NaN makes these cases fail.
+                    // The golden has no values for these arguments. NaN makes the case fail.
                     None => lanes.extend(scalars.iter().map(|_| f64::NAN)),
                 }
             }
@@ -287,7 +287,7 @@ impl Comparison<'_> {
         }
         let known = self.plan.known_issues.names(tally.path, &tally.adapter);
         if tally.fails() && !known {
-            // The differing values of the first path become pending.
+            // The values of the first path that differs become pending.
             let left = self.left.take();
             self.left.set(match left {
                 Left::Differs(_) => left,
@@ -298,8 +298,8 @@ impl Comparison<'_> {
                 }
             });
         } else if !rows()?.iter().eq(golden.split_rows().map(|(arguments, _)| arguments)) {
-            let difference = "it agrees for the golden's arguments, and the test draws others: its domain, \
-                              number of cases or seed was changed";
+            let difference = "it agrees for the golden's arguments, but the test has other arguments now: its domain, \
+                              number of cases or seed changed";
             self.leave(session, || unlike(difference))?;
         } else {
             self.agrees.set(true);
@@ -307,7 +307,7 @@ impl Comparison<'_> {
         Ok(tally)
     }
 
-    /// Calls the function with these arguments.
+    /// Calls the function with these arguments, and returns a table of arguments and results.
     fn made<'a>(&self, session: &'a Session<'_>, rows: &[Vec<u32>]) -> Result<Made<'a>, Failure> {
         let called = &session.called;
         let mut words = Vec::new();
@@ -327,26 +327,26 @@ impl Comparison<'_> {
     }
 }
 
-/// The seed of a golden's arguments. It depends on the golden's name alone, so that the test's name and the
+/// The seed of a golden's arguments. It depends only on the golden's name, so the test's name and the
 /// environment can't change it.
 fn seed_of(case: &str) -> u64 {
     let hash = blake3::hash(case.as_bytes());
     hash.as_bytes().iter().take(8).fold(0, |seed, byte| seed << 8 | u64::from(*byte))
 }
 
-/// The golden's arguments as a domain.
+/// Makes a domain from the golden's arguments.
 fn rows_of(golden: &Table) -> Dynamic {
     let columns = &golden.columns[..golden.arguments];
     let scalars: Vec<Scalar> = columns.iter().map(|column| column.scalar).collect();
     let names = columns.iter().map(|column| (column.name.clone(), Shape::Scalar(column.scalar)));
     let rows = golden.split_rows().map(|(arguments, _)| arguments.to_vec());
-    // The first part supplies the lanes of all arguments, so that rows stay together.
+    // The first part supplies the components of all arguments, so that each row stays complete.
     let mut parts = vec![vec![Part::listed(scalars, rows.collect())]];
     parts.resize_with(columns.len().max(1), Vec::new);
     Dynamic::new(&names.collect::<Vec<_>>(), parts)
 }
 
-/// The rows of all cases of a domain.
+/// Samples the rows of all cases from a domain.
 fn drawn(
     session: &Session<'_>,
     domain: &dyn Stream,
@@ -360,7 +360,6 @@ fn drawn(
     (0..cases.count).map(row).collect()
 }
 
-/// The columns of a function's golden.
 fn columns(function: &Function) -> Vec<Column> {
     let of = |name: &str, shape: &Shape| {
         let lanes = shape.lane_names().into_iter().zip(shape.lanes());

@@ -1,4 +1,4 @@
-//! Checks that the operations inside of a function have no hazards.
+//! The verbs `has_no_hazards` and `has_none_of`: check the operations inside of a function for hazards.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -15,15 +15,17 @@ use crate::run::or_panic;
 use crate::tolerance::LaneError;
 
 impl<V> Check<'_, Calls<V>> {
-    /// Checks that no operation inside of the function has a hazard, even if the result doesn't show it:
+    /// Checks that no operation inside of the function has a hazard, even if the hazard has no effect on the
+    /// result. The hazards are:
     ///
     /// - a value becomes NaN or infinite, or loses more than half of its digits;
     /// - an index is outside of its array;
-    /// - WGSL doesn't bound the error of an operation;
-    /// - a derivative is taken, or a texture is sampled with one, while another pixel of the quad runs other code.
+    /// - WGSL sets no bound for the error of an operation;
+    /// - the function takes a derivative, or samples a texture with one, while another pixel of the quad runs
+    ///   other code.
     ///
     /// Karat's engine watches each operation. The selected paths must return results, but the check ignores the
-    /// values. The crate `karat-inspect` finds hazards without a domain.
+    /// results' values. The crate `karat-inspect` finds hazards without a domain.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -44,7 +46,7 @@ impl<V> Check<'_, Calls<V>> {
     /// [`has_no_hazards`](Self::has_no_hazards) without the panic.
     ///
     /// # Errors
-    /// As it panics.
+    /// See the panics of the method without `try_`.
     pub fn try_has_no_hazards(self) -> Result<Agreement, Failure> {
         self.plan.hazards(&*self.stream, &self.demand(), None)
     }
@@ -57,14 +59,14 @@ impl<V> Check<'_, Calls<V>> {
     ///
     /// let text = "fn shade(k: u32) -> f32 { var levels = array(0.0, 0.5, 1.0); return pow(levels[k], 5.0); }";
     /// let package = Package::from_source("m", text);
-    /// // WGSL bounds no `pow` of 0; that is for another day.
+    /// // WGSL sets no bound for `pow` of 0. This check ignores that hazard.
     /// let shade = || package.function("shade").over(Integers(0..=2_u32));
     /// shade().has_none_of([HazardKind::OutOfRange, HazardKind::Nan]);
     /// assert!(shade().unrecorded().try_has_none_of([HazardKind::Unbounded]).is_err());
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if an operation has such a hazard, if operations of functions can't have one of the
+    /// With the [`Failure`], if an operation has such a hazard, if no operation can have a hazard of one of the
     /// kinds, or if the engine can't execute the function.
     #[track_caller]
     pub fn has_none_of(self, kinds: impl IntoIterator<Item = Kind>) -> Agreement {
@@ -74,7 +76,7 @@ impl<V> Check<'_, Calls<V>> {
     /// [`has_none_of`](Self::has_none_of) without the panic.
     ///
     /// # Errors
-    /// As it panics.
+    /// See the panics of the method without `try_`.
     pub fn try_has_none_of(
         self,
         kinds: impl IntoIterator<Item = Kind>,
@@ -83,9 +85,9 @@ impl<V> Check<'_, Calls<V>> {
         self.plan.hazards(&*self.stream, &self.demand(), Some(&kinds))
     }
 
-    /// Accepts the hazard of an operation, with the reason. Write the operation as in the function, with single
-    /// spaces. If the operation has no hazard of the kinds that the check asks for, the check fails until you
-    /// remove the declaration.
+    /// Accepts the hazard of an operation. `text` is the operation as the function has it, with single spaces.
+    /// `reason` says why the hazard is acceptable. If the operation has no hazard of the kinds that the check
+    /// asks for, the check fails until you remove the declaration.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -106,7 +108,7 @@ fn one_line(text: &str) -> String {
 }
 
 impl Plan<'_> {
-    /// Returns an error if hazards are accepted, and the verb doesn't look for hazards.
+    /// Returns an error if the check accepts a hazard, but its verb doesn't look for hazards.
     pub(super) fn expect_hazards_asked(&self, asserted: &Asserted) -> Result<(), Failure> {
         match (self.accepted.first(), asserted.explained) {
             (None, _) | (_, Explained::ByHazards(_)) => Ok(()),
@@ -127,8 +129,10 @@ impl Plan<'_> {
         let kinds = Kinds::of(of.unwrap_or(&Kinds::ALL));
         let names: Vec<&str> = of.unwrap_or_default().iter().map(|kind| kind.name()).collect();
         let (verb, statement) = match of {
-            None => ("has_no_hazards", "nothing goes wrong inside".to_owned()),
-            Some(_) => ("has_none_of", format!("nothing inside is {}", names.join(" or "))),
+            None => ("has_no_hazards", "no operation has a hazard".to_owned()),
+            Some(_) => {
+                ("has_none_of", format!("no operation has the hazard {}", names.join(" or ")))
+            }
         };
         let asserted =
             Asserted { explained: Explained::ByHazards(kinds), ..Asserted::new(verb, statement) };
@@ -187,7 +191,7 @@ fn class(kind: Kind) -> Class {
 }
 
 impl Session<'_> {
-    /// The hazards for a row of arguments, each as a name with its text.
+    /// Finds the hazards for a row of arguments. Each note has a name and a text.
     pub(super) fn hazards_of(&self, row: &[u32], kinds: Kinds) -> Vec<(&'static str, String)> {
         let left_out = |one: &Found| self.leaves_out(one, kinds).0;
         let found = self.witness().and_then(|witness| witness.hazards_but(1, row, &left_out));
@@ -196,9 +200,11 @@ impl Session<'_> {
             let text = one_line(&one.text);
             let more = match &one.missing {
                 Some(Missing { missing, parted: Some(parted), .. }) => {
-                    format!("; {missing} goes another way at {parted}")
+                    format!("; {missing} takes another branch at {parted}")
                 }
-                Some(Missing { missing, .. }) => format!("; {missing} doesn't come to it"),
+                Some(Missing { missing, .. }) => {
+                    format!("; {missing} doesn't reach this operation")
+                }
                 None if one.hidden => "; a later operation hides it".to_owned(),
                 None => String::new(),
             };
@@ -207,7 +213,8 @@ impl Session<'_> {
         found.iter().filter(|one| !left_out(one)).map(shown).collect()
     }
 
-    /// Returns true for a hazard of another kind or an accepted hazard, with the index of the acceptance.
+    /// Checks if the check ignores a hazard: because its kind isn't in `kinds`, or because the author accepted
+    /// it. Also returns the index of the acceptance.
     fn leaves_out(&self, one: &Found, kinds: Kinds) -> (bool, Option<usize>) {
         let text = one_line(&one.text);
         let accepted = self.accepted.iter().position(|own| own.text == text);

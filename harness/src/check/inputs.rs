@@ -1,14 +1,15 @@
-//! The ways to pass arguments. A check with several ways runs them one after the other, and has one verdict.
+//! The ways to pass arguments to the function. A check with several ways tests one after the other, and has one
+//! verdict.
 
 use super::{Calls, Check, Plan};
 use crate::probe::Inputs;
 use crate::run::Identity;
 
 impl<V> Check<'_, Calls<V>> {
-    /// Chooses the way that the kernel gets the function's arguments. The default is a storage buffer.
+    /// Chooses how the kernel gets the function's arguments. The default is a storage buffer.
     ///
-    /// With [constants](Inputs::Constant), Karat checks at most 64 cases. A finite domain of at most 64 values
-    /// is enumerated; in other domains half of the cases are edges.
+    /// With [constants](Inputs::Constant), Karat checks at most 64 cases. They are all values of a finite
+    /// domain that has at most 64. Otherwise half of the cases are edges.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -21,8 +22,8 @@ impl<V> Check<'_, Calls<V>> {
         self
     }
 
-    /// Checks with each way to pass arguments, because compilers treat them differently: see [`Inputs`].
-    /// Each way has its own line in the record.
+    /// Runs the check with each way to pass arguments, because compilers treat the ways differently (see
+    /// [`Inputs`]). The record has a line for each way.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -38,7 +39,7 @@ impl<V> Check<'_, Calls<V>> {
     }
 }
 
-/// The ways to pass a check's arguments, or the single way that a replay names.
+/// The ways in which the check passes arguments. A replay names one of them.
 pub(super) fn chosen(plan: &Plan<'_>, identity: &Identity) -> Vec<Inputs> {
     let asked = match &*plan.probe.inputs {
         [] => &[Inputs::Storage],

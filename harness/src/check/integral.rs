@@ -1,9 +1,10 @@
-//! Integrals of a function by quadrature. The host has the quadrature rule, and the shader has the integrand.
+//! Integrals of a function by quadrature. The host computes the quadrature rule, and the shader computes the
+//! integrand.
 //!
-//! A dispatch evaluates the nodes of several cases. A rule with more nodes than fit into a dispatch takes several
-//! dispatches. The host sums `weight * value` in `f64` with Neumaier's compensation, in the order of the rule.
-//! So the rounding of the sum doesn't grow with the number of nodes, and the sum is the same for any division
-//! into dispatches. A node whose result isn't finite fails its case.
+//! A dispatch evaluates the nodes of several cases. If a rule has more nodes than fit into one dispatch, Karat
+//! runs several dispatches. The host sums `weight * value` in `f64` with Neumaier's compensation, in the order
+//! of the rule. So the sum's rounding error doesn't grow with the number of nodes, and the number of dispatches
+//! doesn't change the sum. A case fails if the result at one of its nodes isn't finite.
 
 mod assertion;
 mod group;
@@ -29,19 +30,21 @@ use crate::value::{Arguments, Mirror, Shape};
 pub(super) use assertion::Assertion;
 use group::Group;
 
-/// The number of integrals of a check that doesn't set it. It is small: each integral takes thousands of calls.
+/// The number of integrals if the check sets no number. It is small, because each integral takes thousands of
+/// calls.
 const CASES: u64 = 256;
 
-/// The largest finite domain whose values are all tried if the check sets no number of integrals.
+/// The number of values up to which Karat tries every value of a finite domain, if the check sets no number of
+/// integrals.
 const ENUMERATED: u64 = 65_536;
 
 impl<'a> Probe<'a> {
-    /// Integrates the function by quadrature, once for each of `cases`.
+    /// Integrates the function by quadrature, once for each case from the domain `cases`.
     ///
-    /// `rule` returns the nodes of a quadrature rule for a case. Each node is a tuple of all arguments of the
-    /// function (or the single argument) with a weight. Cosines and Jacobians are part of the weight. The
-    /// integral is the sum of weight times result, in `f64`, for each component of the result. The components
-    /// must be floats. Karat doesn't know the rule's own error: include it in the tolerance.
+    /// `rule` returns the nodes of a quadrature rule for a case. Each node has a weight and a tuple of all
+    /// arguments of the function, or its single argument. Include cosines and Jacobians in the weight. For each
+    /// component, the integral is the sum of weight times result, in `f64`. The result's components must be
+    /// floats. Karat doesn't know the error of the rule: add it to the tolerance.
     ///
     /// ```no_run
     /// use std::f64::consts::{PI, TAU};
@@ -50,7 +53,7 @@ impl<'a> Probe<'a> {
     /// use karat::prelude::*;
     ///
     /// # static SHADERS: Package = karat::package!("shaders");
-    /// // Midpoints of the squared sine and the azimuth: the cosine is in the measure.
+    /// // Midpoints of the squared sine and of the azimuth. This measure includes the cosine.
     /// let nodes = |size: u16| {
     ///     let at = move |index: u16| (f64::from(index) + 0.5) / f64::from(size);
     ///     (0..size * size).map(move |node| {
@@ -78,15 +81,15 @@ impl<'a> Probe<'a> {
     }
 }
 
-/// The way of a [`Check`] that integrates a function: see [`Probe::integral`]. `V` is the type of the cases;
-/// each case has a quadrature rule.
+/// A marker for a [`Check`] that integrates a function (see [`Probe::integral`]). `V` is the type of the cases.
+/// Each case has a quadrature rule.
 ///
 /// ```no_run
 /// use glam::{DVec3, Vec3};
 /// # use karat::prelude::*;
 /// # static SHADERS: Package = karat::package!("shaders");
 ///
-/// // One node is a rule, too: the light is a point.
+/// // A rule may have one node. Here the node is a point light.
 /// let sun = |_: &f32| vec![((Vec3::Z,), 1.0)];
 /// SHADERS
 ///     .function("sky::radiance") // fn radiance(l: vec3f) -> vec3f
@@ -100,24 +103,23 @@ pub struct Integral<V, Q> {
     cases: PhantomData<fn(V)>,
 }
 
-/// The nodes of a quadrature rule: rows of arguments, and their weights.
+/// The nodes of a quadrature rule: their rows of arguments, and their weights.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Nodes {
     pub(super) rows: Vec<u32>,
     pub(super) weights: Vec<f64>,
 }
 
-/// A function that adds the nodes of a rule for a case.
+/// A function that appends the nodes of a case's quadrature rule.
 pub(super) type Rule<'r> = &'r (dyn Fn(&Held, &mut Nodes) + Sync);
 
-/// The integrals of a check, and the expected values.
 pub(super) struct Integrals<'i> {
-    /// The types of the arguments that the rule supplies.
+    /// The types of the arguments at the rule's nodes.
     pub(super) arguments: Vec<Shape>,
     pub(super) rule: Rule<'i>,
-    /// A second rule with another number of nodes. If its integral differs, both integrals are in doubt.
+    /// A second rule with another number of nodes. If the integrals by the two rules differ, both are doubtful.
     pub(super) control: Option<Rule<'i>>,
-    /// Appends the lanes of the expected integral, or of the bound.
+    /// A function that appends the components of the expected integral, or of the bound.
     pub(super) expected: &'i (dyn Fn(&Held, &mut Vec<f64>) + Sync),
     /// The type of the expected integral or of the bound.
     pub(super) shape: Shape,
@@ -130,12 +132,12 @@ where
     A: Arguments,
     Q: Fn(&V) -> Vec<(A, f64)> + Sync,
 {
-    /// Checks that each integral agrees with the expected integral to within a tolerance, component by
-    /// component. The comparison uses the sum in `f64`, without rounding to `f32`.
+    /// Checks that each component of each integral agrees with the expected integral to within a tolerance.
+    /// Karat compares the sums in `f64`, without rounding to `f32`.
     ///
     /// ```
     /// # use karat::prelude::*;
-    /// // The integral of x from 0 to b, by the midpoint.
+    /// // The integral of x from 0 to b, by the midpoint rule.
     /// let midpoint = |&b: &f32| vec![(0.5 * b, f64::from(b))];
     /// let package = Package::from_source("m", "fn f(x: f32) -> f32 { return x; }");
     /// let half = |&b: &f32| 0.5 * f64::from(b) * f64::from(b);
@@ -167,9 +169,9 @@ where
         self.check(expected, assertion)
     }
 
-    /// Checks that each integral is at most a bound plus `slack`. The slack is an absolute error: you allow it
-    /// for the quadrature and for the shader's arithmetic. The bound is one number for all components, or one
-    /// number for each component.
+    /// Checks that each integral is at most a bound plus `slack`. The slack is the absolute error that you
+    /// allow for the quadrature and the shader's arithmetic. `bound` returns one number for all components, or
+    /// one number for each component.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -221,7 +223,6 @@ where
 }
 
 impl Plan<'_> {
-    /// Computes and judges the integrals of all cases.
     pub(super) fn integrates(
         &self,
         stream: &dyn Stream,
@@ -249,7 +250,7 @@ impl Plan<'_> {
 
 impl Integrals<'_> {
     fn run(&self, session: &Session<'_>) -> Result<PathTally, Failure> {
-        // The first integral without a verdict.
+        // The error about the first integral without a verdict.
         let undecided: Cell<Option<Failure>> = Cell::new(None);
         let judge = |first: u64, values: Vec<Held>| -> Result<_, Failure> {
             let group = Group::of(session, first, values, self)?;
@@ -271,7 +272,7 @@ impl Integrals<'_> {
             let (tally, nodes) = judge(first, values.collect::<Result<_, _>>()?)?;
             sum = Some(PathTally::and(sum, tally));
             first = cases.end;
-            // The next group fills a dispatch if its rules have as many nodes. The size at most doubles,
+            // If the next rules have as many nodes, the next group fills a dispatch. The group at most doubles,
             // so that long rules after short rules don't fill the memory.
             let fitting = session.called.capacity() / nodes.max(1);
             size = (2 * size).min(fitting.max(1) as u64);
@@ -280,7 +281,7 @@ impl Integrals<'_> {
         if let Some(again) = again.filter(PathTally::fails) {
             sum = sum.merge(again);
         }
-        // If an integral fails, the check fails, even if another integral has no verdict.
+        // A failing integral decides the check, even if another integral has no verdict.
         if let Some(undecided) = undecided.take().filter(|_| !sum.fails()) {
             return Err(undecided);
         }
@@ -292,7 +293,7 @@ impl Integrals<'_> {
 }
 
 impl Session<'_> {
-    /// Simplifies the worst integral, if one fails, and remembers it.
+    /// Simplifies the worst failing integral, if there is one, and remembers it.
     fn reduce_integrals(
         &self,
         sum: &mut PathTally,
@@ -315,7 +316,6 @@ impl Session<'_> {
 }
 
 impl Nodes {
-    /// The arguments of a node.
     fn row(&self, node: usize, words: usize) -> &[u32] {
         &self.rows[node * words..][..words]
     }

@@ -1,4 +1,5 @@
-//! Checks that results stay the same, or are multiplied by a known factor, when arguments are transformed.
+//! The verbs `invariant_under` and `scales_under`. They check that results stay the same, or change by a known
+//! factor, when the arguments are transformed.
 
 use super::batch::Batch;
 use super::demand::Demand;
@@ -15,10 +16,10 @@ use crate::value::Arguments;
 /// A function that appends the words of the transformed arguments.
 pub(super) type Transform<'t> = &'t (dyn Fn(&[u32], &mut Vec<u32>) + Sync);
 
-/// A function that returns the factor of the plain result, from the words of the plain arguments.
+/// A function that returns the expected factor between the two results for the words of the original arguments.
 type Factor<'t> = &'t (dyn Fn(&[u32]) -> f64 + Sync);
 
-/// A verb with its factor.
+/// The name of the verb, and the expected factor if the verb has one.
 #[derive(Clone, Copy)]
 pub(super) struct Scaling<'t> {
     check: &'static str,
@@ -26,10 +27,11 @@ pub(super) struct Scaling<'t> {
 }
 
 impl Scaling<'_> {
-    /// The result stays the same.
+    /// The result must stay the same.
     pub(super) const NONE: Self = Self { check: "invariant_under", factor: None };
 
-    /// The factor of each case. `None` if the result stays the same. A factor that isn't finite is an error.
+    /// Computes the factor for each case. `None` if the result must stay the same. Returns an error if a factor
+    /// isn't finite.
     fn factors(&self, session: &Session<'_>, batch: &Batch) -> Result<Option<Vec<f64>>, Failure> {
         let Some(factor) = self.factor else { return Ok(None) };
         let factors: Vec<f64> =
@@ -48,8 +50,8 @@ impl Scaling<'_> {
 }
 
 impl<V: Arguments> Check<'_, Calls<V>> {
-    /// Checks that the function returns the same result, to within a tolerance, for transformed arguments. For
-    /// reciprocity, symmetry and rotation.
+    /// Checks that the function returns the same result for transformed arguments, to within a tolerance. Use
+    /// this verb to test reciprocity, symmetry and rotation.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -61,7 +63,7 @@ impl<V: Arguments> Check<'_, Calls<V>> {
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if a case differs or nothing could be compared.
+    /// With the [`Failure`], if a result is wrong or nothing could be compared.
     #[track_caller]
     pub fn invariant_under(
         self,
@@ -74,7 +76,7 @@ impl<V: Arguments> Check<'_, Calls<V>> {
     /// [`invariant_under`](Self::invariant_under) without the panic.
     ///
     /// # Errors
-    /// If a case differs or nothing could be compared.
+    /// If a result is wrong or nothing could be compared.
     pub fn try_invariant_under(
         self,
         transform: impl Fn(V) -> V + Sync,
@@ -84,13 +86,12 @@ impl<V: Arguments> Check<'_, Calls<V>> {
         self.plan.is_invariant(stream, demand, &transform, Scaling::NONE, tolerance.into())
     }
 
-    /// Checks that the result is multiplied by a factor, to within a tolerance, when the arguments are
-    /// transformed.
+    /// Checks that transforming the arguments multiplies the result by a factor, to within a tolerance.
     ///
-    /// `factor` is a function of the plain arguments. The result for the transformed arguments must be `factor`
-    /// times the result for the plain arguments. For example, most BRDF functions include the cosine, so they
-    /// aren't reciprocal: they scale by the quotient of the cosines (Helmholtz; pbrt, 4.3.1). A factor that
-    /// isn't finite is an error.
+    /// `factor` receives the original arguments. The result for the transformed arguments must be the factor
+    /// times the result for the original arguments. For example, most BRDF functions include the cosine, so
+    /// they aren't reciprocal. Swapping the directions multiplies their result by the quotient of the cosines
+    /// (Helmholtz; pbrt, 4.3.1). A factor that isn't finite is an error.
     ///
     /// ```
     /// use karat::prelude::*;
@@ -109,7 +110,7 @@ impl<V: Arguments> Check<'_, Calls<V>> {
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if a case differs or nothing could be compared.
+    /// With the [`Failure`], if a result is wrong or nothing could be compared.
     #[track_caller]
     pub fn scales_under(
         self,
@@ -123,7 +124,7 @@ impl<V: Arguments> Check<'_, Calls<V>> {
     /// [`scales_under`](Self::scales_under) without the panic.
     ///
     /// # Errors
-    /// If a case differs or nothing could be compared.
+    /// If a result is wrong or nothing could be compared.
     pub fn try_scales_under(
         self,
         transform: impl Fn(V) -> V + Sync,
@@ -137,14 +138,13 @@ impl<V: Arguments> Check<'_, Calls<V>> {
     }
 }
 
-/// Makes a transformation of words from a transformation of values.
+/// Turns a function that transforms values into a function that transforms words.
 fn words<V: Arguments>(transform: impl Fn(V) -> V + Sync) -> impl Fn(&[u32], &mut Vec<u32>) + Sync {
     move |row, lanes| transform(V::load_all(&mut row.iter())).store_all(lanes)
 }
 
-/// The note beside `returned` if the plain result has a factor.
-const SCALED: &str =
-    "returned for the arguments with a prime; expected is that for those without, times the factor";
+/// The note beside `returned` for `scales_under`.
+const SCALED: &str = "returned for the arguments with a prime; expected: the result for the others, times the factor";
 
 impl Plan<'_> {
     pub(super) fn is_invariant(
@@ -169,7 +169,7 @@ impl Plan<'_> {
                 changed |= *lanes != *batch.lanes();
                 let after = session.results(batch, &lanes)?;
                 let factors = scaling.factors(session, batch)?;
-                // The expected result: that of the plain arguments, times the factor.
+                // The expected result: the result for the original arguments, times the factor.
                 let expected = |case: usize| -> Vec<f64> {
                     let decoded =
                         scalars.iter().zip(before.of(case)).map(|(s, word)| s.decode(*word));

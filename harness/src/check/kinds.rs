@@ -1,4 +1,4 @@
-//! The kinds of hazards that a check looks for, and accepted hazards.
+//! The kinds of hazards that a check looks for, and the hazards that its author accepts.
 
 use crate::interpret::hazards::Kind;
 

@@ -1,4 +1,4 @@
-//! Checks that results approach a limit as one argument approaches a number.
+//! The verb `at_limit`: checks that results approach a limit as one argument approaches a number.
 
 use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -18,7 +18,7 @@ use crate::run::or_panic;
 use crate::tolerance::Tolerance;
 use crate::value::{Arguments, Scalar};
 
-/// A number, and the values of an argument that approach it.
+/// A target number, and the argument's values (steps) that approach it.
 ///
 /// ```
 /// use karat::Limit;
@@ -34,7 +34,7 @@ pub struct Limit {
 
 impl Limit {
     /// A limit at `target` with at least two steps. Each step must be nearer to the target than the step
-    /// before. The function needn't be defined at the target itself.
+    /// before. Karat doesn't call the function at the target.
     ///
     /// ```
     /// use karat::Limit;
@@ -53,7 +53,7 @@ impl Limit {
         if self.steps.len() < 2 {
             Some("needs two steps or more")
         } else if !falls || !self.steps.iter().chain([&self.target]).all(|step| step.is_finite()) {
-            Some("doesn't come nearer with each step")
+            Some("doesn't get nearer with each step")
         } else {
             None
         }
@@ -77,9 +77,10 @@ impl<V: Arguments> Check<'_, Calls<V>> {
     /// Checks that the result approaches a reference as one argument approaches a limit.
     ///
     /// For each case, Karat calls the function at every step of the limit, with the case's other arguments. The
-    /// error must fall from step to step until it is within the tolerance, and must stay within it. At the last
-    /// step the error must be within the tolerance. The reference receives the limit's target in place of the
-    /// argument. Karat ignores the domain's values for this argument, so `Just(0.0)` is enough.
+    /// error must fall at each step until it is within the tolerance. After that, the error must stay within
+    /// the tolerance. At the last step the error must be within the tolerance. The reference receives the
+    /// limit's target as the value of the argument. Karat ignores the domain's values for the argument, so use
+    /// `Just(0.0)` as its domain.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -92,8 +93,8 @@ impl<V: Arguments> Check<'_, Calls<V>> {
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if a case's error rises or ends outside the tolerance, if all cases
-    /// are within the tolerance from the first step on, or if nothing could be compared.
+    /// With the [`Failure`], if a case's error rises or is too large at the last step, if all cases are within
+    /// the tolerance at every step, or if nothing could be compared.
     #[track_caller]
     pub fn at_limit(
         self,
@@ -108,8 +109,8 @@ impl<V: Arguments> Check<'_, Calls<V>> {
     /// [`at_limit`](Self::at_limit) without the panic.
     ///
     /// # Errors
-    /// If a case's error rises or ends outside the tolerance, if all cases are within the tolerance
-    /// from the first step on, or if nothing could be compared.
+    /// If a case's error rises or is too large at the last step, if all cases are within the tolerance at every
+    /// step, or if nothing could be compared.
     pub fn try_at_limit(
         self,
         argument: impl Into<Parameter>,
@@ -154,7 +155,7 @@ impl Plan<'_> {
             }
             let approaches = AtomicBool::new(false);
             let tally = session.run(&mut |batch, running| {
-                running.read()?; // the domain's own values of the argument
+                running.read()?; // results for the domain's own values of the argument
                 let at = |step: f32| {
                     let mut lanes = batch.lanes().into_owned();
                     for lanes in lanes.chunks_exact_mut(called.words) {
@@ -168,7 +169,7 @@ impl Plan<'_> {
                 let given = |case: usize| &lanes[case * scalars.len()..][..scalars.len()];
                 let results = limit.steps.iter().map(|step| session.results(batch, &at(*step)));
                 let results = results.collect::<Result<Vec<_>, _>>()?;
-                // The step that decides about the case, with its judgement.
+                // The step that decides if the case passes, with its judgement.
                 let decisive = |case: usize, expected: &[f64]| -> (usize, Judged) {
                     let judged = |step: usize| {
                         compare(&scalars, results[step].of(case), expected, tolerance)
@@ -176,7 +177,7 @@ impl Plan<'_> {
                     let mut before = judged(0);
                     for step in 1..limit.steps.len() {
                         let now = judged(step);
-                        // An infinite error doesn't count as falling: the first error must be finite.
+                        // An infinite error can't fall: from infinity to infinity, the ratio isn't smaller.
                         let falls = now.measure.ratio < before.measure.ratio;
                         if !now.measure.passes() && !falls {
                             return (step, now);

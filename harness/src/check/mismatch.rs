@@ -1,4 +1,4 @@
-//! Mismatches between a function and a check's arguments, expectations or settings.
+//! Mismatches between a function and a check: the arguments, the expected value or a setting doesn't fit.
 
 use super::Failure;
 use crate::output::counted;
@@ -12,24 +12,24 @@ use crate::value::{Differing, Scalar, Shape};
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Mismatch {
-    /// The function takes other arguments than the check supplies.
-    #[error("takes {}, {who} {}{}", list(declared), list(supplied), hint(declared, supplied))]
+    /// The function takes arguments of other types than the check supplies.
+    #[error("takes {}, but {who} {}{}", list(declared), list(supplied), hint(declared, supplied))]
     Arguments {
         /// The types of the function's parameters.
         declared: Vec<Shape>,
         /// The types of the supplied arguments.
         supplied: Vec<Shape>,
-        /// The origin of the arguments, for the message: `the domain draws`.
+        /// The words in the message that say who supplies the arguments: `the domain supplies`.
         who: &'static str,
     },
     /// The function's result has another type than the expected value.
-    #[error("returns {declared}, {who} {supplied}{}", member(supplied.differing(declared, true)))]
+    #[error("returns {declared}, but {who} {supplied}{}", member(supplied.differing(declared, true)))]
     Result {
         /// The type of the function's result.
         declared: Shape,
         /// The type of the expected value.
         supplied: Shape,
-        /// The origin of the expected value, for the message: `the reference returns`.
+        /// The words in the message that name the expected value: `the reference returns`.
         who: String,
     },
     /// The function returns a type that the verb can't use.
@@ -37,23 +37,23 @@ pub enum Mismatch {
     Unsuited {
         /// The type that the function returns.
         result: Shape,
-        /// The need of the verb, for the message: `not up to three floats`.
+        /// The words in the message that say what doesn't fit: `which isn't a vector of floats`.
         wanted: &'static str,
     },
     /// The function is its own reference.
     #[error(
-        "is compared with itself, so a mistake in it can't be seen: name another function, or take `Spec`, \
-         which asks whether a driver computes what WGSL allows"
+        "is compared with itself, which shows no mistake: name another function, or use `Spec`, \
+         which checks that a driver's results are what WGSL allows"
     )]
     Itself,
-    /// A range contains no number, or all numbers.
-    #[error("is to have a result that {0}: no result, or every one, does")]
+    /// A range contains no number, or all numbers, so no result passes the check, or every result.
+    #[error("is checked for a result that {0}: no result passes this check, or every result does")]
     Range(String),
-    /// The check asks for no kind of hazard, or for a kind that operations of functions can't have.
-    #[error("is asked for {0}: name kinds that an operation inside of it may have, such as `Nan`")]
+    /// The check looks for no kind of hazard, or for a kind that no operation can have.
+    #[error("is checked for {0}: name kinds of hazards that an operation can have, such as `Nan`")]
     Hazard(String),
     /// An accepted hazard has no reason, or occurs in no case.
-    #[error("accepts the hazard of `{0}`, which {1}")]
+    #[error("has a declaration that accepts the hazard of `{0}`; the declaration {1}")]
     Accepted(String, &'static str),
     /// A tolerance has an unusable bound.
     #[error(
@@ -66,25 +66,27 @@ pub enum Mismatch {
         /// The unusable bound.
         bound: f64,
     },
-    /// A tolerance is for another number of components.
-    #[error("returns {}, the tolerance is declared for {declared}", counted(*lanes, "component"))]
+    /// The tolerance has bounds for another number of components than the result has.
+    #[error("returns {}, but the tolerance has bounds for {declared}", counted(*lanes, "component"))]
     Lanes {
-        /// Components of the result.
+        /// The number of components of the result.
         lanes: usize,
-        /// Components of the tolerance.
+        /// The number of components for which the tolerance has bounds.
         declared: usize,
     },
     /// A path has its own tolerance, but the verb has no tolerance.
-    #[error("is checked by {check}, which takes no tolerance: remove {tolerance} for {on}")]
+    #[error(
+        "is checked by {check}, which takes no tolerance: remove the tolerance {tolerance} for {on}"
+    )]
     NoTolerance {
         /// The verb.
         check: &'static str,
-        /// The paths.
+        /// The paths that have their own tolerance.
         on: Selector,
-        /// Their tolerance.
+        /// The tolerance on these paths.
         tolerance: Tolerance,
     },
-    /// No parameter has this name.
+    /// The function has no parameter with this name.
     #[error("has no parameter `{name}`{}",
         nearest.as_ref().map_or_else(String::new, |name| format!("; did you mean `{name}`?")))]
     NoParameter {
@@ -93,31 +95,31 @@ pub enum Mismatch {
         /// The parameter with the most similar name.
         nearest: Option<String>,
     },
-    /// No parameter has this place.
+    /// The function has fewer parameters.
     #[error("has {}, so there is no argument {place} (the first is 0)",
         counted(*count, "parameter"))]
     NoPlace {
         /// The number of the function's parameters.
         count: usize,
-        /// The place in the check, counted from 0.
+        /// The parameter's place according to the check, counted from 0.
         place: usize,
     },
-    /// A parameter isn't one number.
+    /// A parameter isn't a single number.
     #[error("has `{name}` of type {shape}, which isn't one number")]
     NoNumber {
-        /// The parameter.
+        /// The name of the parameter.
         name: String,
-        /// Its type.
+        /// The type of the parameter.
         shape: Shape,
     },
     /// The check asks for a result that is perpendicular to a parameter, but their types differ.
     #[error(
-        "returns {result}, and has `{name}` of type {shape}: two vectors of one type can be perpendicular"
+        "returns {result}, and has `{name}` of type {shape}: only vectors of the same type can be perpendicular"
     )]
     NoDirection {
-        /// The parameter.
+        /// The name of the parameter.
         name: String,
-        /// Its type.
+        /// The type of the parameter.
         shape: Shape,
         /// The type of the function's result.
         result: Shape,
@@ -125,24 +127,24 @@ pub enum Mismatch {
     /// The parameter of a limit isn't a float.
     #[error("has `{0}`, which isn't f32: only an f32 can approach a limit")]
     NoFloat(String),
-    /// The steps of a limit don't approach it.
-    #[error("is asked for its limit at {limit}, which {reason}")]
+    /// The steps of a limit don't approach its target.
+    #[error("is checked at the limit {limit}, which {reason}")]
     Limit {
         /// The limit with its steps.
         limit: String,
-        /// The reason.
+        /// The reason why the steps don't approach the target.
         reason: String,
     },
-    /// A second function of a check of samples, such as the density, has its own executor.
+    /// A check of a sampler has a second function, such as the density, and this function has its own executor.
     #[error("runs where the sampler runs: call `.on(..)` on the sampler only")]
     Executor,
     /// Karat can't sample random numbers of this type.
     #[error("is sampled with {0}, but random numbers are f32 or u32")]
     Random(Shape),
-    /// The verb needs directions, but the support has other points.
+    /// The verb needs samples that are directions, but the support contains other points.
     #[error("can't be estimated on {0}: this check needs directions")]
     NoDirections(Support),
-    /// The points for a density have another type than the points of the support.
+    /// The points at which the check evaluates the density have another type than the points of the support.
     #[error("is given points of type {given}, but the points of {support} are {point}")]
     Point {
         /// The type of the density's points.
@@ -154,7 +156,8 @@ pub enum Mismatch {
     },
 }
 
-/// A hint about the difference between arguments whose types may have the same names, or about a likely mix-up.
+/// Returns a hint about arguments of the wrong types: the first difference between two structures, or a likely
+/// mix-up.
 fn hint(declared: &[Shape], supplied: &[Shape]) -> String {
     if declared.len() != supplied.len() {
         return mixed_up(declared, supplied);
@@ -164,17 +167,15 @@ fn hint(declared: &[Shape], supplied: &[Shape]) -> String {
     member(first.and_then(|(host, wgsl)| host.differing(wgsl, false)))
 }
 
-/// The first member in which two structures differ.
+/// Describes the first member in which two structures differ.
 fn member(differing: Option<Differing>) -> String {
     let Some(Differing { structure, place, wgsl, host }) = differing else { return String::new() };
     let told = |side: Option<String>| side.map_or("missing".to_owned(), |side| format!("`{side}`"));
     let (wgsl, host) = (told(wgsl), told(host));
-    format!(
-        "\n  member {place} of the function's `{structure}` is {wgsl}, of the other one it is {host}"
-    )
+    format!("\n  member {place} of `{structure}` is {wgsl} in the function, but {host} in the test")
 }
 
-/// A hint if the check has a tuple in place of one vector or structure, or the other way round.
+/// Returns a hint if the check has a tuple instead of one vector or structure, or the reverse.
 fn mixed_up(declared: &[Shape], supplied: &[Shape]) -> String {
     let lanes = |shapes: &[Shape]| shapes.iter().flat_map(Shape::lanes).collect::<Vec<_>>();
     let apart = declared.len() != supplied.len() && lanes(declared) == lanes(supplied);
@@ -183,13 +184,13 @@ fn mixed_up(declared: &[Shape], supplied: &[Shape]) -> String {
         (true, true) => {
             let of_several = declared.iter().find(|shape| shape.lanes().len() > 1);
             let name = of_several.map_or_else(|| "Vec2".to_owned(), host_name);
-            format!(": `(..).compose::<{name}>()` makes one value of a tuple's")
+            format!(": `(..).compose::<{name}>()` makes one value from a tuple")
         }
-        (true, false) => ": give each parameter a domain of its own, in a tuple".to_owned(),
+        (true, false) => ": give each parameter its own domain, in a tuple of domains".to_owned(),
     }
 }
 
-/// The probable name of a type in a test.
+/// The name that a type probably has in a test in Rust.
 fn host_name(shape: &Shape) -> String {
     match shape {
         Shape::Vector { size, scalar: Scalar::U32 } => format!("UVec{size}"),
@@ -206,7 +207,7 @@ fn list(shapes: &[Shape]) -> String {
 }
 
 impl Mismatch {
-    /// Makes the mismatch a failure, with the function's signature and its place.
+    /// Turns the mismatch into a failure, with the function's signature and its place in the source.
     pub(super) fn of(self, function: &Function) -> Failure {
         Failure::Signature {
             function: function.name.clone(),
@@ -227,7 +228,7 @@ mod tests {
     }
 
     #[test]
-    fn a_tuple_for_one_value_is_told_what_it_may_become() {
+    fn a_tuple_for_one_value_has_a_hint() {
         let number = Shape::Scalar(Scalar::F32);
         let vector = |size, scalar| Shape::Vector { size, scalar };
         let hinted = hint(&[vector(3, Scalar::F32)], &vec![number.clone(); 3]);
@@ -246,26 +247,28 @@ mod tests {
         let wgsl = structure("Material", &[rough.clone(), f0.clone()]);
         let told = |declared: &Shape, supplied: &Shape| {
             let (declared, supplied) = (vec![declared.clone()], vec![supplied.clone()]);
-            Mismatch::Arguments { declared, supplied, who: "the domain draws" }.to_string()
+            Mismatch::Arguments { declared, supplied, who: "the domain supplies" }.to_string()
         };
         let swapped = structure("Material", &[f0.clone(), rough.clone()]);
         assert_eq!(
             told(&wgsl, &swapped),
-            "takes (Material), the domain draws (Material)\n  \
-             member 1 of the function's `Material` is `roughness: f32`, of the other one it is `f0: vec3<f32>`"
+            "takes (Material), but the domain supplies (Material)\n  \
+             member 1 of `Material` is `roughness: f32` in the function, but `f0: vec3<f32>` in the test"
         );
         let short = structure("Material", std::slice::from_ref(&rough));
-        let part = "member 2 of the function's `Material` is `f0: vec3<f32>`, of the other one it is missing";
+        let part =
+            "member 2 of `Material` is `f0: vec3<f32>` in the function, but missing in the test";
         assert!(told(&wgsl, &short).ends_with(part), "{}", told(&wgsl, &short));
-        // The message names the inner structure, which has the difference, and not the outer structure.
+        // The message names the inner structure, which contains the difference, and not the outer structure.
         let [inside, other] = [&wgsl, &structure("Material", &[rough, ("f0", number.clone())])]
             .map(|material| {
                 let pair = Shape::Array { element: Box::new(material.clone()), length: 2 };
                 structure("Scene", &[("exposure", number.clone()), ("materials", pair)])
             });
-        let part = "member 2 of the function's `Material` is `f0: vec3<f32>`, of the other one it is `f0: f32`";
+        let part =
+            "member 2 of `Material` is `f0: vec3<f32>` in the function, but `f0: f32` in the test";
         assert!(told(&inside, &other).ends_with(part), "{}", told(&inside, &other));
-        assert_eq!(told(&number, &colour), "takes (f32), the domain draws (vec3<f32>)");
+        assert_eq!(told(&number, &colour), "takes (f32), but the domain supplies (vec3<f32>)");
         let returned = |supplied: &Shape| {
             let (declared, supplied) = (wgsl.clone(), supplied.clone());
             let who = "the reference returns".to_owned();
@@ -273,7 +276,7 @@ mod tests {
         };
         let text = returned(&swapped);
         assert!(
-            text.contains("returns Material, the reference returns Material\n  member 1"),
+            text.contains("returns Material, but the reference returns Material\n  member 1"),
             "{text}"
         );
         let wrong =
@@ -283,6 +286,6 @@ mod tests {
         let located = crate::run::Fails::location(&failure);
         assert!(located.is_some_and(|place| place.ends_with(":2:1")), "{failure:?}");
         let text = returned(&<(f64, f64) as crate::value::Mirror>::shape());
-        assert_eq!(text, "returns Material, the reference returns (f32, f32)");
+        assert_eq!(text, "returns Material, but the reference returns (f32, f32)");
     }
 }

@@ -1,4 +1,4 @@
-//! Checks that results only rise, or only fall, as one argument grows.
+//! The verb `is_monotone_in`: checks that results only rise, or only fall, as one argument grows.
 
 use std::fmt;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -17,7 +17,7 @@ use crate::run::or_panic;
 use crate::tolerance::{LaneError, Tolerance};
 use crate::value::{Scalar, format_lane};
 
-/// The direction of results as an argument grows. Equal results satisfy both trends.
+/// The direction in which results change as an argument grows. Equal results satisfy both trends.
 ///
 /// ```
 /// use karat::prelude::*;
@@ -42,14 +42,15 @@ impl fmt::Display for Trend {
     }
 }
 
-/// The numbers of candidates from which a case takes the nearest one as the second value. A single candidate may
-/// be at the other end of the range; the nearest of 32 is about 1/64 of the range away. A wide step shows a
-/// wrong slope, a short step shows a bump. Three of four cases shorten the step by a random factor, down to
-/// 1/4096. Such short steps show a small jump backwards, which the slope hides over a wide step. They usually
-/// find a jump of 1/1000 of the range.
+/// The possible numbers of candidates for a case's second value. The case takes the candidate nearest to its
+/// first value. A single candidate may lie at the other end of the range. The nearest of 32 candidates is about
+/// 1/64 of the range away. A wide step shows a wrong slope, and a short step shows a bump. In three of four
+/// cases, Karat shortens the step by a random factor, down to 1/4096. Such short steps show a small jump
+/// backwards, which the slope hides over a wide step. They usually find a jump of 1/1000 of the range.
 const DRAWS: [u32; 4] = [1, 2, 8, 32];
 
-/// The most attempts to sample a value that differs: enough for a list of two values.
+/// The largest number of attempts to sample a value that differs from the first value. A domain may be a list
+/// of only two values.
 const PATIENCE: u32 = 64;
 
 const NAME: &str = "is_monotone_in";
@@ -58,9 +59,10 @@ impl<V> Check<'_, Calls<V>> {
     /// Checks that each component of the result only rises, or only falls, as one argument grows
     /// while the others stay the same.
     ///
-    /// Karat calls the function twice per case: with the sampled arguments, and with a second value of the one
-    /// argument, which is sampled separately and may be near or far. So in the domain, the argument must be
-    /// independent of the other arguments. Rounding may move a result the wrong way by up to the tolerance.
+    /// Karat calls the function twice for each case: with the sampled arguments, and with a second value of the
+    /// one argument. Karat samples the second value separately, near the first value or far from it. So in the
+    /// domain, the argument must be independent of the other arguments. A result may change in the wrong
+    /// direction by up to the tolerance, because of rounding.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -72,8 +74,8 @@ impl<V> Check<'_, Calls<V>> {
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if a result goes the other way, if no result changes by more than the
-    /// tolerance, or if nothing could be compared.
+    /// With the [`Failure`], if a result changes in the wrong direction by more than the tolerance, if no
+    /// result changes by more than the tolerance, or if nothing could be compared.
     #[track_caller]
     pub fn is_monotone_in(
         self,
@@ -87,8 +89,8 @@ impl<V> Check<'_, Calls<V>> {
     /// [`is_monotone_in`](Self::is_monotone_in) without the panic.
     ///
     /// # Errors
-    /// If a result goes the other way, if no result changes by more than the tolerance, or if
-    /// nothing could be compared.
+    /// If a result changes in the wrong direction by more than the tolerance, if no result changes by more than
+    /// the tolerance, or if nothing could be compared.
     pub fn try_is_monotone_in(
         self,
         argument: impl Into<Parameter>,
@@ -114,7 +116,7 @@ impl Plan<'_> {
         let probed = Probed::in_valid(self.probe.package, &self.probe.name, &self.probe.overrides);
         let varied = probed.ok().and_then(|probed| argument.scalar(&probed.function).ok());
         let Some(varied) = varied else {
-            // The session finds the same mistake again, and records it.
+            // The session meets the same error again, and records it.
             return self.conclude(&asserted, stream, demand, &mut |session| {
                 argument.scalar(session.called.function())?;
                 session.called.vacuous(Vacuous::NoCases)
@@ -143,7 +145,7 @@ impl Plan<'_> {
                     let grows =
                         varied.scalar.decode(plain[lane]) < varied.scalar.decode(lanes[lane]);
                     let rises = grows == (trend == Trend::Increasing);
-                    // The result changes: the change would be an error for the opposite trend.
+                    // The result has changed if the change would be an error for the opposite trend.
                     let other = || judge_pair(&scalars, before, after, !rises, tolerance);
                     if !changed.load(Ordering::Relaxed) && !other().measure.passes() {
                         changed.store(true, Ordering::Relaxed);
@@ -171,14 +173,14 @@ impl Plan<'_> {
     }
 }
 
-/// Samples the second value of the argument for a case.
+/// Samples a second value of the argument for each case.
 struct Other<'a> {
     domain: &'a dyn Stream,
     argument: ScalarParameter,
 }
 
 impl Other<'_> {
-    /// The case's arguments with the second value in place of the first.
+    /// Replaces the argument's first value by the second.
     fn replaced(&self, arguments: &[u32], other: u32) -> Vec<u32> {
         let mut lanes = arguments.to_vec();
         lanes[self.argument.lane] = other;
@@ -191,7 +193,8 @@ impl Companion for Other<'_> {
         1
     }
 
-    /// Samples some values and returns the nearest one. Returns the case's own value if none differs.
+    /// Samples some values and returns the nearest one to the case's own value. Returns the case's own value if
+    /// all samples equal it.
     fn draw(&self, arguments: &[u32], source: &mut Source) -> Vec<u32> {
         let own = arguments[self.argument.lane];
         let draws = DRAWS[usize::try_from(source.below(4)).unwrap_or_default()];
@@ -225,7 +228,7 @@ impl Companion for Other<'_> {
         self.domain.admits(&self.replaced(arguments, companion[0]))
     }
 
-    /// Simpler second values: those of the domain's edges, and the domain's simplifications.
+    /// Returns simpler second values: the domain's edges, and the domain's simplifications of this value.
     fn shrink(&self, arguments: &[u32], companion: &[u32]) -> Vec<Vec<u32>> {
         let other = companion[0];
         let weight = |word: u32| match self.argument.scalar {
@@ -246,7 +249,7 @@ impl Companion for Other<'_> {
     }
 }
 
-/// Compares the results before and after a step. A change in the right direction has no error.
+/// Judges the results before and after a step of the argument. A change in the right direction has no error.
 fn judge_pair(
     scalars: &[Scalar],
     before: &[u32],
@@ -278,6 +281,7 @@ mod tests {
     use crate::domain::Typed;
     use crate::tolerance::Abs;
 
+    // Lesson 5
     #[test]
     fn only_the_wrong_way_is_an_error() {
         let judged = |before: f32, after: f32, rises| {

@@ -1,4 +1,4 @@
-//! Common checks: results are finite, lie in a range, or agree with another function.
+//! Common verbs: results are finite, lie in a range, or agree with another function.
 
 use std::ops::{Bound, RangeBounds};
 
@@ -22,7 +22,7 @@ use crate::value::{Scalar, Shape};
 /// Both ends of a range.
 type Bounds = (Bound<f64>, Bound<f64>);
 
-/// A range as a statement: `lies in 0..=1`, `lies in 0..<1`, `is at least 0`.
+/// Describes a range as a statement: `lies in 0..=1`, `lies in 0..<1`, `is at least 0`.
 fn shown(range: Bounds) -> String {
     let least = match range.0 {
         Bound::Included(least) => Some(format!("at least {least}")),
@@ -47,8 +47,8 @@ fn shown(range: Bounds) -> String {
     }
 }
 
-/// The distance of a result's numbers from the nearest excluded end of a range. The first range is for integers,
-/// the second for floats.
+/// Returns the smallest distance between a number in the result and an excluded end of its range. The first
+/// range applies to integers, the second to floats.
 fn distance([range, of_floats]: [Bounds; 2], lanes: &[Scalar], words: &[u32]) -> f64 {
     let to = |end: Bound<f64>, value: f64, sign: f64| match end {
         Bound::Excluded(end) => sign * (end - value),
@@ -63,7 +63,7 @@ fn distance([range, of_floats]: [Bounds; 2], lanes: &[Scalar], words: &[u32]) ->
     each.fold(f64::INFINITY, f64::min)
 }
 
-/// True if some number lies in the range, and some finite number lies outside.
+/// Checks if some number lies in the range, and some finite number lies outside.
 fn is_some_and_not_all(range: Bounds) -> bool {
     let is_open = |end: Bound<f64>, infinity: f64| match end {
         Bound::Included(end) | Bound::Excluded(end) => end == infinity,
@@ -87,8 +87,8 @@ fn is_some_and_not_all(range: Bounds) -> bool {
 impl<V> Check<'_, Calls<V>> {
     /// Checks that no component of a result is NaN or infinite.
     ///
-    /// This check can't see a wrong finite number. [`has_no_hazards`](Self::has_no_hazards) also sees
-    /// intermediate values that aren't finite, even if a `max` hides them in the result.
+    /// A wrong finite number passes this check. [`has_no_hazards`](Self::has_no_hazards) also finds
+    /// intermediate values that aren't finite, even if a later `max` hides them from the result.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -112,25 +112,25 @@ impl<V> Check<'_, Calls<V>> {
         self.plan.is_finite(&*self.stream, &self.demand())
     }
 
-    /// Checks that each number in a result lies in a range: `0.0..=1.0`, `0.0..1.0` without its end, or `0.0..`.
+    /// Checks that each number in a result lies in a range: `0.0..=1.0`, `0.0..1.0` (without 1.0), or `0.0..`.
     ///
-    /// If results are floats, each end of the range is rounded to the nearest `f32`. NaN and infinite results
-    /// fail.
+    /// For floats, Karat rounds each end of the range to the nearest `f32`. NaN and infinite results fail.
     ///
-    /// Karat also computes the results that WGSL allows for all arguments of the domain. If all of them lie in the
-    /// range, the statement is [`proved`](Agreement::proved). Otherwise, if the range excludes an end, Karat
-    /// searches for failing arguments, beginning with the cases whose results are nearest to that end.
+    /// Karat also computes the results that WGSL allows for all arguments of the domain. If all these results
+    /// lie in the range, the statement is [`proved`](Agreement::proved). Otherwise, if the range excludes an
+    /// end, Karat searches for failing arguments. The search begins at the cases with results nearest to that
+    /// end.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
     /// # static SHADERS: Package = karat::package!("shaders");
     /// SHADERS.function("fresnel::schlick").over((UnitRgb, 0.0..=1.0)).stays_within(0.0..=1.0);
-    /// // An index of it is never the length of an array.
+    /// // 1.0 is excluded, so `hash * length` is a valid index of an array.
     /// SHADERS.function("noise::hash").over(-8.0..=8.0).stays_within(0.0..1.0);
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if a number lies outside, if no number lies between the bounds, or if nothing
+    /// With the [`Failure`], if a number lies outside the range, if the range contains no number, or if nothing
     /// could be checked.
     #[track_caller]
     pub fn stays_within(self, range: impl RangeBounds<f64>) -> Agreement {
@@ -140,14 +140,14 @@ impl<V> Check<'_, Calls<V>> {
     /// [`stays_within`](Self::stays_within) without the panic.
     ///
     /// # Errors
-    /// If a number lies outside, if no number lies between the bounds, or if nothing could be checked.
+    /// If a number lies outside the range, if the range contains no number, or if nothing could be checked.
     pub fn try_stays_within(self, range: impl RangeBounds<f64>) -> Result<Agreement, Failure> {
         let range = (range.start_bound().cloned(), range.end_bound().cloned());
         self.plan.stays_within(&*self.stream, &self.demand(), range)
     }
 
     /// Checks that the function agrees with a reference function of its package that takes the same arguments,
-    /// such as a slow or an older form. Karat's engine executes the reference function in `f64`, with the
+    /// such as a slower or older version. Karat's engine executes the reference function in `f64`, with the
     /// fixtures of the tested function.
     ///
     /// ```no_run
@@ -157,11 +157,11 @@ impl<V> Check<'_, Calls<V>> {
     /// ```
     ///
     /// The reference function may be in a package that this package [depends on](crate::Package::depends_on).
-    /// Write its name as in an import: `shaders::tone::exact`. The check can't see a mistake that both functions
-    /// share.
+    /// Write the function's name as in an import: `shaders::tone::exact`. If both functions have the same
+    /// mistake, the check passes.
     ///
     /// # Panics
-    /// With the [`Failure`], if a case disagrees, if the engine can't execute the other function, or if
+    /// With the [`Failure`], if a case disagrees, if the engine can't execute the reference function, or if
     /// nothing could be compared.
     #[track_caller]
     pub fn agrees_with_function(
@@ -175,7 +175,7 @@ impl<V> Check<'_, Calls<V>> {
     /// [`agrees_with_function`](Self::agrees_with_function) without the panic.
     ///
     /// # Errors
-    /// If a case disagrees, if the engine can't execute the other function, or if nothing could be
+    /// If a case disagrees, if the engine can't execute the reference function, or if nothing could be
     /// compared.
     pub fn try_agrees_with_function(
         self,
@@ -188,7 +188,7 @@ impl<V> Check<'_, Calls<V>> {
 }
 
 impl Plan<'_> {
-    /// The function, whose result includes the values that it writes.
+    /// The tested function. Its result includes the values that it writes.
     pub(super) fn function(&self) -> Result<Function, Failure> {
         let probe = &self.probe;
         let mut probed = Probed::in_valid(probe.package, &probe.name, &probe.overrides)?;
@@ -196,8 +196,8 @@ impl Plan<'_> {
         Ok(probed.function)
     }
 
-    /// Continues with the value that a check needs before its first case. If that value is an error, the error is
-    /// the verdict, and is recorded like other verdicts.
+    /// Calls `then` with a value that the check needs before its first case. If `begun` is an error, the error
+    /// is the verdict, and Karat records it like other verdicts.
     pub(super) fn with<T>(
         &self,
         begun: Result<T, Failure>,
@@ -233,7 +233,7 @@ impl Plan<'_> {
         let begun = self.function().and_then(suited);
         let asserted = ("is_finite", statement);
         self.with(begun, asserted, (stream, demand), |function| {
-            // A result that isn't finite fails every statement, so this one is always true.
+            // A result that isn't finite fails every statement, so this statement can always hold.
             let holds = |_: &[u32], _: &[u32]| true;
             self.states(stream, demand, asserted, (&function.result, &holds))
         })
@@ -246,7 +246,7 @@ impl Plan<'_> {
         range: Bounds,
     ) -> Result<Agreement, Failure> {
         let (statement, unsuited_range) = (shown(range), Mismatch::Range(shown(range)));
-        // No `f32` equals 2 pi: a bound of 2 pi means the nearest `f32`.
+        // No `f32` equals 2 pi. A bound of 2 pi means the nearest `f32`.
         #[expect(clippy::cast_possible_truncation, reason = "the nearest is meant")]
         let nearest = |bound: Bound<f64>| bound.map(|bound| f64::from(bound as f32));
         let of_floats = (nearest(range.0), nearest(range.1));
@@ -255,9 +255,9 @@ impl Plan<'_> {
                 return Err(unsuited_range.of(&function));
             }
             if function.result.lanes().iter().all(|lane| *lane == Scalar::Bool) {
-                return Err(unsuited(&function, "which is no number"));
+                return Err(unsuited(&function, "which isn't a number"));
             }
-            // True if the range contains every value of the integer type.
+            // Checks if the range contains every value of the integer type.
             let both = |least: f64, most: f64| range.contains(&least) && range.contains(&most);
             let holds_all = |lane: &Scalar| match lane {
                 Scalar::U32 => both(0.0, f64::from(u32::MAX)),
@@ -293,7 +293,7 @@ impl Plan<'_> {
                         *lane == Scalar::Bool || bound.ends().is_some_and(is_inside)
                     })
             };
-            // Rounding may reach an end that exact results only approach.
+            // Rounding may reach an excluded end that exact results only approach.
             let is_half_open =
                 [range.0, range.1].iter().any(|end| matches!(end, Bound::Excluded(_)));
             let distance = is_half_open.then_some(&distance as _);
@@ -313,7 +313,7 @@ impl Plan<'_> {
         let asserted = ("agrees_with", &*criterion.to_string());
         let begun = self.shadow(demand, reference).and_then(|shadow| {
             let own = self.function()?;
-            // With `Spec`, a function may be its own reference: the check is about the driver.
+            // With `Spec`, a function may be its own reference, because the check tests the driver.
             let declared = |span: &Span| (span.file.name.clone(), span.range.clone());
             let itself = declared(&own.span) == declared(&shadow.span)
                 && matches!(criterion, Criterion::Within(_));
@@ -322,12 +322,12 @@ impl Plan<'_> {
         self.with(begun, asserted, (stream, demand), |shadow| {
             let Shadow { shape, interpreted, kept, .. } = shadow;
             let expect = |rows: Rows<'_>, lanes: &mut Vec<f64>| {
-                // NaN makes the check report an error of the reference.
+                // If the values are NaN, the check reports an error of the reference.
                 let none = || vec![f64::NAN; rows.len() * shape.lanes().len()];
                 let taken: Vec<u32>;
                 let words = match &kept {
                     Some(kept) => {
-                        // The lanes that the reference takes, which are fewer than the sampled lanes.
+                        // The reference takes fewer components than Karat samples.
                         let kept = |row: &'_ [u32]| -> Vec<u32> {
                             kept.iter().map(|lane| row[*lane]).collect()
                         };
@@ -336,7 +336,7 @@ impl Plan<'_> {
                     }
                     None => rows.words(),
                 };
-                // If a loop of the reference doesn't end in a batch, the batch has no values.
+                // If a loop of the reference doesn't end for one case, the whole batch has no values.
                 lanes.extend(interpreted.shadow(rows.len(), words).unwrap_or_else(|_| none()));
             };
             let expected = Expected { shape: shape.clone(), expect: &expect };
@@ -346,7 +346,7 @@ impl Plan<'_> {
 
     fn shadow(&self, demand: &Demand, reference: &str) -> Result<Shadow, Failure> {
         let probe = &self.probe;
-        // Only the tested function uses the other overrides.
+        // The reference function needn't use all overrides. Unused ones would be errors.
         let program = Program::of_function(probe.package, reference).map_err(ProbeError::from)?;
         let used = probe.overrides.iter().filter(|(name, _)| program.has_override(name));
         let overrides = used.map(|(name, value)| (name.clone(), *value)).collect();
@@ -355,7 +355,7 @@ impl Plan<'_> {
         let mut probed = probed.with_quads_of(drawn);
         let taken: Vec<Shape> =
             probed.function.parameters.iter().map(|(_, shape)| shape.clone()).collect();
-        // A reference without derivatives takes the value at the pixel alone.
+        // A reference without derivatives takes only the pixel's own value.
         let fits = |(own, drawn): (&Shape, &Shape)| {
             drawn.stands_for(own, false)
                 || drawn.quad().is_some_and(|value| value.stands_for(own, false))
@@ -369,7 +369,7 @@ impl Plan<'_> {
         let bindings = &probed.function.bindings;
         let read = |(name, _): &&(String, _)| bindings.iter().any(|b| b.name() == name);
         let mut fixtures: Fixtures = probe.fixtures.iter().filter(read).cloned().collect();
-        // Textures in parameters are found by the reference's parameter names, or else by their order.
+        // Finds textures in parameters by the reference's parameter names, or else by their order.
         let own = self.function()?.form.taken;
         let theirs = &probed.function.form.taken;
         let given = |name: &str| probe.fixtures.iter().rev().find(|(known, _)| known == name);
@@ -400,12 +400,10 @@ impl Plan<'_> {
 
 /// A reference function in WGSL that the engine executes in `f64`.
 struct Shadow {
-    /// The place of its declaration.
     span: Span,
-    /// The type of its result.
     shape: Shape,
     interpreted: Interpreted,
-    /// The sampled lanes that it takes. `None`: all lanes.
+    /// The indices of the sampled components that the reference takes. `None`: all components.
     kept: Option<Vec<usize>>,
 }
 
@@ -420,7 +418,7 @@ mod tests {
     const OPEN: Bounds = (Bound::Excluded(0.0), Bound::Excluded(1.0));
     const BELOW: Bounds = (Bound::Included(0.0), Bound::Excluded(8.0));
 
-    /// A search goes to the nearer one of the excluded ends.
+    /// The distance is measured to the nearer of the excluded ends.
     #[test]
     fn distances_are_those_to_open_ends() {
         let of = |ranges: [Bounds; 2], lanes: &[(Scalar, u32)]| {
@@ -434,11 +432,11 @@ mod tests {
         let above = (Bound::Excluded(2.0), Bound::Unbounded);
         assert_eq!(of([above; 2], &[single(7.0)]), 5.0);
         assert_eq!(of([above; 2], &[(Scalar::I32, (-7_i32).cast_unsigned())]), -9.0);
-        // Integers and floats have their own ranges, and the nearest lane counts.
+        // Integers and floats have their own ranges. The smallest distance of all components counts.
         assert_eq!(of([BELOW, OPEN], &[(Scalar::U32, 3)]), 5.0);
         assert_eq!(of([BELOW, OPEN], &[(Scalar::U32, 3), single(0.5)]), 0.5);
         assert_eq!(of([OPEN, BELOW], &[single(0.5), single(7.0)]), 1.0);
-        // Included ends have no distance. Booleans have no distance, either.
+        // For included ends and for booleans, the distance is infinite.
         let closed = (Bound::Included(0.0), Bound::Included(1.0));
         assert_eq!(of([closed; 2], &[single(0.5)]), f64::INFINITY);
         assert_eq!(of([OPEN; 2], &[(Scalar::Bool, 1)]), f64::INFINITY);

@@ -1,4 +1,4 @@
-//! The parameter of a function that a property is about.
+//! Selects a parameter of a function by its name or its place.
 
 use std::fmt;
 
@@ -45,17 +45,17 @@ impl fmt::Display for Parameter {
     }
 }
 
-/// A parameter that is one number.
+/// A parameter that is a single number.
 #[derive(Clone, Debug)]
 pub(super) struct ScalarParameter {
     pub(super) name: String,
     pub(super) scalar: Scalar,
-    /// The index of its lane among the lanes of all arguments.
+    /// The index of the parameter among the components of all arguments.
     pub(super) lane: usize,
 }
 
 impl ScalarParameter {
-    /// The value at a fraction of the way from `own` to `other`, at least one step away from `own`.
+    /// The value between `own` and `other` at a fraction of their distance, at least one step away from `own`.
     pub(super) fn between(&self, own: u32, other: u32, fraction: f64) -> u32 {
         let (from, to) = (self.scalar.decode(own), self.scalar.decode(other));
         let at = from + fraction * (to - from);
@@ -85,7 +85,7 @@ impl ScalarParameter {
 }
 
 impl Parameter {
-    /// The place of the parameter, and the index of its first lane among the lanes of all arguments.
+    /// Finds the parameter's place, and the index of its first component among the components of all arguments.
     pub(super) fn place(&self, function: &Function) -> Result<(usize, usize), Failure> {
         let parameters = &function.parameters;
         let names = || parameters.iter().map(|(name, _)| &**name);
@@ -107,7 +107,7 @@ impl Parameter {
         Ok((place, lane))
     }
 
-    /// Finds the parameter. Returns an error if it isn't a number.
+    /// Finds the parameter. Returns an error if the parameter isn't a number.
     pub(super) fn scalar(&self, function: &Function) -> Result<ScalarParameter, Failure> {
         let (place, lane) = self.place(function)?;
         let (name, shape) = &function.parameters[place];

@@ -1,4 +1,4 @@
-//! The sum of all cases of a path, with the failing cases that a report shows.
+//! The judgements of all cases on a path, with the failing cases that a report shows.
 
 use super::called::Called;
 use super::sample::Sample;
@@ -7,7 +7,7 @@ use crate::judge::{Shown, Tally};
 use crate::path::{Adapter, Path};
 use crate::record::{Allowance, PathRecord};
 
-/// The sum of one path's cases, and the facts to show its failures.
+/// The summed judgements of one path's cases, and the data for showing its failures.
 pub(super) struct PathTally {
     pub(super) adapter: Adapter,
     pub(super) path: Path,
@@ -15,20 +15,20 @@ pub(super) struct PathTally {
     pub(super) worst: Option<CaseFailure>,
     pub(super) first: Option<CaseFailure>,
     pub(super) simplest: Option<Simplest>,
-    /// One line that says where the function fails.
+    /// One line that says for which arguments the function fails.
     pub(super) cause: Option<String>,
-    /// The errors that WGSL allows, compared with the tolerance.
+    /// The comparison between the errors that WGSL allows and the tolerance.
     pub(super) allowed: Option<Allowance>,
-    /// The cases that reports show in plots.
+    /// The cases for the plots in reports.
     sample: Option<Sample>,
-    /// The number of nodes of all integrals. 0 for other checks.
+    /// The number of nodes of all integrals. 0 for checks without integrals.
     nodes: u64,
-    /// True if the statement is proved for all arguments of the domain.
+    /// `true` if the statement is proved for all arguments of the domain.
     proved: bool,
 }
 
 impl PathTally {
-    /// Makes the sum of a path. `show` describes its failures.
+    /// Makes the tally of a path. `show` describes a failing case.
     pub(super) fn new(
         called: &Called<'_>,
         tally: Tally,
@@ -95,7 +95,7 @@ impl PathTally {
         }
     }
 
-    /// Merges the sums of earlier and later cases.
+    /// Merges the tallies of earlier and later cases.
     pub(super) fn merge(self, other: Self) -> Self {
         let tally = self.tally.merge(other.tally);
         let pick = |shown: Option<Shown>, a: Option<CaseFailure>, b: Option<CaseFailure>| {
@@ -112,7 +112,7 @@ impl PathTally {
         }
     }
 
-    /// Merges the sum of earlier cases, if there is one, with that of later cases.
+    /// Merges the tally of earlier cases, if there is one, with the tally of later cases.
     pub(super) fn and(earlier: Option<Self>, later: Self) -> Self {
         match earlier {
             Some(earlier) => earlier.merge(later),

@@ -1,4 +1,4 @@
-//! The settings that a check has with every verb.
+//! The settings that a check has for every verb.
 
 use super::tolerances::Tolerances;
 use super::{Failure, Probe};
@@ -7,7 +7,7 @@ use crate::run::KnownIssues;
 use crate::run::sound_paths;
 use crate::tolerance::Tolerance;
 
-/// A function with the settings of a check, without the domain.
+/// A function with the settings of its check, but without the domain.
 #[derive(Clone, Debug)]
 pub(super) struct Plan<'a> {
     pub(super) probe: Probe<'a>,
@@ -15,9 +15,8 @@ pub(super) struct Plan<'a> {
     pub(super) seed: Option<u64>,
     pub(super) tolerance_on: Selected<Tolerance>,
     pub(super) known_issues: KnownIssues,
-    /// The accepted hazards.
     pub(super) accepted: Vec<super::kinds::Accepted>,
-    /// True if the verdict goes into the record of the run.
+    /// `true` if Karat writes the verdict to the record of the run.
     pub(super) recorded: bool,
 }
 
@@ -35,12 +34,12 @@ impl<'a> Plan<'a> {
         }
     }
 
-    /// The tolerance of the verb, with the tolerances of single paths.
+    /// Joins the tolerance of the verb and the tolerances that the check sets for single paths.
     pub(super) fn tolerances(&self, general: Tolerance) -> Tolerances {
         Tolerances { general, on: self.tolerance_on.clone() }
     }
 
-    /// Returns an error if a declaration names an impossible path, or declares a failure without a reason.
+    /// Returns an error if a declaration names a path that can't exist, or declares a failure without a reason.
     pub(super) fn expect_reasons(&self) -> Result<(), Failure> {
         self.known_issues.expect_sound::<Failure>(&self.probe.name)?;
         Ok(sound_paths("tolerance_on", &self.tolerance_on)?)

@@ -1,22 +1,23 @@
-//! Proofs of statements about results for all arguments of a domain, by interval arithmetic with WGSL's bounds.
+//! Proves statements about a function's results for all arguments of a domain, by interval arithmetic with
+//! WGSL's bounds.
 
 use super::session::Session;
 use crate::interpret::Bound;
 use crate::value::Scalar;
 
-/// The most boxes of arguments in a proof.
+/// The largest number of boxes that a proof examines. A box is a set of arguments.
 const BOXES: usize = 4096;
 
-/// The number of boxes that the engine runs together.
+/// The number of boxes that the engine evaluates at a time.
 const TOGETHER: usize = 256;
 
-/// A box of arguments: a row with the lower ends, and a row with the upper ends.
+/// A box of arguments: all rows between a row of lower ends and a row of upper ends.
 type Ends = [Vec<u32>; 2];
 
 impl Session<'_> {
-    /// True if it is proved that the statement holds for each result that WGSL allows, for all arguments of the
-    /// domain. The proof halves boxes of arguments until the statement holds for each box. `false` means only that
-    /// there is no proof. For functions that read a resource it is always `false`.
+    /// Tries to prove that the statement holds for each result that WGSL allows, for all arguments of the
+    /// domain. The proof halves boxes of arguments until the statement holds for each box. `false` means only
+    /// that there is no proof. If the function reads a resource, returns `false`.
     pub(super) fn is_proved(&self, holds: &dyn Fn(&[Bound]) -> bool) -> bool {
         if self.is_replay() || !self.called.function().bindings.is_empty() {
             return false;
@@ -51,7 +52,7 @@ impl Session<'_> {
     }
 }
 
-/// The two halves of a box, cut across its longest side. `None` if the box contains a single row.
+/// Cuts a box into halves across its longest side. `None` if the box contains a single row.
 fn halves([from, to]: &Ends, scalars: &[Scalar]) -> Option<[Ends; 2]> {
     let length = |lane: &usize| {
         let [from, to] = [from, to].map(|row| scalars[*lane].decode(row[*lane]));
@@ -61,7 +62,7 @@ fn halves([from, to]: &Ends, scalars: &[Scalar]) -> Option<[Ends; 2]> {
     let scalar = scalars[lane];
     let [least, most] = [from, to].map(|row| scalar.decode(row[lane]));
     let middle = f64::midpoint(least, most);
-    // Halves of integers don't overlap. Halves of floats share the number in the middle.
+    // Halves of a range of integers don't overlap. Halves of a range of floats share the number in the middle.
     let (below, above) = match scalar {
         Scalar::F32 => {
             #[expect(clippy::cast_possible_truncation, reason = "any number between does")]
@@ -102,7 +103,7 @@ mod tests {
     use crate::package::Package;
     use crate::path::Path;
 
-    /// The rows of a box of integers and booleans, as numbers.
+    /// Lists the rows of a box of integers and booleans, as numbers.
     fn rows([from, to]: &Ends, scalars: &[Scalar]) -> Vec<Vec<i64>> {
         let mut all = vec![Vec::new()];
         for (lane, scalar) in scalars.iter().enumerate() {
@@ -119,7 +120,7 @@ mod tests {
         all
     }
 
-    /// Cuts boxes until each has one row. Checks that these are all rows of the whole box, each once.
+    /// Cuts boxes until each has one row. Checks that the result is all rows of the whole box, each row once.
     fn cut(whole: &Ends, scalars: &[Scalar]) {
         let (mut boxes, mut met) = (vec![whole.clone()], Vec::new());
         while let Some(one) = boxes.pop() {
@@ -142,7 +143,7 @@ mod tests {
         assert_eq!(met, rows(whole, scalars), "{scalars:?}");
     }
 
-    /// The proof would skip a row that is in no half.
+    /// If a row is in neither half, the proof skips the row.
     #[test]
     fn halves_of_integers_hold_each_row_once() {
         let end = |x: i32| x.cast_unsigned();
@@ -154,7 +155,7 @@ mod tests {
                 for length in 0..=8 {
                     let to = start.wrapping_add(length);
                     cut(&[vec![start], vec![to]], &[scalar]);
-                    // The longest side is cut first, at any place among the arguments.
+                    // The cut goes across the longest side, wherever the side is among the arguments.
                     cut(&[vec![0, start], vec![1, to]], &[Scalar::Bool, scalar]);
                     cut(&[vec![start, 3], vec![to, 6]], &[scalar, Scalar::U32]);
                     cut(&[vec![end(-2), start], vec![1, to]], &[Scalar::I32, scalar]);
@@ -171,7 +172,8 @@ mod tests {
         assert_eq!(halves(&whole, &[Scalar::I32]), Some(expected));
     }
 
-    /// Halves of floats share a number between the ends. Adjacent floats have no number between them.
+    /// Halves of a range of floats share a number between the ends. Two adjacent floats have no number between
+    /// them.
     #[test]
     fn halves_of_floats_meet() {
         let all =
@@ -194,8 +196,8 @@ mod tests {
         assert_eq!(halves(&[vec![0], vec![0x3c00]], &[Scalar::F16]), None);
     }
 
-    /// If WGSL's bounds exceed the range at one end, or are unbounded, nothing is proved, although the actual results
-    /// stay within. The proof gives up after some thousand boxes.
+    /// If WGSL's bounds exceed the range, or if there are none, there is no proof, although the actual results
+    /// stay in the range. The proof gives up after some thousand boxes.
     #[test]
     fn bounds_beyond_a_range_prove_nothing() {
         let package = Package::from_source(
@@ -212,7 +214,7 @@ mod tests {
         assert!(!unit("part").stays_within(0.0..=1.0).proved);
         assert!(!unit("back").stays_within(-1.0..=0.0).proved);
         assert!(!unit("inverse").stays_within(0.0..=1.0).proved);
-        // The `f32` nearest to 0.1 is larger than 0.1. Bounds for integers aren't rounded to `f32`.
+        // The `f32` nearest to 0.1 is larger than 0.1. Karat doesn't round bounds for integers to `f32`.
         assert!(unit("tenth").stays_within(0.0..=0.1).proved);
         let large = over("large").over(Integers(0..=20_000_000_u32)).unrecorded();
         assert!(large.stays_within(0.0..=16_777_217.0).proved);
@@ -220,7 +222,7 @@ mod tests {
 
     /// A buffer's content in a test says nothing about its content in an application.
     #[test]
-    fn what_is_read_is_no_argument() {
+    fn a_read_buffer_is_not_an_argument() {
         let package = Package::from_source(
             "proofs",
             "@group(0) @binding(0) var<uniform> half: f32;

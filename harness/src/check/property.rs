@@ -1,4 +1,4 @@
-//! Common code of the verbs about properties, which judge the results of several dispatches case by case.
+//! Common code of verbs that call the function several times for each case, and compare the results.
 
 use super::batch::Batch;
 use super::cause::cause;
@@ -9,26 +9,24 @@ use super::session::Session;
 use crate::executor::Results;
 use crate::judge::{Judged, Shown, tally};
 
-/// The note beside `returned` if a case also has arguments with a prime.
+/// The note beside `returned` for a case that also has changed arguments, marked with a prime.
 pub(super) const PRIMED: &str =
-    "returned for the arguments with a prime, expected for those without";
+    "returned for the arguments with a prime, expected for the arguments without a prime";
 
 /// The parts of a failing case that a report shows.
 pub(super) struct Exhibit {
-    /// The lanes of all arguments.
     pub(super) lanes: Vec<u32>,
-    /// The names and values that the check varied in addition.
+    /// The names and values of what the check varied for this case.
     pub(super) varied: Vec<(String, String)>,
-    /// The names of the compared results, if the case calls the function more than once.
+    /// The note that names the compared results, if a case calls the function more than once.
     pub(super) compared: &'static str,
-    /// The result's words.
     pub(super) actual: Vec<u32>,
     pub(super) expected: Vec<f64>,
     pub(super) judged: Judged,
 }
 
 impl Session<'_> {
-    /// Judges each case, by its index in the batch.
+    /// Judges each case of a batch. `judge` and `exhibit` receive the case's index in the batch.
     pub(super) fn judge_results(
         &self,
         batch: &Batch,

@@ -1,10 +1,10 @@
 //! Integrals over directions, for functions whose last argument is a direction.
 //!
 //! The quadrature rule is a product: Gauss-Legendre in the cosine of the polar angle, and equal steps in the
-//! azimuth. It is accurate for smooth functions, and misses lobes that are narrower than its rings. So Karat
-//! computes each integral with two rules, which have different numbers of rings. If the two integrals differ by
-//! more than the tolerance and one of them may pass, there is no verdict. Both rules miss a lobe that lies
-//! between the rings of both. Narrow lobes need a rule with nodes in the lobe.
+//! azimuth. The rule is accurate for smooth functions, but misses lobes that are narrower than its rings. So
+//! Karat computes each integral with two rules that have different numbers of rings. If the two integrals
+//! differ by more than the tolerance and one of them may pass, there is no verdict. Both rules miss a lobe that
+//! lies between the rings of both. For narrow lobes, use a rule with nodes in the lobe.
 
 use std::f64::consts::TAU;
 
@@ -21,7 +21,7 @@ use crate::value::{Arguments, Mirror, Shape, Shareable};
 /// The default number of rings. Each ring has twice as many directions as there are rings.
 const RINGS: u16 = 64;
 
-/// The directions of an integral, with +Z as the pole, and the measure of the integral.
+/// The region of directions of an integral, with +Z as the pole, and the integral's measure.
 ///
 /// ```
 /// use std::f64::consts::TAU;
@@ -46,7 +46,7 @@ enum Region {
 }
 
 impl Directions {
-    /// The whole sphere, by solid angle (4 pi in all).
+    /// The whole sphere, measured by solid angle. Its measure is 4 pi.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -58,7 +58,7 @@ impl Directions {
         Self { region: Region::Sphere, rings: RINGS }
     }
 
-    /// The hemisphere z > 0, by solid angle (2 pi in all).
+    /// The hemisphere z > 0, measured by solid angle. Its measure is 2 pi.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -70,11 +70,11 @@ impl Directions {
         Self { region: Region::Hemisphere, rings: RINGS }
     }
 
-    /// The hemisphere z > 0, by projected solid angle, which includes the cosine (pi in all).
+    /// The hemisphere z > 0, measured by projected solid angle, which includes the cosine. Its measure is pi.
     ///
     /// ```
     /// # use karat::prelude::*;
-    /// // The albedo of a BRDF that is 1 / pi everywhere: the measure has the cosine.
+    /// // The albedo of a BRDF that is 1 / pi everywhere. The measure includes the cosine.
     /// let brdf = Package::from_source("brdf", "fn white(l: vec3f) -> f32 { return 0.318309886; }");
     /// let light = Directions::projected_hemisphere();
     /// brdf.function("white").over(()).integrates_to(light, |()| 1.0, Rel(1e-6));
@@ -96,7 +96,7 @@ impl Directions {
         Self { rings: rings.max(4), ..self }
     }
 
-    /// The second rule, which must confirm this one.
+    /// The second rule, with fewer rings, which must confirm this rule.
     fn control(self) -> Self {
         Self { rings: self.rings - self.rings / 4, ..self }
     }
@@ -112,7 +112,7 @@ impl Directions {
             };
             let sine = ((1.0 - cosine) * (1.0 + cosine)).sqrt();
             for azimuth in 0..azimuths {
-                // The directions avoid the axes by half a step, because functions may branch there.
+                // The directions are half a step away from the axes, because functions may branch on the axes.
                 let azimuth = TAU * (f64::from(azimuth) + 0.5) / f64::from(azimuths);
                 let l = DVec3::new(sine * azimuth.cos(), sine * azimuth.sin(), cosine);
                 rule.push((l.as_vec3(), TAU * weight / f64::from(azimuths)));
@@ -123,19 +123,17 @@ impl Directions {
 }
 
 impl<V: Arguments> Check<'_, Calls<V>> {
-    /// Checks the integral of a function over directions. The direction is the function's last
-    /// argument. The domain supplies the arguments before it; use `()` if there are none. The default is 256
-    /// cases.
+    /// Checks the integral of a function over directions. The direction is the function's last argument. The
+    /// domain supplies the other arguments. Use `()` if there are none. The default is 256 cases.
     ///
-    /// Karat computes each integral with two rules, which have different numbers of rings. If both integrals are
-    /// further off than the difference between them, the check fails. Otherwise, if they differ by more than
-    /// the tolerance, the check has no verdict and is an error: the function has a lobe that is narrower than the
-    /// rings.
+    /// Karat computes each integral with two rules that have different numbers of rings. If the errors of both
+    /// integrals are larger than the difference between the integrals, the check fails. Otherwise, if the
+    /// integrals differ by more than the tolerance, the check has no verdict and is an error. The function then
+    /// has a lobe that is narrower than the rings.
     ///
-    /// Both rules miss a lobe that lies between the rings of both. The check then passes as if the lobe weren't
-    /// there. (The innermost of 64 rings is 1.5 degrees from the pole.) For such lobes, and if there is no
-    /// verdict, take more [`rings`](Directions::rings), or your own rule with
-    /// [`integral`](super::Probe::integral).
+    /// Both rules miss a lobe that lies between the rings of both. The check then ignores the lobe. (The
+    /// innermost of 64 rings is 1.5 degrees from the pole.) For such lobes, and if there is no verdict, set
+    /// more [`rings`](Directions::rings), or use your own rule with [`integral`](super::Probe::integral).
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -149,8 +147,8 @@ impl<V: Arguments> Check<'_, Calls<V>> {
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if an integral differs from the expected integral, if the two rules disagree, if a
-    /// node has no finite result, or if nothing could be compared.
+    /// With the [`Failure`], if an integral differs from the expected integral, if the two rules disagree, if
+    /// the result at a node isn't finite, or if nothing could be compared.
     #[track_caller]
     pub fn integrates_to<E: Mirror>(
         self,
@@ -164,8 +162,8 @@ impl<V: Arguments> Check<'_, Calls<V>> {
     /// [`integrates_to`](Self::integrates_to) without the panic.
     ///
     /// # Errors
-    /// If an integral differs from the expected integral, if the two rules disagree, if a node has no finite
-    /// result, or if nothing could be compared.
+    /// If an integral differs from the expected integral, if the two rules disagree, if the result at a node
+    /// isn't finite, or if nothing could be compared.
     pub fn try_integrates_to<E: Mirror>(
         self,
         directions: Directions,
@@ -176,14 +174,14 @@ impl<V: Arguments> Check<'_, Calls<V>> {
         self.integrate(directions, expected, assertion)
     }
 
-    /// Checks that the integral over directions is at most a bound plus `slack`. The slack is
-    /// an absolute error: it must cover rounding, and the difference between the two rules. The
-    /// bound is one number for all components, or one number for each. For lobes that are narrower than
-    /// the rings, see [`integrates_to`](Self::integrates_to).
+    /// Checks that the integral over directions is at most a bound plus `slack`. The slack is an absolute
+    /// error. It must be at least as large as the rounding error and the difference between the two rules.
+    /// `bound` returns one number for all components, or one number for each component. For lobes that are
+    /// narrower than the rings, see [`integrates_to`](Self::integrates_to).
     ///
     /// ```
     /// # use karat::prelude::*;
-    /// // A BRDF returns no more light than it gets.
+    /// // A BRDF reflects at most all incoming light.
     /// let brdf = Package::from_source(
     ///     "brdf",
     ///     "fn eval(albedo: f32, l: vec3f) -> f32 { return albedo / 3.14159265; }",
@@ -231,8 +229,8 @@ impl<V: Arguments> Check<'_, Calls<V>> {
 }
 
 impl<V> Check<'_, Calls<V>> {
-    /// Checks integrals over directions. The direction follows the arguments of a case. `shape` is the type of the
-    /// expected value.
+    /// Checks integrals over directions. The direction is the last argument, after the arguments of a case.
+    /// `shape` is the type of the expected value.
     pub(super) fn integrate_over(
         &self,
         directions: Directions,
@@ -253,7 +251,7 @@ impl<V> Check<'_, Calls<V>> {
     }
 }
 
-/// Adds the directions of a rule as nodes, behind the arguments of a case.
+/// Appends a node for each direction of a rule: the arguments of a case, followed by the direction.
 fn add(rule: &[(Vec3, f64)], case: &Held, nodes: &mut Nodes) {
     nodes.rows.reserve(rule.len() * (case.row.len() + 3));
     for (l, weight) in rule {

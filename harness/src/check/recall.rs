@@ -1,4 +1,4 @@
-//! Remembered inputs: a check runs inputs of its earlier failures again.
+//! Remembered inputs: a check runs the inputs of its earlier failures again.
 
 use super::path_tally::PathTally;
 use super::session::Session;
@@ -13,27 +13,28 @@ impl Session<'_> {
         let mut rows = Vec::new();
         for entry in memory.of(&self.called.function().name, &self.identity.check) {
             if self.inputs == Inputs::Constant && !self.is_constant(&entry.words) {
-                continue; // WGSL has no such constant
+                continue; // WGSL can't write these values as constants
             }
             if entry.words.len() != self.stream.width() {
                 memory.ignore(entry, "the function takes other arguments now");
             } else if self.still_drawn(entry) {
                 rows.push(entry.words.clone());
             } else {
-                memory.ignore(entry, "it isn't in the domain any more");
+                memory.ignore(entry, "the domain doesn't contain it now");
             }
         }
         rows
     }
 
-    /// True if the domain still contains the value. Some domains can't decide this: then the value must result
-    /// from the same sampling and simplification as before.
+    /// Checks if the domain still contains the value. Some domains can't tell. Then the same sampling and
+    /// simplification as before must give the same value.
     fn still_drawn(&self, entry: &Entry) -> bool {
         let again = || Some(self.descend(&entry.descent)?.row == entry.words);
         self.stream.admits(&entry.words).unwrap_or_else(|| again() == Some(true))
     }
 
-    /// The cases of earlier failing integrals that the domain still produces in the same way.
+    /// The cases of earlier failing integrals that the domain still contains: the same sampling and
+    /// simplification gives the same case.
     pub(super) fn remembered_integrals(&self) -> Vec<(Descent, Held)> {
         let Some(memory) = self.memory else { return Vec::new() };
         let mut found = Vec::new();
@@ -42,7 +43,7 @@ impl Session<'_> {
                 Some(value) if entry.comment == format!("case = {}", value.shown()) => {
                     found.push((entry.descent.clone(), value));
                 }
-                _ => memory.ignore(entry, "it isn't in the domain any more"),
+                _ => memory.ignore(entry, "the domain doesn't contain it now"),
             }
         }
         found
@@ -54,7 +55,7 @@ impl Session<'_> {
         if simplest.failure.remembered {
             return;
         }
-        // An integral is identified by its case alone, without the arguments that its nodes share.
+        // Only the case identifies an integral, not the arguments that have the same value at its nodes.
         let told = if simplest.failure.integral.is_some() { 1 } else { usize::MAX };
         let arguments: Vec<String> = simplest
             .failure

@@ -1,28 +1,28 @@
-//! Cases whose errors are kept for reports: some cases of the first batch, and its worst case.
+//! Keeps the errors of some cases for reports: of some cases in the first batch, and of its worst case.
 
 use super::batch::Batch;
 use crate::judge::{Picked, Tally};
 use crate::record::{self, Errors, Plot};
 use crate::value::{Scalar, Shape};
 
-/// The number of cases in a distribution and a plot: enough for a map of 20 by 20 cells.
+/// The number of cases in a distribution or a plot: enough for a map of 20 by 20 cells.
 const CASES: usize = 512;
 
-/// The ratios of some cases: each is an error divided by its bound.
+/// Some cases with their ratios. A ratio is an error divided by its bound.
 #[derive(Clone, Debug)]
 pub(super) struct Sample {
     names: Vec<String>,
     scalars: Vec<Scalar>,
     rows: Vec<Vec<u32>>,
     ratios: Vec<f64>,
-    /// The index of the first case that was added because it is the worst or the first failing case. The cases
-    /// before it were picked independently of their errors.
+    /// The index of the worst and the first failing case, which follow the other cases. The other cases were
+    /// picked independently of their errors.
     chosen: usize,
 }
 
 impl Sample {
-    /// The selection of cases to keep. In the first sampled batch, these are the failing cases, and some others if
-    /// there is a record.
+    /// Selects the cases to keep. In the first sampled batch, these are all failing cases, and some other cases
+    /// if Karat writes a record.
     pub(super) fn picked(batch: &Batch) -> Picked {
         if !batch.is_drawn || batch.first != 0 {
             return Picked::default();
@@ -32,7 +32,7 @@ impl Sample {
         some.and_failing()
     }
 
-    /// The picked cases of a batch, for a function with these parameters.
+    /// Takes the picked cases from a batch, for a function with these parameters.
     pub(super) fn of(
         parameters: &[(String, Shape)],
         batch: &Batch,
@@ -61,7 +61,7 @@ impl Sample {
     }
 }
 
-/// The names of an argument's lanes.
+/// The names of an argument's components.
 fn named(name: &str, lanes: usize) -> Vec<String> {
     match lanes {
         1 => vec![name.to_owned()],
@@ -71,12 +71,11 @@ fn named(name: &str, lanes: usize) -> Vec<String> {
 }
 
 impl Sample {
-    /// The distribution of the errors.
     pub(super) fn errors(&self) -> Errors {
         Errors::of(self.ratios.iter().take(self.chosen).copied())
     }
 
-    /// The errors over the arguments.
+    /// The plot of the errors over the arguments.
     pub(super) fn plot(&self) -> Plot {
         let row = |(row, ratio): (&Vec<u32>, &f64)| {
             let lanes = self.scalars.iter().zip(row);

@@ -1,12 +1,13 @@
-//! Checks of samplers: functions of random numbers that return samples of a density.
+//! Checks of samplers. A sampler is a function that turns random numbers into samples of a density.
 //!
-//! A check runs the sampler with several configurations, such as a width and a view. Each configuration has its own
-//! stream of random numbers, which depends on the seed and the configuration's index alone. A p-value judges each
-//! configuration. The threshold is chosen so that the whole check rejects a correct sampler with a probability
-//! equal to the significance. A sample that isn't finite, lies outside the support, or has density 0 fails the
-//! check at once.
+//! A configuration is a value of the sampler's other arguments, such as a roughness and a view direction. A
+//! check runs the sampler with several configurations. Each configuration has its own stream of random numbers,
+//! which depends only on the seed and the configuration's index. For each configuration, the check compares a
+//! p-value with a threshold. With this threshold, the whole check rejects a correct sampler with a probability
+//! equal to the significance. The check fails at once if a sample isn't finite, lies outside the support, or
+//! has density 0.
 //!
-//! All paths use the same random numbers, so they don't count as separate tests.
+//! All paths use the same random numbers, so the paths don't count as separate statistical tests.
 
 mod calls;
 mod conclude;
@@ -31,27 +32,30 @@ use crate::stats::Support;
 use crate::value::{Arguments, Shape, Shareable};
 use calls::given;
 
-/// The number of configurations of a check that doesn't set it. It is small: each has a quarter million samples.
+/// The number of configurations if the check sets no number. It is small, because each configuration has a
+/// quarter million samples.
 const CONFIGURATIONS: u64 = 16;
 
-/// The largest finite domain whose values are all tried if the check sets no number of configurations.
+/// The number of values up to which Karat tries every value of a finite domain, if the check sets no number of
+/// configurations.
 const ENUMERATED: u64 = 4096;
 
-/// The number of samples per configuration of a check that doesn't set it. Each of 512 cells expects 512 samples.
-/// The check then accepts a density that is off by 3 % everywhere in only one of 10^9 runs.
+/// The number of samples per configuration if the check sets no number. Each of 512 cells then gets 512 samples
+/// on average. If the density is wrong by 3 % in every cell, the check accepts it in only one of 10^9 runs.
 const SAMPLES: u64 = 1 << 18;
 
-/// The probability that a check rejects a correct sampler, for one seed. Mitsuba has the same value.
+/// The default probability that a check rejects a correct sampler, for one seed. Mitsuba uses the same value.
 const SIGNIFICANCE: f64 = 0.01;
 
-/// The largest difference between a density's integral and 1, in addition to the error of the quadrature. A few
-/// hundred ulp of error in the density at each node can add up to this.
+/// The default limit for the difference between a density's integral and 1, without the error of the
+/// quadrature. An error of a few hundred ulp in the density at each node can add up to this difference.
 const MASS: f64 = 2e-4;
 
 impl<'a> Probe<'a> {
-    /// Chooses the configurations of a check of a sampler. `arguments` makes the sampler's arguments from a
-    /// configuration and random numbers. The random numbers are an `f32` in [0, 1), a vector of those, or
-    /// `u32`s.
+    /// Begins a check of a sampler. A configuration is a value of the sampler's arguments that aren't random,
+    /// such as a roughness. `configurations` is the domain of these values. `arguments` makes the sampler's
+    /// arguments from a configuration and random numbers. The random numbers are an `f32` in [0, 1), a vector
+    /// of such numbers, or `u32`s.
     ///
     /// ```no_run
     /// use glam::{Vec2, Vec3};
@@ -86,7 +90,6 @@ impl<'a> Probe<'a> {
     }
 }
 
-/// The settings that all configurations share.
 #[derive(Clone, Copy, Debug)]
 struct Settings {
     support: Support,
@@ -96,9 +99,9 @@ struct Settings {
     may_leave_support: bool,
 }
 
-/// The way of a [`Check`] that judges a sampler: see [`Probe::sampled_over`]. `V` is the type of the
-/// configurations, `U` the type of the random numbers, and `A` the type of the arguments. `F` makes the arguments
-/// from a configuration and random numbers.
+/// A marker for a [`Check`] that judges a sampler (see [`Probe::sampled_over`]). `V` is the type of the
+/// configurations, `U` the type of the random numbers, and `A` the type of the sampler's arguments. `F` makes
+/// the arguments from a configuration and random numbers.
 ///
 /// ```no_run
 /// use glam::{Vec2, Vec3};
@@ -125,7 +128,7 @@ where
     A: Arguments,
     F: Fn(&V, U) -> A + Sync,
 {
-    /// Sets the support: the space that samples lie in. By default, samples are directions of the upper
+    /// Sets the support: the set of points that samples may have. The default is the directions of the upper
     /// hemisphere.
     ///
     /// ```
@@ -152,16 +155,16 @@ where
         self
     }
 
-    /// Sets the probability that the whole check rejects a correct sampler, for any number of
-    /// configurations. The default is 1 %. The seed is fixed, so every run gives the same verdict. If the check
-    /// rejects your sampler, try ten times as many samples. If the sampler then passes, choose other random
-    /// numbers with [`seed`](Self::seed).
+    /// Sets the probability that the check, with all its configurations, rejects a correct sampler. The default
+    /// is 1 %. The seed is fixed, so every run gives the same verdict. If the check rejects your sampler, try
+    /// ten times as many samples. If the sampler then passes, choose other random numbers with
+    /// [`seed`](Self::seed).
     ///
     /// ```
     /// # use karat::prelude::*;
     /// # let package = Package::from_source("m", "fn uniform(u: f32) -> f32 { return u; }");
     /// let sampler = package.function("uniform").sampled_over(Just(()), |(), u: f32| u);
-    /// // Rejects a right sampler in one of a thousand seeds.
+    /// // For one of a thousand seeds, the check rejects a correct sampler.
     /// sampler.significance(1e-3).has_mean("x", |x: f32| x.into(), |()| 0.5, 1e-6);
     /// ```
     pub fn significance(mut self, significance: f64) -> Self {
@@ -187,7 +190,7 @@ where
         self
     }
 
-    /// Sets the largest difference between the density's integral and 1, in addition to the error of the
+    /// Sets the largest allowed difference between the density's integral and 1. Karat adds the error of the
     /// quadrature. The default is 2e-4.
     ///
     /// ```no_run
@@ -206,7 +209,7 @@ where
     }
 }
 
-/// The result of a check of samples that passes: the numbers of samples, and the smallest p-values.
+/// The result of a sampler's check that passes: the numbers of samples, and the smallest p-values.
 ///
 /// ```
 /// # use karat::prelude::*;
@@ -218,19 +221,20 @@ where
 /// ```
 #[derive(Clone, Debug)]
 pub struct Fit {
-    /// The sampler.
+    /// The name of the sampler.
     pub function: String,
     /// The number of configurations on each path.
     pub configurations: u64,
     /// The number of samples per configuration.
     pub samples: u64,
-    /// The smallest p-value of each path.
+    /// The paths that pass, each with its smallest p-value.
     pub paths: Vec<(Adapter, f64)>,
     /// The smallest p-value of all paths.
     pub p: f64,
-    /// The smallest p-value that passes. It shares the significance among all configurations.
+    /// The smallest p-value that passes. Karat computes this threshold from the significance and the number of
+    /// statistical tests.
     pub threshold: f64,
-    /// The paths that fail as declared. They aren't among `paths`.
+    /// The paths that fail as declared. `paths` doesn't contain these paths.
     pub known_issues: Vec<KnownIssue>,
 }
 
@@ -247,15 +251,15 @@ impl std::fmt::Display for Fit {
 
 /// A verb's assertion about a sampler.
 struct Hypothesis {
-    /// The verb.
     check: &'static str,
     /// The text of the assertion, for records and messages.
     text: String,
-    /// The number of statistical tests per configuration. They share the significance.
+    /// The number of statistical tests per configuration. All tests together have the significance as their
+    /// error probability.
     tests: u64,
 }
 
-/// A configuration of a check that is running on one path.
+/// A configuration of a check while it runs on one path.
 struct Configuration<'s> {
     value: &'s Held,
     index: u64,
@@ -264,30 +268,30 @@ struct Configuration<'s> {
     threshold: f64,
 }
 
-/// A sampler without the Rust types of its configurations and random numbers.
+/// A sampler, without the Rust types of its configurations and random numbers.
 #[derive(Clone, Copy)]
 struct Sampled<'s, 'a> {
     plan: &'s Plan<'a>,
-    /// True if the verdict goes into the record of the run.
+    /// `true` if Karat writes the verdict to the record of the run.
     recorded: bool,
     settings: &'s Settings,
     configurations: &'s dyn Stream,
-    /// The types of the arguments.
+    /// The types of the sampler's arguments.
     shapes: &'s [Shape],
-    /// The type of the random numbers of a sample.
+    /// The type of the random numbers for one sample.
     random: &'s Shape,
-    /// Appends the arguments for random numbers, which are words, one number after the other.
+    /// A function that appends the sampler's arguments for some random numbers.
     arguments: Made<'s>,
 }
 
-/// A function that appends arguments for a configuration and some points or random numbers, which are words, one
-/// after the other.
+/// A function that appends arguments for a configuration and some points or random numbers. The points or
+/// numbers are `u32` words, one point or number after the other.
 type Made<'m> = &'m (dyn Fn(&Held, &[u32], &mut Vec<u32>) + Sync);
 
 /// A second function of the check, such as the density.
 struct Other<'o> {
     probe: Probe<'o>,
-    /// Types of its arguments.
+    /// The types of the function's arguments.
     shapes: Vec<Shape>,
     made: Made<'o>,
 }
@@ -299,7 +303,7 @@ where
     A: Arguments,
     F: Fn(&V, U) -> A + Sync,
 {
-    /// Hides the sampler's types from `then`, so that the compiler compiles `then` once for all types.
+    /// Hides the sampler's types from `then`. So the compiler compiles `then` only once.
     fn with_sampler<T>(&self, then: impl FnOnce(Sampled<'_, '_>) -> T) -> T {
         then(Sampled {
             plan: &self.plan,
@@ -332,7 +336,7 @@ impl Settings {
     }
 }
 
-/// Makes the arguments of a function for a configuration.
+/// Turns a function with Rust types into a function that appends the arguments' words.
 fn made<V: 'static, X: Shareable, B: Arguments>(
     of: impl Fn(&V, X) -> B + Sync,
 ) -> impl Fn(&Held, &[u32], &mut Vec<u32>) + Sync {

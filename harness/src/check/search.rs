@@ -1,5 +1,5 @@
-//! A search for arguments whose result reaches an excluded value. It begins with the cases whose results are
-//! nearest to that value.
+//! Searches for arguments with a result that reaches an excluded value. The search begins at the cases with
+//! results nearest to that value.
 
 use std::collections::HashSet;
 
@@ -10,24 +10,25 @@ use super::session::Session;
 use crate::probe::Inputs;
 use crate::value::Scalar;
 
-/// The number of cases with which a search begins, and the number of nearest cases that it follows.
+/// The number of cases that a search examines first, and the number of nearest cases that it follows.
 const LOOKED_AT: u64 = 4096;
 const FOLLOWED: usize = 8;
 
-/// The most rounds of a search, and the number of rounds without a nearer result after which it ends.
+/// The largest number of rounds in a search, and the number of rounds without a nearer result after which the
+/// search ends.
 const ROUNDS: usize = 24;
 const PATIENCE: usize = 3;
 
-/// The most rounds to simplify the arguments that the search found.
+/// The largest number of rounds in which Karat simplifies the arguments that the search found.
 const SIMPLER: usize = 64;
 
 impl Session<'_> {
-    /// The simplest failing arguments that the search finds. `None` if it finds none, or if the domain can't say which
-    /// arguments belong to it.
+    /// Returns the simplest failing arguments that the search finds. `None` if the search finds none, or if the
+    /// domain can't tell which arguments it contains.
     pub(super) fn search(&self, goal: &Goal<'_>) -> Result<Option<Vec<u32>>, Failure> {
         let width = self.stream.width();
         let Some(distance) = goal.distance else { return Ok(None) };
-        // Constants need a kernel for each batch, which takes too long to compile.
+        // With constants as arguments, Karat must compile a kernel for each batch. That takes too long.
         let is_compiled = self.inputs == Inputs::Constant;
         if width == 0 || is_compiled || self.is_replay() || self.input().is_some() {
             return Ok(None);
@@ -69,7 +70,8 @@ impl Session<'_> {
         Ok(None)
     }
 
-    /// Runs some rows. Returns the first failing row, or else the rows that come nearest.
+    /// Calls the function with some rows of arguments. Returns the first failing row, or else the rows with
+    /// results nearest to the excluded value.
     #[expect(clippy::type_complexity, reason = "rows with their distances")]
     fn tried(
         &self,
@@ -91,7 +93,8 @@ impl Session<'_> {
         Ok(Err(near))
     }
 
-    /// Rows that differ in one number: by powers of two or by some ulp, or with a number nearer to an integer.
+    /// Returns rows that differ from `row` in one number. That number is multiplied by a power of two, changed
+    /// by some ulp, or nearer to an integer.
     fn neighbours(&self, row: &[u32]) -> Vec<Vec<u32>> {
         let mut all = Vec::new();
         for (lane, scalar) in self.called.argument_scalars().iter().enumerate().take(row.len()) {
@@ -114,7 +117,7 @@ impl Session<'_> {
         all
     }
 
-    /// Simplifies failing arguments, as long as they fail.
+    /// Simplifies failing arguments as long as they still fail.
     fn simplified(
         &self,
         row: Vec<u32>,
@@ -136,8 +139,8 @@ impl Session<'_> {
     }
 }
 
-/// Numbers around `x`, at distances that grow from one ulp to an eighth. Also small numbers of either sign, which
-/// vanish by rounding in a sum with a larger number.
+/// Returns numbers around `x`, at distances from one ulp to an eighth of `x`. Also returns small positive and
+/// negative numbers, which vanish by rounding when added to a larger number.
 fn of_float(x: f32) -> Vec<f32> {
     const SMALL: f32 = 1.0 / 1_073_741_824.0; // 2^-30
     const ULPS: [i32; 6] = [1, 16, 256, 4096, 65_536, 1 << 20];
@@ -153,6 +156,6 @@ fn of_float(x: f32) -> Vec<f32> {
         [nearest, nearest.next_up(), nearest.next_down(), towards(0.5), towards(1.0 / 256.0)];
     let moved = ULPS.into_iter().flat_map(|by| [by_ulps(by), by_ulps(-by)]);
     let all = scaled.into_iter().chain(small).chain(whole).chain(moved);
-    // A range that begins at 0 also contains -0, but its cases never have -0.
+    // A range that begins at 0 also contains -0, but Karat never samples -0 from such a range.
     all.map(|x| if x == 0.0 { 0.0 } else { x }).collect()
 }

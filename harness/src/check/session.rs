@@ -1,4 +1,4 @@
-//! A check in progress on one path: it samples cases, dispatches them and judges the results.
+//! A check that is running on one path: it samples cases, dispatches them and judges the results.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -24,74 +24,71 @@ use crate::path::{Api, Path};
 use crate::probe::{BATCH, Inputs, ProbeError};
 use crate::run::{Descent, Identity, Memory, replay, with_inputs};
 
-/// The smallest capacity of a dispatch. A check with few cases needs room for the simpler values of a failing case.
+/// The smallest capacity of a dispatch, in calls. Even a check with few cases needs room for the simpler values
+/// of a failing case.
 const SMALLEST: usize = 256;
 
-/// The largest capacity of a dispatch. Each dispatch costs some hundred microseconds in addition to its cases,
-/// during which the processor's cores wait. So the default number of cases, and somewhat more, fit into one.
+/// The largest capacity of a dispatch, in calls. Each dispatch has an overhead of some hundred microseconds,
+/// during which the CPU's cores wait. So the default number of cases, and somewhat more, fit into one dispatch.
 const LARGEST: usize = 2 * BATCH;
 
-/// The capacity of the dispatches of a check: as few dispatches as possible, all of the same size.
+/// The capacity of a check's dispatches. With this capacity, the check needs as few dispatches as possible, all
+/// of about the same size.
 fn room_for(cases: usize) -> usize {
     cases.div_ceil(cases.div_ceil(LARGEST).max(1)).max(SMALLEST)
 }
 
-/// The name and the assertion of a check.
+/// A check's verb and assertion.
 #[derive(Clone, Debug)]
 pub(super) struct Asserted {
-    /// The verb.
+    /// The name of the verb.
     pub(super) check: &'static str,
     /// The tolerance, or the statement.
     pub(super) text: String,
     /// The relation between the expected value and the actual value.
     pub(super) expectation: Expectation,
-    /// True if later runs try failing arguments again.
+    /// `true` if later runs try failing arguments again.
     pub(super) remembers: bool,
-    /// The kind of notes below a failing case.
     pub(super) explained: Explained,
 }
 
-/// The kind of notes below a failing case.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Explained {
-    /// No notes: the verb compares several calls, or calls with other arguments.
+    /// No notes, because the verb compares several calls, or calls with other arguments.
     Nothing,
-    /// The interval that WGSL allows for the case's arguments.
+    /// The results that WGSL allows for the case's arguments.
     ByBounds,
     /// The hazards of operations inside of the function.
     ByHazards(super::kinds::Kinds),
 }
 
 impl Asserted {
-    /// An assertion that the actual value equals the expected value.
+    /// Asserts that the actual value equals the expected value.
     pub(super) fn new(check: &'static str, text: String) -> Self {
         let (expectation, explained) = (Expectation::Equal, Explained::Nothing);
         Self { check, text, expectation, remembers: true, explained }
     }
 }
 
-/// A check in progress: a function on one path, and a stream of cases.
+/// A check that is running: a function on one path, and a stream of cases.
 pub(super) struct Session<'a> {
     pub(super) called: Called<'a>,
     pub(super) stream: &'a dyn Stream,
     pub(super) cases: Numbering,
-    /// The single case that a replay selects.
+    /// The single case that a replay selects, if there is a replay.
     case: Option<u64>,
     pub(super) identity: &'a Identity,
-    /// The way to pass arguments.
     pub(super) inputs: Inputs,
     pub(super) asserted: Asserted,
-    /// True if the check runs on executors of the test's author.
+    /// `true` if the check runs on executors that the test's author supplies.
     own_executors: bool,
-    /// The executor that runs the function.
     pub(super) executor: &'a dyn Executor,
-    /// The textures, samplers and buffers that the function reads.
+    /// The textures, samplers and buffers that the test supplies.
     pub(super) fixtures: &'a Fixtures,
-    /// The inputs of earlier failures. `None`: the check remembers none.
+    /// The inputs of earlier failures. `None` if the check doesn't remember them.
     pub(super) memory: Option<&'a Memory>,
-    /// True if the verdict goes into the record of the run.
+    /// `true` if Karat writes the verdict to the record of the run.
     pub(super) recorded: bool,
-    /// The accepted hazards.
     pub(super) accepted: &'a [super::kinds::Accepted],
 }
 
@@ -99,12 +96,12 @@ pub(super) struct Session<'a> {
 pub(super) type JudgeBatch<'j> =
     &'j mut dyn FnMut(&Batch, Running<'_>) -> Result<PathTally, Failure>;
 
-/// A function that appends the expected lanes for some rows of arguments.
+/// A function that appends the expected components of the results for some rows of arguments.
 pub(super) type Expect<'e> = &'e (dyn Fn(Rows<'_>, &mut Vec<f64>) + Sync);
 
 impl<'a> Session<'a> {
-    /// Returns an error if the check couldn't have failed because it tested nothing. Accepts every check that
-    /// fails, and every replay of a single case.
+    /// Returns an error unless `tested`: such a check can't fail, because it tests nothing. A failing check and
+    /// a replay of a single case never cause this error.
     pub(super) fn expect_tested(
         &self,
         tested: bool,
@@ -160,32 +157,33 @@ impl<'a> Session<'a> {
         })
     }
 
-    /// Makes the check run the inputs of earlier failures again, and remember new ones. A check with a single case
-    /// without arguments needs no memory.
+    /// Makes the check run the inputs of earlier failures again, and remember new failing inputs. A check with
+    /// a single case and without arguments remembers nothing.
     pub(super) fn remembering(self, memory: Option<&'a Memory>) -> Self {
-        // Cases of integrals may have no lanes.
+        // Cases of integrals may have a width of 0 words.
         let memory = memory.filter(|_| self.stream.width() > 0 || self.count() > 1);
         Self { memory, ..self }
     }
 
-    /// The function in Karat's engine, which computes the results that WGSL allows.
+    /// The function in Karat's engine. The engine computes the results that WGSL allows.
     pub(super) fn witness(&self) -> Result<Interpreted, ProbeError> {
         Interpreted::new(&self.called.probed, self.fixtures)
     }
 
-    /// The measured accuracy of the adapter.
     pub(super) fn measured(&self) -> Result<Arc<Accuracy>, ProbeError> {
-        // The author's executor, or a program, may be a different one in the next run: store nothing.
+        // Karat stores nothing for an author's executor or a program, because either may be different in the
+        // next run.
         let is_program = self.executor.path().api() == Api::Process;
         executor::measured(self.executor, !self.own_executors && !is_program)
     }
 
-    /// The number of cases of the check, also if a replay selects a single one.
+    /// The number of the check's cases, even if a replay selects a single case.
     pub(super) fn count(&self) -> u64 {
         self.cases.count
     }
 
-    /// The path, if the environment can select it. `None` for an executor of the test's author.
+    /// The path, if the environment variables can select it. `None` for an executor that the test's author
+    /// supplies.
     pub(super) fn selectable(&self) -> Option<Path> {
         (!self.own_executors).then_some(self.called.path)
     }
@@ -205,7 +203,7 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// True if a replay runs a single case. Some verdicts need all cases.
+    /// Checks if a replay runs a single case. Some verdicts need all cases.
     pub(super) fn is_replay(&self) -> bool {
         self.case.is_some()
     }
@@ -226,12 +224,13 @@ impl<'a> Session<'a> {
         self.called.vacuous(Vacuous::Filtered)
     }
 
-    /// The steps of simplification that a replay takes from its case.
+    /// The steps of simplification that a replay applies to its case.
     pub(super) fn steps(&self) -> &[usize] {
         self.identity.steps(&self.called.function().name, &self.name())
     }
 
-    /// The value that these steps of simplification lead to, if they still lead to a value.
+    /// Follows steps of simplification from a case to a simpler value. `None` if the steps don't lead to a
+    /// value any more.
     pub(super) fn descend(&self, descent: &Descent) -> Option<Held> {
         let Descent { seed, case, steps } = descent;
         let cases = self.cases.with_seed(*seed);
@@ -251,23 +250,23 @@ impl<'a> Session<'a> {
         self.called.call(lanes, batch.cases)
     }
 
-    /// The check's name in replay commands.
+    /// The check's name in replay commands, which includes the way to pass arguments.
     pub(super) fn name(&self) -> String {
         with_inputs(&self.identity.check, self.inputs)
     }
 
-    /// The arguments that a replay uses in place of its case's own.
+    /// The arguments that a replay uses instead of its case's own arguments.
     pub(super) fn input(&self) -> Option<&[u32]> {
         self.identity.input(&self.called.function().name, &self.name())
     }
 
-    /// Samples and dispatches one batch after the other, and passes each to `judge`. Then simplifies the worst
-    /// failing case, with further calls of `judge`.
+    /// Samples and dispatches one batch after the other, and passes each batch to `judge`. Then simplifies the
+    /// worst failing case with further calls of `judge`.
     pub(super) fn run(&self, judge: JudgeBatch<'_>) -> Result<PathTally, Failure> {
         self.run_searching(judge, None)
     }
 
-    /// Does the same as [`run`](Self::run). If no case fails, then searches for failing arguments.
+    /// Runs the check like [`run`](Self::run). If no case fails, also searches for failing arguments.
     pub(super) fn run_searching(
         &self,
         judge: JudgeBatch<'_>,
@@ -277,7 +276,7 @@ impl<'a> Session<'a> {
         let remembered = self.remembered();
         let again = self.run_again(&remembered, judge)?;
         let mut sum = self.run_cases(judge)?;
-        // A remembered input that passes isn't counted, so that the number of cases stays the same.
+        // Karat doesn't count remembered inputs that pass, so the number of cases stays the same.
         if let Some(mut again) = again.filter(PathTally::fails) {
             let census = &mut again.tally.census;
             census.remembered = census.cases;
@@ -300,7 +299,7 @@ impl<'a> Session<'a> {
             let old = if worst.searched { searched.as_ref() } else { old };
             sum.simplest = match old {
                 Some(row) => {
-                    // The replay has the words of the arguments.
+                    // The replay command contains the words of the arguments.
                     let (seed, case, steps) = (self.cases.seed, worst.case, Vec::new());
                     let simplest = Simplest::new(worst.clone(), Descent { seed, case, steps });
                     Some(Simplest { input: row.clone(), ..simplest })
@@ -320,8 +319,8 @@ impl<'a> Session<'a> {
         Ok(sum)
     }
 
-    /// Returns an error if arguments are constants and WGSL has no constant for an edge of the domain. Sampled
-    /// values would lead to the same error in some runs.
+    /// Returns an error if the kernel has the arguments as constants, but WGSL can't write an edge of the
+    /// domain as a constant. Without this test, the error would occur only in some runs.
     fn expect_constants(&self) -> Result<(), Failure> {
         if self.inputs != Inputs::Constant {
             return Ok(());
@@ -335,7 +334,7 @@ impl<'a> Session<'a> {
         Ok(())
     }
 
-    /// True if WGSL has constants for these arguments.
+    /// Checks if WGSL can write these arguments as constants.
     pub(super) fn is_constant(&self, row: &[u32]) -> bool {
         let scalars = self.called.argument_scalars();
         let mut lanes = scalars.iter().zip(row);
@@ -349,7 +348,7 @@ impl<'a> Session<'a> {
         }
     }
 
-    /// Judges remembered inputs, whose indices follow those of the cases.
+    /// Judges remembered inputs. Their indices follow the indices of the cases.
     fn run_again(
         &self,
         remembered: &[Vec<u32>],
@@ -370,7 +369,7 @@ impl<'a> Session<'a> {
             if expected != found {
                 return self.called.vacuous(Vacuous::Words { expected, found });
             }
-            // A replay may give an input without its case.
+            // A replay may supply an input without a case.
             let case = self.case.unwrap_or(0);
             let batch = self.batch(case, words.to_vec(), 1);
             let running = self.dispatch(&batch)?;
@@ -386,14 +385,14 @@ impl<'a> Session<'a> {
         let mut next = draw()?;
         while let Some(batch) = next {
             let running = self.dispatch(&batch)?;
-            // The next batch is sampled while this one runs.
+            // Samples the next batch while the device runs this batch.
             next = draw()?;
             sum = Some(PathTally::and(sum, judge(&batch, running)?));
         }
         sum.map_or_else(|| self.called.vacuous(Vacuous::NoCases), Ok)
     }
 
-    /// A batch of cases whose indices begin at `first`.
+    /// Makes a batch of cases. Their indices begin at `first`.
     pub(super) fn batch(&self, first: u64, rows: Vec<u32>, cases: usize) -> Batch {
         Batch::new(first, rows, cases, self.stream.width(), self.called.words)
     }
@@ -411,7 +410,8 @@ impl<'a> Session<'a> {
         rows.map_or_else(|| self.never_drawn(), |rows| Ok(self.batch(first, rows, size).drawn()))
     }
 
-    /// Reads the results and judges them. `expect` returns the expected lanes of a failing case in the batch.
+    /// Reads the results and judges them. `expect` returns the expected components for a failing case in the
+    /// batch.
     pub(super) fn judge(
         &self,
         batch: &Batch,
@@ -451,8 +451,8 @@ impl<'a> Session<'a> {
         Ok(judged?)
     }
 
-    /// The lanes that the reference returns for each case of a batch, with these arguments. Returns an error if a
-    /// value isn't finite.
+    /// Computes the components that the reference returns for each case of a batch, with these arguments.
+    /// Returns an error if a value isn't finite.
     pub(super) fn expected(
         &self,
         batch: &Batch,

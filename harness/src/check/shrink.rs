@@ -1,8 +1,8 @@
-//! Simplifies a failing case to the simplest case that still fails on its path.
+//! Simplifies a failing case on its path, to the simplest case that still fails.
 //!
-//! Each round judges simpler values of the current case (see `Domain::shrink`) with the verb, and continues with
-//! the first failing value. A check that passes simplifies nothing. The result depends on the case alone, unless
-//! the time runs out.
+//! Each round judges simpler values of the current case (see `Domain::shrink`) with the verb, and continues
+//! with the first failing value. A check that passes simplifies nothing. The result depends only on the case,
+//! unless the time runs out.
 
 use std::time::{Duration, Instant};
 
@@ -13,20 +13,23 @@ use super::{CaseFailure, Failure, Simplest};
 use crate::domain::Held;
 use crate::run::Descent;
 
-/// The most rounds for one case. A component needs one or two rounds, so this is enough for a matrix.
+/// The largest number of rounds for one case. A component needs one or two rounds, so 50 rounds are enough for
+/// a matrix.
 const ROUNDS: usize = 50;
 
-/// The longest time for one case. Only slow references reach it. The case stays less simple then.
+/// The time limit for one case. Only checks with slow references reach it. Their simplest case may be less
+/// simple.
 const TIME: Duration = Duration::from_secs(20);
 
-/// The most trials of one round that may end without a verdict, for example because a reference isn't finite.
+/// The largest number of trials in one round that may give an error instead of a verdict, for example because a
+/// reference isn't finite.
 const ERRORS: usize = 64;
 
-/// A function that judges some values.
+/// A function that judges some values of the arguments.
 pub(super) type JudgeValues<'j> = &'j mut dyn FnMut(&[Held]) -> Result<PathTally, Failure>;
 
 impl Session<'_> {
-    /// The simplest failing case that simplifying `failure` finds, and its value.
+    /// Simplifies `failure`. Returns the simplest case that still fails, and its value.
     pub(super) fn simplest(
         &self,
         failure: &CaseFailure,
@@ -53,7 +56,7 @@ impl Session<'_> {
     }
 }
 
-/// The first failing value. The indices of `judge` begin at 0 in each call of `judge`.
+/// Finds the first failing value. In each call of `judge`, the indices begin at 0.
 fn first_failing(
     values: &[Held],
     effort: Effort,
@@ -72,7 +75,8 @@ fn first_failing(
                 from = to;
                 size *= 4;
             }
-            // A value has no verdict. Halving the values finds and skips it.
+            // One of the values gives an error. Halving the set of values finds this value, and the loop skips
+            // it.
             Err(_) if errors == ERRORS => return None,
             Err(_) => {
                 errors += 1;

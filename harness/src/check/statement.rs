@@ -1,4 +1,4 @@
-//! Checks that a statement holds for each case's arguments and result.
+//! The verb `satisfies`: checks that a statement holds for each case's arguments and result.
 
 use std::cell::OnceCell;
 
@@ -17,15 +17,16 @@ use crate::run::or_panic;
 use crate::tolerance::LaneError;
 use crate::value::{Arguments, Shape, Shareable};
 
-/// A statement about results alone, which can be proved or searched beyond the cases.
+/// A statement that is only about results. Karat can prove it for all arguments, or search for arguments that
+/// violate it.
 pub(super) struct Beyond<'b> {
-    /// The distance of a result from an excluded value. `None`: there is no search.
+    /// The distance between a result and an excluded value. `None` if there is nothing to search for.
     pub(super) distance: Option<Distance<'b>>,
-    /// True if the statement holds for each result between the bounds of its lanes.
+    /// Checks if the statement holds for each result between the bounds of its components.
     pub(super) holds: &'b dyn Fn(&[Bound]) -> bool,
 }
 
-/// A function that returns true if a statement holds for the words of the arguments and the result.
+/// A function that checks if a statement holds for the words of the arguments and of the result.
 pub(super) type Holds<'h> = &'h (dyn Fn(&[u32], &[u32]) -> bool + Sync);
 
 impl<V: Arguments> Check<'_, Calls<V>> {
@@ -42,8 +43,8 @@ impl<V: Arguments> Check<'_, Calls<V>> {
     /// ```
     ///
     /// A result with a NaN or infinite component fails every statement. WGSL lets drivers flush subnormal
-    /// arguments to 0. So if the statement doesn't hold and some arguments are subnormal, it may hold with zeros
-    /// in place of these arguments.
+    /// arguments to 0. If a statement doesn't hold and some arguments are subnormal, the case still passes if
+    /// the statement holds with 0 instead of these arguments.
     ///
     /// # Panics
     /// With the [`Failure`], if a case doesn't satisfy the statement or nothing could be checked.
@@ -84,7 +85,6 @@ impl Plan<'_> {
         self.states(stream, demand, ("satisfies", statement), said)
     }
 
-    /// Checks a verb's statement for each case.
     pub(super) fn states(
         &self,
         stream: &dyn Stream,
@@ -95,8 +95,9 @@ impl Plan<'_> {
         self.states_beyond(stream, demand, asserted, said, None)
     }
 
-    /// Does the same as `states`. If the statement holds for each case, then tries to prove it for all arguments, and
-    /// without a proof searches for arguments whose results come nearer to an excluded value.
+    /// Checks a verb's statement for each case. If the statement holds for all cases and there is a `beyond`,
+    /// tries to prove the statement for all arguments. Without a proof, searches for arguments with results
+    /// nearer to an excluded value.
     pub(super) fn states_beyond(
         &self,
         stream: &dyn Stream,

@@ -1,5 +1,3 @@
-//! The tolerance of a check, and the tolerances of single paths.
-
 use super::called::Called;
 use super::{Failure, Mismatch};
 use crate::path::Selected;
@@ -8,7 +6,7 @@ use crate::tolerance::Tolerance;
 /// A tolerance, and the tolerances that replace it on single paths.
 #[derive(Clone, Debug)]
 pub(super) struct Tolerances {
-    /// The tolerance on paths that don't have their own.
+    /// The tolerance on paths that don't have their own tolerance.
     pub(super) general: Tolerance,
     pub(super) on: Selected<Tolerance>,
 }
@@ -18,19 +16,20 @@ impl Tolerances {
         self.own(called).unwrap_or(&self.general)
     }
 
-    /// The path's own tolerance, if it has one.
+    /// The path's own tolerance, if the path has one.
     pub(super) fn own(&self, called: &Called<'_>) -> Option<&Tolerance> {
         self.on.on(called.path, &called.adapter)
     }
 
-    /// Returns an error if a tolerance has an unusable bound, or bounds for another number of components.
+    /// Returns an error if a bound of a tolerance can't be used, or if a tolerance's number of bounds differs
+    /// from the result's number of components.
     pub(super) fn expect_usable(&self, called: &Called<'_>) -> Result<(), Failure> {
         let mut all = self.on.iter().map(|(_, tolerance)| tolerance).chain([&self.general]);
         all.try_for_each(|tolerance| called.expect_lanes(tolerance))
     }
 }
 
-/// Returns an error if a path has its own tolerance and the verb has none.
+/// Returns an error if a path has its own tolerance, because the verb takes none.
 pub(super) fn expect_none(
     on: &Selected<Tolerance>,
     check: &'static str,

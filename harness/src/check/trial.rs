@@ -1,4 +1,4 @@
-//! Runs a plan: opens a session on each path, runs the verb, and records the verdict.
+//! Runs a check: opens a session on each path, runs the verb, and records the verdict.
 
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -14,15 +14,14 @@ use crate::path::Adapter;
 use crate::record::Subject;
 use crate::run::{Conclusion, Identity, Judged, Memory, Report, reported, with_inputs};
 
-/// A function of a verb that may change the verdict before it is recorded.
+/// A function of a verb that may change the verdict before Karat records it.
 pub(super) type Last<'l> =
     &'l mut dyn FnMut(Result<Agreement, Failure>, &mut Vec<FileRead>) -> Result<Agreement, Failure>;
 
-/// The work of a verb with a session. The verb sees one path at a time, so it can't skip a path.
+/// The work of a verb on one path. A verb sees one path at a time, so it can't skip a path.
 pub(super) type Body<'b> = &'b mut dyn FnMut(&Session<'_>) -> Result<PathTally, Failure>;
 
 impl Plan<'_> {
-    /// Prepares a session on each path, runs a verb and records its verdict.
     pub(super) fn conclude(
         &self,
         asserted: &Asserted,
@@ -33,7 +32,8 @@ impl Plan<'_> {
         self.conclude_as(asserted, stream, demand, verb, &mut |result, _| result)
     }
 
-    /// Does the same as `conclude`, for a verb that may change the verdict at the end, and may read more files.
+    /// Concludes a check like `conclude`, for a verb that may change the verdict at the end, and may read more
+    /// files.
     pub(super) fn conclude_as(
         &self,
         asserted: &Asserted,
@@ -47,8 +47,8 @@ impl Plan<'_> {
         self.conclude_unless(run, asserted, stream, demand, (verb, last))
     }
 
-    /// Does the same as `conclude_as`, with an identity that several runs share. Writes no record if a later run is to
-    /// give the verdict.
+    /// Concludes a check like `conclude_as`, with an identity that several runs share. Writes no record if
+    /// `withheld` is set, because a later run gives the verdict.
     pub(super) fn conclude_unless(
         &self,
         (identity, withheld): (&Identity, &AtomicBool),
@@ -78,8 +78,8 @@ impl Plan<'_> {
             let own: String = own.collect();
             let remembers = asserted.remembers;
             let asserted = Asserted { text: format!("{text}{own}"), ..asserted.clone() };
-            // A check with declared failures remembers no inputs. The memory is opened once, so that inputs
-            // that fail on one path in this run don't count as earlier failures on the next path.
+            // A check with declared failures remembers no inputs. Karat opens the memory once for all paths. So
+            // inputs that fail on one path in this run don't count as earlier failures on the next path.
             let remembered = self.recorded && self.known_issues.is_empty();
             let memory = Memory::open(identity).filter(|_| remembered && remembers);
             let executors = self.probe.executors()?;
@@ -125,7 +125,8 @@ impl Plan<'_> {
     }
 }
 
-/// These tests define a verb in a few lines: its name, and its judgement of a case. The plan does everything else.
+/// These tests define a verb in a few lines: its name, and a function that judges a case. `Plan` does
+/// everything else.
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,37 +1,37 @@
-//! The reasons why a check has nothing to judge. Each cause has its own variant, so that a message names one cause.
+//! The reasons why a check has nothing to judge. Each reason has its own variant and message.
 
 use super::Parameter;
 use crate::domain::Emptiness;
 use crate::output::counted;
 
-/// The most cases of a check: the number of `f32` values. They take minutes.
+/// The largest number of cases of a check: the number of `f32` values. So many cases take minutes.
 pub(super) const MOST_CASES: u64 = 1 << 32;
 
-/// The reason why nothing could be judged, or why nothing could have failed.
+/// The reason why a check has nothing to judge, or can't fail.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum Vacuous {
     /// The domain has no value.
     #[error("is empty: {}", shown(emptiness, argument.as_deref()))]
     Empty {
-        /// The argument whose part of the domain is empty, if it is known.
+        /// The argument with an empty domain, if it is known.
         argument: Option<String>,
-        /// The reason why it is empty.
+        /// The reason why the domain is empty.
         emptiness: Emptiness,
     },
-    /// `.cases(0)`
-    #[error("is asked for 0 cases, so nothing would be checked")]
+    /// The check has no cases, for example because of `.cases(0)`.
+    #[error("has 0 cases, so the check would test nothing")]
     NoCases,
     /// The check has more than `MOST_CASES` cases.
-    #[error("is asked for {0} cases, more than the {MOST_CASES} that are run at most")]
+    #[error("has {0} cases, but a check can have at most {MOST_CASES}")]
     TooManyCases(u64),
     /// A filter rejects nearly all values.
     #[error(
-        "has a filter that rejects nearly everything: draw from narrower ranges, or make values that pass of others"
+        "has a filter that rejects nearly all values: use narrower ranges, or compute values that pass from other values"
     )]
     Filtered,
     /// A replay selects a case that doesn't exist.
-    #[error("has {}, none with index {case} (KARAT_CASE)", counted(*count, "case"))]
+    #[error("has {}, but no case with index {case} (KARAT_CASE)", counted(*count, "case"))]
     NoSuchCase {
         /// The number of cases.
         count: u64,
@@ -39,28 +39,29 @@ pub enum Vacuous {
         case: u64,
     },
     /// A replay selects a simpler value that doesn't exist.
-    #[error("has no such simpler value any more (steps of KARAT_CASE)")]
+    #[error("no longer has the simpler value that the steps of KARAT_CASE select")]
     NoSuchStep,
-    /// A replay gives arguments with another number of words.
-    #[error("has values of {}, KARAT_INPUT has {found}", counted(*expected, "word"))]
+    /// A replay supplies another number of words than a case has.
+    #[error("has values of {}, but KARAT_INPUT has {found}", counted(*expected, "word"))]
     Words {
-        /// The words of a case.
+        /// The number of words of a case.
         expected: usize,
-        /// The words in the replay.
+        /// The number of words in the replay.
         found: usize,
     },
     /// The verb compared fewer cases than the check has.
-    #[error("declares {}, but {compared} were compared", counted(*declared, "case"))]
+    #[error("has {}, but Karat compared only {compared}", counted(*declared, "case"))]
     Uncompared {
         /// The number of cases.
         declared: u64,
         /// The number of compared cases.
         compared: u64,
     },
-    /// `Spec` or `DeviceSpec` has too wide bounds for all cases, so the other tolerance judged every case.
+    /// The bounds of `Spec` or `DeviceSpec` are too wide in all cases, so the other tolerance judged every
+    /// case.
     #[error(
-        "has no case in which what is allowed is as close together as is needed: take the other \
-         tolerance alone"
+        "has no case in which WGSL's bounds are narrow enough for the test: use only the other \
+         tolerance"
     )]
     Ungranted,
     /// A transformation changes no argument of any case.
@@ -70,29 +71,29 @@ pub enum Vacuous {
     #[error("has no case that a rotation changes")]
     Unrotated,
     /// The domain has no two different values of an argument.
-    #[error("has one value of {0} only")]
+    #[error("has only one value of {0}")]
     OneValue(Parameter),
     /// No result changes with the argument.
-    #[error("has no case whose result changes with {0} by more than the tolerance")]
+    #[error("has no case in which {0} changes the result by more than the tolerance")]
     Constant(Parameter),
-    /// Every result is at its limit at the first step already.
+    /// Every result is within the tolerance of its limit already at the first step.
     #[error(
-        "has only cases that are at the limit at the first step, {argument} = {step}: start farther away"
+        "has only cases with results at the limit already at the first step, {argument} = {step}: begin farther away"
     )]
     AtLimit {
         /// The argument that approaches the limit.
         argument: Parameter,
-        /// Its first value.
+        /// The argument's value at the first step.
         step: f32,
     },
-    /// All results are so small that they may be flushed to zero.
+    /// All results are so small that drivers may flush them to 0.
     #[error(
-        "has only cases whose results are below the least normal f32, 1.2e-38: they may all be flushed \
-         to 0, so that there is nothing to compare"
+        "has only cases with results below the smallest normal f32, 1.2e-38: drivers may flush them all \
+         to 0, so there is nothing to compare"
     )]
     Flushed,
     /// No case evaluates an expectation.
-    #[error("has no case in which an expectation is evaluated, so nothing is tested")]
+    #[error("has no case that evaluates an expectation, so the test tests nothing")]
     NoExpectation,
     /// The significance isn't between 0 and 1.
     #[error("has a significance of {0}, which isn't between 0 and 1")]
@@ -101,12 +102,12 @@ pub enum Vacuous {
     #[error("has `.mass_within({0})`, which isn't a finite number of at least 0")]
     Mass(f64),
     /// The interval of the samples has no finite length.
-    #[error("is to lie on [{0}, {1}], which isn't an interval of finite length")]
+    #[error("has the support [{0}, {1}], which isn't an interval of finite length")]
     Interval(f64, f64),
 }
 
 impl Vacuous {
-    /// The settings of a test that can cause this, the most likely one first.
+    /// The settings of a test that can cause this error, the most likely setting first.
     pub(super) fn settings(&self) -> &'static [&'static str] {
         match self {
             Self::NoCases | Self::TooManyCases(_) => &["cases"],
@@ -115,7 +116,7 @@ impl Vacuous {
         }
     }
 
-    /// The subject of the message: the domain of a function, or the settings of a check of samples.
+    /// The beginning of the message: it names the domain of a function, or the check of a sampler.
     pub(super) fn whose(&self) -> &'static str {
         match self {
             Self::Significance(_) | Self::Mass(_) | Self::Interval(..) => "the check of",
@@ -124,7 +125,7 @@ impl Vacuous {
     }
 }
 
-/// `the range of `alpha` starts at 1 and ends at 0`
+/// Describes an empty domain, such as: the range of `alpha` starts at 1 and ends at 0.
 fn shown(Emptiness { what, fault, .. }: &Emptiness, argument: Option<&str>) -> String {
     match argument {
         Some(name) => format!("the {what} of `{name}` {fault}"),

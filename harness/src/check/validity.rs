@@ -1,4 +1,4 @@
-//! The check that a whole package is valid, including functions that no test calls.
+//! The verb `is_valid`: checks that a whole package is valid, including functions that no test calls.
 
 use crate::diagnostic::{Blame, Blamed};
 use crate::package::Package;
@@ -7,15 +7,13 @@ use crate::record::{PathRecord, Subject};
 use crate::reflect::{Invalid, ReflectError, Validated};
 use crate::run::{Fails, KnownIssue, Passed, or_panic, reported};
 
-/// The check's name in records.
 const CHECK: &str = "is_valid";
-/// Its assertion.
 const ASSERTED: &str = "naga validates each module";
 
 impl Package {
-    /// Validates every module with all of its functions and entry points, including those that no
-    /// test calls. The record has this check, too. If a module is valid only with features, set
-    /// them with [`module_features`](Self::module_features).
+    /// Validates every module with all of its functions and entry points, including functions that no test
+    /// calls. Karat writes the verdict to the record. If a module is valid only with some features, set these
+    /// features with [`module_features`](Self::module_features).
     ///
     /// ```
     /// use karat::Package;
@@ -46,14 +44,15 @@ impl Package {
     }
 }
 
-/// The findings of naga, and of Tint if it ran. Each module is a case. Empty if there are no modules.
+/// The results of naga, and of Tint if it ran, as paths. Each module counts as a case. Empty if there are no
+/// modules.
 fn paths(result: &Result<Validated, Invalid>, modules: usize) -> Vec<PathRecord> {
     let (errors, opinion) = match result {
         Ok(found) => (&[][..], &found.opinion),
         Err(Invalid::Modules { errors, opinion, .. }) => (&**errors, &**opinion),
         Err(_) => return Vec::new(),
     };
-    // Only findings that karat.toml requires are failures.
+    // Tint's errors are failures only if `karat.toml` requires Tint.
     let required = |(_, error): &&(String, ReflectError)| matches!(error, ReflectError::Refused(_));
     let refused = errors.iter().filter(required).count().min(opinion.refused.len());
     let rejected = errors.iter().filter(|error| !required(error)).count();
@@ -96,7 +95,6 @@ impl Fails for Invalid {
         matches!(self, Self::Modules { .. })
     }
 
-    /// The first place where the package isn't valid.
     fn location(&self) -> Option<String> {
         let Self::Modules { errors, .. } = self else { return None };
         errors.iter().find_map(|(_, error)| Some(error.diagnostic()?.location()?.to_string()))

@@ -1,4 +1,4 @@
-//! The results of a check: an agreement or a failure.
+//! The verdict of a check: an agreement or a failure.
 
 use std::fmt;
 
@@ -24,18 +24,18 @@ use crate::tolerance::LaneError;
 /// ```
 #[derive(Clone, Debug)]
 pub struct Agreement {
-    /// The function.
+    /// The name of the function.
     pub function: String,
     /// The number of compared cases on each path.
     pub cases: u64,
-    /// Each path with its worst error.
+    /// The paths that pass, each with its worst error.
     pub paths: Vec<(Adapter, LaneError)>,
     /// The worst error of all paths.
     pub worst: LaneError,
-    /// True if the statement is proved for all arguments of the domain, on every implementation that WGSL allows.
-    /// [`stays_within`](crate::Check::stays_within) tries to prove its statement.
+    /// `true` if Karat proved the statement for all arguments of the domain, on every implementation that WGSL
+    /// allows. [`stays_within`](crate::Check::stays_within) tries to prove its statement.
     pub proved: bool,
-    /// The paths that fail as declared. They aren't among `paths`.
+    /// The paths that fail as declared. `paths` doesn't contain these paths.
     pub known_issues: Vec<KnownIssue>,
 }
 
@@ -52,15 +52,15 @@ pub struct Agreement {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Failure {
-    /// Values differ by more than the tolerance.
+    /// Results differ from the expected values by more than the tolerance, or don't satisfy the statement.
     #[error("{0}")]
     Disagreement(Box<Disagreement>),
-    /// Values differ from their golden, or have no usable golden.
+    /// Results differ from their golden, or there is no usable golden.
     #[error("{}{cause}", disagreement.as_ref().map_or_else(String::new, ToString::to_string))]
     Golden {
-        /// The differing values.
+        /// The results that differ, if there is a usable golden.
         disagreement: Option<Box<Disagreement>>,
-        /// The cause, and the remedy.
+        /// The cause, and what to do about it.
         cause: Box<ValuesError>,
     },
     /// A declaration about a path doesn't hold, or has no reason.
@@ -69,11 +69,11 @@ pub enum Failure {
     /// Paths fail in different ways, or some paths have no verdict.
     #[error("{0}")]
     Paths(Box<PathFailures<Self>>),
-    /// A check of samples rejects the sampler.
+    /// The check of a sampler rejects the sampler.
     #[error("{0}")]
     Rejection(Box<Rejection>),
-    /// The samples give no verdict.
-    #[error("`{function}` has no verdict for case {case}, {configuration}: {reason}")]
+    /// Karat can't judge the samples.
+    #[error("Karat can't judge `{function}` for case {case}, {configuration}: {reason}")]
     Evidence {
         /// The sampler's name.
         function: String,
@@ -84,18 +84,18 @@ pub enum Failure {
         /// Its value.
         configuration: String,
     },
-    /// A setting of the environment can't be used, or a replay names a case of another check.
+    /// An environment variable can't be used, or a replay names a case of another check.
     #[error(transparent)]
     NotBegun(#[from] NotBegun),
-    /// The function gave no results.
+    /// Karat couldn't get results from the function.
     #[error(transparent)]
     Probe(#[from] ProbeError),
-    /// The domain, the reference and the function have types that don't fit together.
+    /// The types of the function don't fit the domain, the reference or a setting.
     #[error("`{function}` {mismatch}\n  {signature}\n  at {location}")]
     Signature {
         /// The function's name.
         function: String,
-        /// The difference.
+        /// The mismatch.
         mismatch: Box<Mismatch>,
         /// The function's signature in WGSL.
         signature: String,
@@ -110,12 +110,12 @@ pub enum Failure {
         /// The reason.
         reason: Box<Vacuous>,
     },
-    /// A quadrature rule has no nodes, or something that isn't a finite number.
+    /// A quadrature rule has no nodes, has a weight that isn't finite, or gives an integral without a verdict.
     #[error("the quadrature rule of `{function}` {reason} for case {case}: {arguments}")]
     Rule {
         /// The function's name.
         function: String,
-        /// The fault of the rule.
+        /// The fault of the rule, as text.
         reason: String,
         /// The case.
         case: u64,
@@ -125,18 +125,18 @@ pub enum Failure {
     /// The reference returned a value that isn't finite.
     #[error(
         "the reference of `{function}` returned {value} at {place} for case {case}: {arguments}; \
-         a reference is finite on the whole domain, so restrict the domain or mend the reference"
+         a reference must be finite on the whole domain: restrict the domain, or correct the reference"
     )]
     Reference {
         /// The function's name.
         function: String,
-        /// The value that it returned.
+        /// The value that the reference returned.
         value: f64,
-        /// The component.
+        /// The component of the value.
         place: String,
         /// The case.
         case: u64,
-        /// Its arguments.
+        /// The arguments of the case.
         arguments: String,
     },
 }
@@ -236,7 +236,7 @@ impl fmt::Display for Agreement {
             write!(f, "; {} worst {worst}", adapter.path)?;
         }
         for KnownIssue { adapter, reason, failures, .. } in &self.known_issues {
-            write!(f, "; {} fails {failures} as declared: {reason}", adapter.path)?;
+            write!(f, "; {} fails {failures} cases as declared: {reason}", adapter.path)?;
         }
         Ok(())
     }

@@ -1,4 +1,5 @@
-//! Tests that are written in WGSL. Karat generates a function that calls each test and returns its report.
+//! Tests that are written in WGSL. For each test, Karat generates a function that calls the test and returns
+//! its report.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write as _;
@@ -13,49 +14,50 @@ use crate::package::{Features, Package, PackageError};
 use crate::reflect::{Program, ReflectError};
 use crate::value::{Scalar, Shape};
 
-/// The name of a test's package in generated modules.
+/// The name by which generated modules import the test's package.
 const TESTED: &str = "karat_tested";
 
-/// A function with `@test`.
+/// A test that is written in WGSL: a function with `@test`.
 #[derive(Clone, Debug)]
 pub struct WgslTest {
-    /// `brdf_test::is_a_fraction`
+    /// The test's name, such as `brdf_test::is_a_fraction`.
     pub name: String,
-    /// The text of the test in the author's file.
+    /// The place of the test in the author's file.
     pub span: Span,
     /// The number in `@cases`.
     pub cases: Option<u64>,
-    /// The `@over` of each parameter: its words and numbers, and its place.
+    /// The `@over` of each parameter, if it has one: the words and numbers in it, and its place.
     pub over: Vec<Option<(Vec<String>, Span)>>,
-    /// The normalized text of the test and of everything that it uses.
+    /// The normalised text of the test and of everything that the test uses.
     normalized_text: Option<String>,
-    /// The parameters as written, if the names of their types mean the same in every module.
+    /// The names and types of the parameters as the author wrote them, if the types' names mean the same in
+    /// every module.
     written: Option<Vec<(String, String)>>,
     package: Package,
     module: String,
-    /// The package's features that are turned on.
+    /// The features of the package that are turned on.
     features: Arc<Features>,
-    /// The linked test, made at the first use.
+    /// The linked test. Karat makes it at the first use.
     made: Arc<OnceLock<Result<Made, Arc<ReflectError>>>>,
 }
 
-/// A test that is valid WGSL.
+/// The generated modules for a test that is valid WGSL.
 #[derive(Clone, Debug)]
 struct Made {
     parameters: Vec<(String, Shape)>,
     calls: BTreeSet<String>,
-    /// The module that calls the test and returns the number of expectations that may have failed.
+    /// The module that calls the test, and returns the number of expectations that may have failed.
     counting: Package,
-    /// The module that also returns the values of these expectations.
+    /// The module that also returns the values of the expectations that may have failed.
     telling: Package,
 }
 
 impl Package {
-    /// The tests in each of these modules, in the order of lines. Tests are functions with `@test`. A test that isn't
-    /// valid WGSL gives an error only when it is [used](WgslTest::parameters).
+    /// Finds the tests in each of these modules, in the order of their lines. Tests are functions with `@test`.
+    /// If a test isn't valid WGSL, you get an error only when you [use](WgslTest::parameters) the test.
     ///
     /// # Errors
-    /// If the package can't be read. The result of a module is an error if the module can't be read.
+    /// If Karat can't read the package. If Karat can't read a module, the result for that module is an error.
     ///
     /// *Unstable*: for programs around tests.
     pub fn tests_in(
@@ -65,7 +67,7 @@ impl Package {
         let (found, features) = self.test_items(modules)?;
         let (found, features) = (found.into_iter().zip(modules), Arc::new(features));
         let new = |module: &str, item: TestItem, normalized_text: Option<String>| {
-            // The text also has the parameter of each `@over`.
+            // Appends the arguments of `@cases` and `@over`, because they also change the verdict.
             let over: Vec<_> = item.over.iter().map(|over| over.as_ref().map(|o| &o.0)).collect();
             WgslTest {
                 normalized_text: normalized_text
@@ -110,15 +112,15 @@ impl WgslTest {
         Ok(Made { calls: program.calls(&self.name), parameters, counting, telling })
     }
 
-    /// Makes the test with its parameters as written, linked a single time together with its caller. `None` if
-    /// there is an error.
+    /// Makes the test with the parameters as the author wrote them. Links the test only once, together with the
+    /// generated function. `None` if there is an error.
     fn copied(&self, written: &[(String, String)]) -> Option<Made> {
         let typed: Vec<_> = written.iter().map(|(name, ty)| (&**name, ty.clone())).collect();
         let [counting, telling] = self.generated(&typed, &BTreeMap::new());
         let program = Program::of_function(&counting, &self.name).ok()?;
         let path = format!("{TESTED}::{}", self.name);
         let parameters = program.test_parameters(&path).ok()?;
-        // The names in the package of the test.
+        // The function's name inside the test's package.
         let own = |name: String| match name.strip_prefix(TESTED) {
             Some(rest) => rest.trim_start_matches([':', '/']).to_owned(),
             None => name,
@@ -127,7 +129,7 @@ impl WgslTest {
         Some(Made { calls, parameters, counting, telling })
     }
 
-    /// The names of the parameters' types in another module, which imports the structures.
+    /// Returns the names of the parameters' types in the generated module, which imports the structures.
     fn types(&self, structs: &mut BTreeMap<String, String>) -> Result<Vec<String>, ReflectError> {
         if let Some(written) = &self.written {
             return Ok(written.iter().map(|(_, ty)| ty.clone()).collect());
@@ -137,8 +139,8 @@ impl WgslTest {
         Ok(parameters.iter().map(|(_, shape)| type_text(&program, shape, structs)).collect())
     }
 
-    /// Generates two modules that call the test. One returns the number of expectations that may have failed, the
-    /// second also returns their values.
+    /// Generates two modules that call the test. The first module returns the number of expectations that may
+    /// have failed. The second module also returns the values of these expectations.
     fn generated(
         &self,
         typed: &[(&str, String)],
@@ -148,7 +150,7 @@ impl WgslTest {
         let list: Vec<String> = typed.iter().map(|(name, ty)| format!("{name}: {ty}")).collect();
         let names: Vec<&str> = typed.iter().map(|(name, _)| *name).collect();
         let (list, names) = (list.join(", "), names.join(", "));
-        // Generated names begin with `karat_`, which is reserved, so they can't equal the author's names.
+        // Generated names begin with the reserved prefix `karat_`, so they can't equal the author's names.
         let texts = [("counts", 2), ("report", REPORT_WORDS)].map(|(report, words)| {
             let mut text = format!(
                 "import karat::{{begin as karat_begin, {report} as karat_report}};\nimport {TESTED}::{} as karat_test;\n",
@@ -169,8 +171,8 @@ impl WgslTest {
         self.package.around(TESTED, module, &self.features, texts)
     }
 
-    /// The text of the test and of everything that it uses, without comments and blanks. The verdict can only
-    /// change if this text changes. `None` if the test can't be linked.
+    /// The text of the test and of everything that the test uses, without comments and white space. The verdict
+    /// can change only if this text changes. `None` if Karat can't link the test.
     #[must_use]
     pub fn normalized_text(&self) -> Option<&str> {
         self.normalized_text.as_deref()
@@ -179,7 +181,7 @@ impl WgslTest {
     /// The names and types of the test's parameters.
     ///
     /// # Errors
-    /// If the test isn't valid, with the place.
+    /// If the test isn't valid WGSL. The error has the place.
     pub fn parameters(&self) -> Result<&[(String, Shape)], Arc<ReflectError>> {
         Ok(&self.made()?.parameters)
     }
@@ -190,10 +192,10 @@ impl WgslTest {
         made.into_iter().flat_map(|made| &made.calls).map(String::as_str)
     }
 
-    /// The test as a function, which needs a domain before you can [run](super::Check::try_expects) it.
+    /// The test as a function. Give the function a domain, then [run](super::Check::try_expects) it.
     ///
     /// # Errors
-    /// If the test isn't valid, with the place.
+    /// If the test isn't valid WGSL. The error has the place.
     pub fn probe(&self) -> Result<Probe<'_>, Arc<ReflectError>> {
         let place = Some((self.span.clone(), self.package.root()));
         let Made { counting, telling, .. } = self.made()?;
@@ -201,25 +203,26 @@ impl WgslTest {
     }
 }
 
-/// Tests of one module that run together in one kernel. Compiling one kernel with several tests is much faster than
-/// compiling several kernels. A test that doesn't pass there runs again alone, and its report is the same as if it
-/// had only run alone.
+/// Tests of one module that run together in one kernel. Compiling one kernel with several tests is much faster
+/// than compiling several kernels. If a test doesn't pass there, Karat runs that test again in its own kernel,
+/// and reports the result of the second run.
 #[derive(Debug)]
 pub struct TestGroup {
     package: Package,
     function: String,
     shapes: Vec<Shape>,
     words: usize,
-    /// For each test's name: its number in the kernel, and the index of the first word of its arguments.
+    /// For each test's name, the test's number in the kernel, and the index of the first word of the test's
+    /// arguments.
     members: BTreeMap<String, (u32, usize)>,
 }
 
-/// The most tests in one kernel. The time to compile a kernel grows faster than its size.
+/// The largest number of tests in one kernel. The time to compile a kernel grows faster than the kernel's size.
 const TOGETHER: usize = 8;
 
 impl TestGroup {
-    /// Groups the tests by module. A test without other tests in its module, or a test that isn't valid, is in no
-    /// group.
+    /// Groups the tests by module. A test that is the only one in its module, or that isn't valid WGSL, is in
+    /// no group.
     #[must_use]
     pub fn of(tests: &[&WgslTest]) -> Vec<Self> {
         let mut modules: BTreeMap<&str, Vec<&WgslTest>> = BTreeMap::new();
@@ -230,7 +233,8 @@ impl TestGroup {
         parts.filter(|part| part.len() > 1).filter_map(Self::new).collect()
     }
 
-    /// `None` if the tests can't be linked together, or if one has lines that assert or print.
+    /// Makes a group. `None` if Karat can't link the tests together, or if a test has lines that assert or
+    /// print.
     fn new(tests: &[&WgslTest]) -> Option<Self> {
         let mut text = "import karat::{begin, counts};\n".to_owned();
         let (mut list, mut calls) = (vec!["karat_which: u32".to_owned()], String::new());
@@ -277,7 +281,8 @@ impl TestGroup {
         (!has_lines(&program)).then_some(Self { package, function, shapes, words, members })
     }
 
-    /// The same as [`WgslTest::probe`], to run together with the group. `None` if the test isn't in this group.
+    /// Returns a probe like [`WgslTest::probe`] does, but the probe runs the test in the group's kernel. `None`
+    /// if the test isn't in this group.
     pub fn probe<'a>(&'a self, test: &'a WgslTest) -> Option<Probe<'a>> {
         let (which, first) = *self.members.get(&test.name)?;
         let together = Together {
@@ -292,7 +297,7 @@ impl TestGroup {
     }
 }
 
-/// The name of a type in the generated module, which imports the structures.
+/// Returns the name of a type in the generated module, which imports the structures.
 fn type_text(program: &Program, shape: &Shape, structs: &mut BTreeMap<String, String>) -> String {
     match shape {
         Shape::Struct { name, .. } => {

@@ -1,4 +1,4 @@
-//! Compares the results of passes with a golden: elements that were accepted.
+//! Compares the results of passes with a golden: a table of accepted elements.
 
 use std::panic::Location;
 
@@ -13,8 +13,8 @@ use crate::tolerance::Tolerance;
 use crate::value::Shape;
 
 impl After<'_> {
-    /// Compares the elements with their accepted golden, to within a tolerance. The golden is `golden/<case>.csv`, with
-    /// a row for each element. Use it for passes without a reference.
+    /// Compares the elements with their golden, within a tolerance. The golden is the file `golden/<case>.csv`, with a
+    /// row for each element. Use a golden for passes that have no reference.
     ///
     /// ```no_run
     /// # use karat::{Goldens, prelude::*};
@@ -30,7 +30,7 @@ impl After<'_> {
     /// ```
     ///
     /// # Panics
-    /// If an element differs, or there is nothing to compare with.
+    /// If an element differs, or the golden doesn't exist.
     #[track_caller]
     pub fn matches(
         self,
@@ -41,10 +41,10 @@ impl After<'_> {
         or_panic(self.try_matches(goldens, case, tolerance))
     }
 
-    /// [`matches`](Self::matches) without the panic.
+    /// Like [`matches`](Self::matches), but returns an error instead of panicking.
     ///
     /// # Errors
-    /// If an element differs, or there is nothing to compare with.
+    /// If an element differs, or the golden doesn't exist.
     #[track_caller]
     pub fn try_matches(
         self,
@@ -65,7 +65,7 @@ impl After<'_> {
                 whole => whole,
             };
             let executors = self.executors()?;
-            // The elements that are compared on a path also become the next golden of that path.
+            // Accepting the result makes these elements the path's next golden.
             let made = |executor: &dyn Executor| {
                 let adapter = executor::adapter(executor);
                 let words = words(executor, &passes, &part)?;
@@ -97,7 +97,7 @@ impl After<'_> {
                 self.expect_each_order(None, &passes, report, &again)?;
                 return Err(left(first()?, None).into());
             };
-            // The verdict below reports an error of this path.
+            // The verdict below reports an error of the first path.
             if let Ok((now, adapter)) = first() {
                 let count = (golden.len() != now.len()).then(|| {
                     format!("it has {} elements, now there are {}", golden.len(), now.len())
@@ -110,7 +110,7 @@ impl After<'_> {
             let cells = golden.rows().flatten();
             let lanes = scalars.zip(cells).map(|(scalar, word)| scalar.decode(*word)).collect();
             let expected = Expected { shape: element.clone(), lanes };
-            // Writes the first path's differing elements, so you can look at them.
+            // Writes the differing elements of the first path into a file for review.
             let with_golden = |failure: ComputeError| {
                 let ComputeError::Differs(difference) = failure else { return Ok(failure) };
                 let Some(path) = difference.paths.first() else {
@@ -139,7 +139,7 @@ impl After<'_> {
         })
     }
 
-    /// The columns of an element's golden.
+    /// The columns of the golden's table.
     fn columns(&self, element: &Shape) -> Vec<Column> {
         let lanes = element.lane_names().into_iter().zip(element.lanes());
         let named = |lane: String| format!("{}{lane}", self.variable);

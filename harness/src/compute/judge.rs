@@ -15,40 +15,39 @@ use crate::run::{Identity, Judged, Replayed, Report, replay, reported};
 use crate::tolerance::{LaneError, Tolerance};
 use crate::value::{Scalar, Shape, hexfloat};
 
-/// An assertion about the elements.
 pub(super) enum Assertion<'a> {
     Agrees(Expected, Tolerance),
     Each(Each<'a>),
     Holds(Statement<'a>),
 }
 
-/// A statement about each number.
+/// A statement about each number of a resource.
 pub(super) struct Each<'a> {
     pub(super) text: &'a str,
     pub(super) shape: Shape,
-    /// The expected number, in words: `a finite number`.
+    /// A phrase for the numbers that satisfy the statement: `a finite number`.
     pub(super) expected: &'a str,
     pub(super) holds: &'a (dyn Fn(Scalar, f64) -> bool + Sync),
 }
 
-/// A reference's elements.
+/// The elements of a reference.
 pub(super) struct Expected {
     pub(super) shape: Shape,
     pub(super) lanes: Vec<f64>,
 }
 
-/// A statement about all elements.
+/// A statement about all elements together.
 pub(super) struct Statement<'a> {
     pub(super) text: String,
     pub(super) shape: Shape,
-    /// Set if the resource may stay unchanged.
+    /// Set if passes may leave the resource unchanged.
     pub(super) may_stay: bool,
-    /// Set if the verdict is known without the resource.
+    /// Set if the verdict was known before the passes ran.
     pub(super) settled: bool,
     pub(super) breaks: &'a dyn Fn(&[u32]) -> Option<Broken>,
 }
 
-/// A broken statement's failures.
+/// The failures of a statement.
 ///
 /// ```
 /// let whole = karat::unstable::compute::Broken { failures: 1, first: None };
@@ -56,13 +55,13 @@ pub(super) struct Statement<'a> {
 /// ```
 #[derive(Clone, Debug)]
 pub struct Broken {
-    /// The number of elements that break the statement; 1 for a statement about all of them.
+    /// The number of elements that break the statement. It is 1 if only all elements together break it.
     pub failures: usize,
-    /// The first of them, unless all elements together break the statement.
+    /// The first element that breaks the statement. It is `None` if only all elements together break it.
     pub first: Option<Element>,
 }
 
-/// The elements that differ, on each path that fails.
+/// A failed comparison of a resource, with the elements that differ on each path.
 ///
 /// ```
 /// use karat::compute::ComputeError;
@@ -79,23 +78,24 @@ pub struct Broken {
 /// ```
 #[derive(Clone, Debug)]
 pub struct Difference {
-    /// The entry points, in the order in which they were dispatched.
+    /// The entry points in dispatch order, separated by commas.
     pub entry_points: String,
-    /// The variable.
+    /// The variable of the resource.
     pub variable: String,
-    /// The assertion.
+    /// The assertion that fails.
     pub assertion: String,
-    /// The place of the last entry point's declaration, with its line.
+    /// The file and line of the last pass's entry point.
     pub location: String,
-    /// Each path that fails.
+    /// The results on each path that fails.
     pub paths: Vec<PathDifference>,
-    /// Paths that agree.
+    /// The paths that pass.
     pub agreeing: Vec<Adapter>,
-    /// The origin of a value that isn't finite, if an element is one: ``first NaN: `a / b` of 0, 0 (sum.wgsl:4:9)``.
+    /// The first operation that gave NaN or an infinity, if an element has such a value: ``first NaN: `a / b` of 0, 0
+    /// (sum.wgsl:4:9)``.
     pub not_finite: Option<String>,
 }
 
-/// Elements that differ on one path.
+/// The elements that differ on one path.
 ///
 /// ```
 /// # use karat::compute::ComputeError;
@@ -113,19 +113,19 @@ pub struct Difference {
 /// ```
 #[derive(Clone, Debug)]
 pub struct PathDifference {
-    /// Path, adapter and driver.
+    /// The path, its adapter and its driver.
     pub adapter: Adapter,
-    /// The number of elements that were compared.
+    /// The number of compared elements.
     pub elements: usize,
-    /// The number and the kinds of the failures.
+    /// The number and kinds of the failures.
     pub census: Census,
-    /// The first failing element, and the worst.
+    /// The first failing element, and the one with the largest error.
     pub shown: Vec<Element>,
     /// The command that repeats the passes on this path.
     pub replay: Replay,
 }
 
-/// An element that differs.
+/// One element that differs.
 ///
 /// ```
 /// # use karat::compute::ComputeError;
@@ -143,17 +143,17 @@ pub struct PathDifference {
 /// ```
 #[derive(Clone, Debug)]
 pub struct Element {
-    /// The element and its component.
+    /// The position of the element in the resource.
     pub place: Place,
-    /// The actual value.
+    /// The value that the passes computed.
     pub actual: String,
-    /// The expected value.
+    /// The value that the assertion expects.
     pub expected: String,
-    /// The error.
+    /// The error; empty for a statement.
     pub error: String,
 }
 
-/// The place of a difference in a resource.
+/// The position of a difference in a resource.
 ///
 /// ```
 /// use karat::unstable::compute::Place;
@@ -164,21 +164,21 @@ pub struct Element {
 /// ```
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Place {
-    /// An element.
+    /// One element of the resource.
     Element {
-        /// The index of the element, or the number of a texel, by rows from the top.
+        /// The index of the element. Texels are counted row by row from the top.
         index: usize,
-        /// The component, `.x`; empty for the whole element.
+        /// The component, such as `.x`. It is empty for the whole element.
         component: String,
-        /// The column and the row of a texel, `[3, 1]`, or an element's place in a grid, `[9: row 1, column 3]`.
+        /// Another name for the element: a texel's column and row, `[3, 1]`, or its position in a grid,
+        /// `[9: row 1, column 3]`.
         texel: Option<String>,
     },
-    /// The whole resource, in words.
+    /// The whole resource, with a phrase for the message.
     Whole(String),
 }
 
 impl Place {
-    /// An element of a buffer.
     pub(super) fn of_element(index: usize, component: &str) -> Self {
         Self::Element { index, component: component.to_owned(), texel: None }
     }
@@ -195,7 +195,7 @@ impl fmt::Display for Place {
 }
 
 impl Sum {
-    /// The first failing element, and the worst one if it is another element.
+    /// Keeps the first failing element, and the worst element if it is a different one.
     fn of(tally: Tally, element: &dyn Fn(Shown) -> Element) -> Self {
         let worst = tally.worst.map_or(LaneError::ZERO, |worst| worst.judged.measure);
         let first = tally.first;
@@ -207,7 +207,7 @@ impl Sum {
         Self { census: tally.census, worst, shown }
     }
 
-    /// The same with texels' names, if the resource is a texture.
+    /// Adds the positions of elements in a texture or a grid.
     pub(super) fn named(
         mut self,
         passes: &Passes,
@@ -226,14 +226,13 @@ impl Sum {
         self
     }
 
-    /// Failures of a statement, with the element to show.
     pub(super) fn of_failures(failures: usize, shown: Option<Element>) -> Self {
         let census = Census { failures: failures as u64, ..Census::default() };
         let worst = LaneError::statement(failures == 0);
         Self { census, worst, shown: shown.into_iter().collect() }
     }
 
-    /// Passes with a loop that didn't end.
+    /// The result for passes in which a loop doesn't end.
     pub(super) fn endless() -> Self {
         let element = Element {
             place: Place::Whole("nothing".to_owned()),

@@ -1,6 +1,6 @@
-//! Checks assertions about passes in several orders of their workgroups and invocations, since WGSL promises no order.
+//! Checks assertions about passes in several orders of workgroups and invocations, because WGSL promises no order.
 //!
-//! Passes without a race may still depend on the order of their atomics. The engine runs them in seeded orders, and
+//! The order of atomics may change a result, even without a race. The engine runs the passes in seeded orders, and
 //! judges each result.
 
 use std::fmt;
@@ -15,7 +15,7 @@ use crate::record::{Details, Replay, tell_prints};
 use crate::run::Report;
 use crate::value::Shape;
 
-/// Results of passes that depend on the order of their invocations.
+/// A failure that depends on the order of invocations.
 ///
 /// ```
 /// use karat::compute::ComputeError;
@@ -38,29 +38,30 @@ use crate::value::Shape;
 /// ```
 #[derive(Clone, Debug)]
 pub struct OrderDependence {
-    /// The passes.
+    /// The entry points of the passes, separated by commas.
     pub entry_points: String,
-    /// The resource.
+    /// The variable of the resource.
     pub variable: String,
-    /// The assertion.
+    /// The assertion that fails.
     pub assertion: String,
-    /// Set if the assertion holds in the usual order in Karat's engine.
+    /// Set if the assertion holds in the engine's usual order.
     pub holds: bool,
-    /// The first operation that gives an invocation another result. If there is none, the entry point of the pass whose
-    /// order matters, or of the last one: `file:line:column`.
+    /// The position `file:line:column` of the first operation that returns another value than in the usual order. If
+    /// there is no such operation, the position of an entry point: of the pass that this order changes, or of the last
+    /// pass.
     pub location: String,
-    /// The difference between the orders: `local (3, 0, 0) of workgroup (0, 0, 0) stalls before its second atomic`.
+    /// The difference from the usual order: `local (3, 0, 0) of workgroup (0, 0, 0) stalls before its second atomic`.
     pub swap: String,
-    /// The operation, the invocation and both results; `None` if only the order of writes differs.
+    /// The operation, the invocation and both values. It is `None` if only the order of writes differs.
     pub operation: Option<String>,
-    /// The atomics in that order, if they are few; and the two that other invocations see in another order than the
-    /// program's.
+    /// The atomics in this order, if there are at most 16. Also the first pair of atomics that other invocations see in
+    /// the opposite of the program's order.
     pub turns: Vec<String>,
-    /// The subgroup size in that order; `None` if the passes don't depend on it.
+    /// The subgroup size in this order. It is `None` if the passes don't use subgroups.
     pub subgroup: Option<u32>,
-    /// The first element that is wrong in that order.
+    /// The first wrong element in this order.
     pub element: Option<Element>,
-    /// The command that runs the orders again.
+    /// The command that runs all orders again.
     pub replay: Replay,
 }
 
@@ -84,11 +85,11 @@ impl fmt::Display for OrderDependence {
             writeln!(f, "  --> {}", self.location)?;
         }
         if self.holds {
-            writeln!(f, "  in the usual order {}. Not where {}", self.assertion, self.swap)?;
+            writeln!(f, "  in the usual order {}. This fails if {}", self.assertion, self.swap)?;
         } else {
             writeln!(
                 f,
-                "  in Karat's engine it isn't so that {}. But each order has to leave the same, and this one doesn't: {}",
+                "  in the usual order of Karat's engine this doesn't hold: {}. But each order must give the same result, and the result changes if {}",
                 self.assertion, self.swap
             )?;
         }
@@ -106,23 +107,23 @@ impl fmt::Display for OrderDependence {
         if self.subgroup.is_some() {
             writeln!(
                 f,
-                "  = a subgroup has from 4 to 128 invocations, by the device: ask `subgroup_size`, and not a number"
+                "  = a subgroup has from 4 to 128 invocations, depending on the device: use `subgroup_size` instead of a fixed number"
             )?;
         }
         writeln!(
             f,
-            "  = WGSL promises no order, and each driver has its own. A barrier orders the invocations of a workgroup, and another pass orders workgroups. If the order is meant not to matter, \
-             compare elements up to it (`up_to_order`), or allow for sums of floats with a tolerance"
+            "  = WGSL promises no order, and each driver has its own. A barrier orders the invocations of a workgroup. A second pass orders workgroups. If the order of elements shouldn't matter, \
+             use `up_to_order`. If sums of floats differ, use a tolerance"
         )?;
         writeln!(f, "  replay: {}", self.replay)
     }
 }
 
 impl After<'_> {
-    /// Compares elements without regard to their order. Use it if passes append elements by an atomic counter, because
-    /// each driver appends them in another order. Both sides are sorted by value, so elements with several numbers
-    /// should differ in the first one by more than the tolerance. For a structure that ends in an array, such as a
-    /// counter with its items, it sorts the array's elements.
+    /// Compares elements without regard to their order. Use it for passes that append elements with an atomic counter,
+    /// because each driver appends them in another order. Karat sorts the actual and the expected elements by value. If
+    /// an element has several numbers, the first numbers should differ by more than the tolerance. In a structure that
+    /// ends in an array, such as a counter with its items, Karat sorts only that array.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -138,8 +139,7 @@ impl After<'_> {
         self
     }
 
-    /// Arranges the elements in rows and columns, row by row. A failure then names the row and the column of an
-    /// element.
+    /// Arranges the elements in rows and columns, row by row. Messages then name the row and column of an element.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -156,8 +156,8 @@ impl After<'_> {
         self
     }
 
-    /// Runs the passes in the engine, in one order after another. In each order, every violation must be accepted, and
-    /// the assertion must hold. Failures in the usual order are reported elsewhere.
+    /// Runs the passes in the engine, in one order after another. In each order, the test must accept every violation,
+    /// and the assertion must hold. The callers report failures in the usual order.
     pub(super) fn expect_each_order(
         &self,
         assertion: Option<(&Assertion<'_>, &Part, &Shape)>,
@@ -210,18 +210,18 @@ impl After<'_> {
         };
         if tried == Tried::default() {
             let why = match crate::settings::schedules() {
-                Some(0) => "0 are asked for",
-                _ => "each takes too many turns",
+                Some(0) => "the setting asks for 0 orders",
+                _ => "one order takes too long",
             };
             watched.reason = format!("no other order of invocations was tried: {why}");
         } else if tried.orders > 0 && judged.is_undecided() {
-            "in Karat's engine the assertion holds in no order, so none shows whether it depends on one"
+            "the assertion holds in no order of Karat's engine, so Karat can't see if it depends on the order"
                 .clone_into(&mut watched.reason);
         }
         Ok(())
     }
 
-    /// The failure in an order, simplified to the simplest order that still fails.
+    /// Builds the error for an order that fails, after simplifying the order as far as it still fails.
     fn dependence(
         &self,
         passes: &Passes,
@@ -231,7 +231,7 @@ impl After<'_> {
     ) -> Result<ComputeError, ComputeError> {
         let run = |order: &OrderOf| {
             let left = match in_order_of(passes, Some(order)) {
-                // A loop waits for an invocation that runs later: WGSL promises progress to no invocation.
+                // A loop waits for an invocation that runs later. WGSL doesn't promise that the later invocation runs.
                 Err(DispatchError::Probe(ProbeError::Rounds { .. }) | DispatchError::Rounds(_)) => {
                     None
                 }
@@ -272,23 +272,22 @@ impl After<'_> {
     }
 }
 
-/// The lanes of a resource after the passes.
 fn lanes_of(passes: &Passes, part: &Part, left: Afterwards) -> Vec<u32> {
     let own = left.into_iter().find(|(of, _)| *of == part.number);
     let lanes = own.and_then(|(_, words)| passes.lanes(part.number, &words));
     part.pick(lanes.expect("a pass writes the resource"))
 }
 
-/// An assertion about the result of each order.
+/// An assertion to check in each order.
 struct InOrders<'a> {
     after: &'a After<'a>,
     assertion: &'a Assertion<'a>,
     part: &'a Part,
     element: &'a Shape,
-    /// The lanes after the usual order, and whether the assertion holds for them.
+    /// The lanes after the usual order.
     usual: Vec<u32>,
     holds: bool,
-    /// The assertion to use if the original one doesn't hold.
+    /// The assertion for the other orders, if the original assertion fails in the usual order.
     own: Option<Assertion<'a>>,
 }
 
@@ -301,8 +300,8 @@ impl<'a> InOrders<'a> {
     ) -> Result<Self, ComputeError> {
         let function = after.last_entry_point();
         let holds = after.sum(assertion, None, element, &usual, function)?.census.failures == 0;
-        // Drivers round differently from the engine, so the engine's result may be beyond the tolerance. Still, each
-        // order must give the same result; and a statement that holds in only some orders depends on the order.
+        // The engine's result may be beyond the tolerance, because drivers round differently. The other orders must
+        // still give the engine's result. A statement that holds in only some orders depends on the order.
         let own = match assertion {
             Assertion::Agrees(_, tolerance) if !holds => {
                 let shape = element.clone();
@@ -316,12 +315,12 @@ impl<'a> InOrders<'a> {
         Ok(Self { after, assertion, part, element, usual, holds, own })
     }
 
-    /// Returns `true` if neither the usual order's result nor a statement decides what an order must give.
+    /// Reports if no expected result is known: the statement fails in the usual order.
     fn is_undecided(&self) -> bool {
         !self.holds && self.own.is_none()
     }
 
-    /// The judged result of another order. If there is none, says whether a loop didn't end.
+    /// Judges the result of another order. `endless` says that a loop didn't end.
     fn sum(
         &self,
         passes: &Passes,

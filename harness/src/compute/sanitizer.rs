@@ -1,4 +1,4 @@
-//! Fails passes that have violations, except for accepted races.
+//! Makes passes with violations fail, except for races that the test accepts.
 
 use std::fmt;
 
@@ -11,21 +11,21 @@ use crate::package::Package;
 use crate::record::{Details, Replay};
 use crate::run::Report;
 
-/// The most messages that are shown in full. Several lines often have one cause.
+/// The number of violations that a message shows in full. Several violations often have one cause.
 const SHOWN: usize = 4;
 
-/// An accepted race.
+/// A race that the test accepts.
 #[derive(Clone, Debug)]
 pub(super) struct Accepted {
     variable: String,
-    /// Set if it accepts only writes of one value.
+    /// Set if the test accepts only writes of equal values.
     equal: bool,
     reason: String,
 }
 
 impl Accepted {
     fn covers(&self, race: &Violation) -> bool {
-        // A violation of a barrier or an index has no variable.
+        // Only a race names a variable.
         let is_race = !race.variable.is_empty();
         let own = race.variable.rsplit("::").next() == Some(&self.variable);
         let named = own || race.variable == self.variable;
@@ -33,7 +33,7 @@ impl Accepted {
     }
 }
 
-/// Violations of WGSL's memory model and bounds by compute passes: see [`Violation`].
+/// The sanitizer's findings in compute passes: races, missed barriers and wrong indices. See [`Violation`].
 ///
 /// ```
 /// use karat::compute::ComputeError;
@@ -53,7 +53,7 @@ impl Accepted {
 /// ```
 #[derive(Clone, Debug)]
 pub struct Violations {
-    /// Each pair of accesses once, at the first element where it occurs.
+    /// The violations. Each pair of accesses occurs once, with the first element that both access.
     pub all: Vec<Violation>,
     /// The command that checks the passes again.
     pub replay: Replay,
@@ -83,8 +83,8 @@ impl fmt::Display for Violations {
 }
 
 impl Compute<'_> {
-    /// Declares that invocations race on a variable, and why that is intended: for example, because any of the written
-    /// values will do. If there is no such race, the test fails.
+    /// Declares that invocations may race on a variable, and gives the reason: for example, any of the written values
+    /// will do. If there is no such race, the test fails.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -99,9 +99,9 @@ impl Compute<'_> {
         self.accept(variable, reason, false)
     }
 
-    /// Declares that several invocations write the same value to an element of a variable, and why that is intended:
-    /// for example, a flag that each of them may set. WGSL doesn't order these writes, either. Any other race still
-    /// fails the test, and so does the absence of such a write.
+    /// Declares that several invocations may write the same value to one element of a variable, and gives the reason:
+    /// for example, each of them may set a flag. WGSL leaves the order of these writes open. The test fails if there is
+    /// any other race, or if no two invocations write the same value.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -124,16 +124,16 @@ impl Compute<'_> {
 }
 
 impl After<'_> {
-    /// Returns `true` if the violation isn't accepted.
+    /// Reports if the test doesn't accept a violation.
     pub(super) fn fails(&self, one: &Violation) -> bool {
         one.kind.fails() && !self.compute.accepted.iter().any(|accepted| accepted.covers(one))
     }
 
-    /// Refuses accepted races that have no reason, or whose variable is in no pass.
+    /// Refuses accepted races that have no reason, or that name an unknown variable.
     pub(super) fn expect_known_variables(&self, passes: &Passes) -> Result<(), ComputeError> {
         let accepted = &self.compute.accepted;
         if let Some(one) = accepted.iter().find(|one| one.reason.trim().is_empty()) {
-            return Err(one.wrong("has no reason: say why the race is meant".to_owned()));
+            return Err(one.wrong("has no reason: say why the race is harmless".to_owned()));
         }
         let known = passes.variables();
         let is_known = |one: &&Accepted| {
@@ -143,12 +143,12 @@ impl After<'_> {
             let own = known.iter().map(|name| name.rsplit("::").next().unwrap_or(name));
             let near = nearest(&one.variable, own);
             let near = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
-            return Err(one.wrong(format!("names a variable that no pass has{near}")));
+            return Err(one.wrong(format!("names a variable that no pass uses{near}")));
         }
         Ok(())
     }
 
-    /// The findings in passes. At a barrier that some invocations miss, Tint's verdict is added, if Tint is installed.
+    /// Adds Tint's verdict to a violation of a barrier, if Tint is installed.
     pub(super) fn with_tint(&self, passes: &Passes, examined: Examined) -> Examined {
         with_tint(passes, self.compute.package, examined)
     }
@@ -174,15 +174,18 @@ impl After<'_> {
             let replay = replay.clone();
             return Err(ComputeError::Violations(Box::new(Violations { all, replay, messages })));
         }
-        // In passes that weren't checked completely, the race may be elsewhere.
+        // If the sanitizer didn't check the passes completely, the unchecked part may contain the race.
         let Some(one) = unmet.filter(|_| whole) else { return Ok(()) };
-        let what =
-            if one.equal { "no two invocations write one value there" } else { "there is none" };
+        let what = if one.equal {
+            "no two invocations write the same value there"
+        } else {
+            "there is no such race"
+        };
         Err(one.wrong(format!("isn't needed, as {what}: remove it")))
     }
 }
 
-/// The findings in passes in the usual order.
+/// The sanitizer's findings in the usual order.
 pub(super) fn examined(passes: &Passes, package: &Package) -> Examined {
     with_tint(passes, package, interpret::examine(passes))
 }

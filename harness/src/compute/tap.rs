@@ -1,4 +1,4 @@
-//! Values of a pass, invocation by invocation.
+//! Shows a value of a pass for each invocation.
 
 use std::sync::Arc;
 
@@ -10,16 +10,16 @@ use crate::frame::tap::{Read, Tap, TapError, Tapped, candidates, find_or_part, p
 use crate::path::Path;
 use crate::reflect::TOLD;
 
-/// The largest storage buffer that every WebGPU device binds, in bytes (`maxStorageBufferBindingSize`).
+/// The size in bytes that every WebGPU device allows for a storage buffer (`maxStorageBufferBindingSize`).
 const MOST_BYTES: usize = 128 << 20;
 
 impl Compute<'_> {
-    /// The named values of the last pass, one line each.
+    /// The named values of the last pass, one line for each.
     ///
     /// # Errors
     /// If the passes aren't valid.
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: for programs that run tests.
     pub fn values(&self) -> Result<Vec<String>, TapError> {
         let passes = self.passes()?;
         let pass = passes.passes.last().expect("there is one");
@@ -27,19 +27,19 @@ impl Compute<'_> {
         Ok(all.iter().filter_map(|one| one.listed(&pass.program)).collect())
     }
 
-    /// The places of the lines that print in the last pass. Each works as an argument of [`Tap::new`].
+    /// The positions of the lines that print in the last pass. [`Tap::new`] accepts each position.
     ///
     /// # Errors
     /// If the passes aren't valid.
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: for programs that run tests.
     pub fn prints(&self) -> Result<Vec<String>, TapError> {
         let passes = self.passes()?;
         let pass = passes.passes.last().expect("there is one");
         Ok(prints(&pass.program, &[&pass.entry_point]))
     }
 
-    /// A value that the invocations of the last pass compute, on one path.
+    /// Reads a value that each invocation of the last pass computes, on one path.
     ///
     /// ```
     /// use karat::Path;
@@ -59,9 +59,9 @@ impl Compute<'_> {
     /// ```
     ///
     /// # Errors
-    /// If there is no such value, or if the passes can't be dispatched on the path.
+    /// If the pass has no such value, or the path can't run the passes.
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: for programs that run tests.
     pub fn tap(&self, path: Path, tap: &Tap) -> Result<Tapped, TapError> {
         let mut passes: Passes = self.passes()?;
         let pass = passes.passes.last_mut().expect("there is one");

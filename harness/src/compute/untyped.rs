@@ -1,5 +1,5 @@
-//! Passes and their results for programs that don't know the types at compile time: tests without Rust, and `karat
-//! call`. A resource is a shape with its lanes.
+//! Compute passes for programs that don't know the types at compile time: tests without Rust, and `karat call`. A
+//! resource is a WGSL type with its lanes.
 
 use std::panic::Location;
 
@@ -14,7 +14,7 @@ use crate::value::{Scalar, Shape};
 
 pub use super::judge::{Broken, Element, Place};
 
-/// A resource with its contents.
+/// A resource and its contents.
 ///
 /// ```
 /// use karat::unstable::compute::Content;
@@ -25,16 +25,16 @@ pub use super::judge::{Broken, Element, Place};
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Content {
-    /// The variable, or the fixture that several passes share.
+    /// The name of the variable, or of the fixture that several passes share.
     pub name: String,
-    /// The type; its arrays have lengths.
+    /// The WGSL type, in which every array has a length.
     pub shape: Shape,
-    /// A word for each scalar.
+    /// The scalars of the resource in order, each as a `u32`.
     pub lanes: Vec<u32>,
 }
 
 impl Content {
-    /// The type of an array's element, or else the type itself.
+    /// The element type of an array. Any other type is its own element.
     ///
     /// ```
     /// use karat::unstable::compute::Content;
@@ -52,8 +52,8 @@ impl Content {
         }
     }
 
-    /// A member of the resource, or of each of its elements (`position`, `items.position`); an empty path returns the
-    /// whole resource.
+    /// Selects a member of the resource or of each of its elements, by a path such as `position` or `items.position`.
+    /// An empty path selects the whole resource.
     ///
     /// ```
     /// use karat::unstable::compute::Content;
@@ -70,7 +70,7 @@ impl Content {
     }
 }
 
-/// The contents of a resource before all passes.
+/// The contents of a resource before the first pass.
 ///
 /// ```
 /// # use karat::prelude::*;
@@ -84,13 +84,13 @@ impl Content {
 /// ```
 ///
 /// # Errors
-/// If the passes aren't valid, or none uses a buffer of that name.
+/// If the passes aren't valid, or no pass uses a buffer of that name.
 pub fn before(compute: &Compute<'_>, variable: &str) -> Result<Content, ComputeError> {
     let (name, shape, lanes) = compute.passes()?.content(variable)?;
     Ok(Content { name, shape, lanes })
 }
 
-/// The contents of each resource that passes write, after them, on one path.
+/// Runs passes on one path, and returns the contents of each resource that they write.
 ///
 /// ```
 /// # use karat::Path;
@@ -104,7 +104,7 @@ pub fn before(compute: &Compute<'_>, variable: &str) -> Result<Content, ComputeE
 /// ```
 ///
 /// # Errors
-/// If the passes can't be dispatched on the path.
+/// If the path can't run the passes.
 pub fn left(compute: &Compute<'_>, path: Path) -> Result<Vec<Content>, ComputeError> {
     let passes = compute.passes()?;
     let afterwards = executor::dispatch(executor::of(path)?, &passes)?;
@@ -117,7 +117,7 @@ pub fn left(compute: &Compute<'_>, path: Path) -> Result<Vec<Content>, ComputeEr
     afterwards.into_iter().map(content).collect()
 }
 
-/// The sanitizer's findings, each with its message, and the extent of what it checked.
+/// The sanitizer's violations with their messages, and the amount of work that the sanitizer checked.
 ///
 /// ```
 /// # use karat::prelude::*;
@@ -143,15 +143,15 @@ pub fn violations(
     Ok((examined.violations.into_iter().map(shown).collect(), examined.watched))
 }
 
-/// The tables of the printing lines in the passes' shaders.
+/// The tables that the shaders of the passes print.
 ///
 /// # Errors
-/// If the passes aren't valid, if the engine can't execute them, or if one of their assertions is false.
+/// If the passes aren't valid, if the engine can't run them, or if an assertion in a shader is false.
 pub fn printed(compute: &Compute<'_>) -> Result<Vec<String>, ComputeError> {
     Ok(printed_by(&compute.passes()?, KEPT)?)
 }
 
-/// Every intermediate value of one invocation of the last pass, by its `global_invocation_id`.
+/// Every intermediate value of one invocation of the last pass. `invocation` is its `global_invocation_id`.
 ///
 /// ```
 /// # use karat::prelude::*;
@@ -167,7 +167,7 @@ pub fn printed(compute: &Compute<'_>) -> Result<Vec<String>, ComputeError> {
 /// ```
 ///
 /// # Errors
-/// If the passes aren't valid, if the engine can't execute them, or if there is no such invocation.
+/// If the passes aren't valid, if the engine can't run them, or if the invocation doesn't exist.
 pub fn trace(
     compute: &Compute<'_>,
     invocation: [u32; 3],
@@ -175,7 +175,7 @@ pub fn trace(
     Ok(crate::interpret::trace::trace_pass(&compute.passes()?, invocation)?)
 }
 
-/// Faults in the passes: each with its kind, its place in the author's file, and its description.
+/// Hazards in the passes: each with its kind, its position in the source file, and its description.
 ///
 /// ```
 /// # use karat::prelude::*;
@@ -188,7 +188,7 @@ pub fn trace(
 /// ```
 ///
 /// # Errors
-/// If Karat's engine can't run them.
+/// If Karat's engine can't run the passes.
 pub fn hazards(
     compute: &Compute<'_>,
 ) -> Result<Vec<(crate::interpret::hazards::Kind, String, String)>, ComputeError> {
@@ -196,7 +196,7 @@ pub fn hazards(
     let all = crate::interpret::passes::hazards(&compute.passes()?)?;
     let one = |hazard: crate::interpret::passes::FoundInPass| {
         let found = hazard.found;
-        // The sanitizer judges indices, and knows which words they change.
+        // The sanitizer reports wrong indices in more detail.
         if matches!(found.kind, Kind::OutOfRange | Kind::Wrapped) {
             return None;
         }
@@ -206,7 +206,6 @@ pub fn hazards(
     Ok(all.into_iter().filter_map(one).collect())
 }
 
-/// The type of an element of the asserted resource.
 fn element_of(after: &After<'_>) -> Result<Shape, ComputeError> {
     let (_, shape) = after.compute.passes()?.written(&after.variable)?;
     Ok(match shape {
@@ -215,7 +214,7 @@ fn element_of(after: &After<'_>) -> Result<Shape, ComputeError> {
     })
 }
 
-/// Checks that a resource contains these numbers, to within a tolerance.
+/// Checks that a resource contains the expected numbers, within a tolerance.
 ///
 /// ```
 /// # use karat::prelude::*;
@@ -228,7 +227,7 @@ fn element_of(after: &After<'_>) -> Result<Shape, ComputeError> {
 /// ```
 ///
 /// # Errors
-/// If it doesn't contain them, or nothing could be compared.
+/// If a number differs, or the check can't compare any number.
 #[track_caller]
 pub fn agrees_with(
     after: &After<'_>,
@@ -240,8 +239,8 @@ pub fn agrees_with(
     after.judge(Assertion::Agrees(expected, tolerance), Location::caller())
 }
 
-/// Records a statement about the passes themselves, whose verdict is already known. It reads no resource, and no order
-/// changes it.
+/// Records a statement about the passes, with a verdict that the caller already knows. The statement reads no resource,
+/// and holds in each order.
 ///
 /// ```
 /// # use karat::prelude::*;
@@ -254,7 +253,7 @@ pub fn agrees_with(
 /// ```
 ///
 /// # Errors
-/// If the statement is broken, or nothing could be dispatched.
+/// If `broken` is set, or the passes can't be dispatched.
 #[track_caller]
 pub fn settled(
     after: &After<'_>,
@@ -268,7 +267,7 @@ pub fn settled(
     after.judge(Assertion::Holds(statement), Location::caller())
 }
 
-/// Checks a statement about the lanes of a resource. Set `may_stay` if the passes may leave the resource unchanged.
+/// Checks a statement about all lanes of a resource. Set `may_stay` if passes may leave the resource unchanged.
 ///
 /// ```
 /// # use karat::prelude::*;
@@ -285,7 +284,7 @@ pub fn settled(
 /// ```
 ///
 /// # Errors
-/// If the statement doesn't hold, or nothing could be compared.
+/// If the statement doesn't hold, or the check can't read any lane.
 #[track_caller]
 pub fn satisfies(
     after: &After<'_>,
@@ -299,7 +298,7 @@ pub fn satisfies(
     after.judge(Assertion::Holds(statement), Location::caller())
 }
 
-/// Checks a statement about each number of a resource. The second text says what a number that breaks it should be.
+/// Checks a statement about each number of a resource. `expected` describes the numbers that satisfy the statement.
 ///
 /// ```
 /// # use karat::prelude::*;
@@ -313,7 +312,7 @@ pub fn satisfies(
 /// ```
 ///
 /// # Errors
-/// If a number breaks the statement, or nothing could be compared.
+/// If a number breaks the statement, or the check can't read any number.
 #[track_caller]
 pub fn each(
     after: &After<'_>,

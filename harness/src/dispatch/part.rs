@@ -1,19 +1,20 @@
-//! Selects parts of resources: `particles.position` is that member of each element.
+//! Selects parts of resources. For example, `particles.position` selects the member `position` of each element
+//! of `particles`.
 
 use crate::value::Shape;
 
-/// The lanes of a resource: all of them, or those of a member.
+/// A part of a resource: all its components, or the components of a member.
 #[derive(Clone, Debug)]
 pub struct Part {
-    /// The number of the resource.
+    /// The index of the resource in the passes.
     pub number: usize,
-    /// `None` for all lanes.
+    /// The indices of the selected components. `None`: all components.
     lanes: Option<Vec<usize>>,
 }
 
 impl Part {
-    /// The member of a resource at a path in its shape, such as `position` or `items.position.x`; an empty path means
-    /// the whole resource.
+    /// Selects a member of a resource by its path in the resource's type, such as
+    /// `position` or `items.position.x`. An empty path selects the whole resource.
     pub(crate) fn of(number: usize, shape: &Shape, path: &str) -> Option<(Self, Shape)> {
         if path.is_empty() {
             return Some((Self { number, lanes: None }, shape.clone()));
@@ -22,7 +23,7 @@ impl Part {
         Some((Self { number, lanes: Some(lanes) }, shape))
     }
 
-    /// The values of this part, from one value for each lane of the resource.
+    /// Picks the values of this part. `all` has one value for each component of the resource.
     pub(crate) fn pick<T: Copy>(&self, all: Vec<T>) -> Vec<T> {
         match &self.lanes {
             Some(lanes) => lanes.iter().map(|lane| all[*lane]).collect(),
@@ -31,8 +32,8 @@ impl Part {
     }
 }
 
-/// The shape and the lanes of a member, in each element of the arrays around it, or of one element by its index
-/// (`[1].at`).
+/// Finds the type and the component indices of a member. In an array, the path selects the member of every
+/// element, or of one element by its index (`[1].at`).
 fn picked(shape: &Shape, path: &str) -> Option<(Shape, Vec<usize>)> {
     if path.is_empty() {
         return Some((shape.clone(), (0..shape.lanes().len()).collect()));
@@ -75,7 +76,8 @@ fn picked(shape: &Shape, path: &str) -> Option<(Shape, Vec<usize>)> {
     }
 }
 
-/// Splits a name into a resource and a member. A point at the end of the name starts no member.
+/// Splits a name into the name of a resource and the path of a member. If the name ends with a point, the path
+/// is `.`, which no resource has.
 pub(crate) fn split(name: &str) -> (&str, &str) {
     match name.split_once('.') {
         Some((resource, "")) => (resource, "."),
@@ -83,7 +85,7 @@ pub(crate) fn split(name: &str) -> (&str, &str) {
     }
 }
 
-/// The members that a path may begin with.
+/// The members with which a path may begin.
 pub(crate) fn members(shape: &Shape) -> Vec<String> {
     match shape {
         Shape::Array { element, .. } => members(element),

@@ -8,7 +8,7 @@ use crate::path::{Device, MOST_ROUNDS, PathError, guard};
 use crate::probe::{Kept, Resource, upload_shared};
 use crate::reflect::{BindingKind, Program, Watched};
 
-/// A program that counts the rounds of its loops, with the binding of the counts.
+/// A program that counts the iterations of its loops, and the binding of the counts.
 struct Counted {
     watched: Watched,
     binding: u32,
@@ -20,7 +20,7 @@ impl Device {
         self.dispatch_with(passes, self.leaves_loops())
     }
 
-    /// The same without watching loops, if each loop ends before the driver would leave it.
+    /// Dispatches the passes. If `watched`, first checks that each loop ends before the driver would stop it.
     pub fn dispatch_with(
         &self,
         passes: &Passes,
@@ -43,7 +43,7 @@ impl Device {
         self.run_passes(passes, &plain).map(|(afterwards, _)| afterwards)
     }
 
-    /// Fails if the driver would leave a loop silently.
+    /// Returns an error if the driver would stop a loop early without an error.
     fn expect_whole_loops(&self, passes: &Passes) -> Result<(), DispatchError> {
         let limit = u32::try_from(MOST_ROUNDS).expect("it fits");
         let counted = |pass: &Pass| {
@@ -55,7 +55,7 @@ impl Device {
             let watched = program.watching_rounds(binding, limit, false);
             let bindings = watched.program.compute_entry_point(&pass.entry_point);
             let bindings = bindings.map(|(bindings, _)| bindings).unwrap_or_default();
-            // The loops may belong to another entry point of the module.
+            // The counted loops may belong to another entry point of the module.
             let counts = bindings.iter().any(|b| (b.group, b.binding) == (0, binding));
             counts.then_some(Counted { watched, binding })
         };
@@ -76,7 +76,7 @@ impl Device {
         Ok(())
     }
 
-    /// The contents of the written resources, and the counts of each pass's loops.
+    /// Runs the passes. Returns the contents of the written resources, and the counts of each pass's loops.
     fn run_passes(
         &self,
         passes: &Passes,
@@ -153,7 +153,7 @@ impl Device {
         Ok((afterwards, counts))
     }
 
-    /// Compiles a pass, and binds its resources.
+    /// Compiles a pass and binds its resources.
     fn step(
         &self,
         pass: &Pass,
@@ -214,11 +214,11 @@ impl Device {
     }
 }
 
-/// A pass on a device.
+/// A pass, compiled for a device.
 struct Step {
     pipeline: Arc<crate::path::Pipeline>,
     groups: Vec<wgpu::BindGroup>,
     immediates: Option<Vec<u8>>,
-    /// The number of times that each loop took too many rounds.
+    /// A buffer that counts, for each loop, how often the loop took too many iterations.
     counts: Option<wgpu::Buffer>,
 }

@@ -1,5 +1,5 @@
-//! Violations in compute passes, as data: actions that WGSL doesn't order or define, such as races, barriers that some
-//! invocations miss, and indices outside their arrays. The engine finds them.
+//! Violations in compute passes, as data. A violation is an action that WGSL doesn't order or define, such as a
+//! race, a barrier that some invocations miss, or an index outside of its array. The engine finds violations.
 
 use serde::{Deserialize, Serialize};
 
@@ -9,17 +9,17 @@ use crate::hazard::Kind;
 /// An invocation's access to an element, or its action at a barrier.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ViolationAccess {
-    /// `file:line:column`
+    /// The place of the access, as `file:line:column`.
     pub place: String,
-    /// `local (3, 0, 0) of workgroup (1, 0, 0)`
+    /// The invocation, such as `local (3, 0, 0) of workgroup (1, 0, 0)`.
     pub invocation: String,
-    /// `writes 7`, `reads 0.5`, `reaches it`, `doesn't`
+    /// What the invocation does, such as `writes 7`, `reads 0.5`, `reaches it` or `doesn't`.
     pub does: String,
 }
 
-/// A violation of WGSL's memory model or bounds: two unordered accesses to an element by different invocations, at
-/// least one of which writes; a barrier that not every invocation of a workgroup reaches; or an index outside its
-/// array.
+/// A violation of WGSL's memory model or of an array's bounds. In a race, two invocations access the same
+/// element in no defined order, and at least one of them writes. Other violations are a barrier that some
+/// invocations of a workgroup miss, and an index outside of its array.
 ///
 /// ```
 /// use karat::check::HazardKind;
@@ -40,31 +40,31 @@ pub struct ViolationAccess {
 /// ```
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Violation {
-    /// The violation in one line.
+    /// A description of the violation, in one line.
     pub headline: String,
-    /// `module::entry_point`
+    /// The entry point, such as `module::entry_point`.
     pub entry_point: String,
-    /// The kind of a violation.
+    /// The kind of the violation.
     pub kind: Kind,
-    /// The author's name of the variable; empty for a barrier or an index.
+    /// The author's name of the variable. Empty for a barrier or an index.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub variable: String,
-    /// The element, `tile[17].sum`; empty for a barrier or an index.
+    /// The element, such as `tile[17].sum`. Empty for a barrier or an index.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub element: String,
-    /// The number of elements with the violation; for a barrier, the number of invocations that miss it; for an index,
-    /// the number of times that it is outside.
+    /// The number of elements with the violation. For a barrier, the number of invocations that miss the
+    /// barrier. For an index, the number of times that the index is outside of its array.
     pub count: u64,
-    /// For a race, the construct that would order it: the barrier, an atomic, or two passes.
+    /// For a race, the construct that would order the accesses: a barrier, an atomic, or two passes.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub advice: String,
-    /// Both accesses, in the order in which Karat's engine made them (WGSL allows this order and others). For an index,
-    /// the first access outside.
+    /// Both accesses, in the order in which Karat's engine made them. WGSL also allows other orders. For an
+    /// index, the first access outside of the array.
     pub accesses: Vec<ViolationAccess>,
 }
 
 impl Violation {
-    /// A violation without an element.
+    /// Makes a violation without an element.
     pub fn new(
         entry_point: &str,
         kind: Kind,
@@ -77,43 +77,43 @@ impl Violation {
     }
 }
 
-/// The findings of the sanitizer in passes.
+/// The results of the sanitizer's check of passes.
 #[derive(Debug, Default)]
 pub struct Examined {
-    /// Each violation with its message.
+    /// The violations, each with its message.
     pub violations: Vec<(Violation, Diagnostic)>,
-    /// The extent of the check.
+    /// The part of the passes that the sanitizer checked.
     pub watched: Watched,
-    /// A loop that was stopped.
+    /// The message about a loop that Karat stopped, if there is one.
     pub endless: Option<Diagnostic>,
-    /// Set if all loops together took more rounds than are tried over generated resources.
+    /// `true` if all loops together took more iterations than Karat tries over generated resources.
     pub too_long: bool,
 }
 
-/// The extent of the sanitizer's check of passes.
+/// The part of the passes that the sanitizer checked.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Watched {
     /// The number of invocations that ran in Karat's engine.
     pub invocations: u64,
     /// The number of invocations in all passes.
     pub of: u64,
-    /// The reason why not all ran; empty if all did.
+    /// The reason why Karat's engine didn't run all invocations. Empty if it ran all.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub reason: String,
-    /// The number of rounds of all loops together.
+    /// The number of iterations of all loops together.
     #[serde(skip)]
     pub rounds: u64,
-    /// The number of orders of invocations, besides the usual one, in which the assertion held.
+    /// The number of orders of invocations, apart from the usual order, in which the assertion held.
     #[serde(default)]
     pub orders: u64,
-    /// Set if there are no other orders, except those with the same effect.
+    /// `true` if Karat tried every order, except orders with the same effect.
     #[serde(default)]
     pub all_orders: bool,
-    /// Elements of buffers with a size and no contents that are read before a pass writes them, if the result depends
-    /// on that: `partials[3]` and the place.
+    /// Elements that a pass reads before any pass writes them, if the result depends on them: `partials[3]` and
+    /// the place. They are in buffers to which the test gives only a size.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub unwritten: Vec<String>,
-    /// Variables with accepted races, each with its reason.
+    /// The variables with accepted races, each with its reason.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub accepted: Vec<(String, String)>,
 }

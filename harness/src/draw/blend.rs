@@ -1,7 +1,7 @@
 //! Blending: how a new value combines with a pixel's old value.
 
-/// How a new value combines with a pixel's old value. `new` is the fragment function's result, `old` the target's
-/// value.
+/// The formula for a new value over a pixel's old value. `new` is the result of the fragment function, and `old` is the
+/// value in the target.
 ///
 /// ```
 /// use karat::draw::{Blend, Draw};
@@ -15,15 +15,15 @@ pub enum Blend {
     /// The new value replaces the old one.
     #[default]
     Replace,
-    /// The values are added. A fragment function that returns 1 then counts how often each pixel is shaded.
+    /// Adds both values. If the fragment function returns 1, the target counts how often each pixel is shaded.
     Add,
-    /// `new * new.a + old * (1 - new.a)`, and for alpha `new.a + old.a * (1 - new.a)`: transparency.
+    /// Draws transparent colours: `new * new.a + old * (1 - new.a)`, and for alpha `new.a + old.a * (1 - new.a)`.
     Alpha,
-    /// `new + old * (1 - new.a)`: transparency of colours that are already multiplied by their alpha.
+    /// Draws transparent colours that are already multiplied by their alpha: `new + old * (1 - new.a)`.
     Premultiplied,
-    /// `new * old`.
+    /// Multiplies both values: `new * old`.
     Multiply,
-    /// Any other blending, separate for colour and alpha.
+    /// Any other formula. Colour and alpha have their own formulas.
     Custom {
         /// Red, green and blue.
         color: BlendComponent,
@@ -32,12 +32,12 @@ pub enum Blend {
     },
 }
 
-/// The blending of some channels: an operation combines `new * source` and `old * target`.
+/// The formula for colour or alpha: an operation combines `new * src_factor` and `old * dst_factor`.
 ///
 /// ```
 /// use karat::draw::{Blend, BlendComponent, BlendFactor, BlendOperation};
 ///
-/// // The larger of both, whatever alpha is.
+/// // The larger value, without regard to alpha.
 /// let larger =
 ///     BlendComponent { src_factor: BlendFactor::One, dst_factor: BlendFactor::One, operation: BlendOperation::Max };
 /// let blend = Blend::Custom { color: larger, alpha: larger };
@@ -49,7 +49,7 @@ pub struct BlendComponent {
     pub src_factor: BlendFactor,
     /// The factor of the old value.
     pub dst_factor: BlendFactor,
-    /// The operation that combines both.
+    /// The operation that combines the two products.
     pub operation: BlendOperation,
 }
 
@@ -58,7 +58,7 @@ pub struct BlendComponent {
 /// ```
 /// use karat::draw::{BlendComponent, BlendFactor, BlendOperation};
 ///
-/// // What alpha blending does to colours.
+/// // Alpha blending of colours.
 /// let (src_factor, dst_factor) = (BlendFactor::SrcAlpha, BlendFactor::OneMinusSrcAlpha);
 /// let alpha = BlendComponent { src_factor, dst_factor, operation: BlendOperation::Add };
 /// # let _ = alpha;
@@ -88,9 +88,9 @@ pub enum BlendFactor {
     OneMinusDstAlpha,
     /// min(new.a, 1 - old.a); for alpha, 1.
     SrcAlphaSaturated,
-    /// The draw's blend constant.
+    /// The blend constant of the draw.
     Constant,
-    /// 1 - the draw's blend constant.
+    /// 1 - the blend constant of the draw.
     OneMinusConstant,
 }
 
@@ -112,9 +112,9 @@ pub enum BlendOperation {
     Subtract,
     /// old - new
     ReverseSubtract,
-    /// The smaller of both, without factors.
+    /// The smaller value, without factors.
     Min,
-    /// The larger of both, without factors.
+    /// The larger value, without factors.
     Max,
 }
 
@@ -154,7 +154,7 @@ impl BlendComponent {
 }
 
 impl Blend {
-    /// The components for colour and alpha; `None` if the new value replaces the old one.
+    /// The components for colour and alpha. `None` stands for [`Blend::Replace`].
     fn components(self) -> Option<(BlendComponent, BlendComponent)> {
         let both = |component| Some((component, component));
         match self {

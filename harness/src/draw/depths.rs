@@ -1,8 +1,8 @@
-//! Reads depths as numbers. A shader loads them, because drivers copy depth textures in different ways.
+//! Reads depths as numbers. A shader loads the depths, because drivers copy depth textures in different ways.
 
 use crate::path::Device;
 
-/// Loads each pixel's depth, into rows of a buffer.
+/// A shader that loads each pixel's depth into a buffer, row by row.
 const LOAD: &str = "
 @group(0) @binding(0) var depth: texture_2d<f32>;
 @group(0) @binding(1) var<storage, read_write> depths: array<f32>;
@@ -14,10 +14,10 @@ const LOAD: &str = "
 }
 ";
 
-/// The number of invocations along a side of a workgroup.
+/// The width and height of a workgroup, in invocations.
 const SIDE: u32 = 8;
 
-/// Writes the depth of all pixels into a new buffer of this size in bytes, whose rows have equal lengths.
+/// Writes the depths of all pixels into a new buffer of `size` bytes. All rows have the same number of bytes.
 pub(super) fn load(
     device: &Device,
     encoder: &mut wgpu::CommandEncoder,

@@ -1,4 +1,4 @@
-//! Turns a scene into a validated drawing: draws as data, with their program.
+//! Validates a scene, and turns it into data for executors.
 
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -13,7 +13,7 @@ use crate::package::{LinkedModule, Package};
 use crate::reflect::{Binding, Overrides, Program, Stage};
 use crate::value::Shape;
 
-/// A frame, as its author describes it.
+/// A frame with its draws and settings, before validation.
 #[derive(Clone, Debug)]
 pub(crate) struct Scene<'a> {
     pub(crate) package: &'a Package,
@@ -21,32 +21,30 @@ pub(crate) struct Scene<'a> {
     pub(crate) width: u32,
     pub(crate) height: u32,
     pub(crate) fixtures: Fixtures,
-    /// Members of buffers with values of their own: `globals.time`.
+    /// Members of buffers, such as `globals.time`, to which the test gives a value.
     pub(crate) members: Vec<(String, Shape, Vec<u32>)>,
     pub(crate) overrides: Overrides,
     pub(crate) draws: Vec<Draw>,
     pub(crate) prepass: bool,
     pub(crate) blend: Blend,
-    /// The formats of the targets: at least one.
     pub(crate) formats: Vec<Format>,
-    /// The source of the image.
     pub(crate) result: Source,
     pub(crate) samples: u32,
     pub(crate) clear: [f32; 4],
     pub(crate) clear_depth: f32,
-    /// The first of the targets for tapped values, which begin with zeros.
+    /// The first target that holds tapped values. These targets are cleared to zeros.
     pub(crate) told: Option<usize>,
 }
 
 impl Scene<'_> {
-    /// Returns the clear values if no draw changed any pixel. For a fragment function that covers the whole frame it
-    /// returns `None`, as the function may return just those values.
+    /// The clear values, if no draw changed any pixel. A fragment function that covers the whole frame may return the
+    /// clear values on purpose, so this is `None` for it.
     pub(crate) fn untouched(&self, image: &Image) -> Option<[f32; 4]> {
         if self.draws.iter().any(Draw::covers) {
             return None;
         }
         let (clear, format) = match self.result {
-            // A depth is copied as one 32-bit float.
+            // The device copies depth as a 32-bit float.
             Source::Depth => ([self.clear_depth, 0.0, 0.0, 1.0], Format::R32Float),
             Source::Target(target) => (self.clear, self.formats[target]),
         };
@@ -58,30 +56,28 @@ impl Scene<'_> {
     }
 }
 
-/// The source of a frame's image.
+/// The part of a drawing that becomes the image.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Source {
-    /// A colour target, by its location.
+    /// The colour target at a location.
     Target(usize),
-    /// Depth, in red.
+    /// The depth, in the red channel.
     Depth,
 }
 
-/// A scene with a valid shader, whose fixtures fit its variables.
+/// A scene after validation: its shader is valid, and its fixtures fit the shader's variables.
 #[derive(Debug)]
 pub struct Drawing<'s> {
     pub(super) scene: Cow<'s, Scene<'s>>,
     pub(super) program: Arc<Program>,
-    /// The resources that each draw reads.
     pub(super) bindings: Vec<Bindings>,
-    /// The scene's fixtures, with the members that have values of their own.
+    /// The scene's fixtures, in which members have the values from the test.
     fixtures: Fixtures,
-    /// The facts about the frames that it reads.
     read: Read,
 }
 
-/// The facts about the frames that a drawing reads.
+/// Facts about the other frames that a drawing reads as textures.
 #[derive(Debug, Default)]
 struct Read {
     shaders: Vec<String>,
@@ -89,7 +85,7 @@ struct Read {
     modules: Vec<LinkedModule>,
 }
 
-/// The resources that a draw's two pipelines read.
+/// The resources that the two pipelines of a draw read.
 #[derive(Debug)]
 pub(crate) struct Bindings {
     pub(super) depth: Vec<Binding>,
@@ -97,7 +93,6 @@ pub(crate) struct Bindings {
 }
 
 impl Bindings {
-    /// The resources of both pipelines.
     pub(crate) fn all(&self) -> impl Iterator<Item = &Binding> {
         self.depth.iter().chain(&self.color)
     }
@@ -127,17 +122,15 @@ impl<'a> Scene<'a> {
 }
 
 impl Scene<'_> {
-    /// Links and validates the draws' functions, and checks that each variable has its fixture.
     pub(crate) fn drawing(&self) -> Result<Drawing<'_>, DrawError> {
         Drawing::of(Cow::Borrowed(self))
     }
 
-    /// Returns `true` if only depth is drawn.
+    /// Reports if every draw writes only depth.
     pub(super) fn is_depth_only(&self) -> bool {
         self.draws.iter().all(|draw| draw.fragment.is_none())
     }
 
-    /// Fails for settings that no device can draw.
     fn expect_sound(&self) -> Result<(), DrawError> {
         let unsound = |setting, reason: String| Err(DrawError::Unsound { setting, reason });
         let targets = self.formats.len();
@@ -149,7 +142,7 @@ impl Scene<'_> {
         if mixed && !depth_only {
             return unsound(
                 "depth",
-                "some of its draws draw depth alone, and others colour: make two frames of them"
+                "some of its draws write only depth, and others write colour: make a frame of each kind"
                     .to_owned(),
             );
         }
@@ -157,22 +150,30 @@ impl Scene<'_> {
         {
             return unsound(
                 "target",
-                format!("a draw names target {other}, and the frame has {targets}"),
+                format!(
+                    "a draw has a setting for target {other}, but the number of targets is {targets}, counted from 0"
+                ),
             );
         }
         match self.result {
             Source::Target(_) if depth_only => {
                 return unsound(
                     "depth",
-                    "it draws depth alone: compare that, by `depth`".to_owned(),
+                    "it draws only depth: add `depth` to compare the depth".to_owned(),
                 );
             }
             Source::Target(target) if target >= targets => {
                 let has = counted(targets, "target");
-                return unsound("target", format!("it has {has}, from 0 on, and none is {target}"));
+                return unsound(
+                    "target",
+                    format!("it has {has}, counted from 0, so there is no target {target}"),
+                );
             }
             Source::Depth if self.samples > 1 => {
-                return unsound("samples", "depths of several samples aren't one image".to_owned());
+                return unsound(
+                    "samples",
+                    "the depth of several samples isn't one image: use 1 sample".to_owned(),
+                );
             }
             _ => {}
         }
@@ -184,7 +185,7 @@ impl Scene<'_> {
                 return unsound(
                     "mesh",
                     format!(
-                        "a mesh is drawn {} times from copy {}, and an attribute has {most} values",
+                        "a mesh is drawn {} times from copy {}, but an attribute has only {most} values",
                         draw.instances, draw.first_instance
                     ),
                 );
@@ -193,7 +194,7 @@ impl Scene<'_> {
         Ok(())
     }
 
-    /// The resources that each draw of a program reads.
+    /// The resources of each draw of a program.
     pub(crate) fn bindings(&self, program: &Program) -> Result<Vec<Bindings>, DrawError> {
         let of = |stage: Stage, name: &Option<String>| {
             let Some(name) = name else { return Ok(Vec::new()) };
@@ -216,7 +217,7 @@ impl Scene<'_> {
 }
 
 impl<'s> Drawing<'s> {
-    /// Links and validates the draws' functions, and checks that each variable has its fixture.
+    /// Links and validates the functions of the draws, and checks that each variable has a fixture.
     pub(crate) fn of(scene: Cow<'s, Scene<'s>>) -> Result<Self, DrawError> {
         scene.expect_sound()?;
         let names = |draw: &'_ Draw| {
@@ -226,7 +227,7 @@ impl<'s> Drawing<'s> {
         let items: Vec<String> = scene.draws.iter().flat_map(names).collect();
         let items: Vec<&str> = items.iter().map(String::as_str).collect();
         let linked = Program::of_items(scene.package, &scene.module, &items)?;
-        // The rest of the module must be valid, too, as for a function under test.
+        // The rest of the module must be valid, too.
         if !scene.package.is_crate() {
             crate::reflect::validate(scene.package, &scene.module, &linked)?;
         }
@@ -242,7 +243,6 @@ impl<'s> Drawing<'s> {
         Ok(drawing)
     }
 
-    /// A drawing from parts that match.
     pub(super) fn with(
         scene: Cow<'s, Scene<'s>>,
         program: Arc<Program>,
@@ -252,7 +252,7 @@ impl<'s> Drawing<'s> {
         Self { scene, program, bindings, fixtures, read: Read::default() }
     }
 
-    /// Adds the facts about a frame that it reads.
+    /// Notes that this drawing reads the frame `other`.
     pub(crate) fn reads(&mut self, other: &Drawing<'_>) {
         self.read.shaders.push(other.shader());
         self.read.files.extend(other.read());
@@ -261,19 +261,19 @@ impl<'s> Drawing<'s> {
 }
 
 impl Drawing<'_> {
-    /// The width and height of the frame.
+    /// The width and height of the frame, in pixels.
     #[must_use]
     pub fn size(&self) -> (u32, u32) {
         (self.scene.width, self.scene.height)
     }
 
-    /// The module that has the entry points.
+    /// The module that contains the entry points.
     #[must_use]
     pub fn module(&self) -> &str {
         &self.scene.module
     }
 
-    /// The entry points of its draws, and the place of the last one.
+    /// The entry points of all draws, and the position of the last one.
     pub(crate) fn entry_points(&self) -> (Vec<&str>, Option<Span>) {
         let all = self.scene.draws.iter().flat_map(|draw| {
             [&draw.vertex, &draw.fragment, &draw.depth_fragment].into_iter().flatten()
@@ -283,34 +283,32 @@ impl Drawing<'_> {
         (names, span)
     }
 
-    /// The program that the draws run.
+    /// The program that all draws run.
     #[must_use]
     pub fn program(&self) -> &Program {
         &self.program
     }
 
-    /// The textures, samplers and buffers of the variables, by name.
+    /// The textures, samplers and buffers, by the name of their variable.
     #[must_use]
     pub fn fixtures(&self) -> &Fixtures {
         &self.fixtures
     }
 
-    /// The resources that all draws read.
+    /// The resources of all draws together.
     pub(crate) fn all_bindings(&self) -> Vec<Binding> {
         self.bindings.iter().flat_map(Bindings::all).cloned().collect()
     }
 
-    /// The scene, as its author describes it.
     pub(crate) fn scene(&self) -> &Scene<'_> {
         &self.scene
     }
 
-    /// The resources that each draw reads.
+    /// The resources of each draw.
     pub(crate) fn bindings(&self) -> &[Bindings] {
         &self.bindings
     }
 
-    /// The hash of the linked WGSL.
     pub(crate) fn shader(&self) -> String {
         let text = self.program.text();
         match &*self.read.shaders {
@@ -319,20 +317,20 @@ impl Drawing<'_> {
         }
     }
 
-    /// The files that it depends on.
+    /// The files that the drawing depends on, with those of the frames that it reads.
     pub(crate) fn read(&self) -> Vec<FileRead> {
         let fixtures = self.fixtures.iter().flat_map(|(_, fixture)| fixture.read());
         self.program.files().iter().chain(fixtures).chain(&self.read.files).cloned().collect()
     }
 
-    /// The linked modules of its shaders, and of the frames that it reads.
+    /// The linked modules of the drawing's shaders, and of the frames that it reads.
     pub(crate) fn modules(&self) -> Vec<LinkedModule> {
         self.program.modules().iter().chain(&self.read.modules).cloned().collect()
     }
 }
 
-/// The bindings of both stages. In one draw, two variables can't share a binding: one of their fixtures would be
-/// ignored.
+/// The bindings of both stages. Two variables of one draw can't share a binding, because the draw would ignore one of
+/// the fixtures.
 fn union(some: &[Binding], others: Vec<Binding>) -> Result<Vec<Binding>, FixtureError> {
     let mut all = some.to_vec();
     for other in others {

@@ -3,12 +3,12 @@
 use crate::image::encode_srgb;
 use crate::path::Device;
 
-/// Direct3D allows drivers an error of 0.6 steps when they round to integers
-/// (`D3D11_FLOAT32_TO_INTEGER_TOLERANCE_IN_ULP`). Others round to the nearest integer.
+/// The largest error of a conversion from float to integer, in steps. Direct3D allows 0.6 steps
+/// (`D3D11_FLOAT32_TO_INTEGER_TOLERANCE_IN_ULP`). Other APIs round to the nearest integer.
 const ROUNDING: f64 = 0.6;
 
-/// The format of a colour target. A frame's image has the stored values as linear floats. For 8-bit sRGB formats, these
-/// are the values that a shader would read.
+/// The format of a colour target. The frame's image has the stored values as linear floats. For 8-bit sRGB formats, the
+/// image has the values that a shader would read.
 ///
 /// ```
 /// use karat::draw::Format;
@@ -19,27 +19,27 @@ const ROUNDING: f64 = 0.6;
 #[serde(rename_all = "lowercase")]
 #[non_exhaustive]
 pub enum Format {
-    /// The most precise floats that the path can draw into. They have 32 bits, or 16 bits if the path has to blend, if
-    /// pixels have several samples, or if the path supports no better format.
+    /// The most precise floats that the path can draw into, usually of 32 bits. The floats have 16 bits if the path has
+    /// to blend, if pixels have several samples, or if the path supports no better format.
     #[default]
     Float,
     /// One channel of 8 bits from 0 to 1.
     R8Unorm,
     /// Two channels of 8 bits from 0 to 1.
     Rg8Unorm,
-    /// 8 bits a channel, from 0 to 1.
+    /// Four channels of 8 bits from 0 to 1.
     Rgba8Unorm,
-    /// 8 bits a channel, in sRGB's transfer function.
+    /// Four channels of 8 bits, in sRGB's transfer function.
     #[serde(rename = "rgba8unorm-srgb")]
     Rgba8UnormSrgb,
-    /// 8 bits a channel, from 0 to 1, blue first: the format of many systems' surfaces.
+    /// Four channels of 8 bits from 0 to 1, blue first. Many systems use it for their surfaces.
     Bgra8Unorm,
-    /// The same in sRGB's transfer function.
+    /// Four channels of 8 bits, blue first, in sRGB's transfer function.
     #[serde(rename = "bgra8unorm-srgb")]
     Bgra8UnormSrgb,
     /// Three channels of 10 bits and one of 2, from 0 to 1.
     Rgb10a2Unorm,
-    /// Unsigned floats of 11, 11 and 10 bits: HDR in 32 bits.
+    /// Three unsigned floats of 11, 11 and 10 bits, for HDR.
     Rg11b10Ufloat,
     /// One 16-bit float.
     R16Float,
@@ -53,7 +53,7 @@ pub enum Format {
     Rg32Float,
     /// Four 32-bit floats.
     Rgba32Float,
-    /// One `u32`. Images store integers as floats, which are exact up to 2^24.
+    /// One `u32`. Images store integers as floats, so integers are exact up to 2^24.
     R32Uint,
     /// One `i32`.
     R32Sint,
@@ -66,7 +66,7 @@ pub enum Format {
 }
 
 impl Format {
-    /// The names in files. They are WebGPU's, for formats that WebGPU has.
+    /// The names of the formats in files. A format of WebGPU has WebGPU's name.
     pub const NAMES: [(&str, Self); 20] = [
         ("float", Self::Float),
         ("r8unorm", Self::R8Unorm),
@@ -90,7 +90,7 @@ impl Format {
         ("rgba32uint", Self::Rgba32Uint),
     ];
 
-    /// The format with this name.
+    /// The format of this name.
     ///
     /// ```
     /// use karat::draw::Format;
@@ -99,19 +99,19 @@ impl Format {
     /// assert_eq!(Format::named("rgb9e5"), None);
     /// ```
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: for programs that run tests.
     #[must_use]
     pub fn named(name: &str) -> Option<Self> {
         Self::NAMES.into_iter().find(|(known, _)| *known == name).map(|(_, format)| format)
     }
 
-    /// Returns `true` if a channel reads as `x` after it was cleared to `clear`, which the format rounds. Channels that
-    /// the format doesn't have may read as anything.
+    /// Checks if `x` can be the stored value of a channel that was cleared to `clear`. The format rounds clear values.
+    /// A channel that the format lacks may have any value.
     pub(super) fn keeps(self, channel: usize, clear: f32, x: f32) -> bool {
         let (clear, x) = (f64::from(clear), f64::from(x));
         let within = |steps: f64| (x - clear.clamp(0.0, 1.0)).abs() <= ROUNDING / steps;
-        // Drivers may round floats towards zero, and so differ by a step. The smallest step is the least subnormal
-        // number.
+        // Drivers may round floats towards zero, so the stored value may be one step away. The smallest step is the
+        // smallest subnormal number.
         let rounded = |clear: f64, digits: i32, least: i32| {
             let step = clear.abs() * 2.0_f64.powi(-digits);
             (x - clear).abs() <= step.max(2.0_f64.powi(least))
@@ -135,7 +135,7 @@ impl Format {
             },
             Self::R16Float => channel > 0 || rounded(clear, 10, -24),
             Self::Rg16Float => channel > 1 || rounded(clear, 10, -24),
-            // `Float` may have 16 bits.
+            // `Float` may store 16 bits.
             Self::Float | Self::Rgba16Float => rounded(clear, 10, -24),
             Self::R32Float => channel > 0 || rounded(clear, 23, -126),
             Self::Rg32Float => channel > 1 || rounded(clear, 23, -126),
@@ -201,11 +201,11 @@ mod tests {
         for byte in [75.0, 78.0] {
             assert!(!Format::Rgba8Unorm.keeps(0, 0.3, byte / 255.0));
         }
-        // 0.3 is 148.9 of 255 steps of sRGB's curve.
+        // 0.3 is at 148.9 of 255 steps on sRGB's curve.
         let linear = |byte: f32| ((byte / 255.0 + 0.055) / 1.055).powf(2.4);
         assert!(Format::Rgba8UnormSrgb.keeps(0, 0.3, linear(149.0)));
         assert!(!Format::Rgba8UnormSrgb.keeps(0, 0.3, linear(150.0)));
-        assert!(Format::R8Unorm.keeps(3, 0.0, 1.0), "it has no alpha");
+        assert!(Format::R8Unorm.keeps(3, 0.0, 1.0), "the format has no alpha");
         let half = half::f16::from_f32(0.3).to_f32();
         assert!(Format::Rgba16Float.keeps(0, 0.3, half));
         assert!(!Format::Rgba32Float.keeps(0, 0.3, half));

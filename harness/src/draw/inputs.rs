@@ -6,7 +6,7 @@ use super::request::Geometry;
 use crate::reflect::Program;
 
 impl Scene<'_> {
-    /// Checks that each draw has the inputs of its vertex function.
+    /// Checks that each draw supplies the inputs of its vertex function.
     pub(super) fn expect_inputs(&self, program: &Program) -> Result<(), DrawError> {
         for draw in &self.draws {
             let Some(vertex) = &draw.vertex else { continue };
@@ -17,19 +17,18 @@ impl Scene<'_> {
                     Err(DrawError::Unsound { setting, reason: format!("{takes}{rest}") })
                 };
                 let Geometry::Mesh(mesh) = &draw.geometry else {
-                    let rest =
-                        ", and vertices without a mesh have no attributes: draw a mesh that has it";
+                    let rest = ", but vertices without a mesh have no attributes: draw a mesh with this attribute";
                     return unsound("vertices", rest.to_owned());
                 };
                 let own = mesh.attributes.iter().find(|column| column.location == input.location);
                 let Some(own) = own else {
-                    let rest = ", and the mesh has no such attribute: add it";
+                    let rest = ", but the mesh has no attribute at that location: add one";
                     return unsound("mesh", rest.to_owned());
                 };
                 let scalars = input.shape.lanes();
                 if let Some(scalar) = scalars.first().filter(|scalar| **scalar != own.scalar) {
                     let (scalar, own) = (scalar.wgsl(), own.scalar.wgsl());
-                    let rest = format!(", of `{scalar}`, and the mesh has `{own}` there");
+                    let rest = format!(", of type `{scalar}`, but the mesh has `{own}` there");
                     return unsound("mesh", rest);
                 }
             }

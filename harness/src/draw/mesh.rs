@@ -5,7 +5,7 @@ use crate::value::{Scalar, Shareable};
 /// The number of floats in a position.
 const POSITION: usize = 3;
 
-/// Triangles, with their corners' positions at `@location(0)` as `vec3<f32>`.
+/// Triangles with attributes of their vertices. The positions are at `@location(0)` as `vec3<f32>`.
 ///
 /// ```
 /// use glam::{Vec2, Vec3};
@@ -19,7 +19,7 @@ const POSITION: usize = 3;
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 pub struct Mesh {
     pub(super) indices: Vec<u32>,
-    /// The first attribute is the positions, at location 0.
+    /// The attributes. The first one has the positions, at location 0.
     pub(super) attributes: Vec<Column>,
 }
 
@@ -31,12 +31,13 @@ pub(super) struct Column {
     /// The number of scalars in a value: 1 to 4.
     pub(super) width: usize,
     pub(super) words: Vec<u32>,
-    /// Set if the values belong to copies, not to vertices.
+    /// Set if the values belong to copies of the mesh instead of vertices.
     pub(super) by_instance: bool,
 }
 
 impl Mesh {
-    /// A mesh of triangles. Seen from outside, their corners are in counter-clockwise order. Back faces are culled.
+    /// Makes a mesh of triangles. Seen from outside, the corners of a triangle are in counter-clockwise order. A draw
+    /// culls back faces.
     ///
     /// ```
     /// use glam::Vec3;
@@ -46,20 +47,20 @@ impl Mesh {
     /// # let _ = triangle;
     /// ```
     ///
-    /// A position may be any vector of three floats that a function takes: an engine's glam, mint, `[f32; 3]`, or a
-    /// type of your own ([`vector!`](crate::vector)).
+    /// A position may be any vector of three floats that can be a function's argument: your engine's glam, mint,
+    /// `[f32; 3]`, or a type of your own ([`vector!`](crate::vector)).
     ///
     /// # Panics
-    /// If an index has no position, if the number of indices isn't a multiple of three, or if a position isn't three
-    /// floats.
+    /// If an index has no position, if the number of indices isn't a multiple of three, or if a position doesn't
+    /// consist of three floats.
     #[must_use]
     pub fn new<P: Shareable>(positions: Vec<P>, indices: Vec<u32>) -> Self {
-        assert_eq!(indices.len() % 3, 0, "a triangle has three indices");
+        assert_eq!(indices.len() % 3, 0, "the number of indices must be a multiple of three");
         let highest = indices.iter().max().copied().unwrap_or(0);
         assert!((highest as usize) < positions.len(), "index {highest} has no position");
         let column = Column::new(0, &positions, false);
         let is_position = (column.scalar, column.width) == (Scalar::F32, POSITION);
-        assert!(is_position, "a position is three floats, and this is {}", P::shape());
+        assert!(is_position, "a position must be three floats, but this is {}", P::shape());
         Self { indices, attributes: vec![column] }
     }
 
@@ -76,16 +77,16 @@ impl Mesh {
     /// ```
     ///
     /// # Panics
-    /// If the number of values differs from the number of positions, if the location is taken, or if a value isn't one
-    /// to four floats or integers.
+    /// If the number of values differs from the number of positions, if another attribute uses the location, or if a
+    /// value doesn't consist of one to four floats or integers.
     #[must_use]
     pub fn attribute<T: Shareable>(self, location: u32, values: &[T]) -> Self {
         let vertices = self.vertices();
-        assert_eq!(values.len(), vertices, "a mesh of {vertices} vertices has as many values");
+        assert_eq!(values.len(), vertices, "a mesh of {vertices} vertices needs as many values");
         self.column(Column::new(location, values, false))
     }
 
-    /// Adds a value for each copy, such as a column of its transformation, or its colour.
+    /// Adds a value for each copy of the mesh, such as a column of the copy's transformation, or the copy's colour.
     ///
     /// ```
     /// use glam::{Vec3, Vec4};
@@ -99,7 +100,8 @@ impl Mesh {
     /// ```
     ///
     /// # Panics
-    /// If there is no value, if the location is taken, or if a value isn't one to four floats or integers.
+    /// If there is no value, if another attribute uses the location, or if a value doesn't consist of one to four
+    /// floats or integers.
     #[must_use]
     pub fn instance_attribute<T: Shareable>(self, location: u32, values: &[T]) -> Self {
         assert!(!values.is_empty(), "location {location} has no value");
@@ -109,7 +111,7 @@ impl Mesh {
     fn column(mut self, column: Column) -> Self {
         let location = column.location;
         let taken = self.attributes.iter().any(|column| column.location == location);
-        assert!(!taken, "location {location} is taken");
+        assert!(!taken, "another attribute uses location {location}");
         self.attributes.push(column);
         self
     }
@@ -118,7 +120,7 @@ impl Mesh {
         self.attributes[0].words.len() / POSITION
     }
 
-    /// The largest number of copies that every attribute has values for; `None` for no limit.
+    /// The number of values in the shortest attribute of copies. It is `None` if there is no such attribute.
     pub(super) fn most_instances(&self) -> Option<usize> {
         let columns = self.attributes.iter().filter(|column| column.by_instance);
         columns.map(|column| column.words.len() / column.width).min()
@@ -129,7 +131,7 @@ impl Column {
     fn new<T: Shareable>(location: u32, values: &[T], by_instance: bool) -> Self {
         let (scalar, width) = T::shape().components().unwrap_or_else(|| {
             panic!(
-                "an attribute is one to four floats or whole numbers, and this is {}",
+                "an attribute must be one to four floats or integers, but this is {}",
                 T::shape()
             )
         });
@@ -138,7 +140,7 @@ impl Column {
         Self { location, scalar, width, words, by_instance }
     }
 
-    /// wgpu's format of a value.
+    /// The format of a value in wgpu.
     pub(super) fn format(&self) -> wgpu::VertexFormat {
         use wgpu::VertexFormat as F;
         let formats = match self.scalar {
@@ -169,12 +171,12 @@ mod tests {
     }
 
     #[test]
-    #[should_panic(expected = "a mesh of 3 vertices has as many values")]
+    #[should_panic(expected = "a mesh of 3 vertices needs as many values")]
     fn each_vertex_has_a_value() {
         let _ = triangle().attribute(1, &[Vec3::X; 2]);
     }
 
-    /// Meshes take the vectors that functions take.
+    /// Meshes accept the same vector types as functions.
     #[test]
     fn vectors_of_any_kind_are_attributes() {
         let mesh = Mesh::new(vec![[0.0_f32; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], vec![0, 1, 2]);
@@ -186,20 +188,20 @@ mod tests {
 
     #[test]
     #[should_panic(
-        expected = "an attribute is one to four floats or whole numbers, and this is mat4x4<f32>"
+        expected = "an attribute must be one to four floats or integers, but this is mat4x4<f32>"
     )]
     fn a_matrix_is_no_attribute() {
         let _ = triangle().attribute(1, &[glam::Mat4::IDENTITY; 3]);
     }
 
     #[test]
-    #[should_panic(expected = "a position is three floats, and this is vec2<f32>")]
+    #[should_panic(expected = "a position must be three floats, but this is vec2<f32>")]
     fn positions_have_three_floats() {
         let _ = Mesh::new(vec![Vec2::X; 3], vec![0, 1, 2]);
     }
 
     #[test]
-    #[should_panic(expected = "location 0 is taken")]
+    #[should_panic(expected = "another attribute uses location 0")]
     fn positions_stay_in_their_place() {
         let _ = triangle().attribute(0, &[Vec3::X; 3]);
     }

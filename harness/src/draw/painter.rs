@@ -1,4 +1,4 @@
-//! Records a frame's passes: depth, colour, and the copy into a buffer.
+//! Records the passes of a frame: the depth pass, the colour pass, and the copy into a buffer.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -11,28 +11,26 @@ use crate::path::Device;
 use crate::probe::Resource;
 use crate::reflect::{Binding, Program};
 
-/// The pass of a frame that a pipeline is for.
+/// The pass in which a pipeline runs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Pass {
-    /// The depth pre-pass.
     Depth,
     Color,
 }
 
-/// A draw with its pipelines.
 struct Prepared<'d> {
     draw: &'d Draw,
-    /// The indices, then a buffer for each attribute.
+    /// The buffer of indices, and a buffer for each attribute.
     buffers: Option<(wgpu::Buffer, Vec<wgpu::Buffer>)>,
     /// The number of vertices or indices.
     count: u32,
-    /// The draw's numbers, if the device reads them from a buffer.
+    /// A buffer with the numbers of vertices and copies, if the device reads these numbers from a buffer.
     indirect: Option<wgpu::Buffer>,
     depth: Option<Ready>,
     color: Ready,
 }
 
-/// A pipeline with the resources that it reads.
+/// A pipeline with its resources.
 struct Ready {
     pipeline: wgpu::RenderPipeline,
     groups: Vec<wgpu::BindGroup>,
@@ -44,7 +42,7 @@ pub(super) struct Painter<'a> {
     pub(super) device: &'a Device,
     pub(super) scene: &'a Scene<'a>,
     pub(super) program: &'a Program,
-    /// The formats of the targets; empty if only depth is drawn.
+    /// The formats of the targets. The list is empty if all draws write only depth.
     pub(super) formats: Vec<wgpu::TextureFormat>,
     pub(super) depth_format: wgpu::TextureFormat,
     pub(super) resources: &'a BTreeMap<&'a str, Resource>,
@@ -79,7 +77,6 @@ impl<'a> Painter<'a> {
         Self { device, scene, program, formats, depth_format, resources, sources }
     }
 
-    /// The format of a source that is read back.
     pub(super) fn format_of(&self, source: Source) -> wgpu::TextureFormat {
         match source {
             Source::Target(target) => self.formats[target],
@@ -87,9 +84,10 @@ impl<'a> Painter<'a> {
         }
     }
 
-    /// Draws everything; returns each source as a buffer.
+    /// Draws the frame, and returns a buffer for each source.
     pub(super) fn draw(&self, bindings: &[Bindings]) -> Result<Vec<wgpu::Buffer>, DrawError> {
-        // A fragment function without a vertex function gets one that supplies its inputs.
+        // A draw without a vertex function gets a generated vertex function that supplies the fragment function's
+        // inputs.
         let alone = |draw: &Draw| match (&draw.vertex, &draw.fragment) {
             (None, Some(fragment)) => Ok(Some(self.program.covering(fragment)?)),
             _ => Ok(None),
@@ -146,7 +144,7 @@ impl<'a> Painter<'a> {
                         #[expect(clippy::cast_possible_truncation, reason = "they are short")]
                         let mut short: Vec<u16> =
                             mesh.indices.iter().map(|index| *index as u16).collect();
-                        // Copies need whole words.
+                        // A buffer copy needs a multiple of 4 bytes.
                         short.resize(short.len().next_multiple_of(2), 0);
                         bytemuck::cast_slice(&short).to_vec()
                     }
@@ -176,7 +174,7 @@ impl<'a> Painter<'a> {
                 });
             Ready { pipeline, groups, immediates }
         };
-        // Only meshes are in the pre-pass: a triangle that covers the frame is behind them.
+        // The pre-pass draws only meshes. A triangle that covers the frame lies behind them.
         let depth = (self.scene.prepass && draw.is_mesh())
             .then(|| bound(self.pipeline(shaders, draw, Pass::Depth), &bindings.depth));
         let color = bound(self.pipeline(shaders, draw, Pass::Color), &bindings.color);
@@ -216,7 +214,7 @@ impl<'a> Painter<'a> {
             .collect()
     }
 
-    /// Submits both passes and the copies into buffers, which it returns.
+    /// Submits both passes and the copies, and returns the buffers with the copies.
     fn paint(&self, draws: &[Prepared<'_>]) -> Vec<wgpu::Buffer> {
         let Scene { width, height, samples, clear, clear_depth, .. } = *self.scene;
         let device = &self.device.device;
@@ -239,7 +237,8 @@ impl<'a> Painter<'a> {
             true => usage,
             false => wgpu::TextureUsages::empty(),
         };
-        // The textures to read back, and the multisampled textures to draw into.
+        // Each target has a texture to read back. With several samples, it also has a multisampled texture to draw
+        // into.
         let colors: Vec<(wgpu::Texture, Option<wgpu::Texture>)> = (0..)
             .zip(&self.formats)
             .map(|(index, format)| {

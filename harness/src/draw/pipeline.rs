@@ -7,7 +7,6 @@ use super::targets::{writes_depth, writes_target};
 use crate::probe::compare;
 
 impl Painter<'_> {
-    /// The pipeline of a draw in a pass.
     pub(super) fn pipeline(
         &self,
         (shader, covering): (&wgpu::ShaderModule, Option<&wgpu::ShaderModule>),

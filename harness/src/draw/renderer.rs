@@ -14,7 +14,6 @@ use crate::probe::{Resource, upload};
 use crate::reflect::{Program, Watched};
 
 impl Device {
-    /// Draws a frame.
     pub(crate) fn render(&self, drawing: &Drawing<'_>) -> Result<Image, DrawError> {
         let (width, height) = drawing.size();
         let (mut inexact, mut pixels) = (None, Vec::new());
@@ -25,15 +24,15 @@ impl Device {
         })?;
         if let Some(value) = inexact {
             let reason = format!(
-                "its target holds {value}, and an image of floats holds each integer up to 16777216 \
-                 only: return smaller ones, or two halves of it"
+                "its target holds {value}, but an image stores integers as floats, which are exact up to 16777216: \
+                 return a smaller integer, or its upper and lower 16 bits"
             );
             return Err(DrawError::Unsound { setting: "target", reason });
         }
         Ok(Image::new(width, height, pixels))
     }
 
-    /// Draws a frame, and returns the words of the texels of some of its targets.
+    /// Draws a frame, and returns the texels of `targets` as `u32`s.
     pub(crate) fn texels(
         &self,
         drawing: &Drawing<'_>,
@@ -48,7 +47,7 @@ impl Device {
         Ok(all)
     }
 
-    /// Draws a frame; returns the rows of each source that is read back.
+    /// Draws a frame, and calls `read` with the rows of each source.
     fn paint(
         &self,
         drawing: &Drawing<'_>,
@@ -63,7 +62,7 @@ impl Device {
             return Err(DrawError::Size { width, height, path: self.path(), limit });
         }
         let _turn = self.turn();
-        // By variable, because draws may use one binding number for several variables.
+        // The key is a variable, because draws may use one binding number for several variables.
         let mut resources: BTreeMap<&str, Resource> = BTreeMap::new();
         let all = drawing.all_bindings();
         for (binding, fixture) in fixture::resolve(&all, drawing.fixtures())? {
@@ -92,7 +91,7 @@ impl Device {
     }
 }
 
-/// Draws the frame with loops that count their rounds, on drivers that would leave long loops silently.
+/// Draws the frame with loops that count their rounds. It is for drivers that stop long loops without an error.
 fn watch_rounds(
     device: &Device,
     scene: &Scene<'_>,

@@ -1,11 +1,11 @@
-//! A draw, as its author describes it.
+//! Describes a draw.
 
 use super::state::State;
 use super::{Blend, Cull, DepthBias, Mesh, Stencil, Winding};
 use crate::fixture::Compare;
 use crate::reflect::Program;
 
-/// A draw of a frame: its entry points, its geometry and its state.
+/// One draw of a frame: its entry points, its geometry and its state.
 ///
 /// ```
 /// use glam::Vec3;
@@ -20,30 +20,29 @@ use crate::reflect::Program;
 /// # let _ = leaves;
 /// ```
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
-#[must_use = "a draw draws nothing until it is given to `Frame::draw`"]
+#[must_use = "a draw draws nothing until you pass it to `Frame::draw`"]
 pub struct Draw {
-    /// `None` for Karat's own function, which covers the frame.
+    /// The vertex function. `None` stands for Karat's own function, which covers the frame.
     pub(super) vertex: Option<String>,
-    /// `None` if only depth is drawn.
+    /// The fragment function. `None` stands for a draw that writes only depth.
     pub(super) fragment: Option<String>,
-    /// The function for the depth pre-pass; `None` if the triangles alone decide the depth.
+    /// The fragment function of the depth pre-pass. Without it, the pre-pass writes the depth of the triangles.
     pub(super) depth_fragment: Option<String>,
     pub(super) geometry: Geometry,
     pub(super) instances: u32,
     pub(super) first_instance: u32,
     pub(super) base_vertex: i32,
-    /// Set if the numbers above come from a buffer.
+    /// Set if the device reads the numbers above from a buffer.
     pub(super) indirect: bool,
     pub(super) u16_indices: bool,
     pub(super) state: State,
 }
 
-/// The geometry of a draw.
 #[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum Geometry {
     Mesh(Mesh),
-    /// Vertices without attributes; the vertex function makes them from `@builtin(vertex_index)`.
+    /// Vertices without attributes. The vertex function computes them from `@builtin(vertex_index)`.
     Vertices(u32),
 }
 
@@ -63,7 +62,7 @@ impl Draw {
         }
     }
 
-    /// Draws a mesh. Its back faces are culled unless you call [`cull`](Self::cull).
+    /// Draws a mesh. The draw culls back faces unless you call [`cull`](Self::cull).
     ///
     /// ```no_run
     /// use glam::Vec3;
@@ -79,7 +78,7 @@ impl Draw {
         Self::new(Some(vertex), Some(fragment), Geometry::Mesh(mesh))
     }
 
-    /// Draws only the depth of a mesh, as shadow maps do. All draws of its frame must then draw depth only.
+    /// Draws only the depth of a mesh, as for a shadow map. All other draws of the frame must also write only depth.
     ///
     /// ```no_run
     /// use karat::draw::{Draw, Mesh};
@@ -93,7 +92,7 @@ impl Draw {
         Self::new(Some(vertex), None, Geometry::Mesh(mesh))
     }
 
-    /// Draws triangles with this number of vertices, which the vertex function makes from `@builtin(vertex_index)`.
+    /// Draws triangles without a mesh. The vertex function computes the `count` vertices from `@builtin(vertex_index)`.
     ///
     /// ```no_run
     /// use karat::draw::Draw;
@@ -106,14 +105,14 @@ impl Draw {
     /// ```
     ///
     /// # Panics
-    /// If the number of vertices isn't a multiple of three.
+    /// If the number of vertices is 0 or isn't a multiple of three.
     pub fn vertices(vertex: &str, fragment: &str, count: u32) -> Self {
         assert!(count > 0 && count.is_multiple_of(3), "{count} vertices aren't whole triangles");
         Self::new(Some(vertex), Some(fragment), Geometry::Vertices(count))
     }
 
-    /// Draws one triangle whose three corners the vertex function makes from `@builtin(vertex_index)`. At depth 1 it
-    /// shows only where no mesh was drawn.
+    /// Draws one triangle. The vertex function computes the three corners from `@builtin(vertex_index)`. A triangle at
+    /// depth 1 is visible only where the frame has no mesh.
     ///
     /// ```no_run
     /// use karat::draw::Draw;
@@ -126,9 +125,9 @@ impl Draw {
         Self::new(Some(vertex), Some(fragment), Geometry::Vertices(3))
     }
 
-    /// Draws over the whole frame with a fragment function alone. An input at a location must be a `vec2f`: it gets
-    /// texture coordinates, from (0, 0) at the upper left to (1, 1). The draw ignores the depth buffer, and writes
-    /// depth only if the function returns it (`@builtin(frag_depth)`).
+    /// Draws over the whole frame with only a fragment function. If the function has an input at a location, the input
+    /// must be a `vec2f`. It gets texture coordinates from (0, 0) at the upper left to (1, 1). The draw ignores the
+    /// depth buffer. It writes depth only if the function returns a depth (`@builtin(frag_depth)`).
     ///
     /// ```no_run
     /// use karat::draw::{Blend, Draw};
@@ -147,7 +146,7 @@ impl Draw {
         draw
     }
 
-    /// Draws this number of copies. The first has `@builtin(instance_index)` 0.
+    /// Draws this number of copies. The first copy has `@builtin(instance_index)` 0.
     ///
     /// ```
     /// use karat::draw::Draw;
@@ -177,7 +176,7 @@ impl Draw {
         self
     }
 
-    /// Sets the number that is added to each index of a mesh, or the first vertex of a draw without a mesh.
+    /// Sets a number to add to each index of a mesh. Without a mesh, this number is the first vertex.
     ///
     /// ```
     /// use karat::draw::Draw;
@@ -217,17 +216,19 @@ impl Draw {
     /// ```
     ///
     /// # Panics
-    /// If the mesh has more vertices than 16 bits can count, or if there is no mesh.
+    /// If the draw has no mesh, or if an index needs more than 16 bits.
     pub fn u16_indices(mut self) -> Self {
-        let Geometry::Mesh(mesh) = &self.geometry else { panic!("there is no mesh with indices") };
+        let Geometry::Mesh(mesh) = &self.geometry else {
+            panic!("the draw has no mesh, so it has no indices")
+        };
         let most = mesh.indices.iter().max().copied().unwrap_or(0);
-        assert!(most < u32::from(u16::MAX), "index {most} has more than 16 bits");
+        assert!(most < u32::from(u16::MAX), "index {most} needs more than 16 bits");
         self.u16_indices = true;
         self
     }
 
-    /// Sets the fragment function that the depth pre-pass runs. It must discard or write depth exactly like the colour
-    /// pass's function, and may return only a depth.
+    /// Sets the fragment function for the depth pre-pass. This function must discard pixels and write depth exactly as
+    /// the colour pass's function does. It may return only a depth.
     ///
     /// ```
     /// use karat::draw::Draw;
@@ -242,7 +243,8 @@ impl Draw {
         self
     }
 
-    /// Sets the faces that aren't drawn (default: the back faces of meshes, and none of other geometry).
+    /// Sets the faces that aren't drawn. By default, a draw of a mesh doesn't draw back faces, and any other draw draws
+    /// all faces.
     ///
     /// ```
     /// use karat::draw::{Cull, Draw};
@@ -257,7 +259,7 @@ impl Draw {
         self
     }
 
-    /// Sets the order of a front face's corners (default: counter-clockwise).
+    /// Sets the order of a front face's corners. The default is counter-clockwise.
     ///
     /// ```
     /// use karat::draw::{Draw, Winding};
@@ -272,7 +274,7 @@ impl Draw {
         self
     }
 
-    /// Sets how a pixel's depth compares with the depth buffer: `new <= old` by default.
+    /// Sets the comparison of a pixel's depth with the depth buffer. The default is `new <= old`.
     ///
     /// ```
     /// use karat::draw::Draw;
@@ -288,14 +290,15 @@ impl Draw {
         self
     }
 
-    /// Sets whether the draw writes depth (default: yes; a lone fragment function writes it only if it returns depth).
+    /// Sets if the draw writes depth. By default, a draw does. With only a fragment function, it does if that function
+    /// returns a depth.
     ///
     /// ```
     /// use karat::draw::Draw;
     /// # use karat::draw::Mesh;
     /// # let leaf = || Mesh::new(vec![glam::Vec3::ZERO, glam::Vec3::X, glam::Vec3::Y], vec![0, 1, 2]);
     ///
-    /// let draw = Draw::mesh("vertex", "fragment", leaf()).depth_write(false); // transparent: behind it counts
+    /// let draw = Draw::mesh("vertex", "fragment", leaf()).depth_write(false); // transparent: hides nothing behind it
     /// # let _ = draw;
     /// ```
     pub fn depth_write(mut self, write: bool) -> Self {
@@ -303,7 +306,7 @@ impl Draw {
         self
     }
 
-    /// Sets the bias that is added to depth.
+    /// Sets a bias to add to the depth.
     ///
     /// ```
     /// use karat::draw::{DepthBias, Draw};
@@ -318,7 +321,7 @@ impl Draw {
         self
     }
 
-    /// Sets the stencil test, and the changes to the stencil. A frame's stencil begins with zeros.
+    /// Sets the stencil test, and the changes to the stencil. The stencil of a frame starts with zeros.
     ///
     /// ```no_run
     /// use karat::draw::{Draw, Stencil, StencilOperation};
@@ -339,7 +342,7 @@ impl Draw {
         self
     }
 
-    /// Sets the blending in all targets (default: the frame's).
+    /// Sets the blending in all targets. The default is the blending of the frame.
     ///
     /// ```
     /// use karat::draw::{Blend, Draw};
@@ -385,30 +388,30 @@ impl Draw {
         self
     }
 
-    /// Writes only these channels of a target: `"rgb"`, `"a"`, `""`.
+    /// Limits the draw to some channels of a target: `"rgb"`, `"a"`, `""`. The draw doesn't write the other channels.
     ///
     /// ```
     /// use karat::draw::Draw;
     ///
-    /// let draw = Draw::fullscreen("vertex", "fragment").write_mask(0, "rgb"); // alpha stays
+    /// let draw = Draw::fullscreen("vertex", "fragment").write_mask(0, "rgb"); // keeps the old alpha
     /// # let _ = draw;
     /// ```
     ///
     /// # Panics
-    /// If `channels` has another letter.
+    /// If `channels` contains a letter other than r, g, b and a.
     pub fn write_mask(mut self, target: usize, channels: &str) -> Self {
         let other = channels.chars().find(|channel| !"rgba".contains(*channel));
-        assert!(other.is_none(), "`{channels}` isn't made of r, g, b and a");
+        assert!(other.is_none(), "`{channels}` contains a letter other than r, g, b and a");
         self.state.masks.push((target, channels.to_owned()));
         self
     }
 
-    /// The name of its fragment function, if Karat's vertex function covers the frame.
+    /// The fragment function of a draw without a vertex function.
     pub(crate) fn covering(&self) -> Option<&str> {
         self.fragment.as_deref().filter(|_| self.covers())
     }
 
-    /// The same draw, with its functions' names in a program's text.
+    /// Renames the functions of the draw to their names in the linked text.
     pub(crate) fn named_as_in(mut self, program: &Program) -> Self {
         for name in [&mut self.vertex, &mut self.fragment, &mut self.depth_fragment] {
             *name = name.as_ref().map(|name| program.entry_point_name(name).to_owned());
@@ -416,7 +419,7 @@ impl Draw {
         self
     }
 
-    /// Returns `true` for Karat's own triangle, which covers the frame.
+    /// Reports if Karat's own triangle covers the frame.
     pub(super) fn covers(&self) -> bool {
         self.vertex.is_none()
     }
@@ -425,19 +428,18 @@ impl Draw {
         matches!(self.geometry, Geometry::Mesh(_))
     }
 
-    /// The blending in a target.
     pub(super) fn blend_of(&self, target: usize, frame: Blend) -> Blend {
         let own = self.state.blends.iter().rev().find(|(index, _)| *index == target);
         own.map(|(_, blend)| *blend).or(self.state.blend).unwrap_or(frame)
     }
 
-    /// Returns `true` if it writes any channel of a target.
+    /// Reports if the draw writes any channel of a target.
     pub(super) fn writes(&self, target: usize) -> bool {
         let own = self.state.masks.iter().rev().find(|(index, _)| *index == target);
         own.is_none_or(|(_, channels)| !channels.is_empty())
     }
 
-    /// The targets that its settings name.
+    /// The targets that have settings in this draw.
     pub(super) fn named_targets(&self) -> impl Iterator<Item = usize> {
         let masks = self.state.masks.iter().map(|(target, _)| *target);
         self.state.blends.iter().map(|(target, _)| *target).chain(masks)

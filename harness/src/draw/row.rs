@@ -2,28 +2,28 @@
 
 use crate::probe::Codec;
 
-/// A row of pixels in a buffer that a texture is copied to.
+/// A row of pixels in the buffer into which a texture is copied.
 pub(super) struct Row {
     width: usize,
     codec: Codec,
-    /// The bytes from one row to the next.
+    /// The number of bytes from the start of one row to the start of the next.
     pub(super) stride: u64,
 }
 
 impl Row {
-    /// A row in a format for copies, where depth is one float.
+    /// A row of pixels of a texture's format. Depth is copied as one float.
     pub(super) fn new(format: wgpu::TextureFormat, width: u32) -> Self {
         let copied = match format.is_depth_stencil_format() {
             true => wgpu::TextureFormat::R32Float,
             false => format,
         };
-        let codec = Codec::of(copied).expect("what a frame is drawn into has a codec");
+        let codec = Codec::of(copied).expect("the format of each target has a codec");
         let bytes = width * codec.size() as u32;
         let stride = u64::from(bytes.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT));
         Self { width: width as usize, codec, stride }
     }
 
-    /// An integer of a row that isn't exact as a float, if there is one: some integers above 2^24 aren't.
+    /// The first integer of a row that a float can't represent exactly. This happens for some integers above 2^24.
     pub(super) fn inexact(&self, bytes: &[u8]) -> Option<i64> {
         if !self.codec.is_integer() {
             return None;
@@ -37,7 +37,6 @@ impl Row {
         all.find(|value| f64::from(*value as f32) != *value as f64)
     }
 
-    /// The words of the texels.
     pub(super) fn words(&self, bytes: &[u8]) -> Vec<[u32; 4]> {
         let size = self.codec.size();
         bytes[..self.width * size]
@@ -46,7 +45,6 @@ impl Row {
             .collect()
     }
 
-    /// The pixels as floats.
     pub(super) fn pixels(&self, bytes: &[u8]) -> Vec<[f32; 4]> {
         let size = self.codec.size();
         let pixels = &bytes[..self.width * size];

@@ -9,7 +9,7 @@ use crate::probe::compare;
 /// ```
 /// use karat::draw::{Cull, Draw};
 ///
-/// let inside = Draw::vertices("vertex", "fragment", 36).cull(Cull::Front); // of a room, seen from within
+/// let inside = Draw::vertices("vertex", "fragment", 36).cull(Cull::Front); // a room seen from inside
 /// # let _ = inside;
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
@@ -23,7 +23,7 @@ pub enum Cull {
     Back,
 }
 
-/// The order of a front face's corners, as the viewer sees them.
+/// The order of a front face's corners, as a viewer sees them.
 ///
 /// ```
 /// use karat::draw::{Draw, Winding};
@@ -42,7 +42,7 @@ pub enum Winding {
     Clockwise,
 }
 
-/// A bias that is added to the depth of a triangle's pixels, for example in a shadow map.
+/// A bias to add to the depth of a triangle's pixels, for example in a shadow map.
 ///
 /// ```
 /// use karat::draw::DepthBias;
@@ -52,11 +52,12 @@ pub enum Winding {
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize, serde::Deserialize)]
 pub struct DepthBias {
-    /// A number of the depth format's smallest steps, whose size depends on the driver.
+    /// A bias in units of the smallest step that the depth format can represent. The size of a step depends on the
+    /// driver.
     pub constant: i32,
-    /// A factor of the triangle's largest change of depth from pixel to pixel.
+    /// A factor. It is multiplied by the triangle's largest change of depth from one pixel to the next.
     pub slope: f32,
-    /// The largest bias; 0 for no limit.
+    /// The largest total bias. 0 means no limit.
     pub clamp: f32,
 }
 
@@ -71,19 +72,19 @@ pub struct DepthBias {
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Stencil {
-    /// How the reference compares with the stencil's value: `Less` is `reference < stencil`.
+    /// The comparison of the reference with the stencil's value: `Less` means `reference < stencil`.
     pub compare: Compare,
-    /// The value to compare, and the value that [`StencilOperation::Replace`] writes.
+    /// The value to compare with the stencil. [`StencilOperation::Replace`] also writes this value.
     pub reference: u8,
-    /// The change to the stencil where the stencil test fails.
+    /// The change to the stencil if the stencil test fails.
     pub fail: StencilOperation,
-    /// The change where the stencil test passes and the depth test fails.
+    /// The change to the stencil if the stencil test passes and the depth test fails.
     pub depth_fail: StencilOperation,
-    /// The change where both pass.
+    /// The change to the stencil if both tests pass.
     pub pass: StencilOperation,
-    /// The bits that are compared.
+    /// The bits that the stencil test compares.
     pub read_mask: u8,
-    /// The bits that are written.
+    /// The bits that the draw may write.
     pub write_mask: u8,
 }
 
@@ -99,14 +100,14 @@ pub struct Stencil {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum StencilOperation {
-    /// Keeps the value.
+    /// Keeps the stencil's value.
     #[default]
     Keep,
-    /// Sets it to 0.
+    /// Sets the stencil to 0.
     Zero,
-    /// Sets it to the reference.
+    /// Sets the stencil to the reference.
     Replace,
-    /// Inverts its bits.
+    /// Inverts the bits of the stencil.
     Invert,
     /// Adds 1, up to 255.
     #[serde(rename = "increment-clamp")]
@@ -121,7 +122,7 @@ pub enum StencilOperation {
 }
 
 impl Default for Stencil {
-    /// Passes everywhere, and changes nothing.
+    /// Passes the test for all pixels, and changes nothing.
     fn default() -> Self {
         Self {
             compare: Compare::Always,
@@ -162,7 +163,7 @@ impl Stencil {
     }
 }
 
-/// The state of a draw; `None` for the default of its geometry.
+/// The fixed-function state of a draw. `None` stands for the default of the draw's geometry.
 #[derive(Clone, Debug, Default, serde::Serialize, serde::Deserialize)]
 pub(super) struct State {
     pub(super) cull: Option<Cull>,
@@ -172,9 +173,9 @@ pub(super) struct State {
     pub(super) bias: DepthBias,
     pub(super) stencil: Option<Stencil>,
     pub(super) blend: Option<Blend>,
-    /// The blending, by target.
+    /// The blending for each target that has its own.
     pub(super) blends: Vec<(usize, Blend)>,
     pub(super) blend_constant: [f32; 4],
-    /// The channels to write, by target: `"rgb"`.
+    /// The channels to write for each target that has a mask, such as `"rgb"`.
     pub(super) masks: Vec<(usize, String)>,
 }

@@ -1,5 +1,5 @@
-//! Checks the outputs of draws against the targets. An unwritten target would contain old memory, and an output without
-//! a target would be lost silently.
+//! Checks the outputs of draws against the targets. A target without an output would contain old memory. An output
+//! without a target would be lost without an error.
 
 use super::drawing::{Scene, Source};
 use super::request::Draw;
@@ -7,20 +7,23 @@ use super::{DrawError, Format};
 use crate::reflect::{Output, Program, Texels};
 
 impl Scene<'_> {
-    /// Checks that each draw writes each target, and nothing else.
+    /// Checks that the outputs of each draw are exactly the frame's targets.
     pub(super) fn expect_targets(&self, program: &Program) -> Result<(), DrawError> {
         let unsound = |setting, reason: String| Err(DrawError::Unsound { setting, reason });
         if !matches!(self.samples, 1 | 2 | 4 | 8 | 16) {
             return unsound(
                 "samples",
-                format!("it has {} samples a pixel, and every device draws 1 and 4", self.samples),
+                format!(
+                    "it has {} samples a pixel, which no device supports: use 1 or 4",
+                    self.samples
+                ),
             );
         }
         if self.result == Source::Depth && !self.draws.iter().any(|d| writes_depth(d, program)) {
             return unsound(
                 "depth",
-                "its image is depth, which none of its draws writes: a fragment function alone writes \
-                 what it returns as `@builtin(frag_depth)`"
+                "its image is depth, which none of its draws writes: a draw with only a fragment function writes depth \
+                 only if it returns `@builtin(frag_depth)`"
                     .to_owned(),
             );
         }
@@ -30,13 +33,13 @@ impl Scene<'_> {
                 |target: usize| outputs.iter().find(|output| output.location as usize == target);
             for (target, format) in self.formats.iter().enumerate() {
                 let Some(output) = at(target) else {
-                    // If the image is depth, the targets don't matter.
+                    // A frame that shows depth ignores its colour targets.
                     if draw.writes(target) && self.result != Source::Depth {
                         return unsound(
                             "formats",
                             format!(
-                                "`{fragment}` writes nothing at @location({target}), where the frame has a \
-                             target: nobody can say what it would hold"
+                                "`{fragment}` writes nothing at @location({target}), but the frame has a target \
+                             there: the target's contents would be undefined"
                             ),
                         );
                     }
@@ -46,21 +49,20 @@ impl Scene<'_> {
                     let (has, wants) = match output.kind {
                         Texels::Uint => (
                             "unsigned integers",
-                            "one of these, such as `Format::Rgba32Uint`, in a test's file `rgba32uint`",
+                            "a format of unsigned integers, such as `Format::Rgba32Uint` (`rgba32uint` in a file)",
                         ),
-                        Texels::Sint => (
-                            "signed integers",
-                            "one of these: `Format::R32Sint`, in a test's file `r32sint`",
-                        ),
+                        Texels::Sint => {
+                            ("signed integers", "`Format::R32Sint` (`r32sint` in a file)")
+                        }
                         Texels::Float | Texels::Depth => (
                             "floats",
-                            "one of floats, such as `Format::Float`, in a test's file `float`",
+                            "a format of floats, such as `Format::Float` (`float` in a file)",
                         ),
                     };
                     return unsound(
                         "formats",
                         format!(
-                            "`{fragment}` writes {has} at @location({target}): the target's format has to be {wants}"
+                            "`{fragment}` writes {has} at @location({target}): the target's format must be {wants}"
                         ),
                     );
                 }
@@ -71,9 +73,9 @@ impl Scene<'_> {
                 return unsound(
                     "formats",
                     format!(
-                        "`{fragment}` writes @location({location}), and the frame has {targets} target{}: \
-                     add `formats` with a format for each location, and compare that one in a frame of its \
-                     own whose `target` is {location}",
+                        "`{fragment}` writes @location({location}), but the frame has {targets} target{}: \
+                     add `formats` with a format for each location, and compare this location in a second frame \
+                     that sets `target` to {location}",
                         if targets == 1 { "" } else { "s" }
                     ),
                 );
@@ -82,7 +84,7 @@ impl Scene<'_> {
         Ok(())
     }
 
-    /// The number of a target's components that every draw writes.
+    /// The number of components of a target that every draw writes.
     pub(super) fn components(&self, program: &Program, target: usize) -> u8 {
         let of = |draw: &Draw| {
             let (_, outputs) = outputs(draw, program)?;
@@ -93,14 +95,14 @@ impl Scene<'_> {
     }
 }
 
-/// Returns `true` if a draw writes depth. A lone fragment function covers the whole frame, and writes depth only if it
-/// returns it.
+/// Reports if a draw writes depth. A draw with only a fragment function writes depth only if that function returns a
+/// depth.
 pub(super) fn writes_depth(draw: &Draw, program: &Program) -> bool {
     let says = || draw.fragment.as_deref().is_some_and(|fragment| program.writes_depth(fragment));
     draw.state.depth_write.unwrap_or_else(|| draw.vertex.is_some() || says())
 }
 
-/// Returns `true` if a draw's fragment function writes a target.
+/// Reports if the fragment function of a draw writes a target.
 pub(super) fn writes_target(draw: &Draw, program: &Program, target: usize) -> bool {
     let outputs = outputs(draw, program);
     outputs.is_none_or(|(_, outputs)| outputs.iter().any(|o| o.location as usize == target))
@@ -112,7 +114,7 @@ fn outputs<'d>(draw: &'d Draw, program: &Program) -> Option<(&'d str, Vec<Output
 }
 
 impl Format {
-    /// The type of the values that a shader writes into it.
+    /// The type of the values that a shader writes into a target.
     fn kind(self) -> Texels {
         match self {
             Self::R32Sint => Texels::Sint,

@@ -1,4 +1,4 @@
-//! Drawings whose fragment functions return a tapped value beside their colours.
+//! Makes drawings whose fragment functions return a tapped value beside their colours.
 
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -8,21 +8,21 @@ use super::request::Draw;
 use super::{Blend, DrawError, Format};
 use crate::reflect::{Telling, Valued, WORDS, When};
 
-/// The number of targets for a tapped value's words that every WebGPU device supports: a pixel may have 32 bytes
-/// (`maxColorAttachmentBytesPerSample`), and a target of words has 16.
+/// The number of targets for tapped values that every WebGPU device supports. A pixel may have 32 bytes in all targets
+/// (`maxColorAttachmentBytesPerSample`), and a target of four `u32`s takes 16 bytes.
 const TARGETS: usize = 2;
 
-/// A drawing that returns values, and the targets with their words.
+/// A drawing that returns tapped values, and the targets that receive them.
 pub(crate) struct Told<'s> {
     pub(crate) drawing: Drawing<'s>,
     pub(crate) targets: Vec<usize>,
 }
 
 impl<'s> Drawing<'s> {
-    /// The same drawing without one of its draws; `number` counts the draws that have a fragment function.
+    /// A copy of this drawing without one draw. `number` counts only the draws with a fragment function.
     ///
     /// # Errors
-    /// If the other draws can't be bound.
+    /// If the resources of the other draws don't match their variables.
     pub(crate) fn without_draw(&self, number: usize) -> Result<Self, DrawError> {
         let mut scene = Scene::clone(&self.scene);
         let has_fragment = |(_, draw): &(usize, &Draw)| draw.fragment.is_some();
@@ -34,25 +34,25 @@ impl<'s> Drawing<'s> {
         Ok(Self::with(Cow::Owned(scene), program, bindings, fixtures))
     }
 
-    /// The fragment functions of its draws, by their names in the text.
+    /// The fragment functions of the drawing, by their names in the linked text.
     pub(crate) fn fragments(&self) -> Vec<&str> {
         let names = self.scene.draws.iter().filter_map(|draw| draw.fragment.as_deref());
         names.map(|name| self.program.entry_point_name(name)).collect()
     }
 
-    /// Its vertex functions, by their names in the text.
+    /// The vertex functions of the drawing, by their names in the linked text.
     pub(crate) fn vertices(&self) -> Vec<&str> {
         let names = self.scene.draws.iter().filter_map(|draw| draw.vertex.as_deref());
         names.map(|name| self.program.entry_point_name(name)).collect()
     }
 
-    /// Returns `true` if the frame's own colours can be drawn beside a value. Words have no mean over several samples,
-    /// and a device may have no room for one more target.
+    /// Reports if the frame's own colours can be drawn beside a tapped value. A device may not support another target.
+    /// With several samples, tapped values can't be averaged.
     pub(crate) fn may_keep_colours(&self) -> bool {
         self.scene.samples == 1 && self.scene.formats.len() == 1
     }
 
-    /// Returns `true` if several draws may contribute to a pixel.
+    /// Reports if several draws may contribute to a pixel.
     pub(crate) fn blends(&self) -> bool {
         let targets = 0..self.scene.formats.len();
         let blends = |target: usize| {
@@ -62,9 +62,9 @@ impl<'s> Drawing<'s> {
         targets.into_iter().any(blends)
     }
 
-    /// The same draws, with fragment functions that return values, beginning at word `first`. Without values, they
-    /// return the number of their function, from 1 in the order of [`fragments`](Self::fragments). With `alone`, the
-    /// driver computes nothing else, and there is room for twice as many words.
+    /// A copy of this drawing in which the fragment functions return tapped values, starting at the 32-bit word
+    /// `first`. If `values` is empty, they return their own number, counted from 1 in the order of
+    /// [`fragments`](Self::fragments). If `alone` is set, they return no colours, so twice as many words fit.
     ///
     /// # Errors
     /// If naga rejects the changed program.

@@ -1,4 +1,4 @@
-//! Measures the accuracy of an adapter's builtin functions, once, and keeps it in cargo's home.
+//! Measures the accuracy of an adapter's builtin functions once, and stores the result in cargo's home folder.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -11,14 +11,15 @@ use crate::package::Package;
 use crate::probe::{ProbeError, Probed};
 use crate::{image, settings};
 
-/// The edition of the measured arguments and of the file. A new number causes a new measurement.
+/// The version of the measured arguments and of the file's format. A new version causes a new measurement.
 const EDITION: u32 = 3;
 
-/// The accuracy of an executor's builtin functions. With `kept`, the result outlives this process.
+/// Returns the accuracy of an executor's builtin functions. If `kept`, Karat stores the result in a file for
+/// later processes.
 pub(crate) fn measured(executor: &dyn Executor, kept: bool) -> Result<Arc<Accuracy>, ProbeError> {
     static KNOWN: Mutex<BTreeMap<String, Arc<Accuracy>>> = Mutex::new(BTreeMap::new());
     let key = super::adapter(executor).to_string();
-    // Tests that run in parallel wait while one of them measures.
+    // While one test measures, tests that run in parallel wait for the result.
     let mut known = KNOWN.lock().unwrap_or_else(PoisonError::into_inner);
     if let Some(accuracy) = known.get(&key).filter(|_| kept) {
         return Ok(Arc::clone(accuracy));
@@ -28,7 +29,7 @@ pub(crate) fn measured(executor: &dyn Executor, kept: bool) -> Result<Arc<Accura
         Some(accuracy) => accuracy,
         None => {
             let accuracy = measure(executor)?;
-            // If the file can't be written, the next process measures again.
+            // If Karat can't write the file, the next process measures again.
             if let Some(file) = file {
                 let bytes = bytemuck::cast_slice(&accuracy.words()).to_vec();
                 drop(image::write_whole(&file, &bytes));
@@ -43,7 +44,7 @@ pub(crate) fn measured(executor: &dyn Executor, kept: bool) -> Result<Arc<Accura
     Ok(accuracy)
 }
 
-/// The file of an adapter.
+/// The name of an adapter's file.
 fn name(adapter: &str) -> String {
     let mut hasher = blake3::Hasher::new();
     hasher.update(&EDITION.to_le_bytes());
@@ -61,7 +62,7 @@ fn read(file: &FilePath) -> Option<Accuracy> {
     Accuracy::from_words(&whole.then(|| bytemuck::pod_collect_to_vec(&bytes))?)
 }
 
-/// Measures each function over its arguments.
+/// Measures the accuracy of each builtin function for its arguments.
 fn measure(executor: &dyn Executor) -> Result<Accuracy, ProbeError> {
     let functions: Vec<&str> = Accuracy::functions().collect();
     let text: String = (0..)

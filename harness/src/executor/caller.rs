@@ -1,4 +1,4 @@
-//! Calls a function that is ready on an executor: rows of words in, rows of words out.
+//! Calls a function that is ready on an executor. Arguments and results are rows of `u32` words.
 
 use std::borrow::Cow;
 
@@ -9,17 +9,17 @@ use crate::path::{self, Path};
 use crate::probe::{self, Call, Prepared, ProbeError, Probed, Started};
 use crate::reflect::Function;
 
-/// A function on one executor.
+/// A function that is ready to be called on one executor.
 pub struct Caller<'e> {
-    /// The function with its kernel.
+    /// The function, with its kernel.
     pub probed: Cow<'e, Probed>,
-    /// The resources that it reads.
+    /// The resources that the function reads.
     pub(crate) fixtures: &'e Fixtures,
-    /// The path of its executor.
+    /// The path of the executor.
     pub path: Path,
     /// The number of words in all arguments.
     pub(crate) words: usize,
-    /// The number of words in a result.
+    /// The number of words in one result.
     width: usize,
     prepared: Box<dyn Prepared + 'e>,
 }
@@ -33,13 +33,13 @@ pub struct Running<'p> {
     rows: Vec<u32>,
 }
 
-/// The results of one dispatch, borrowed.
+/// A borrowed view of the results of one dispatch.
 #[derive(Clone, Copy)]
 pub struct View<'r> {
     pub(crate) words: &'r [u32],
-    /// The number of words from one case to the next.
+    /// The distance in words between the starts of two results.
     pub(crate) stride: usize,
-    /// The number of words in a result.
+    /// The number of words in one result.
     pub(crate) width: usize,
 }
 
@@ -51,7 +51,7 @@ pub struct Results {
 }
 
 impl<'e> Caller<'e> {
-    /// Prepares a function, with room for this number of calls in one dispatch.
+    /// Prepares a function on an executor. A dispatch has room for `calls` calls.
     pub fn new(
         executor: &'e dyn Executor,
         probed: Cow<'e, Probed>,
@@ -79,17 +79,17 @@ impl<'e> Caller<'e> {
         Ok(Self { probed, fixtures, path, words, width, prepared })
     }
 
-    /// The number of calls in one dispatch.
+    /// The largest number of calls in one dispatch.
     pub(crate) fn capacity(&self) -> usize {
         self.prepared.capacity()
     }
 
-    /// Returns `true` if the path stores texels as half floats.
+    /// Checks if the path stores texels as half floats.
     pub(crate) fn reads_half_floats(&self) -> bool {
         self.prepared.reads_half_floats()
     }
 
-    /// Starts the calls of a dispatch. Their arguments follow one another in `rows`.
+    /// Starts the calls of one dispatch. `rows` contains the arguments of all calls, one call after the other.
     pub(crate) fn start(&self, rows: &[u32], calls: usize) -> Result<Running<'_>, ProbeError> {
         let started = self.caught(|| self.prepared.start(calls, rows))?;
         Ok(Running { caller: self, started, calls, rows: rows.to_vec() })
@@ -100,10 +100,10 @@ impl<'e> Caller<'e> {
         path::caught(self.path, &[name], Some(span), work)
     }
 
-    /// The results of any number of calls, one after another.
+    /// Calls the function any number of times. Returns the results, one call after the other.
     ///
     /// # Panics
-    /// If `rows` doesn't have the words of all arguments for this number of calls.
+    /// If `rows` has another number of words than `calls` calls need.
     pub fn results(&self, rows: &[u32], calls: usize) -> Result<Vec<u32>, ProbeError> {
         assert_eq!(rows.len(), calls * self.words, "each call has all its arguments");
         let mut results = Vec::with_capacity(calls * self.width);
@@ -127,7 +127,7 @@ impl Running<'_> {
         let mut view = |words: &[u32], stride: usize| {
             let (expected, found) = (calls * stride.max(width), words.len());
             value = Some(match found == expected && stride >= width {
-                // The reader belongs to a caller, and may panic as well.
+                // The caller's `read` may panic. Such a panic isn't the path's fault, so it passes through.
                 true => Ok(panics::passing(|| read(View { words, stride, width }))),
                 false => Err(ProbeError::Length { path, expected, found }),
             });
@@ -142,20 +142,18 @@ impl Running<'_> {
         value.unwrap_or(Err(ProbeError::Length { path, expected: calls * width, found: 0 }))
     }
 
-    /// Waits for the results, and returns them.
     pub(crate) fn read(self) -> Result<Results, ProbeError> {
         self.view(|View { words, stride, width }| Results { words: words.to_vec(), stride, width })
     }
 }
 
 impl<'r> View<'r> {
-    /// The number of cases.
     #[inline]
     pub(crate) fn len(self) -> usize {
         self.words.len() / self.stride.max(1)
     }
 
-    /// The words of one case.
+    /// The words of one case's result.
     #[inline]
     pub(crate) fn of(self, case: usize) -> &'r [u32] {
         &self.words[case * self.stride..][..self.width]
@@ -167,7 +165,7 @@ impl Results {
         View { words: &self.words, stride: self.stride, width: self.width }
     }
 
-    /// The words of one case.
+    /// The words of one case's result.
     pub(crate) fn of(&self, case: usize) -> &[u32] {
         self.view().of(case)
     }
@@ -180,7 +178,7 @@ mod tests {
     use crate::path::Adapter;
     use crate::probe::Partial;
 
-    /// A driver that writes 7 into every word except these; a case has three words.
+    /// A driver that writes 7 into every word except the words with these indices. A case has three words.
     #[derive(Clone, Debug)]
     struct Dropping(Vec<usize>);
 
@@ -225,7 +223,8 @@ mod tests {
         }
     }
 
-    /// A value that WGSL leaves open may stay unwritten; a bounded value may not.
+    /// A driver may leave a value unwritten only if WGSL allows any value.
+    // Lesson 174
     #[test]
     fn a_driver_may_drop_what_may_be_anything() {
         let text = "fn open(a: f32, x: f32) -> vec2f { return vec2f(x, smoothstep(a, a, x)); }";

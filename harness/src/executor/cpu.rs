@@ -7,14 +7,15 @@ use crate::job::{Job, Reply};
 use crate::path::{Ability, Adapter, Path, PathError, Via, cpu};
 use crate::probe::{Call, Prepared, ProbeError, Reader, Started};
 
-/// The engine: WGSL on the CPU in `f32`, as a conforming GPU computes it. It calls functions, but draws no frames.
+/// The engine as an executor. It runs WGSL on the CPU in `f32`, as a conforming GPU may compute it. The engine
+/// calls functions and dispatches passes, but draws no frames.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Cpu {
-    /// Its arithmetic.
+    /// The arithmetic: plain, with fused multiply-add, or with flush-to-zero.
     via: Via,
 }
 
-/// The executor of `cpu`, `cpu:fma` or `cpu:ftz`.
+/// Returns the executor of `cpu`, `cpu:fma` or `cpu:ftz`.
 pub(crate) fn of(path: Path) -> &'static Cpu {
     match path.via() {
         Via::Fma => &Cpu { via: Via::Fma },
@@ -82,12 +83,12 @@ impl Prepared for Ready {
     }
 }
 
-/// A function with effects outside itself.
+/// A prepared function that writes resources or prints, so each case runs alone.
 #[derive(Debug)]
 struct ReadyAlone {
     function: Alone,
     cases: usize,
-    /// The number of words in a case's results.
+    /// The number of words in one case's results.
     width: usize,
 }
 
@@ -145,6 +146,7 @@ mod tests {
         Ok(found)
     }
 
+    // Lesson 115
     #[test]
     fn functions_are_called_with_their_rows() {
         let text = "enable f16;\nstruct S { a: vec2f, b: bool }\n\
@@ -189,6 +191,7 @@ mod tests {
         }
     }
 
+    // Lesson 115
     #[test]
     fn fixtures_are_read() {
         let text = "@group(0) @binding(0) var<uniform> scale: f32;\n\
@@ -204,7 +207,7 @@ mod tests {
         ]
         .into_iter()
         .collect();
-        // Texels' centres are at 0.25 and 0.75.
+        // The centres of the two texels are at 0.25 and 0.75.
         let rows = [0.25_f32, 0.5, 0.75, 1.0].map(f32::to_bits);
         let found = call(text, "f", fixtures, &rows).expect("it runs");
         assert_eq!(found, [0.0_f32, 4.0, 8.0, 8.0].map(f32::to_bits));
@@ -212,11 +215,12 @@ mod tests {
         assert!(missing.contains("scale"), "{missing}");
     }
 
+    // Lesson 115
     #[test]
-    fn a_loop_without_an_end_is_told_with_its_line() {
+    fn an_endless_loop_is_reported_with_its_line() {
         let text = "fn f(x: f32) -> f32 {\n    var y = x;\n    while y >= x { y += 0.0; }\n    return y;\n}\n";
         let error = call(text, "f", Fixtures::new(), &[1.0_f32.to_bits()]).expect_err("endless");
-        assert!(error.contains("was stopped: this loop had gone round 1048576 times"), "{error}");
+        assert!(error.contains("was stopped: this loop had run 1048576 rounds"), "{error}");
         assert!(error.contains(":3:5"), "{error}");
     }
 }

@@ -1,14 +1,15 @@
-//! Finds endless loops before a driver runs them: the engine runs each loop first, so no driver hangs until the
-//! deadline ends the process.
+//! Finds endless loops before a driver runs them. The engine runs each loop first. Otherwise the driver could
+//! hang until the deadline ends the process.
 
 use crate::interpret::{Alone, Interpreted};
 use crate::path::{Device, MOST_ROUNDS, PathError};
 use crate::probe::{Call, Prepared, ProbeError, Started, VECTOR};
 
-/// The most rounds of a case with which the lanes of a vector together stay within the driver's limit.
+/// The number of iterations that each case may take. A driver runs several cases together as a vector, and its
+/// limit applies to their sum.
 const ROUNDS: u64 = MOST_ROUNDS / VECTOR as u64;
 
-/// A function in the engine.
+/// A function in the engine, which watches its loops.
 enum Watcher {
     Together(Interpreted),
     Alone(Alone),
@@ -22,7 +23,7 @@ impl Watcher {
         })
     }
 
-    /// The same, stopped after fewer rounds.
+    /// Returns the watcher with another limit on iterations.
     fn with_fuel(self, fuel: u64) -> Self {
         match self {
             Self::Together(function) => Self::Together(function.with_fuel(fuel)),
@@ -30,7 +31,7 @@ impl Watcher {
         }
     }
 
-    /// Runs a batch, and drops the results.
+    /// Runs a batch and drops the results.
     fn run(&self, cases: usize, arguments: &[u32]) -> Result<(), ProbeError> {
         match self {
             Self::Together(function) => function.words(cases, arguments).map(drop),
@@ -39,11 +40,12 @@ impl Watcher {
     }
 }
 
-/// A function on a driver. The engine runs each batch of its cases first.
+/// A function on a driver. The engine runs each batch of its cases before the driver.
 struct Guarded<'e> {
     prepared: Box<dyn Prepared + 'e>,
     function: Watcher,
-    /// A driver that leaves loops silently. For it, the engine must finish each batch.
+    /// The device and the function's name, for a driver that silently stops long loops. For such a driver, the
+    /// engine must finish each batch.
     leaves: Option<(&'e Device, String)>,
 }
 
@@ -61,7 +63,7 @@ impl Prepared for Guarded<'_> {
             }
             (Err(endless @ ProbeError::Rounds { .. }), None) => Err(endless),
             (Err(error), Some((device, of))) => Err(unwatched(device, of, &error)),
-            // Other limits of the engine don't concern the driver.
+            // The engine's other limits don't apply to the driver.
             _ => self.prepared.start(cases, arguments),
         }
     }
@@ -71,9 +73,10 @@ impl Prepared for Guarded<'_> {
     }
 }
 
-/// Guards a function on a driver that would hang in its loops, if the IR shows no bound for them. On a driver that
-/// leaves loops by itself, kernels count their own rounds. Only functions whose cases run alone or are quads run in the
-/// engine first; if the engine can't run them, their results aren't trusted.
+/// Guards a function that may have an endless loop, which means that its IR shows no bound for a loop. Then the
+/// engine runs each batch first, if it can. Some drivers silently stop long loops. For them, kernels usually
+/// count their own iterations. If a function's cases run alone or are quads, its kernel can't count, so the
+/// engine must run each batch first. If the engine can't run such a function, that is an error.
 pub(super) fn guarded<'e>(
     device: &'e Device,
     call: &Call<'_>,
@@ -96,17 +99,19 @@ pub(super) fn guarded<'e>(
     }
     Ok(match Watcher::new(call) {
         Ok(function) => Box::new(Guarded { prepared, function, leaves: None }),
-        // The engine can't run this function, and no driver is known to leave its loops.
+        // The engine can't run this function. The driver doesn't stop loops silently, so its results can be
+        // trusted.
         Err(_) => prepared,
     })
 }
 
-/// The error that the driver may leave the function's loops early, which the engine couldn't check.
+/// Makes the error that the driver may silently stop the function's loops, and that the engine can't check
+/// this.
 fn unwatched(device: &Device, of: &str, error: &ProbeError) -> ProbeError {
     let driver = &device.adapter().name;
     let message = format!(
-        "{of} has a loop without a bound that can be seen. {driver} leaves loops after {MOST_ROUNDS} rounds \
-         without a word, and Karat's engine, which would tell, can't run it: {error}"
+        "{of} has a loop without a visible bound. {driver} silently stops loops after {MOST_ROUNDS} rounds, \
+         and Karat's engine, which could count the rounds, can't run {of}: {error}"
     );
     PathError::Route { path: device.path(), message }.into()
 }
@@ -117,7 +122,7 @@ mod tests {
     use crate::package::Package;
     use crate::probe::Probed;
 
-    /// A driver that never returns.
+    /// A driver that hangs if an argument is 7.
     struct Hanging;
 
     impl Prepared for Hanging {
@@ -131,6 +136,7 @@ mod tests {
         }
     }
 
+    // Lesson 94
     #[test]
     fn a_loop_without_an_end_never_reaches_a_driver() {
         let text = "fn f(n: u32) -> u32 {\n    var k = 0u;\n    loop {\n        if k == n { break; }\n        \

@@ -1,4 +1,4 @@
-//! Turns calls, passes and frames into jobs.
+//! Runs calls, passes and frames as jobs.
 
 use crate::dispatch::{Afterwards, DispatchError, Passes};
 use crate::draw::{DrawError, Drawing};
@@ -8,17 +8,18 @@ use crate::path::{Path, PathError};
 use crate::probe::evidence::{self, Evidence, canary};
 use crate::probe::{Call, Prepared, ProbeError, Reader, Started};
 
-/// The most cases of a job, and the most words of their arguments or results: some megabytes of JSON.
+/// The largest number of cases in a job, and of words in their arguments or results. Such a job is some
+/// megabytes of JSON.
 const BATCH: usize = 4096;
 const WORDS: usize = 1 << 19;
 
-/// The number of cases in a batch if each case is a job of its own.
+/// The number of cases in a batch if each case needs its own job.
 const ALONE: usize = 64;
 
-/// Runs a job.
+/// A function that runs a job.
 type Run<'e> = Box<dyn Fn(&Job) -> Result<Reply, PathError> + Sync + 'e>;
 
-/// A function that is called through jobs.
+/// A function that Karat calls through jobs.
 struct ByJobs<'e> {
     run: Run<'e>,
     kernel: KernelJobs,
@@ -27,7 +28,7 @@ struct ByJobs<'e> {
     alone: bool,
 }
 
-/// Prepares a function for calls through jobs.
+/// Prepares a function that Karat calls through jobs.
 pub(super) fn prepare<'e>(
     path: Path,
     run: Run<'e>,
@@ -36,8 +37,8 @@ pub(super) fn prepare<'e>(
     let Call { probed, fixtures, cases } = *call;
     let form = &probed.function().form;
     if form.fragment {
-        let message = "it takes derivatives, or discards and writes, for which pixels have to be drawn: only \
-                       drivers of wgpu and Karat's engine do that";
+        let message = "it takes derivatives, or discards and writes, so it runs only on drawn pixels: only \
+                       wgpu's drivers and Karat's engine draw pixels for it";
         return Err(PathError::Route { path, message: message.to_owned() }.into());
     }
     let kernel = KernelJobs::new(probed, fixtures)?;
@@ -50,7 +51,8 @@ pub(super) fn prepare<'e>(
 }
 
 impl ByJobs<'_> {
-    /// The results of some cases, over a poison and with their canaries, and the other outputs.
+    /// Runs a job for some cases. The results' buffer contains `poison` at first. Returns the results' words,
+    /// after checking the canaries, and the job's other outputs.
     fn outputs(
         &self,
         cases: usize,
@@ -67,7 +69,8 @@ impl ByJobs<'_> {
         Ok((words, outputs))
     }
 
-    /// The words of all cases and the lanes of what each writes; case by case if each runs alone.
+    /// Runs all cases: together, or each case in its own job if `alone`. Returns the results' words, and the
+    /// values that each case wrote into resources.
     fn over(
         &self,
         cases: usize,
@@ -88,7 +91,8 @@ impl ByJobs<'_> {
         Ok((words, written))
     }
 
-    /// The rows of all cases, after checking that each word of a result was written, and the number of words in a row.
+    /// Returns the rows of results for all cases, and the number of words in a row. Checks that the executor
+    /// wrote each word of a result.
     fn rows(&self, cases: usize, arguments: &[u32]) -> Result<(Vec<u32>, usize), ProbeError> {
         let (words, written) = self.over(cases, arguments, evidence::WORD)?;
         let places = self.evidence.poisoned(&words);
@@ -160,8 +164,8 @@ pub(super) fn draw(
     Ok(Image::new(width, height, pixels.collect()))
 }
 
-/// The outputs of a reply, each with the length that the job asks for. `place` finds the place of a problem in the
-/// author's file.
+/// Returns the outputs of a reply. Returns an error if an output has another length than the job says. `place`
+/// finds the place of a problem in the author's file.
 fn done(
     reply: Reply,
     path: Path,
@@ -176,7 +180,7 @@ fn done(
                 return Ok(outputs);
             }
             let message =
-                format!("it returned outputs of {found:?} words, and {expected:?} are wanted");
+                format!("it returned outputs of {found:?} words, but the job needs {expected:?}");
             Err(PathError::Driver { path, message })
         }
         Reply::Refused(problem) => {
@@ -190,7 +194,7 @@ fn done(
     }
 }
 
-/// The place of a problem, ` (shaders/a.wgsl:3:5)`, or an empty text.
+/// Returns the place of a problem, such as ` (shaders/a.wgsl:3:5)`, or an empty text.
 fn located(
     problem: &Problem,
     resolve: impl Fn(usize, std::ops::Range<usize>) -> Option<crate::diagnostic::Span>,
@@ -206,12 +210,12 @@ mod tests {
     use crate::package::Package;
     use crate::probe::Probed;
 
-    /// The results of a function, row by row, through jobs that the engine runs.
+    /// Returns a function's results, row by row, through jobs that the engine runs.
     fn called(text: &str, fixtures: Fixtures, rows: &[u32]) -> Vec<Vec<u32>> {
         called_with(&|_, _| {}, text, fixtures, rows).expect("it runs")
     }
 
-    /// The same with an engine that has a fault: it changes the words that a job leaves.
+    /// Calls the function like `called`. `fault` changes the words that a job returns.
     fn called_with(
         fault: &(dyn Fn(&Job, &mut Vec<Vec<u32>>) + Sync),
         text: &str,
@@ -257,9 +261,9 @@ mod tests {
         assert_eq!(called(plain, Vec::new(), &[1, 4, 9]), [[1, 2], [4, 8], [9, 18]]);
     }
 
-    /// Unwritten words, words of another dispatch, and words of too few cases don't count as results.
+    /// Karat doesn't accept unwritten words, words from another dispatch, or too few words as results.
     #[test]
-    fn what_a_job_does_not_do_is_seen() {
+    fn unwritten_and_missing_results_of_a_job_are_errors() {
         let text = "fn f(x: u32) -> vec2u { return vec2u(x, 2u * x); }";
         let error = |fault: &(dyn Fn(&Job, &mut Vec<Vec<u32>>) + Sync)| {
             called_with(fault, text, Vec::new(), &[1, 4, 9]).expect_err("it is a fault")
@@ -274,12 +278,15 @@ mod tests {
         let other = error(&|_, outputs| outputs[0][5] ^= 1);
         assert!(other.contains("wrote no result for 1 of 3 cases"), "{other}");
         let short = error(&|_, outputs| outputs[0].truncate(8));
-        assert!(short.contains("it returned outputs of [8] words, and [9] are wanted"), "{short}");
+        assert!(
+            short.contains("it returned outputs of [8] words, but the job needs [9]"),
+            "{short}"
+        );
         let none = error(&|_, outputs| outputs.clear());
-        assert!(none.contains("it returned outputs of [] words, and [9] are wanted"), "{none}");
+        assert!(none.contains("it returned outputs of [] words, but the job needs [9]"), "{none}");
     }
 
-    /// A result may equal the poison. It is then computed again over another poison.
+    /// A result may equal the poison. Karat then computes the result again with another poison.
     #[test]
     fn a_result_may_be_poison() {
         let text = format!("fn f(x: u32) -> u32 {{ return {}u + x; }}", evidence::WORD);
@@ -291,7 +298,7 @@ mod tests {
         assert_eq!(called(immediate, four, &[1, 2]), [[41], [42]]);
     }
 
-    /// A job has at most some megabytes of text.
+    /// A job is at most some megabytes of text.
     #[test]
     fn jobs_are_of_a_size() {
         let capacity = |text: &str, fixtures: Fixtures, cases: usize| {
@@ -315,7 +322,7 @@ mod tests {
         assert_eq!(capacity(writes, sum, 100_000), 64);
     }
 
-    /// JSON has no infinity.
+    /// JSON can't write infinity.
     #[test]
     fn a_job_is_text_and_back() {
         let text = "@group(0) @binding(0) var image: texture_2d<f32>;
@@ -335,7 +342,7 @@ mod tests {
         assert_eq!(sampler.lod, (0.5, 32.0));
     }
 
-    /// A storage texture has its format in a job, whichever pass stores it.
+    /// In a job, a storage texture has its format, even if the first pass doesn't store it.
     #[test]
     fn a_texture_that_a_later_pass_stores_has_its_format() {
         let text = "@group(0) @binding(0) var read: texture_2d<f32>;
@@ -359,7 +366,8 @@ mod tests {
         assert_eq!(formats.collect::<Vec<_>>(), [Some("r32float".to_owned())]);
     }
 
-    /// A program other than Karat makes textures only from the job's data.
+    /// Programs other than Karat make textures only from the job's data, so the job must say that a texture
+    /// contains depths.
     #[test]
     fn a_texture_for_depths_is_one_of_depths() {
         let ramp = || Texture::from_fn(2, 1, |x, _| 0.25 + x as f32 / 2.0);

@@ -1,4 +1,4 @@
-//! Runs jobs in a program that KARAT_EXECUTORS names.
+//! Runs jobs in a program that `KARAT_EXECUTORS` names.
 
 use super::Executor;
 use crate::diagnostic::one_line;

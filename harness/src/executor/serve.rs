@@ -1,4 +1,4 @@
-//! Makes a program that runs jobs on an executor of this process.
+//! Turns this process into a program that runs jobs on one of its executors.
 
 use std::io::{BufRead, Write};
 
@@ -6,13 +6,13 @@ use super::Executor;
 use crate::job::{Answer, Job, Problem, Reply};
 use crate::path::{Ability, Adapter, Greeting, JOBS};
 
-/// Writes a greeting, then reads jobs line by line, runs each, and writes the replies. It returns at the end of the
-/// input.
+/// Writes a greeting. Then reads jobs line by line, runs each job, and writes the replies. Returns at the end
+/// of the input.
 ///
 /// ```no_run
 /// use karat::Path;
 ///
-/// // A program for KARAT_EXECUTORS: the path that its first argument names, behind a pipe.
+/// // A program for KARAT_EXECUTORS. It runs jobs on the path that its first argument names.
 /// fn main() -> Result<(), Box<dyn std::error::Error>> {
 ///     let path: Path = std::env::args().nth(1).ok_or("name a path")?.parse()?;
 ///     let executor = karat::unstable::executor::of(path)?;
@@ -39,8 +39,8 @@ pub fn serve(
         let job = serde_json::from_str(&line?).map(|job: Job| (job.id, executor.run(&job)));
         let (id, reply) = match job {
             Ok((id, reply)) => (id, reply.unwrap_or_else(|error| failed(error.to_string()))),
-            // No job has the number 0.
-            Err(error) => (0, failed(format!("this is no job: {error}"))),
+            // The reply has the id 0, which no job has.
+            Err(error) => (0, failed(format!("this isn't a job: {error}"))),
         };
         writeln!(replies, "{}", serde_json::to_string(&Answer { id, reply })?)?;
         replies.flush()?;

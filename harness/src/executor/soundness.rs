@@ -1,5 +1,6 @@
-//! Tests that drivers' results are within the engine's bounds: for each builtin function, and for programs that drivers
-//! reassociate, with 2^18 inputs each. The engine's own `f32` and `f64` must be, too.
+//! Tests that drivers' results are within the engine's bounds, with 2^18 inputs for each test. They test each
+//! builtin function, and expressions that drivers reassociate. The engine's own results in `f32` and `f64` must
+//! be within the bounds, too.
 
 use super::Executor;
 use crate::domain::Source;
@@ -40,7 +41,8 @@ const EDGES: [f32; 24] = [
     65_504.0,
 ];
 
-/// Each edge with each other edge, then numbers from the unit interval, of moderate size and of any size.
+/// Returns rows of arguments: first combinations of edges, then numbers from the unit interval, numbers of
+/// moderate size and numbers of any size.
 fn rows(width: usize) -> Vec<u32> {
     let mut rows = Vec::with_capacity(CASES * width);
     for case in 0..CASES {
@@ -68,8 +70,8 @@ fn rows(width: usize) -> Vec<u32> {
     rows
 }
 
-/// Each function with the number of its arguments, and the smallest share of its cases that WGSL must bound, in per
-/// cent.
+/// Scalar functions, each with the number of its arguments, and the smallest share of cases, in per cent, for
+/// which the engine must have bounds.
 const SCALARS: [(&str, usize, usize); 44] = [
     ("a + b", 2, 60),
     ("a - b", 2, 60),
@@ -117,7 +119,7 @@ const SCALARS: [(&str, usize, usize); 44] = [
     ("select(a, b, a < b)", 2, 99),
 ];
 
-/// Functions over several components; each returns one number of the result.
+/// Functions of vectors. Each returns one component of the result.
 const VECTORS: [(&str, usize, usize); 11] = [
     ("length(vec3f(a, b, c))", 3, 20),
     ("distance(vec2f(a, b), vec2f(c, 1.0))", 3, 20),
@@ -132,7 +134,7 @@ const VECTORS: [(&str, usize, usize); 11] = [
     ("f32(bitcast<u32>(a) >> 9u)", 1, 90),
 ];
 
-/// Sums and products of several operations, whose order of evaluation drivers choose.
+/// Expressions of several operations. Drivers choose the order in which they evaluate them.
 const PROGRAMS: [(&str, usize, usize); 12] = [
     ("(b + b) - 3.0", 2, 90),
     ("(a - b) + 1.0", 2, 60),
@@ -148,7 +150,7 @@ const PROGRAMS: [(&str, usize, usize); 12] = [
     ("a * b % 289.0 + c", 3, 20),
 ];
 
-/// Functions in half precision, whose arguments are rounded to it.
+/// Functions in half precision. Their arguments are rounded to half precision.
 const HALVES: [(&str, usize, usize); 30] = [
     ("a + b", 2, 40),
     ("a - b", 2, 40),
@@ -182,7 +184,8 @@ const HALVES: [(&str, usize, usize); 30] = [
     ("exp(-a * a)", 1, 40),
 ];
 
-/// Results of Mesa's drivers that are outside the bounds, with the reason. They must occur.
+/// Functions for which Mesa's drivers return results outside of the bounds: the path, a part of the expression,
+/// and the reason. If such a function passes, the test fails.
 const KNOWN: [(&str, &str, &str); 5] = [
     (
         "gl",
@@ -192,17 +195,17 @@ const KNOWN: [(&str, &str, &str); 5] = [
     ("vulkan", "mat2x2f", "a c + c a is computed as c (a + a), which overflows"),
     ("gl", "mat2x2f", "as on vulkan"),
     ("gl", "dot(vec3f", "c is factored out of b c + c a, which cancels elsewhere"),
-    ("gl", "f32(i32(a))", "naga's GLSL converts floats out of range as they are"),
+    ("gl", "f32(i32(a))", "naga's GLSL converts floats that are out of range without clamping"),
 ];
 
-/// The number of bounded cases, and the cases outside their bounds.
+/// Returns the number of cases that have bounds, and the indices of the cases outside of their bounds.
 fn outside(bounds: &[Bound], values: &[f64], slack: f64) -> (usize, Vec<usize>) {
     let mut bounded = 0;
     let mut wrong = Vec::new();
     for (case, (bound, value)) in bounds.iter().zip(values).enumerate() {
         let Some((least, most)) = bound.ends() else { continue };
         bounded += 1;
-        // Interval ends are rounded to `f32`; double precision isn't.
+        // The ends of intervals are rounded to `f32`, but values in double precision aren't.
         let slack = slack * value.abs();
         if !(bound.allows(*value) || (least - slack <= *value && *value <= most + slack)) {
             wrong.push(case);
@@ -211,14 +214,14 @@ fn outside(bounds: &[Bound], values: &[f64], slack: f64) -> (usize, Vec<usize>) 
     (bounded, wrong)
 }
 
-/// The errors of a builtin function: which executor returns what outside its bounds.
+/// Tests a builtin function. Each error names an executor and a result outside of the bounds.
 fn unsound(executors: &[&dyn Executor], (text, width, share): (&str, usize, usize)) -> Vec<String> {
     let parameters = ["a: f32", "b: f32", "c: f32"][..width].join(", ");
     let text = format!("fn f({parameters}) -> f32 {{ return {text}; }}");
     unsound_of(executors, (&text, width, share))
 }
 
-/// The same for a function `f`.
+/// Tests the function `f` in `text` like `unsound`.
 fn unsound_of(
     executors: &[&dyn Executor],
     (text, width, share): (&str, usize, usize),
@@ -266,11 +269,12 @@ fn unsound_of(
                 && text.contains(part)
         };
         if let Some((path, part, why)) = KNOWN.iter().find(known) {
-            assert!(found.len() > before, "`{part}` on {path} is mended: {why}");
+            assert!(found.len() > before, "`{part}` on {path} is fixed: {why}");
             found.truncate(before);
         }
     }
-    // A function that jumps may jump elsewhere in double precision, and an overflow isn't bounded there.
+    // A function with jumps may jump at another place in double precision. So the test skips such functions
+    // there.
     let jumps =
         ["%", "floor", "ceil", "round", "trunc", "fract", "step(", "i32", "bitcast", "select", "<"];
     if !jumps.iter().any(|jump| text.contains(jump)) {
@@ -280,7 +284,7 @@ fn unsound_of(
     found
 }
 
-/// The drivers of this machine, and the engine itself.
+/// Returns the drivers of this machine, and the engine.
 fn executors() -> Vec<&'static dyn Executor> {
     let second: Path = "vulkan@swiftshader".parse().expect("a path");
     let all = Path::ALL.into_iter().chain([second]);
@@ -288,6 +292,7 @@ fn executors() -> Vec<&'static dyn Executor> {
     here.chain([Path::CPU]).map(|path| executor::of(path).expect("it opens")).collect()
 }
 
+// Lesson 90
 #[test]
 fn results_of_scalar_built_in_functions_are_allowed() {
     let executors = executors();
@@ -295,6 +300,7 @@ fn results_of_scalar_built_in_functions_are_allowed() {
     assert!(found.is_empty(), "{}", found.join("\n"));
 }
 
+// Lesson 90
 #[test]
 fn results_of_vector_built_in_functions_are_allowed() {
     let executors = executors();
@@ -305,7 +311,7 @@ fn results_of_vector_built_in_functions_are_allowed() {
 #[test]
 fn results_of_half_precision_are_allowed() {
     let mut executors = executors();
-    // SwiftShader has no half precision, and may be the only driver.
+    // SwiftShader has no half precision. It may be the only driver on this machine.
     let is_alone = executors
         .iter()
         .all(|executor| executor.path() == Path::CPU || executor.adapter().is_swiftshader());
@@ -330,6 +336,7 @@ fn results_of_half_precision_are_allowed() {
 }
 
 /// "An implementation may reassociate operations" (WGSL, 15.7.5), and Mesa's compilers do.
+// Lesson 168: each order of terms lies within the bound
 #[test]
 fn results_of_reassociated_programs_are_allowed() {
     let executors = executors();

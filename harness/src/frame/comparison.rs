@@ -1,4 +1,4 @@
-//! Compares a frame with its golden on each path, as the frame declares, and records the verdict.
+//! Compares a frame with its golden on each path, and records the verdict.
 
 use std::sync::LazyLock;
 
@@ -20,7 +20,7 @@ use crate::run::{Judged, Passed, Report, leave_frame_out, or_panic, replay, repo
 use crate::settings;
 
 impl Frame<'_> {
-    /// Draws the frame on each selected path and compares it with a golden. With `KARAT_FRAMES=off` it does neither,
+    /// Draws the frame on each selected path, and compares it with a golden. With `KARAT_FRAMES=off` it draws nothing,
     /// and the returned agreement has no paths.
     ///
     /// ```no_run
@@ -31,17 +31,17 @@ impl Frame<'_> {
     /// ```
     ///
     /// # Panics
-    /// Panics with the [`FrameError`] if the frame differs, or if there is no golden to compare with.
+    /// Panics with the [`FrameError`] if the frame differs from its golden, or if the golden doesn't exist.
     #[track_caller]
     pub fn matches(&self, goldens: &Goldens, case: &str) -> FrameAgreement {
         or_panic(self.try_matches(goldens, case))
     }
 
-    /// [`matches`](Self::matches) without the panic. With `KARAT_FRAMES=off` it draws the frame only if it is
-    /// [unrecorded](Self::unrecorded).
+    /// Like [`matches`](Self::matches), but returns an error instead of panicking. With `KARAT_FRAMES=off` it draws
+    /// only an [unrecorded](Self::unrecorded) frame.
     ///
     /// # Errors
-    /// If the frame differs, or if there is no golden to compare with.
+    /// If the frame differs from its golden, or if the golden doesn't exist.
     #[track_caller]
     pub fn try_matches(&self, goldens: &Goldens, case: &str) -> Result<FrameAgreement, FrameError> {
         if self.is_left_out() {
@@ -52,7 +52,7 @@ impl Frame<'_> {
         self.reported((case.to_owned(), folder), |report| self.compare(goldens, case, report))
     }
 
-    /// Returns `true` if the frame isn't drawn, and notes that.
+    /// Reports if the settings say not to draw the frame, and notes that.
     pub(super) fn is_left_out(&self) -> bool {
         let left_out = self.recorded && settings::leaves_frames_out();
         if left_out {
@@ -115,7 +115,7 @@ impl Frame<'_> {
             };
             let known_issue = frame.known_issue;
             let compared = goldens.check(case, &frame);
-            // Any other error of the golden says more than "no draw changed any pixel".
+            // Any other error of the golden is more useful than "no draw touches a pixel".
             let passes = matches!(compared, Ok(_) | Err(GoldenError::Missing { .. }));
             if let Some(clear) = self.scene.untouched(&image).filter(|_| passes) {
                 return Err(FrameError::Untouched { clear });
@@ -140,7 +140,7 @@ impl Frame<'_> {
                     return Ok(Judged { record, values: Ok(margin) });
                 }
                 Err(mut cause) => {
-                    // `karat trace` finds a frame that a file declares by this name.
+                    // `karat trace` finds a frame by this name if a file declares the frame.
                     if self.declared_at.is_some() {
                         cause.point_at_worst();
                     }
@@ -158,8 +158,7 @@ impl Frame<'_> {
                     let record = PathRecord { failures, worst, ratio, ..record };
                     Ok(Judged { record, values: Err(cause) })
                 }
-                // The frame has another size, or the golden is missing or can't be used: there are no values to
-                // compare.
+                // There are no values to compare: the frame's size differs, or the golden is missing or unusable.
                 _ => Err(FrameError::Golden { adapter: Box::new(adapter.clone()), cause }),
             }
         };
@@ -178,11 +177,10 @@ impl Frame<'_> {
     }
 }
 
-/// The result of comparing a frame with its golden.
 type Compared = Result<FrameMargin, Box<GoldenError>>;
 
 impl Frame<'_> {
-    /// Checks that each tolerance has a usable bound, and that its path can exist.
+    /// Checks that each tolerance has usable bounds and a selector that can match a path.
     fn check_tolerances(&self) -> Result<(), FrameError> {
         sound_paths("tolerance_on", &self.tolerance_on)?;
         let on_paths = self.tolerance_on.iter().map(|(_, tolerance)| tolerance);
@@ -190,11 +188,12 @@ impl Frame<'_> {
         all.find_map(FrameTolerance::unusable).map_or(Ok(()), |why| Err(FrameError::Tolerance(why)))
     }
 
-    /// The tolerance for a path: the path's own, or else the frame's, or else the default for an image that isn't a
-    /// colour, which HDR-FLIP can't judge. Integers must be equal. Depths differ by rounding: far surfaces have depths
-    /// close to 1, where 1e-3 would be a multiple of the distance.
+    /// The tolerance for a path. The path's own tolerance comes first, and the frame's tolerance second. Without
+    /// either, integers and depths have a default, because HDR-FLIP can't judge them: integers must be equal, and
+    /// depths must be within 1e-5. Depths of far surfaces are close to 1, so a bound of 1e-3 would allow large
+    /// differences in distance.
     fn tolerance_of(&self, path: Path, adapter: &Adapter) -> Option<&FrameTolerance> {
-        // Images hold integers up to 2^24; two different ones differ by at least 6e-8.
+        // Images store integers up to 2^24 as floats. Two different integers differ by at least 6e-8 of their value.
         static EXACT: LazyLock<FrameTolerance> = LazyLock::new(|| FrameTolerance::from(1e-8));
         static DEPTH: LazyLock<FrameTolerance> = LazyLock::new(|| FrameTolerance::from(1e-5));
         let of_content = || match self.scene.result {
@@ -207,16 +206,16 @@ impl Frame<'_> {
         self.tolerance_on.on(path, adapter).or(self.tolerance.as_ref()).or_else(of_content)
     }
 
-    /// The first AOV name that the file format doesn't allow, and why.
+    /// The first AOV name that the file can't store, and the reason.
     fn unusable_aov(&self) -> Option<(&str, &'static str)> {
         let sound = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
         self.aovs.iter().enumerate().find_map(|(index, (name, _))| {
             let reason = if name.is_empty() || name.len() > 255 || !name.chars().all(sound) {
                 "use 1 to 255 letters, digits, `-`, `_` and `.`"
             } else if [COLOR, VARIANCE, MASK].contains(&name.as_str()) {
-                "it is the name of another part of a golden"
+                "a golden has another part of that name"
             } else if self.aovs[..index].iter().any(|(other, _)| other == name) {
-                "another one has it"
+                "another AOV has that name"
             } else {
                 return None;
             };
@@ -224,13 +223,16 @@ impl Frame<'_> {
         })
     }
 
-    /// The AOVs, drawn on an executor. One that can't be drawn is left out, and affects no verdict.
+    /// The AOVs that the executor can draw. A missing AOV affects no verdict.
     fn aovs_on(&self, executor: &dyn Executor) -> Vec<Part> {
         let draw = |frame: &Self| super::drawn(executor, &frame.drawing_on(executor)?);
         let drawn = self.aovs.iter().filter_map(|(name, frame)| match draw(frame) {
             Ok(image) => Some(Part::new(name, Gate::default().precision_for(&image, None), image)),
             Err(error) => {
-                eprintln!("note: the AOV `{name}` isn't kept: {}", visible(&error.to_string()));
+                eprintln!(
+                    "note: Karat can't draw the AOV `{name}`, so it isn't kept: {}",
+                    visible(&error.to_string())
+                );
                 None
             }
         });
@@ -238,7 +240,6 @@ impl Frame<'_> {
     }
 }
 
-/// The number of pixels outside the tolerance.
 fn outliers(difference: &FrameDifference) -> u64 {
     match difference {
         FrameDifference::Values(deviation) => deviation.outliers as u64,

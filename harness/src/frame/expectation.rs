@@ -1,4 +1,4 @@
-//! Compares the mean colour of a part of a frame with an expected colour, without a golden.
+//! Compares the mean colour of a rectangle in a frame with an expected colour.
 
 use super::{Frame, FrameError};
 use crate::executor::Executor;
@@ -9,7 +9,7 @@ use crate::record::PathRecord;
 use crate::run::{Judged, KnownIssue, Report, or_panic, replay};
 use crate::tolerance::{LaneError, Tolerance};
 
-/// The mean of a rectangle on each path.
+/// The mean colours of a rectangle that passed on each path.
 ///
 /// ```
 /// # use karat::metric::Rect;
@@ -26,13 +26,13 @@ use crate::tolerance::{LaneError, Tolerance};
 pub struct FrameMean {
     /// Each path with the mean of red, green and blue.
     pub paths: Vec<(Adapter, [f64; 3])>,
-    /// Paths that fail as declared. They are not in `paths`.
+    /// Known issues: paths that fail as the test declared. `paths` doesn't contain them.
     pub known_issues: Vec<KnownIssue>,
 }
 
 impl Frame<'_> {
-    /// Draws the frame on each selected path and compares the mean colour of a rectangle with the expected one. A value
-    /// that isn't finite fails. With `KARAT_FRAMES=off` it does neither.
+    /// Draws the frame on each selected path, and compares the mean colour of a rectangle with the expected colour. The
+    /// check fails if a value in the rectangle isn't finite. With `KARAT_FRAMES=off` it draws nothing.
     ///
     /// ```
     /// use karat::metric::Rect;
@@ -45,7 +45,7 @@ impl Frame<'_> {
     /// ```
     ///
     /// # Panics
-    /// Panics with the [`FrameError`] if a mean differs or can't be computed.
+    /// Panics with the [`FrameError`] if a mean differs, or if Karat can't compute it.
     #[track_caller]
     pub fn has_mean(
         &self,
@@ -56,11 +56,11 @@ impl Frame<'_> {
         or_panic(self.try_has_mean(rect, expected, tolerance))
     }
 
-    /// [`has_mean`](Self::has_mean) without the panic. With `KARAT_FRAMES=off` it draws the frame only if it is
-    /// [unrecorded](Self::unrecorded).
+    /// Like [`has_mean`](Self::has_mean), but returns an error instead of panicking. With `KARAT_FRAMES=off` it draws
+    /// only an [unrecorded](Self::unrecorded) frame.
     ///
     /// # Errors
-    /// If a mean differs or can't be computed.
+    /// If a mean differs, or if Karat can't compute it.
     #[track_caller]
     pub fn try_has_mean(
         &self,
@@ -88,7 +88,7 @@ impl Frame<'_> {
     ) -> Result<FrameMean, FrameError> {
         if let Some(bound) = tolerance.unusable() {
             return Err(FrameError::Tolerance(format!(
-                "{bound}; a bound is a number of at least 0"
+                "{bound}: use a finite number of at least 0"
             )));
         }
         replay::begin_frame(name)?;
@@ -137,10 +137,9 @@ impl Frame<'_> {
     }
 }
 
-/// A mean with its error.
 type Mean = ([f64; 3], LaneError);
 
-/// The mean of red, green and blue; NaN if a value isn't finite.
+/// The mean of red, green and blue. It is NaN if a value isn't finite.
 fn mean(image: &Image, rect: Rect) -> [f64; 3] {
     let rows = image.pixels().chunks(image.width() as usize).skip(rect.top as usize);
     let columns = rect.left as usize..(rect.left + rect.width) as usize;

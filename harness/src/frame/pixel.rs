@@ -1,4 +1,4 @@
-//! Traces one pixel of a frame: the inputs of its fragment function, and each step of that function in the engine.
+//! Traces one pixel of a frame: the inputs of the fragment function, and each step of the function in the engine.
 
 use super::tap::{Candidate, Read, TapError, candidates, read};
 use super::{Frame, drawn};
@@ -12,25 +12,25 @@ use crate::probe::Probed;
 use crate::reflect::When;
 use crate::value::{Scalar, Shape};
 
-/// A pixel, with the inputs and the steps of its fragment function.
+/// A traced pixel: the inputs and the steps of its fragment function.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct TracedPixel {
     /// The fragment function of the draw that is visible at the pixel: `scene::fragment`.
     pub function: String,
-    /// Its arguments by name, as the driver interpolated them.
+    /// The arguments by name, as the driver interpolated them.
     pub arguments: Vec<(String, String)>,
-    /// Each operation, in the engine.
+    /// Each operation of the function in the engine.
     pub steps: Vec<Step>,
-    /// The result of the function in the engine.
+    /// The function's result in the engine.
     pub engine: String,
-    /// The pixel as the driver drew it.
+    /// The pixel's value as the driver drew it.
     pub driver: [f32; 4],
-    /// Notes on the values.
+    /// Notes about the trace.
     pub notes: Vec<String>,
 }
 
-/// An argument, on all pixels.
+/// The values of one argument on all pixels.
 struct Argument {
     name: String,
     shape: Shape,
@@ -38,7 +38,7 @@ struct Argument {
 }
 
 impl Argument {
-    /// Its lanes at a pixel, if the function ran there.
+    /// The lanes of the argument at a pixel. `None` says that the function didn't run there.
     fn at(&self, pixel: usize) -> Option<&[u32]> {
         let width = self.shape.lanes().len();
         let ran = self.read.times.get(pixel)?.is_some_and(|times| times > 0);
@@ -47,8 +47,8 @@ impl Argument {
 }
 
 impl Frame<'_> {
-    /// Traces the pixel in column `x` and row `y`, from 0 at the upper left. A driver interpolates the inputs, and the
-    /// engine runs the fragment function on them with the frame's resources.
+    /// Traces the pixel in column `x` and row `y`, counted from 0 at the upper left. A driver interpolates the inputs
+    /// of the fragment function. The engine then runs the function with these inputs and the frame's resources.
     ///
     /// ```no_run
     /// use karat::Path;
@@ -65,20 +65,20 @@ impl Frame<'_> {
     /// ```
     ///
     /// # Errors
-    /// If no draw covers the pixel, if the frame can't be drawn, or if the engine can't execute the function.
+    /// If no draw covers the pixel, if the frame can't be drawn, or if the engine can't run the function.
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: for programs that run tests.
     pub fn trace(&self, path: Path, pixel: (u32, u32)) -> Result<TracedPixel, TapError> {
         self.trace_layer(path, pixel, 1)
     }
 
-    /// Like [`trace`](Self::trace), but for any draw that covers the pixel: 1 is the visible one, 2 the one that would
-    /// be visible without it, and so on.
+    /// Like [`trace`](Self::trace), but for the draw in layer `layer` at the pixel. Layer 1 is the visible draw. Layer
+    /// 2 is the draw that would be visible without layer 1, and so on.
     ///
     /// # Errors
-    /// The same as for [`trace`](Self::trace).
+    /// As for [`trace`](Self::trace).
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: for programs that run tests.
     pub fn trace_layer(
         &self,
         path: Path,
@@ -120,7 +120,7 @@ impl Frame<'_> {
         };
         let probed = Probed::with_overrides(scene.package, &of_module(), &scene.overrides)?;
         let mut probed = probed.with_varying();
-        // Other draws' fixtures don't belong to this one.
+        // Skips the fixtures that only other draws use.
         let own = fixture::resolve(&probed.function().bindings, drawing.fixtures());
         let own = own.map_err(DrawError::from)?.into_iter();
         let fixtures: Fixtures =
@@ -130,12 +130,12 @@ impl Frame<'_> {
         let Pixel { steps, more, results } = trace_pixel(&probed, &fixtures, &quad, place((x, y)))?;
         if more {
             notes.push(format!(
-                "of an operation that runs more than {BRIEFLY} times the first {BRIEFLY} are shown"
+                "an operation that runs more than {BRIEFLY} times is shown only {BRIEFLY} times"
             ));
         }
         if drawing.scene().samples > 1 {
             notes.push(
-                "the inputs are those at the pixel's centre, and the frame has several samples"
+                "the trace has the inputs at the pixel's centre, but the frame has several samples a pixel"
                     .to_owned(),
             );
         }
@@ -158,7 +158,7 @@ impl Frame<'_> {
     }
 }
 
-/// A note where the driver's colour isn't the engine's.
+/// A note if the driver's colour differs from the engine's colour.
 fn compared(
     drawing: &Drawing<'_>,
     probed: &Probed,
@@ -168,7 +168,7 @@ fn compared(
     let scene = drawing.scene();
     if drawing.blends() {
         return Some(
-            "the frame blends: the driver's colour is made of several draws, and these are the steps of the last one"
+            "the frame blends: several draws contribute to the driver's colour, and these are the steps of the last draw"
                 .to_owned(),
         );
     }
@@ -183,13 +183,13 @@ fn compared(
     };
     let parts = result.iter().zip(&driver).any(far);
     parts.then(|| {
-        "the driver drew another colour than the engine returns: look for the first step that isn't finite, or that \
-         WGSL leaves open"
+        "the driver's colour differs from the engine's: look for the first step that isn't finite, or that \
+         WGSL doesn't define exactly"
             .to_owned()
     })
 }
 
-/// The arguments of a fragment function on all pixels, in their order.
+/// The arguments of a fragment function on all pixels, in the function's order.
 fn arguments(
     device: &Device,
     drawing: &Drawing<'_>,
@@ -209,7 +209,7 @@ fn arguments(
     Ok(own.into_iter().zip(read).map(told).collect())
 }
 
-/// The lanes of a call at each pixel of a quad, and notes on those that aren't known.
+/// The lanes of a call at each pixel of a quad, with notes about unknown neighbours.
 fn quad(
     probed: &Probed,
     arguments: &[Argument],
@@ -227,7 +227,7 @@ fn quad(
         let here = at[own].unwrap_or_default();
         let [beside, below] = [at[own ^ 1], at[own ^ 2]];
         unknown |= shape.quad().is_some() && (beside.is_none() || below.is_none());
-        // Towards an unknown neighbour nothing varies.
+        // An unknown neighbour gets the pixel's own values, so derivatives towards it are 0.
         let [beside, below] = [beside, below].map(|one| one.unwrap_or(here));
         let across = |(index, scalar): (usize, &Scalar)| match scalar.is_float() {
             true => {
@@ -247,19 +247,19 @@ fn quad(
     }
     let notes = unknown.then(|| {
         format!(
-            "a neighbour in the pixel's quad isn't drawn by the same function, so that its inputs aren't known on {path}: \
-             derivatives towards it are 0 here"
+            "another function draws a neighbour in the pixel's quad, so the neighbour's inputs are unknown on {path}: \
+             derivatives towards that neighbour are 0 here"
         )
     });
     let alone = (probed.function().form.alone && own != 0).then(|| {
-        "the function writes storage, so the engine runs it for this pixel alone: derivatives are those of a quad that \
-         begins here"
+        "the function writes storage, so the engine runs it for this pixel only: derivatives are those of a quad that \
+         begins at this pixel"
             .to_owned()
     });
     (quad, notes.into_iter().chain(alone).collect())
 }
 
-/// The place of a pixel in its quad: 1 is on the right, 2 below.
+/// The index of a pixel in its quad: bit 0 is set on the right, bit 1 is set below.
 fn place((x, y): (u32, u32)) -> usize {
     ((x & 1) | (y & 1) << 1) as usize
 }

@@ -1,4 +1,4 @@
-//! Reads intermediate values of a frame's fragment functions, pixel by pixel.
+//! Reads intermediate values of a frame's fragment functions on each pixel.
 
 use std::collections::BTreeSet;
 
@@ -17,8 +17,8 @@ use crate::record::tell_prints;
 use crate::reflect::{Program, Valued, WORDS, When};
 use crate::value::Shape;
 
-/// Selects the value that [`Frame::tap`] returns. It is a value of the frame's fragment functions, or of functions that
-/// they call.
+/// Selects the value that [`Frame::tap`] reads: a value in the frame's fragment functions, or in functions that they
+/// call.
 #[derive(Clone, Debug)]
 pub struct Tap {
     pub(crate) wanted: String,
@@ -27,144 +27,150 @@ pub struct Tap {
 }
 
 impl Tap {
-    /// Selects a value by its text or its place in the shader. The text is the name of a `let` or of a parameter, or an
-    /// expression that occurs once. If several functions have the name, put the function's path before it
-    /// (`brdf::shade::n_dot_v`). A place, `scene.wgsl:42:13`, selects the largest expression that begins there; on the
-    /// name of a `let` it selects the `let`'s value. `scene.wgsl:42` selects the value of the line's only `let`.
+    /// Selects a value by its text or by its position in the shader.
+    ///
+    /// The text is the name of a `let` or of a parameter, or an expression that occurs once. If several functions use
+    /// the name, put the function's path before the name (`brdf::shade::n_dot_v`).
+    ///
+    /// The position `scene.wgsl:42:13` selects the largest expression that begins there. If the name of a `let` begins
+    /// there, it selects the value of the `let`. The position `scene.wgsl:42` selects the value of the only `let` on
+    /// that line.
     #[must_use]
     pub fn new(wanted: &str) -> Self {
         Self { wanted: wanted.to_owned(), round: None, beside: false }
     }
 
-    /// Returns `true` for `karat:print`, which selects each line that prints.
+    /// Checks if the tap selects each line that prints (`karat:print`).
     #[must_use]
     pub fn is_of_prints(&self) -> bool {
         self.wanted == "karat:print"
     }
 
-    /// The same tap for another value.
+    /// A copy of this tap for another value.
     #[must_use]
     pub fn of(&self, wanted: &str) -> Self {
         Self { wanted: wanted.to_owned(), ..self.clone() }
     }
 
-    /// Selects the value that a pixel computes for the `round`th time, counted from 1, instead of the last one.
+    /// Selects the value that a pixel computes for the `round`th time, counted from 1. By default, a tap reads the last
+    /// value.
     #[must_use]
     pub fn round(self, round: Option<u32>) -> Self {
         Self { round, ..self }
     }
 
-    /// Also draws the frame's colours with the value, and compares them with the original frame's. A driver may compute
-    /// a value differently when it computes nothing else. This takes twice as long as the frame.
+    /// Also draws the frame's colours beside the value, and compares them with the original frame's colours. A driver
+    /// may compute a value differently if it doesn't compute the colours. This option doubles the time.
     #[must_use]
     pub fn beside(self, beside: bool) -> Self {
         Self { beside, ..self }
     }
 }
 
-/// A value on all pixels of a frame, as a driver computed it.
+/// The values of one expression on all pixels of a frame, as a driver computed them.
 #[derive(Clone, Debug)]
 #[non_exhaustive]
 pub struct Tapped {
-    /// Its place in the author's file.
+    /// The position of the expression in the source file.
     pub span: Span,
-    /// Its text there.
+    /// The text of the expression.
     pub text: String,
-    /// The name of its `let` or parameter.
+    /// The name of the `let` or the parameter, if there is one.
     pub name: Option<String>,
-    /// The function that computes it.
+    /// The function that contains the expression.
     pub function: String,
-    /// Its type.
+    /// The type of the values.
     pub shape: Shape,
-    /// The width and height of the frame. For a pass, its invocations, with all layers below each other.
+    /// The width and height of the frame. For a pass, the number of invocations in x and y, with all layers in z below
+    /// each other.
     pub size: (u32, u32),
-    /// The word for an owner of the value: a pixel or an invocation.
+    /// The word for the owner of a value: `pixel` or `invocation`.
     pub of: &'static str,
-    /// How often each pixel computed it, row by row; `None` if no draw covers the pixel.
+    /// For each pixel, row by row, how often the pixel computed the value. `None` says that no draw covers the pixel.
     pub times: Vec<Option<u32>>,
-    /// The lanes of the value, pixel after pixel; zeros for pixels without it.
+    /// The lanes of the values, pixel after pixel. A pixel without a value has zeros.
     pub lanes: Vec<u32>,
-    /// Set if another value has the same name in the same function, so that a file name needs the line, too.
+    /// Set if another value has the same name in the same function. File names then need the line, too.
     pub has_twin: bool,
-    /// The round that was asked for.
+    /// The selected round.
     pub round: Option<u32>,
-    /// For each pixel, `true` if it has the value.
+    /// For each pixel, set if it has the value.
     pub told: Vec<bool>,
-    /// The number of pixels whose colour changed when the value was drawn with it: the driver then compiles another
-    /// program. `None` if the value was drawn alone.
+    /// The number of pixels whose colour changed because the draw also returned the value. The driver compiles another
+    /// program for such a draw. `None` says that the value was drawn without colours.
     pub changed: Option<usize>,
 }
 
-/// The reason why a value can't be read.
+/// The reason why Karat can't read a value.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum TapError {
-    /// The frame can't be drawn.
+    /// Karat can't draw the frame.
     #[error(transparent)]
     Frame(#[from] FrameError),
-    /// No fragment function of the frame has it.
+    /// The fragment functions of the frame don't have such a value.
     #[error("the frame has no value `{wanted}`{more}")]
     Unknown {
-        /// The value, as the caller asked for it.
+        /// The value that the caller named.
         wanted: String,
-        /// Suggestions.
+        /// A suggestion for the user.
         more: String,
     },
-    /// It occurs in several places.
-    #[error("`{wanted}` is {} values: say which\n  {}", places.len(), places.join("\n  "))]
+    /// Several values match the name or the text.
+    #[error("`{wanted}` matches {} values: choose one\n  {}", places.len(), places.join("\n  "))]
     Several {
-        /// The value, as the caller asked for it.
+        /// The value that the caller named.
         wanted: String,
-        /// Each place, with its function and its text.
+        /// The position, function and text of each value.
         places: Vec<String>,
     },
-    /// Its value can't be read.
-    #[error("{place}: `{text}` can't be tapped: it is {why}")]
+    /// Values of this kind can't be read.
+    #[error("{place}: `{text}` can't be tapped, because it is {why}")]
     Untold {
-        /// Its place.
+        /// The position of the value.
         place: String,
-        /// Its text.
+        /// The text of the value.
         text: String,
-        /// Its kind.
+        /// The kind of the value.
         why: String,
     },
-    /// The passes can't be dispatched.
+    /// Karat can't dispatch the passes.
     #[error(transparent)]
     Dispatch(#[from] DispatchError),
-    /// The engine can't execute the fragment function.
+    /// The engine can't run the fragment function.
     #[error(transparent)]
     Probe(#[from] ProbeError),
-    /// The frame has no such pixel.
-    #[error("the frame has {} x {} pixels, from (0, 0) at the upper left, and no pixel ({}, {})", size.0, size.1, pixel.0, pixel.1)]
+    /// The frame doesn't contain the pixel.
+    #[error("the frame has {} x {} pixels, counted from (0, 0) at the upper left, but no pixel ({}, {})", size.0, size.1, pixel.0, pixel.1)]
     Outside {
-        /// Column and row.
+        /// The column and row of the pixel.
         pixel: (u32, u32),
-        /// Width and height.
+        /// The width and height of the frame.
         size: (u32, u32),
     },
     /// No draw covers the pixel.
-    #[error("no draw shows at the pixel ({}, {}): none covers it, or all that do discard it", pixel.0, pixel.1)]
+    #[error("no draw is visible at the pixel ({}, {}): no draw covers the pixel, or their fragment functions discard it", pixel.0, pixel.1)]
     Undrawn {
-        /// Column and row.
+        /// The column and row of the pixel.
         pixel: (u32, u32),
     },
-    /// The frame's colours can't be drawn with a value.
+    /// The frame's colours can't be drawn beside a value.
     #[error(
-        "the frame has several targets or samples, so that its colours can't be drawn beside the value: tap it alone"
+        "the frame has several targets or samples, so its colours can't be drawn beside the value: tap the value without the colours"
     )]
     Beside,
-    /// No pixel computes it that often.
-    #[error("nothing computes `{value}` for the time {round}: at most {most} times")]
+    /// No pixel computes the value in this round.
+    #[error("no pixel computes `{value}` {round} times: the largest number is {most}")]
     Round {
-        /// The value, as the caller asked for it.
+        /// The value that the caller named.
         value: String,
-        /// The round that was asked for.
+        /// The selected round.
         round: u32,
-        /// The largest number of times that a pixel computes it.
+        /// The largest number of times that a pixel computes the value.
         most: u32,
     },
     /// The frame draws only depth.
-    #[error("the frame has no fragment function: it draws depth alone")]
+    #[error("the frame has no fragment function: it draws only depth")]
     Depth,
 }
 
@@ -174,12 +180,12 @@ impl From<DrawError> for TapError {
     }
 }
 
-/// A value with its place in the author's file.
+/// A value that can be tapped, with its position in the source file.
 pub(crate) struct Candidate {
     pub(crate) value: Valued,
     span: Span,
     pub(crate) text: String,
-    /// The place of the name, if a `let` names it.
+    /// The position of the `let`'s name, if there is one.
     named: Option<Span>,
 }
 
@@ -193,7 +199,7 @@ impl Candidate {
         format!("{}:{line}:{column}", self.span.file.name)
     }
 
-    /// Its type, if it can be read.
+    /// The type of the value.
     pub(crate) fn shape(&self) -> Result<Shape, TapError> {
         self.value.shape.clone().map_err(|why| TapError::Untold {
             place: self.place(),
@@ -202,14 +208,14 @@ impl Candidate {
         })
     }
 
-    /// Its name, with the function's path before it, if it is a `let` or a parameter.
+    /// The path of the function and the name of the `let` or parameter, if there is one.
     fn path(&self, program: &Program) -> Option<String> {
         let name = self.value.name.as_ref()?;
         let is_own = self.named.is_some() || self.value.range.is_none();
         is_own.then(|| format!("{}::{name}", program.path_of(&self.value.function)))
     }
 
-    /// The value in one line: its name, its type, its place and its text.
+    /// A line with the name, the type, the position and the text of the value.
     fn told(&self, program: &Program) -> String {
         let text = self.text.split_whitespace().collect::<Vec<_>>().join(" ");
         let shape = match &self.value.shape {
@@ -225,12 +231,12 @@ impl Candidate {
         }
     }
 
-    /// The value in one line, if it has a name and a value.
+    /// The same line, if the value has a name and can be read.
     pub(crate) fn listed(&self, program: &Program) -> Option<String> {
         (self.value.shape.is_ok() && self.path(program).is_some()).then(|| self.told(program))
     }
 
-    /// Returns `true` for a `let` or a parameter with this name, or with a path that ends in it.
+    /// Checks if the value is a `let` or a parameter with this name or path.
     fn is_named(&self, name: &str, program: &Program) -> bool {
         let path = self.path(program);
         path.is_some_and(|path| {
@@ -242,7 +248,7 @@ impl Candidate {
     }
 }
 
-/// All values of some entry points, in the order of functions.
+/// All values in code that some entry points run, ordered by function.
 pub(crate) fn candidates(program: &Program, entry_points: &[&str]) -> Vec<Candidate> {
     let values = program.values_of(entry_points);
     let mut all: Vec<Candidate> = Vec::new();
@@ -254,7 +260,7 @@ pub(crate) fn candidates(program: &Program, entry_points: &[&str]) -> Vec<Candid
             None => of_function(),
         };
         let Some((span, text)) = found else { continue };
-        // Of several values at one place, the last is the one in the text: naga makes the others from its parts.
+        // naga may make several values at one position. Only the last one is the whole expression.
         let same = |other: &Candidate| {
             value.range.is_some()
                 && other.value.range == value.range
@@ -282,7 +288,7 @@ pub(crate) fn candidates(program: &Program, entry_points: &[&str]) -> Vec<Candid
                 (found.named, found.value.name) = (named, Some(name));
                 continue;
             }
-            // A second name of a value.
+            // This `let` gives a second name to a value.
             let initialiser = program.text()[start..end].trim_matches([' ', '=', ';', '\n', '\t']);
             let is_it = |one: &&Candidate| {
                 one.value.function == function && one.value.name.as_deref() == Some(initialiser)
@@ -297,7 +303,7 @@ pub(crate) fn candidates(program: &Program, entry_points: &[&str]) -> Vec<Candid
     all
 }
 
-/// The places of the lines that print, in code that some entry points run.
+/// The positions of the lines that print, in code that some entry points run.
 pub(crate) fn prints(program: &Program, entry_points: &[&str]) -> Vec<String> {
     let all = candidates(program, entry_points);
     let is_print =
@@ -306,7 +312,7 @@ pub(crate) fn prints(program: &Program, entry_points: &[&str]) -> Vec<String> {
     all.iter().filter(is_print).map(place).collect()
 }
 
-/// Splits a place into a path, a line from 1, and a column if it has one.
+/// Splits a position into a path, a line from 1, and a column if there is one.
 fn place_of(wanted: &str) -> Option<(&str, usize, Option<usize>)> {
     let (rest, last) = wanted.rsplit_once(':')?;
     let last: usize = last.parse().ok()?;
@@ -316,7 +322,7 @@ fn place_of(wanted: &str) -> Option<(&str, usize, Option<usize>)> {
     }
 }
 
-/// The index of the wanted value.
+/// The index of the value that the caller named.
 fn find(program: &Program, all: &[Candidate], wanted: &str) -> Result<usize, TapError> {
     let (mut found, mut more) = match place_of(wanted) {
         Some(place) => at_place(all, place, program),
@@ -329,7 +335,7 @@ fn find(program: &Program, all: &[Candidate], wanted: &str) -> Result<usize, Tap
             (if named.is_empty() { of(all, &is_text) } else { named }, String::new())
         }
     };
-    // Copies of a function in two modules have the same place.
+    // Two modules may contain copies of one function, whose values have the same position.
     let mut places = BTreeSet::new();
     found.retain(|index| {
         let Candidate { value, .. } = &all[*index];
@@ -342,7 +348,7 @@ fn find(program: &Program, all: &[Candidate], wanted: &str) -> Result<usize, Tap
             let is_variable =
                 all.iter().any(|one| program.declares_var(&one.value.function, wanted));
             if more.is_empty() && is_variable {
-                more = ": it is a `var`, which has a value each time that it is set, so name the expression".to_owned();
+                more = ": it is a `var`, which changes with each assignment: name the assigned expression instead".to_owned();
             } else if let Some(near) =
                 nearest(wanted, names.iter().copied()).filter(|_| more.is_empty())
             {
@@ -357,15 +363,15 @@ fn find(program: &Program, all: &[Candidate], wanted: &str) -> Result<usize, Tap
     }
 }
 
-/// A part of a value, as written: `.b`, `[1].x`.
+/// A member or element of a value, as the caller wrote it: `.b`, `[1].x`.
 pub(crate) struct Wanted {
     suffix: String,
     part: Part,
     shape: Shape,
 }
 
-/// A value; whether another value has the same name in its function; and the wanted part, if the caller asked for a
-/// part.
+/// Finds the value that the caller named. The flag says that another value has the same name in the same function. The
+/// last result is the part of the value, if the caller named a part.
 pub(crate) fn find_or_part(
     program: &Program,
     entry_points: &[&str],
@@ -394,12 +400,11 @@ pub(crate) fn find_or_part(
     Ok((all.swap_remove(found), has_twin, part))
 }
 
-/// The indices of the candidates for which `is` returns `true`.
 fn of(all: &[Candidate], is: &dyn Fn(&Candidate) -> bool) -> Vec<usize> {
     (0..all.len()).filter(|index| is(&all[*index])).collect()
 }
 
-/// The index of the value at a place; or the other values on that line.
+/// The indices of the values at a position. If there are none, a text with the other values on that line.
 fn at_place(
     all: &[Candidate],
     (file, line, column): (&str, usize, Option<usize>),
@@ -428,27 +433,25 @@ fn at_place(
     let more = match (found.is_empty(), on_line.is_empty()) {
         (false, _) => String::new(),
         (true, true) if !all.iter().any(is_file) => {
-            ": what its fragment functions run has nothing in this file".to_owned()
+            ": its fragment functions run no code in this file".to_owned()
         }
-        (true, true) => {
-            ": what its fragment functions run computes nothing of its own on this line".to_owned()
-        }
+        (true, true) => ": its fragment functions compute no value on this line".to_owned(),
         (true, false) => {
             let there: Vec<_> = on_line.iter().map(|index| all[*index].told(program)).collect();
-            format!("; on this line there are\n  {}", there.join("\n  "))
+            format!("; this line has the values\n  {}", there.join("\n  "))
         }
     };
     (found, more)
 }
 
 impl Frame<'_> {
-    /// The named values, each with its place and function: `let` statements and parameters of the frame's fragment
-    /// functions, and of functions that they call.
+    /// The named values of the frame: `let`s and parameters in the fragment functions, and in functions that they call.
+    /// Each line has the position and the function.
     ///
     /// # Errors
     /// If the frame can't be drawn.
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: for programs that run tests.
     pub fn values(&self, path: Path) -> Result<Vec<String>, TapError> {
         let executor = executor::of(path).map_err(DrawError::from)?;
         let drawing = self.drawing_on(executor)?;
@@ -457,21 +460,21 @@ impl Frame<'_> {
         Ok(all.iter().filter_map(|one| one.listed(program)).collect())
     }
 
-    /// The places of the lines that print, in code that the frame's fragment functions run. Each works as an argument
-    /// of [`Tap::new`].
+    /// The positions of the lines that print in code that the fragment functions run. [`Tap::new`] accepts each
+    /// position.
     ///
     /// # Errors
     /// If the frame can't be drawn.
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: for programs that run tests.
     pub fn prints(&self, path: Path) -> Result<Vec<String>, TapError> {
         let executor = executor::of(path).map_err(DrawError::from)?;
         let drawing = self.drawing_on(executor)?;
         Ok(prints(drawing.program(), &drawing.fragments()))
     }
 
-    /// A value that the frame's fragment functions compute, on all pixels, as a driver computes it. Each pixel has the
-    /// value of its visible draw.
+    /// Reads a value that the frame's fragment functions compute, on all pixels. A driver computes the value. Each
+    /// pixel has the value of its visible draw.
     ///
     /// ```no_run
     /// use karat::Path;
@@ -489,20 +492,20 @@ impl Frame<'_> {
     /// ```
     ///
     /// # Errors
-    /// If there is no such value, or the frame can't be drawn.
+    /// If the frame has no such value, or if it can't be drawn.
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: for programs that run tests.
     pub fn tap(&self, path: Path, tap: &Tap) -> Result<Tapped, TapError> {
         Ok(self.taps(path, std::slice::from_ref(tap))?.swap_remove(0))
     }
 
-    /// Several values. One draw reads as many as fit into the 32 bytes of a pixel. A value with the frame's colours
-    /// [beside](Tap::beside) it has draws of its own.
+    /// Reads several values. One draw reads as many values as fit into the 32 bytes of a pixel. A value with colours
+    /// [beside](Tap::beside) it needs its own draws.
     ///
     /// # Errors
-    /// The same as for [`tap`](Self::tap), for any of them.
+    /// As for [`tap`](Self::tap).
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: for programs that run tests.
     pub fn taps(&self, path: Path, taps: &[Tap]) -> Result<Vec<Tapped>, TapError> {
         let executor = executor::of(path).map_err(DrawError::from)?;
         let drawing = self.drawing_on(executor)?;
@@ -537,16 +540,16 @@ impl Frame<'_> {
     }
 }
 
-/// Fails if an assertion of a fragment function is false for a visible pixel, and names the assertions that weren't
-/// checked.
+/// Fails if an assertion of a fragment function is false for a visible pixel. Prints a note for each assertion that it
+/// couldn't check.
 pub(super) fn expect_asserted(drawing: &Drawing<'_>, path: Path) -> Result<(), FrameError> {
     let of = |names: &[&str]| assertions(drawing.program(), names).map_err(DrawError::from);
     let all = of(&drawing.fragments())?;
     let mut notes = String::new();
     for (_, span, text) in of(&drawing.vertices())? {
         if !all.iter().any(|(_, own, _)| *own == span) {
-            let why = "in a frame only fragment functions are looked at";
-            notes += &format!("note: {span}: nothing looks at the assertion `{text}`: {why}\n");
+            let why = "in a frame, Karat checks only assertions in fragment functions";
+            notes += &format!("note: {span}: the assertion `{text}` isn't checked: {why}\n");
         }
     }
     if all.is_empty() {
@@ -556,7 +559,7 @@ pub(super) fn expect_asserted(drawing: &Drawing<'_>, path: Path) -> Result<(), F
     let opened = path::open(path)?;
     let device = opened.device().ok_or(DrawError::Unable { path })?;
     let (names, place) = drawing.entry_points();
-    // How often each assertion is false, and how often it is reached.
+    // For each assertion, how often it is false, and how often a pixel reaches it.
     let values: Vec<_> = [When::False, When::Last]
         .into_iter()
         .flat_map(|when| all.iter().map(move |(value, ..)| (value, when)))
@@ -566,7 +569,7 @@ pub(super) fn expect_asserted(drawing: &Drawing<'_>, path: Path) -> Result<(), F
     let (wrong, reached) = read.split_at(all.len());
     for ((_, span, text), Read { times, .. }) in all.iter().zip(reached) {
         if times.iter().all(|times| times.unwrap_or(0) == 0) {
-            notes += &format!("note: {span}: no pixel comes to the assertion `{text}`\n");
+            notes += &format!("note: {span}: no pixel reaches the assertion `{text}`\n");
         }
     }
     tell_prints(&notes);
@@ -580,7 +583,7 @@ pub(super) fn expect_asserted(drawing: &Drawing<'_>, path: Path) -> Result<(), F
         let (x, y) = (first % width, first / width);
         let message =
             format!("the assertion `{text}` is false for {wrong} of {of} pixels on path `{path}`");
-        let label = format!("first for the pixel ({x}, {y})");
+        let label = format!("the first pixel is ({x}, {y})");
         found = Some(match found {
             Some(first) => first.note(format!("{span}: {message}, {label}")),
             None => Diagnostic::new(message).at(span.clone(), label),
@@ -589,7 +592,6 @@ pub(super) fn expect_asserted(drawing: &Drawing<'_>, path: Path) -> Result<(), F
     found.map_or(Ok(()), |found| Err(FrameError::Asserted(Box::new(found))))
 }
 
-/// A value that was read, with its place and its name.
 pub(crate) fn tapped(
     program: &Program,
     (found, has_twin, part): (Candidate, bool, Option<Wanted>),
@@ -636,7 +638,7 @@ pub(crate) fn tapped(
     })
 }
 
-/// The words that a device returned, by pixels or invocations.
+/// The values that a device returned, by pixel or invocation.
 pub(crate) struct Read {
     pub(crate) times: Vec<Option<u32>>,
     pub(crate) lanes: Vec<u32>,

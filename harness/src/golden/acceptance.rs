@@ -1,4 +1,4 @@
-//! Accepting a pending frame. Nothing else writes goldens.
+//! Acceptance of a pending frame. Only this module writes goldens.
 
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
@@ -13,12 +13,12 @@ use crate::image::{ImageError, Staged};
 use crate::lines;
 use crate::output::visible;
 
-/// Size in bytes above which accepting a golden gives a warning: every clone of the project keeps each
-/// version of it for ever.
+/// Size in bytes. Accepting a larger golden gives a warning, because every clone of the project keeps every
+/// version of the golden for ever.
 const LARGE: u64 = 128 << 10;
-/// Size in bytes above which a golden isn't accepted.
+/// Size in bytes. Karat refuses to accept a larger golden.
 const TOO_LARGE: u64 = 1 << 20;
-/// Columns and rows above which accepting a frame gives a warning: smaller frames usually suffice.
+/// Columns and rows. Accepting a larger frame gives a warning: smaller frames usually suffice.
 const WIDE: (u32, u32) = (640, 360);
 
 /// The decision to accept a pending frame.
@@ -26,54 +26,54 @@ const WIDE: (u32, u32) = (640, 360);
 pub struct Acceptance {
     /// The reason why the new image is right.
     pub because: String,
-    /// Name of the person who accepts. `None`: Git's `user.name`, or else the login name.
+    /// Name of the person who accepts. `None` selects Git's `user.name`, or else the login name.
     pub by: Option<String>,
-    /// True if the frame may come from an adapter other than lavapipe.
+    /// Allows a frame from an adapter other than lavapipe.
     pub any_adapter: bool,
-    /// The profile whose own golden the frame becomes. The frame must come from this profile, and must fail
-    /// with the golden for all profiles. `None`: the frame becomes the golden for all profiles.
+    /// The profile for which the frame becomes its own golden. The frame must come from this profile, and must
+    /// fail with the golden for all profiles. `None` makes the frame the golden for all profiles.
     pub profile: Option<String>,
-    /// True if a golden may be written although `CI` is set. Otherwise Karat writes nothing into sources in CI.
+    /// Allows writing a golden although `CI` is set. Otherwise Karat writes nothing into sources in CI.
     pub ci_may_write: bool,
 }
 
-/// The result of accepting.
+/// The result of accepting a pending frame.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Accepted {
     /// The golden's file.
     pub golden: PathBuf,
-    /// True if the golden was written. False if the golden has the same pixels and facts already.
+    /// True if Karat wrote the golden. False if the golden already has these pixels and facts.
     pub written: bool,
     /// Warnings for a reviewer.
     pub warnings: Vec<String>,
 }
 
-/// The reason why a pending frame isn't accepted.
+/// The reason why Karat doesn't accept a pending frame.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum AcceptError {
-    /// No such frame is pending.
+    /// No pending frame has this name.
     #[error("`{case}` isn't pending{}",
         nearest.as_ref().map_or_else(String::new, |name| format!("; did you mean `{name}`?")))]
     NotPending {
-        /// The name that was asked for.
+        /// The name in the command.
         case: String,
-        /// The closest pending frame.
+        /// The pending frame with the most similar name.
         nearest: Option<String>,
     },
     /// No reason was given.
     #[error("accepting `{0}` needs a reason that a reviewer can check: --because \"...\"")]
     NoReason(String),
-    /// `CI` is set.
+    /// `CI` is set, so Karat writes no golden.
     #[error(
         "`{0}` isn't accepted: `CI` is set, and CI writes nothing into your sources; accept it on your own \
-         machine, with --from and what this run leaves, or say --ci-may-write"
+         machine, with --from and this run's output, or pass --ci-may-write"
     )]
     InCi(String),
-    /// The frame wasn't rendered on lavapipe, on which goldens are made.
+    /// Another adapter than lavapipe rendered the frame. Goldens come from lavapipe.
     #[error(
         "`{case}` was rendered on {adapter}; goldens are made on lavapipe (path vulkan), so that \
-         any machine can check them: render it there, or say --any-adapter"
+         any machine can check them: render the frame there, or pass --any-adapter"
     )]
     Adapter {
         /// The golden's name.
@@ -82,23 +82,23 @@ pub enum AcceptError {
         adapter: String,
     },
     /// The frame has NaN or infinite pixels, so no frame could ever equal it.
-    #[error("`{0}` has NaN or infinite pixels; nothing could ever agree with it")]
+    #[error("`{0}` has NaN or infinite pixels; no frame could ever agree with such a golden")]
     NonFinite(String),
-    /// The golden has changed since the frame was compared with it.
+    /// The golden has changed since the comparison of the frame.
     #[error(
         "the golden of `{0}` has changed since the pending frame was rendered; run the test again"
     )]
     Stale(String),
-    /// The hash in the file's metadata isn't that of its pixels.
+    /// The hash in the file's metadata differs from the hash of the file's pixels.
     #[error(
         "the pixels of the pending frame of `{0}` don't match the hash in its file, so it was changed \
          later; run the test again"
     )]
     Altered(String),
-    /// Two files claim to be the same frame.
+    /// Two files have the same frame name in their metadata.
     #[error(
-        "frame `{case}` is pending twice, as `{first}` and as `{second}`: delete one, or take one \
-         job's artefact at a time"
+        "frame `{case}` is pending twice, as `{first}` and as `{second}`: delete one file, or accept one \
+         CI job's artefact at a time"
     )]
     Twice {
         /// The golden's name.
@@ -116,17 +116,17 @@ pub enum AcceptError {
         /// The reason.
         cause: ProvenanceError,
     },
-    /// The frame was compared with goldens of another folder.
-    #[error("`{case}` was compared with goldens of `{folder}`: name them with --goldens {folder}")]
+    /// The frame belongs to another folder of goldens.
+    #[error("`{case}` was compared with the goldens in `{folder}`: pass --goldens {folder}")]
     Elsewhere {
         /// The golden's name.
         case: String,
         /// The folder, from the project's root.
         folder: String,
     },
-    /// The folder of goldens that the frame names can't be a folder of this project.
+    /// The frame's metadata names a folder of goldens that this project can't have.
     #[error(
-        "`{case}` says that its goldens are in `{folder}`, which is no folder of a project here: name the \
+        "`{case}` says that its goldens are in `{folder}`, which isn't a folder of this project: name the \
          folder with --goldens DIR"
     )]
     Nowhere {
@@ -135,7 +135,7 @@ pub enum AcceptError {
         /// The folder that the frame names.
         folder: String,
     },
-    /// A pending file isn't at the place that its own metadata names.
+    /// The path of a pending file contradicts the name in its metadata.
     #[error("`{path}` says that it is frame `{case}`; delete it and run its test again")]
     Misplaced {
         /// The file.
@@ -143,17 +143,17 @@ pub enum AcceptError {
         /// The name in its metadata.
         case: String,
     },
-    /// The frame comes from another profile.
-    #[error("`{case}` was rendered on profile {found}, and can't be the golden of {asked}")]
+    /// The frame comes from another profile than the chosen profile.
+    #[error("`{case}` was rendered on profile {found}, and can't be the golden of profile {asked}")]
     Profile {
         /// The golden's name.
         case: String,
         /// The frame's profile.
         found: Profile,
-        /// The profile that was asked for.
+        /// The chosen profile.
         asked: String,
     },
-    /// The frame was compared with its profile's own golden.
+    /// Karat compared the frame with its profile's own golden.
     #[error(
         "`{case}` was compared with the golden of profile {profile}; accept it there with \
          --profile {profile}"
@@ -164,14 +164,14 @@ pub enum AcceptError {
         /// The profile.
         profile: String,
     },
-    /// The profile needs no golden of its own: it passes with the golden for all profiles, or there is none
-    /// yet.
+    /// The profile needs no golden of its own: the frame passes with the golden for all profiles, or that golden
+    /// doesn't exist yet.
     #[error(
-        "`{case}` needs no golden of profile {profile}: {}",
+        "`{case}` needs no golden for profile {profile}: {}",
         if *missing {
-            "there is no golden for all yet; accept one first"
+            "there is no golden for all profiles yet; accept that golden first"
         } else {
-            "the golden for all passes there"
+            "it passes with the golden for all profiles"
         }
     )]
     Needless {
@@ -182,9 +182,9 @@ pub enum AcceptError {
         /// True if there is no golden for all profiles.
         missing: bool,
     },
-    /// The file would be too large.
+    /// The golden's file would be too large.
     #[error(
-        "the golden of `{case}` would be {} KiB, and at most {} are accepted: keep fewer pixels or \
+        "the golden of `{case}` would be {} KiB, and Karat accepts at most {} KiB: keep fewer pixels or \
          rows, or less noise",
         bytes >> 10,
         TOO_LARGE >> 10
@@ -195,9 +195,9 @@ pub enum AcceptError {
         /// Size of the file in bytes.
         bytes: u64,
     },
-    /// A profile was given for values, whose golden serves all profiles.
+    /// The acceptance names a profile for values. Values have one golden for all profiles.
     #[error(
-        "the values `{0}` have one golden for all: give a path its own tolerance in the test          (`.tolerance_on(...)`), not a profile"
+        "the values `{0}` have one golden for all profiles: instead of --profile, give a path its own tolerance in the test (`.tolerance_on(...)`)"
     )]
     OneForAll(String),
     /// A table can't be read.
@@ -215,14 +215,14 @@ impl Goldens {
     /// Makes a pending frame the golden.
     ///
     /// # Errors
-    /// - If no reason is given.
+    /// - If the acceptance gives no reason.
     /// - If `CI` is set and [`ci_may_write`](Acceptance::ci_may_write) is false.
-    /// - If the golden changed since the frame was compared.
-    /// - If the frame wasn't rendered on lavapipe, and other adapters aren't allowed.
+    /// - If the golden changed after the comparison of the frame.
+    /// - If another adapter than lavapipe rendered the frame, and the acceptance doesn't allow other adapters.
     /// - If a profile doesn't need its own golden.
     /// - If the file is too large or can't be written.
     ///
-    /// The golden is then unchanged.
+    /// After an error, the golden is unchanged.
     ///
     /// *Unstable*: for programs around tests.
     pub fn accept(
@@ -241,7 +241,7 @@ impl Goldens {
             let folder = pending.provenance.folder.clone();
             return Err(AcceptError::Elsewhere { case, folder });
         }
-        // No other process may replace the golden between the check and the write.
+        // The lock keeps other processes from replacing the golden between the check and the write.
         let _lock = lock(&self.folder())?;
         self.tidy();
         let (content, _) = match Content::read(&pending.path) {
@@ -286,8 +286,8 @@ impl Goldens {
             ..pending.provenance.clone()
         };
         let accepted = if is_there(&path, &content, &provenance) {
-            // An interrupted acceptance may have written this golden without removing the pending frame. Then
-            // the golden differs from the one that was compared, and that is fine.
+            // An interrupted acceptance may have written this golden without removing the pending frame. Then the
+            // golden may differ from the golden of the comparison.
             let warnings = vec![format!("`{}` has these pixels and facts already", shown(&path))];
             Accepted { golden: path, written: false, warnings }
         } else {
@@ -298,8 +298,8 @@ impl Goldens {
         Ok(accepted)
     }
 
-    /// Fails if the golden that the frame was compared with has changed since then. This golden may be
-    /// another file than `written`. A profile that had no golden of its own must still have none.
+    /// Fails if the golden of the comparison has changed since then. The golden of the comparison may be another
+    /// file than `written`. A profile that had no golden of its own must still have none.
     fn unchanged(&self, pending: &Pending, written: &Path) -> Result<(), AcceptError> {
         let known = &pending.provenance;
         let own = self.golden_of(&pending.case, &pending.profile());
@@ -309,8 +309,8 @@ impl Goldens {
         let current = match Content::read(&self.compared(pending)) {
             Ok((golden, _)) => golden.hash(),
             Err(AcceptError::Image(ImageError::Missing { .. })) => String::new(),
-            // Accepting may replace a damaged golden: nothing more can be lost. A golden that Git LFS hasn't
-            // fetched isn't lost.
+            // Accepting may replace a damaged golden, because its content is lost already. A golden that Git LFS
+            // hasn't fetched isn't lost.
             Err(
                 AcceptError::Image(ImageError::Corrupt { .. })
                 | AcceptError::Provenance { .. }
@@ -325,8 +325,8 @@ impl Goldens {
         }
     }
 
-    /// The place of a profile's golden. Fails if the frame comes from another profile, or passes with the
-    /// golden for all profiles.
+    /// The file for a profile's golden. Fails if the frame comes from another profile, or passes with the golden
+    /// for all profiles.
     fn needed(&self, pending: &Pending, asked: &str) -> Result<PathBuf, AcceptError> {
         let (case, known) = (pending.case.clone(), &pending.provenance);
         let profile = pending.profile();
@@ -337,7 +337,7 @@ impl Goldens {
         if !self.golden(&pending.case).is_file() {
             return needless(true);
         }
-        // Only the test knows its tolerance and mask, so the finding that it stored decides.
+        // Only the test knows its tolerance and mask. So the finding that the test stored decides.
         if known.finding.as_ref().is_some_and(|finding| finding.base_passes) {
             return needless(false);
         }
@@ -345,7 +345,7 @@ impl Goldens {
     }
 }
 
-/// Writes a golden and its facts: both files or neither. A table has its facts in its own file.
+/// Writes a golden and its facts: both files or none. A table contains its facts.
 fn write_golden(
     path: &Path,
     content: Content,
@@ -365,14 +365,14 @@ fn write_golden(
         Err(error) if error.kind() == ErrorKind::NotFound => None,
         Err(cause) => return Err(ImageError::Read { path: shown(&sidecar), cause }.into()),
     };
-    // Both files are on the disk before the first one is renamed.
+    // Both temporary files are complete before Karat renames the first one.
     let facts = facts.map(|facts| Staged::new(&sidecar, &facts)).transpose();
     let facts = facts.map_err(|error| failed(&sidecar, error))?;
     let golden = Staged::new(path, &bytes).map_err(|error| failed(path, error))?;
     let beside = facts.is_some();
     facts.map_or(Ok(()), Staged::commit).map_err(|error| failed(&sidecar, error))?;
     if let Err(error) = golden.commit() {
-        // The first error is reported.
+        // The function reports the first error and ignores errors of the cleanup.
         drop(match before {
             _ if !beside => Ok(()),
             Some(before) => crate::image::write_whole(&sidecar, &before),
@@ -384,7 +384,7 @@ fn write_golden(
     Ok(Accepted { golden: path.to_owned(), written: true, warnings })
 }
 
-/// True if the golden already has this content and these facts; for a frame, in both files.
+/// Checks if the golden already has this content and these facts. A frame has its facts in two files.
 fn is_there(path: &Path, content: &Content, provenance: &Provenance) -> bool {
     let decision_aside = |known: &Provenance| {
         let (accepted_by, accepted_at, because) = Default::default();
@@ -400,20 +400,19 @@ fn is_there(path: &Path, content: &Content, provenance: &Provenance) -> bool {
         && golden.is(content)
 }
 
-/// The warnings for a reviewer about the golden that was written.
 fn warnings(path: &Path, bytes: u64, provenance: &Provenance) -> Vec<String> {
     let mut warnings = Vec::new();
     if bytes > LARGE {
         let (size, limit) = (bytes >> 10, LARGE >> 10);
         warnings.push(format!(
-            "`{}` is {size} KiB; above {limit} KiB, a smaller frame is worth a thought",
+            "`{}` is {size} KiB; consider a smaller frame, below {limit} KiB",
             shown(path)
         ));
     }
     let Provenance { width, height, .. } = *provenance;
     if provenance.table.is_none() && (width > WIDE.0 || height > WIDE.1) {
         warnings.push(format!(
-            "`{}` is {width} x {height}; {} x {} shows most faults",
+            "`{}` is {width} x {height} pixels; {} x {} pixels show most faults",
             shown(path),
             WIDE.0,
             WIDE.1
@@ -422,7 +421,6 @@ fn warnings(path: &Path, bytes: u64, provenance: &Provenance) -> Vec<String> {
     warnings
 }
 
-/// The name of the person who accepts: Git's `user.name`, or else the login name.
 fn person() -> String {
     let mut git = std::process::Command::new("git");
     let git = lines::output(git.args(["config", "user.name"]), lines::LOOK_UP, u64::MAX);

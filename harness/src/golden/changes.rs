@@ -1,4 +1,4 @@
-//! The rows of pending values that changed, for a person who accepts or rejects them.
+//! The changed rows of pending values, for the person who accepts or rejects the values.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -8,23 +8,24 @@ use super::{AcceptError, Goldens, Pending};
 use crate::image::ImageError;
 use crate::value::format_lane;
 
-/// A row of values that differs from the golden's row.
+/// A row of values that differs from the row in the golden.
 #[derive(Clone, Debug)]
 pub struct ChangedRow {
-    /// The row's index, from 0; for a removed row, its index in the golden.
+    /// The row's index, from 0. The index of a removed row is its index in the golden.
     pub row: usize,
     /// The row's arguments, as text.
     pub arguments: Vec<String>,
-    /// The golden's values, as text; empty if the golden has no such row.
+    /// The golden's values, as text; empty if the row is new.
     pub golden: Vec<String>,
-    /// The new values, as text; empty if they have no such row.
+    /// The new values, as text; empty if the row was removed.
     pub actual: Vec<String>,
-    /// The largest difference of a component, divided by the golden's value.
+    /// The largest difference of a component, divided by the golden's value; infinite for new and removed rows.
     pub relative: f64,
 }
 
 impl Pending {
-    /// The rows that differ from the golden's, the largest differences first. Without a golden, all rows.
+    /// The rows that differ from the golden's rows, the largest differences first. Returns all rows if there is
+    /// no golden.
     ///
     /// # Errors
     /// If one of the files can't be read, or has no table.
@@ -40,9 +41,9 @@ impl Pending {
 }
 
 impl Table {
-    /// The rows that changed. New and removed rows come first, and then rows whose results differ, the
-    /// largest differences first. A row is compared with the golden's row of the same arguments. Returns all
-    /// rows if there is no golden, or if its columns are others.
+    /// The rows that changed. New and removed rows come first, and then rows whose results differ, the largest
+    /// differences first. Karat compares a row with the golden's row that has the same arguments. Returns all
+    /// rows if there is no golden, or if the golden has other columns.
     #[must_use]
     pub fn changed_rows(&self, golden: Option<&Self>) -> Vec<ChangedRow> {
         let (given, all) = (self.arguments, self.columns.len());
@@ -56,7 +57,7 @@ impl Table {
             let (golden, actual) = (cells(old, given..all), cells(new, given..all));
             ChangedRow { row, arguments, golden, actual, relative }
         };
-        // A golden with other columns has no rows to compare with.
+        // Rows with other columns can't be compared.
         let golden = golden.filter(|golden| golden.columns == self.columns);
         let old_rows: Vec<&[u32]> = golden.iter().flat_map(|golden| golden.rows()).collect();
         let mut by_arguments: HashMap<&[u32], Vec<usize>> = HashMap::new();
@@ -66,7 +67,7 @@ impl Table {
         let mut changed = Vec::new();
         let mut gone = vec![true; old_rows.len()];
         for (at, new) in self.rows().enumerate() {
-            // The golden's first row of the same arguments that isn't paired yet.
+            // The golden's first unpaired row with the same arguments.
             let old = by_arguments.get_mut(&new[..given]).and_then(Vec::pop);
             match old.map(|old| (old, old_rows[old])) {
                 None => changed.push(row(at, None, Some(new), f64::INFINITY)),
@@ -118,7 +119,7 @@ mod tests {
         now.changed_rows(before).into_iter().map(row).collect()
     }
 
-    /// A result is compared only with a result of the same arguments.
+    /// Only results with the same arguments are compared.
     #[test]
     fn rows_are_paired_by_their_arguments() {
         let names = ["x", "result"];

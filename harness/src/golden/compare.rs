@@ -1,4 +1,4 @@
-//! The verdict on a frame. The cheapest comparison comes first.
+//! The comparison of a frame with its golden. The cheapest comparison comes first.
 
 use std::fmt;
 
@@ -12,34 +12,34 @@ use crate::metric::{
 use crate::output::counted;
 use crate::tolerance::significant;
 
-/// The margin by which a frame passes.
+/// The result of a comparison that passes.
 #[derive(Clone, Debug, PartialEq)]
 pub struct FrameMargin {
     /// Number of pixels that were compared.
     pub pixels: u64,
     /// Number of pixels in the frame.
     pub frame_pixels: u64,
-    /// The criterion that decided that the frame passes.
+    /// The criterion that the frame passes.
     pub decided_by: FrameCriterion,
-    /// The measured value of that criterion divided by its bound.
+    /// The measured value of that criterion, divided by the criterion's bound.
     pub ratio: f64,
     /// The largest relative difference: a difference divided by the golden's value, or by the golden's key if
     /// the golden is darker than its key.
     pub relative: f32,
-    /// Pixels that differ by more than the gate allows: 0, unless a later criterion decided.
+    /// Number of pixels that differ by more than the gate allows: 0, unless a later criterion decided.
     pub beyond_gate: usize,
-    /// All measurements. Empty if every bit is equal.
+    /// All measurements; empty if every bit is equal.
     pub margins: Vec<CriterionMargin>,
     /// The frame's tolerance, as text.
     pub tolerance: String,
     /// The golden's file.
     pub golden: String,
-    /// The profile that the golden belongs to; `None` if it is the golden for all.
+    /// The profile that owns the golden; `None` if the golden is for all profiles.
     pub profile: Option<Profile>,
 }
 
 impl FrameMargin {
-    /// True if every bit is equal.
+    /// Checks if every bit is equal.
     #[must_use]
     pub fn is_identical(&self) -> bool {
         self.decided_by == FrameCriterion::Bits
@@ -78,7 +78,7 @@ impl fmt::Display for FrameMargin {
     }
 }
 
-/// The part of a frame that is compared, if it isn't the whole frame.
+/// The percentage of a frame's pixels that Karat compared, for masked frames.
 struct Share {
     compared: u64,
     of: u64,
@@ -94,7 +94,7 @@ impl fmt::Display for Share {
     }
 }
 
-/// The way in which a frame differs from its golden.
+/// The reason why a frame doesn't agree with its golden.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub enum FrameDifference {
@@ -111,7 +111,7 @@ pub enum FrameDifference {
     GoldenNonFinite(NonFinite),
     /// The mask can't be used.
     Mask(MaskError),
-    /// The tolerance has an unusable bound: every frame passes it, or none can.
+    /// The tolerance has an unusable bound: every frame passes it, or no frame can pass.
     Tolerance(String),
     /// Values differ by more than the tolerance.
     Values(Box<Deviation>),
@@ -120,30 +120,30 @@ pub enum FrameDifference {
 /// The differences between the values of a frame and its golden.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Deviation {
-    /// Number of pixels with a channel out of bounds.
+    /// Number of pixels with a channel whose difference exceeds the gate.
     pub outliers: usize,
     /// Number of pixels that were compared.
     pub pixels: usize,
     /// Number of pixels in the frame.
     pub frame_pixels: usize,
-    /// Smallest rectangle that has all outliers.
+    /// Smallest rectangle that contains all these pixels.
     pub bounds: Rect,
-    /// The outlier with the largest difference.
+    /// The pixel with the largest difference, relative to the gate; `None` if no pixel exceeds the gate.
     pub worst: Option<WorstPixel>,
-    /// The gate that an outlier exceeds.
+    /// The gate of the tolerance.
     pub gate: Gate,
-    /// Percentage of pixels that are outliers at 1, 10, 100 and 1000 times the tolerance.
+    /// Percentage of pixels that exceed 1, 10, 100 and 1000 times the gate.
     pub sweep: [f32; 4],
     /// All measurements.
     pub margins: Vec<CriterionMargin>,
     /// The exposures that HDR-FLIP used.
     pub exposures: ExposureRange,
-    /// True if the exposures are pinned in the golden.
+    /// True if the golden pins the exposures.
     pub pinned: bool,
 }
 
 impl FrameDifference {
-    /// True if the frame's values differ from the golden's. NaN and infinities are values.
+    /// Checks if the frame's values differ from the golden's values. NaN and infinities count as values.
     pub(crate) fn is_of_values(&self) -> bool {
         matches!(self, Self::Values(_) | Self::NonFinite(_))
     }
@@ -165,24 +165,22 @@ impl fmt::Display for FrameDifference {
     }
 }
 
-/// The terms of a comparison.
 pub(super) struct Terms<'a> {
     pub(super) tolerance: &'a FrameTolerance,
     pub(super) mask: Option<&'a Mask>,
     /// The exposures that are pinned in the golden.
     pub(super) exposures: Option<ExposureRange>,
-    /// The variance of the golden, if it has one, and of the frame.
+    /// For noisy frames, the variance of the golden, if the golden has a variance, and the variance of the frame.
     pub(super) noise: Option<(Option<&'a Image>, &'a Image)>,
 }
 
 impl<'a> Terms<'a> {
-    /// Terms with a tolerance only.
     pub(super) fn of(tolerance: &'a FrameTolerance) -> Self {
         Self { tolerance, mask: None, exposures: None, noise: None }
     }
 }
 
-/// Compares size, finiteness and bits, and then the criteria of the tolerance in its order.
+/// Compares size, finiteness and bits, and then the criteria of the tolerance in the tolerance's order.
 pub(super) fn compare(
     golden: &Image,
     actual: &Image,
@@ -198,7 +196,8 @@ pub(super) fn compare(
         PairError::GoldenNonFinite(census) => FrameDifference::GoldenNonFinite(census),
         PairError::Mask(error) => FrameDifference::Mask(error),
     })?;
-    // Pinned exposures depend on all pixels. With a mask they aren't used: masked pixels must not count.
+    // Pinned exposures come from all pixels, so a comparison with a mask doesn't use them: masked pixels must not
+    // count.
     let pair = match terms.exposures.filter(|_| terms.mask.is_none()) {
         Some(exposures) => pair.with_exposures(exposures),
         None => pair,
@@ -207,8 +206,8 @@ pub(super) fn compare(
 }
 
 impl FrameTolerance {
-    /// Compares two images as [`Frame::matches`](crate::Frame::matches) compares a frame with its golden.
-    /// HDR-FLIP's exposures are chosen from the golden.
+    /// Compares two images with the criteria that [`Frame::matches`](crate::Frame::matches) uses for a frame and
+    /// its golden. Karat derives HDR-FLIP's exposures from the golden.
     ///
     /// # Errors
     /// If the images differ by more than the tolerance, or can't be compared.
@@ -227,7 +226,7 @@ impl FrameTolerance {
     }
 }
 
-/// Judges the noise-corrected difference: the part that the noise of both images doesn't explain.
+/// Judges the noise-corrected difference, which the noise of the two images doesn't explain.
 fn judge_noise(pair: &Pair<'_>, golden: Option<&Image>, actual: &Image) -> CriterionMargin {
     let measured = match golden {
         Some(golden) => Noise { golden, actual }.measure(pair),
@@ -317,6 +316,7 @@ mod tests {
         Image::new(16, 16, (0..256).map(|i| [i as f32 / 64.0, 0.5, 2.0, 1.0]).collect())
     }
 
+    // Lesson 16
     #[test]
     fn equal_images_pass_and_one_changed_channel_fails() {
         assert_eq!(compare(&ramp(), &ramp(), 1e-3).map(|m| m.is_identical()), Ok(true));
@@ -332,6 +332,7 @@ mod tests {
         }
     }
 
+    // Lesson 16
     #[test]
     fn small_drift_passes_with_its_margin() {
         let mut drifted = ramp();
@@ -344,8 +345,9 @@ mod tests {
         assert!(compare(&ramp(), &drifted, 0.0).is_err());
     }
 
+    // Lesson 46: NaN
     #[test]
-    fn nothing_that_is_not_a_number_passes() {
+    fn images_with_nan_or_infinity_fail() {
         for value in [f32::NAN, f32::INFINITY] {
             let mut broken = ramp();
             broken.pixels_mut()[7][1] = value;
@@ -366,6 +368,7 @@ mod tests {
         }
     }
 
+    // Lesson 20
     #[test]
     fn dark_regions_of_bright_frames_and_alpha_are_compared() {
         let mut golden = Image::new(16, 16, vec![[6e4, 6e4, 6e4, 1.0]; 256]);

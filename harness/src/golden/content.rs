@@ -12,12 +12,11 @@ pub(super) const PENDING_TABLE: &str = ".new.csv";
 /// Ending of a pending frame's file name.
 pub(super) const PENDING_FRAME: &str = ".new.exr";
 
-/// True if a file with this name has a table.
+/// Checks if the file's name is the name of a table.
 pub(super) fn is_table(file: &Path) -> bool {
     file.extension().is_some_and(|ending| ending == "csv")
 }
 
-/// The content of a file.
 #[derive(Debug)]
 pub(super) enum Content {
     Frame(Vec<Part>),
@@ -25,7 +24,7 @@ pub(super) enum Content {
 }
 
 impl Content {
-    /// Reads a file, and its facts if it has any.
+    /// Reads a file, and the file's facts if it has any.
     pub(super) fn read(file: &Path) -> Result<(Self, Option<Provenance>), AcceptError> {
         let path = || crate::diagnostic::shown(file);
         if is_table(file) {
@@ -51,7 +50,7 @@ impl Content {
         }
     }
 
-    /// True if a value that counts is NaN or infinite. Masked pixels don't count.
+    /// Checks if a value is NaN or infinite. Masked pixels don't count.
     pub(super) fn non_finite(&self) -> bool {
         match self {
             Self::Frame(parts) => parts::non_finite(parts),
@@ -66,7 +65,8 @@ impl Content {
         }
     }
 
-    /// True if both have the same bits. Comparing values would fail for NaN below a mask.
+    /// Checks if both contents have the same bits. NaN below a mask would never equal itself, so the function
+    /// compares hashes.
     pub(super) fn is(&self, other: &Self) -> bool {
         let same = |(a, b): (&Part, &Part)| {
             a.name == b.name && a.precision == b.precision && a.image.hash() == b.image.hash()
@@ -78,7 +78,6 @@ impl Content {
         }
     }
 
-    /// The bytes of the file, with these facts.
     pub(super) fn bytes(self, file: &Path, provenance: &Provenance) -> Result<Vec<u8>, ImageError> {
         match self {
             Self::Frame(parts) => {

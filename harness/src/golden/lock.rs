@@ -1,4 +1,4 @@
-//! A lock: only one process at a time accepts frames in a folder of goldens.
+//! A lock on a folder of goldens. Only one process at a time accepts frames in the folder.
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Error, ErrorKind};
@@ -9,22 +9,22 @@ use crate::diagnostic::shown;
 use crate::image::ImageError;
 use crate::output::tell;
 
-/// How long Karat waits for another acceptance, which takes a second for a large frame.
+/// Longest wait for another acceptance. Accepting a large frame takes a second.
 const PATIENCE: Duration = Duration::from_secs(30);
-/// How long Karat waits before it says that it waits.
+/// Time after which Karat tells the user that it waits.
 const SILENT: Duration = Duration::from_secs(1);
-/// Pause between two attempts.
+/// Pause between two attempts to get the lock.
 const PAUSE: Duration = Duration::from_millis(20);
 
 /// Waits for the lock of a folder. Dropping the returned file releases the lock.
 ///
-/// The lock file lies among the temporary files, so that Karat puts no files of its own beside goldens, and
-/// because some systems can't lock a folder.
+/// The lock file lies in the system's folder for temporary files. So Karat puts no extra files beside goldens,
+/// and also works on systems that can't lock a folder.
 pub(super) fn lock(folder: &Path) -> Result<File, ImageError> {
     let file = place(folder);
     let failed = |cause: Error| ImageError::Write { path: shown(&file), cause };
     let opened = match OpenOptions::new().create(true).append(true).open(&file) {
-        // The file is that of another user of the same folder. Opening it for reading suffices for a lock.
+        // Another user of this folder owns the file. A file that is open for reading can be locked, too.
         Err(error) if error.kind() == ErrorKind::PermissionDenied => File::open(&file),
         opened => opened,
     };
@@ -35,7 +35,8 @@ pub(super) fn lock(folder: &Path) -> Result<File, ImageError> {
             Ok(()) => return Ok(opened),
             Err(TryLockError::Error(error)) => return Err(failed(error)),
             Err(TryLockError::WouldBlock) if begun.elapsed() > PATIENCE => {
-                let reason = "another acceptance has held this lock for 30 seconds; end it";
+                let reason =
+                    "another acceptance has held this lock for 30 seconds; end that process";
                 return Err(failed(Error::new(ErrorKind::TimedOut, reason)));
             }
             Err(TryLockError::WouldBlock) => {

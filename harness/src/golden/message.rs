@@ -1,4 +1,4 @@
-//! The message for a frame that differs.
+//! The message about a frame that differs.
 
 use std::fmt;
 
@@ -8,13 +8,13 @@ use crate::tolerance::{beyond, power, significant};
 use crate::value::format_f32;
 
 impl Deviation {
-    /// The first bound that fails, in short: the measured value, and its multiple of the bound.
+    /// The first bound that fails: the measured value as text, and its multiple of the bound.
     pub(crate) fn worst_margin(&self) -> (String, Option<f64>) {
         let Some(margin) = self.margins.iter().find(|margin| !margin.passes()) else {
             return (String::new(), None);
         };
         let value = match (margin.criterion, &self.worst) {
-            // There is no multiple of a bound of zero.
+            // A bound of zero has no multiples.
             (FrameCriterion::Gate, Some(worst)) if self.gate.relative == 0.0 => {
                 format!("abs {}", significant(f64::from((worst.actual - worst.golden).abs())))
             }
@@ -26,7 +26,7 @@ impl Deviation {
         (value, Some(margin.ratio()).filter(|ratio| ratio.is_finite()))
     }
 
-    /// The difference and its place, in one line.
+    /// The difference and its position, in one line.
     pub(super) fn summary(&self) -> String {
         let Self { outliers, pixels, bounds, worst, gate, .. } = self;
         let relative = power(gate.relative);
@@ -41,7 +41,7 @@ impl Deviation {
     }
 }
 
-/// The first line has the difference and its place; each further line has one more fact.
+/// The first line has the difference and its position. Each further line has one more fact.
 impl fmt::Display for Deviation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { pixels, frame_pixels, worst, gate, sweep, margins, exposures, pinned, .. } =
@@ -70,10 +70,10 @@ impl fmt::Display for Deviation {
         }
         let flip = margins.iter().any(|margin| margin.criterion == FrameCriterion::Flip);
         if flip {
-            let pinned = if *pinned { ", as the golden has it" } else { "" };
-            write!(f, "\n  FLIP looked at {exposures}{pinned}")?;
+            let pinned = if *pinned { ", pinned in the golden" } else { "" };
+            write!(f, "\n  FLIP used exposures of {exposures}{pinned}")?;
         }
-        // There are no multiples of a bound of zero.
+        // A tolerance of zero has no multiples.
         if worst.is_some() && gate.relative > 0.0 {
             write!(f, "\n  pixels off at a tolerance of")?;
             let shares = [1.0, 10.0, 100.0, 1000.0].into_iter().zip(sweep).enumerate();
@@ -87,7 +87,7 @@ impl fmt::Display for Deviation {
     }
 }
 
-/// Writes the smallest bounds, of two digits, with which the frame would pass.
+/// Writes the smallest bounds that the frame would pass, rounded to two digits.
 fn write_what_would_pass(
     margins: &[CriterionMargin],
     relative: f32,
@@ -107,7 +107,6 @@ fn write_what_would_pass(
     Ok(())
 }
 
-/// The value rounded up to two significant digits.
 fn rounded_up(value: f64) -> String {
     let unit = 10_f64.powf(value.abs().log10().floor() - 1.0);
     significant((value / unit).ceil() * unit)

@@ -1,4 +1,4 @@
-//! Numbers that JSON can't write, as text: `inf`, `NaN`.
+//! Serialization of numbers that JSON can't write, as text: `inf`, `NaN`.
 
 use serde::{Deserialize, Deserializer, Serialize, Serializer};
 

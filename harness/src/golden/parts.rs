@@ -1,4 +1,4 @@
-//! The parts of a golden's file: the frame, and further data about its pixels.
+//! The parts of a golden's file: the frame, and further data about the frame's pixels.
 
 use std::io::{Error, ErrorKind};
 use std::path::Path;
@@ -7,13 +7,13 @@ use crate::diagnostic::shown;
 use crate::image::{ExrFile, Image, ImageError, Part, Precision};
 use crate::metric::{MASK, Mask};
 
-/// The frame, which is always the first part.
+/// Name of the frame's part, which is always the first part.
 pub const COLOR: &str = "color";
-/// The variance of each pixel, of a noisy frame.
+/// Name of the part with the variance of each pixel of a noisy frame.
 pub(crate) const VARIANCE: &str = "color.variance";
 
-/// Fails if the path isn't a file. Reading a pipe would wait, and a broken link is a golden whose content is
-/// missing, not one that was never made.
+/// Fails if the path isn't a file. Reading a pipe would wait. A broken link is an error, too: its golden exists,
+/// and the golden's content is missing.
 pub(super) fn check_file(path: &Path) -> Result<(), ImageError> {
     let refused = |kind, what: &str| {
         let cause = Error::new(kind, what);
@@ -32,14 +32,14 @@ pub(super) fn check_file(path: &Path) -> Result<(), ImageError> {
     }
 }
 
-/// Reads a part of a file. `None`: the file has no part of this name.
+/// Reads a part of a file. Returns `None` if the file has no part of this name.
 pub(super) fn read(path: &Path, name: &str) -> Result<Option<Image>, ImageError> {
     let parts = ExrFile::read(path)?.parts;
     Ok(parts.into_iter().find(|part| part.name == name).map(|part| part.image))
 }
 
-/// A variance as a part with 32-bit floats, because half floats hold no variance below 6e-8. Seven bits of
-/// the mantissa are kept: further bits mean nothing and don't compress.
+/// A variance as a part with 32-bit floats, because half floats can't represent a variance below 6e-8. The part
+/// keeps seven bits of the mantissa: further bits aren't significant and don't compress.
 pub(super) fn variance(image: &Image) -> Part {
     let mut coarse = image.clone();
     for value in coarse.pixels_mut().iter_mut().flatten() {
@@ -48,12 +48,12 @@ pub(super) fn variance(image: &Image) -> Part {
     Part::new(VARIANCE, Precision::Float, coarse)
 }
 
-/// A mask as an image. `None`: the mask can't be used for a frame of this size.
+/// A mask as an image. Returns `None` if the mask can't be used for a frame of this size.
 pub(super) fn mask(mask: &Mask, width: u32, height: u32) -> Option<Part> {
     Some(Part::new(MASK, Precision::Half, mask.to_image(width, height).ok()?))
 }
 
-/// True if a pixel is NaN or infinite. Pixels that a mask among the parts leaves out don't count.
+/// Checks if a pixel is NaN or infinite. Pixels outside of the mask among the parts don't count.
 pub(super) fn non_finite(parts: &[Part]) -> bool {
     let Some(color) = parts.first() else { return false };
     let mask = parts.iter().find(|part| part.name == MASK).map(|part| part.image.pixels());

@@ -1,4 +1,4 @@
-//! Pending frames and values: you haven't accepted or rejected them yet.
+//! Pending frames and values, which you haven't accepted or rejected yet.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::ErrorKind;
@@ -10,20 +10,20 @@ use super::{AcceptError, FrameFinding, Goldens, Profile, Provenance, Rendered, p
 use crate::diagnostic::{nearest, shown};
 use crate::image::{ExrFile, ImageError, Part};
 
-/// The golden that a frame was compared with, and the finding.
+/// The golden of a comparison, and the finding of the comparison.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Against {
     /// Hash of the golden's pixels; empty if there was no golden.
     pub(super) hash: String,
-    /// The profile whose golden it was; empty for the golden for all profiles.
+    /// The profile that owns the golden; empty for the golden for all profiles.
     pub(super) profile: String,
     /// The frame's tolerance, as text.
     pub(super) tolerance: String,
-    /// The finding of the comparison. `None`: there was no golden.
+    /// The finding of the comparison. `None` if there was no golden.
     pub(super) finding: Option<FrameFinding>,
 }
 
-/// A frame or values that differ from their golden, or have none.
+/// A frame or values that differ from their golden, or have no golden.
 #[derive(Clone, Debug)]
 pub struct Pending {
     /// Name of the golden.
@@ -35,19 +35,22 @@ pub struct Pending {
 }
 
 impl Pending {
-    /// True if it was compared with goldens of this folder, or if its folder isn't known.
+    /// Checks if the pending file belongs to this folder of goldens. A pending file without a recorded folder
+    /// belongs to every folder.
     #[must_use]
     pub fn is_of(&self, goldens: &Goldens) -> bool {
         let (own, folder) = (goldens.key(), &self.provenance.folder);
         own.is_empty() || folder.is_empty() || own == *folder
     }
 
-    /// The folder of goldens that it was compared with, in the project around the folder `here`. The folder may not
-    /// exist yet: a package's first golden creates it. `None`: an older Karat wrote the file, without the folder.
+    /// The folder of goldens of the comparison, in the project around the folder `here`. The folder may not exist
+    /// yet: a package's first golden creates it. Returns `None` if an older Karat wrote the file, without the
+    /// folder.
     ///
     /// # Errors
-    /// If `here` is in no project, or if the folder leaves the project or has a part that begins with a dot,
-    /// such as `.git`. Pending frames come from other machines, too, so their folders aren't trusted.
+    /// If `here` is in no project, if the folder isn't inside of the project, or if a part of the folder's path
+    /// begins with a dot, such as `.git`. Pending files may come from other machines, so Karat doesn't trust
+    /// their folders.
     pub fn goldens(&self, here: &Path) -> Result<Option<Goldens>, AcceptError> {
         let folder = &self.provenance.folder;
         if folder.is_empty() {
@@ -61,33 +64,33 @@ impl Pending {
         }
     }
 
-    /// The profile on which it was made.
+    /// The profile of the adapter that produced the frame or values.
     #[must_use]
     pub fn profile(&self) -> Profile {
         Profile::of(&self.provenance.adapter)
     }
 
-    /// True if there was no golden to compare it with.
+    /// Checks if there was no golden to compare with.
     #[must_use]
     pub fn is_new(&self) -> bool {
         self.provenance.compared_with.is_empty()
     }
 
-    /// True if it is a table of values; false for a frame.
+    /// Checks if the pending file is a table of values, and not a frame.
     #[must_use]
     pub fn is_table(&self) -> bool {
         is_table(&self.path)
     }
 
-    /// True for a frame from lavapipe, and for a table from lavapipe or Karat's engine. Goldens for all
-    /// profiles are made there, because both run on any machine.
+    /// Checks if the pending file may become a golden for all profiles without further arguments. A frame may if
+    /// it comes from lavapipe, and a table if it comes from lavapipe or Karat's engine. Both run on any machine.
     #[must_use]
     pub fn is_canonical(&self) -> bool {
         let adapter = &self.provenance.adapter;
         adapter.is_lavapipe() || (self.is_table() && adapter.path == "cpu")
     }
 
-    /// Arguments that `karat accept` needs besides the name and the reason: ` --profile gl-llvmpipe`.
+    /// The arguments that `karat accept` needs in addition to the name and the reason: ` --profile gl-llvmpipe`.
     #[must_use]
     pub fn accept_arguments(&self) -> String {
         if self.is_table() {
@@ -108,11 +111,11 @@ impl Pending {
 pub struct PendingFrames {
     /// The frames, by name.
     pub frames: Vec<Pending>,
-    /// Files that are named like pending frames, but can't be used.
+    /// Files that have the name of a pending frame, but can't be used.
     pub unusable: Vec<Unusable>,
 }
 
-/// A file or folder that can't be used, among those searched for pending frames.
+/// A file or folder that Karat couldn't use while it searched for pending frames.
 #[derive(Debug)]
 pub struct Unusable {
     /// The file or folder.
@@ -122,13 +125,13 @@ pub struct Unusable {
 }
 
 impl PendingFrames {
-    /// True if the folder has no pending frames and no unusable files.
+    /// Checks if the folder has no pending frames and no unusable files.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.frames.is_empty() && self.unusable.is_empty()
     }
 
-    /// Makes two files unusable that claim to be the same frame of the same folder of goldens.
+    /// Moves pending files that claim to be the same frame of the same folder of goldens to the unusable files.
     fn without_doubles(mut self, folder: &Path) -> Self {
         fn name(pending: &Pending) -> (&str, &str, bool) {
             (&pending.case, &pending.provenance.folder, pending.is_table())
@@ -177,7 +180,7 @@ impl Goldens {
         self.pending_folder().join(format!("{case}{PENDING_FRAME}"))
     }
 
-    /// Removes the pending frame of a profile whose frame agrees again. A missing file is no error.
+    /// Removes the pending frame of a profile that agrees with its golden again. A missing file is no error.
     pub(super) fn remove_pending(&self, case: &str, profile: &Profile) {
         let file = self.pending_file(case);
         if named(&file).is_ok_and(|pending| pending.profile() == *profile) {
@@ -206,17 +209,17 @@ impl Goldens {
     /// The pending frames of this name. An unusable file is selected by its file name.
     ///
     /// # Errors
-    /// If nothing has this name.
+    /// If no pending frame or unusable file has this name.
     ///
     /// *Unstable*: for programs around tests.
     pub fn select(&self, name: &str) -> Result<PendingFrames, AcceptError> {
         self.select_by(name, |_| false)
     }
 
-    /// The same as [`select`](Self::select), for a name or for a pattern that `matches` understands.
+    /// The pending frames of this name, and of the names for which `matches` returns `true`.
     ///
     /// # Errors
-    /// If nothing has this name or matches the pattern.
+    /// If no pending frame or unusable file has such a name.
     ///
     /// *Unstable*: for programs around tests.
     pub fn select_by(
@@ -240,7 +243,7 @@ impl Goldens {
         Ok(selected)
     }
 
-    /// The name of a pending file by its place in this folder, whatever its metadata says.
+    /// The name of a pending file from its path in this folder. The file's metadata may have another name.
     ///
     /// *Unstable*: for programs around tests.
     #[must_use]
@@ -250,7 +253,7 @@ impl Goldens {
         ending(&name).and_then(|ending| name.strip_suffix(ending)).unwrap_or(&name).to_owned()
     }
 
-    /// Deletes a pending frame, and its preview.
+    /// Deletes a pending frame and its preview.
     ///
     /// # Errors
     /// If the file can't be deleted.
@@ -269,21 +272,21 @@ impl Goldens {
     }
 }
 
-/// Removes the preview of a frame that is no longer pending: `<case>.new.png`, which `karat preview` writes.
-/// A missing preview is no error.
+/// Removes the preview of a frame that isn't pending any more: `<case>.new.png`, which `karat preview` writes. A
+/// missing preview is no error.
 fn remove_preview(pending: &Path) {
     if ending(&pending.to_string_lossy()) == Some(PENDING_FRAME) {
         drop(std::fs::remove_file(pending.with_extension("png")));
     }
 }
 
-/// The ending of a pending file's name. `None`: the name isn't that of a pending file.
+/// The extension of a pending file's name. Returns `None` for other names.
 fn ending(name: &str) -> Option<&'static str> {
     [PENDING_FRAME, PENDING_TABLE].into_iter().find(|ending| name.ends_with(ending))
 }
 
-/// Finds `*.new.exr` and `*.new.csv` in a folder and its subfolders, sorted. Karat enters each folder once, even if
-/// several links lead to it. It leaves out frames under an overlay: they can't be accepted.
+/// Finds `*.new.exr` and `*.new.csv` in a folder and its subfolders, sorted. Karat enters each folder once, even
+/// if several links lead to the folder. It leaves out frames under an overlay, because they can't be accepted.
 fn find(
     folder: &Path,
     entered: &mut BTreeSet<PathBuf>,
@@ -311,7 +314,7 @@ fn find(
     entries.sort_by_key(std::fs::DirEntry::file_name);
     for entry in entries {
         let path = entry.path();
-        // A folder with such a name is reported as unusable.
+        // The caller reports a folder with such a name as unusable.
         if ending(&entry.file_name().to_string_lossy()).is_some() {
             files.push(path);
         } else if entry.file_name() != OVERLAID && path.is_dir() {
@@ -320,8 +323,8 @@ fn find(
     }
 }
 
-/// Reads a pending frame. Its name must be that of its file: the name becomes the path of a golden, and the
-/// file may come from another machine.
+/// Reads a pending frame. The name in its metadata must agree with its path: the name becomes the path of a
+/// golden, and the file may come from another machine.
 fn named(path: &Path) -> Result<Pending, AcceptError> {
     let (_, provenance) = Content::read(path)?;
     let provenance = provenance.ok_or_else(|| AcceptError::Foreign(shown(path)))?;
@@ -335,7 +338,7 @@ fn named(path: &Path) -> Result<Pending, AcceptError> {
 }
 
 impl Rendered<'_> {
-    /// The frame's provenance and parts, for its file.
+    /// The provenance and the parts of the frame, for its file.
     fn stored(&self, case: &str, against: &Against) -> (Provenance, Vec<Part>) {
         let (width, height) = (self.image.width(), self.image.height());
         let precision = self.precision();
@@ -373,7 +376,7 @@ impl Rendered<'_> {
     }
 }
 
-/// Vendor and model of the processor, if the system reports them.
+/// Vendor and model of the processor, or only the architecture if the system doesn't report them.
 pub(super) fn processor() -> String {
     let info = std::fs::read_to_string("/proc/cpuinfo").unwrap_or_default();
     let field = |name: &str| {

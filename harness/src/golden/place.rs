@@ -1,4 +1,4 @@
-//! The places of goldens and of pending frames.
+//! The folders and files of goldens and of pending frames.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -9,18 +9,20 @@ use crate::diagnostic::shown;
 use crate::image::remove_leftover;
 use crate::package::LinkedModule;
 
-/// The folder of frames that were rendered under an overlay. Names of goldens have no `@`.
+/// The folder of frames that were rendered under an overlay. No golden has an `@` in its name.
 pub(super) const OVERLAID: &str = "@overlay";
 
 impl Goldens {
-    /// The folder of pending frames. Usually the folder of their goldens; in CI, a folder of build output,
-    /// because nothing may change the sources there. Frames under an overlay go into a folder of build
-    /// output, too, because they must not be accepted. Each folder of goldens has its own pending folder.
+    /// The folder of pending frames. Usually this is the folder of their goldens. In CI, pending frames go into
+    /// build output, because nothing may change the sources there. Frames under an overlay go into build output,
+    /// too, because they must not be accepted. In build output, each folder of goldens has its own pending
+    /// folder.
     pub(super) fn pending_folder(&self) -> PathBuf {
         if self.beside {
             self.folder()
         } else if crate::settings::overlay().is_some() {
-            // Outside of `pending`, so that `karat accept --from` doesn't find them in CI's output.
+            // This folder is outside of `pending`, so that `karat accept --from` doesn't find these frames in
+            // CI's output.
             output().join(OVERLAID).join(self.key())
         } else if in_ci() {
             output().join("pending").join(self.key())
@@ -29,16 +31,16 @@ impl Goldens {
         }
     }
 
-    /// The folder's path from the project's root, with `/`: the same on each machine that has the project.
-    /// Empty if the folder is in no project.
+    /// The folder's path from the project's root, with `/`. The path is the same on each machine that has the
+    /// project, and empty if the folder is in no project.
     pub(crate) fn key(&self) -> String {
         let Some(folder) = resolved(&self.folder()) else { return String::new() };
         let below = root(&folder).and_then(|root| folder.strip_prefix(root).ok());
         below.map_or_else(String::new, with_slashes)
     }
 
-    /// The name of the Cargo package that has the folder, from the nearest `Cargo.toml`. Empty without a
-    /// `Cargo.toml`, as for a folder of shaders without Cargo. The folder may not exist yet.
+    /// The name of the Cargo package that has the folder, from the nearest `Cargo.toml` with a package. The name
+    /// is empty if there is no such file, as for a folder of shaders without Cargo. The folder may not exist yet.
     ///
     /// ```
     /// let goldens = karat::goldens!("golden");
@@ -57,8 +59,8 @@ impl Goldens {
         folder.ancestors().find_map(name).unwrap_or_default()
     }
 
-    /// The root of the project that has the goldens: the folder of its `Cargo.lock`, or else of its
-    /// repository. `None`: there is neither. The folder of goldens may not exist yet.
+    /// The root of the project that has the goldens: the folder of its `Cargo.lock`, or else of its repository.
+    /// `None` if there is no such folder. The folder of goldens may not exist yet.
     ///
     /// ```
     /// use karat::Goldens;
@@ -74,8 +76,8 @@ impl Goldens {
         root(&resolved(&self.folder())?).map(Path::to_path_buf)
     }
 
-    /// Hashes of modules, by their files' paths from the project's root. A module outside of the project,
-    /// such as another crate's, has its name as the key, which is also the same on each machine.
+    /// Hashes of modules, by the paths of their files from the project's root. The key of a module outside of the
+    /// project is the module's name. Both keys are the same on each machine.
     pub(super) fn module_hashes(&self, modules: &[LinkedModule]) -> BTreeMap<String, String> {
         let project = self.project();
         let name = |module: &LinkedModule| {
@@ -86,8 +88,8 @@ impl Goldens {
         modules.iter().map(|module| (name(module), module.hash.clone())).collect()
     }
 
-    /// True if commands find the folder without being given it: `golden` in a Cargo package or in the working
-    /// directory.
+    /// Checks if commands find the folder without an argument. They find `golden` in a Cargo package or in the
+    /// working directory.
     fn is_usual(&self) -> bool {
         let folder = self.folder();
         let Some(folder) = resolved(&folder) else { return false };
@@ -99,8 +101,8 @@ impl Goldens {
             })
     }
 
-    /// Removes temporary files of killed acceptances and tests from the folder and its subfolders. Files that
-    /// a living process is writing stay, and so do files that can't be removed.
+    /// Removes temporary files of killed acceptances and tests from the folder and its subfolders. Karat keeps
+    /// files that a running process writes, and files that can't be removed.
     ///
     /// ```no_run
     /// karat::Goldens::open("golden".as_ref()).tidy();
@@ -111,8 +113,8 @@ impl Goldens {
         tidy(&self.folder());
     }
 
-    /// The arguments with which commands find pending frames that aren't beside their goldens, and goldens
-    /// that aren't in the usual folder.
+    /// The arguments with which commands find pending frames in another folder than their goldens, and goldens in
+    /// another folder than the usual folder.
     pub(super) fn arguments(&self) -> String {
         if self.beside {
             return String::new();
@@ -142,19 +144,18 @@ impl Goldens {
 /// The output folder of a program that runs tests without Cargo.
 static HOSTED: OnceLock<PathBuf> = OnceLock::new();
 
-/// Sets this program's output folder. A second call changes nothing.
+/// Sets this program's output folder. Only the first call has an effect.
 pub(crate) fn leave_in(folder: PathBuf) {
     drop(HOSTED.set(folder));
 }
 
-/// The output folder of tests.
 pub(crate) fn output() -> PathBuf {
     HOSTED.get().cloned().unwrap_or_else(|| build_output().join("karat"))
 }
 
 fn tidy(folder: &Path) {
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
-        // A link may lead to any folder, so links to folders aren't followed.
+        // A link may lead to any folder, so Karat doesn't follow links to folders.
         if entry.file_type().is_ok_and(|kind| kind.is_dir()) {
             tidy(&entry.path());
         } else {
@@ -163,7 +164,7 @@ fn tidy(folder: &Path) {
     }
 }
 
-/// True in a CI run: `CI` is set, and its value isn't `false` or `0`.
+/// Checks if this is a CI run: `CI` is set, and its value isn't empty, `false` or `0`.
 ///
 /// ```
 /// if karat::unstable::golden::in_ci() {
@@ -176,13 +177,12 @@ pub fn in_ci() -> bool {
     !["", "0", "false"].iter().any(|no| value.eq_ignore_ascii_case(no))
 }
 
-/// A path with `/` between its parts, as on all systems.
 fn with_slashes(path: &Path) -> String {
     path.iter().map(|part| part.to_string_lossy()).collect::<Vec<_>>().join("/")
 }
 
-/// A folder's absolute path without links. The folder may not exist yet: a package has no folder before its
-/// first golden.
+/// A folder's absolute path without links. The folder may not exist yet: a package has no golden folder before
+/// its first golden.
 fn resolved(folder: &Path) -> Option<PathBuf> {
     let folder = std::path::absolute(folder).ok()?;
     let whole = |above: &Path| {
@@ -192,15 +192,14 @@ fn resolved(folder: &Path) -> Option<PathBuf> {
     folder.ancestors().find_map(whole)
 }
 
-/// The project's root: the folder of `Cargo.lock`, or else of the repository.
 pub(super) fn root(folder: &Path) -> Option<&Path> {
     let with = |name: &str| folder.ancestors().find(|above| above.join(name).exists());
     with("Cargo.lock").or_else(|| with(".git"))
 }
 
-/// Cargo's target folder, which has a file `CACHEDIR.TAG`. Cargo doesn't put this file into a target folder
-/// that existed before; then the result is the folder above that of the Cargo profile. The result is empty,
-/// which means the working directory, if Cargo didn't build the test.
+/// Cargo's target folder. Karat recognises the folder by its file `CACHEDIR.TAG`. Cargo doesn't write this file
+/// into a target folder that existed before. Then Karat uses the folder above the Cargo profile's folder. If
+/// Cargo didn't build the test, the path is empty, which means the working directory.
 ///
 /// ```
 /// let leftovers = karat::unstable::golden::build_output().join("karat");
@@ -217,6 +216,7 @@ pub fn build_output() -> PathBuf {
 mod tests {
     use super::*;
 
+    // Lesson 179
     #[test]
     fn folders_are_named_from_the_root() {
         let project = tempfile::tempdir().expect("a temporary folder");
@@ -232,6 +232,7 @@ mod tests {
         assert_eq!(first.key(), "crates/b/golden", "a crate has no folder before its first golden");
     }
 
+    // Lesson 179
     #[test]
     fn the_package_of_a_folder_is_the_nearest() {
         let project = tempfile::tempdir().expect("a temporary folder");

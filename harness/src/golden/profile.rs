@@ -1,4 +1,4 @@
-//! Profiles: an execution path and a driver, as a part of file names. The results of a rasteriser depend on both.
+//! Profiles: a path and a driver, as a part of file names. A rasteriser's results depend on both.
 
 use std::fmt;
 
@@ -6,8 +6,8 @@ use crate::path::Adapter;
 
 /// An execution path and the family of its driver: `vulkan-llvmpipe`, `gl-nvidia`.
 ///
-/// The golden for all profiles is `<case>.exr`. If a profile fails with it, the profile can have its own
-/// golden, `@<profile>/<case>.exr`, which no other profile uses.
+/// The golden for all profiles is `<case>.exr`. If a profile fails with that golden, the profile can have its own
+/// golden, `@<profile>/<case>.exr`. No other profile uses this golden.
 ///
 /// ```
 /// # use karat::unstable::path::Adapter;
@@ -21,8 +21,8 @@ use crate::path::Adapter;
 pub struct Profile(String);
 
 impl Profile {
-    /// The profile of an adapter. If its driver's family is unknown, the first word of the adapter's name
-    /// replaces it.
+    /// The profile of an adapter. If the driver's family is unknown, the first word of the adapter's name stands
+    /// for the family.
     ///
     /// ```
     /// use karat::unstable::golden::Profile;
@@ -34,7 +34,8 @@ impl Profile {
     /// ```
     #[must_use]
     pub fn of(adapter: &Adapter) -> Self {
-        // A driver is named by its family, whatever the path's suffix is; a program, by its own name.
+        // A path's suffix isn't part of the profile, because the family names the driver. A program is named by
+        // the suffix.
         if let Some(name) = adapter.path.strip_prefix("process@") {
             return Self(format!("process-{name}"));
         }

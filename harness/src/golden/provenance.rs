@@ -1,4 +1,4 @@
-//! The provenance of a golden or a pending frame, stored in its EXR, and beside it as TOML.
+//! The provenance of a golden or a pending frame. A golden has it in its EXR, and as TOML beside the EXR.
 
 use std::collections::BTreeMap;
 
@@ -21,11 +21,11 @@ pub struct Provenance {
     pub case: String,
     /// [`text_hash`](crate::diagnostic::text_hash) of the linked WGSL.
     pub shader: String,
-    /// Hashes of the modules that it was linked from, by their files' paths from the project's root. A module
-    /// outside of the project has its name as the key. Empty for goldens of older versions.
+    /// Hashes of the linked modules, by the paths of their files from the project's root. A module outside of the
+    /// project has its name as the key. The map is empty for goldens of older versions.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub modules: BTreeMap<String, String>,
-    /// blake3 hash of size and pixels, as stored; for a table, of its columns and cells.
+    /// blake3 hash of the size and the stored pixels; for a table, of its columns and cells.
     pub pixels: String,
     /// Width in pixels, or number of columns of a table.
     pub width: u32,
@@ -38,48 +38,48 @@ pub struct Provenance {
     pub precision: Precision,
     /// The tolerance of the frame: `rel 1e-3 or (FLIP tile 0.01 and mean FLIP 0.005)`.
     pub tolerance: String,
-    /// The adapter that rendered it. The name of a software rasteriser includes its compiler's version and
-    /// its vector width, on which its results depend.
+    /// The adapter that rendered the frame. The name of a software rasteriser includes its compiler's version and
+    /// its vector width, because the results depend on them.
     pub adapter: Adapter,
     /// Vendor and model of the processor, on which the results of software rasterisers depend.
     pub processor: String,
     /// Facts that the author added, by name: the seed, the number of samples per pixel.
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     pub facts: BTreeMap<String, String>,
-    /// The folder of the goldens that a pending frame was compared with, from the project's root.
+    /// The folder of the goldens with which a pending frame was compared, from the project's root.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub folder: String,
-    /// The Cargo package that has this folder; empty if there is none, or if an older Karat wrote the file.
+    /// The Cargo package that has this folder. The name is empty if there is no package, or if an older Karat
+    /// wrote the file.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub cargo_package: String,
-    /// Hash of the pixels of the golden that this frame was compared with; empty if there was no golden.
+    /// Hash of the pixels of the golden with which this frame was compared; empty if there was no golden.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub compared_with: String,
-    /// The profile whose golden this frame was compared with; empty for the golden for all profiles.
+    /// The profile that owns the golden of the comparison; empty for the golden for all profiles.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub compared_profile: String,
-    /// The finding of the comparison, if this is a pending frame that failed one.
+    /// The finding of a pending frame's comparison; `None` for goldens and for frames without a golden.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub finding: Option<FrameFinding>,
-    /// The exposures of HDR-FLIP. Accepting the golden pins them, so that they don't change with later
-    /// frames.
+    /// The exposures of HDR-FLIP. Accepting the golden pins the exposures: later frames don't change them.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub exposures: Option<ExposureRange>,
     /// The facts about a table's columns; `None` for a frame.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub table: Option<TableFacts>,
-    /// Name of the person who accepted it.
+    /// Name of the person who accepted the golden.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub accepted_by: String,
     /// The time of acceptance, in UTC.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub accepted_at: String,
-    /// The reason for accepting it.
+    /// The reason for accepting the golden.
     #[serde(default, skip_serializing_if = "String::is_empty")]
     pub because: String,
 }
 
-/// The reason why the facts in a file can't be used.
+/// The reason why Karat can't use the facts in a file.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum ProvenanceError {
@@ -98,7 +98,7 @@ impl Provenance {
     /// Reads the metadata of an EXR file.
     ///
     /// # Errors
-    /// If the metadata is of a later version, or isn't a provenance.
+    /// If a newer Karat wrote the metadata, or if the metadata isn't a provenance.
     pub fn parse(metadata: &str) -> Result<Self, ProvenanceError> {
         #[derive(Deserialize)]
         struct Version {
@@ -107,7 +107,8 @@ impl Provenance {
         let damaged = |error: serde_json::Error| ProvenanceError::Damaged(error.to_string());
         let all = serde_json::from_str(metadata).map_err(damaged)?;
         if has_controls(&all) {
-            // Frames may come from a stranger's CI run, and listing them would send these characters to a terminal.
+            // Pending frames may come from a stranger's CI run. Listing them would send control characters to a
+            // terminal.
             return Err(ProvenanceError::Damaged("it has control characters".to_owned()));
         }
         match serde_json::from_str(metadata).map_err(damaged)? {
@@ -124,13 +125,12 @@ impl Provenance {
         Self::parse(&all.to_string())
     }
 
-    /// The provenance as text, for the EXR's attribute.
     pub(super) fn metadata(&self) -> String {
         serde_json::to_string(self).expect("provenance is plain data")
     }
 }
 
-/// True if a text has a control character that isn't a line break.
+/// Checks if a text has a control character other than a line break or a tab.
 fn has_controls(value: &Value) -> bool {
     let controls = |text: &str| text.chars().any(|c| c.is_control() && !"\n\r\t".contains(c));
     match value {
@@ -143,15 +143,15 @@ fn has_controls(value: &Value) -> bool {
     }
 }
 
-/// The finding of a comparison of a frame with its golden, from the test itself.
+/// The finding of a frame's comparison with its golden, from the test that made the comparison.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FrameFinding {
-    /// The difference, in words.
+    /// The difference, as text.
     pub verdict: String,
     /// All measurements, in order.
     pub margins: Vec<CriterionMargin>,
-    /// True if the frame was compared with its profile's own golden and would pass with the golden for all
-    /// profiles. Then the profile needs no golden of its own.
+    /// True if the profile has its own golden, and the frame would pass with the golden for all profiles. Then
+    /// the profile needs no golden of its own.
     #[serde(default)]
     pub base_passes: bool,
 }
@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn facts_of_another_version_or_shape_are_told_apart() {
+    fn facts_of_another_version_or_shape_have_their_errors() {
         assert_eq!(Provenance::parse(r#"{"schema": 2}"#), Err(ProvenanceError::Newer(2)));
         let escape = r#"{"schema": 1, "adapter": {"name": "\u001b[31mred"}}"#;
         let error = Provenance::parse(escape).expect_err("a terminal's escape").to_string();

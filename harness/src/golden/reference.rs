@@ -1,4 +1,4 @@
-//! The golden that a frame is compared with: its pixels and its provenance.
+//! The golden of a comparison: its pixels and its provenance.
 
 use std::path::Path;
 
@@ -7,16 +7,14 @@ use super::{FrameTolerance, Profile, Provenance, ProvenanceError, Rendered, part
 use crate::image::{Image, ImageError, Precision};
 use crate::metric::DEFAULT_RELATIVE;
 
-/// A golden from its file.
 pub(super) struct Reference {
     image: Image,
-    /// `None`: another tool made the file.
+    /// `None` if another tool made the file.
     provenance: Option<Provenance>,
-    /// The golden's variance, if it has one and the frame is noisy.
+    /// The golden's variance, if the golden has a variance and the frame is noisy.
     variance: Option<Image>,
 }
 
-/// The reason why a frame can't be compared with its golden.
 pub(super) enum ReferenceError {
     Image(ImageError),
     Provenance(ProvenanceError),
@@ -38,7 +36,8 @@ impl Reference {
         Ok(Self { image, provenance, variance })
     }
 
-    /// True if the file has 32-bit floats. A file of another tool counts as 32-bit, which is the stricter assumption.
+    /// Checks if the file has 32-bit floats. A file of another tool counts as 32-bit, because that is the
+    /// stricter assumption.
     fn is_in_floats(&self) -> bool {
         self.provenance.as_ref().is_none_or(|known| known.precision == Precision::Float)
     }
@@ -47,16 +46,15 @@ impl Reference {
         self.image.hash()
     }
 
-    /// The tolerance of a frame for this golden.
     pub(super) fn tolerance(&self, frame: &Rendered<'_>) -> FrameTolerance {
         if let Some(declared) = frame.tolerance {
             return declared.clone();
         }
         if frame.variance.is_some() {
-            // FLIP would measure the noise, and miss fainter differences.
+            // FLIP would measure the noise, and miss smaller differences.
             return FrameTolerance::gate(DEFAULT_RELATIVE);
         }
-        // With a golden of unknown origin, the stricter bounds apply: those for the golden's own profile.
+        // If the golden's origin is unknown, the stricter bounds of the golden's own profile apply.
         let made_on = self.provenance.as_ref().map(|known| Profile::of(&known.adapter));
         FrameTolerance::standard(made_on.is_some_and(|made| made != Profile::of(frame.adapter)))
     }
@@ -71,7 +69,7 @@ impl Reference {
         if self.is_in_floats() || frame.asks_for_floats() {
             return compare(&self.image, frame.image, &terms);
         }
-        // The frame is rounded as in the golden's file.
+        // The golden's file has half floats, so the frame is rounded to half floats, too.
         match compare(&self.image, &frame.image.rounded_to(Precision::Half), &terms) {
             // The frame may have finite values that are too large for half floats.
             Err(FrameDifference::NonFinite(_)) => compare(&self.image, frame.image, &terms),

@@ -1,4 +1,4 @@
-//! Tables of values as text: arguments of a function and their results, or elements of a buffer.
+//! Tables of values as text: arguments and results of a function, or elements of a buffer.
 //!
 //! ```text
 //! # schema = 1
@@ -7,8 +7,8 @@
 //! 0.5,0.25,0.0796
 //! ```
 //!
-//! The comments are the facts, as TOML. The rest is CSV. Its cells are numbers, `true` or `false`, so it
-//! needs no quotes.
+//! The comments are the facts, as TOML. The rest is CSV. Its cells are numbers, `true` or `false`, so they need
+//! no quotes.
 
 use std::path::Path;
 
@@ -32,11 +32,11 @@ pub struct Column {
 /// Rows of numbers.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Table {
-    /// The columns: arguments first.
+    /// The columns. The columns of arguments come first.
     pub columns: Vec<Column>,
     /// The number of columns that are arguments.
     pub arguments: usize,
-    /// The lanes of all rows, row by row.
+    /// The values of all rows as `u32` words, row by row.
     pub(crate) words: Vec<u32>,
 }
 
@@ -49,7 +49,7 @@ pub struct TableFacts {
     pub types: Vec<String>,
 }
 
-/// The reason why a file isn't a usable table.
+/// The reason why Karat can't use a file as a table.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum TableError {
@@ -77,12 +77,12 @@ pub enum TableError {
 }
 
 impl Table {
-    /// The lanes of each row.
+    /// The `u32` words of each row.
     pub fn rows(&self) -> impl Iterator<Item = &[u32]> {
         self.words.chunks_exact(self.columns.len().max(1))
     }
 
-    /// The arguments and the results of each row.
+    /// The arguments and the results of each row, as `u32` words.
     pub fn split_rows(&self) -> impl Iterator<Item = (&[u32], &[u32])> {
         self.rows().map(|row| row.split_at(self.arguments.min(row.len())))
     }
@@ -93,7 +93,7 @@ impl Table {
         self.words.len() / self.columns.len().max(1)
     }
 
-    /// True if the table has no rows.
+    /// Checks if the table has no rows.
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.len() == 0
@@ -114,12 +114,10 @@ impl Table {
         TableFacts { arguments: self.arguments, types }
     }
 
-    /// blake3 hash of columns and cells.
     pub(super) fn hash(&self) -> String {
         blake3::hash(self.cells().as_bytes()).to_hex().to_string()
     }
 
-    /// The file's text: the facts and the table.
     pub(super) fn text(&self, provenance: &Provenance) -> String {
         let facts = toml::to_string(provenance).expect("provenance is plain data");
         let facts = facts.lines().map(|line| match line {
@@ -163,20 +161,23 @@ impl Table {
         let damaged = |cause| TableError::Provenance { path: path(), cause };
         let provenance = Provenance::parse_toml(&facts).map_err(damaged)?;
         let Some(facts) = &provenance.table else {
-            let reason = "its facts are those of no table".to_owned();
+            let reason = "it doesn't describe a table".to_owned();
             return Err(damaged(ProvenanceError::Damaged(reason)));
         };
         let line_is = |line: usize, reason: String| TableError::Line { path: path(), line, reason };
         let mut lines = text.lines().enumerate().skip_while(|(_, line)| line.starts_with('#'));
         let head = lines.next().map(|(at, line)| (at + 1, line));
-        let (at, head) = head.ok_or_else(|| line_is(1, "has no line of columns".to_owned()))?;
+        let (at, head) = head.ok_or_else(|| line_is(1, "has no header line".to_owned()))?;
         let names: Vec<&str> = head.split(',').collect();
         let scalars: Option<Vec<Scalar>> =
             facts.types.iter().map(|name| Scalar::named(name)).collect();
         let scalars = scalars
             .filter(|scalars| scalars.len() == names.len() && facts.arguments < scalars.len());
         let Some(scalars) = scalars else {
-            let reason = format!("has {}, its facts other ones", counted(names.len(), "column"));
+            let reason = format!(
+                "has {}, but its metadata describes others",
+                counted(names.len(), "column")
+            );
             return Err(line_is(at, reason));
         };
         let columns = names.iter().zip(scalars);
@@ -197,12 +198,12 @@ impl Table {
                 words.push(column.scalar.parse(cell).ok_or_else(|| {
                     let Column { name, scalar } = column;
                     let what = scalar.wgsl();
-                    line_is(at + 1, format!("column `{name}`: `{cell}` is no finite {what}"))
+                    line_is(at + 1, format!("column `{name}`: `{cell}` isn't a finite {what}"))
                 })?);
             }
         }
         if words.is_empty() {
-            return Err(line_is(at, "has no row below it".to_owned()));
+            return Err(line_is(at, "has no rows below it".to_owned()));
         }
         let table = Self { columns, arguments: facts.arguments, words };
         Ok((table, provenance))

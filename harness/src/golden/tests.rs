@@ -99,7 +99,6 @@ impl Project {
         self.goldens.check("room/ramp", &frame)
     }
 
-    /// Accepts the pending file of a failed frame, wherever the file is.
     fn accept(
         &self,
         failed: &GoldenError,
@@ -126,7 +125,6 @@ impl Project {
         file.parts.into_iter().map(|part| part.name).collect()
     }
 
-    /// A message without the names of temporary files.
     fn text(&self, error: &GoldenError) -> String {
         let folder = shown(self.folder.path());
         let text = error.to_string().replace(&folder, "golden");
@@ -141,7 +139,7 @@ fn pending_at(path: &Path) -> Pending {
     Pending { case: provenance.case.clone(), path: path.to_owned(), provenance }
 }
 
-/// The red channel alone.
+/// A metric with a fixed value.
 #[derive(Debug)]
 struct Red(f64);
 

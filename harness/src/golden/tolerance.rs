@@ -9,15 +9,16 @@ use super::number;
 use crate::metric::{DEFAULT_RELATIVE, Flip, Gate, Measured, Metric, Pair, Rect};
 use crate::tolerance::{power, significant};
 
-/// The largest mean FLIP error of a tile, on the profile on which the golden was made. Rounding to half
-/// floats gives 0.004, twenty scattered pixels of edges 0.02, and faults of shaders 0.09 and more.
+/// The largest mean FLIP error that a tile may have on the profile that made the golden. Measured values:
+/// rounding to half floats gives 0.004, twenty scattered pixels of edges 0.02, and faults of shaders 0.09 and
+/// more.
 const TILE_BOUND: f64 = 0.01;
-/// The same bound for other profiles, whose rasterisers draw edges with other pixels.
+/// The bound of a tile on other profiles, whose rasterisers draw edges with other pixels.
 const FOREIGN_TILE_BOUND: f64 = 0.03;
-/// The largest mean FLIP error of a frame.
+/// The largest mean FLIP error that a frame may have.
 const MEAN_BOUND: f64 = 0.005;
 
-/// The tolerance of a frame: bounds of metrics, and their combinations.
+/// The tolerance of a frame: bounds of metrics, and combinations of bounds.
 ///
 /// The default is [`FrameTolerance::standard`].
 ///
@@ -32,9 +33,9 @@ const MEAN_BOUND: f64 = 0.005;
 pub enum FrameTolerance {
     /// A bound for each channel of each pixel. See [`Gate`].
     Gate(Gate),
-    /// The largest mean HDR-FLIP error of a tile of 16 x 16 pixels that passes.
+    /// The largest mean HDR-FLIP error that a tile of 16 x 16 pixels may have.
     FlipTile(f64),
-    /// The largest mean HDR-FLIP error of the frame that passes.
+    /// The largest mean HDR-FLIP error that the frame may have.
     FlipMean(f64),
     /// A metric, and the largest value that passes.
     Metric(Arc<dyn Metric>, f64),
@@ -73,9 +74,9 @@ impl FrameTolerance {
         Self::Metric(Arc::new(metric), bound)
     }
 
-    /// The default. A frame passes if it passes the gate of 1e-3. It also passes if its HDR-FLIP errors are
-    /// small: a mean of at most 0.01 in each tile, and of 0.005 in the frame. If the golden was made on
-    /// another profile (`foreign`), a tile may have 0.03.
+    /// The default tolerance. A frame passes if it passes the gate of 1e-3. The frame also passes if its HDR-FLIP
+    /// errors are small: a mean of at most 0.01 in each tile, and of at most 0.005 in the whole frame. If another
+    /// profile made the golden (`foreign`), the mean in a tile may be 0.03.
     ///
     /// ```
     /// use karat::golden::FrameTolerance;
@@ -90,33 +91,33 @@ impl FrameTolerance {
         Self::Any(vec![Self::gate(DEFAULT_RELATIVE), flip])
     }
 
-    /// The first bound that every frame passes, or none can, as text.
+    /// The first bound that every frame or no frame passes, with the reason, as text.
     pub(crate) fn unusable(&self) -> Option<String> {
         let number = |bound: f64| !(bound >= 0.0 && bound.is_finite());
-        // A relative bound of 1 passes a black frame, and a FLIP bound of 1 every frame.
+        // A black frame passes a relative bound of 1, and every frame passes a FLIP bound of 1.
         let share = |bound: f64| !(0.0..1.0).contains(&bound);
         match self {
             Self::Gate(Gate { relative, .. }) if share(f64::from(*relative)) => {
-                Some(format!("{relative}; it is a relative difference from 0 to below 1"))
+                Some(format!("{relative}; a relative difference must be at least 0 and below 1"))
             }
             Self::Gate(Gate { absolute: Some(absolute), .. }) if number(f64::from(*absolute)) => {
-                Some(format!("{absolute}; it is a difference of at least 0"))
+                Some(format!("{absolute}; an absolute difference must be at least 0"))
             }
             Self::Gate(_) => None,
             Self::FlipTile(bound) | Self::FlipMean(bound) if share(*bound) => {
-                Some(format!("{bound}; errors of FLIP are from 0 to 1, and a bound is below 1"))
+                Some(format!("{bound}; FLIP errors are from 0 to 1, so a bound must be below 1"))
             }
             Self::FlipTile(_) | Self::FlipMean(_) => None,
             Self::Metric(metric, bound) if *bound >= metric.most() && bound.is_finite() => {
                 let (name, most) = (metric.name(), metric.most());
-                Some(format!("{bound}; the {name} is {most} at most, and a bound is below that"))
+                Some(format!("{bound}; the {name} is {most} at most, so a bound must be smaller"))
             }
             Self::Metric(_, bound) => {
-                let no_bound = format!("{bound}; a bound is a number of at least 0");
+                let no_bound = format!("{bound}; a bound must be a number of at least 0");
                 number(*bound).then_some(no_bound)
             }
             Self::All(parts) | Self::Any(parts) if parts.is_empty() => {
-                Some("a list of no bounds; name at least one".to_owned())
+                Some("an empty list of bounds; name at least one bound".to_owned())
             }
             Self::All(parts) | Self::Any(parts) => parts.iter().find_map(Self::unusable),
         }
@@ -147,7 +148,7 @@ impl FrameTolerance {
             Self::All(parts) => {
                 let mut all = Judgement { passes: true, decisive: 0, margins: Vec::new() };
                 for judged in parts.iter().map(|part| part.judge(pair)) {
-                    // A part that fails decides; if all pass, the part with the largest ratio.
+                    // A part that fails decides. If all parts pass, the part with the largest ratio decides.
                     let tighter = all.margins.get(all.decisive).is_none_or(|so_far| {
                         let new = judged.margins[judged.decisive].ratio();
                         (all.passes && !judged.passes)
@@ -183,7 +184,7 @@ impl Default for FrameTolerance {
     }
 }
 
-/// The gate alone, with this relative bound.
+/// A gate with this relative bound.
 impl From<f32> for FrameTolerance {
     fn from(relative: f32) -> Self {
         Self::gate(relative)
@@ -277,7 +278,7 @@ pub struct CriterionMargin {
     pub value: f64,
     /// The largest value that passes.
     pub bound: f64,
-    /// The pixels that have this value, if it belongs to a part of the frame.
+    /// The pixels with this value; `None` if the value belongs to the whole frame.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub place: Option<Rect>,
     /// A remark on the measurement.
@@ -286,7 +287,7 @@ pub struct CriterionMargin {
 }
 
 impl CriterionMargin {
-    /// True if the value is within the bound. NaN isn't.
+    /// Checks if the value is within the bound. NaN isn't within any bound.
     ///
     /// ```
     /// # use karat::Image;
@@ -339,7 +340,6 @@ impl fmt::Display for CriterionMargin {
     }
 }
 
-/// The verdict of a tolerance.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Judgement {
     pub(super) passes: bool,

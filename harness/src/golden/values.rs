@@ -1,4 +1,4 @@
-//! Goldens of values: the results of functions for fixed arguments, and the buffers that passes wrote.
+//! Goldens of values: results of functions for fixed arguments, and buffers after passes.
 
 use std::fmt::Write;
 
@@ -11,7 +11,6 @@ use crate::image::{ImageError, Precision, write_whole};
 use crate::package::LinkedModule;
 use crate::path::Adapter;
 
-/// Values and their origin.
 pub(crate) struct Made<'a> {
     pub(crate) table: Table,
     pub(crate) adapter: &'a Adapter,
@@ -23,7 +22,7 @@ pub(crate) struct Made<'a> {
     pub(crate) tolerance: String,
 }
 
-/// The reason why values fail, or can't be compared.
+/// The reason why values fail, or why Karat can't compare them.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ValuesError {
@@ -45,14 +44,14 @@ pub enum ValuesError {
     },
     /// The golden can't be used. Karat doesn't overwrite it.
     #[error("the golden of the values `{case}` can't be used: {cause}{}",
-        if matches!(cause, TableError::File(_)) { "" } else { "; restore it from version control, or remove it and accept what its test makes" })]
+        if matches!(cause, TableError::File(_)) { "" } else { "; restore the file from version control, or delete it, run its test and accept the new values" })]
     Unreadable {
         /// The golden's name.
         case: String,
         /// The reason.
         cause: TableError,
     },
-    /// The values differ from the golden's.
+    /// The values differ from the golden.
     #[error("the values `{case}` differ from their golden `{golden}`: {difference}\n  {advice}")]
     Differs {
         /// The golden's name.
@@ -66,8 +65,8 @@ pub enum ValuesError {
     },
     /// A value is NaN or infinite, so the values can't become a golden.
     #[error(
-        "the values `{case}` can't be compared: {column} is {value} in row {row}, and nothing could \
-         ever agree with it; {advice}"
+        "the values `{case}` can't be compared: {column} is {value} in row {row}, and a \
+         golden can't have this value; {advice}"
     )]
     NonFinite {
         /// The golden's name.
@@ -81,8 +80,10 @@ pub enum ValuesError {
         /// Advice on the next step.
         advice: &'static str,
     },
-    /// The pending file can't be written.
-    #[error("the values `{case}` fail ({failure}), and can't be left to be looked at: {cause}")]
+    /// Karat can't write the pending file.
+    #[error(
+        "the values `{case}` fail ({failure}), and Karat can't write them into a pending file: {cause}"
+    )]
     Pending {
         /// The golden's name.
         case: String,
@@ -94,24 +95,25 @@ pub enum ValuesError {
 }
 
 impl ValuesError {
-    /// True if the values are wrong; false if they couldn't be compared.
+    /// Checks if the values are wrong. Returns `false` if Karat couldn't compare the values.
     pub(crate) fn is_failure(&self) -> bool {
         matches!(self, Self::Differs { .. } | Self::NonFinite { .. })
     }
 }
 
 impl Goldens {
-    /// The golden's file. Values have no goldens of profiles: give paths their own tolerances instead.
+    /// The golden's file. Values have no goldens for single profiles: tests give a path its own tolerance
+    /// instead.
     pub(super) fn values(&self, case: &str) -> std::path::PathBuf {
         self.folder().join(format!("{case}.csv"))
     }
 
-    /// The file that a comparison depends on.
+    /// The file on which a comparison depends.
     pub(crate) fn values_read(&self, case: &str) -> Option<FileRead> {
         is_name(case).then(|| FileRead::now(&self.values(case)))
     }
 
-    /// The golden's values. `None`: there is no golden yet.
+    /// The golden's values. Returns `None` if there is no golden yet.
     pub(crate) fn table(&self, case: &str) -> Result<Option<Table>, ValuesError> {
         if !is_name(case) {
             return Err(ValuesError::Name(case.to_owned()));
@@ -123,7 +125,7 @@ impl Goldens {
         }
     }
 
-    /// Writes values without a golden as pending.
+    /// Writes values that have no golden into a pending file.
     pub(crate) fn without_golden(&self, case: &str, made: &Made<'_>) -> ValuesError {
         match self.leave(case, made, None) {
             Ok(pending) => ValuesError::Missing {
@@ -135,7 +137,8 @@ impl Goldens {
         }
     }
 
-    /// Writes values that differ from their golden as pending. `difference` is the text of the difference.
+    /// Writes values that differ from their golden into a pending file. `difference` is the text of the
+    /// difference.
     pub(crate) fn unlike_golden(
         &self,
         case: &str,
@@ -161,7 +164,7 @@ impl Goldens {
         }
     }
 
-    /// Removes the pending file of values that agree again. A missing file is no error.
+    /// Removes the pending file of values that agree with their golden again. A missing file is no error.
     pub(crate) fn values_agree(&self, case: &str) {
         drop(std::fs::remove_file(self.pending_values(case)));
     }
@@ -180,7 +183,7 @@ impl Goldens {
         if let Some((row, at, value)) = table.non_finite() {
             let advice = match at < table.arguments {
                 true => "restrict the domain",
-                false => "mend the shader, or restrict what it is given",
+                false => "fix the shader, or restrict its arguments",
             };
             return Err(ValuesError::NonFinite {
                 case: case.to_owned(),
@@ -232,7 +235,7 @@ impl Goldens {
     }
 }
 
-/// The difference between the columns of values and their golden's. `None`: the columns are the same.
+/// The difference between the columns of values and of their golden. Returns `None` if the columns are equal.
 pub(crate) fn other_columns(golden: &Table, made: &Table) -> Option<String> {
     if golden.columns == made.columns && golden.arguments == made.arguments {
         return None;

@@ -1,4 +1,4 @@
-//! Runs functions with effects outside themselves: each case is a dispatch of the kernel.
+//! Runs functions that write data visible outside of them. Each case is one dispatch of the kernel.
 
 use std::sync::Arc;
 
@@ -13,7 +13,7 @@ use crate::probe::{Inputs, ProbeError, Probed, UNIFORM_WORDS};
 use crate::reflect::{Binding, Program};
 use crate::settings;
 
-/// A lowered kernel, with the resources that it reads.
+/// A lowered kernel with its resources.
 #[derive(Debug)]
 pub struct Alone {
     lowered: Lowered,
@@ -21,30 +21,29 @@ pub struct Alone {
     program: Arc<Program>,
     name: String,
     written: Vec<Binding>,
-    /// The first of three bindings in group 0: arguments, results, batch.
+    /// The first of three bindings in group 0: for arguments, results, and the batch.
     first: u32,
     words_in: usize,
     words_out: usize,
-    /// The smallest size of the argument buffer, in bytes.
     least: usize,
-    /// The layout of the quad for its derivatives.
+    /// The layout of the quad whose pixels the derivatives use.
     quads: Option<Quads>,
-    /// The most rounds of loops that a case may make.
+    /// The largest number of loop rounds that a case may take.
     fuel: u64,
-    /// Set if subnormals are zero.
+    /// Set if the arithmetic treats subnormals as zero.
     flush: bool,
 }
 
 impl Alone {
-    /// A function with the usual rounding.
+    /// Lowers a function with rounding to the nearest float.
     ///
     /// # Errors
-    /// If the engine can't execute it.
+    /// If the engine can't execute the function.
     pub fn new(probed: &Probed, fixtures: &Fixtures) -> Result<Self, ProbeError> {
         Self::rounding(probed, fixtures, Via::Direct)
     }
 
-    /// The same with an arithmetic of the path `cpu`.
+    /// Like `new`, with one of the arithmetics of path `cpu`.
     pub(crate) fn rounding(
         probed: &Probed,
         fixtures: &Fixtures,
@@ -83,13 +82,13 @@ impl Alone {
         })
     }
 
-    /// The same, stopped after this number of rounds of loops.
+    /// Sets the largest number of loop rounds.
     pub(crate) fn with_fuel(self, fuel: u64) -> Self {
         Self { fuel, ..self }
     }
 
-    /// For each word, `true` if it depends on a read or a write outside an array, or on a derivative: WGSL leaves these
-    /// open.
+    /// For each word of the results, `true` if WGSL allows other values. Such a word depends on a derivative, or on a
+    /// read or a write outside of an array.
     pub fn strays(&self, cases: usize, arguments: &[u32]) -> Result<Vec<bool>, ProbeError> {
         let mut open = self.of_outside(cases, arguments)?;
         if let Some(quads) = &self.quads {
@@ -98,7 +97,7 @@ impl Alone {
         Ok(open)
     }
 
-    /// The words that depend on a read or a write outside an array or a texture.
+    /// For each word, `true` if it depends on a read or a write outside of an array or a texture.
     pub(super) fn of_outside(
         &self,
         cases: usize,
@@ -109,12 +108,12 @@ impl Alone {
         })
     }
 
-    /// The words of each case: the function's result, the values behind its pointers, and the resources that it writes.
+    /// The words of each case: the function's result, the values behind its pointers, and the resources that the
+    /// function writes.
     pub(crate) fn words(&self, cases: usize, arguments: &[u32]) -> Result<Vec<u32>, ProbeError> {
         let counts = self.lowered.counts();
         let options = Options { counts: counts.clone(), ..Options::default() };
         let words = self.words_with(cases, arguments, &options)?;
-        // Each case is a dispatch of its own.
         counted::note(&self.program, &self.lowered, counts, &|_| None);
         Ok(words)
     }
@@ -139,7 +138,7 @@ impl Alone {
 
     fn case(&self, arguments: &[u32], options: &Options) -> Result<Vec<u32>, ProbeError> {
         let resources = self.observed::<F32>(arguments, options, &())?;
-        let results = resources.buffer(0, self.first + 1).expect("it is bound in each case");
+        let results = resources.buffer(0, self.first + 1).expect("each case binds the results");
         let mut words: Vec<u32> = bytemuck::pod_collect_to_vec(results);
         words.truncate(self.words_out);
         self.written.iter().for_each(|binding| {
@@ -148,7 +147,7 @@ impl Alone {
         Ok(words)
     }
 
-    /// The resources after a case.
+    /// Runs one case, and returns the resources.
     fn observed<A: Runs>(
         &self,
         arguments: &[u32],

@@ -18,30 +18,30 @@ use crate::probe::{ProbeError, Probed};
 use crate::reflect::{Program, ReflectError, Valued};
 use crate::value::{Scalar, Shape, format_lane};
 
-/// The most values of a print that are kept, from the first cases.
+/// The number of values that a print keeps, from the first cases.
 pub(crate) const KEPT: usize = 1024;
 
-/// The most values of a print that a test's output shows.
+/// The number of values of a print that a test's output shows.
 pub(crate) const SHOWN: usize = 16;
 
-/// A line that prints, with its values. Cases are numbers during a run, and get names afterwards.
+/// A line that prints, with its values. During a run, a case has the type of its index. Afterwards it has the type of
+/// its name.
 struct Print<C> {
-    /// The expression in the author's file.
+    /// The position of the expression.
     span: Span,
-    /// Its text.
+    /// The text of the expression.
     text: String,
-    /// Its type.
     shape: Shape,
-    /// The number of its values.
+    /// The number of printed values.
     count: u64,
-    /// The first values in the order of cases, each with its case: a call or an invocation.
+    /// The first values in the order of cases, each with its call or invocation.
     first: Vec<(C, Vec<u32>)>,
-    /// The smallest and the largest number of each component, each with its word and its case. Booleans and NaN don't
-    /// count.
+    /// The smallest and the largest number of each component, each with its bits and its case. Booleans and NaN aren't
+    /// counted.
     ends: Vec<Option<[(f64, u32, C); 2]>>,
     /// The number of NaN components.
     nans: u64,
-    /// The first case in which it reads outside an array.
+    /// The first case in which the line reads outside of an array.
     outside: Option<C>,
 }
 
@@ -52,7 +52,7 @@ struct Assertion {
     count: u64,
     wrong: u64,
     first: Option<usize>,
-    /// The first case in which it reads outside an array.
+    /// The first case in which the assertion reads outside of an array.
     outside: Option<usize>,
 }
 
@@ -61,29 +61,28 @@ enum Line {
     Assertion(Assertion),
 }
 
-/// The lines of a program that assert or print, with their values so far.
+/// The asserting and printing lines of a program, with their values so far.
 struct Seen<'p> {
     program: &'p Program,
-    /// The lines, by the addresses of their sites.
+    /// The index of each line, by the address of its site.
     sites: BTreeMap<usize, usize>,
-    /// The expression of each line.
     spans: Vec<Span>,
     lines: Vec<Mutex<Line>>,
-    /// The number of lanes in a case.
+    /// The number of lanes that a case uses.
     lanes: usize,
 }
 
-/// The setting by which the engine shows what lines assert and print.
+/// The engine's setting for observing asserting and printing lines.
 fn settings() -> Settings {
     Settings { named: &[ASSERTED, PRINTED], ..Settings::default() }
 }
 
-/// Returns `true` for a program with lines that assert or print.
+/// Checks if a program has asserting or printing lines.
 pub(crate) fn has_lines(program: &Program) -> bool {
     [ASSERTED, PRINTED].iter().any(|name| program.text().contains(name))
 }
 
-/// The asserting lines of a program, each with its place, if a function of the program reaches them.
+/// The assertions that functions of a program reach, each with its position.
 ///
 /// # Errors
 /// If an assertion has a side effect.
@@ -136,7 +135,7 @@ impl<'p> Seen<'p> {
         Self { program, sites, spans, lines, lanes }
     }
 
-    /// The lines after a run, in the order of the text.
+    /// The lines after a run, in the order of the source text.
     fn lines(self) -> Vec<Line> {
         let lines = self.lines.into_iter();
         lines.map(|line| line.into_inner().unwrap_or_else(PoisonError::into_inner)).collect()
@@ -148,7 +147,7 @@ impl Observer<F32> for Seen<'_> {
         let Some(line) = self.sites.get(&std::ptr::from_ref(lanes.site).addr()) else { return };
         let mut line = self.lines[*line].lock().unwrap_or_else(PoisonError::into_inner);
         for lane in (0..lanes.active.len()).filter(|lane| lanes.active[*lane]) {
-            // In a quad, the pixel that the arguments are for.
+            // In a quad, only the pixel that a case is about counts.
             let case = lanes.case_of(lane);
             if !case.is_multiple_of(self.lanes) {
                 continue;
@@ -187,7 +186,7 @@ impl Observer<F32> for Seen<'_> {
 impl Print<usize> {
     fn add(&mut self, case: usize, lanes: &Lanes<'_, F32>, lane: usize) {
         self.count += 1;
-        // The scalars arrive separately by kind.
+        // Floats, integers and booleans arrive separately.
         let (mut floats, mut ints, mut bools) =
             (lanes.floats.iter(), lanes.ints.iter(), lanes.bools.iter());
         let words = self.shape.lanes().into_iter().map(|scalar| match scalar {
@@ -203,7 +202,7 @@ impl Print<usize> {
                 continue;
             }
             let own = (value, *word, case);
-            // Of equal values, the first case counts: cases run in any order.
+            // Cases run in any order. For equal values, the smallest case is kept.
             let [least, most] = ends.get_or_insert([own; 2]);
             if value < least.0 || value == least.0 && case < least.2 {
                 *least = own;
@@ -213,7 +212,7 @@ impl Print<usize> {
             }
         }
         self.first.push((case, words));
-        // Chunks of cases run in parallel; the cases of one chunk arrive in order.
+        // Chunks of cases run in parallel. The cases within one chunk arrive in order.
         if self.first.len() >= 8 * KEPT {
             self.keep_first();
         }
@@ -224,7 +223,7 @@ impl Print<usize> {
         self.first.truncate(KEPT);
     }
 
-    /// The same, with names for the cases.
+    /// Replaces the indices of cases by names.
     fn named(mut self, name: &dyn Fn(usize) -> String) -> Print<String> {
         self.keep_first();
         let Self { span, text, shape, count, first, ends, nans, outside } = self;
@@ -243,7 +242,6 @@ impl Print<usize> {
 }
 
 impl Print<String> {
-    /// Adds the values of later cases.
     fn merge(&mut self, other: Self) {
         self.count += other.count;
         self.nans += other.nans;
@@ -266,7 +264,7 @@ impl Print<String> {
         }
     }
 
-    /// Its values as text: the count, the smallest and the largest value, and then the first `most` values.
+    /// A table of the values: the count, the smallest and the largest value, and the first `most` values.
     fn table(&self, most: usize) -> String {
         let Self { span, text, shape, count, nans, .. } = self;
         let times = counted(usize::try_from(*count).unwrap_or(usize::MAX), "value");
@@ -277,7 +275,7 @@ impl Print<String> {
         table.push('\n');
         let of = |case: &str| if case.is_empty() { String::new() } else { format!(" for {case}") };
         if let Some(outside) = &self.outside {
-            let _ = writeln!(table, "  it reads outside of an array{}", of(outside));
+            let _ = writeln!(table, "  the expression reads outside of an array{}", of(outside));
         }
         if *count > 1 {
             let names = shape.lane_names().into_iter().zip(shape.lanes());
@@ -303,15 +301,15 @@ impl Print<String> {
 }
 
 impl Assertion {
-    /// The first case in which it is false, or reads outside an array.
+    /// The first case in which the assertion is false, or reads outside of an array.
     fn fails(&self) -> Option<usize> {
         self.first.or(self.outside)
     }
 
-    /// A line about an assertion that shows nothing because no case reaches it.
+    /// A note about an assertion that no case reaches, because it shows nothing.
     fn unreached(&self) -> Option<String> {
         let Self { span, text, count, .. } = self;
-        (*count == 0).then(|| format!("note: {span}: no case comes to the assertion `{text}`\n"))
+        (*count == 0).then(|| format!("note: {span}: no case reaches the assertion `{text}`\n"))
     }
 
     fn diagnostic(&self, of: &str, first: &str, note: &str) -> Box<Diagnostic> {
@@ -327,13 +325,13 @@ impl Assertion {
     }
 }
 
-/// A function whose assertions and prints are evaluated in each call.
+/// A function with assertions and prints, which the engine evaluates for each call.
 pub(crate) struct Watched {
     function: Interpreted,
     lines: Mutex<Lines>,
 }
 
-/// The lines of a function, summed over the calls so far.
+/// The asserting and printing lines of a function, with their values from all calls so far.
 #[derive(Default)]
 struct Lines {
     prints: Vec<Print<String>>,
@@ -342,26 +340,26 @@ struct Lines {
 }
 
 impl Watched {
-    /// `None` for a function without such lines.
+    /// Prepares a function. Returns `None` if the function has no such lines.
     ///
     /// # Errors
-    /// If the engine can't execute the function: an assertion that isn't evaluated shows nothing.
+    /// If the engine can't execute the function, because an assertion without evaluation would show nothing.
     pub(crate) fn of(probed: &Probed, fixtures: &Fixtures) -> Result<Option<Self>, ProbeError> {
         if !has_lines(&probed.program) {
             return Ok(None);
         }
         probed.program.expect_no_effects()?;
         let function = Interpreted::with(probed, fixtures, &settings())?;
-        // The lines may be in other functions of the module.
+        // Other functions of the module may contain the lines.
         let seen = Seen::of(&function.program, &function.lowered, 1);
         let has_own = !seen.sites.is_empty();
         Ok(has_own.then(|| Self { function, lines: Mutex::default() }))
     }
 
-    /// Evaluates the lines in some calls. The cases of prints are named by their arguments.
+    /// Evaluates the lines in some calls. The arguments of a call are the name of its case.
     ///
     /// # Errors
-    /// If an assertion is false, or reads outside an array.
+    /// If an assertion is false, or reads outside of an array.
     pub(crate) fn look(&self, calls: usize, rows: &[u32]) -> Result<(), ProbeError> {
         let function = &self.function;
         let seen = Seen::of(&function.program, &function.lowered, function.lanes());
@@ -396,12 +394,12 @@ impl Watched {
         wrong.map_or(Ok(()), |wrong| Err(ProbeError::Asserted(wrong)))
     }
 
-    /// The tables of the calls so far, and the assertions that no call reaches.
+    /// The tables of prints from the calls so far, and notes about assertions that no call reaches.
     pub(crate) fn told(&self) -> String {
         let mut lines = self.lines.lock().unwrap_or_else(PoisonError::into_inner);
         let Lines { prints, assertions, calls } = std::mem::take(&mut *lines);
         let mut text: String = prints.iter().map(|print| print.table(SHOWN)).collect();
-        // A single call may simply take another branch.
+        // With a single call, another branch is no reason for a note.
         if calls > 1 {
             text.extend(assertions.iter().filter_map(Assertion::unreached));
         }
@@ -409,7 +407,7 @@ impl Watched {
     }
 }
 
-/// The tables of a function's prints for some rows of arguments, or an assertion that is false for one of them.
+/// The tables of a function's prints for some rows of arguments. Fails if an assertion is false for a row.
 pub fn printed(
     probed: &Probed,
     fixtures: &Fixtures,
@@ -421,7 +419,7 @@ pub fn printed(
     };
     let looked = watched.look(rows.len(), &rows.concat());
     let mut lines = watched.lines.lock().unwrap_or_else(PoisonError::into_inner);
-    // A single call shows its arguments elsewhere.
+    // With a single call, the caller shows the arguments elsewhere.
     if let [_] = rows {
         let first = lines.prints.iter_mut().flat_map(|print| &mut print.first);
         first.for_each(|(case, _)| case.clear());
@@ -431,10 +429,10 @@ pub fn printed(
     (lines.prints.iter().map(|print| print.table(KEPT)).collect(), looked)
 }
 
-/// The tables of the printing lines in passes, each with at most `most` values.
+/// The tables of the prints in passes, each with at most `most` values.
 ///
 /// # Errors
-/// If one of their assertions is false, or if the engine can't execute them.
+/// If an assertion of the passes is false, or if the engine can't execute the passes.
 pub(crate) fn printed_by(passes: &Passes, most: usize) -> Result<Vec<String>, DispatchError> {
     if !passes.passes.iter().any(|pass| has_lines(&pass.program)) {
         return Ok(Vec::new());

@@ -1,4 +1,4 @@
-//! Measures the coverage of tests: how often each of an author's statements runs, and which branches it takes.
+//! Measures the coverage of tests: how often each statement of the source files runs, and which branches it takes.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -13,41 +13,41 @@ use crate::package::asserts::is_in_a_line;
 use crate::reflect::Program;
 use crate::settings;
 
-/// The extension of files with a test's coverage.
+/// The extension of the files that store a test's coverage.
 const ENDING: &str = "coverage";
 
-/// The statements of a program, with how often a test ran each of them.
+/// The statements of a program, with the number of times that a test ran them.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Ran {
-    /// The test.
+    /// The name of the test.
     pub test: String,
-    /// The features and the values of overrides that its program was made with; empty if there are none.
+    /// The features and the overrides' values of the program. The text is empty if there are none.
     pub variant: String,
     /// All statements of the program.
     pub statements: Vec<Counted>,
 }
 
-/// A statement, or a branch of it, in the author's file.
+/// A statement of a source file, or a branch in it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Counted {
-    /// The file.
+    /// The source file.
     pub file: PathBuf,
-    /// Its first and its last line, from 1. A statement that contains others has one line.
+    /// The first and the last line, from 1. A statement that contains other statements has only its first line.
     pub lines: [usize; 2],
-    /// Its column in the first line, from 1.
+    /// The column in the first line, from 1.
     pub column: usize,
-    /// The function: `fresnel::schlick`.
+    /// The function that contains the statement: `fresnel::schlick`.
     pub function: String,
-    /// Its kind.
+    /// The kind of the statement.
     pub kind: CountedKind,
-    /// The number of cases, pixels or invocations that reached it; `None` if it is unknown because the engine didn't
-    /// run it.
+    /// The number of cases, pixels or invocations that reached the statement. `None` says that the number is unknown,
+    /// because the engine didn't run the statement.
     pub count: Option<u64>,
-    /// The number that took each of the branch's [ways](Self::ways).
+    /// The number that took each of the [ways](Self::ways) of a branch.
     pub taken: Vec<u64>,
-    /// Set if a result that the test checks is computed from it.
+    /// Set if a checked result depends on the statement.
     pub needed: bool,
-    /// The first input that reached it, if it was a call's: `x = 0.5`.
+    /// The arguments of the first call that reached the statement: `x = 0.5`.
     pub input: Option<String>,
 }
 
@@ -65,18 +65,18 @@ pub enum CountedKind {
     Select,
     /// `switch`
     Switch,
-    /// A clause of a `switch`, by its number.
+    /// A clause of a `switch`, by its index.
     Clause(usize),
     /// `for` or `while`
     For,
-    /// A loop with the same number of rounds in each call.
+    /// A loop that takes the same number of rounds in each call.
     Fixed,
     /// `loop`
     Loop,
 }
 
 impl Counted {
-    /// The ways of a branch, each with the number that took it; empty without branches.
+    /// The ways of a branch, each with the number of cases that took it. A plain statement has none.
     pub fn ways(&self) -> impl Iterator<Item = (&'static str, u64)> {
         let names: &[&str] = match self.kind {
             CountedKind::Plain | CountedKind::Switch | CountedKind::Fixed => &[],
@@ -89,7 +89,7 @@ impl Counted {
         names.iter().copied().zip(self.taken.iter().copied())
     }
 
-    /// Adds the counts of another run of the same statement.
+    /// Adds the counts of the same statement in another run.
     pub fn add(&mut self, other: &Self) {
         self.count = match (self.count, other.count) {
             (Some(a), Some(b)) => Some(a + b),
@@ -102,7 +102,7 @@ impl Counted {
         }
     }
 
-    /// The place and the kind, which are the same in all runs.
+    /// The position and the kind, which identify the statement in all runs.
     #[must_use]
     pub fn key(&self) -> (PathBuf, [usize; 2], usize, CountedKind) {
         (self.file.clone(), self.lines, self.column, self.kind)
@@ -110,10 +110,10 @@ impl Counted {
 }
 
 impl Ran {
-    /// The coverage that the tests of a run wrote down.
+    /// Reads the coverage that the tests of a run wrote.
     ///
     /// # Errors
-    /// If a file can't be read, or has other contents.
+    /// If a file can't be read, or if it contains no coverage.
     pub fn all(folder: &Path) -> std::io::Result<Vec<Self>> {
         let mut all = Vec::new();
         for entry in std::fs::read_dir(folder)? {
@@ -128,7 +128,7 @@ impl Ran {
     }
 }
 
-/// All statements of a program in files, with no runs.
+/// All statements of a program that are in source files, without counts.
 #[must_use]
 pub fn statements_of(program: &Program) -> Vec<Counted> {
     let all = statements(program.module());
@@ -137,12 +137,12 @@ pub fn statements_of(program: &Program) -> Vec<Counted> {
     merged(all.iter().filter_map(|one| Some((one.call, of(one)?))))
 }
 
-/// Returns `true` if coverage is being measured.
+/// Checks if this run measures coverage.
 pub(crate) fn counts() -> bool {
     settings::coverage().is_some()
 }
 
-/// Writes down a test's coverage of a program. `input` names a case.
+/// Writes a test's coverage of a program. `input` returns the arguments of a case.
 pub(super) fn note(
     program: &Program,
     lowered: &Lowered,
@@ -157,7 +157,7 @@ pub(super) fn note(
     write(program, merged(all));
 }
 
-/// Writes down that a test runs a program whose statements aren't counted.
+/// Notes that a test runs a program without counting its statements.
 pub(crate) fn unmeasured(program: &Program) {
     if counts() {
         let mut all = statements_of(program);
@@ -173,7 +173,7 @@ fn write(program: &Program, statements: Vec<Counted>) {
     append_line(&folder, ENDING, &serde_json::to_string(&ran).expect("it is plain data"));
 }
 
-/// A statement with its place; `None` if it is in no file.
+/// The record for a statement. Returns `None` if no source file contains the statement.
 fn counted(
     (program, fixed): (&Program, &[Range<usize>]),
     Statement { function, span, kind, needed, .. }: &Statement,
@@ -182,7 +182,7 @@ fn counted(
 ) -> Option<Counted> {
     let bytes = span.to_range()?;
     let span = program.resolve(bytes.clone())?;
-    // Lines that assert or print don't belong to the shader's code.
+    // Skips asserting and printing lines, because they aren't the shader's code.
     if is_in_a_line(&span) {
         return None;
     }
@@ -220,8 +220,8 @@ fn counted(
     Some(one)
 }
 
-/// Each statement once, with its counts summed over the calls of its function. In naga's IR it may be several, such as
-/// a value and its store.
+/// Merges equal statements: sums the counts over the calls of their function. naga's IR may have several statements for
+/// one, such as a value and its store.
 fn merged(all: impl Iterator<Item = (usize, Counted)>) -> Vec<Counted> {
     let mut of_calls: BTreeMap<_, Counted> = BTreeMap::new();
     for (call, one) in all {

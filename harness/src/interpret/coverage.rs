@@ -1,4 +1,4 @@
-//! Measures which operations some inputs reach, and which branches they take there.
+//! Measures which operations some inputs reach, and which branches they take.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -18,21 +18,21 @@ use crate::package::DISCARDED;
 use crate::probe::{ProbeError, Probed};
 use crate::reflect::Program;
 
-/// The places of operations, with the inputs' branches there.
+/// The reached positions in source files, with the branches that inputs took there.
 #[derive(Debug, Default)]
 pub struct Coverage {
     by_place: BTreeMap<(String, usize, usize), Seen>,
 }
 
-/// The inputs' branches at one place.
+/// The branches that inputs took at one position.
 #[derive(Debug)]
 struct Seen {
     span: Span,
     reached: bool,
-    /// Set for a condition that was true.
+    /// Set if a condition was true.
     is_true: bool,
     is_false: bool,
-    /// Set if an index was outside its array.
+    /// Set if an index was outside of its array.
     outside: bool,
 }
 
@@ -42,32 +42,31 @@ impl Seen {
     }
 }
 
-/// A part of an edit that no input covers.
+/// A part of an edit that no input reaches.
 #[derive(Clone, Debug, PartialEq, serde::Serialize)]
 pub struct Uncovered {
     /// `file:line:column`
     pub place: String,
-    /// Its line, as the author wrote it.
+    /// The line in the source file.
     pub text: String,
-    /// The part of it that no input covers.
+    /// The part of the line that no input reaches.
     pub missed: Missed,
 }
 
-/// The part of a line that no input covers.
+/// The part of a line that no input reaches.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Missed {
-    /// The whole line.
+    /// The line as a whole.
     Line,
-    /// The condition when it is true.
+    /// The true branch of the condition.
     True,
-    /// The condition when it is false.
+    /// The false branch of the condition.
     False,
-    /// Unknown: the engine, which counts, doesn't run the line.
+    /// Unknown, because the engine doesn't run the line.
     Unmeasured,
 }
 
-/// The branches that lanes take at a site.
 #[derive(Default)]
 struct Taken {
     reached: AtomicBool,
@@ -76,10 +75,10 @@ struct Taken {
     outside: AtomicBool,
 }
 
-/// The branches at all sites, in their order.
+/// The branches at all sites, in the order of sites.
 struct AllTaken {
     all: Vec<Taken>,
-    /// The sites of `discard`, with the cases that reached one: no output shows their later operations.
+    /// The sites of `discard`, with the cases that reached one. No output depends on later operations of such a case.
     discards: BTreeSet<usize>,
     discarded: Mutex<BTreeSet<usize>>,
 }
@@ -135,7 +134,7 @@ impl AllTaken {
 }
 
 impl Coverage {
-    /// Adds calls of a function.
+    /// Adds the calls of a function.
     pub fn add_calls(
         &mut self,
         probed: &Probed,
@@ -189,8 +188,8 @@ impl Coverage {
         }
     }
 
-    /// The lines that no input reached, and the conditions that had one result for all inputs. Only operations count
-    /// that the other side of an edit has fewer of.
+    /// The lines that no input reached, and the conditions that had one result for all inputs. It considers only
+    /// operations that occur more often in this version than in the other version of the edit.
     pub fn uncovered_beside(&self, other: &Self) -> Vec<Uncovered> {
         let mut lines: Vec<Uncovered> = Vec::new();
         let mut known = None;
@@ -212,12 +211,12 @@ impl Coverage {
         lines
     }
 
-    /// The places whose indices are outside their arrays here, but not on the other side.
+    /// The positions where an index was outside of its array in this version, but not in the other version.
     pub fn outside_beside(&self, other: &Self) -> Vec<Span> {
         self.more_than(other, |seen| seen.outside).map(|seen| seen.span.clone()).collect()
     }
 
-    /// The places of a kind whose text occurs less often on the other side.
+    /// The positions whose text occurs more often in this version than in the other version.
     fn more_than<'r>(
         &'r self,
         other: &Self,
@@ -235,7 +234,7 @@ impl Coverage {
     }
 }
 
-/// The lanes of calls' results that depend on a read or a write outside an array.
+/// For each lane of calls' results, `true` if it depends on a read or a write outside of an array.
 pub fn of_outside(
     probed: &Probed,
     fixtures: &Fixtures,
@@ -247,7 +246,7 @@ pub fn of_outside(
     }
 }
 
-/// The text of an operation without blanks.
+/// The text of an operation without white space.
 fn plain(span: &Span) -> String {
     span.file.text.get(span.range.clone()).unwrap_or_default().split_whitespace().collect()
 }

@@ -10,26 +10,25 @@ use crate::dispatch::{Afterwards, DispatchError, Pass, Passes};
 use crate::path::{self, Path, Via};
 use crate::settings;
 
-/// The most invocations of a workgroup that the engine accepts.
+/// The largest workgroup that the engine accepts, in invocations.
 const MOST_INVOCATIONS: u32 = 1024;
 
-/// Dispatches passes and returns what they write, if their loops take less than some ten thousand rounds together,
-/// which is quick.
+/// Dispatches passes, and returns the data that they write. Fails if their loops take more than about ten thousand
+/// rounds together, to stay quick.
 pub fn dispatch_briefly(passes: &Passes) -> Result<Afterwards, DispatchError> {
     const WORK: u64 = 1 << 16;
     dispatched(passes, &|_| Options { work: WORK, ..options() })
 }
 
-/// Dispatches passes with an arithmetic of the path `cpu`, and returns what they write.
+/// Dispatches passes with one of the arithmetics of path `cpu`, and returns the data that they write.
 pub fn dispatch_rounding(passes: &Passes, via: Via) -> Result<Afterwards, DispatchError> {
     let flush = via == Via::Ftz;
     dispatched_by(passes, &lowering(via), &|_| Options { flush, ..options() })
 }
 
-/// The options of each pass.
+/// The options for each pass, by the pass's index.
 pub(super) type OfPass<'o> = &'o dyn Fn(usize) -> Options;
 
-/// The same, with options for each pass.
 pub(super) fn dispatched(
     passes: &Passes,
     options_of: OfPass<'_>,
@@ -45,13 +44,12 @@ fn dispatched_by(
     Prepared::new(passes, settings)?.dispatched(options_of)
 }
 
-/// The usual options of passes.
+/// The options of passes by default.
 pub(super) fn options() -> Options {
     let deadline = std::time::Instant::now().checked_add(settings::deadline());
     Options { fuel: settings::fuel(), deadline, ..Options::default() }
 }
 
-/// A lowered pass.
 pub(super) fn lowered(pass: &Pass, settings: &Settings) -> Result<Lowered, DispatchError> {
     let program = &pass.program;
     let lowered =
@@ -59,19 +57,19 @@ pub(super) fn lowered(pass: &Pass, settings: &Settings) -> Result<Lowered, Dispa
     Ok(lowered.map_err(|refusal| refused(program, &refusal))?)
 }
 
-/// Runs a pass over its resources; returns `false` if no other pass may follow.
+/// Runs one pass over its resources. Returns `false` if no later pass may run.
 type Run<'r> = &'r mut dyn FnMut(&Pass, &Lowered, &mut Resources) -> Result<bool, Stop>;
 
-/// Runs passes one after another, and returns all resources, each bound under its number in group 0.
+/// Runs passes one after another, and returns all resources. Each resource is bound in group 0, under its own number.
 pub(super) fn in_order(passes: &Passes, run: Run<'_>) -> Result<Resources, DispatchError> {
     Prepared::new(passes, &Settings::default())?.run(run)
 }
 
-/// Passes that can run repeatedly.
+/// Passes that are ready to run several times.
 pub(super) struct Prepared<'p> {
     pub(super) passes: &'p Passes,
     lowered: Arc<[Lowered]>,
-    /// The initial resources, each bound under its number in group 0.
+    /// The resources before the first pass, each bound in group 0 under its own number.
     resources: Resources,
 }
 
@@ -81,7 +79,7 @@ impl<'p> Prepared<'p> {
         let mut resources = Resources::new();
         for (number, one) in (0..).zip(&passes.resources) {
             let (pass, binding) = passes.uses(number as usize).next().expect("a resource is used");
-            // A storage texture's format comes from a pass that writes it.
+            // A pass that writes a storage texture declares the texture's format.
             let (pass, binding) = passes.writer(number as usize).unwrap_or((pass, binding));
             let mut binding = binding.clone();
             (binding.group, binding.binding) = (0, number);
@@ -91,7 +89,7 @@ impl<'p> Prepared<'p> {
         Ok(Self { passes, lowered: lowered.collect::<Result<_, _>>()?, resources })
     }
 
-    /// The same as [`in_order`].
+    /// Like [`in_order`], for the prepared passes.
     pub(super) fn run(&self, run: Run<'_>) -> Result<Resources, DispatchError> {
         let mut held = self.resources.clone();
         for (pass, lowered) in self.passes.passes.iter().zip(&*self.lowered) {
@@ -116,7 +114,7 @@ impl<'p> Prepared<'p> {
         Ok(held)
     }
 
-    /// The same passes, with blank buffers filled with a word.
+    /// A copy of the passes in which each word of blank buffers is `word`.
     pub(super) fn filled(&self, word: u32) -> Self {
         let mut resources = self.resources.clone();
         for bytes in resources.blank_mut() {
@@ -125,7 +123,7 @@ impl<'p> Prepared<'p> {
         Self { resources, lowered: Arc::clone(&self.lowered), passes: self.passes }
     }
 
-    /// The words of the written resources after the passes.
+    /// Runs the passes, and returns the resources that they write.
     pub(super) fn dispatched(&self, options_of: OfPass<'_>) -> Result<Afterwards, DispatchError> {
         let mut number = 0..;
         let held = self.run(&mut |pass, lowered, resources| {
@@ -139,7 +137,7 @@ impl<'p> Prepared<'p> {
         Ok(self.left(&held))
     }
 
-    /// The words of the written resources after a run.
+    /// The resources that the passes write, as they are after a run.
     pub(super) fn left(&self, held: &Resources) -> Afterwards {
         let of = |number: usize| {
             let mut binding = self.passes.writer(number)?.1.clone();
@@ -149,7 +147,7 @@ impl<'p> Prepared<'p> {
         (0..self.passes.resources.len()).filter_map(of).collect()
     }
 
-    /// Returns `true` if the result may depend on the subgroup size.
+    /// Checks if the result may depend on the subgroup size.
     pub(super) fn has_subgroups(&self) -> bool {
         self.lowered.iter().any(Lowered::has_subgroups)
     }

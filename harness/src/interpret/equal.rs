@@ -1,4 +1,4 @@
-//! Proves that two functions are the same, so that no test can distinguish them.
+//! Proves that two functions are equal, so that no test can distinguish them.
 
 use std::collections::BTreeSet;
 use std::sync::{Mutex, PoisonError};
@@ -11,14 +11,14 @@ use crate::package::asserts::ASSERTED;
 use crate::probe::Probed;
 use crate::value::Scalar;
 
-/// Returns `true` if two functions are known to be the same. They are if the engine executes the same operations for
-/// both, after it folds constants, merges operations that are equal by an identity, and removes unused ones. `false`
-/// means that nothing is known.
+/// Checks if two functions are provably equal. The engine folds constants, merges operations that are equal by an
+/// identity, and removes unused operations. If both functions then have the same operations, they are equal. `false`
+/// proves nothing.
 pub fn is_same(functions: [&Probed; 2]) -> bool {
     if functions.iter().any(|probed| probed.function().form.alone) {
         return false;
     }
-    // An assertion reads what no result needs.
+    // An assertion may read values that no result needs.
     let settings = Settings { identities: true, named: &[ASSERTED], ..Settings::default() };
     match functions.map(|probed| lowered(probed, &settings)) {
         [Ok(a), Ok(b)] => a.is_same(&b),
@@ -26,17 +26,17 @@ pub fn is_same(functions: [&Probed; 2]) -> bool {
     }
 }
 
-/// A guard at a place in the author's file, such as `max(x, 0.0)`, with the argument that remains without it.
+/// A guard in a source file, such as `max(x, 0.0)`, and the argument to keep when removing the guard.
 pub struct Guard<'g> {
-    /// Its first byte in the author's text.
+    /// The byte offset of the guard in the source text.
     pub at: usize,
-    /// Its text.
+    /// The text of the guard.
     pub text: &'g str,
-    /// The text of the argument.
+    /// The text of the argument to keep.
     pub argument: &'g str,
 }
 
-/// The values of a guard's operands, and whether each shows that the guard returns its first operand.
+/// The operands of a guard as intervals. The flags say that the guard returns its first operand.
 struct Guarded<'g> {
     sites: BTreeSet<usize>,
     acts: &'g (dyn Fn(&[Interval]) -> bool + Sync),
@@ -59,10 +59,11 @@ impl Observer<Intervals> for Guarded<'_> {
     }
 }
 
-/// Returns `true` if a guard of a function never acts: for all arguments, as intervals, the guarded value is already
-/// within the guard's bounds. A float argument may be NaN or infinite, where guards do act, so the function's floats
-/// must come from integers. Then no implementation of WGSL returns anything else without the guard, except for the sign
-/// of a zero, which WGSL allows to be ignored.
+/// Checks if a guard in a function never changes a value. It runs the function with all arguments as intervals. The
+/// guarded value must already be within the guard's bounds. A guard does act on NaN and infinities, which a float
+/// argument may have, so all floats in the function must come from integers. If this returns `true`, any implementation
+/// of WGSL returns the same without the guard. Only the sign of a zero may differ, which WGSL allows implementations to
+/// ignore.
 pub fn never_acts(probed: &Probed, guard: &Guard<'_>) -> bool {
     let function = probed.function();
     let name = guard.text.split('(').next().unwrap_or_default().trim();
@@ -107,7 +108,7 @@ pub fn never_acts(probed: &Probed, guard: &Guard<'_>) -> bool {
     ran && came && !acts
 }
 
-/// Returns `true` if a function depends only on its arguments, and has no effect except its result.
+/// Checks if a function depends only on its arguments, and has no other effect than its result.
 fn is_closed(probed: &Probed) -> bool {
     let Probed { program, function, .. } = probed;
     let form = &function.form;
@@ -116,12 +117,13 @@ fn is_closed(probed: &Probed) -> bool {
     reads == 0 && !is_alone && program.module().overrides.is_empty()
 }
 
-/// The most inputs that are all tried: some seconds of the engine's time.
+/// The largest number of inputs to try one by one. It takes the engine some seconds.
 const ALL_INPUTS: usize = 1 << 24;
 
-/// The number of inputs of two functions, if there are at most 2^24 and both functions return the same bits for each,
-/// except NaN. Only booleans and 16-bit floats have so few values. A function that reads a resource or an override has
-/// further inputs.
+/// Calls two functions with all inputs. Returns the number of inputs if both functions return the same bits for each
+/// input, where all NaN are equal. Returns `None` if a result differs, or if there are more than 2^24 inputs. Only
+/// booleans and 16-bit floats have so few values. A resource or an override would be another input, so functions must
+/// not read any.
 pub fn agree_everywhere(functions: [&Probed; 2]) -> Option<usize> {
     let lanes = functions.map(|probed| {
         let of = probed.function().parameters.iter().flat_map(|(_, shape)| shape.lanes());
@@ -157,10 +159,10 @@ pub fn agree_everywhere(functions: [&Probed; 2]) -> Option<usize> {
     firsts.map(agree).all(|agrees| agrees == Some(true)).then_some(count)
 }
 
-/// The number of rows in memory at a time.
+/// The number of rows to keep in memory.
 const BATCH_OF_ALL: usize = 1 << 16;
 
-/// The number of values of a scalar, if it is small.
+/// The number of values of a scalar type, if it has at most 2^16.
 fn inputs_of(scalar: Scalar) -> Option<usize> {
     match scalar {
         Scalar::Bool => Some(2),
@@ -169,7 +171,7 @@ fn inputs_of(scalar: Scalar) -> Option<usize> {
     }
 }
 
-/// The row with this number among all rows.
+/// The row with the index `at` in the list of all rows.
 fn row_of(lanes: &[Scalar], at: usize) -> impl Iterator<Item = u32> {
     let mut rest = at;
     lanes.iter().map(move |lane| {
@@ -196,7 +198,7 @@ mod tests {
         agree_everywhere([&a, &b])
     }
 
-    /// One input that distinguishes them is enough. NaN is one input.
+    /// One input that distinguishes the functions is enough. All NaN together are one input.
     #[test]
     fn sixteen_bits_are_few() {
         let of = |body: &str| format!("fn f(x: f16) -> f16 {{ return {body}; }}");
@@ -204,12 +206,12 @@ mod tests {
         assert_eq!(all("x + x", "2.0h * x"), Some(1 << 16));
         assert_eq!(all("max(x * x, -1.0h)", "x * x"), None, "the square of a NaN is no number");
         assert_eq!(all("select(x, 0.0h, x == 0.5h)", "x"), None);
-        // A private variable may have any value at the beginning, and keeps its value at the end.
+        // A private variable may have any initial value, and its final value is visible.
         let left = |by: &str| {
             format!("var<private> n = 0; fn f(x: bool) -> bool {{ n += {by}; return x; }}")
         };
         assert_eq!(agree([&left("1"), &left("2")]), None);
-        // 32 bits have too many values, and an override is a further input.
+        // There are too many values with 32 bits, and an override is another input.
         let text = "fn f(x: f32) -> f32 { return x; }";
         assert_eq!(agree([text, text]), None);
         let text = "override N = 1.0; fn f(x: bool) -> f32 { return select(N, 0.0, x); }";

@@ -1,8 +1,8 @@
-//! Finds hazards inside a function while it computes: values that aren't finite, lost digits, indices outside their
-//! arrays, and operations that WGSL doesn't bound.
+//! Finds hazards while a function runs: values that aren't finite, lost digits, indices outside of their arrays, and
+//! operations that WGSL doesn't bound.
 //!
-//! A function runs in `f32` and, in parallel, in `f64` (the shadow). Each operation is recorded with its operands. An
-//! operation isn't at fault for an operand that is already wrong, so each hazard is reported where it begins.
+//! A function runs in `f32` and also in `f64` (the shadow). Both runs record each operation with its operands. If an
+//! operand is already wrong, the operation isn't at fault. So each hazard is reported at its origin.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::{Mutex, PoisonError};
@@ -18,7 +18,7 @@ use crate::diagnostic::Span;
 pub use crate::hazard::Kind;
 use crate::probe::ProbeError;
 
-/// The first operation whose operands are finite and whose value isn't, with its place, formatted under a name.
+/// The first operation with finite operands and a value that isn't finite, with its position.
 pub(crate) fn first_not_finite<'f>(
     found: impl Iterator<Item = &'f Found>,
 ) -> Option<(&'static str, String)> {
@@ -31,41 +31,41 @@ pub(crate) fn first_not_finite<'f>(
     Some((name, format!("`{text}`{of} ({})", first.span)))
 }
 
-/// A hazard in a case: where it begins, and whether the result shows it.
+/// A hazard in one case.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Found {
     /// The kind of the hazard.
     pub kind: Kind,
-    /// The number of its site in the program.
+    /// The index of the operation's site in the program.
     pub site: usize,
-    /// Its place in the author's file.
+    /// The position of the operation in the source file.
     pub span: Span,
-    /// The operation, as the author wrote it.
+    /// The operation, as the source file has it.
     pub text: String,
     /// Set if the result is finite nevertheless, because a later operation hides the hazard.
     pub hidden: bool,
-    /// For lost digits: the value in `f32` and in `f64`.
+    /// If digits are lost, the value in `f32` and in `f64`.
     pub values: Option<(f32, f64)>,
-    /// The operands of the operation, in `f32`.
+    /// The operation's operands in `f32`.
     pub operands: Vec<f32>,
-    /// For a derivative, the missing pixel.
+    /// For a derivative, the pixel that doesn't take it.
     pub missing: Option<Missing>,
 }
 
-/// Two pixels of a quad, only one of which takes a derivative.
+/// Two pixels of a quad: one takes a derivative, and the other doesn't.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Missing {
-    /// The name of the pixel that takes it.
+    /// The name of the pixel that takes the derivative.
     pub reached: String,
-    /// The name of a pixel that doesn't.
+    /// The name of the pixel that doesn't take it.
     pub missing: String,
-    /// The condition or the jump at which that pixel took another branch.
+    /// The condition or the jump at which the second pixel took another branch.
     pub parted: Option<Span>,
 }
 
-/// Returns `true` if an operation turns a NaN into a number. `max` and `clamp` of a NaN, and a comparison with it, may
-/// return any value, because implementations may assume that NaN doesn't occur (WGSL, section 15.7.2). So another
-/// driver may show a NaN that this one hides.
+/// Checks if an operation turns a NaN into a number. Implementations may assume that NaN doesn't occur (WGSL, section
+/// 15.7.2). So `max` or `clamp` of a NaN, or a comparison with NaN, may return any value. Another driver may show a NaN
+/// that this operation hides.
 fn absorbs_nan(events: &[Event<f32>], lane: usize) -> bool {
     events.iter().any(|event| {
         let has_nan = event.operands.iter().any(|operand| operand[lane].is_nan());
@@ -73,50 +73,50 @@ fn absorbs_nan(events: &[Event<f32>], lane: usize) -> bool {
     })
 }
 
-/// The findings in each case.
+/// The hazards in each case.
 pub struct Hazards {
-    /// The first hazard of each kind, case by case.
+    /// For each case, the first hazard of each kind.
     pub cases: Vec<Vec<Found>>,
-    /// Set if there were more operations than are recorded.
+    /// Set if the recorder reached its limit before the function's end.
     pub cut: bool,
-    /// The number of cases that reached each site with good operands, by the site's number.
+    /// For each site, the number of cases that reached it with finite operands.
     pub reached: BTreeMap<usize, usize>,
 }
 
-/// The number of lanes that run together: one chunk of the engine, so its operations arrive in one order.
+/// The number of lanes that run together. They are one chunk of the engine, so their operations arrive in order.
 const TOGETHER: usize = 256;
 
-/// The most operations of a run that are recorded. A loop repeats its operations, and a hazard in its thousandth round
-/// usually occurs in earlier rounds, too.
+/// The largest number of operations to record in a run. A loop repeats its operations, so a hazard in its thousandth
+/// round usually occurs in earlier rounds, too.
 const MOST_EVENTS: usize = 4096;
 
-/// The most rounds of loops, for each case, that intervals follow if there are more operations. With sixteen operations
-/// in a round, they then see as many operations.
+/// The largest number of loop rounds that intervals follow in each case, if the recorder reached its limit. With
+/// sixteen operations in a round, this is as many operations as the recorder keeps.
 const ROUNDS_SEEN: u64 = 256;
 
-/// The digits of a format of floats.
+/// Limits for a float format.
 struct Precision {
-    /// A relative error above this value means that half of the digits are lost.
+    /// A relative error above this value says that half of the digits are lost.
     lost: f64,
-    /// An operand with an error below this value doesn't count as the cause of lost digits.
+    /// An operand with a relative error below this value doesn't cause a loss of digits.
     precise: f64,
-    /// A difference below this share of its operands is only their rounding.
+    /// A difference below this share of its operands is only their rounding error.
     noise: f64,
-    /// The smallest number that isn't flushed to zero.
+    /// The smallest number that implementations don't flush to zero.
     least: f64,
 }
 
 impl Precision {
     fn of(half: bool) -> Self {
         match half {
-            // 24 bits.
+            // The format has 24 bits of precision.
             false => Self {
                 lost: 1.0 / 4096.0,
                 precise: 1.0 / 1_048_576.0,
                 noise: 1.0 / 16_777_216.0,
                 least: f64::from(f32::MIN_POSITIVE),
             },
-            // 11 bits.
+            // The format has 11 bits of precision.
             true => Self {
                 lost: 1.0 / 32.0,
                 precise: 1.0 / 256.0,
@@ -127,56 +127,56 @@ impl Precision {
     }
 }
 
-/// The most rounds of loops that generated arguments may cause.
+/// The largest number of loop rounds for generated arguments.
 pub(super) const PATIENCE: u64 = 4096;
 
-/// The number of rounds after which a loop with generated arguments is reported as endless: a case takes tenths of a
-/// second.
+/// If a loop with generated arguments runs this number of rounds, it is reported as endless. A case then takes tenths
+/// of a second.
 pub const LONG: u64 = 1 << 18;
 
-/// The most rounds of loops with a bound.
+/// The largest number of rounds for loops with a bound.
 const MOST_ROUNDS: u64 = 65_536;
 
-/// The number of rounds after which an undecided exit is given up: each round follows both branches.
+/// The number of rounds after which intervals give up on an undecided exit, because each round follows both branches.
 const UNDECIDED: u64 = 16;
 
-/// If a difference is below this share of its operands, even double precision, whose last digit is 2^-53, keeps fewer
-/// than half of the digits of `f32`.
+/// The share of an operand below which a difference in double precision keeps fewer than half of `f32`'s digits. The
+/// last digit of double precision is 2^-53.
 const BLIND: f64 = 1.0 / 2_199_023_255_552.0;
 
-/// An operand whose interval is this narrow counts as one number. If the result is unbounded, the operation is the
-/// cause.
+/// The relative width up to which an interval counts as one number. If an operation with such operands has an unbounded
+/// result, the operation is the cause.
 const NARROW: f64 = 1.0 / 1024.0;
 
-/// An operation, over the lanes of a chunk.
+/// An operation in all lanes of a chunk.
 struct Event<F> {
-    /// The number of its site in the program.
+    /// The index of the operation's site in the program.
     site: usize,
-    /// Set for half precision.
+    /// Set for an operation in half precision.
     half: bool,
     values: Vec<F>,
-    /// The operands' values, by operand and lane.
+    /// The operands, each with its values in all lanes.
     operands: Vec<Vec<F>>,
     active: Vec<bool>,
 }
 
-/// A pixel of a quad takes a derivative, and another one doesn't.
+/// Two pixels of a quad: one takes a derivative, and the other doesn't.
 #[derive(Clone, Copy)]
 struct Parted {
-    /// The pixel that takes it and the one that doesn't, by their numbers among all pixels.
+    /// The indices of both pixels among all pixels. The first one takes the derivative.
     pixels: [usize; 2],
-    /// The site of the condition or the jump at which the second took another branch.
+    /// The site of the condition or the jump at which the second pixel took another branch.
     by: Option<usize>,
 }
 
-/// The hazards of a case, with their sites, and the pixels that parted at a derivative.
+/// The hazards of a case, by kind and site. A derivative also has the pixels that parted.
 type OfCase = BTreeMap<(Kind, usize), Option<Parted>>;
 
-/// Records operations.
+/// Records the operations of a run.
 struct Recorder<F> {
     events: Mutex<Vec<Event<F>>>,
     reach: Reach,
-    /// The operations with wrong operands, by case.
+    /// For each case, the hazards that the engine reports itself, such as wrong indices.
     wrong: Mutex<BTreeMap<usize, OfCase>>,
     /// Lanes in which a NaN decides a comparison, or is converted to an integer.
     decided: Mutex<BTreeSet<usize>>,
@@ -209,7 +209,7 @@ macro_rules! recorder {
             }
 
             fn others(&self, lanes: &Lanes<'_, $arithmetic>) {
-                // A condition that selects between floats doesn't use them.
+                // A boolean that selects between floats isn't a float operand.
                 if !lanes.floats.is_empty() {
                     return;
                 }
@@ -230,7 +230,7 @@ macro_rules! recorder {
             }
 
             fn reached(&self, here: &Here<'_, $arithmetic>) {
-                // The runs in both precisions reach the same operations, unless rounding decides a branch.
+                // Both runs reach the same operations, unless rounding decides a branch.
                 if $reaches {
                     self.reach.add(here.site.number, here);
                 }
@@ -241,25 +241,25 @@ macro_rules! recorder {
 recorder!(F32, f32, true);
 recorder!(F64, f64, false);
 
-/// Facts about operations from intervals, lane by lane.
+/// Facts about operations in each lane, from a run with intervals.
 struct Known {
-    /// For each lane, the operations that may return any value, in order. The flag says that the operands are the
-    /// cause: they are known closely, and WGSL has no bound for the operation there.
+    /// For each lane, the operations that may return any value, in order. The flag says that the operation itself is
+    /// the cause: its operands are narrow intervals, but WGSL has no bound for their result.
     anything: Mutex<BTreeMap<usize, Vec<(usize, bool)>>>,
     /// Lanes and sites where double precision can't show which digits are lost.
     blind: BTreeSet<(usize, usize)>,
-    /// The first operation of each lane with a wide result.
+    /// For each lane, the first operation with a wide result.
     wide: Mutex<BTreeMap<usize, usize>>,
 }
 
-/// Returns `true` for an interval whose numbers share fewer than half of their digits.
+/// Checks if the numbers of an interval share fewer than half of their digits.
 fn is_wide(x: Interval, half: bool) -> bool {
     let (lo, hi) = (f64::from(x.lo()), f64::from(x.hi()));
     !x.is_bounded() || hi - lo > Precision::of(half).lost * lo.abs().max(hi.abs())
 }
 
-/// Returns `true` if double precision has lost an operand that isn't 0: a sum equals one of its terms, or a function of
-/// a small number returns 1.
+/// Checks if double precision has lost an operand that isn't 0. In that case a sum equals one of its terms, or a
+/// function of a small number returns 1.
 fn absorbs(event: &Event<f64>, lane: usize) -> bool {
     let value = event.values[lane].abs();
     match &*event.operands {
@@ -272,13 +272,14 @@ fn absorbs(event: &Event<f64>, lane: usize) -> bool {
     }
 }
 
-/// Returns `true` if the operation is a sum or a difference, judging by its value.
+/// Checks if the value is the sum or the difference of the operands.
 fn is_sum(event: &Event<f64>, lane: usize) -> bool {
     let value = event.values[lane];
     matches!(&*event.operands, [x, y] if value == x[lane] + y[lane] || value == x[lane] - y[lane])
 }
 
-/// Returns `true` for a sum that keeps fewer than half of `f32`'s digits in double precision, and for a logarithm of 1.
+/// Checks if double precision hides a loss of digits. It does for a sum that keeps fewer than half of `f32`'s digits in
+/// double precision, and for a logarithm of 1.
 fn is_blind(event: &Event<f64>, lane: usize) -> bool {
     let value = event.values[lane].abs();
     let largest = event.operands.iter().map(|x| x[lane].abs()).fold(0.0, f64::max);
@@ -288,8 +289,8 @@ fn is_blind(event: &Event<f64>, lane: usize) -> bool {
     }
 }
 
-/// The lanes and sites where double precision can't show which digits are lost: the operation cancels, and an operand
-/// depends on a lost number.
+/// The lanes and sites where double precision can't show which digits are lost: an operation cancels, and one of its
+/// operands depends on a lost number.
 fn blind(events: &[Event<f64>]) -> BTreeSet<(usize, usize)> {
     // For each lane, the values that depend on a lost number.
     let mut tainted: BTreeMap<usize, BTreeSet<u64>> = BTreeMap::new();
@@ -311,13 +312,14 @@ fn blind(events: &[Event<f64>]) -> BTreeSet<(usize, usize)> {
     blind
 }
 
-/// The most such operations that are recorded for a lane: if the first is left out, later ones count.
+/// The number of unbounded operations to keep for a lane. If the caller ignores the first operation, the next one
+/// counts.
 const KEPT: usize = 16;
 
-/// Returns `true` for an operation that loses digits, compared with the same one in double precision.
+/// Checks if an operation loses digits, compared with the same operation in double precision.
 type Loses<'l> = &'l dyn Fn(&Event<f32>, &Event<f64>) -> bool;
 
-/// Returns `true` for a hazard that is left out. A later one is then reported in its place.
+/// Checks if the caller ignores a hazard. The report then has the next hazard instead.
 pub(crate) type LeftOut<'l> = &'l (dyn Fn(&Found) -> bool + Sync);
 
 impl Observer<Intervals> for Known {
@@ -326,7 +328,7 @@ impl Observer<Intervals> for Known {
             let (lo, hi) = (f64::from(x.lo()), f64::from(x.hi()));
             lo == hi || hi - lo <= NARROW * lo.abs().min(hi.abs())
         };
-        // A value minus itself is exactly 0, and a difference of exact numbers keeps all digits.
+        // A value minus itself is exactly 0. A difference of exact numbers keeps all digits.
         let cancels = |operands: &[Interval]| {
             let is_exact = |x: &Interval| x.lo() == x.hi();
             let alike =
@@ -360,7 +362,7 @@ impl Observer<Intervals> for Known {
 }
 
 impl<F> Recorder<F> {
-    /// Returns `true` if there may have been more operations.
+    /// Checks if the recorder reached its limit.
     fn is_full(&self) -> bool {
         self.events.lock().unwrap_or_else(PoisonError::into_inner).len() >= MOST_EVENTS
     }
@@ -370,7 +372,7 @@ impl<F> Recorder<F> {
     }
 }
 
-/// Finds, for each event of a lane, the same operation in another run, at the same repetition.
+/// Pairs the events of a lane with the events of another run. Each pair has the same operation and the same repetition.
 struct Twins<'e> {
     by_site: BTreeMap<usize, VecDeque<&'e Event<f64>>>,
 }
@@ -384,14 +386,15 @@ impl<'e> Twins<'e> {
         Self { by_site }
     }
 
-    /// The event of the other run that matches the next event of an operation.
+    /// The event of the other run that matches the next event at `site`.
     fn next(&mut self, site: usize) -> Option<&'e Event<f64>> {
         self.by_site.get_mut(&site)?.pop_front()
     }
 }
 
 impl Interpreted {
-    /// The findings in some cases. For each kind: those that are left out, up to the first that isn't.
+    /// The hazards in some cases. For each kind, it returns the ignored hazards up to the first hazard that isn't
+    /// ignored.
     pub fn hazards_but(
         &self,
         cases: usize,
@@ -407,15 +410,16 @@ impl Interpreted {
             let part = &rows[first * width..][..count * width];
             self.hazards_of_chunk(count, part, left_out)
         };
-        // An endless loop usually shows in the first part; the other parts would only wait for it.
+        // An endless loop usually shows in the first part. Running the first part separately avoids waiting for it in
+        // all parts.
         let alone = usize::from(self.program.most_rounds().is_none() && cases > 0);
         let mut parts = (0..alone).map(|_| of_part(0)).collect::<Vec<_>>();
         if parts.iter().all(Result::is_ok) {
-            // Parts are interleaved: one function with long loops doesn't keep one core busy while others idle.
+            // Parts are interleaved, so that no core waits for a function with long loops.
             let firsts: Vec<usize> = (0..cases).step_by(together).skip(alone).collect();
             parts.extend(firsts.into_par_iter().map(of_part).collect::<Vec<_>>());
         }
-        // Parts end in any order; the reported error is the first part's.
+        // Parts end in any order. The first part's error is reported.
         for part in parts {
             let part = part?;
             for (site, count) in part.reached {
@@ -427,7 +431,7 @@ impl Interpreted {
         Ok(found)
     }
 
-    /// Returns `true` if a case is still in a loop after this number of rounds, so it may never end.
+    /// Checks if a case is still in a loop after `rounds` rounds, so that the loop may never end.
     pub fn may_not_end(&self, row: &[u32], rounds: u64) -> bool {
         let options = Options { fuel: rounds, ..self.options() };
         match self.run::<F32>(1, row, &options, &()) {
@@ -444,7 +448,7 @@ impl Interpreted {
         left_out: LeftOut<'_>,
     ) -> Result<Hazards, ProbeError> {
         let (single, double) = (Recorder::<f32>::default(), Recorder::<f64>::default());
-        // Loops with a bound end, and may be as long as is still quick to run.
+        // Loops with a bound do end. They may run as long as they are quick.
         let fuel = match self.program.most_rounds() {
             Some(rounds) => rounds.saturating_mul(2).clamp(PATIENCE, MOST_ROUNDS),
             None => PATIENCE,
@@ -463,24 +467,24 @@ impl Interpreted {
         let work = if cut { ROUNDS_SEEN * lanes } else { u64::MAX };
         let bounds = match self.run::<Intervals>(cases, rows, &Options { work, ..options }, &known)
         {
-            // It recorded the same operations as the others.
+            // The stopped run has already recorded the same operations as the other run.
             Err(Stop::Work { .. }) => None,
             seen => Some(seen.map_err(|stop| self.error(&stop))?),
         };
         let anything = known.anything.into_inner().unwrap_or_else(PoisonError::into_inner);
         let wide = known.wide.into_inner().unwrap_or_else(PoisonError::into_inner);
         let halves = shadows.halves();
-        // In a quad, the pixel that the arguments are for.
+        // In a quad, only the pixel that a case is about counts.
         let each = (0..cases).map(|case| case * self.lanes()).map(|lane| {
             let (result, shadow) = (results.row(lane), shadows.row(lane));
             let finite =
                 result.iter().all(|lane| !matches!(lane, Lane::Float(x) if !x.is_finite()));
             let is_used = cut || decided.contains(&lane) || absorbs_nan(&single, lane);
-            // A later operation may turn an infinity into a number: in `x / sqrt(x * x)`, 0 instead of 1.
+            // A later operation may turn an infinity into a wrong number: `x / sqrt(x * x)` gives 0 instead of 1.
             let lost = differ(&result, &shadow, &halves);
             let dropped = finite && !is_used && lost.is_none();
             let mut found = self.born(&single, &double, lane, dropped, (lost, left_out));
-            // If double precision cancels as well, both runs agree, and only the interval shows the loss.
+            // If double precision loses the digits, too, both runs agree. Only the interval shows the loss.
             if let (None, Some(site)) = (lost, wide.get(&lane))
                 && bounds.as_ref().is_none_or(|bounds| shows_wide(&bounds.row(lane), &halves))
             {
@@ -488,7 +492,8 @@ impl Interpreted {
             }
             let of_quad = (lane..lane + self.lanes()).flat_map(|pixel| {
                 let all = wrong.get(&pixel).into_iter().flatten();
-                // Other pixels of the quad belong to other cases, but a parting pixel counts for this case.
+                // Other pixels of the quad belong to other cases. But if a pixel parts at a derivative, that counts for
+                // this case.
                 all.filter(move |((kind, _), _)| pixel == lane || *kind == Kind::Barrier)
             });
             let mut told = BTreeSet::new();
@@ -497,13 +502,13 @@ impl Interpreted {
                 let missing = parted.map(|parted| self.missing(lane, parted));
                 found.extend(one.map(|one| Found { missing, ..one }));
             }
-            // A value that isn't finite was reported already, and WGSL bounds nothing that depends on it.
+            // The value that isn't finite was reported already, and WGSL bounds no result of it.
             let kept = anything.get(&lane).into_iter().flatten();
             for (site, _) in kept.take_while(|(_, sure)| *sure) {
                 if !found.iter().all(left_out) {
                     break;
                 }
-                // The result is the same for every value.
+                // The result is the same for every value of the operation.
                 let is_sure = bounds.as_ref().is_some_and(|bounds| {
                     let row = bounds.row(lane);
                     let are_floats = row.iter().all(|lane| matches!(lane, Lane::Float(_)));
@@ -518,12 +523,12 @@ impl Interpreted {
         Ok(Hazards { cases: each, cut, reached: self.good(reach, &single) })
     }
 
-    /// For each site, the number of cases that reached it with good operands.
+    /// For each site, the number of cases that reached it with finite operands.
     fn good(&self, reach: Reach, events: &[Event<f32>]) -> BTreeMap<usize, usize> {
-        // For each lane and site, whether every operation there had bad operands.
+        // For each lane and site, set if each operation there had a bad operand.
         let mut bad: BTreeMap<(usize, usize), bool> = BTreeMap::new();
         for event in events {
-            // Few events have an operand that isn't finite.
+            // Events with an operand that isn't finite are few.
             let is_finite = |operand: &Vec<f32>| operand.iter().all(|x| x.is_finite());
             if event.operands.iter().all(is_finite) {
                 continue;
@@ -543,7 +548,7 @@ impl Interpreted {
         reach.cases().into_iter().map(of_site).collect()
     }
 
-    /// The first operation of a lane that is at fault, for each kind.
+    /// For each kind, the first operation of a lane that is at fault.
     fn born(
         &self,
         single: &[Event<f32>],
@@ -553,7 +558,7 @@ impl Interpreted {
         (lost, left_out): (Option<f64>, LeftOut<'_>),
     ) -> Vec<Found> {
         let Some(size) = lost else {
-            // There is no second run to compare with.
+            // Half precision has no second run to compare with.
             return self.born_of(single, &[], lane, dropped, (&|_, _| false, left_out));
         };
         let loses_own = |event: &Event<f32>, twin: &Event<f64>| loses(event, twin, lane);
@@ -561,14 +566,14 @@ impl Interpreted {
         if found.iter().any(|one| one.kind == Kind::LostDigits && !left_out(one)) {
             return found;
         }
-        // A difference that is only rounding is at fault if it dominates the result.
+        // A rounding error is a hazard only if it dominates the result.
         let loses_some = |event: &Event<f32>, twin: &Event<f64>| loses_all(event, twin, lane, size);
         let more = self.born_of(single, double, lane, dropped, (&loses_some, left_out));
         let lost = more.into_iter().filter(|one| one.kind == Kind::LostDigits);
         found.into_iter().chain(lost).collect()
     }
 
-    /// The same as [`born`](Self::born), with a test for lost digits.
+    /// Like [`born`](Self::born), with a given test for lost digits.
     fn born_of(
         &self,
         single: &[Event<f32>],
@@ -585,7 +590,7 @@ impl Interpreted {
             let operands = || event.operands.iter().map(|operand| operand[lane]);
             let kind = if !value.is_finite() {
                 let nan = value.is_nan();
-                // An operation that turns an infinite operand into NaN only passes the error on.
+                // An operation that turns an infinite operand into NaN isn't the origin of the error.
                 if operands().any(|operand| !operand.is_finite()) {
                     continue;
                 }
@@ -609,7 +614,6 @@ impl Interpreted {
         found
     }
 
-    /// A hazard at an operation, in the author's file.
     fn found(&self, kind: Kind, number: usize, dropped: bool) -> Option<Found> {
         let site = self.site(number)?;
         let (span, text) = super::author_of(&self.program, site)?;
@@ -622,7 +626,7 @@ impl Interpreted {
         self.lowered.sites().get(number)
     }
 
-    /// The places of all operations in the author's files, with the numbers of their sites.
+    /// The positions of all operations in source files, each with the index of its site.
     pub fn places(&self) -> Vec<(usize, String)> {
         let place = |site: &Site| {
             let (span, _) = super::author_of(&self.program, site)?;
@@ -632,7 +636,7 @@ impl Interpreted {
         places.into_iter().collect()
     }
 
-    /// The names of the quad's pixels, and the place where they took different branches.
+    /// The names of the quad's pixels, and the position where their branches parted.
     fn missing(&self, first: usize, Parted { pixels, by }: Parted) -> Missing {
         const NAMES: [&str; quads::PIXELS] = [
             "the pixel",
@@ -648,12 +652,12 @@ impl Interpreted {
     }
 }
 
-/// Returns `true` if an operation loses more than half of its operands' digits.
+/// Checks if an operation loses more than half of its operands' digits.
 fn loses(event: &Event<f32>, twin: &Event<f64>, lane: usize) -> bool {
     loses_all(event, twin, lane, twin.values[lane].abs())
 }
 
-/// The same, for an operation whose value is part of a result of this `size`.
+/// Checks if an operation loses more than half of its operands' digits, as part of a result of this `size`.
 fn loses_all(event: &Event<f32>, twin: &Event<f64>, lane: usize, size: f64) -> bool {
     let error = |x: f32, y: f64| (f64::from(x) - y).abs() / y.abs();
     let (value, shadow) = (event.values[lane], twin.values[lane]);
@@ -663,20 +667,20 @@ fn loses_all(event: &Event<f32>, twin: &Event<f64>, lane: usize, size: f64) -> b
     let is_precise = |(x, y): (&Vec<f32>, &Vec<f64>)| {
         x[lane] == 0.0 && y[lane] == 0.0 || error(x[lane], y[lane]) <= precise
     };
-    // Constants are rounded to `f32` in both runs, so an operand's error comes from computed values.
+    // Both runs round constants to `f32`, so only computed values cause an operand's error.
     means_something
         && error(value, shadow) > lost
         && !event.operands.is_empty()
         && event.operands.iter().zip(&twin.operands).all(is_precise)
 }
 
-/// Returns `true` if a number of a result has lost half of its digits, judging by its interval.
+/// Checks if the bounds of a result show that one of its numbers lost half of its digits.
 fn shows_wide(bounds: &[LaneOf<Intervals>], halves: &[bool]) -> bool {
     let wide = |(lane, half): (&LaneOf<Intervals>, &bool)| matches!(lane, Lane::Float(x) if is_wide(*x, *half));
     bounds.iter().zip(halves).any(wide)
 }
 
-/// The largest component of a result that has itself lost half of its digits; `None` if there is none.
+/// The largest component of a result that lost half of its digits.
 fn differ(result: &[LaneOf<F32>], shadow: &[LaneOf<F64>], halves: &[bool]) -> Option<f64> {
     let lost = |lane: usize| match (&result[lane], &shadow[lane]) {
         (Lane::Float(x), Lane::Float(y)) => {

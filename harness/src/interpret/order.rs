@@ -1,45 +1,46 @@
-//! Runs compute passes in other orders of their workgroups and invocations.
+//! Describes the orders in which workgroups and invocations of passes run.
 
 use karat_engine::{Actor, Atomics, Options, Priorities, Schedule, Stores};
 
 use super::dispatch::{Prepared, options};
 use crate::dispatch::{Afterwards, DispatchError, Pass, Passes};
 
-/// The subgroup size, unless an order sets another.
+/// The subgroup size by default.
 pub const SUBGROUP: u32 = Schedule::SUBGROUP;
 
-/// Subgroup sizes of WebGPU devices, besides the usual one.
+/// The other subgroup sizes of WebGPU devices.
 pub(super) const SUBGROUPS: [u32; 5] = [4, 8, 16, 64, 128];
 
-/// In passes with at most this number of invocations, each invocation is ordered by itself. In larger ones some
-/// neighbours stay together, which costs an eighth.
+/// The largest number of invocations for which an order arranges each invocation on its own. In larger passes,
+/// neighbours stay together in groups of [`TOGETHER`], which takes an eighth of the time.
 pub(super) const ONE_BY_ONE: u64 = 4096;
 const TOGETHER: usize = 8;
 
-/// The turns for which invocations spin in some orders before others go on: loops of a thousand rounds end within them.
+/// The number of turns for which a waiting invocation spins, in some orders, before other invocations run. A loop with
+/// a limit of a thousand rounds reaches its limit in this time.
 const PATIENCE: u32 = 1 << 13;
 
-/// An order of the invocations of passes.
+/// An order of the invocations in several passes.
 #[derive(Clone, Debug)]
 pub struct OrderOf {
     of_pass: Vec<Schedule>,
 }
 
 impl OrderOf {
-    /// The usual order, with another subgroup size.
+    /// The usual order with another subgroup size.
     pub(super) fn of_size(passes: &Passes, subgroup: u32) -> Self {
         Self { of_pass: vec![Schedule { subgroup, ..Schedule::default() }; passes.passes.len()] }
     }
 
-    /// An order that was explored, by its turns.
+    /// An explored order, from its turns.
     pub(super) fn of_turns(turns: Vec<Vec<Actor>>, stores: Stores) -> Self {
         let of = |turns| Schedule { turns, stores, ..Schedule::one_by_one() };
         Self { of_pass: turns.into_iter().map(of).collect() }
     }
 
-    /// The order with this number. The first ones run invocations by number one by one, backwards, in turn, and
-    /// shuffled. In the later ones, one or two invocations of each pass stall at one of their atomics; in every second
-    /// of these, stores may be late.
+    /// The sampled order `number`. The first orders run invocations one by one, backwards, in turn, and shuffled. In
+    /// later orders, one or two invocations of each pass stall at one of their atomics. In every second one of these
+    /// orders, stores may take effect late.
     pub(super) fn drawn(passes: &Passes, atomics: &[Atomics], number: u64) -> Self {
         let together = if passes.invocations() > ONE_BY_ONE { TOGETHER } else { 1 };
         let of_pass = passes.passes.iter().zip(atomics).enumerate().map(|(at, (_, atomics))| {
@@ -64,7 +65,7 @@ impl OrderOf {
             let stalls = (0..count).filter_map(stall).collect();
             let late = number >= 3 && number % 2 == 1;
             let stores = if late { Stores::Late(seed) } else { Stores::AtOnce };
-            // In the backward order, loops with a retry limit reach it.
+            // In the backward order, loops with a retry limit reach their limit.
             let patience = if number % 3 == 1 { PATIENCE } else { 0 };
             let subgroup = [SUBGROUP, 4, 64, 8, 16, 128][number as usize % 6];
             Schedule {
@@ -80,17 +81,16 @@ impl OrderOf {
         Self { of_pass: of_pass.collect() }
     }
 
-    /// The options of the pass with this number.
+    /// The options for the pass `number`.
     pub(super) fn options(&self, number: usize, base: &Options) -> Options {
         Options { schedule: self.of_pass[number].clone(), ..base.clone() }
     }
 
-    /// The subgroup size.
     pub(crate) fn subgroup(&self) -> u32 {
         self.of_pass.iter().map(|own| own.subgroup).find(|own| *own != SUBGROUP).unwrap_or(SUBGROUP)
     }
 
-    /// Orders with one difference fewer from the usual one.
+    /// Orders in which one difference from the usual order is removed.
     pub(crate) fn simpler(&self) -> impl Iterator<Item = Self> {
         let usual = Schedule::default();
         let of_one = self.of_pass.iter().enumerate().flat_map(move |(at, own)| {
@@ -121,7 +121,7 @@ impl OrderOf {
         })
     }
 
-    /// The passes whose order isn't the usual one, by their numbers.
+    /// The passes with another order than the usual one, and their indices.
     pub(crate) fn passes<'p>(
         &'p self,
         passes: &'p Passes,
@@ -131,13 +131,13 @@ impl OrderOf {
         all.filter(move |(_, own)| **own != usual)
     }
 
-    /// Returns `true` if only the subgroup size differs.
+    /// Checks if only the subgroup size differs from the usual order.
     pub fn is_of_size(&self) -> bool {
         let usual = Schedule::default();
         self.of_pass.iter().all(|own| Schedule { subgroup: SUBGROUP, ..own.clone() } == usual)
     }
 
-    /// The beginning of the headline for findings of this order alone.
+    /// The first words of a headline for a finding that occurs only in this order.
     pub(super) fn headline(&self) -> String {
         match self.is_of_size() {
             true => format!("in subgroups of {}", self.subgroup()),
@@ -145,15 +145,14 @@ impl OrderOf {
         }
     }
 
-    /// A note that explains the order.
     pub(super) fn note(&self, passes: &Passes) -> String {
         match self.is_of_size() {
             true => format!("a device may have subgroups of {} invocations", self.subgroup()),
-            false => format!("WGSL promises no order: here {}", self.told(passes)),
+            false => format!("WGSL promises no order. In this order, {}", self.told(passes)),
         }
     }
 
-    /// Its differences from the usual order, in words.
+    /// The differences from the usual order, as a clause for messages.
     pub(crate) fn told(&self, passes: &Passes) -> String {
         let several = passes.passes.len() > 1;
         let of_pass = |(pass, own): (&Pass, &Schedule)| {
@@ -161,7 +160,7 @@ impl OrderOf {
             let mut all = Vec::new();
             let plain = own.together == usize::MAX;
             match (own.priorities, &own.turns[..]) {
-                (_, [_, ..]) => all.push(format!("the atomics{of} come in another order")),
+                (_, [_, ..]) => all.push(format!("the atomics{of} run in another order")),
                 (Priorities::ByNumber, _) if plain => {}
                 (Priorities::ByNumber, _) => {
                     all.push(format!("the invocations{of} run one after the other"));
@@ -190,7 +189,7 @@ impl OrderOf {
             all
         };
         let all: Vec<String> = self.passes(passes).flat_map(of_pass).collect();
-        if all.is_empty() { "two invocations change places".to_owned() } else { all.join(", and ") }
+        if all.is_empty() { "two invocations are swapped".to_owned() } else { all.join(", and ") }
     }
 }
 
@@ -203,7 +202,7 @@ fn ordinal(number: u32) -> String {
     }
 }
 
-/// Random numbers from a seed (Knuth's constants, as in MMIX).
+/// A random number generator with Knuth's constants, as in MMIX.
 struct Chance(u64);
 
 impl Chance {
@@ -218,21 +217,21 @@ impl Chance {
     }
 }
 
-/// The words that passes leave in an order of their invocations; `None` is the usual order.
+/// Runs passes in an order, and returns the data that they write. `None` stands for the usual order.
 pub fn in_order_of(passes: &Passes, order: Option<&OrderOf>) -> Result<Afterwards, DispatchError> {
     let prepared = Prepared::new(passes, &karat_engine::Settings::default())?;
     prepared.dispatched(&|number| options_in(number, order, &options()))
 }
 
-/// The options of the pass with this number in an order.
+/// The options for the pass `number` in an order.
 pub(super) fn options_in(number: usize, order: Option<&OrderOf>, base: &Options) -> Options {
     order.map_or_else(|| base.clone(), |order| order.options(number, base))
 }
 
-/// The orders that were tried.
+/// The number of orders that a runner tried.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Tried {
-    /// Their number without the usual one. Orders with the same effect count once.
+    /// The number of orders with different effects, without the usual order.
     pub(crate) orders: u64,
     /// Set if there are no other orders.
     pub(crate) all: bool,
@@ -247,7 +246,7 @@ mod tests {
     use crate::path::Path;
     use crate::reflect::Overrides;
 
-    /// With a driver's subgroup size, each subgroup operation in the engine leaves the driver's words.
+    /// With a driver's subgroup size, each subgroup operation in the engine returns the driver's results.
     #[test]
     fn subgroups_are_those_of_a_driver_of_their_size() {
         let vulkan = crate::executor::of(Path::VULKAN).expect("a driver of Vulkan is here");
@@ -296,7 +295,7 @@ mod tests {
             let passes = Passes::new(&package, &wanted, (&fixtures, &[]), &Overrides::new());
             let passes = passes.expect("they fit");
             let drivers = crate::executor::dispatch(vulkan, &passes).expect("the driver runs it");
-            // A driver with a range of sizes chooses one for each pipeline.
+            // A driver with a range of subgroup sizes chooses a size for each pipeline.
             let sizes = SUBGROUPS
                 .into_iter()
                 .chain([SUBGROUP])

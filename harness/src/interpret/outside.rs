@@ -1,19 +1,19 @@
-//! Decides whether reads and writes outside arrays change a result.
+//! Decides if reads and writes outside of arrays change a result.
 //!
-//! WGSL allows such a read to return any element or zero, and such a write to go to any element or nowhere (6.4.4). A
-//! read matters if another choice changes the words that passes leave: a choice for this read alone, or for all reads
-//! outside together.
+//! WGSL allows such a read to return any element or zero. It allows such a write to change any element, or nothing
+//! (6.4.4). A read matters if another choice changes the data that passes write. The choice may be for this read, or
+//! for all reads outside of arrays together.
 
 use karat_engine::{Choice, Elsewhere, Options, Outside};
 
 use super::dispatch::{OfPass, Prepared};
 use crate::dispatch::DispatchError;
 
-/// The most runs that judge a pass's reads.
+/// The largest number of runs for judging the reads of one pass.
 const MOST_RUNS: usize = 64;
 
-/// Other values that a read may return, the likeliest first. With few reads, more elements are tried: shaders compare
-/// kinds and flags with small numbers, and only one of those may change the result.
+/// Other values that a read may return, the most useful first. If there are few reads, Karat tries more elements.
+/// Shaders compare kinds and flags with small numbers, so only one element may change the result.
 const OTHERS: [Elsewhere; 7] = [
     Elsewhere::Number(0),
     Elsewhere::Nth(0),
@@ -25,7 +25,7 @@ const OTHERS: [Elsewhere; 7] = [
 ];
 const LEAST: usize = 3;
 
-/// The same for generated contents, where any number may be an element.
+/// Other values for generated contents, whose elements may be any number.
 const ANY: [Elsewhere; 6] = [
     Elsewhere::Number(0),
     Elsewhere::Number(47),
@@ -35,18 +35,18 @@ const ANY: [Elsewhere; 6] = [
     Elsewhere::Number(3),
 ];
 
-/// The reads outside arrays in a pass that change the result.
+/// The reads outside of arrays that change the result of a pass.
 #[derive(Debug, Default)]
 pub(super) struct Matter {
-    /// Operations that change it by themselves.
+    /// Reads that change the result on their own.
     pub(super) alone: Vec<u32>,
-    /// Set if no read changes it alone, but all of them together do.
+    /// Set if only all reads together change the result.
     pub(super) together: bool,
-    /// The number of operations that weren't tried.
+    /// The number of reads that weren't tried.
     pub(super) untried: usize,
 }
 
-/// Judges the reads of the pass with this number. Its contents may be generated.
+/// Judges the reads of the pass `number`. `made_up` says that contents are generated.
 pub(super) fn matter(
     prepared: &Prepared<'_>,
     (number, made_up): (usize, bool),
@@ -63,10 +63,10 @@ pub(super) fn matter(
         })
     };
     let mut all = Matter::default();
-    // A write outside may restore a value that a read outside changed.
+    // A write outside of an array may restore a value that a wrong read changed.
     let dropped = Choice { drops: true, ..Choice::default() };
     let usual = left(dropped, None)?;
-    // The runs with all reads together need a share, too.
+    // Keeps some runs for all reads together.
     let left_over = MOST_RUNS - 1 - 2 * (1 + LEAST);
     let each = (left_over / reads.len().max(1)).clamp(LEAST, others.len());
     let most = left_over / each;
@@ -91,7 +91,7 @@ pub(super) fn matter(
     Ok(all)
 }
 
-/// The choices for all reads and writes outside arrays, for generated contents.
+/// The choices for all reads and writes outside of arrays, if contents are generated.
 pub(super) fn choices() -> impl Iterator<Item = Choice> {
     ANY.into_iter().take(LEAST).map(|reads| Choice { reads, drops: true })
 }

@@ -1,4 +1,4 @@
-//! Finds the operation at which another order of invocations first makes a difference.
+//! Finds the first operation that an order of invocations changes.
 
 use std::collections::HashMap;
 use std::sync::{Mutex, PoisonError};
@@ -11,13 +11,13 @@ use crate::diagnostic::Span;
 use crate::dispatch::Passes;
 use crate::value::{Scalar, format_lane};
 
-/// The most results of a pass that are recorded: 16 MiB. The first difference comes early.
+/// The largest number of recorded results in a pass: 16 MiB. The first difference comes early.
 const MOST: usize = 1 << 20;
 
-/// The result of an operation for an invocation.
+/// The value that an operation returned in an invocation.
 #[derive(Clone, Copy)]
 struct Given {
-    /// The address of its site; after the run, its number.
+    /// The address of the operation's site. After the run, the index of the site.
     site: usize,
     case: u32,
     word: u32,
@@ -58,39 +58,39 @@ impl Observer<F32> for Results {
     }
 }
 
-/// The most atomics of an order that a message lists.
+/// The largest number of atomics that a message lists.
 const TOLD: usize = 16;
 
-/// The atomics of passes in an order.
+/// The atomics of passes in one order.
 #[derive(Debug, Default)]
 pub(crate) struct Turns {
-    /// Each atomic in order, in words; empty if there are too many.
+    /// A line about each atomic in order. The list is empty if there are too many.
     lines: Vec<String>,
-    /// A store that, to other invocations, took effect after a later atomic of its own invocation: both.
+    /// A store that other invocations saw after a later atomic of the same invocation, with a note about both.
     pub(crate) late: Option<(Span, String)>,
 }
 
 impl Turns {
-    /// The atomics as notes of a message.
+    /// The atomics as notes for a message.
     pub(crate) fn told(&self) -> Vec<String> {
         let order = (!self.lines.is_empty())
-            .then(|| format!("its atomics come in this order:\n{}", self.lines.join("\n")));
+            .then(|| format!("its atomics run in this order:\n{}", self.lines.join("\n")));
         let relaxed = self.late.as_ref().map(|(_, late)| {
             format!(
-                "{late}: WGSL's atomics are relaxed (15.4, *Memory model*), so others may see them in another order than \
-                 they stand in. A barrier between both orders them for the invocations of one workgroup, and another pass for \
-                 all; or let one atomic hold both numbers"
+                "{late}: WGSL's atomics are relaxed (15.4, *Memory model*), so other invocations may see them in another order than \
+                 the program's. A barrier between both orders them for one workgroup. A second pass orders them for \
+                 all workgroups. Or store both numbers in one atomic"
             )
         });
         order.into_iter().chain(relaxed).collect()
     }
 }
 
-/// The atomics of passes in an order, in the order in which they take effect.
+/// The atomics of passes in one order, sorted by the time at which they take effect.
 pub(super) fn turns(prepared: &Prepared<'_>, order: &OrderOf) -> Turns {
     let mut all = Turns::default();
     let (mut number, mut count) = (0, 0);
-    // A loop that doesn't end in this order has run its atomics before.
+    // If a loop doesn't end in this order, the earlier atomics are still known.
     let ran = prepared.run(&mut |pass, lowered, resources| {
         let base = Options { shows_order: true, ..options() };
         let own = options_in(number, Some(order), &base);
@@ -109,7 +109,7 @@ pub(super) fn turns(prepared: &Prepared<'_>, order: &OrderOf) -> Turns {
             }
             if let (None, Some((other, behind))) = (&all.late, turn.behind.as_ref().and_then(author)) {
                 let late = format!(
-                    "`{text}` ({span}) of {who} is seen after `{behind}` ({other}), which stands behind it"
+                    "`{text}` ({span}) of {who} is seen after `{behind}` ({other}), which is later in the program"
                 );
                 all.late = Some((span, late));
             }
@@ -123,15 +123,15 @@ pub(super) fn turns(prepared: &Prepared<'_>, order: &OrderOf) -> Turns {
     all
 }
 
-/// The differences between an order of passes and the usual one.
+/// The differences between an order and the usual order.
 pub(crate) struct Parting {
-    /// The first operation, in the usual order, that gives an invocation another result: its place, and a clause with
-    /// the invocation and both results. `None` if only the order of writes differs.
+    /// The first operation that returns another value to an invocation than in the usual order: its position, and a
+    /// clause with the invocation and both values. It is `None` if only the order of writes differs.
     pub(crate) first: Option<(Span, String)>,
     pub(crate) turns: Turns,
 }
 
-/// Compares an order of passes with the usual one.
+/// Compares an order with the usual order.
 pub(crate) fn parting(passes: &Passes, order: &OrderOf) -> Option<Parting> {
     let prepared = Prepared::new(passes, &Settings::default()).ok()?;
     Some(Parting { first: first(&prepared, order), turns: turns(&prepared, order) })
@@ -141,7 +141,7 @@ fn first(prepared: &Prepared<'_>, order: &OrderOf) -> Option<(Span, String)> {
     let passes = prepared.passes;
     let run = |order: Option<&OrderOf>| {
         let mut of_passes = Vec::new();
-        // A loop that doesn't end in this order has had its results before.
+        // If a loop doesn't end in this order, the earlier results are still known.
         let ran = prepared.run(&mut |pass, lowered, resources| {
             let results = Results::default();
             let options = options_in(of_passes.len(), order, &options());
@@ -183,7 +183,7 @@ fn first(prepared: &Prepared<'_>, order: &OrderOf) -> Option<(Span, String)> {
                 scalar => format_lane(scalar, given.word),
             });
             let says = format!(
-                "`{text}` gives {invocation} {other} there, and {usual} in the usual order"
+                "`{text}` gives {invocation} {other} in this order, and {usual} in the usual order"
             );
             return Some((span.first_line(), says));
         }

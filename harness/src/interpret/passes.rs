@@ -1,4 +1,4 @@
-//! Finds hazards inside compute passes: operations with good operands and a bad result.
+//! Finds hazards in compute passes: operations with good operands and a bad result.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Mutex, PoisonError};
@@ -13,19 +13,19 @@ use crate::dispatch::{Afterwards, DispatchError, Pass, Passes};
 use crate::probe::RESULTS;
 use crate::value::Scalar;
 
-/// An operation with a hazard.
+/// An operation that has a hazard.
 struct Operation {
     operands: Vec<f32>,
-    /// For a derivative: the missing pixel, and the number of the site at which it took another branch.
+    /// For a derivative, the missing pixel, and the index of the site at which that pixel took another branch.
     missing: Option<(usize, Option<usize>)>,
-    /// The invocations in which the hazard occurs.
+    /// The indices of the invocations in which the hazard occurs.
     invocations: BTreeSet<usize>,
 }
 
-/// The operations of a pass with hazards, by the number of their site and their kind.
+/// The operations with hazards in a pass, by site and kind.
 struct Recorder {
     all: Mutex<BTreeMap<(usize, Kind), Operation>>,
-    /// The invocations that reach each site; `None` if they aren't needed.
+    /// The invocations that reach each site, if the caller needs them.
     reach: Option<Reach>,
 }
 
@@ -38,12 +38,12 @@ impl Recorder {
 
 impl Observer<F32> for Recorder {
     fn floats(&self, lanes: &Lanes<'_, F32>) {
-        // Column by column, because each operation of each round comes here.
+        // Works on whole columns, because it runs for each operation in each round.
         let is_bad = |values: &&[f32]| !values.iter().fold(true, |good, x| good & x.is_finite());
         if !lanes.floats.iter().any(|values| is_bad(&&**values)) {
             return;
         }
-        // An operation with an infinite operand only passes on an earlier error.
+        // An operation with an infinite operand isn't the origin of the error.
         let mut good = lanes.active.to_vec();
         for operand in lanes.operands {
             good.iter_mut().zip(operand.iter()).for_each(|(good, x)| *good &= x.is_finite());
@@ -82,33 +82,33 @@ impl Observer<F32> for Recorder {
     }
 }
 
-/// An operation of a pass with a hazard, and the invocations in which it occurs.
+/// A hazard in a pass, with the invocations in which it occurs.
 pub struct FoundInPass {
-    /// The hazard and its place.
+    /// The hazard and its position.
     pub found: Found,
-    /// The first of the invocations.
+    /// The name of the first invocation.
     pub invocation: String,
-    /// All of the invocations, by their numbers.
+    /// The indices of all invocations.
     pub invocations: BTreeSet<usize>,
-    /// The place of its statement; the sanitizer uses it to name an access.
+    /// The position of the operation's statement. The sanitizer names accesses by their statements.
     pub statement: Option<String>,
 }
 
-/// The operations of passes with hazards, and, if asked for, the invocations that reach each place.
+/// The hazards in passes, and the invocations that reach each operation.
 #[derive(Default)]
 pub struct Operations {
-    /// Operations with hazards.
+    /// The operations that have hazards.
     pub wrong: Vec<FoundInPass>,
-    /// The invocations that reach each operation, by its place.
+    /// The indices of the invocations that reach each operation, by position.
     pub reached: BTreeMap<String, BTreeSet<usize>>,
 }
 
-/// The operations with hazards in a test's passes, in `f32`.
+/// The hazards in a test's passes, in `f32`.
 pub(crate) fn hazards(passes: &Passes) -> Result<Vec<FoundInPass>, DispatchError> {
     Ok(watched(passes, &options(), false)?.wrong)
 }
 
-/// The operations of passes over generated resources.
+/// The hazards in passes over generated resources.
 pub fn operations(passes: &Passes) -> Result<Operations, DispatchError> {
     watched(passes, &made_up_options(), true)
 }
@@ -135,7 +135,7 @@ fn watched(
         for (number, invocations) in faults.reach.unwrap_or_default().cases() {
             let statement = site(number).and_then(|site| statement_of(&pass.program, site));
             let own = author(number).map(|(span, _)| span);
-            // The sanitizer names an access by its statement.
+            // The sanitizer names an access by the position of its statement.
             let places: BTreeSet<String> =
                 own.iter().chain(&statement).map(ToString::to_string).collect();
             for place in places {
@@ -160,7 +160,7 @@ fn watched(
         }
         Ok(true)
     })?;
-    // The operations after a NaN aren't recorded here, and one of them may depend on it.
+    // Operations after a NaN aren't recorded, and the written data may depend on one of them.
     if are_finite(passes, prepared.left(&held))? {
         let infinite = all.wrong.iter_mut().filter(|one| one.found.kind == Kind::Infinite);
         infinite.for_each(|one| one.found.hidden = true);
@@ -168,14 +168,14 @@ fn watched(
     Ok(all)
 }
 
-/// Returns `true` if every float that passes leave is finite.
+/// Checks if every float that passes write is finite.
 fn are_finite(passes: &Passes, left: Afterwards) -> Result<bool, DispatchError> {
     let mut finite = true;
     for (number, words) in left {
         let (_, shape) = passes.written(&passes.resources[number].name)?;
         let lanes = passes.lanes(number, &words).expect("passes write what they leave");
         let mut scalars = shape.lanes();
-        // The results of a draw are words, with a canary after each pixel's.
+        // A draw returns its results as words, with a canary after each pixel.
         let drawn = passes.passes.iter().find_map(|pass| pass.drawn.as_ref());
         if let Some(own) = drawn.filter(|_| passes.resources[number].name == RESULTS) {
             let of_pixel = own.iter().copied().chain([Scalar::U32]);

@@ -1,18 +1,18 @@
-//! Turns cases into quads of pixels.
+//! Turns cases into quads of four pixels.
 
 use crate::reflect::Function;
 use crate::value::{Scalar, Shape};
 
-/// The pixels of a quad: the upper left one, the one to its right, and the two below.
+/// The number of pixels in a quad: the upper left one, the one to its right, and two below.
 pub(super) const PIXELS: usize = 4;
 
-/// Turns the rows of cases into the rows of pixels.
+/// Turns the rows of cases into rows of pixels.
 #[derive(Debug)]
 pub(super) struct Quads {
-    /// The scalars of each argument at one pixel, and whether the argument varies.
+    /// The scalars of each argument at one pixel. The flag says that the argument varies between pixels.
     arguments: Vec<(Vec<Scalar>, bool)>,
-    /// The pixel whose results are wanted, if a row has the arguments at all four; or else the first one, to which slopes
-    /// are given.
+    /// The pixel that returns results. If a row has the arguments of all four pixels, it is the given pixel. Otherwise
+    /// the row has slopes, and it is the first pixel.
     pub(super) own: Option<usize>,
 }
 
@@ -25,15 +25,15 @@ impl Quads {
         Self { arguments: function.parameters.iter().map(of).collect(), own: None }
     }
 
-    /// Adds the lanes of the results that depend on the steepness of the slopes.
+    /// Marks the lanes of results that depend on the steepness of the slopes.
     pub(super) fn open<E>(
         &self,
         rows: &[u32],
         open: &mut [bool],
         results: impl Fn(&[u32]) -> Result<Vec<u32>, E>,
     ) -> Result<(), E> {
-        /// Steeper and flatter by a third of a mip level (log2 of 1.25). A driver may choose another level, but not one
-        /// that is further away.
+        /// Factors for slopes that change the mip level by a third (log2 of 1.25). A driver may choose a mip level that
+        /// differs from the exact one by this much.
         const SLOPES: [f32; 2] = [0.8, 1.25];
         let usual = results(rows)?;
         for factor in SLOPES {
@@ -44,7 +44,7 @@ impl Quads {
         Ok(())
     }
 
-    /// The rows with slopes multiplied by `factor`, and unchanged values.
+    /// The rows with slopes multiplied by `factor`. All other values stay unchanged.
     fn steeper(&self, rows: &[u32], factor: f32) -> Vec<u32> {
         let of_argument = |(scalars, varies): &(Vec<Scalar>, bool)| {
             let slopes = if *varies { 2 } else { 0 };
@@ -61,7 +61,7 @@ impl Quads {
         words.map(scaled).collect()
     }
 
-    /// The rows of all pixels, in the arithmetic of the kernel.
+    /// The rows of all pixels, computed as the kernel computes them.
     pub(super) fn pixels(&self, rows: &[u32]) -> Vec<u32> {
         if self.own.is_some() {
             return rows.to_vec();

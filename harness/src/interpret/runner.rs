@@ -1,5 +1,5 @@
-//! Runs passes in one order of their invocations after another. Each run gives its results, and its violations of
-//! WGSL's order and bounds.
+//! Runs passes in one order of invocations after another. Each run returns the passes' results, and the violations in
+//! this order.
 
 use karat_engine::{Atomics, Explorer, Options, Schedule, Stores};
 
@@ -9,57 +9,56 @@ use super::sanitizer::{Known, Ways};
 use crate::dispatch::{Afterwards, DispatchError, Examined, Passes};
 use crate::settings;
 
-/// The number of sampled orders, if there are too many to try all.
+/// The number of orders to sample, if there are too many to try all.
 const DRAWN: u64 = 16;
 
-/// The most orders if all are tried, and the most invocations of all these runs.
+/// The largest number of orders to try if all are tried. It also limits the invocations of all runs together.
 const MOST_ORDERS: u64 = 4096;
 const MOST_INVOCATIONS: u64 = 1 << 20;
 
-/// The most pairs of turns in all these runs: 4,096 runs of 22 turns each.
+/// The largest number of pairs of turns in all runs: 4,096 runs of 22 turns each.
 const MOST_WORK: u64 = 1 << 20;
 
-/// All orders are tried if a bound of their number is at most this power of two. The bound is far above the real
-/// number.
+/// The base-2 logarithm of an upper bound for the number of orders. All orders are tried up to this bound, which is far
+/// above the real number.
 const MOST_LIKELY: f64 = 24.0;
 
-/// The number of turns after which no further order is sampled, and the most turns of one order: a million take a
-/// second.
+/// The number of turns after which no further order is sampled. It also limits the turns of one order. A million turns
+/// take a second.
 const MOST_TURNS: u64 = 1 << 20;
 const TURNS_OF_ONE: usize = 1 << 22;
 
-/// The number of orders that are sampled before all are tried: their findings need fewer words.
+/// The number of orders to sample before trying all orders. Their findings are simpler to describe.
 const SIMPLE: u64 = 3;
 
-/// A run of passes in one order.
+/// One run of passes in one order.
 pub struct Run {
-    /// `None` for the usual order.
+    /// The order of the run. `None` stands for the usual order.
     pub order: Option<OrderOf>,
-    /// The words that it leaves; `None` if a loop didn't end, or if some passes didn't run.
+    /// The data that the passes write. It is `None` if a loop didn't end, or if some passes didn't run.
     pub left: Option<Afterwards>,
     /// The findings that no earlier run had.
     pub(crate) examined: Examined,
 }
 
-/// The next run.
 enum Next {
     Usual,
-    /// The usual order with this subgroup size, by number.
+    /// The usual order with the subgroup size of this index.
     Size(usize),
     Drawn(u64),
-    /// All orders, with stores that take effect at once or late.
+    /// All orders, with stores that take effect either at once or late.
     All(Box<Explorer>, Stores),
     End,
 }
 
-/// Runs passes in one order after another.
+/// Runs passes in several orders.
 pub struct Runner<'p> {
     passes: &'p Passes,
     prepared: Result<Prepared<'p>, Option<DispatchError>>,
     next: Next,
     /// The number of orders to sample.
     wanted: u64,
-    /// Set if all orders are tried when they are few.
+    /// Set if all orders are to be tried when there are few.
     explores: bool,
     atomics: Vec<Atomics>,
     known: Known,
@@ -68,7 +67,7 @@ pub struct Runner<'p> {
 }
 
 impl<'p> Runner<'p> {
-    /// A runner that begins with the usual order, in which invocations are counted.
+    /// Makes a runner, which begins with the usual order. That run counts the invocations.
     pub fn new(passes: &'p Passes) -> Self {
         Self {
             passes,
@@ -83,22 +82,22 @@ impl<'p> Runner<'p> {
         }
     }
 
-    /// The same with this number of sampled orders, and no others.
+    /// Sets the number of sampled orders, and tries no others.
     pub fn few(self, orders: u64) -> Self {
         Self { wanted: orders, explores: false, ..self }
     }
 
-    /// The orders that have been tried.
+    /// The number of orders that the runner tried.
     pub(crate) fn tried(&self) -> Tried {
         self.tried
     }
 
-    /// Limits the runs to sampled orders, because something was found.
+    /// Stops the attempt to try all orders, because a violation was found.
     pub(crate) fn found(&mut self) {
         self.explores = false;
     }
 
-    /// Chooses the run after this one.
+    /// Chooses the next run.
     fn after(&mut self, examined: &Examined) -> Next {
         let next = std::mem::replace(&mut self.next, Next::End);
         let Ok(prepared) = &self.prepared else { return Next::End };
@@ -110,7 +109,7 @@ impl<'p> Runner<'p> {
             has_sizes.then_some(Next::Size(at))
         };
         let most_orders: f64 = self.atomics.iter().map(Atomics::most_orders).sum();
-        // Without atomics and races, all orders leave the same words.
+        // Without atomics and races, all orders give the same results.
         let has_one = most_orders <= 0.0 && !self.known.races;
         let spent = self.known.turns >= MOST_TURNS;
         let drawn = |from: u64| match !has_one && from < self.wanted && !spent {
@@ -130,14 +129,14 @@ impl<'p> Runner<'p> {
         next
     }
 
-    /// The next run of all orders; if there is none, the run after them.
+    /// The next run when trying all orders. If all were tried, it chooses another kind of run.
     fn explored(&mut self, mut explorer: Box<Explorer>, stores: Stores) -> Option<Run> {
         loop {
             let spent = self.runs * self.passes.invocations();
             let spent =
                 explorer.is_too_long() || explorer.work() >= MOST_WORK || spent >= MOST_INVOCATIONS;
             if !self.explores || self.runs >= MOST_ORDERS || spent {
-                // If `all` is set, only orders with late stores are left.
+                // If `all` is set, only orders with late stores remain.
                 self.next = match self.explores && !self.tried.all {
                     true => Next::Drawn(SIMPLE),
                     false => Next::End,
@@ -145,7 +144,7 @@ impl<'p> Runner<'p> {
                 return self.next();
             }
             if !explorer.begin() {
-                // A loop that waits for other invocations may go on in further orders.
+                // A loop that waits for other invocations may end in further orders.
                 let has_waited = explorer.has_waited();
                 self.tried.all |= !has_waited && stores == Stores::AtOnce;
                 self.runs = 0;

@@ -1,4 +1,4 @@
-//! The sanitizer: checks compute passes for actions that WGSL doesn't order or define, before any path runs them.
+//! Checks compute passes for races, missed barriers and wrong indices, before a path runs the passes.
 
 use std::collections::BTreeSet;
 
@@ -19,20 +19,21 @@ use crate::output::{counted, headline};
 use crate::probe::ProbeError;
 use crate::reflect::{BindingKind, Dimension, Program};
 
-/// The most invocations that all run. With more, some workgroups of one pass run.
+/// The largest number of invocations that are all run. In larger passes, only some workgroups of the first large pass
+/// run.
 const WHOLE: u64 = 1 << 16;
 
-/// The number of workgroups that run of a pass that is too large: the first, the last, and others chosen by the pass's
-/// name.
+/// The number of workgroups to run in a pass that is too large: the first one, the last one, and others that depend on
+/// the pass's name.
 const SOME: usize = 64;
 
-/// The options of passes over generated resources, whose loops may count to any number. Useful counts are some
-/// hundreds, and a million rounds of all invocations together take seconds.
+/// The options for passes over generated resources, in which loops may read any number as their limit. Useful limits
+/// are some hundreds. A million rounds in all invocations together take seconds.
 pub(super) fn made_up_options() -> Options {
     Options { fuel: 1 << 14, work: 1 << 20, ..options() }
 }
 
-/// [`examine`] for passes over generated resources.
+/// Like [`examine`], for passes over generated resources.
 pub fn examine_made_up(passes: &Passes) -> Examined {
     examine_with(passes, &made_up_options(), true)
 }
@@ -41,12 +42,12 @@ pub fn examine_made_up(passes: &Passes) -> Examined {
 /// stall.
 const ORDERS_MADE_UP: u64 = 8;
 
-/// The most turns of one of these orders: 65,536 take some hundredths of a second, and each of a dozen contents has
-/// eight orders.
+/// The largest number of turns in one of these orders. 65,536 turns take some hundredths of a second. Karat tries a
+/// dozen contents with eight orders each.
 const TURNS_MADE_UP: usize = 1 << 16;
 
 /// Runs passes in the usual order, with the usual and the smallest subgroup size, and returns the findings. The result
-/// says which passes the engine can't execute.
+/// also names the passes that the engine can't execute.
 pub fn examine(passes: &Passes) -> Examined {
     examine_with(passes, &options(), false)
 }
@@ -59,7 +60,7 @@ fn examine_with(passes: &Passes, base: &Options, made_up: bool) -> Examined {
     let mut known = Known { made_up, ..Known::default() };
     let (mut examined, _) = observe(&prepared, Ways::Ordered(None, base), &mut known);
     if prepared.has_subgroups() && examined.watched.reason.is_empty() {
-        // With the smallest size there are the most subgroups, and each lane has the fewest neighbours.
+        // The smallest size gives the most subgroups, and the fewest neighbours for each lane.
         let size = SUBGROUPS[0];
         let order = OrderOf::of_size(passes, size);
         let (small, _) = observe(&prepared, Ways::Ordered(Some(&order), base), &mut known);
@@ -70,7 +71,7 @@ fn examine_with(passes: &Passes, base: &Options, made_up: bool) -> Examined {
         examined.endless = examined.endless.take().or(small.endless);
         examined.too_long |= small.too_long;
     }
-    // If invocations share no atomics, all orders are the same.
+    // If invocations share no atomics, all orders give the same results.
     let atomics = known.atomics.clone();
     let has_orders = atomics.iter().map(Atomics::most_orders).sum::<f64>() > 0.0;
     if made_up && has_orders && examined.watched.reason.is_empty() {
@@ -84,33 +85,33 @@ fn examine_with(passes: &Passes, base: &Options, made_up: bool) -> Examined {
     examined
 }
 
-/// The findings in passes that the engine can't execute.
+/// The result for passes that the engine can't execute.
 pub(super) fn refused(passes: &Passes, error: &DispatchError) -> Examined {
     let reason = headline(&error.to_string()).to_owned();
     let watched = Watched { of: passes.invocations(), reason, ..Watched::default() };
     Examined { watched, ..Examined::default() }
 }
 
-/// The findings of the runs so far.
+/// The findings of all runs so far.
 #[derive(Default)]
 pub(super) struct Known {
-    /// Set if the contents of resources are generated.
+    /// Set if resources have generated contents.
     made_up: bool,
     violations: Vec<Violation>,
-    /// Operations with indices outside their arrays, by pass.
+    /// The operations with indices outside of their arrays, each with its pass.
     outside: BTreeSet<(usize, u32)>,
     /// Set if there was a race of any kind.
     pub(super) races: bool,
-    /// The number of invocations' turns.
+    /// The number of turns that invocations took.
     pub(super) turns: u64,
     /// The atomics of each pass in the last run.
     pub(super) atomics: Vec<Atomics>,
 }
 
 impl Known {
-    /// Returns `true` for a violation that an earlier run had.
+    /// Checks if an earlier run found the same violation.
     fn has(&self, one: &Violation) -> bool {
-        // The second access in one order may be the first in another.
+        // The second access in one order may be the first access in another.
         let places = |one: &Violation| -> BTreeSet<String> {
             one.accesses.iter().map(|access| access.place.clone()).collect()
         };
@@ -123,17 +124,17 @@ impl Known {
 
 /// The order of a run.
 pub(super) enum Ways<'w> {
-    /// This order; `None` is the usual one.
+    /// A given order. `None` stands for the usual order.
     Ordered(Option<&'w OrderOf>, &'w Options),
-    /// The next order of an explorer, which then has its turns.
+    /// The next order of an explorer. After the run, the explorer knows its turns.
     Explored(&'w Options, &'w mut Explorer, &'w dyn Fn(&Explorer) -> OrderOf),
 }
 
-/// Runs passes in an order. Returns the findings that no earlier run had, and the words that are left; `None` if some
-/// passes didn't run.
+/// Runs passes in an order. Adds the findings that no earlier run had. Returns the data that the passes write, or
+/// `None` if some passes didn't run.
 ///
-/// In another order than the usual one, a loop may fail to end, since WGSL promises no progress. Everything before it
-/// counts.
+/// In another order than the usual one, a loop may not end, because WGSL promises no progress. The findings before that
+/// loop still count.
 pub(super) fn observe(
     prepared: &Prepared<'_>,
     mut ways: Ways<'_>,
@@ -179,7 +180,7 @@ fn run(
         let left = WHOLE.saturating_sub(watched.invocations);
         let groups = pass.workgroups.iter().map(|count| *count as usize).product();
         let size = lowered.workgroup_size().expect("a pass is an entry point");
-        // naga's IR has no value for a size that is computed from overrides.
+        // naga's IR has no value for a workgroup size that depends on overrides.
         watched.of += pass.invocations_of(size).saturating_sub(pass.invocations());
         let is_whole = pass.invocations_of(size) <= left || groups <= SOME;
         let some = (!is_whole).then(|| sampled(&pass.name, groups));
@@ -196,20 +197,20 @@ fn run(
         watched.invocations += observed.invocations as u64;
         watched.rounds += observed.rounds;
         if let Some(some) = &some {
-            // A later pass would read words that were never written.
+            // A later pass would read data that no invocation wrote.
             watched.reason = format!(
-                "of `{}` {} of {groups} workgroups run, and no pass behind it: more than {WHOLE} invocations take \
+                "in `{}`, {} of {groups} workgroups ran, and no later pass ran: more than {WHOLE} invocations take \
                  too long",
                 pass.name,
                 some.len()
             );
         } else if observed.unwatched > 0 {
-            watched.reason = format!("`{}` accesses more elements than are remembered", pass.name);
+            watched.reason = format!("`{}` accesses more elements than the sanitizer can track", pass.name);
         }
         if let Some(stop) = &observed.stopped {
             *too_long |= matches!(stop, Stop::Work { .. });
-            // Many invocations together may simply use up the fuel. In one workgroup, an endless loop uses up its own
-            // fuel.
+            // Many invocations together may use up all rounds. An endless loop uses up the rounds in one workgroup,
+            // too.
             let alone = match stop {
                 Stop::Work { .. } => {
                     let whole = Options { work: u64::MAX, ..options.clone() };
@@ -218,7 +219,7 @@ fn run(
                 _ => None,
             };
             let stop = alone.as_ref().unwrap_or(stop);
-            // Nested loops together take many rounds, but each of them ends.
+            // Nested loops may take many rounds together, although each of them ends.
             let ends = matches!(stop, Stop::Fuel { rounds, own, .. } if super::is_of_several(*rounds, *own));
             *too_long |= ends;
             let stopped = super::stopped(&pass.program, &pass.name, stop);
@@ -249,7 +250,8 @@ fn run(
         && endless.is_none()
         && watched.reason.is_empty()
         && !is_cut;
-    // A write is always an error; for a read, only a whole run shows whether it matters.
+    // A write outside of an array is always an error. A read is an error if it changes the results, which only a
+    // complete run shows.
     let (writes, reads): (Vec<_>, Vec<_>) =
         outside.into_iter().partition(|(.., one)| one.writes || one.bounds == Bounds::Wrapped);
     let mut told = Vec::new();
@@ -258,7 +260,7 @@ fn run(
         violations.push(of_outside(&Examining { pass, size: *size, together: is_usual }, one, &[]));
         told.push((*number, one.site.span.to_range()));
     }
-    // `data[i] += 1` reads and writes outside the array, and gets one message.
+    // `data[i] += 1` reads and writes outside of the array, but needs only one message.
     let is_part = |number: usize, one: &Outside| {
         told.iter().any(|(other, whole)| {
             let range = one.site.span.to_range();
@@ -291,11 +293,9 @@ fn run(
         }
         if found.untried > 0 {
             let lines = match found.untried {
-                1 => {
-                    "1 line that reads outside of an array wasn't tried with what else it may read"
-                }
+                1 => "1 line that reads outside of an array wasn't tried with other values",
                 more => &format!(
-                    "{more} lines that read outside of an array weren't tried with what else they may read"
+                    "{more} lines that read outside of an array weren't tried with other values"
                 ),
             };
             watched.reason = format!("of `{}` {lines}", pass.name);
@@ -310,8 +310,8 @@ fn run(
     Ok(left)
 }
 
-/// Returns `true` if the passes' results depend on the contents of blank buffers. They are filled with the integer 1,
-/// and with the float 1.
+/// Checks if the passes' results depend on blank buffers. It fills the buffers with the integer 1, and then with the
+/// float 1.
 fn depends_on_blank(
     prepared: &Prepared<'_>,
     (held, left): (&Resources, &Afterwards),
@@ -333,27 +333,26 @@ fn depends_on_blank(
     Ok(false)
 }
 
-/// A pass with violations, and the size of its workgroups.
+/// A pass with violations, and its workgroup size.
 struct Examining<'p> {
     pass: &'p Pass,
     size: [u32; 3],
-    /// Set if invocations go from statement to statement together, so that later statements run later.
+    /// Set if all invocations run one statement before the next. Later statements then run later.
     together: bool,
 }
 
 impl Examining<'_> {
-    /// The name of an invocation, by its number.
     fn invocation(&self, number: usize) -> String {
         super::invocation(self.pass, self.size, number)
     }
 
-    /// The place of an access, as far as it is in the author's text.
+    /// The position of an access in the source file.
     fn span(&self, site: &karat_engine::Site) -> Option<Span> {
         super::statement_of(&self.pass.program, site)
     }
 }
 
-/// The workgroups to run, in order: the first, the last, and as many others as are wanted.
+/// The workgroups to run, in order: the first one, the last one, and others up to [`SOME`].
 fn sampled(name: &str, groups: usize) -> Vec<usize> {
     let hash = |number: usize| {
         let text = format!("{name} {number}");
@@ -410,14 +409,14 @@ fn of_race(examining: &Examining<'_>, race: &Found) -> (Violation, Diagnostic) {
         value.map_or_else(|| verb.to_owned(), |value| format!("{verb} {value}"))
     };
     let what = match kind {
-        Kind::EqualWrites => "two writes of one value",
+        Kind::EqualWrites => "two writes of equal values",
         _ if both_write => "two writes",
         _ => "a read and a write",
     };
     let more = match race.elements {
         1 => String::new(),
-        2 => ", and of one more element by the same lines".to_owned(),
-        count => format!(", and of {} more elements by the same lines", count - 1),
+        2 => "; the same lines race on 1 more element".to_owned(),
+        count => format!("; the same lines race on {} more elements", count - 1),
     };
     let headline =
         format!("`{}` has a race on `{element}`: {what} that nothing orders{more}", pass.name);
@@ -428,28 +427,28 @@ fn of_race(examining: &Examining<'_>, race: &Found) -> (Violation, Diagnostic) {
     };
     let note = if pass.drawn.is_some() {
         let atomic = if let Place::Texel(_) = race.place { "" } else { "use an atomic, or " };
-        format!("nothing orders two pixels of a draw: {atomic}let each write an element of its own")
+        format!("nothing orders two pixels of a draw: {atomic}let each pixel write its own element")
     } else if !race.one_workgroup {
         let atomic = if let Place::Texel(_) = race.place { "" } else { "use an atomic, or " };
         format!(
-            "nothing orders two workgroups of a dispatch: {atomic}write in one pass and read in the next, or into another resource"
+            "nothing orders two workgroups of a dispatch: {atomic}read in a later pass, or write into another resource"
         )
     } else if is_within(&race.first, &race.second) || is_within(&race.second, &race.first) {
         match both_write {
             false => format!(
-                "where both write the element, use an atomic; where one reads it, read it into a `let`, and write behind a \
+                "if both write the element, use an atomic. If one reads it, read it into a `let` first, and write after a \
                  `{barrier}()`"
             ),
             true => "let one invocation write the element, or use an atomic".to_owned(),
         }
     } else if examining.together && is_behind(&race.first, &race.second) {
         format!(
-            "the second access is of a later round of the loop, or of a later call, and a barrier between both lines orders \
-             those of one: put a `{barrier}()` at the end of the loop or of the function, too"
+            "the second access is in a later round of the loop or in a later call. A barrier between both lines orders \
+             only one round or call: put a `{barrier}()` at the end of the loop or of the function, too"
         )
     } else {
         format!(
-            "only barriers order the invocations of a workgroup: a `{barrier}()` between both does"
+            "only barriers order the invocations of a workgroup: put a `{barrier}()` between both accesses"
         )
     };
     let one = |access: &Access, at: usize| {
@@ -463,8 +462,8 @@ fn of_race(examining: &Examining<'_>, race: &Found) -> (Violation, Diagnostic) {
     (Violation { variable, element, advice: note, ..violation }, diagnostic)
 }
 
-/// Returns `true` if the access that ran first is later in the text: a loop surrounds both. Functions may be in any
-/// order in the text.
+/// Checks if the access that ran first is later in the function's text. A loop then surrounds both accesses. Across
+/// functions, the order in the text means nothing.
 fn is_behind(first: &Access, second: &Access) -> bool {
     if first.site.function != second.site.function {
         return false;
@@ -473,7 +472,7 @@ fn is_behind(first: &Access, second: &Access) -> bool {
     first.zip(second).is_some_and(|(first, second)| first.start >= second.end)
 }
 
-/// The path of an element in its variable, with its values.
+/// The path of an element in its variable, and its values.
 fn element<const N: usize>(
     program: &Program,
     variable: &str,
@@ -486,14 +485,14 @@ fn element<const N: usize>(
     }
 }
 
-/// The author's name of a variable, and of the element at a path.
+/// The names of a variable and of the element at a path, as in the source file.
 fn named(program: &Program, variable: &str, path: &str) -> (String, String) {
     let variable = program.author_path(variable).unwrap_or(variable).to_owned();
     let element = format!("{}{path}", variable.rsplit("::").next().unwrap_or(&variable));
     (variable, element)
 }
 
-/// Returns `true` if an access is part of another access's statement: no barrier can be between them.
+/// Checks if an access is inside another access's statement. No barrier can be between them.
 fn is_within(one: &Access, other: &Access) -> bool {
     let ranges = [one, other].map(|access| access.site.span.to_range());
     let [Some(one), Some(other)] = ranges else { return false };
@@ -512,13 +511,13 @@ fn of_divergence(examining: &Examining<'_>, one: &Divergence) -> (Violation, Dia
     let (missing, parted) = (examining.invocation(one.missing), &one.parted);
     let parts = parted.as_ref().and_then(|site| examining.span(site));
     let other = match &parts {
-        Some(_) => (parts, missing, "goes another way here".to_owned()),
+        Some(_) => (parts, missing, "takes another branch here".to_owned()),
         None => (place.clone(), missing, "doesn't".to_owned()),
     };
     let accesses = [(place, examining.invocation(one.reached), "reaches it".to_owned()), other];
     let note = format!(
-        "{} of the {among}'s invocations don't: {operation} stands where all of them come, in uniform control flow \
-         (WGSL, 15.2)",
+        "{} of the {among}'s invocations don't reach it, but WGSL requires {operation} to be in uniform control flow \
+         (15.2)",
         one.count
     );
     let diagnostic = diagnostic(headline.clone(), &accesses).note(note);
@@ -526,14 +525,15 @@ fn of_divergence(examining: &Examining<'_>, one: &Divergence) -> (Violation, Dia
     (Violation::new(&pass.name, Kind::Barrier, told, accesses.map(access).into()), diagnostic)
 }
 
-/// The violation for an index outside an array that matters only together with others.
+/// The violation for an index outside of an array. If `others` isn't empty, the index matters only together with these
+/// other indices.
 fn of_outside(
     examining: &Examining<'_>,
     one: &Outside,
     others: &[&Outside],
 ) -> (Violation, Diagnostic) {
     let pass = examining.pass;
-    let reads = "and the words that the passes leave depend on it";
+    let reads = "and the results of the passes depend on it";
     let name = one.variable.as_ref().map(|variable| named(&pass.program, variable, "").1);
     let of = match (name, one.bounds, one.nested) {
         (Some(name), _, false) => format!("`{name}`"),
@@ -548,31 +548,31 @@ fn of_outside(
             format!("`{}` reads outside of {of}, {reads}", pass.name)
         }
         (false, Bounds::Subgroup) => {
-            format!("`{}` takes the value of an invocation that isn't there, {reads}", pass.name)
+            format!("`{}` reads the value of an invocation that doesn't exist, {reads}", pass.name)
         }
     };
     let (place, invocation) = (examining.span(&one.site), examining.invocation(one.invocation));
     let beyond = match one.bounds {
-        Bounds::Subgroup => "asks one that isn't in its subgroup, or not active",
-        Bounds::Texture => "means a texel beyond its edge",
+        Bounds::Subgroup => "asks an invocation that isn't active or isn't in its subgroup",
+        Bounds::Texture => "accesses a texel beyond the edge",
         _ => "has an index beyond the array",
     };
     let beyond = match one.index {
         Some((meant, index)) if one.bounds == Bounds::Wrapped => {
-            format!("means element {meant}, and finds {index}")
+            format!("computes index {meant}, but accesses element {index}")
         }
         Some((index, length)) if one.bounds == Bounds::Texture => {
-            format!("means texel {index}, and {of} has {length} in that direction")
+            format!("accesses texel {index}, but {of} has {length} in that direction")
         }
         Some((index, length)) => {
             let owner = if one.nested || one.variable.is_none() { "the array" } else { &of };
-            format!("has index {index}, and {owner} has {}", counted(length, "element"))
+            format!("has index {index}, but {owner} has {}", counted(length, "element"))
         }
         None => beyond.to_owned(),
     };
     let does = match one.count {
         1 => beyond,
-        count => format!("{beyond}, the first such index of {count}"),
+        count => format!("{beyond}, the first of {count} such indices"),
     };
     let mut diagnostic = Diagnostic::new(headline.clone());
     if let Some(span) = &place {
@@ -580,23 +580,23 @@ fn of_outside(
     }
     let note = match one.bounds {
         Bounds::Subgroup => {
-            "WGSL allows any value (*Subgroup Built-in Functions*): compare with `subgroup_size`, and `select`"
+            "WGSL allows any result (*Subgroup Built-in Functions*): compare the index with `subgroup_size`, and `select` another value"
         }
         Bounds::Wrapped => {
-            "a sum or a product of it goes beyond 32 bits, and WGSL keeps the lowest 32 (*Arithmetic Expressions*): compare its parts before, \
-             or index by parts that are small"
+            "a sum or a product in the index exceeds 32 bits, and WGSL keeps the lowest 32 (*Arithmetic Expressions*): compare the parts first, \
+             or use smaller parts"
         }
         Bounds::Texture => {
-            "WGSL allows a read there to give any texel or zero, and has a write do nothing (*textureLoad*, *textureStore*): \
-             compare the place with `textureDimensions`, and return"
+            "WGSL allows such a read to return any texel or zero, and ignores such a write (*textureLoad*, *textureStore*): \
+             compare the coordinates with `textureDimensions`, and return early"
         }
         Bounds::Fixed => {
-            "WGSL allows a read there to give any element or zero, and a write to go anywhere in the variable or nowhere \
-             (6.4.4): compare the index with the number of elements that its type says, and return"
+            "WGSL allows such a read to return any element or zero, and such a write to change any element of the variable or none \
+             (6.4.4): compare the index with the number of elements in the type, and return early"
         }
         Bounds::Runtime => {
-            "WGSL allows a read there to give any element or zero, and a write to go anywhere in the buffer or nowhere \
-             (6.4.4): compare the index with `arrayLength` or a count, and return"
+            "WGSL allows such a read to return any element or zero, and such a write to change any element of the buffer or none \
+             (6.4.4): compare the index with `arrayLength` or a count, and return early"
         }
     };
     let mut diagnostic = diagnostic.note(note);
@@ -605,7 +605,7 @@ fn of_outside(
         let mut places: Vec<String> = places.map(|span| span.to_string()).collect();
         places.dedup();
         diagnostic = diagnostic.note(format!(
-            "it matters together with what is read outside at {}: each of them alone changes nothing",
+            "it changes the results only together with other reads outside of arrays: at {}",
             places.join(", ")
         ));
     }
@@ -617,7 +617,7 @@ fn of_outside(
     (Violation::new(&pass.name, kind, (headline, one.count), accesses), diagnostic)
 }
 
-/// The name of an element that is read before it is written, and the place of the read.
+/// The name of an element that an invocation reads before any invocation writes it, and the position of the read.
 fn element_read(examining: &Examining<'_>, one: &Unwritten) -> (String, Option<Span>) {
     let program = &examining.pass.program;
     let (path, _) = element(program, &one.variable, one.byte, [one.access.word]);
@@ -633,21 +633,21 @@ fn of_unwritten(examining: &Examining<'_>, one: &Unwritten) -> (Violation, Diagn
     let invocation = examining.invocation(one.access.invocation);
     let does = match one.count {
         1 => format!("reads `{element}`"),
-        count => format!("reads `{element}`, the first of {count} such reads by this line"),
+        count => format!("reads `{element}`, the first of {count} such reads on this line"),
     };
     let mut diagnostic = Diagnostic::new(headline.clone());
     if let Some(span) = &place {
         diagnostic = diagnostic.at(span.clone(), format!("{invocation} {does}"));
     }
-    let note = "WGSL begins workgroup memory at zero (*var Declarations*), which costs time, and engines can turn it \
-                off: write what is meant, and a `workgroupBarrier()` behind";
+    let note = "WGSL initialises workgroup memory with zeros (*var Declarations*), but engines can turn this off to save \
+                time: write the initial value, and then call `workgroupBarrier()`";
     let diagnostic = diagnostic.note(note);
     let accesses = vec![access((place, invocation, does))];
     let violation = Violation::new(&pass.name, Kind::Unwritten, (headline, one.count), accesses);
     (Violation { variable, element, ..violation }, diagnostic)
 }
 
-/// The place, the invocation, and its action.
+/// The position of an access, the invocation, and its action.
 type Action = (Option<Span>, String, String);
 
 fn access((span, invocation, does): Action) -> ViolationAccess {
@@ -655,7 +655,7 @@ fn access((span, invocation, does): Action) -> ViolationAccess {
     ViolationAccess { place, invocation, does }
 }
 
-/// The message, with both places.
+/// The message with the positions of both accesses.
 fn diagnostic(headline: String, accesses: &[Action; 2]) -> Diagnostic {
     let [first, second] = accesses;
     let says = |(_, invocation, does): &Action| format!("{invocation} {does}");
@@ -699,7 +699,7 @@ mod tests {
             if id.x == 0u || id.x + 1u == arrayLength(&data) { data[7] = id.x; }
         }";
 
-    /// One pass is ordered after another, and each runs whole as long as the limit allows.
+    /// Passes run in order. All workgroups run as long as the limit allows.
     #[test]
     fn passes_are_ordered_and_run_whole() {
         let examined = examined(TEXT, &[("fill", 2), ("ends", 1)], 128);
@@ -708,9 +708,9 @@ mod tests {
         assert_eq!(examined.watched, whole);
     }
 
-    /// Of a pass that is too large, the first and the last workgroup run, and no pass after it.
+    /// In a pass that is too large, the first and the last workgroup run. No later pass runs.
     #[test]
-    fn what_is_too_large_is_looked_through_in_part() {
+    fn a_large_pass_is_checked_in_part() {
         let groups = 2048;
         let all = [("ends", groups), ("fill", groups)];
         let examined = examined(TEXT, &all, 64 * groups as usize);
@@ -719,12 +719,12 @@ mod tests {
         let Watched { invocations, of, reason, .. } = examined.watched;
         assert_eq!(of, 2 * 64 * u64::from(groups));
         assert_eq!(invocations, 64 * 64);
-        assert!(reason.starts_with("of `ends` 64 of 2048 workgroups run"), "{reason}");
+        assert!(reason.starts_with("in `ends`, 64 of 2048 workgroups ran"), "{reason}");
     }
 
-    /// Passes that the engine can't execute get a reason, and no findings.
+    /// If the engine can't execute a pass, the result has a reason and no findings.
     #[test]
-    fn what_the_engine_refuses_has_a_reason() {
+    fn passes_that_the_engine_refuses_have_a_reason() {
         let text = "@group(0) @binding(0) var<storage, read_write> data: array<u32>;
             @compute @workgroup_size(64) fn sum(@builtin(local_invocation_index) i: u32) {
                 data[i] = u32(f64(i));

@@ -7,7 +7,7 @@ use crate::path::{Path, PathError};
 use crate::probe::ProbeError;
 use crate::reflect::{Binding, BindingKind, Dimension, Program, Texels};
 
-/// Binds a fixture of its variable's kind.
+/// Binds a fixture to a variable, by the variable's kind.
 pub(super) fn supply(
     resources: &mut engine::Resources,
     program: &Program,
@@ -69,7 +69,7 @@ fn sampler(given: &Sampler) -> engine::Sampler {
 }
 
 fn texture(binding: &Binding, view: &View<'_>) -> Result<engine::Texture, String> {
-    let first = view.levels.first().ok_or("a texture without a level")?;
+    let first = view.levels.first().ok_or("the texture has no mip level")?;
     let depth = matches!(binding.kind, BindingKind::Texture(kind) if kind.texels == Texels::Depth);
     let format = match binding.kind {
         BindingKind::StorageTexture { format, .. } => Some(format.name()),
@@ -89,7 +89,7 @@ fn texture(binding: &Binding, view: &View<'_>) -> Result<engine::Texture, String
     let levels = view.levels.iter().map(|level| {
         let Some(format) = &format else { return texels(level) };
         let codec = crate::probe::Codec::named(format)
-            .ok_or_else(|| format!("Karat doesn't write texels of {format}"))?;
+            .ok_or_else(|| format!("Karat can't write texels of the format {format}"))?;
         let kept = |words: &[u32; 4]| {
             let mut bytes = Vec::new();
             codec.encode(*words, &mut bytes);
@@ -111,7 +111,7 @@ fn texture(binding: &Binding, view: &View<'_>) -> Result<engine::Texture, String
     Ok(if normalized { texture.normalized() } else { texture })
 }
 
-/// The words of a resource's contents: four a texel for a texture.
+/// The contents of a resource as `u32`s. A texel of a texture has four.
 pub(super) fn after(resources: &engine::Resources, binding: &Binding) -> Vec<u32> {
     let (group, number) = (binding.group, binding.binding);
     if let BindingKind::StorageTexture { .. } = binding.kind {
@@ -121,7 +121,6 @@ pub(super) fn after(resources: &engine::Resources, binding: &Binding) -> Vec<u32
     bytemuck::pod_collect_to_vec(resources.buffer(group, number).expect("each binding is bound"))
 }
 
-/// The words of texels, four each.
 pub(super) fn words(texels: &engine::Texels) -> Vec<u32> {
     match texels {
         engine::Texels::Float(texels) => texels.iter().flatten().map(|x| x.to_bits()).collect(),

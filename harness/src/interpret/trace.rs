@@ -18,31 +18,31 @@ use crate::hazard::Kind;
 use crate::probe::{ProbeError, Probed};
 use crate::reflect::Program;
 
-/// An operation, with one value for each component.
+/// One operation, with a value for each component.
 #[derive(Clone, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct Step {
-    /// Its place in the author's file.
+    /// The position of the operation in the source file.
     pub span: Span,
-    /// The operation, as the author wrote it.
+    /// The text of the operation in the source file.
     pub text: String,
-    /// The name that a `let` gives it.
+    /// The name of the `let` for the value, if there is one.
     pub name: Option<String>,
-    /// The value with rounding to nearest, as a conforming implementation may return it.
+    /// The value in `f32`, rounded to nearest. A conforming implementation may return it.
     pub single: Vec<Value>,
-    /// The value with floats in double precision; empty if that run takes another branch.
+    /// The value in double precision. It is empty if the run in double precision takes another branch.
     pub double: Vec<Value>,
-    /// The smallest and the largest value that WGSL allows; `None` if any value is allowed. Empty if intervals take
-    /// another branch, and in all steps of a call without bounds.
+    /// The smallest and the largest value that WGSL allows for each component. `None` says that any value is allowed.
+    /// The list is empty if intervals take another branch, or if the call has no bounds.
     pub allowed: Vec<Option<(Value, Value)>>,
 }
 
-/// A component.
+/// The value of one component.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Value {
     /// An `f32`.
     Single(f32),
-    /// Its value in double precision.
+    /// A float in double precision.
     Double(f64),
     /// An `i32` or a `u32`.
     Int(i64),
@@ -50,16 +50,15 @@ pub enum Value {
     Bool(bool),
 }
 
-/// The most steps of a call: a loop has many, and a reader won't read more.
+/// The largest number of steps in a trace. A loop has many steps, and nobody reads more.
 const MOST: usize = 1000;
 
-/// A component in one of the arithmetics.
 #[derive(Clone, Copy)]
 enum Seen {
     Single(f32),
     Double(f64),
     Interval(Interval),
-    /// An integer's bits.
+    /// The bits of an integer.
     Word(u32),
     Range(Range),
     Bool(bool),
@@ -67,18 +66,18 @@ enum Seen {
     Anything,
 }
 
-/// The values of operations, one after another.
+/// The values of operations, in the order in which they ran.
 struct Values {
     all: Mutex<Vec<(usize, Seen)>>,
-    /// Set after an index was outside its array: WGSL allows any value from there on.
+    /// Set after an index was outside of its array. WGSL allows any value for later operations.
     lost: AtomicBool,
-    /// The case that is traced.
+    /// The case to trace.
     case: usize,
-    /// The number of components of each site to keep; `None` for a limit on all sites together.
+    /// The number of components to keep for each site. `None` stands for one limit for all sites together.
     most: Option<Most>,
 }
 
-/// The number of components of a site to keep, and the number so far.
+/// For each site, the number of components to keep, and the number so far.
 type Most = Arc<BTreeMap<usize, (usize, AtomicUsize)>>;
 
 macro_rules! values {
@@ -129,21 +128,21 @@ impl Values {
         Self { all: Mutex::default(), lost: AtomicBool::new(false), case, most }
     }
 
-    /// Returns `true` if no more values of a site are kept.
+    /// Checks if no more values of a site are kept.
     fn has_enough(&self, site: &Site, kept: usize) -> bool {
         let Some(most) = &self.most else { return kept >= 16 * MOST };
         let own = most.get(&std::ptr::from_ref(site).addr());
         own.is_none_or(|(most, seen)| seen.fetch_add(1, Ordering::Relaxed) >= *most)
     }
 
-    /// The components of each operation together: its site, its repetition, and its values. `components` returns the
-    /// number of a site's components.
+    /// Groups the components of each operation: the site, the repetition, and the values. `components` returns the
+    /// number of components at a site.
     fn groups(self, components: &dyn Fn(usize) -> usize) -> Vec<((usize, usize), Vec<Seen>)> {
         let mut counts: BTreeMap<usize, usize> = BTreeMap::new();
         let mut groups: Vec<((usize, usize), Vec<Seen>)> = Vec::new();
         for (site, value) in self.all.into_inner().unwrap_or_else(PoisonError::into_inner) {
             match groups.last_mut() {
-                // In a loop with one operation, that operation repeats.
+                // If a loop has only one operation, the same operation follows itself.
                 Some(((last, _), values)) if *last == site && values.len() < components(site) => {
                     values.push(value);
                 }
@@ -159,7 +158,7 @@ impl Values {
 }
 
 impl Seen {
-    /// The value in readable form. `signed` decides how the bits of an integer are read.
+    /// The value for a reader. `signed` says how to read the bits of an integer.
     fn value(self, signed: bool) -> Value {
         match self {
             Self::Single(x) => Value::Single(x),
@@ -186,7 +185,7 @@ impl Seen {
     }
 }
 
-/// The operations of a call with these lanes of arguments, in `f32`, in `f64`, and with WGSL's bounds.
+/// The operations of a call in `f32` and in `f64`, with WGSL's bounds. `row` has the lanes of the arguments.
 ///
 /// ```
 /// use karat::Package;
@@ -213,21 +212,21 @@ pub fn trace(
     Ok(steps?.0)
 }
 
-/// A call at a pixel of a quad.
+/// The trace of a call at one pixel of a quad.
 pub(crate) struct Pixel {
-    /// Its operations, of one that runs often the first runs.
+    /// The operations. If an operation runs often, only its first runs are kept.
     pub(crate) steps: Vec<Step>,
-    /// True if there are more runs.
+    /// Set if an operation ran more often.
     pub(crate) more: bool,
-    /// The lanes of its results.
+    /// The lanes of the call's results.
     pub(crate) results: Vec<u32>,
 }
 
-/// The call of a fragment function at a pixel, the `own` one of a quad: 1 is on the right, 2 below. `quad` has the arguments at
-/// each of the four.
+/// Traces the call of a fragment function at one pixel of a quad. Bit 0 of `own` is set for a pixel on the right, and
+/// bit 1 for a pixel below. `quad` has the arguments at all four pixels.
 ///
 /// # Errors
-/// Those of [`trace`].
+/// As for [`trace`].
 pub(crate) fn trace_pixel(
     probed: &Probed,
     fixtures: &Fixtures,
@@ -249,14 +248,14 @@ pub(crate) fn trace_pixel(
     Ok(Pixel { steps, more, results: called.words(1, &row)? })
 }
 
-/// The arguments at a pixel, each that varies with its slopes to the right and downwards: what a kernel that calls one pixel
-/// takes.
+/// The arguments at one pixel, as a kernel for one pixel needs them. Each argument that varies is followed by its
+/// slopes to the right and downwards.
 fn with_slopes(probed: &Probed, quad: &[Vec<u32>; 4], own: usize) -> Vec<u32> {
     let (mut row, mut at) = (Vec::new(), 0);
     for (_, shape) in &probed.function().parameters {
         let scalars = shape.quad().unwrap_or(shape).lanes();
         row.extend(&quad[own][at..at + scalars.len()]);
-        // Of the two pixels in this row, and of the two in this column.
+        // The indices of both pixels in this row, and of both pixels in this column.
         let sides = shape.quad().map(|_| [[own & 2, own | 1], [own & 1, own | 2]]);
         for [before, behind] in sides.into_iter().flatten() {
             row.extend(scalars.iter().enumerate().map(|(index, scalar)| {
@@ -270,12 +269,11 @@ fn with_slopes(probed: &Probed, quad: &[Vec<u32>; 4], own: usize) -> Vec<u32> {
     row
 }
 
-/// The number of runs that a reader looks at: a loop's first round, the next one, and a third that shows how it goes
-/// on.
+/// The number of runs of an operation that a reader sees. The first three rounds of a loop show how it continues.
 pub(crate) const BRIEFLY: usize = 3;
 
-/// The operations of one invocation of the last of some passes, by its `global_invocation_id`. Others see what it writes, so
-/// there are no bounds.
+/// Traces one invocation of the last pass, by its `global_invocation_id`. There are no bounds, because other
+/// invocations see the data that it writes.
 pub(crate) fn trace_pass(
     passes: &Passes,
     invocation: [u32; 3],
@@ -311,7 +309,7 @@ pub(crate) fn trace_pass(
     Ok(steps(&pass, &[], group * width + local, None)?.0)
 }
 
-/// A pass, over the results of the passes before it.
+/// A pass, with the resources as the earlier passes wrote them.
 struct OfPass<'p> {
     pass: &'p Pass,
     lowered: Lowered,
@@ -331,8 +329,8 @@ impl Traced for OfPass<'_> {
     }
 }
 
-/// The traced code, for each arithmetic: a function, or a kernel with visible writes. A kernel's buffers are in single
-/// precision in every arithmetic.
+/// Code to trace in each arithmetic: a function, or a kernel that writes buffers. Buffers have single precision in
+/// every arithmetic.
 pub(super) trait Traced {
     fn run<A: Runs>(&self, row: &[u32], observer: &dyn Observer<A>) -> Result<(), ProbeError>;
 
@@ -349,8 +347,8 @@ impl Traced for Interpreted {
     }
 }
 
-/// The operations of a call, in the order in which they run; in a quad, those of the pixel that the arguments are for.
-/// An operation has at most `runs` runs; also returns whether there are more.
+/// The operations of a call, in the order in which they run. In a quad, they are those of one pixel. Each operation has
+/// at most `runs` runs. The flag says that there were more.
 fn steps(
     traced: &impl Traced,
     row: &[u32],
@@ -362,7 +360,7 @@ fn steps(
         let limit = |site: &Site| {
             let at = site.expression.map(|at| at.index());
             let components = at.map_or(1, |at| program.components(&site.function, at));
-            // A derivative is several operations at one site; the last one has its value.
+            // A derivative consists of several operations at one site. The last one has the derivative's value.
             let is_many = at.is_some_and(|at| program.is_derivative(&site.function, at));
             let limit = if is_many { usize::MAX } else { runs.unwrap_or(0) * components };
             (std::ptr::from_ref(site).addr(), (limit, AtomicUsize::new(0)))
@@ -374,7 +372,8 @@ fn steps(
     let [double, bounds] = [(); 2].map(|()| Values::of(case, most()));
     traced.run::<F32>(row, &single)?;
     traced.run::<F64>(row, &double)?;
-    // Some builtins of half precision have no bounds, nor do kernels with written buffers: the column is then empty.
+    // Some builtins of half precision have no bounds, and neither have kernels that write buffers. The column of bounds
+    // is then empty.
     let bounded = traced.run::<Intervals>(row, &bounds).is_ok();
     let (lowered, program) = traced.parts();
     let sites: BTreeMap<usize, &Site> =

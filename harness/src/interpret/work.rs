@@ -1,4 +1,4 @@
-//! Measures the work of calls: the number of their operations, and loops that take too many rounds.
+//! Measures the work of calls: the number of operations, and loops that take too many rounds.
 
 use std::collections::BTreeMap;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -12,7 +12,6 @@ use crate::diagnostic::Span;
 use crate::fixture::Fixtures;
 use crate::probe::{ProbeError, Probed};
 
-/// Counts operations.
 #[derive(Default)]
 struct Evaluations(AtomicU64);
 
@@ -22,14 +21,14 @@ impl Observer<F32> for Evaluations {
     }
 }
 
-/// The number of operations of the longest of a few calls. The calls run together, and in a quad each pixel counts by
-/// itself. `None` if their loops take too many rounds to count.
+/// The number of operations in the longest of a few calls. The calls run together. In a quad, each pixel is counted
+/// separately. It is `None` if the loops take too many rounds.
 pub fn evaluations(
     probed: &Probed,
     fixtures: &Fixtures,
     (count, rows): (usize, &[u32]),
 ) -> Result<Option<u64>, ProbeError> {
-    /// The most rounds of all loops in all calls.
+    /// The largest number of loop rounds in all calls together.
     const ROUNDS: u64 = 1 << 20;
     let seen = Evaluations::default();
     if !probed.function().form.alone {
@@ -41,7 +40,7 @@ pub fn evaluations(
             Err(stop) => Err(called.error(&stop)),
         };
     }
-    // Each call runs alone.
+    // Runs each call on its own.
     let count = count.max(1);
     let (width, each) = (rows.len() / count, ROUNDS / count as u64);
     let called = Alone::new(probed, fixtures)?.with_fuel(each);
@@ -52,8 +51,8 @@ pub fn evaluations(
     }
 }
 
-/// The calls with loops of more than 4,096 rounds, in single or in double precision, each with its loop. If every loop
-/// has a bound there are none, since such loops end.
+/// The calls in which a loop takes more than 4,096 rounds, in single or in double precision, each with its loop. If
+/// every loop has a bound, the list is empty, because such loops end.
 pub fn long_cases(
     probed: &Probed,
     fixtures: &Fixtures,

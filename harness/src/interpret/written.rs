@@ -4,7 +4,7 @@ use super::dispatch::{in_order, options};
 use crate::dispatch::{DispatchError, Passes};
 use crate::reflect::BindingKind;
 
-/// For each lane of a buffer or a texture, in order, `true` if a pass writes it.
+/// For each lane of a buffer or texture, in order, `true` if a pass writes the lane.
 pub fn written(passes: &Passes, resource: usize) -> Result<Vec<bool>, DispatchError> {
     let mut marks: Vec<u8> = Vec::new();
     in_order(passes, &mut |pass, lowered, resources| {
@@ -21,7 +21,7 @@ pub fn written(passes: &Passes, resource: usize) -> Result<Vec<bool>, DispatchEr
             let length = resources.buffer(at.0, at.1).map(<[u8]>::len).or_else(texels);
             let length = length.expect("each binding of a pass has its resource");
             marks.resize(length, 0);
-            // A pass that doesn't write a buffer has no entry for it.
+            // If a pass doesn't write a buffer, the buffer has no entry.
             let touched = observed.written.get(&at);
             (0..length)
                 .filter(|at| touched.is_some_and(|touched| touched.contains(*at)))
@@ -32,7 +32,7 @@ pub fn written(passes: &Passes, resource: usize) -> Result<Vec<bool>, DispatchEr
     if let Some((_, binding)) = passes.writer(resource)
         && let BindingKind::StorageTexture { format, .. } = binding.kind
     {
-        // A texel is written as a whole.
+        // A pass writes all channels of a texel together.
         let texel = |mark| std::iter::repeat_n(mark != 0, format.channels());
         return Ok(marks.into_iter().flat_map(texel).collect());
     }

@@ -15,19 +15,19 @@ use crate::reflect::{Binding, BindingKind, Program, Texels, TextureKind};
 use crate::settings;
 
 impl Job {
-    /// A job with a unique number, and the settings' time limit.
+    /// Makes a job with a unique number. The time limit comes from the settings.
     pub fn new(work: Work, resources: Vec<Resource>, outputs: Vec<usize>) -> Self {
         let id = unheard_of();
         let seconds = settings::deadline().as_secs_f64();
         Self { jobs: JOBS, id, resources, outputs, seconds, work }
     }
 
-    /// A job for passes, with each resource that they write as an output.
+    /// Makes a job from passes. Its outputs are the resources that the passes write.
     pub(crate) fn of_passes(passes: &Passes) -> Result<Self, FixtureError> {
         let numbers = 0..passes.resources.len();
         let mut resources = Vec::new();
         for (number, held) in numbers.clone().zip(&passes.resources) {
-            // A storage texture's format comes from a pass that writes it.
+            // The format of a storage texture comes from a pass that writes the texture.
             let used = passes.writer(number).or_else(|| passes.uses(number).next());
             let (pass, binding) = used.expect("a resource is used");
             resources.push(Resource::of(&pass.program, binding, &held.fixture)?);
@@ -43,13 +43,13 @@ impl Job {
         Ok(Self::new(work, resources, outputs))
     }
 
-    /// A job for a frame.
+    /// Makes a job from a frame.
     pub(crate) fn of_drawing(drawing: &Drawing<'_>) -> Result<Self, DrawError> {
         let program = drawing.program();
         let scene = drawing.scene();
         if !scene.clear.iter().chain([&scene.clear_depth]).all(|value| value.is_finite()) {
             let reason =
-                "a job has finite numbers alone, and it is cleared to another one".to_owned();
+                "a job can contain only finite numbers, so clear values must be finite".to_owned();
             return Err(DrawError::Unsound { setting: "clear", reason });
         }
         let (mut resources, mut numbers) = (Vec::new(), BTreeMap::new());
@@ -97,7 +97,7 @@ impl Shader {
         Self::of_text(program, program.text().to_owned())
     }
 
-    /// A shader whose text begins with the program's.
+    /// Makes a shader from a text that begins with the program's text.
     fn of_text(program: &Program, wgsl: String) -> Self {
         let source = |(bytes, place): (Range<usize>, Span)| {
             let (line, _) = place.file.line_column(place.range.start);
@@ -126,7 +126,7 @@ impl Resource {
         };
         Ok(match (fixture, fixture.to_texture()) {
             (_, Some(mut texture)) => {
-                // A float texture may be bound to a depth variable.
+                // A test may bind a texture of floats to a variable for depths.
                 if let BindingKind::Texture(TextureKind { texels: Texels::Depth, .. }) =
                     binding.kind
                 {
@@ -134,7 +134,7 @@ impl Resource {
                 }
                 Self::Texture { format, texture }
             }
-            // JSON has no infinity, and no texture has more than 32 levels.
+            // JSON can't write infinity. No texture has more than 32 levels, so 32 has the same effect.
             (Fixture::Sampler(sampler), _) => {
                 let (least, most) = sampler.lod;
                 Self::Sampler(Sampler { lod: (least.min(32.0), most.min(32.0)), ..*sampler })
@@ -144,13 +144,13 @@ impl Resource {
     }
 }
 
-/// The kernel of a function, with its resources: one job for each batch.
+/// The kernel of a function, with its resources. Each batch becomes one job.
 pub(crate) struct KernelJobs {
     probed: Probed,
-    /// The fixtures, and their bindings.
+    /// The fixtures. `bindings` has their bindings.
     resources: Vec<Resource>,
     bindings: Vec<Bound>,
-    /// The numbers of the resources that it writes, with their variables.
+    /// The numbers of the resources that the function writes, with their variables.
     written: Vec<(usize, Binding)>,
 }
 
@@ -167,7 +167,7 @@ impl KernelJobs {
         Ok(Self { probed: probed.clone(), resources, bindings, written })
     }
 
-    /// The most cases of a job that the size of the argument buffer allows.
+    /// The largest number of cases in a job. The size of the argument buffer limits it.
     pub(crate) fn largest_batch(&self) -> usize {
         self.probed.kernel.largest_batch().unwrap_or(usize::MAX)
     }
@@ -177,12 +177,12 @@ impl KernelJobs {
         self.probed.kernel.words()
     }
 
-    /// The author's place for bytes of the kernel's text.
+    /// Finds the place in the author's file for a byte range of the kernel's text.
     pub(crate) fn resolve(&self, bytes: Range<usize>) -> Option<Span> {
         self.probed.program().resolve(bytes)
     }
 
-    /// The lanes of the written resources, from the outputs after the results.
+    /// Decodes the components of the written resources. `outputs` has the job's outputs after the results.
     pub(crate) fn written(&self, outputs: &[Vec<u32>]) -> Vec<u32> {
         let lanes = |((_, binding), words): (&(usize, Binding), &Vec<u32>)| {
             self.probed.program().lanes_of_words(binding, words)
@@ -190,8 +190,9 @@ impl KernelJobs {
         self.written.iter().zip(outputs).flat_map(lanes).collect()
     }
 
-    /// The job for some cases, whose results begin as poison. Its outputs are the results, and the resources that the
-    /// function writes. A function whose writes other cases would see has one case in each job.
+    /// Makes the job for some cases. The results' buffer contains poison at first. The outputs are the results,
+    /// and the resources that the function writes. If other cases could see the function's writes, each job has
+    /// a single case.
     pub(crate) fn job(
         &self,
         cases: usize,

@@ -1,4 +1,4 @@
-//! Runs a job on an executor of this process, after linking its shaders again.
+//! Runs a job on an executor of this process. The job's shaders are linked again first.
 
 use std::borrow::Cow;
 
@@ -12,17 +12,17 @@ use crate::package::Package;
 use crate::path::JOBS;
 use crate::reflect::{Binding, Program, ReflectError};
 
-/// Runs passes.
+/// A function that runs passes.
 type Dispatch<'b> = &'b dyn Fn(&Passes) -> Result<dispatch::Afterwards, DispatchError>;
 
-/// Draws frames.
+/// A function that draws a frame.
 type Draw<'b> = &'b dyn Fn(&Drawing<'_>) -> Result<Image, DrawError>;
 
-/// The reason why a job has no [`Reply::Done`].
+/// The reason why a job can't reply with [`Reply::Done`].
 enum Unraised {
     Dispatch(DispatchError),
     Draw(DrawError),
-    /// The job isn't sound.
+    /// The job contradicts itself, or this program can't read it.
     Job(String),
 }
 
@@ -44,12 +44,13 @@ impl From<ReflectError> for Unraised {
     }
 }
 
-/// Runs a job.
 pub(crate) fn run(job: &Job, dispatch: Dispatch<'_>, draw: Draw<'_>) -> Reply {
     let done = match &job.work {
         _ if job.jobs != JOBS => {
             let theirs = job.jobs;
-            Err(Unraised::Job(format!("the job is of version {theirs}, and not of {JOBS}")))
+            Err(Unraised::Job(format!(
+                "the job has version {theirs}, and this program reads version {JOBS}"
+            )))
         }
         Work::Passes(passes) => dispatched(job, passes, dispatch),
         Work::Frame(frame) => drawn(job, frame, draw),
@@ -73,7 +74,7 @@ impl Unraised {
         let place = diagnostic.and_then(crate::diagnostic::Diagnostic::location);
         let problem = Problem {
             message: diagnostic.map_or(message, |found| found.message.clone()),
-            // Modules are named by the numbers of their passes.
+            // A module's name contains the number of its pass.
             pass: place.map_or(0, |place| number(&place.file.name)),
             bytes: place.map(|place| place.range.clone()),
         };
@@ -81,12 +82,12 @@ impl Unraised {
     }
 }
 
-/// The name of a pass's module.
+/// The name of the module that contains a pass's shader.
 fn module(pass: usize) -> String {
     format!("pass{pass}")
 }
 
-/// The number of the pass that a module's file belongs to.
+/// The number of the pass to which a module's file belongs.
 fn number(file: &str) -> usize {
     let digits = file.chars().skip_while(|c| !c.is_ascii_digit()).take_while(char::is_ascii_digit);
     digits.collect::<String>().parse().unwrap_or(0)
@@ -115,7 +116,7 @@ impl Resource {
     }
 }
 
-/// The resource that is bound to a variable.
+/// Finds the number of the resource that the job binds to a variable.
 fn bound(bindings: &[Bound], binding: &Binding) -> Result<usize, Unraised> {
     let at = (binding.group != Binding::NOWHERE).then_some([binding.group, binding.binding]);
     let found = bindings.iter().find(|bound| bound.at == at);
@@ -166,7 +167,7 @@ fn dispatched(
     if passes.is_empty() {
         return Err(DispatchError::Empty.into());
     }
-    // A device can't have a resource that no pass uses, because no variable describes it.
+    // Karat can't create a resource that no pass uses, because no variable describes it.
     if let Some(unused) = (0..all.resources.len()).find(|n| all.uses(*n).next().is_none()) {
         return Err(Unraised::Job(format!("no pass uses resource {unused}")));
     }
@@ -175,7 +176,7 @@ fn dispatched(
         let found = afterwards.iter().find(|(number, _)| number == wanted);
         let missing = || Unraised::Job(format!("no pass writes resource {wanted}"));
         let (_, words) = found.ok_or_else(missing)?;
-        // A device's buffer may be longer than the job's.
+        // A device's buffer may be longer than the job's buffer.
         Ok(words.iter().copied().take(job.resources[*wanted].words()).collect())
     };
     job.outputs.iter().map(output).collect()
@@ -220,7 +221,7 @@ mod tests {
         "sources": [], "overrides": {}}, "entry_point": "f", "bindings": [{"at": [0, 0], "resource": 0}],
         "workgroups": [1, 1, 1]}]}}"#;
 
-    /// The reply to an edited job, from a device whose buffers are longer than requested.
+    /// Edits the job, and returns the reply of a device that returns longer buffers than requested.
     fn reply(from: &str, to: &str) -> Reply {
         assert!(JOB.contains(from), "{from}");
         let job: Job = serde_json::from_str(&JOB.replacen(from, to, 1)).expect("it is a job");
@@ -228,11 +229,19 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_sound_job_has_a_reason() {
+    fn an_invalid_job_has_a_reason() {
         assert_eq!(reply("", ""), Reply::Done(vec![vec![7, 8]]));
         for (from, to, reason) in [
-            (r#""jobs": 1"#, r#""jobs": 2"#, "the job is of version 2, and not of 1"),
-            (r#""jobs": 1"#, r#""jobs": 0"#, "the job is of version 0, and not of 1"),
+            (
+                r#""jobs": 1"#,
+                r#""jobs": 2"#,
+                "the job has version 2, and this program reads version 1",
+            ),
+            (
+                r#""jobs": 1"#,
+                r#""jobs": 0"#,
+                "the job has version 0, and this program reads version 1",
+            ),
             ("[0, 0], \"resource", "[0, 1], \"resource", "the job binds nothing to `pass0::x`"),
             (r#""resource": 0"#, r#""resource": 1"#, "the job has no resource 1"),
             ("[0, 0]}}", "[0]}}, {\"buffer\": {\"words\": [1]}}", "no pass uses resource 1"),
@@ -255,8 +264,8 @@ mod tests {
         }
     }
 
-    /// A frame that becomes a job and is drawn elsewhere keeps its state. Each part of the state differs from its
-    /// default here.
+    /// A frame keeps its state when it becomes a job and another executor draws it. In this test, each part of
+    /// the state differs from its default.
     #[test]
     fn a_frame_keeps_its_state() {
         let text = "@fragment fn fs() -> @location(0) vec4f { return vec4f(1.0); }";
@@ -291,7 +300,7 @@ mod tests {
         assert_ne!(*seen.borrow(), usual);
     }
 
-    /// A problem has the number of its pass, and a place in its text.
+    /// A problem has the number of its pass, and a byte range in the pass's text.
     #[test]
     fn a_problem_has_its_pass_and_its_bytes() {
         let mut job: Job = serde_json::from_str(JOB).expect("it is a job");

@@ -1,5 +1,5 @@
-//! Words of buffers in JSON: a list of numbers, or base64 of their little-endian bytes for programs that accept it.
-//! Base64 is half as long, and many times faster to read.
+//! The words of buffers in JSON: a list of numbers, or base64 of the words' little-endian bytes, for programs
+//! that accept base64. Base64 is half as long, and many times faster to read.
 
 use std::cell::Cell;
 use std::fmt;
@@ -12,12 +12,13 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 use super::Job;
 
 thread_local! {
-    /// Set while a job is written for a program that accepts base64. Serde tells a field nothing about the whole job.
+    /// `true` while Karat writes a job for a program that accepts base64. A thread-local variable is needed
+    /// because serde doesn't pass such settings to the fields of a job.
     static PACKED: Cell<bool> = const { Cell::new(false) };
 }
 
 impl Job {
-    /// The job as a line, with words as base64 if `packed` is set.
+    /// Writes the job as a line. If `packed`, words are base64.
     pub(crate) fn line(&self, packed: bool) -> String {
         PACKED.set(packed);
         let line = serde_json::to_string(self);
@@ -40,7 +41,7 @@ pub(super) fn deserialize<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<u32>
     from.deserialize_any(Words)
 }
 
-/// The words of each output.
+/// Reads the words of each output.
 pub(super) fn all<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<Vec<u32>>, D::Error> {
     #[derive(Deserialize)]
     struct One(#[serde(deserialize_with = "deserialize")] Vec<u32>);
@@ -61,7 +62,7 @@ impl<'de> Visitor<'de> for Words {
         let bytes = STANDARD.decode(text).map_err(E::custom)?;
         let words = bytes.chunks_exact(4);
         if !words.remainder().is_empty() {
-            return Err(E::custom(format!("{} bytes are no words of four", bytes.len())));
+            return Err(E::custom(format!("{} bytes aren't a multiple of 4", bytes.len())));
         }
         Ok(words.map(|word| u32::from_le_bytes(word.try_into().expect("four"))).collect())
     }

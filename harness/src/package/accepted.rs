@@ -1,5 +1,5 @@
-//! The declarations of `karat.toml` about findings: inputs, accepted hazards, accepted mutants, and rows of the matrix
-//! that are known to fail.
+//! The declarations of `karat.toml` about findings: inputs, accepted hazards, accepted mutants, and known
+//! failures in the translation matrix.
 
 use std::collections::BTreeMap;
 
@@ -10,37 +10,37 @@ use super::inputs::Declaration;
 /// The declarations for the search for hazards.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Hazards {
-    /// `[inputs]`, by name.
+    /// The entries of `[inputs]`, by name.
     pub inputs: BTreeMap<String, Declaration>,
-    /// Values of overrides, in each function that has one.
+    /// Values of overrides, for each function that uses such an override.
     pub overrides: BTreeMap<String, f64>,
-    /// `[[hazard]]`.
+    /// The entries of `[[hazard]]`.
     pub accepted: Vec<AcceptedHazard>,
 }
 
-/// An entry of accepted hazards, as `karat.toml` has it.
+/// An entry of `karat.toml` with accepted hazards.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AcceptedHazard {
-    /// The functions: `brdf::schlick`, or all of a module, `brdf::*`.
+    /// The functions: `brdf::schlick`, or all functions of a module: `brdf::*`.
     pub functions: Vec<String>,
-    /// The operation as it is written; without it all operations.
+    /// The source text of the operation. `None` accepts all operations.
     pub text: Option<String>,
-    /// The reason why it is meant.
+    /// The reason why the hazard is acceptable.
     pub reason: String,
 }
 
-/// An entry of accepted mutants, as `karat.toml` has it.
+/// An entry of `karat.toml` with accepted mutants.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct AcceptedMutants {
-    /// Their names, as `karat mutate` prints them: `b778d00e`.
+    /// The names of the mutants, as `karat mutate` prints them: `b778d00e`.
     pub ids: Vec<String>,
-    /// The reason why no test can kill them.
+    /// The reason why no test can kill the mutants.
     pub reason: String,
 }
 
-/// An entry for rows of the translation matrix that are known not to reach a status, as `karat.toml` has it.
+/// An entry of `karat.toml` with rows of the translation matrix that don't reach a status.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct KnownRows {
@@ -48,8 +48,8 @@ pub struct KnownRows {
     pub rows: Vec<String>,
     /// The columns of the matrix, or selectors of paths.
     pub columns: Vec<String>,
-    /// The status that they don't get to: `"valid"`.
+    /// The status that the rows don't reach: `"valid"`.
     pub status: String,
-    /// The reason.
+    /// The reason why the rows don't reach the status.
     pub reason: String,
 }

@@ -1,26 +1,26 @@
 //! Assertions and prints in a shader: `//karat: assert x >= 0.0` and `//karat: print x`, each on a line of its own.
 //!
-//! To a host they are comments. Karat replaces the comment with a variable and a `let`, so the shader's own control
-//! flow decides whether the value is computed. The number of lines stays the same, and places are mapped back to the
-//! author's text. In WESL, an author may write `@if(karat) assert(x >= 0.0);`, which means the same.
+//! For a host, these lines are comments. Karat replaces the comment by a variable and a `let`, so the shader's
+//! own control flow decides whether the value is computed. The number of lines stays the same. Karat maps
+//! positions back to the author's text. In WESL, an author may also write `@if(karat) assert(x >= 0.0);`.
 
 use super::PackageError;
 use crate::diagnostic::{SourceFile, Span, Value, nearest};
 
-/// The prefix of the `let`s' names, before the number of the line.
+/// The prefix of the names of the generated `let`s. The number of the line follows.
 pub(crate) const ASSERTED: &str = "karat_assert_";
 pub(crate) const PRINTED: &str = "karat_print_";
 
-/// The prefix of the variables' names, before the number of the line. The variable makes each value an operation of its
-/// own.
+/// The prefix of the names of the generated variables. The number of the line follows. The variable makes each
+/// value a separate operation.
 pub(crate) const HOLDER: &str = "karat_value_";
 
-/// The marks that begin such a line.
+/// The texts that begin an assertion or a print.
 const COMMENT: &str = "karat:";
 const CONDITION: &str = "@if(karat)";
 const CONDITION_HEAD: &str = "@if(karat";
 
-/// A line that asserts or prints, with the byte ranges of the parts around its expression.
+/// A line that asserts or prints: its verb, the text before the expression, and the expression.
 struct Line<'l> {
     verb: Verb,
     head: &'l str,
@@ -33,7 +33,7 @@ enum Verb {
     Print,
 }
 
-/// Returns the text with its assertions and prints turned into code.
+/// Replaces the text's assertions and prints by code.
 pub(super) fn read(source: SourceFile) -> Result<SourceFile, PackageError> {
     let lower = source.text.to_ascii_lowercase();
     if !lower.contains("karat") {
@@ -56,7 +56,7 @@ pub(super) fn read(source: SourceFile) -> Result<SourceFile, PackageError> {
         let is_name = |c: char| c.is_alphanumeric() || c == '_';
         let returned = previous.strip_prefix("return").filter(|rest| !rest.starts_with(is_name));
         if returned.is_some_and(|rest| rest.ends_with(';')) {
-            return Err(wrong("it stands behind a `return`, and never runs".to_owned()));
+            return Err(wrong("the line stands behind a `return`, so it never runs".to_owned()));
         }
         let indent = line.len() - line.trim_start().len();
         let (before, behind) = line[indent + head.len()..]
@@ -83,7 +83,7 @@ pub(super) fn read(source: SourceFile) -> Result<SourceFile, PackageError> {
 }
 
 impl<'l> Line<'l> {
-    /// Reads a line; `None` if it doesn't assert or print.
+    /// Reads a line. Returns `None` if the line doesn't assert or print.
     fn of(line: &'l str) -> Result<Option<Self>, String> {
         let own = line.trim();
         let comment = own.strip_prefix("//").map(str::trim_start);
@@ -91,7 +91,7 @@ impl<'l> Line<'l> {
             return match line.find(CONDITION_HEAD) {
                 Some(_) => Self::called(own),
                 None if is_meant(line) => {
-                    Err(format!("`//{COMMENT}`, with two slashes, stands on a line of its own"))
+                    Err(format!("put `//{COMMENT}`, with two slashes, on a line of its own"))
                 }
                 None => Ok(None),
             };
@@ -115,11 +115,11 @@ impl<'l> Line<'l> {
         }
     }
 
-    /// Reads `@if(karat) assert(x);`, or an import.
+    /// Reads `@if(karat) assert(x);`. Returns `None` for an import.
     fn called(own: &'l str) -> Result<Option<Self>, String> {
         let wrong = || {
             Err(format!(
-                "behind `{CONDITION}` stands an import of `karat`, or `print(x);` or `assert(x);` on one line"
+                "only an import of `karat`, or `print(x);` or `assert(x);` on one line, can follow `{CONDITION}`"
             ))
         };
         let Some(rest) = own.strip_prefix(CONDITION).map(str::trim_start) else { return wrong() };
@@ -138,7 +138,7 @@ impl<'l> Line<'l> {
     }
 }
 
-/// Returns `true` for a comment that names Karat and a verb, but not in the required form.
+/// Checks if a comment names Karat and a verb, but not in the required form.
 fn is_meant(line: &str) -> bool {
     let Some(at) = line.find("//") else { return false };
     let lower = line[at..].trim_start_matches('/').trim_start().to_ascii_lowercase();
@@ -148,7 +148,8 @@ fn is_meant(line: &str) -> bool {
     lower.starts_with(COMMENT) || verbs.iter().any(|verb| rest.starts_with(verb))
 }
 
-/// Returns `true` if the text is one expression: it ends no statement and begins no comment, and its brackets match.
+/// Checks if the text is one expression: it contains no end of a statement and no start of a comment, and its brackets
+/// match.
 fn is_one(expression: &str) -> bool {
     let mut open = Vec::new();
     let mut paired = true;
@@ -164,7 +165,7 @@ fn is_one(expression: &str) -> bool {
     paired && open.is_empty() && !expression.contains("/*")
 }
 
-/// Returns `true` if the text's first bracket is closed by its last.
+/// Checks if the text's last bracket closes its first bracket.
 fn is_enclosed(call: &str) -> bool {
     let mut depth = 0;
     let closed = call.char_indices().find_map(|(at, character)| {
@@ -174,7 +175,7 @@ fn is_enclosed(call: &str) -> bool {
     call.starts_with('(') && closed == Some(call.len() - 1)
 }
 
-/// Returns `true` if the place is in a line that asserts or prints.
+/// Checks if the position is in a line that asserts or prints.
 pub(crate) fn is_in_a_line(span: &Span) -> bool {
     let (text, at) = (&span.file.text, span.range.start);
     let is_before = |value: &Value| {
@@ -195,8 +196,8 @@ impl Verb {
     }
 }
 
-/// Composes the values of a text in which values were replaced twice. The places of `inner` are those of the text
-/// before the second replacement.
+/// Composes the values of a text after two replacements. The ranges of `inner` refer to the text before the
+/// second replacement.
 pub(super) fn composed(inner: Vec<Value>, outer: Vec<Value>) -> Vec<Value> {
     let (mut all, mut shift, mut outer) = (Vec::new(), 0_isize, outer.into_iter().peekable());
     let moved = |at: usize, shift: isize| at.checked_add_signed(shift).expect("it is in the text");
@@ -212,7 +213,7 @@ pub(super) fn composed(inner: Vec<Value>, outer: Vec<Value>) -> Vec<Value> {
     all
 }
 
-/// The expression of an assertion or a print, found by a place in the `let` that was inserted for it.
+/// The expression of an assertion or a print. `holder` is a position in the `let` that Karat generated.
 pub(crate) fn expression_of(holder: &Span) -> Option<Span> {
     let values = &holder.file.values;
     let at = values.iter().position(|value| value.at.contains(&holder.range.start))?;
@@ -256,7 +257,7 @@ mod tests {
     }
 
     #[test]
-    fn slips_are_told() {
+    fn malformed_assertions_are_errors() {
         let error = |line: &str| {
             let source = SourceFile::new("m.wgsl", format!("\n{line}\n"));
             read(source).map(|read| read.text).expect_err("it is wrong").to_string()
@@ -286,7 +287,7 @@ mod tests {
         }
     }
 
-    /// In a text with values and a print, places are the author's.
+    /// In a text with values and a print, positions refer to the author's text.
     #[test]
     fn values_beside_it_keep_their_places() {
         let written = "N;\n//karat: print N + x\nN N\n";

@@ -1,4 +1,4 @@
-//! Walks over tokens by their brackets.
+//! Finds the ends of attributes, declarations and items by their brackets.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -7,7 +7,8 @@ use super::PackageError;
 use super::lexer::{Kind, Token};
 use crate::diagnostic::{Diagnostic, SourceFile, Span};
 
-/// For each bracket, the index of its partner; for other tokens, their own.
+/// The partners of brackets: for each bracket, the index of its partner. The partner of another token is the
+/// token itself.
 pub(super) fn partners(
     file: &Arc<SourceFile>,
     tokens: &[Token],
@@ -28,7 +29,7 @@ pub(super) fn partners(
                     Some(first) if tokens[first].is(wanted) => {
                         (partners[first], partners[index]) = (index, first);
                     }
-                    // Usually the author forgot the inner one.
+                    // Usually the author forgot to close the inner bracket.
                     Some(first) => {
                         let message =
                             format!("this isn't closed: a `{}` comes first", char::from(symbol));
@@ -49,7 +50,7 @@ pub(super) fn partners(
     }
 }
 
-/// The token after an attribute that begins at `at`.
+/// The index of the token after an attribute that begins at `at`.
 pub(super) fn after_attribute(
     text: &str,
     tokens: &[Token],
@@ -57,7 +58,7 @@ pub(super) fn after_attribute(
     at: usize,
 ) -> usize {
     let name = tokens.get(at + 1).map_or("", |token| &text[token.range()]);
-    // These attributes take no arguments, so a bracket behind one belongs to the next thing.
+    // These attributes take no arguments, so a bracket behind one of them belongs to the next item.
     let bare = matches!(
         name,
         "else"
@@ -76,7 +77,7 @@ pub(super) fn after_attribute(
     }
 }
 
-/// The token after a declaration or statement: after its body's `}`, or after its `;`.
+/// The index of the token after a declaration or statement: after its body's `}`, or after its `;`.
 pub(super) fn end_of(
     tokens: &[Token],
     brackets: &[usize],
@@ -96,8 +97,8 @@ pub(super) fn end_of(
     None
 }
 
-/// The token that ends a member or a parameter: its comma, or the bracket that closes the list. A comma between `<` and
-/// `>` separates a type's arguments.
+/// The index of the token that ends a member or a parameter: its comma, or the bracket that closes the list. A
+/// comma between `<` and `>` separates a type's arguments.
 pub(super) fn end_of_item(tokens: &[Token], brackets: &[usize], from: usize) -> Option<usize> {
     let (mut at, mut depth) = (from, 0_usize);
     while at < tokens.len() {
@@ -114,7 +115,6 @@ pub(super) fn end_of_item(tokens: &[Token], brackets: &[usize], from: usize) -> 
     None
 }
 
-/// A syntax error at its place.
 pub(super) fn syntax_error(
     file: &Arc<SourceFile>,
     range: Range<usize>,

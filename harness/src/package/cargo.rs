@@ -1,9 +1,9 @@
 //! Finds the shaders of crates through cargo.
 //!
-//! Cargo's metadata says where the sources of a project's crates are, so Karat needs no table of folders that an update
-//! would make wrong. A crate at an exact version needs no project: cargo fetches it and compiles nothing. Karat keeps
-//! cargo's answer in cargo's home, under a hash of the files that it depends on, so a test program asks once for each
-//! lock file.
+//! Cargo's metadata has the folders of a project's crates, so Karat needs no table of folders. An update would
+//! make such a table wrong. A crate at an exact version needs no project: cargo fetches the crate and compiles
+//! nothing. Karat stores cargo's answer in cargo's home folder, under a hash of the files on which the answer
+//! depends. So a test program runs cargo only once for each lock file.
 
 mod metadata;
 
@@ -19,16 +19,17 @@ use crate::diagnostic::{nearest, shown};
 use crate::settings;
 use metadata::Metadata;
 
-/// Raised when the form or the meaning of the kept data changes.
+/// Version of the stored data. A change of its form or meaning increases the version.
 const SCHEMA: u32 = 3;
 
-/// The deepest nesting of folders that is searched; no crate comes near it.
+/// The deepest nesting of folders that Karat searches. No crate has such deep folders.
 const DEEPEST: usize = 16;
 
 /// The name of the temporary project for which cargo resolves a version.
 const ASKING: &str = "shaders-of-a-version";
 
-/// The most rounds that add crates which shaders import but the crate doesn't depend on.
+/// The largest number of rounds that add crates without a dependency on them, because shaders import from these
+/// crates.
 const ROUNDS: usize = 4;
 
 /// The crates of one dependency graph.
@@ -36,9 +37,9 @@ const ROUNDS: usize = 4;
 pub(super) struct Graph {
     /// The crates that have shaders.
     crates: Vec<Crate>,
-    /// The names of the crates that have none.
+    /// The names of the crates without shaders.
     others: BTreeSet<String>,
-    /// The manifests of crates beside the project, which may change, each with its hash.
+    /// The manifests of crates beside the project, each with its hash. These manifests may change.
     local: BTreeMap<PathBuf, String>,
 }
 
@@ -53,22 +54,21 @@ pub(super) struct Crate {
     folder: PathBuf,
     /// The folder whose files are the modules.
     root: PathBuf,
-    /// The crates with shaders that it depends on, by the names that it uses for them.
+    /// The crates with shaders on which this crate depends, by the names that this crate uses.
     dependencies: BTreeMap<String, usize>,
-    /// The packages that its shaders import, as its metadata for wgsl-analyzer declares them.
+    /// The packages that the crate's shaders import. The crate's metadata for wgsl-analyzer declares them.
     imports: BTreeSet<String>,
 }
 
-/// A crate of a graph.
 #[derive(Clone, Debug)]
 pub(super) struct Found {
     graph: Arc<Graph>,
     index: usize,
-    /// Module folders that replace the crates' own, by the crates' indices.
+    /// Module folders that replace the crates' own folders, by the indices of the crates.
     roots: Arc<BTreeMap<usize, PathBuf>>,
 }
 
-/// Two are equal if they have the same modules and see the same crates.
+/// Two crates are equal if they have the same modules and can import from the same crates.
 impl PartialEq for Found {
     fn eq(&self, other: &Self) -> bool {
         let is_same = (self.index, &self.roots) == (other.index, &other.roots);
@@ -88,12 +88,11 @@ impl Found {
         &self.krate().library
     }
 
-    /// The folder of its modules.
     pub(super) fn root(&self) -> &Path {
         self.roots.get(&self.index).unwrap_or(&self.krate().root)
     }
 
-    /// The same crate, where this crate or one that it may import from has its modules in another folder.
+    /// The same crate, with another module folder for this crate or for a crate from which it may import.
     pub(super) fn with_root(&self, name: &str, root: &str) -> Result<Self, PackageError> {
         let error = |reason: String| PackageError::Crate { name: name.to_owned(), reason };
         let plain = name.replace('-', "_");
@@ -101,7 +100,7 @@ impl Found {
             let near = nearest(&plain, self.known());
             let near = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
             return Err(error(format!(
-                "no crate of this name ships shaders to `{}`, so it has no folder{near}",
+                "no crate of this name ships shaders to `{}`{near}",
                 self.krate().name
             )));
         };
@@ -111,15 +110,15 @@ impl Found {
     fn placed(&self, index: usize, root: &str) -> Result<Self, String> {
         let folder = self.graph.crates[index].folder.join(root);
         if !folder.is_dir() {
-            return Err(format!("it has no folder `{}`", shown(&folder)));
+            return Err(format!("the crate has no folder `{}`", shown(&folder)));
         }
         let mut roots = BTreeMap::clone(&self.roots);
         roots.insert(index, folder);
         Ok(Self { roots: Arc::new(roots), ..self.clone() })
     }
 
-    /// The crate with this name: a dependency, or else the only crate of the graph with that name, since an engine
-    /// gives its shaders one name space.
+    /// The crate with this name: a dependency, or else the only crate of the graph with this name. All crates of
+    /// an engine share one name space for shaders.
     pub(super) fn reach(&self, name: &str) -> Option<Self> {
         let of = |index| Self { index, ..self.clone() };
         if let Some(index) = self.krate().dependencies.get(name) {
@@ -133,20 +132,21 @@ impl Found {
         }
     }
 
-    /// Names of all crates that it may import from.
+    /// The names of all crates from which this crate may import.
     pub(super) fn known(&self) -> impl Iterator<Item = &str> {
         self.graph.crates.iter().map(|krate| &*krate.library)
     }
 }
 
-/// A crate, as the caller asks for it: `bevy_pbr`, `bevy_pbr@0.20.1`.
+/// A crate as in the author's code: `bevy_pbr`, `bevy_pbr@0.20.1`.
 #[derive(Clone, Copy)]
 struct Wanted<'w> {
     name: &'w str,
     version: Option<&'w str>,
 }
 
-/// Cargo's graphs of projects, and of crates at a version. Only the next process notices a change of `Cargo.toml`.
+/// Cargo's graphs of projects, and of crates at a version. Only the next process notices a change of
+/// `Cargo.toml`.
 struct Graphs;
 
 impl Kind for Graphs {
@@ -156,8 +156,8 @@ impl Kind for Graphs {
     const MOST: usize = 1000;
 }
 
-/// Finds a crate for the project in this folder. `root` is the folder of the crate's modules, if it differs from the
-/// one that the crate declares or that its files are in.
+/// Finds a crate for the project in this folder. `root` is the folder of the crate's modules, if it differs from
+/// the folder that Karat would choose.
 pub(super) fn find(base: &Path, wanted: &str, root: Option<&str>) -> Result<Found, PackageError> {
     let error = |reason: String| PackageError::Crate { name: wanted.to_owned(), reason };
     let (name, version) = match wanted.split_once('@') {
@@ -175,13 +175,13 @@ pub(super) fn find(base: &Path, wanted: &str, root: Option<&str>) -> Result<Foun
         return Err(error(format!("write the whole version, such as `{name}@1.2.3`")));
     }
     let wanted = Wanted { name, version };
-    // A version needs no project, but a project may configure its registries.
+    // A crate at a version needs no project, but a project may configure its registries.
     let key = (base.to_owned(), version.map_or_else(String::new, |v| format!("{name}@{v}")));
     let ask = || match version {
         Some(version) => fetched(base, name, version),
         None => of_project(base),
     };
-    // A second thread waits while the first one asks cargo.
+    // A second thread waits while the first thread runs cargo.
     let graph = workspace::with_room::<Graphs, _>(|known| {
         known.entry(key).or_insert_with(|| ask().map(Arc::new)).clone()
     });
@@ -204,13 +204,15 @@ impl Graph {
             (0..).zip(&self.crates).filter(|(_, krate)| is_it(krate)).map(|(i, _)| i).collect();
         match *found {
             [index] => Ok(index),
-            [] if self.others.contains(name) => Err("it ships no .wgsl or .wesl file".to_owned()),
+            [] if self.others.contains(name) => {
+                Err("the crate ships no .wgsl or .wesl file".to_owned())
+            }
             [] => {
                 let near = nearest(name, self.crates.iter().map(|krate| &*krate.name));
                 let near =
                     near.map_or_else(|| ".".to_owned(), |near| format!("; did you mean `{near}`?"));
                 Err(format!(
-                    "the project doesn't depend on it{near} With a version, such as `{name}@1.2.3`, \
+                    "the project doesn't depend on the crate{near} With a version, such as `{name}@1.2.3`, \
                      cargo fetches it"
                 ))
             }
@@ -218,7 +220,7 @@ impl Graph {
                 let versions: Vec<&str> =
                     several.iter().map(|index| &*self.crates[*index].version).collect();
                 Err(format!(
-                    "the project has several: name one with its version, `{name}@{}`",
+                    "the project has several versions: name the crate with one of them, `{name}@{}`",
                     versions.join("` or `@")
                 ))
             }
@@ -226,7 +228,7 @@ impl Graph {
     }
 }
 
-/// The crates that the project in this folder builds or might build.
+/// The crates that the project in this folder builds or can build.
 fn of_project(base: &Path) -> Result<Graph, String> {
     let base = if base.as_os_str().is_empty() { Path::new(".") } else { base };
     let base = base.canonicalize().map_err(|error| format!("`{}`: {error}", shown(base)))?;
@@ -234,7 +236,7 @@ fn of_project(base: &Path) -> Result<Graph, String> {
     else {
         let base = shown(&base);
         return Err(format!(
-            "there is no Cargo.toml in or above `{base}`: name a version, and cargo fetches it"
+            "there is no Cargo.toml in or above `{base}`: name a version, and cargo fetches the crate"
         ));
     };
     let lock = base.ancestors().map(|folder| folder.join("Cargo.lock")).find(|file| file.is_file());
@@ -245,14 +247,14 @@ fn of_project(base: &Path) -> Result<Graph, String> {
     }
     let kept = settings::kept(&format!("graph-{}.json", hasher.finalize().to_hex()));
     let ask = || Metadata::of(&base, &manifest, false)?.graph();
-    // Without a lock file, each run may find other crates.
+    // Without a lock file, the answer may change, so Karat doesn't store it.
     lock.and(kept).map_or_else(ask, |kept| remembered(&kept, ask))
 }
 
-/// A crate at its version, with its dependencies.
+/// A crate at a version, with its dependencies.
 fn fetched(base: &Path, name: &str, version: &str) -> Result<Graph, String> {
     let ask = || {
-        // A temporary project with a name of its own.
+        // The temporary project has a unique name.
         let now = std::time::UNIX_EPOCH.elapsed().unwrap_or_default().as_nanos();
         let own = format!("karat-{}-{now}-{name}-{version}", std::process::id());
         let folder = std::env::temp_dir().join(own);
@@ -268,12 +270,12 @@ fn fetched(base: &Path, name: &str, version: &str) -> Result<Graph, String> {
 
 fn fetch(base: &Path, folder: &Path, name: &str, version: &str) -> Result<Graph, String> {
     let failed = |error: std::io::Error| format!("can't write `{}`: {error}", shown(folder));
-    // `create_dir` fails if another process has made the folder.
+    // `create_dir` fails if another process has created the folder.
     std::fs::create_dir(folder).map_err(failed)?;
     std::fs::create_dir(folder.join("src")).map_err(failed)?;
     std::fs::write(folder.join("src/lib.rs"), "").map_err(failed)?;
     let manifest = folder.join("Cargo.toml");
-    // The requirement, as a manifest has it.
+    // The exact requirement in the syntax of a manifest.
     let exact = format!("{{ version = \"={version}\", default-features = false }}");
     let mut wanted = BTreeMap::from([(name.to_owned(), exact.clone())]);
     let ask = |wanted: &BTreeMap<String, String>| {
@@ -284,12 +286,12 @@ fn fetch(base: &Path, folder: &Path, name: &str, version: &str) -> Result<Graph,
         wanted.iter().for_each(|(name, how)| text += &format!("{name} = {how}\n"));
         std::fs::write(&manifest, text).map_err(failed)?;
         let graph = Metadata::of(base, &manifest, true)?.graph()?;
-        // The project was temporary, and a version doesn't change.
+        // The project is temporary, and a published version doesn't change.
         Ok::<_, String>(Graph { local: BTreeMap::new(), ..graph })
     };
     let mut graph = ask(&wanted)?;
     for _ in 1..ROUNDS {
-        // Crates of one engine in one version may import from each other without depending on each other.
+        // Crates of one engine with the same version may import from each other without depending on each other.
         let missing: Vec<String> = graph.missing(version).into_iter().collect();
         if missing.iter().all(|name| wanted.contains_key(name)) {
             break;
@@ -297,7 +299,8 @@ fn fetch(base: &Path, folder: &Path, name: &str, version: &str) -> Result<Graph,
         wanted.extend(missing.into_iter().map(|name| (name, exact.clone())));
         graph = ask(&wanted)?;
     }
-    // Cargo leaves out dependencies of a crate's examples. If one can't be fetched, its import isn't found.
+    // Cargo's graph lacks the dependencies of a crate's examples. If cargo can't fetch one of them, its import
+    // isn't found.
     let of_examples = graph.of_examples(name, version);
     if of_examples.is_empty() {
         return Ok(graph);
@@ -307,7 +310,7 @@ fn fetch(base: &Path, folder: &Path, name: &str, version: &str) -> Result<Graph,
 }
 
 impl Graph {
-    /// Crates of this version that shaders import and no crate depends on.
+    /// Crates of this version from which shaders import, but on which no crate depends.
     fn missing(&self, version: &str) -> BTreeSet<String> {
         let of_version = self.crates.iter().filter(|krate| krate.version == version);
         let imports = of_version.flat_map(|krate| &krate.imports);
@@ -317,7 +320,7 @@ impl Graph {
         imports.filter(|name| !known(name)).cloned().collect()
     }
 
-    /// Development dependencies of a crate that its shaders import from, as its manifest declares them.
+    /// Development dependencies of a crate from which its shaders import, as in the crate's manifest.
     fn of_examples(&self, name: &str, version: &str) -> BTreeMap<String, String> {
         let is_it = |krate: &&Crate| krate.name == name && krate.version == version;
         let Some(krate) = self.crates.iter().find(is_it) else { return BTreeMap::new() };
@@ -348,7 +351,7 @@ impl Graph {
     }
 }
 
-/// The hash of a manifest, and of whether there are shaders beside it.
+/// The hash of a manifest, and of the folder with the shaders beside the manifest.
 fn hash_of(manifest: &Path) -> Option<String> {
     let mut hasher = blake3::Hasher::new();
     hasher.update(&std::fs::read(manifest).ok()?);
@@ -357,7 +360,7 @@ fn hash_of(manifest: &Path) -> Option<String> {
     Some(hasher.finalize().to_hex().to_string())
 }
 
-/// The kept graph if its folders still exist, or else the one that `ask` returns.
+/// The stored graph if its folders exist and its manifests are unchanged. Otherwise the graph that `ask` returns.
 fn remembered(kept: &Path, ask: impl FnOnce() -> Result<Graph, String>) -> Result<Graph, String> {
     let known = std::fs::read(kept).ok();
     let known = known.and_then(|bytes| serde_json::from_slice::<Graph>(&bytes).ok());
@@ -369,7 +372,7 @@ fn remembered(kept: &Path, ask: impl FnOnce() -> Result<Graph, String>) -> Resul
         return Ok(graph);
     }
     let graph = ask()?;
-    // If the graph can't be kept, the next process asks again.
+    // If Karat can't store the graph, the next process runs cargo again.
     let text = serde_json::to_vec(&graph).expect("a graph has names and paths of UTF-8");
     let new = kept.with_extension(format!("{}.new", std::process::id()));
     let folder = kept.parent().map_or(Ok(()), std::fs::create_dir_all);

@@ -1,4 +1,4 @@
-//! The compilers that a package is for, besides naga: `[compilers]` in `karat.toml`.
+//! The compilers that a package must support in addition to naga: `[compilers]` in `karat.toml`.
 
 use serde::Deserialize;
 
@@ -9,23 +9,23 @@ use crate::diagnostic::nearest;
 /// The sections `[compilers]` and `[limits]` of `karat.toml`.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Compilers {
-    /// Set if a shader that Tint rejects is invalid. Without Tint there is then no verdict.
+    /// Set if a shader that Tint rejects is invalid. Then a run without Tint gives no verdict.
     pub(crate) require_tint: bool,
-    /// Native features of wgpu that shaders use on purpose, by naga's capability names.
+    /// Native features of wgpu that shaders use intentionally, by naga's names of capabilities.
     pub(crate) native: Vec<String>,
     pub(crate) limits: Limits,
-    /// The file, for messages.
+    /// The file's name, for messages.
     pub(crate) file: String,
 }
 
-/// The section `[compilers]`, as the file has it.
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Written {
-    /// Compilers without whose verdict a run fails: `["tint"]`.
+    /// Compilers that must give a verdict, or else the run fails: `["tint"]`.
     #[serde(default)]
     require: Vec<String>,
-    /// Capabilities of wgpu alone, by naga's names: Tint isn't asked about modules that use one.
+    /// Capabilities that only wgpu has, by naga's names. Karat doesn't ask Tint about modules that use one of
+    /// them.
     #[serde(default)]
     native: Vec<String>,
 }
@@ -36,7 +36,7 @@ impl Compilers {
         if let Some(other) = require.iter().find(|name| *name != "tint") {
             let near = nearest(other, ["tint"]).map_or("", |_| "; did you mean `tint`?");
             let other =
-                format!("`[compilers] require` names `{other}`, and asks `tint` alone{near}");
+                format!("`[compilers] require` names `{other}`, but accepts only `tint`{near}");
             return Err(other);
         }
         Ok(Self { require_tint: !require.is_empty(), native, limits, file })
@@ -44,7 +44,7 @@ impl Compilers {
 }
 
 impl Package {
-    /// Requires Tint's verdict for [`is_valid`](Self::is_valid), whatever `karat.toml` says.
+    /// Requires Tint's verdict for [`is_valid`](Self::is_valid), for any contents of `karat.toml`.
     ///
     /// ```
     /// use karat::Package;

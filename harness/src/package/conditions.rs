@@ -1,8 +1,8 @@
 //! WESL's conditional translation: `@if(feature)`, `@elif(..)`, `@else`.
 //!
-//! A condition stands before an import, a directive, a declaration, a group of declarations in braces, a member, a
-//! parameter, a statement, a group of statements in braces, or a case. If it holds, only the condition is removed from
-//! the text. If it doesn't, the thing behind it is removed, too.
+//! A condition stands before an import, a directive, a declaration, a group of declarations in braces, a member,
+//! a parameter, a statement, a group of statements in braces, or a case. If the condition is true, Karat removes
+//! only the condition from the text. Otherwise Karat also removes the item behind the condition.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -14,22 +14,23 @@ use super::feature::{Features, is_on};
 use super::lexer::{Kind, Token};
 use crate::diagnostic::SourceFile;
 
-/// The deepest nesting of brackets in a condition: far more than anyone writes, and safe for the stack.
+/// The deepest nesting of brackets in a condition. Authors write far fewer, and the stack suffices for this
+/// number.
 const MOST_BRACKETS: usize = 64;
 
-/// A declaration under a condition that doesn't hold.
+/// A declaration under a condition that is false.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Inactive {
     pub(super) name: String,
-    /// The condition, as the author wrote it: `@if(fast)`.
+    /// The condition in the author's text: `@if(fast)`.
     pub(super) condition: String,
-    /// The place of the condition.
+    /// The range of the condition.
     pub(super) range: Range<usize>,
-    /// Set for a function with `@test`.
+    /// True for a function with `@test`.
     pub(super) test: bool,
 }
 
-/// The feature of a condition that asks about one feature alone: `@if(fast)`, `#ifdef FAST`.
+/// The feature of a condition that has only one feature: `@if(fast)`, `#ifdef FAST`.
 pub(super) fn feature_of(condition: &str) -> Option<String> {
     let rest = condition.strip_prefix("@if").or_else(|| condition.strip_prefix("#ifdef"))?.trim();
     let name =
@@ -38,12 +39,12 @@ pub(super) fn feature_of(condition: &str) -> Option<String> {
     (!name.is_empty() && name.chars().all(is_name)).then(|| name.to_owned())
 }
 
-/// The rest of a module after its conditions.
+/// The tokens of a module that remain after its conditions, and the removed parts.
 pub(super) struct Conditions {
     pub(super) live: Vec<Token>,
     pub(super) removed: Vec<Range<usize>>,
     pub(super) inactive: Vec<Inactive>,
-    /// The open brackets, except those of groups.
+    /// The open brackets, without the braces of groups.
     open: Vec<usize>,
 }
 
@@ -57,9 +58,10 @@ impl Conditions {
         let reader = Reader { file, tokens, brackets, features };
         let mut found =
             Self { live: Vec::new(), removed: Vec::new(), inactive: Vec::new(), open: Vec::new() };
-        // Where an `@elif` or `@else` may follow, and whether an earlier condition of the chain held.
+        // The tokens where an `@elif` or `@else` may follow. The value is true if an earlier condition of the
+        // chain was true.
         let mut chains: BTreeMap<usize, bool> = BTreeMap::new();
-        // The closing braces of groups, which are removed with the opening ones.
+        // The closing braces of groups. Karat removes them with the opening braces.
         let mut closing: Vec<usize> = Vec::new();
         let mut at = 0;
         while at < tokens.len() {
@@ -112,7 +114,8 @@ impl Reader<'_> {
         syntax_error(self.file, self.bytes(tokens), message)
     }
 
-    /// Reads the attributes at `start`, keeps or removes what follows them, and returns the token to go on at.
+    /// Reads the attributes at `start`, and keeps or removes the item behind them. Returns the next token to
+    /// read.
     fn attributes(
         &self,
         start: usize,
@@ -140,7 +143,7 @@ impl Reader<'_> {
         }
         let open = found.open.last().copied();
         if self.is_list(open) && self.is(at, b'{') {
-            let message = "groups in braces hold declarations or statements: give each member or parameter a \
+            let message = "groups in braces contain declarations or statements: give each member or parameter a \
                            condition of its own";
             return Err(self.error(&condition, message));
         }
@@ -148,7 +151,7 @@ impl Reader<'_> {
             let range = self.brackets[at] + 1..self.brackets[at] + 2;
             return Err(self.error(
                 &range,
-                "an `else` follows no group: the group isn't there when it is read",
+                "an `else` follows no group: the compiler doesn't see the group's braces",
             ));
         }
         if !self.takes_condition(start, open) || self.is(at, b';') {
@@ -166,9 +169,9 @@ impl Reader<'_> {
             return Err(self.error(&condition, message));
         }
         let end = self.end(at).ok_or_else(|| {
-            self.error(&condition, "what this condition stands before doesn't end")
+            self.error(&condition, "the declaration or statement behind this condition doesn't end")
         })?;
-        // The brackets of a type have no attributes in them.
+        // The brackets of a type can't contain attributes.
         let mut tokens = at + 1..end;
         if let Some(next) =
             tokens.find(|token| self.is(*token, b'@')).filter(|_| self.is_list(open))
@@ -221,7 +224,7 @@ impl Reader<'_> {
             }
             return Ok(end);
         }
-        // If the group is removed, nothing is left that another attribute could stand before.
+        // Karat removes the group's braces, so no other attribute can stand before the group.
         let is_group = self.is(at, b'{');
         for attribute in &run {
             if *attribute == condition || is_group {
@@ -230,7 +233,8 @@ impl Reader<'_> {
                 found.live.extend_from_slice(&self.tokens[attribute.clone()]);
             }
         }
-        // Braces group declarations and statements, and open no scope: names inside are declared outside, too.
+        // Braces only group declarations and statements. They open no scope: names inside are declared outside,
+        // too.
         if is_group {
             found.removed.push(self.tokens[at].range());
             closing.push(self.brackets[at]);
@@ -239,7 +243,7 @@ impl Reader<'_> {
         Ok(at)
     }
 
-    /// Returns `true` if a bracket holds the members of a structure or the parameters of a function.
+    /// Checks if a bracket encloses the members of a structure or the parameters of a function.
     fn is_list(&self, open: Option<usize>) -> bool {
         let of = |open: usize, keyword: &str| open > 1 && self.text(open - 2) == keyword;
         open.is_some_and(|open| match self.is(open, b'(') {
@@ -248,8 +252,8 @@ impl Reader<'_> {
         })
     }
 
-    /// Returns `true` if a condition's attribute may stand at a token: in a list of statements, declarations, members
-    /// or parameters. `open` is the innermost bracket around it.
+    /// Checks if a condition's attribute may stand at a token, in a list of statements, declarations, members or
+    /// parameters. `open` is the innermost bracket around the token.
     fn takes_condition(&self, at: usize, open: Option<usize>) -> bool {
         let after = |symbols: &[u8]| at == 0 || symbols.iter().any(|one| self.is(at - 1, *one));
         match open {
@@ -259,7 +263,7 @@ impl Reader<'_> {
         }
     }
 
-    /// The token behind the thing that begins at `at`.
+    /// The index of the token behind the item that begins at `at`.
     fn end(&self, at: usize) -> Option<usize> {
         let body = |from: usize| self.body(from);
         match self.text(at) {
@@ -283,7 +287,7 @@ impl Reader<'_> {
         }
     }
 
-    /// The token after the next body in braces.
+    /// The index of the token after the next body in braces.
     fn body(&self, from: usize) -> Option<usize> {
         let mut at = from;
         while at < self.tokens.len() {
@@ -297,7 +301,6 @@ impl Reader<'_> {
         None
     }
 
-    /// Evaluates the condition of an attribute.
     fn evaluate(&self, attribute: &Range<usize>) -> Result<bool, PackageError> {
         let inner = attribute.start + 3..attribute.end.saturating_sub(1);
         if inner.start > inner.end || !self.is(attribute.start + 2, b'(') {

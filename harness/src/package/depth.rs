@@ -1,17 +1,17 @@
-//! Measures how deep a text nests.
+//! Measures how deeply the expressions of a text nest.
 
 use std::ops::Range;
 
 use super::lexer::{Kind, lex};
 
-/// The most tokens of nested expressions, and the most branches of one `else if` chain, in a text for a compiler, which
-/// recurses over terms, members, brackets and branches.
+/// The largest number of tokens in nested expressions, and of branches in one `else if` chain, for texts that go
+/// to a compiler. Compilers recurse over terms, members, brackets and branches.
 const MOST_NESTED: usize = 6_000;
 
-/// The first place of a text that nests deeper than [`MOST_NESTED`]. Commas and semicolons end an expression: a long
-/// list isn't deep.
+/// The first range of a text that nests deeper than [`MOST_NESTED`]. Commas and semicolons end an expression, so
+/// a long list isn't deep.
 pub(super) fn deepest(text: &str) -> Option<Range<usize>> {
-    // For each open bracket: the tokens since the last separator, and the branches in a row.
+    // For each open bracket: the number of tokens since the last separator, and of consecutive branches.
     let mut levels = vec![(0_usize, 0_usize)];
     let mut sum = 0;
     let tokens = lex(text);
@@ -26,7 +26,7 @@ pub(super) fn deepest(text: &str) -> Option<Range<usize>> {
             Kind::Symbol(b')' | b']' | b'}') => {
                 sum -= *length;
                 *length = 0;
-                // naga reports a bracket that closes nothing.
+                // naga reports a closing bracket without a partner.
                 if levels.len() > 1 {
                     levels.pop();
                 }

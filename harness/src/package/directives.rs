@@ -1,14 +1,14 @@
-//! Reads lines that begin with `#`: `naga_oil`'s modules, and files that include others.
+//! Reads lines that begin with `#`: `naga_oil`'s modules, and files that include other files.
 //!
-//! A directive isn't WGSL. Text that it leaves out is blanked, and an `#import` becomes an import statement of the same
-//! length, so each token keeps its place in the author's file. Karat doesn't use `naga_oil` itself, because it composes
-//! naga's IR under its own names and loses the author's lines.
+//! A directive isn't WGSL. Karat blanks the text that a directive removes. It turns an `#import` into an import
+//! statement of the same length, so each token keeps its position in the author's file. Karat doesn't use
+//! `naga_oil` itself, because `naga_oil` composes naga's IR under its own names and loses the author's lines.
 //!
 //! - `naga_oil`, for Bevy up to 0.19: `#define_import_path`, `#import a::b::{c, d as e}`, `#ifdef`, `#ifndef`,
-//!   `#if A >= 3`, `#else`, `#else ifdef`, `#endif`, `#define`, `#{A}`. An include guard works as in C; with `naga_oil`
-//!   it would leave an empty module.
+//!   `#if A >= 3`, `#else`, `#else ifdef`, `#endif`, `#define`, `#{A}`. An include guard works as in C.
+//!   `naga_oil` itself would turn a module with a guard into an empty module.
 //! - Inclusion, for vello (`#import bbox`), `re_renderer` (`#import <./plane.wgsl>`) and blade (`#include
-//!   "quaternion.inc.wgsl"`): an included file shares one name space with the file that includes it.
+//!   "quaternion.inc.wgsl"`): an included file and the including file share one name space.
 
 mod ahead;
 mod foreign;
@@ -30,44 +30,43 @@ pub(super) use include::{Include, without_extension};
 
 use crate::diagnostic::{SourceFile, nearest};
 
-/// The rest of a text after its directives.
+/// The text that remains after the directives of a file.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Directed {
-    /// The text without directives. The rest keeps its place.
+    /// The text with blanks in place of directives. The remaining text keeps its positions.
     pub(super) text: String,
     /// The removed ranges, in order.
     pub(super) removed: Vec<Range<usize>>,
-    /// The places of values such as `#{A}`, with their texts.
+    /// The ranges of values such as `#{A}`, with the values' texts.
     pub(super) replaced: Vec<(Range<usize>, String)>,
-    /// Declarations that a condition leaves out.
+    /// Declarations that a condition removes.
     pub(super) inactive: Vec<Inactive>,
-    /// Other files that share a name space with this one, and the places that name them.
+    /// Other files that share a name space with this file, and the ranges that name these files.
     pub(super) includes: Vec<(Include, Range<usize>)>,
     /// The ends of statements that have no `;`.
     pub(super) ends: Vec<usize>,
-    /// The path that the module gives itself.
+    /// The path that the module declares for itself.
     path: Option<String>,
-    /// Set if the module imports as in `naga_oil`.
+    /// True if the module imports as in `naga_oil`.
     pub(super) composes: bool,
 }
 
-/// The directives of `naga_oil` and of texts that include files.
+/// The directives of `naga_oil`, and of texts that include files.
 const KNOWN: [&str; 9] =
     ["define", "define_import_path", "else", "endif", "if", "ifdef", "ifndef", "import", "include"];
 
-/// An open condition.
 struct Open {
-    /// The place where it begins.
+    /// The range of the directive that opens the condition.
     at: Range<usize>,
-    /// Set if the conditions around it hold.
+    /// True if the conditions around this condition are true.
     outer: bool,
-    /// Set if one of its branches held.
+    /// True if one of the condition's branches was true.
     taken: bool,
-    /// Set if the current branch holds.
+    /// True if the current branch is true.
     holds: bool,
-    /// The branch as its author wrote it.
+    /// The branch in the author's text.
     shown: String,
-    /// Set in the last branch.
+    /// True in the last branch.
     last: bool,
 }
 
@@ -77,7 +76,7 @@ impl Open {
     }
 }
 
-/// Returns `true` if a text has directives, or is a template.
+/// Checks if a text has directives, or is a template.
 pub(super) fn concern(text: &str, tokens: &[Token]) -> bool {
     tokens.iter().any(|token| is_mark(text, token)) || template(text, tokens).is_some()
 }
@@ -134,11 +133,11 @@ struct Reader<'f> {
     /// The tokens of the unchanged text.
     tokens: &'f [Token],
     features: Features,
-    /// Names that the text defines only if nothing else has.
+    /// Names that the text defines only if nothing else defines them.
     guards: Features,
     bytes: Vec<u8>,
     open: Vec<Open>,
-    /// The end of the part that has been read.
+    /// The end of the part that the reader has processed.
     done: usize,
     found: Directed,
 }
@@ -156,7 +155,7 @@ impl Reader<'_> {
         self.open.last().is_none_or(Open::is_live)
     }
 
-    /// Hides bytes from code that looks for tokens.
+    /// Hides bytes from code that reads tokens.
     fn mask(&mut self, range: Range<usize>) {
         for byte in &mut self.bytes[range] {
             if !matches!(byte, b'\n' | b'\r') {
@@ -165,7 +164,6 @@ impl Reader<'_> {
         }
     }
 
-    /// Removes bytes from the text.
     fn blank(&mut self, range: Range<usize>) {
         self.mask(range.clone());
         if !range.is_empty() {
@@ -173,7 +171,7 @@ impl Reader<'_> {
         }
     }
 
-    /// Blanks the text before `end`, if its condition doesn't hold.
+    /// Blanks the text before `end`, if its condition is false.
     fn blank_dead(&mut self, end: usize) {
         let from = self.done;
         if !self.is_live() && from < end {
@@ -199,14 +197,15 @@ impl Reader<'_> {
         self.done = end;
     }
 
-    /// Returns `true` for a name in capitals behind a `#`, within a line of a module that has directives of `naga_oil`.
+    /// Checks if a word is a value of `naga_oil`: a name in capitals behind a `#`, within a line of a module that
+    /// has directives of `naga_oil`.
     fn is_oil(&self, word: &str, first: bool) -> bool {
         let text = self.text();
         let is_composed = text.contains("#import ") || text.contains("#define_import_path ");
         !first && is_composed && ahead::is_named(word)
     }
 
-    /// Reads the directive or value that a `#` begins.
+    /// Reads the directive or value that begins with a `#`.
     fn mark(&mut self, at: usize) -> Result<(), PackageError> {
         let text = Arc::clone(self.file);
         let text = &text.text;
@@ -228,9 +227,9 @@ impl Reader<'_> {
                 return Ok(());
             }
             if KNOWN.contains(&word) {
-                return Err(self.error(whole, "a directive begins its line"));
+                return Err(self.error(whole, "a directive must begin its line"));
             }
-            // `naga_oil` also takes a value without braces.
+            // `naga_oil` also accepts a value without braces.
             if self.features.contains_key(word) || self.is_oil(word, first) {
                 return self.value(at..at + 1 + word_end, word.to_owned());
             }
@@ -240,8 +239,9 @@ impl Reader<'_> {
                 && !first
                 && word.starts_with(|c: char| c.is_uppercase())
             {
-                let value =
-                    format!("`[features]` and a line `{word} = 3` in karat.toml give it a value");
+                let value = format!(
+                    "write a line `{word} = 3` below `[features]` in karat.toml to set the value"
+                );
                 diagnostic.notes.insert(0, value);
             }
             if let (PackageError::Shader(diagnostic), Some(near)) =
@@ -252,7 +252,7 @@ impl Reader<'_> {
             return Err(error);
         }
         self.blank_dead(at);
-        // `naga_oil` reads only the name: some authors write a brace behind it.
+        // `naga_oil` reads only the name, and some authors write a brace behind the name.
         let rest = rest.trim().trim_end_matches('{').trim_end();
         match word {
             "ifdef" | "ifndef" | "if" => {
@@ -277,8 +277,7 @@ impl Reader<'_> {
                         "" => true,
                         "if" | "ifdef" | "ifndef" => self.holds(word, condition.trim(), &whole)?,
                         _ => {
-                            let message =
-                                "an `#else` is followed by nothing, `if`, `ifdef` or `ifndef`";
+                            let message = "only `if`, `ifdef` or `ifndef` can follow an `#else`";
                             return Err(self.error(whole, message));
                         }
                     };
@@ -295,7 +294,7 @@ impl Reader<'_> {
             }
             _ if !self.is_live() => return Ok(()),
             "define" => {
-                // Its value is known already, except for a guard: see `defined`.
+                // Karat already knows the value, except for a guard: see `defined`.
                 let (name, value) = rest.split_once(char::is_whitespace).unwrap_or((rest, ""));
                 let value = self.parsed(value.trim(), &whole)?;
                 if self.guards.contains_key(name) {
@@ -315,7 +314,7 @@ impl Reader<'_> {
                 }
                 if path.split("::").any(|part| part.is_empty() || !part.chars().all(is_part)) {
                     let message =
-                        "a module gives itself a path: `#define_import_path engine::math`";
+                        "a module declares its own path: `#define_import_path engine::math`";
                     return Err(self.error(whole, message));
                 }
                 self.found.path = Some(path.to_owned());
@@ -325,7 +324,7 @@ impl Reader<'_> {
                 let named = rest.strip_prefix('"').and_then(|rest| rest.split_once('"'));
                 let Some((name, _)) = named else {
                     return Err(
-                        self.error(whole, "an `#include` names a file: `#include \"a.wgsl\"`")
+                        self.error(whole, "an `#include` needs a file: `#include \"a.wgsl\"`")
                     );
                 };
                 self.found.includes.push((Include::File(name.to_owned()), whole.clone()));
@@ -337,7 +336,7 @@ impl Reader<'_> {
         Ok(())
     }
 
-    /// Reads `#import`, which ends with its line or with its braces.
+    /// Reads an `#import`. It ends at the end of its line, or with its braces.
     fn import(
         &mut self,
         at: usize,
@@ -374,14 +373,14 @@ impl Reader<'_> {
                 "an engine's asset server",
             ));
         }
-        // The result is WESL's statement, byte for byte: a blank replaces `#`, and the statement ends with its line or
-        // its braces. The names between the braces may have conditions of their own.
+        // The result is WESL's statement, byte for byte. A blank replaces `#`, and the statement ends with its
+        // line or its braces. The names between the braces may have conditions of their own.
         let (mut depth, mut end, mut ended) = (0_i32, start, false);
         let first = self.tokens.partition_point(|token| token.range().start < start);
         let mut closes = false;
         for token in &self.tokens[first..] {
             let range = token.range();
-            // `naga_oil` allows a group without a comma behind it.
+            // `naga_oil` allows a missing comma behind a group.
             if closes && depth > 0 && token.kind == Kind::Word {
                 self.bytes[end] = b',';
             }

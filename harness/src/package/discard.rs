@@ -1,18 +1,17 @@
-//! Makes functions that may discard callable.
+//! Makes functions with `discard` callable.
 //!
-//! A discarded pixel is a result, too. After `discard` an invocation goes on as a helper, and its results are dropped
-//! (WGSL, *Discard Statement*). So an assignment replaces the statement, and a second function calls the author's and
-//! also returns the assigned flag. Helpers don't write to memory either, so a function that writes to memory keeps the
-//! statement and runs in a draw.
+//! A discarded pixel is a result, too. After `discard`, an invocation goes on as a helper, and the GPU drops its
+//! results (WGSL, *Discard Statement*). So Karat replaces the statement by an assignment. A generated function
+//! calls the author's function and also returns the assigned flag. Helpers don't write to memory either. So a
+//! function that writes to memory keeps the statement, and runs in a draw.
 
 use super::lexer::lex;
 use super::splice::{DISCARDED, Edit};
 use super::syntax::Module;
 
-/// The statement.
 const DISCARD: &str = "discard";
 
-/// The function that Karat calls in place of the author's.
+/// The name of the function that Karat calls in place of the author's function.
 const WRAPPER: &str = "karat_or_discarded";
 
 /// The treatment of `discard` in a function.
@@ -24,16 +23,16 @@ pub(crate) enum Discards {
     Kept,
 }
 
-/// The `discard` statements among tokens, as edits.
+/// Edits that replace the `discard` statements among some tokens.
 pub(super) fn discards(module: &Module, tokens: std::ops::Range<usize>) -> Vec<Edit> {
     let own = tokens.filter(|token| module.text(*token) == DISCARD);
     let edit = |token| Edit { from: module.span(token).range, name: Some(DISCARDED.to_owned()) };
     own.map(edit).collect()
 }
 
-/// The name and the text of the function that calls a function that may discard. It returns the value, and `discarded`,
-/// which stays false if the statement is kept, because a helper's result is dropped. `None` if the text doesn't have
-/// the function.
+/// The name and the text of a function that calls a function with `discard`. It returns the value and
+/// `discarded`. If the statement is kept, `discarded` stays false, because the GPU drops a helper's result.
+/// `None` if the text doesn't have the function.
 pub(super) fn wrapper(
     text: &str,
     function: &str,
@@ -58,10 +57,10 @@ pub(super) fn wrapper(
     }
     let body = (close..tokens.len()).find(|at| of(*at) == "{")?;
     let parameters = bytes(name + 2, close);
-    // Names stand before a colon; no type contains one.
+    // Names stand before a colon, and no type contains a colon.
     let names: Vec<&str> = (name + 2..close).filter(|at| of(at + 1) == ":").map(of).collect();
     let call = format!("{function}({})", names.join(", "));
-    // A comment may stand before the body.
+    // A comment may stand between the type and the body.
     let ty = || &text[tokens[close + 3].range().start..tokens[body - 1].range().end];
     let returns = (of(close + 1) == "-").then(ty);
     let (member, run, dropped, value) = match returns {

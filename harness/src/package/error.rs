@@ -1,4 +1,4 @@
-//! The reasons why a package can't be read or linked.
+//! The errors of reading or linking a package.
 
 use crate::diagnostic::Diagnostic;
 use crate::output::one_line;
@@ -7,7 +7,7 @@ use crate::output::one_line;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PackageError {
-    /// The folder or file isn't there.
+    /// The folder or file doesn't exist.
     #[error("there is no folder or file `{0}`")]
     NoFolder(String),
     /// A test names a package's folder that doesn't exist.
@@ -34,7 +34,7 @@ pub enum PackageError {
         /// First line that can't be decoded, from 1.
         line: usize,
     },
-    /// A `karat.toml` that can't be used.
+    /// A `karat.toml` can't be used.
     #[error("`{file}` can't be used: {reason}")]
     Manifest {
         /// The file.
@@ -42,25 +42,25 @@ pub enum PackageError {
         /// The reason.
         reason: String,
     },
-    /// The program that expands modules fails.
+    /// The program that expands modules failed.
     #[error("`{program}`, which karat.toml names to expand modules, fails for `{file}`: {reason}")]
     Preprocess {
         /// The module's file.
         file: String,
         /// The program.
         program: String,
-        /// Its message.
+        /// The program's message.
         reason: String,
     },
-    /// A line that asserts or prints can't be read.
+    /// A line that asserts or prints has an error.
     #[error("{place}: {reason}: write `//karat: print x` or `//karat: assert x >= 0.0`")]
     Asserts {
-        /// The line.
+        /// The line's position.
         place: String,
         /// The reason.
         reason: String,
     },
-    /// There are no shaders of a crate.
+    /// Karat can't find the shaders of a crate.
     #[error("no shaders of crate `{name}`: {reason}")]
     Crate {
         /// The name of the crate.
@@ -81,11 +81,11 @@ pub enum PackageError {
         did_you_mean(nearest)
     )]
     UnknownPackage {
-        /// The name that the import asks for.
+        /// The name in the import.
         name: String,
-        /// The package that imports it.
+        /// The package with the import.
         package: String,
-        /// The closest existing name.
+        /// The existing name that is most similar.
         nearest: Option<String>,
     },
     /// A path names a module that the package doesn't have.
@@ -94,29 +94,29 @@ pub enum PackageError {
         one_line(package), one_line(module), one_line(&did_you_mean(nearest))
     )]
     UnknownModule {
-        /// The name that was asked for.
+        /// The name in the path.
         module: String,
         /// The package.
         package: String,
-        /// The closest existing name.
+        /// The existing name that is most similar.
         nearest: Option<String>,
     },
-    /// No module gives itself this path.
+    /// No module declares this path for itself.
     #[error("no module calls itself `{path}` with `#define_import_path`{}", did_you_mean(nearest))]
     NotComposed {
-        /// The path that was asked for.
+        /// The path in the import.
         path: String,
-        /// The closest existing path.
+        /// The existing path that is most similar.
         nearest: Option<String>,
     },
-    /// Two modules of one package give themselves the same path.
+    /// Two modules of one package declare the same path for themselves.
     #[error("modules `{first}` and `{second}` both call themselves `{path}`")]
     ComposedTwice {
         /// The path.
         path: String,
         /// One module.
         first: String,
-        /// The other one.
+        /// The other module.
         second: String,
     },
     /// A path names a function that the package doesn't have.
@@ -125,52 +125,52 @@ pub enum PackageError {
         did_you_mean(nearest)
     )]
     UnknownFunction {
-        /// The path that was asked for.
+        /// The path in the test.
         path: String,
         /// The package.
         package: String,
-        /// The closest existing name.
+        /// The existing name that is most similar.
         nearest: Option<String>,
         /// The number of functions in the package.
         count: usize,
     },
-    /// A function is under a WESL condition that doesn't hold.
+    /// A function is under a condition that is false.
     #[error(
-        "`{path}` of package `{package}` is declared under `{condition}`, which doesn't hold: set \
+        "`{path}` of package `{package}` is declared under `{condition}`, which is false: set \
          the feature with `.feature(..)`"
     )]
     Inactive {
-        /// The path that was asked for.
+        /// The path in the test.
         path: String,
         /// The package.
         package: String,
-        /// The condition, as the author wrote it.
+        /// The condition in the author's text.
         condition: String,
     },
-    /// A feature that no condition asks about.
+    /// No condition uses a feature.
     #[error(
-        "nothing in package `{package}` or in what it imports asks about the feature{} {}{}{}{}",
+        "no condition in package `{package}` or in its imports uses the feature{} {}{}{}{}",
         if unknown.len() == 1 { "" } else { "s" }, listed(unknown),
-        if known.is_empty() { String::new() } else { format!("; it asks about {known}") },
-        misspelt.as_ref().map_or_else(String::new, |text| format!("\n`{text}` is no condition: write `@if` or `@elif`")),
+        if known.is_empty() { String::new() } else { format!("; its conditions use {known}") },
+        misspelt.as_ref().map_or_else(String::new, |text| format!("\n`{text}` isn't a condition: write `@if` or `@elif`")),
         bare.as_ref().map_or_else(String::new, |name| format!(
-            "\n`{name}` is a name in the text, which no feature replaces: write what stands for it into karat.toml \
+            "\n`{name}` is a name in the text, which no feature replaces: write its value into karat.toml \
              beside the modules\n\n[values]\n{name} = 64"
         ))
     )]
     UnknownFeature {
-        /// The names that were set, each with the closest existing one.
+        /// The names of the features, each with the most similar existing name.
         unknown: Vec<(String, Option<String>)>,
         /// The package.
         package: String,
-        /// An attribute that looks like a condition on one of them: `@iff(fast)`.
+        /// An attribute that looks like a condition with one of these features: `@iff(fast)`.
         misspelt: Option<Box<str>>,
-        /// One of them that a module uses as an ordinary name.
+        /// One of these features that a module uses as an ordinary name.
         bare: Option<Box<str>>,
-        /// The features that the package asks about.
+        /// The features that the package's conditions use.
         known: Box<str>,
     },
-    /// A path that goes up from the root.
+    /// A path goes above the root of its package.
     #[error("`super` leads above the root of package `{package}`")]
     AboveRoot {
         /// The package.
@@ -184,7 +184,7 @@ pub enum PackageError {
         /// The name that occurs twice.
         what: String,
     },
-    /// A file that looks like a module and can't be one.
+    /// A file has the name of a module, but can't be a module.
     #[error("`{file}` can't be a module: {reason}")]
     NoModule {
         /// The file.
@@ -192,7 +192,7 @@ pub enum PackageError {
         /// The reason.
         reason: &'static str,
     },
-    /// The folder that `KARAT_OVERLAY` names can't stand in for modules of the package.
+    /// The overlay can't replace modules of the package.
     #[error("the overlay `{folder}` (KARAT_OVERLAY) {reason}")]
     Overlay {
         /// The folder.
@@ -205,7 +205,6 @@ pub enum PackageError {
     Shader(Box<Diagnostic>),
 }
 
-/// The names, each with a suggestion.
 fn listed(unknown: &[(String, Option<String>)]) -> String {
     match unknown {
         [(name, near)] => format!("`{name}`{}", did_you_mean(near)),

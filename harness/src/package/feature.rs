@@ -16,7 +16,8 @@ use std::fmt;
 pub enum Feature {
     /// On or off: `@if(name)`, `#ifdef name`.
     Flag(bool),
-    /// On, and a number: `constants::name` in Bevy's WESL, `#{name}` and `#if name == 3` in `naga_oil`'s modules.
+    /// On, with a number: `constants::name` in Bevy's WESL, `#{name}` and `#if name == 3` in `naga_oil`'s
+    /// modules.
     Number(i64),
 }
 
@@ -47,10 +48,9 @@ impl fmt::Display for Feature {
     }
 }
 
-/// The features that are set; all others are off.
+/// The values of features. Other features are off.
 pub(crate) type Features = BTreeMap<String, Feature>;
 
-/// Returns `true` if a feature is on.
 pub(super) fn is_on(features: &Features, name: &str) -> bool {
     !matches!(features.get(name), None | Some(Feature::Flag(false)))
 }

@@ -1,8 +1,9 @@
-//! Fingerprints of declarations, made without linking. As long as a declaration and everything that it needs stay the
-//! same, so does the linked program, except for comments, blanks and the linker's names.
+//! Computes fingerprints of declarations without linking. While a declaration and everything that it needs stay
+//! the same, so does the linked program, except for comments, blanks and the linker's names.
 //!
-//! All tests of a library are compared at each edit. Linking a hundred tests would take a hundred times as long as
-//! linking the one that changed. So each declaration is described once, and again after its module changes.
+//! After each edit, Karat compares the fingerprints of all tests. Linking a hundred tests would take a hundred
+//! times as long as linking the changed test. So Karat describes each declaration once, and again after a change
+//! of its module.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::sync::Arc;
@@ -25,7 +26,8 @@ use crate::diagnostic::Diagnostic;
 type TestItems = Result<Vec<(TestItem, Option<String>)>, PackageError>;
 
 impl Package {
-    /// Fingerprints of some functions, by name: `brdf::schlick`. A function that can't be linked has none.
+    /// Fingerprints of some functions, by name: `brdf::schlick`. A function that can't be linked has no
+    /// fingerprint.
     ///
     /// ```
     /// use karat::Package;
@@ -56,7 +58,8 @@ impl Package {
         all
     }
 
-    /// The tests of each module, in the order of lines, with their fingerprints; and the features that are set.
+    /// The tests of each module with their fingerprints, in the order of lines. Also returns the package's
+    /// features.
     pub(crate) fn test_items(
         &self,
         modules: &[String],
@@ -69,7 +72,7 @@ impl Package {
     }
 }
 
-/// Returns `true` if a text that can't be parsed contains the word `@test`.
+/// Checks if a text that can't be parsed contains `@test`.
 fn may_have_tests(error: &Diagnostic) -> bool {
     let text = error.location().map_or("@test", |place| &place.file.text);
     text.split('@').skip(1).any(|mark| mark.trim_start().starts_with("test"))
@@ -78,25 +81,24 @@ fn may_have_tests(error: &Diagnostic) -> bool {
 /// The known facts about some modules and their declarations.
 #[derive(Default)]
 struct Known {
-    /// Modules whose imports exist, as do the imports of all modules that they lead to.
+    /// Modules with imports that exist. The modules from which they import also have only imports that exist.
     imports: BTreeSet<ModulePath>,
-    /// All modules that were read.
+    /// All modules that Karat read.
     modules: BTreeMap<ModulePath, Arc<Module>>,
     numbers: HashMap<Item, usize>,
     nodes: Vec<Node>,
     /// The number of passes so far.
     time: u64,
-    /// The results for the declarations that were asked for.
+    /// The results for the requested declarations.
     wholes: HashMap<usize, Whole>,
 }
 
-/// A declaration.
 struct Node {
     item: Item,
-    /// The hash of its own parts, and the declarations that it needs; `None` if it isn't described yet, or if its
-    /// module changed.
+    /// The hash of the declaration's own tokens, and the declarations that it needs. `None` if the declaration
+    /// isn't described yet, or if its module changed.
     made_of: Option<(Hash, Vec<usize>)>,
-    /// The previous description, and the pass that made it.
+    /// The description before the change of the module.
     before: Option<(Hash, Vec<usize>)>,
     since: u64,
 }
@@ -108,12 +110,12 @@ struct Whole {
     time: u64,
 }
 
-/// The facts that the previous pass over a package knew.
+/// The facts from the previous pass over a package.
 struct Last {
     package: Package,
-    /// Its modules.
+    /// The package's modules.
     there: Vec<String>,
-    /// The packages that it reaches, in the order of their numbers.
+    /// The packages that modules of the package reach, in the order of their numbers.
     packages: Vec<(Package, String)>,
     known: Known,
 }
@@ -124,7 +126,7 @@ impl Kind for Last {
     const MOST: usize = 1;
 }
 
-/// The declarations of a package, each described once for all of its modules.
+/// The declarations of a package. Karat describes each declaration once for all modules.
 struct Described<'a> {
     package: &'a Package,
     library: &'a Library,
@@ -143,7 +145,7 @@ impl<'a> Described<'a> {
         Self { package, library, linker: None, known: known.unwrap_or_default() }
     }
 
-    /// Keeps the facts for the next pass, unless files of other packages may change them.
+    /// Stores the facts for the next pass, unless files of other packages may change the facts.
     fn keep(self, there: &[String]) {
         let Some(packages) = self.library.in_memory() else { return };
         let (package, there) = (self.package.clone(), there.to_vec());
@@ -174,7 +176,8 @@ impl<'a> Described<'a> {
         Ok(items.into_iter().zip(found).collect())
     }
 
-    /// `None` for a declaration that doesn't exist, or that needs one that doesn't.
+    /// The fingerprints of declarations. An element is `None` if the declaration or one that it needs doesn't
+    /// exist.
     fn fingerprints(
         &mut self,
         module: &str,
@@ -203,8 +206,8 @@ impl<'a> Described<'a> {
         self.known.fingerprints(self.package, items, linker)
     }
 
-    /// A library for a module that the shared one can't serve: it defines names for the others, or shares a name space
-    /// with them.
+    /// A library for a module that can't use the shared library, because the module defines names for other
+    /// modules or shares a name space with them.
     fn own_library(&self, root: &ModulePath) -> Result<Option<Library>, PackageError> {
         let file = self.library.read(root)?;
         let defines = !directives::defined(&file.text).is_empty()
@@ -219,8 +222,8 @@ impl<'a> Described<'a> {
 }
 
 impl Known {
-    /// Forgets the descriptions of changed modules. Returns `false` if one of them now declares or imports other names,
-    /// so that names in other modules may mean something else.
+    /// Forgets the descriptions of changed modules. Returns `false` if a changed module declares or imports other
+    /// names than before. Then names in other modules may mean something else.
     fn is_updated(&mut self, library: &Library) -> bool {
         let mut changed = BTreeSet::new();
         for (path, known) in &self.modules {
@@ -272,7 +275,7 @@ impl Known {
             }
             let (nodes, mut hashes) = self.reached(wanted, linker)?;
             hashes.extend(own);
-            // The hash doesn't depend on the order in which they were reached.
+            // The hash doesn't depend on the order of the declarations.
             hashes.sort_unstable_by_key(|hash| *hash.as_bytes());
             hashes.dedup();
             let mut all = Hasher::new();
@@ -286,11 +289,11 @@ impl Known {
             }
             Ok(Some(found))
         };
-        // Linking reports a missing name.
+        // The linker reports a missing name.
         Ok(items.iter().map(|item| one(item).ok().flatten()).collect())
     }
 
-    /// The previous result of a declaration, if nothing that it needs has changed.
+    /// The previous fingerprint of a declaration, if everything that it needs is unchanged.
     fn found(
         &mut self,
         only: usize,
@@ -307,7 +310,7 @@ impl Known {
         Ok(self.wholes.get(&only).map(|whole| whole.found.clone()))
     }
 
-    /// Describes a declaration: its own parts, its module's directives, and the declarations that it needs.
+    /// Describes a declaration: its own tokens, its module's directives, and the declarations that it needs.
     fn describe(&mut self, number: usize, linker: &mut Linker<'_>) -> Result<(), PackageError> {
         if self.nodes[number].made_of.is_some() {
             return Ok(());
@@ -346,7 +349,7 @@ impl Known {
     }
 }
 
-/// Returns `true` if two texts of a module declare and import the same names.
+/// Checks if two texts of a module declare and import the same names.
 fn has_same_names(one: &Module, other: &Module) -> bool {
     let declared = |module: &Module| {
         let all = module.declarations.iter();
@@ -379,7 +382,8 @@ mod tests {
                      fn other(x: f32) -> f32 { return h(x); }\n";
     const B: &str = "fn g(x: f32) -> f32 { return x; }\nfn h(x: f32) -> f32 { return -x; }\n";
 
-    /// A change of `f`'s program changes its fingerprint; no other change does.
+    /// The fingerprint of `f` changes with the program of `f`, and with nothing else.
+    // Lesson 103
     #[test]
     fn a_fingerprint_changes_with_the_program_alone() {
         let first = of(A, B);
@@ -405,9 +409,9 @@ mod tests {
         }
     }
 
-    /// After edits in a folder, the kept facts give the same fingerprints as a fresh pass.
+    /// After edits in a folder, the stored facts give the same fingerprints as a new pass.
     #[test]
-    fn what_is_known_from_before_changes_nothing() {
+    fn cached_facts_do_not_change_fingerprints() {
         let folder = tempfile::tempdir().expect("a folder");
         let write = |name: &str, text: &str| {
             std::fs::write(folder.path().join(name), text).expect("written");
@@ -451,7 +455,8 @@ mod tests {
         }
     }
 
-    /// A checkout, or a rename across files, changes several modules at once: each of them is described again.
+    /// A checkout, or a rename across files, changes several modules at once. Karat describes each of them again.
+    // Lesson 193
     #[test]
     fn each_module_of_one_burst_is_described_again() {
         let folder = tempfile::tempdir().expect("a temporary folder");
@@ -461,7 +466,7 @@ mod tests {
         let package = Package::open(folder.path()).expect("a folder");
         let names = BTreeSet::from(["a::f", "a::other"].map(str::to_owned));
         let mut before = BTreeMap::new();
-        // Another test of this process may evict the kept facts, but not in every round.
+        // Another test of this process may evict the stored facts, but not in every round.
         for round in 0..16 {
             write("a.wgsl", &A.replace("K = 2.0", &format!("K = {round}.5")));
             write("b.wgsl", &B.replace("return -x", &format!("return -{round}.5 * x")));
@@ -473,8 +478,9 @@ mod tests {
         }
     }
 
+    // Lesson 103
     #[test]
-    fn what_cannot_be_linked_has_none() {
+    fn functions_that_cannot_be_linked_have_no_fingerprint() {
         let package = Package::from_modules("m", [("a", "fn f() { g(); }\n")]);
         let found = package.fingerprints(&["a::f", "a::nothing"].map(str::to_owned).into());
         assert_eq!(Vec::from_iter(found.keys()), ["a::f"], "naga says what `g` is");

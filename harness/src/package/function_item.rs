@@ -15,13 +15,13 @@ use crate::diagnostic::Span;
 /// ```
 #[derive(Clone, Debug)]
 pub struct FunctionItem {
-    /// `module::name`, or `name` in a package of one module.
+    /// The function's path: `module::name`, or `name` in a package of one module.
     pub name: String,
-    /// The place of its name.
+    /// The location of the function's name.
     pub span: Span,
     /// The whole function, with its attributes.
     pub whole: Span,
-    /// The stage of an entry point.
+    /// The stage, if the function is an entry point.
     pub entry_point: Option<Stage>,
 }
 

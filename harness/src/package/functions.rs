@@ -31,7 +31,7 @@ impl Package {
         Ok(functions.collect::<Result<Vec<_>, _>>()?.concat())
     }
 
-    /// The functions of one module (`""` in a package of one module), in the order of lines.
+    /// The functions of one module, in the order of lines. The module is `""` in a package of one module.
     ///
     /// ```
     /// use karat::Package;
@@ -49,8 +49,8 @@ impl Package {
         Ok(functions_of(module, &*self.parsed(module)?))
     }
 
-    /// The tests of some modules that conditions leave out: functions with `@test` under an `@if` or
-    /// `#ifdef` that doesn't hold. Modules that can't be read have none.
+    /// The tests of some modules that conditions remove: functions with `@test` under an `@if` or `#ifdef` that
+    /// is false. A module that can't be read has no tests.
     ///
     /// ```
     /// use karat::Package;
@@ -78,13 +78,13 @@ impl Package {
         all
     }
 
-    /// The number of functions with `@test` in a module; 0 if it can't be parsed.
+    /// The number of functions with `@test` in a module; 0 if the module can't be parsed.
     pub(crate) fn tests_of(&self, module: &str) -> usize {
         let tests = |module: Arc<Module>| module.declarations.iter().filter(|one| one.test).count();
         self.parsed(module).map_or(0, tests)
     }
 
-    /// The place of a module's first test, and the number of its tests.
+    /// The location of a module's first test, and the number of the module's tests.
     pub(crate) fn first_test(&self, module: &str) -> Option<(Span, usize)> {
         let parsed = self.parsed(module).ok()?;
         let mut tests = parsed.declarations.iter().filter(|one| one.test);
@@ -92,7 +92,7 @@ impl Package {
         Some((parsed.span(first.tokens.start), 1 + tests.count()))
     }
 
-    /// One module, without the parts that its conditions leave out.
+    /// One module, without the parts that its conditions remove.
     pub(super) fn parsed(&self, module: &str) -> Result<Arc<Module>, PackageError> {
         let (library, root) = (Library::open(self)?, ModulePath::root(module));
         library.begin(&root)?;
@@ -100,7 +100,7 @@ impl Package {
     }
 }
 
-/// A test that a condition leaves out.
+/// A test that a condition removes.
 ///
 /// ```
 /// # use karat::Package;
@@ -110,10 +110,10 @@ impl Package {
 /// ```
 #[derive(Clone, Debug)]
 pub struct LeftOut {
-    /// `brdf_test::is_fast`
+    /// The test's path: `brdf_test::is_fast`.
     pub name: String,
-    /// The condition, as the author wrote it: `@if(fast)`.
+    /// The condition in the author's text: `@if(fast)`.
     pub condition: String,
-    /// The place of the condition.
+    /// The location of the condition.
     pub span: Span,
 }

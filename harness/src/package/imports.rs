@@ -1,7 +1,7 @@
-//! Follows import statements and paths to declarations.
+//! Resolves import statements and paths to declarations.
 //!
-//! Karat follows every import of a module, and of all modules that it reaches, before it links anything. So an error
-//! appears at the import statement. `naga_oil` resolves an import only where its name is used.
+//! Karat follows every import of a module, and of all modules that it reaches, before it links anything. So an
+//! error appears at the import statement. `naga_oil` resolves an import only where a module uses its name.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -14,7 +14,8 @@ use super::library::{Library, ModulePath};
 use super::syntax::Module;
 use crate::diagnostic::{Diagnostic, Mend, Span, nearest};
 
-/// The deepest nesting of braces in an import statement: far more than anyone writes, and safe for the stack.
+/// The deepest nesting of braces in an import statement. Authors write far fewer, and the stack suffices for this
+/// number.
 const MOST_BRACES: usize = 32;
 
 /// An imported name.
@@ -22,7 +23,7 @@ const MOST_BRACES: usize = 32;
 pub(super) struct Import {
     /// The words of the path: `package`, `math`, `PI`.
     words: Vec<String>,
-    /// Its name in the module.
+    /// The import's name in the module.
     pub(super) alias: String,
     /// The token of the imported name.
     token: usize,
@@ -33,8 +34,8 @@ impl Import {
         self.words.last().expect("an import has a name")
     }
 
-    /// Returns `false` for an import that `naga_oil` skips: its name isn't used, or the module declares the name
-    /// itself.
+    /// Checks if an import has an effect. `naga_oil` skips an import if the module doesn't use its name, or
+    /// declares the name itself.
     fn counts_in(&self, module: &Module) -> bool {
         let mut used = module.references.iter().flatten();
         let is_declared = || module.declared(&self.alias).next().is_some();
@@ -43,7 +44,6 @@ impl Import {
     }
 }
 
-/// The meaning of a name or a path.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Target {
     /// A declaration of a module.
@@ -52,12 +52,12 @@ pub(super) enum Target {
     Module(ModulePath),
 }
 
-/// Follows each import of `root`, and of the modules that it reaches.
+/// Follows each import of `root`, and of the modules that `root` reaches.
 pub(super) fn check(library: &Library, root: &ModulePath) -> Result<(), PackageError> {
     check_more(library, root, &mut BTreeSet::new())
 }
 
-/// The same for one more module, after others that have no errors.
+/// Follows each import of one more module, after the modules in `good`, which have no errors.
 pub(super) fn check_more(
     library: &Library,
     root: &ModulePath,
@@ -69,7 +69,7 @@ pub(super) fn check_more(
         let module = library.module(&path)?;
         for import in imports(&module)?.into_iter().filter(|import| import.counts_in(&module)) {
             let led = match led(library, &path, &module, &import) {
-                // The use of the name reports it: `naga_oil` looks no further.
+                // A use of the name reports this error, because `naga_oil` checks only used names.
                 Err(Problem::Item { condition: Some(_), .. }) => continue,
                 led => led,
             };
@@ -103,7 +103,8 @@ pub(super) fn imports(module: &Module) -> Result<Vec<Import>, PackageError> {
         if let Some(first) = first.filter(|first| first.words != import.words) {
             return Err(twice(module, import, module.span(first.token), "imported before"));
         }
-        // With `naga_oil`, an import may name a module, whose name can't clash with a declaration's.
+        // With `naga_oil`, an import may name a module. The name of a module can't clash with a declaration's
+        // name.
         if let Some(declared) = module.declared(&import.alias).next().filter(|_| !module.composes) {
             let place = module.span(module.declarations[declared].name_token);
             return Err(twice(module, import, place, "declared here"));
@@ -112,7 +113,7 @@ pub(super) fn imports(module: &Module) -> Result<Vec<Import>, PackageError> {
     Ok(found)
 }
 
-/// The error for a name that an import gives a second meaning.
+/// The error for a name that has two meanings because of an import.
 fn twice(module: &Module, import: &Import, first: Span, how: &str) -> PackageError {
     let message = format!("`{}` would mean two things in this module", import.alias);
     let diagnostic = Diagnostic::new(message)
@@ -127,7 +128,7 @@ fn malformed(module: &Module, token: usize) -> PackageError {
     syntax_error(&module.file, module.span(token).range, message)
 }
 
-/// Reads one path and its end: a name, or names in braces. Returns the token after it.
+/// Reads one path and its end: a name, or names in braces. Returns the index of the token after the path.
 fn list(
     module: &Module,
     tokens: Range<usize>,
@@ -204,7 +205,7 @@ enum Problem {
     Item { module: ModulePath, nearest: Option<String>, condition: Option<String> },
 }
 
-/// The target of a module's import, also through modules that import it again.
+/// The target of a module's import. The imported module may import the name from another module.
 pub(super) fn follow(
     library: &Library,
     path: &ModulePath,
@@ -221,7 +222,7 @@ fn led(
     module: &Module,
     import: &Import,
 ) -> Result<Target, Problem> {
-    // The modules on the way, and the name looked up in each.
+    // The modules on the way to the declaration, and the name in each of them.
     let mut chain: Vec<(ModulePath, String)> = vec![(path.clone(), import.alias.clone())];
     let mut target = locate(library, path, &import.words).map_err(Problem::Module)?;
     loop {
@@ -241,7 +242,7 @@ fn led(
     }
 }
 
-/// `None` if a module declares a name itself, or else the target of its own import of that name.
+/// The target of a module's own import of a name; `None` if the module declares the name itself.
 fn declared_or_imported(
     library: &Library,
     path: &ModulePath,
@@ -263,9 +264,9 @@ fn declared_or_imported(
     })
 }
 
-/// The module or the item that the words of a path name, as one module sees it.
+/// The module or the item that a path names in the module `from`.
 fn locate(library: &Library, from: &ModulePath, words: &[String]) -> Result<Target, PackageError> {
-    // The paths that modules give themselves aren't ordered by package.
+    // The paths that modules declare for themselves don't begin with a package.
     if library.module(from)?.composes && !matches!(&*words[0], "package" | "super") {
         return match library.composed(from, words)? {
             Some((owner, count)) if count == words.len() => Ok(Target::Module(owner)),
@@ -301,7 +302,7 @@ fn locate(library: &Library, from: &ModulePath, words: &[String]) -> Result<Targ
     match item {
         Some(item) if library.has(&owner) => Ok(Target::Item(owner, item)),
         _ if library.has_below(&inner) => Ok(Target::Module(inner)),
-        // Reading a missing module returns its error.
+        // Reading a missing module returns an error that names the module.
         _ => Err(match library.read(&owner) {
             Err(error) => error,
             Ok(_) => unreachable!("`has` and `read` look in the same places"),
@@ -325,7 +326,7 @@ pub(super) fn resolve_path(
         token: last,
     };
     let mut full: Vec<String> = words.iter().map(|word| (*word).to_owned()).collect();
-    // The first word may be an imported module.
+    // The first word may be the name of an imported module.
     if let Some(import) = imports.iter().find(|import| import.alias == words[0]) {
         full.splice(0..1, import.words.iter().cloned());
     }
@@ -384,7 +385,7 @@ fn failed(problem: Problem, span: Span, library: &Library, import: &Import) -> P
     }
 }
 
-/// Adds the reason for a missing name: a condition that doesn't hold, or a typo.
+/// Adds the reason for a missing name: a false condition, or a typo.
 fn hinted(
     diagnostic: Diagnostic,
     (module, name): (&str, &str),
@@ -399,10 +400,10 @@ fn hinted(
     let diagnostic = diagnostic.mended_by(mend);
     let diagnostic = match (condition, nearest) {
         (None, _) if module == CONSTANTS => diagnostic.note(format!(
-            "it is a feature with a value: `.feature(\"{name}\", 3)`, or `--feature {name}=3`"
+            "`{name}` is a feature with a value: `.feature(\"{name}\", 3)`, or `--feature {name}=3`"
         )),
         (Some(condition), _) => diagnostic
-            .note(format!("`{name}` is declared under `{condition}`, which doesn't hold here")),
+            .note(format!("`{name}` is declared under `{condition}`, which is false here")),
         (None, Some(name)) => diagnostic.note(format!("did you mean `{name}`?")),
         (None, None) => diagnostic,
     };

@@ -1,35 +1,36 @@
-//! `[inputs]` of `karat.toml`: the numbers that a host passes to a function or a pass.
+//! `[inputs]` of `karat.toml`: the values that a host passes to a function or a pass.
 //!
-//! | key | of |
+//! | key | input |
 //! |---|---|
 //! | `roughness` | each argument and member of this name |
 //! | `params.groups` | a member of a variable or an argument |
-//! | `"scan::main.groups"` | the same of one function alone |
-//! | `"length(data)"` | the elements of an array without a length |
-//! | `"workgroups(scan::main)"` | the workgroups of a pass, in all |
+//! | `"scan::main.groups"` | the same member, only in one function |
+//! | `"length(data)"` | the number of elements of a runtime-sized array |
+//! | `"workgroups(scan::main)"` | the total number of workgroups of a pass |
 //!
-//! | value | numbers |
+//! | value | allowed values |
 //! |---|---|
-//! | `0.5` | this one |
-//! | `[0, 1]` or `"0..1"` | from the first to the second |
-//! | `{ one_of = [0, 1, 4] }` | these |
-//! | `"unit_vector"`, `"hemisphere"`, `"unit_rgb"` | a vector of that kind |
-//! | `"multiple of 64"` | a length |
-//! | `{ range = [0, "length(out) - 1"], distinct = true }` | elements of an array: an end may be a length, and no two are the same |
+//! | `0.5` | this number |
+//! | `[0, 1]` or `"0..1"` | numbers from the first to the second number |
+//! | `{ one_of = [0, 1, 4] }` | one of these numbers |
+//! | `"unit_vector"`, `"hemisphere"`, `"unit_rgb"` | vectors of this kind |
+//! | `"multiple of 64"` | lengths that are multiples of this number |
+//! | `{ range = [0, "length(out) - 1"], distinct = true }` | elements of an array, all different |
 
 use toml::Value;
 
-/// The most elements of a generated array, or workgroups: 2^22 words are 16 MiB, and more take minutes.
+/// The largest number of elements of a generated array, and of workgroups: 2^22 words are 16 MiB, and more take
+/// minutes.
 pub const MOST_ELEMENTS: u32 = 1 << 22;
 
-/// The declaration of a name.
+/// The values that a declared input may have.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Declaration {
-    /// From the first to the second.
+    /// The numbers from the first to the second number.
     Range(f64, f64),
-    /// One of these.
+    /// One of these numbers.
     Values(Vec<f64>),
-    /// A vector of a kind: `unit_vector`.
+    /// Vectors of a kind: `unit_vector`.
     Named(String),
     /// The elements of an array of integers.
     Elements {
@@ -37,10 +38,10 @@ pub enum Declaration {
         least: End,
         /// The largest element.
         most: End,
-        /// Set if all elements differ.
+        /// Reports if all elements differ.
         distinct: bool,
     },
-    /// A length that is a multiple of this.
+    /// Lengths that are multiples of this number.
     MultipleOf(u32),
 }
 
@@ -49,7 +50,7 @@ pub enum Declaration {
 pub enum End {
     /// A number.
     Number(f64),
-    /// The length of an array, minus a number.
+    /// The length of the named array, minus a number.
     Length(String, f64),
 }
 
@@ -57,7 +58,7 @@ pub enum End {
 const KINDS: [&str; 3] = ["unit_vector", "hemisphere", "unit_rgb"];
 
 impl Declaration {
-    /// Reads the value of a name. The error is a sentence.
+    /// Reads the value of a declared input. The error is a sentence.
     pub(super) fn of(name: &str, value: &Value) -> Result<Self, String> {
         let is_length = name.contains("length(");
         let wrong = || {
@@ -68,7 +69,7 @@ impl Declaration {
                      \"unit_rgb\", or { range = [0, \"length(out) - 1\"], distinct = true }"
                 }
             };
-            format!("the input `{name}` is {what}, and this is {value}")
+            format!("the input `{name}` must be {what}, and this is {value}")
         };
         let declared = match value {
             Value::Integer(_) | Value::Float(_) => {
@@ -89,7 +90,7 @@ impl Declaration {
                 let known = |key: &String| matches!(&**key, "one_of" | "range" | "distinct");
                 if let Some(key) = table.keys().find(|key| !known(key)) {
                     return Err(format!(
-                        "the input `{name}` has no key `{key}`: one_of, range, distinct"
+                        "the input `{name}` has no key `{key}`: its keys are one_of, range and distinct"
                     ));
                 }
                 let distinct = table.get("distinct").map(Value::as_bool);
@@ -107,7 +108,7 @@ impl Declaration {
                             },
                             Some(_) => return Err(wrong()),
                         };
-                        // Unless a range is given, the elements are indices of their own array.
+                        // Without a range, the elements are indices of their own array.
                         let array = name.rsplit("::").next().unwrap_or(name).to_owned();
                         let (least, most) =
                             own.unwrap_or((Some(End::Number(0.0)), Some(End::Length(array, 1.0))));
@@ -126,14 +127,14 @@ impl Declaration {
             Self::Range(least, most) if is_size && !(is_count(*least) && is_count(*most)) => {
                 let what = if is_length { "elements" } else { "workgroups" };
                 return Err(format!(
-                    "the input `{name}` has from 1 to {MOST_ELEMENTS} {what}, and this is {value}"
+                    "the input `{name}` must have from 1 to {MOST_ELEMENTS} {what}, and this is {value}"
                 ));
             }
             Self::Values(_) | Self::Named(_) | Self::Elements { .. } if is_size => {
                 return Err(wrong());
             }
             Self::Range(least, most) if !(fits(*least) && fits(*most)) => {
-                return Err(format!("the input `{name}` is {value}, and no f32 reaches so far"));
+                return Err(format!("the input `{name}` is {value}, and no f32 is so large"));
             }
             _ => {}
         }
@@ -174,7 +175,6 @@ fn number(value: &Value) -> Option<f64> {
     value.as_float().or_else(|| value.as_integer().map(|one| one as f64)).filter(|x| x.is_finite())
 }
 
-/// Reads a number, `length(out)` or `length(out) - 1`.
 fn end(value: &Value) -> Option<End> {
     let Some(text) = value.as_str() else { return number(value).map(End::Number) };
     let (name, rest) = text.trim().strip_prefix("length(")?.split_once(')')?;
@@ -185,7 +185,7 @@ fn end(value: &Value) -> Option<End> {
     Some(End::Length(name.trim().to_owned(), less))
 }
 
-/// The declarations under a name: in TOML, `params.groups = [1, 8]` is a table in a table.
+/// The declarations under a name. In TOML, `params.groups = [1, 8]` is a table inside of a table.
 pub(super) fn flat(name: &str, value: &Value) -> Result<Vec<(String, Declaration)>, String> {
     let is_own = |table: &toml::Table| {
         table.is_empty()
@@ -200,8 +200,8 @@ pub(super) fn flat(name: &str, value: &Value) -> Result<Vec<(String, Declaration
     }
 }
 
-/// Splits a key into its function, if it has one, and the rest: `scan::main` and `groups`, `scan` of
-/// `workgroups(scan)`.
+/// Splits a key into the path of a function, if the key has one, and the name: `scan::main.groups` into
+/// `scan::main` and `groups`. A key with `(`, such as `workgroups(scan)`, has no function.
 pub fn scope(key: &str) -> (Option<&str>, &str) {
     if key.contains('(') {
         return (None, key);
@@ -247,7 +247,7 @@ mod tests {
     }
 
     #[test]
-    fn what_says_nothing_is_told() {
+    fn invalid_inputs_say_why() {
         for (text, part) in [
             ("[1, 0]", "from 1 to 0: no range"),
             ("[0, 1, 2]", "this one has 3"),

@@ -1,4 +1,4 @@
-//! The parts of a package that programs need in order to check functions without a test.
+//! The functions with which other crates check a package's functions without a test.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -15,7 +15,7 @@ use super::{Package, PackageError, directives, texts};
 pub struct Moved;
 
 impl Package {
-    /// Moved to another crate.
+    /// This method moved to the crate `karat-inspect`.
     ///
     /// *Unstable*: for programs around tests.
     #[deprecated(
@@ -27,7 +27,7 @@ impl Package {
     }
 
     /// Moved to another crate.
-    ///
+    /// This method moved to the crate `karat-inspect`.
     /// *Unstable*: for programs around tests.
     #[deprecated(
         note = "add karat-inspect to [dev-dependencies], and write `karat_inspect::matrix(&package)`"
@@ -38,13 +38,13 @@ impl Package {
     }
 }
 
-/// The package with the features that one module is validated with.
+/// The package with the features for validating one module.
 #[must_use]
 pub fn for_validating(package: &Package, module: &str) -> Package {
     package.for_validating(module)
 }
 
-/// Returns `true` if the package is a crate's.
+/// Checks if the package comes from a crate.
 #[must_use]
 pub fn is_crate(package: &Package) -> bool {
     package.is_crate()
@@ -53,7 +53,7 @@ pub fn is_crate(package: &Package) -> bool {
 /// The hazards that `karat.toml` declares.
 ///
 /// # Errors
-/// If it can't be read.
+/// If `karat.toml` can't be read.
 pub fn declared_hazards(package: &Package) -> Result<Hazards, PackageError> {
     Ok(Manifest::of(package)?.hazards())
 }
@@ -61,7 +61,7 @@ pub fn declared_hazards(package: &Package) -> Result<Hazards, PackageError> {
 /// The mutants that `karat.toml` accepts.
 ///
 /// # Errors
-/// If it can't be read.
+/// If `karat.toml` can't be read.
 pub fn accepted_mutants(package: &Package) -> Result<Vec<AcceptedMutants>, PackageError> {
     Ok(Manifest::of(package)?.mutants())
 }
@@ -69,7 +69,7 @@ pub fn accepted_mutants(package: &Package) -> Result<Vec<AcceptedMutants>, Packa
 /// The rows of the translation matrix that `karat.toml` declares.
 ///
 /// # Errors
-/// If it can't be read.
+/// If `karat.toml` can't be read.
 pub fn known_rows(package: &Package) -> Result<Vec<KnownRows>, PackageError> {
     Ok(Manifest::of(package)?.known_rows())
 }
@@ -80,13 +80,13 @@ pub fn file_of(package: &Package, module: &str) -> Option<PathBuf> {
     package.file_at(&ModulePath::root(module).components)
 }
 
-/// The text that stands in for a file, if [`Package::unsaved`] gave one.
+/// The text that replaces the contents of a file, if [`Package::unsaved`] has set one.
 #[must_use]
 pub fn unsaved_of<'p>(package: &'p Package, file: &Path) -> Option<&'p str> {
     package.unsaved_text(file)
 }
 
-/// The words in a module's own file, and the unset features that its conditions ask about.
+/// The words in a module's own file, and the features in its conditions that aren't set.
 #[must_use]
 pub fn words_of(package: &Package, module: &str) -> Option<(Vec<String>, Vec<String>)> {
     let (overlay, manifest) = (Overlay::of(package).ok()?, Manifest::of(package).ok()?);
@@ -97,21 +97,22 @@ pub fn words_of(package: &Package, module: &str) -> Option<(Vec<String>, Vec<Str
     Some((words, open.collect()))
 }
 
-/// Values for the features that a package's conditions compare with a value and that have none. The first is the value
-/// in the condition.
+/// For each feature without a value that conditions compare with a value, some values. The first value is the
+/// value in the condition.
 #[must_use]
 pub fn values_of(package: &Package) -> BTreeMap<String, Vec<Feature>> {
     library::values_of(package)
 }
 
-/// The same for an override's value.
+/// The position of an override's value in the folder's `karat.toml`, as a suffix for a message: `
+/// (karat.toml:3:1)`. The text is empty if the file doesn't declare the override.
 #[must_use]
 pub fn place_of_override(package: &Package, name: &str) -> String {
     manifest::place_of("overrides", package, name)
 }
 
-/// The place of an input's declaration in the folder's `karat.toml`, behind a message: ` (karat.toml:3:1)`. It is empty
-/// for an undeclared input.
+/// The position of an input's declaration in the folder's `karat.toml`, as a suffix for a message: `
+/// (karat.toml:3:1)`. The text is empty if the file doesn't declare the input.
 #[must_use]
 pub fn place_of_input(package: &Package, name: &str) -> String {
     manifest::place_of("inputs", package, name)

@@ -1,4 +1,4 @@
-//! The let-bindings of a function in a linked text, found by its tokens.
+//! Finds the `let` statements of a function in a linked text.
 
 use std::ops::Range;
 
@@ -7,11 +7,11 @@ use super::lexer::{Kind, Token, lex};
 /// A `let` statement.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct LetStatement {
-    /// The name that it binds, in the text.
+    /// The range of the name.
     pub(crate) name: Range<usize>,
-    /// The byte behind its semicolon; `None` in the head of a `for`, where no statement can follow.
+    /// The offset behind the semicolon; `None` in the head of a `for`, where no statement can follow.
     pub(crate) end: Option<usize>,
-    /// Set in a loop, where it has one value in each round.
+    /// True in a loop, where the `let` has one value in each round.
     pub(crate) repeats: bool,
 }
 
@@ -24,10 +24,10 @@ pub(crate) fn let_statements(text: &str, function: &str) -> Vec<LetStatement> {
     let head = |pair: &[Token]| is_word(&pair[0], "fn") && is_word(&pair[1], function);
     let Some(start) = tokens.windows(2).position(head) else { return Vec::new() };
     let mut open: Vec<u8> = Vec::new();
-    // The number of open brackets around each open loop, and whether a loop's `{` is still to come.
+    // The number of open brackets around each open loop, and a flag for a loop whose `{` hasn't come yet.
     let (mut loops, mut awaited): (Vec<usize>, bool) = (Vec::new(), false);
     let mut found: Vec<LetStatement> = Vec::new();
-    // The binding whose initialiser is being read, and the number of brackets that were open before it.
+    // The `let` whose initialiser the loop reads now, and the number of brackets around the `let`.
     let mut reading: Option<(Range<usize>, usize)> = None;
     for (index, token) in tokens.iter().enumerate().skip(start) {
         match token.kind {

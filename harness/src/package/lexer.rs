@@ -1,7 +1,7 @@
-//! Splits WGSL into words, numbers and symbols, each with its place.
+//! Splits WGSL into words, numbers and symbols, each with its range.
 //!
-//! The linker needs tokens only to find declarations and names, so each symbol is a token of its own (`>>` is two).
-//! Text is never made from tokens: the linker copies it from the author's file.
+//! The linker needs tokens only to find declarations and names, so each symbol is a separate token (`>>` is two
+//! tokens). The linker never generates text from tokens: it copies text from the author's file.
 
 use std::ops::Range;
 
@@ -16,11 +16,10 @@ pub(super) enum Kind {
     Number,
     /// One ASCII symbol.
     Symbol(u8),
-    /// A character that WGSL has no token for.
+    /// A character that begins no token of WGSL.
     Unknown,
 }
 
-/// A token and its place in the text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Token {
     pub(super) kind: Kind,
@@ -29,12 +28,11 @@ pub(super) struct Token {
 }
 
 impl Token {
-    /// Byte range in the text.
     pub(super) fn range(&self) -> Range<usize> {
         self.start as usize..self.end as usize
     }
 
-    /// A `;` that the author left out.
+    /// A `;` that the author omitted.
     pub(super) fn end(at: usize) -> Self {
         let at = place(at);
         Self { kind: Kind::Symbol(b';'), start: at, end: at }
@@ -52,7 +50,7 @@ fn place(offset: usize) -> u32 {
 /// The characters of WGSL's operators and brackets.
 const SYMBOLS: &str = "!%&()*+,-./:;<=>@[]^{|}~";
 
-/// All tokens of a text, in order. Only blanks and comments lie between them.
+/// All tokens of a text, in order. Only blanks and comments lie between tokens.
 pub(super) fn lex(text: &str) -> Vec<Token> {
     let mut tokens = Vec::with_capacity(text.len() / 4);
     let mut at = 0;
@@ -92,7 +90,7 @@ fn run(text: &str, belongs: impl Fn(char) -> bool) -> usize {
     text.find(|c| !belongs(c)).unwrap_or(text.len())
 }
 
-/// The length of a literal: digits, letters and points, and the sign of an exponent.
+/// The length of a numeric literal: its digits, letters and points, and the sign of its exponent.
 fn number(text: &str) -> usize {
     let bytes = text.as_bytes();
     let hexadecimal = bytes.len() > 1 && bytes[0] == b'0' && matches!(bytes[1], b'x' | b'X');
@@ -110,7 +108,7 @@ fn number(text: &str) -> usize {
     length
 }
 
-/// The length of a block comment, which may hold others; `None` if it doesn't end.
+/// The length of a block comment, which may contain other comments; `None` if it doesn't end.
 fn comment(text: &str) -> Option<usize> {
     let (mut depth, mut at) = (0_usize, 0);
     let bytes = text.as_bytes();
@@ -164,6 +162,7 @@ mod tests {
         assert_eq!(lex("a /* b")[1].kind, Kind::Unknown);
     }
 
+    // Lesson 49: text is copied from the author's bytes
     #[test]
     fn nothing_is_skipped() {
         for text in ["x $", "'x'", "\u{0}", "\\", "a \u{fe0f} b", "\u{feff}a"] {

@@ -1,4 +1,4 @@
-//! Reads the modules of a package, and of the packages that it depends on, when they are first needed.
+//! Reads the modules of a package, and of the packages on which it depends, at their first use.
 
 mod composed;
 mod features;
@@ -33,30 +33,31 @@ pub(super) struct ModulePath {
 }
 
 impl ModulePath {
-    /// A module of the package that is linked, by the author's path; `""` is the only module of its package.
+    /// A module of the linked package, from the author's path. `""` is the only module of its package.
     pub(super) fn root(module: &str) -> Self {
         let components = module.split("::").filter(|part| !part.is_empty());
         Self { package: 0, components: components.map(str::to_owned).collect() }
     }
 }
 
-/// The packages of one link and their modules, read when first needed. The first package is the one that is linked; the
-/// others are reached from it.
+/// The packages and modules for linking one package. Karat reads a module at its first use. The first package is
+/// the linked package, and its imports reach the other packages.
 pub(super) struct Library {
     packages: RefCell<Vec<(Rc<Package>, String)>>,
-    /// The `karat.toml` of each package that a module was needed from.
+    /// The `karat.toml` of each package with a module that was used.
     manifests: RefCell<BTreeMap<usize, Rc<Manifest>>>,
     overlay: Overlay,
     files: RefCell<BTreeMap<ModulePath, Arc<SourceFile>>>,
     modules: RefCell<BTreeMap<ModulePath, Arc<Module>>>,
-    /// The known answers to "does this module exist?".
+    /// The known results of checks if a module exists.
     there: RefCell<BTreeMap<ModulePath, bool>>,
-    /// The known answers for folders of modules.
+    /// The known results of checks if a folder of modules exists.
     folders: RefCell<BTreeMap<PathBuf, bool>>,
-    /// The names that the linked module defines, and those that it defines only if nothing else has.
+    /// The names that the linked module defines. `guards` has the names that it defines only if nothing else
+    /// defines them.
     defined: RefCell<Features>,
     guards: RefCell<Features>,
-    /// Modules by the paths that they give themselves.
+    /// Modules by the paths that they declare for themselves.
     composed: OnceCell<BTreeMap<String, Vec<ModulePath>>>,
 }
 
@@ -84,8 +85,8 @@ impl Library {
         Ok(library)
     }
 
-    /// The module of an author's path: one of the package that is linked, or `noise::value` of a package that it
-    /// depends on, by the name that its modules import it with.
+    /// The module of an author's path. It is a module of the linked package, or a module `noise::value` of a
+    /// dependency, whose name is the name in imports.
     pub(super) fn root(&self, module: &str) -> ModulePath {
         let own = ModulePath::root(module);
         let Some((name, rest)) = own.components.split_first() else { return own };
@@ -98,7 +99,6 @@ impl Library {
         found.ok().filter(|found| self.has(found)).unwrap_or(own)
     }
 
-    /// The text of a module.
     pub(super) fn read(&self, path: &ModulePath) -> Result<Arc<SourceFile>, PackageError> {
         if let Some(known) = self.files.borrow().get(path) {
             return Ok(Arc::clone(known));
@@ -109,7 +109,7 @@ impl Library {
         Ok(file)
     }
 
-    /// The packages that were reached, if all except the first are texts in memory.
+    /// All packages that were reached, if all except the first package are texts in memory.
     pub(super) fn in_memory(&self) -> Option<Vec<(Package, String)>> {
         let packages = self.packages.borrow();
         let is_memory = |package: &Package| matches!(package.origin, Origin::Memory { .. });
@@ -117,14 +117,14 @@ impl Library {
         all.then(|| packages.iter().map(|(p, route)| (Package::clone(p), route.clone())).collect())
     }
 
-    /// Numbers the packages as another library of the same package does.
+    /// Numbers the packages like another library of the same package.
     pub(super) fn number_as(&self, packages: &[(Package, String)]) {
         let others = packages.iter().skip(1);
         let others = others.map(|(package, route)| (Rc::new(package.clone()), route.clone()));
         self.packages.borrow_mut().extend(others);
     }
 
-    /// The `karat.toml` of a package, read once.
+    /// The `karat.toml` of a package. The library reads it once.
     fn manifest(&self, package: usize) -> Result<Rc<Manifest>, PackageError> {
         if let Some(known) = self.manifests.borrow().get(&package) {
             return Ok(Rc::clone(known));
@@ -134,7 +134,7 @@ impl Library {
         Ok(manifest)
     }
 
-    /// The text of the module that is linked. Its definitions hold in all modules.
+    /// The text of the linked module. Its definitions apply to all modules.
     pub(super) fn begin(&self, root: &ModulePath) -> Result<Arc<SourceFile>, PackageError> {
         let file = self.read(root)?;
         *self.defined.borrow_mut() = directives::defined(&file.text);
@@ -142,18 +142,18 @@ impl Library {
         Ok(file)
     }
 
-    /// The modules that a host puts into one text with this one.
+    /// The modules that a host joins with this module into one text.
     pub(super) fn joined(&self, path: &ModulePath) -> Result<Vec<String>, PackageError> {
         Ok(self.manifest(path.package)?.joined(&path.components.join("::")).to_vec())
     }
 
-    /// A module, without the parts that its conditions leave out.
+    /// A module, without the parts that its conditions remove.
     pub(super) fn module(&self, path: &ModulePath) -> Result<Arc<Module>, PackageError> {
         if let Some(module) = self.modules.borrow().get(path) {
             return Ok(Arc::clone(module));
         }
         let file = self.read(path)?;
-        // In a file with a guard, the guard's condition is evaluated before the name is defined.
+        // In a file with a guard, the guard's condition is evaluated before the definition of the name.
         let own = directives::guards(&file.text);
         let mut features = self.guarded(path.package);
         if !own.is_empty() {
@@ -170,12 +170,12 @@ impl Library {
         Ok(module)
     }
 
-    /// All modules that were read so far.
+    /// All modules that the library has parsed so far.
     pub(super) fn parsed(&self) -> BTreeMap<ModulePath, Arc<Module>> {
         self.modules.borrow().clone()
     }
 
-    /// Returns `true` if a module exists, readable or not.
+    /// Checks if a module exists, even if it can't be read.
     pub(super) fn has(&self, path: &ModulePath) -> bool {
         if let Some(known) = self.there.borrow().get(path) {
             return *known;
@@ -186,7 +186,7 @@ impl Library {
         has
     }
 
-    /// Returns `true` if the folder exists that a module would be in: most paths that are looked up name items.
+    /// Checks if the folder of a module exists. Most paths in the checks name items, and have no folder.
     fn has_folder(&self, package: &Package, path: &ModulePath) -> bool {
         let Some((_, above)) = path.components.split_last() else { return true };
         if above.is_empty() || matches!(package.origin, Origin::Memory { .. }) {
@@ -202,20 +202,20 @@ impl Library {
         })
     }
 
-    /// Returns `true` if a crate has a module of this name at its root.
+    /// Checks if a crate has a module of this name at its root.
     pub(super) fn is_own(&self, package: usize, name: &str) -> bool {
         let of = self.package(package);
         of.is_crate() && of.find(&[name.to_owned()]).is_some()
     }
 
-    /// Returns `true` if a path is a folder of modules.
+    /// Checks if a path is a folder of modules.
     pub(super) fn has_below(&self, path: &ModulePath) -> bool {
         let prefix = format!("{}::", path.components.join("::"));
         let modules = self.package(path.package).modules().unwrap_or_default();
         modules.iter().any(|module| module.starts_with(&prefix))
     }
 
-    /// All files that were read, and `root`, which may not parse.
+    /// All texts that were read, with `root`. `root` may be a file that doesn't parse.
     pub(super) fn sources(&self, root: &ModulePath, file: &SourceFile) -> Sources {
         let hash = hash_of;
         let modules = self.modules.borrow();
@@ -244,7 +244,7 @@ impl Library {
         });
         let linked = linked.collect();
         files.extend(packages.iter().filter_map(|(manifest, _)| manifest.read.clone()));
-        // A program's output is in no file, but its input is.
+        // A program's output is in no file, but the program's input is.
         let given = texts.keys().filter_map(|path| {
             let (manifest, package) = &packages[path.package];
             match package.find(&path.components)? {
@@ -266,7 +266,7 @@ impl Library {
         self.package(package).name()
     }
 
-    /// The name of a package, as seen from the one that is linked: `noise`, `textures/noise`.
+    /// The path of a package from the linked package: `noise`, `textures/noise`.
     pub(super) fn route(&self, package: usize) -> String {
         self.packages.borrow()[package].1.clone()
     }
@@ -279,7 +279,7 @@ impl Library {
         parts.join("::")
     }
 
-    /// The package that `package` knows as `name`.
+    /// The package that `package` imports as `name`.
     pub(super) fn dependency(&self, package: usize, name: &str) -> Result<usize, PackageError> {
         let of = self.package(package);
         let constants = || (name == CONSTANTS).then(|| self.constants());
@@ -299,7 +299,7 @@ impl Library {
         found.expect_distinct()?;
         let route = self.route(package);
         let mut packages = self.packages.borrow_mut();
-        // A package that is reached in two ways is one package: its types are the same types.
+        // A package that is reached in two ways is one package, and its types are equal.
         let same =
             |known: &Package| known.origin == found.origin && known.features == found.features;
         if let Some(index) = packages.iter().position(|(known, _)| same(known)) {
@@ -310,7 +310,7 @@ impl Library {
         Ok(packages.len() - 1)
     }
 
-    /// The values of features, as a package that Bevy's shaders import.
+    /// The values of features as the package that Bevy's shaders import.
     fn constants(&self) -> Package {
         let features = self.guarded(0);
         let values = features.iter().filter_map(|(name, value)| match value {
@@ -320,7 +320,7 @@ impl Library {
         Package::from_modules(CONSTANTS, [("", values.collect::<String>())])
     }
 
-    /// All packages that the linked one can reach.
+    /// All packages that the linked package can reach.
     fn all(&self) -> Vec<usize> {
         let (mut all, mut at) = (vec![0], 0);
         while let Some(package) = all.get(at).copied() {
@@ -330,7 +330,7 @@ impl Library {
                 Origin::Found(found) => found.known().map(str::to_owned).collect(),
                 _ => Vec::new(),
             };
-            // A crate that can't be found is an error where it is imported.
+            // A missing crate is an error at its import.
             let found = own.chain(crates).filter_map(|name| self.dependency(package, &name).ok());
             let new: BTreeSet<usize> = found.filter(|index| !all.contains(index)).collect();
             all.extend(new);
@@ -339,10 +339,11 @@ impl Library {
         all
     }
 
-    /// The features that hold in a package: its own, then those of the linked package.
+    /// The features that are set in a package: first its own features, and then the features of the linked
+    /// package.
     pub(super) fn features(&self, package: usize) -> Features {
         let (own, linked) = (self.package(package), self.package(0));
-        // An error in the file was reported when it was first read.
+        // The first read of the file reported its errors.
         let declared =
             [package, 0].map(|of| self.manifest(of).unwrap_or_default().features.clone());
         let set = own.features.iter().chain(&linked.features);
@@ -351,8 +352,8 @@ impl Library {
         declared.into_iter().flatten().chain(set).chain(defined).collect()
     }
 
-    /// Adds to the error of a feature without a value all others of its package that have none, so you can set them in
-    /// one round.
+    /// Extends the error about a feature without a value: adds all other features of the package without a value,
+    /// so that you can set them together.
     fn with_values(&self, path: &ModulePath, error: PackageError) -> PackageError {
         let PackageError::Shader(diagnostic) = error else { return error };
         if !matches!(diagnostic.mend, Some(Mend::Feature(_))) {
@@ -367,12 +368,13 @@ impl Library {
         let each = open.iter().map(|(name, all)| format!("{name} = {}", all[0]));
         let each = each.collect::<Vec<_>>().join(", ");
         let note = format!(
-            "these of the package have none either; in `karat.toml`: features = {{ {each} }}"
+            "other features of the package have no values either; in `karat.toml`: features = {{ {each} }}"
         );
         PackageError::Shader(Box::new(diagnostic.note(note)))
     }
 
-    /// [`features`](Self::features), and the names that the linked module defines only if nothing else has.
+    /// The [`features`](Self::features), and the names that the linked module defines only if nothing else
+    /// defines them.
     fn guarded(&self, package: usize) -> Features {
         let mut features = self.features(package);
         for (name, value) in &*self.guards.borrow() {
@@ -383,8 +385,8 @@ impl Library {
 }
 
 impl Package {
-    /// The folders and files of this package and of all packages that its modules can import from. Crates have none,
-    /// because their files don't change. Text in memory has none, either.
+    /// The folders and files of this package and of all packages from which its modules can import. The list
+    /// doesn't contain crates, because their files don't change. It doesn't contain text in memory, either.
     ///
     /// ```
     /// use karat::Package;
@@ -406,30 +408,30 @@ impl Package {
     }
 }
 
-/// A module that a program was linked from.
+/// A module of a linked program.
 #[derive(Clone, Debug)]
 pub(crate) struct LinkedModule {
-    /// Its path for messages: `package::math`, or `noise::value` of another package.
+    /// The module's path for messages: `package::math`, or `noise::value` of another package.
     pub(crate) name: String,
     /// `None` for a module in memory.
     pub(crate) file: Option<PathBuf>,
-    /// [`text_hash`] of its text.
+    /// [`text_hash`] of the module's text.
     pub(crate) hash: String,
 }
 
-/// The texts that a program was linked from.
+/// The texts of a linked program.
 #[derive(Clone, Debug)]
 pub(crate) struct Sources {
     packages: Vec<(Manifest, Package)>,
     texts: BTreeMap<ModulePath, Hash>,
-    /// The same texts, in the form that people see.
+    /// The modules of these texts, for messages and records.
     linked: Vec<LinkedModule>,
-    /// Those of them that are in files.
+    /// The files among these texts, and the files that produced them.
     files: Vec<FileRead>,
 }
 
 impl Sources {
-    /// The features that are on in some package, in the form that people write.
+    /// The features that are on in some package, as text: `SHADOWS`, `SAMPLES=4`.
     pub(crate) fn features(&self) -> Vec<String> {
         let all = self.packages.iter().flat_map(|(_, package)| &package.features);
         let written = all.filter_map(|(name, feature)| match feature {
@@ -439,17 +441,15 @@ impl Sources {
         written.collect::<BTreeSet<_>>().into_iter().collect()
     }
 
-    /// The files among them.
     pub(crate) fn files(&self) -> &[FileRead] {
         &self.files
     }
 
-    /// The modules that these texts belong to.
     pub(crate) fn modules(&self) -> &[LinkedModule] {
         &self.linked
     }
 
-    /// Returns `true` if all of them are unchanged.
+    /// Checks if all texts are unchanged.
     pub(crate) fn are_current(&self) -> Result<bool, PackageError> {
         let overlay = Overlay::of(&self.packages[0].1)?;
         for (manifest, package) in &self.packages {
@@ -465,7 +465,8 @@ impl Sources {
     }
 }
 
-/// The hash of a text, and of the author's text behind its values: places are the author's.
+/// The hash of a text, and of the author's text without replaced values. A change of the author's text may change
+/// positions.
 fn hash_of(file: &SourceFile) -> Hash {
     let mut hasher = blake3::Hasher::new();
     hasher.update(file.text.as_bytes());
@@ -475,7 +476,7 @@ fn hash_of(file: &SourceFile) -> Hash {
     hasher.finalize()
 }
 
-/// Parsed modules by their names and texts, and features.
+/// Parsed modules, by a hash of their names and texts, and by features.
 struct Modules;
 
 impl Kind for Modules {
@@ -485,7 +486,7 @@ impl Kind for Modules {
     const MOST: usize = 10_000;
 }
 
-/// A parsed module. A process parses it once for the same file and features.
+/// A parsed module. A process parses a file once for the same features.
 fn parsed(file: &Arc<SourceFile>, features: Features) -> Result<Arc<Module>, PackageError> {
     let mut hasher = blake3::Hasher::new();
     hasher.update(file.name.as_bytes()).update(&[0]).update(hash_of(file).as_bytes());
@@ -498,14 +499,13 @@ fn parsed(file: &Arc<SourceFile>, features: Features) -> Result<Arc<Module>, Pac
     Ok(module)
 }
 
-/// The place of a module's text.
 pub(super) enum Place<'a> {
     File(PathBuf),
     Memory(&'a str, &'a str),
 }
 
 impl Package {
-    /// The package that this one imports under a name.
+    /// The package that this package imports under a name.
     fn dependency(&self, name: &str) -> Result<Option<Self>, PackageError> {
         if let Some((_, found)) = self.dependencies.iter().find(|(known, _)| known == name) {
             return Ok(Some(found.found()?.into_owned()));
@@ -519,7 +519,7 @@ impl Package {
         Ok(expectations.map(|package| Self::from_source(name, package.text.as_str())))
     }
 
-    /// The modules that `karat.toml` joins with one. An unreadable `karat.toml` was reported earlier.
+    /// The modules that `karat.toml` joins with a module. An earlier read reported an unreadable `karat.toml`.
     pub(crate) fn joined_with(&self, module: &str) -> Vec<String> {
         Manifest::of(self).map_or(Vec::new(), |all| all.joined(module).to_vec())
     }
@@ -539,7 +539,6 @@ impl Package {
         (declaring, own)
     }
 
-    /// The file of a module, if it has one.
     pub(super) fn file_at(&self, components: &[String]) -> Option<PathBuf> {
         match self.find(components)? {
             Place::File(path) => Some(path),
@@ -547,7 +546,6 @@ impl Package {
         }
     }
 
-    /// Finds a module by its path in the package.
     pub(super) fn find(&self, components: &[String]) -> Option<Place<'_>> {
         match &self.origin {
             Origin::Crate { .. } => None,
@@ -568,7 +566,7 @@ impl Package {
         }
     }
 
-    /// The text of a module, with its package's `karat.toml`.
+    /// The text of a module. `manifest` is the `karat.toml` of the module's package.
     pub(super) fn load(
         &self,
         components: &[String],
@@ -599,7 +597,8 @@ impl Package {
 }
 
 impl Package {
-    /// A module before values replace anything: its file, or the output of the program that prints it.
+    /// A module's text before the replacement of values: its file, or the output of the program that prints the
+    /// module.
     pub(super) fn before_values(&self, module: &str) -> Result<String, PackageError> {
         let manifest = Manifest::of(self)?.without_values();
         let components = ModulePath::root(module).components;
@@ -607,7 +606,7 @@ impl Package {
     }
 }
 
-/// Values for the features that a package's conditions compare with a value and that have none.
+/// For each feature without a value that conditions compare with a value, some values.
 pub(super) fn values_of(package: &Package) -> BTreeMap<String, Vec<Feature>> {
     let (Ok(overlay), Ok(manifest)) = (Overlay::of(package), Manifest::of(package)) else {
         return BTreeMap::new();

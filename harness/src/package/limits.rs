@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use crate::diagnostic::nearest;
 
-/// A limit by WebGPU's name, with its value by default and in compatibility mode (WebGPU, 3.6.2 "Limits").
+/// A limit with WebGPU's name, and its values by default and in compatibility mode (WebGPU, 3.6.2 "Limits").
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Limit {
     pub(crate) name: &'static str,
@@ -50,21 +50,20 @@ limits! {
 /// The limits of a package.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Limits {
-    /// Set if compatibility mode's limits replace the default ones.
+    /// Replaces the default limits by the limits of compatibility mode.
     pub(crate) compatibility: bool,
-    /// Other values, by name.
+    /// Values from `karat.toml`, by the names of limits.
     named: BTreeMap<String, u64>,
-    /// Set if `karat.toml` has the table: exceeding a limit is then an error.
+    /// True if `karat.toml` has the table `[limits]`. Then exceeding a limit is an error.
     pub(crate) stated: bool,
 }
 
 impl Limits {
-    /// The limits that every device has.
+    /// The limits that every device supports.
     pub(crate) fn usual(compatibility: bool) -> Self {
         Self { compatibility, ..Self::default() }
     }
 
-    /// Reads the table `[limits]`.
     pub(super) fn of(written: BTreeMap<String, toml::Value>) -> Result<Self, String> {
         let mut limits = Self { stated: true, ..Self::default() };
         for (name, value) in written {
@@ -74,14 +73,14 @@ impl Limits {
                     Some("compatibility") => true,
                     _ => {
                         return Err(
-                            "`mode` of `[limits]` is \"core\" or \"compatibility\"".to_owned()
+                            "`mode` of `[limits]` must be \"core\" or \"compatibility\"".to_owned()
                         );
                     }
                 };
                 continue;
             }
             if !Limit::ALL.iter().any(|limit| limit.name == name) {
-                // wgpu spells them differently: `max_bind_groups`.
+                // wgpu spells the names differently: `max_bind_groups`.
                 let camel = name.split('_').filter(|part| !part.is_empty()).enumerate();
                 let camel: String = camel.map(|(at, part)| capital(part, at > 0)).collect();
                 let names = Limit::ALL.iter().map(|limit| limit.name);
@@ -95,17 +94,16 @@ impl Limits {
                 });
             }
             let number = value.as_integer().and_then(|number| u64::try_from(number).ok());
-            let number =
-                number.ok_or_else(|| format!("the limit `{name}` is a whole number from 0"))?;
+            let number = number
+                .ok_or_else(|| format!("the limit `{name}` must be a whole number from 0"))?;
             limits.named.insert(name, number);
         }
         Ok(limits)
     }
 
-    /// The value of a limit.
     pub(crate) fn value(&self, limit: Limit) -> u64 {
-        // WebGPU, 3.6.2: outside compatibility mode, the vertex and fragment stages have the same limits as every
-        // stage.
+        // WebGPU, 3.6.2: outside of compatibility mode, the vertex and fragment stages have the same limits as
+        // all stages.
         let limit = match limit {
             limit if self.compatibility || self.named.contains_key(limit.name) => limit,
             Limit::STORAGE_BUFFERS_IN_VERTEX | Limit::STORAGE_BUFFERS_IN_FRAGMENT => {
@@ -120,7 +118,7 @@ impl Limits {
         self.named.get(limit.name).copied().unwrap_or(usual)
     }
 
-    /// The origin of the value: `WebGPU's default`.
+    /// The origin of the value, for messages: `WebGPU's default`.
     pub(crate) fn source(&self, limit: Limit) -> &'static str {
         match (self.named.contains_key(limit.name), self.compatibility) {
             (true, _) => "karat.toml's",
@@ -142,6 +140,7 @@ fn capital(word: &str, is_one: bool) -> String {
 mod tests {
     use super::*;
 
+    // Lesson 205
     #[test]
     fn limits_are_those_of_the_mode_unless_they_are_named() {
         let read = |text: &str| Limits::of(toml::from_str(text).expect("TOML"));

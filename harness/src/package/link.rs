@@ -1,7 +1,7 @@
 //! Links modules with imports into one WGSL text.
 //!
-//! Linking decides which declarations are needed, and which of them get new names. [`Spliced`] copies their text from
-//! the author's files.
+//! The linker finds the declarations that a text needs, and gives some of them new names. [`Spliced`] copies
+//! their text from the author's files.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -18,8 +18,9 @@ use super::{Package, PackageError, directives, imports};
 use crate::diagnostic::{SourceFile, nearest};
 
 impl Package {
-    /// Makes a package for each text, whose only module it is. Each has this package as a dependency called `name`, the
-    /// features in `set`, and the definitions that the module of the same name makes in its `text`.
+    /// Makes one package for each text. The text is the package's only module. Each package depends on this
+    /// package under `name`, and has the features in `set`. Each package also has the definitions of `text`, the
+    /// module with the same name.
     pub(crate) fn around<const N: usize>(
         &self,
         name: &str,
@@ -39,15 +40,15 @@ impl Package {
         texts.map(|text| {
             let modules = [(module, defines.clone() + &text)];
             let mut generated = Self::from_modules(&self.name(), modules).depends_on(name, self);
-            // An unsaved text stands in for its file here, too.
+            // An unsaved text replaces its file in these packages, too.
             generated.unsaved.clone_from(&self.unsaved);
             generated.features.extend(set.iter().map(|(name, value)| (name.clone(), *value)));
             generated
         })
     }
 
-    /// Links one declaration with everything that it needs from any module, and nothing else. An entry point becomes a
-    /// function, and `discards` decides how it goes on at a `discard`.
+    /// Links one declaration with everything that it needs from any module, and nothing else. An entry point
+    /// becomes a function. `discards` decides what an invocation does at a `discard`.
     pub(crate) fn link(&self, path: &str, discards: Discards) -> Result<Linked, PackageError> {
         let (module, item) = path.rsplit_once("::").unwrap_or(("", path));
         self.link_closure(module, &[item], Some((item, discards)))
@@ -81,7 +82,7 @@ impl Package {
         for item in items {
             let before = wanted.len();
             wanted.extend(parsed.declared(item).map(|index| (root.clone(), index)));
-            // A missing entry point is reported with its stage.
+            // The caller reports a missing entry point with its stage.
             if wanted.len() == before && items.len() == 1 {
                 return Err(self.unknown_function(module, item));
             }
@@ -90,8 +91,8 @@ impl Package {
         Linker::new(&library, &root)?.link(wanted, false, called)
     }
 
-    /// Links a whole module with what it needs of others. A module that imports nothing and has no conditions is linked
-    /// byte for byte, well formed or not.
+    /// Links a whole module with everything that it needs from other modules. If the module has no imports and no
+    /// conditions, the text is unchanged, byte for byte, even if it isn't well formed.
     pub(crate) fn link_module(&self, module: &str) -> Result<Linked, PackageError> {
         let root = ModulePath::root(module);
         let library = Library::open(self)?;
@@ -106,14 +107,14 @@ impl Package {
         Linker::new(&library, &root)?.link(all, true, None)
     }
 
-    /// Follows each import, used or not. Of a crate's imports it follows only the used ones, as the crate's engine
-    /// does: other imports may exist with some features only.
+    /// Follows each import, also unused imports. In a crate, Karat follows only used imports, like the crate's
+    /// engine. Other imports may exist with some features only.
     fn check_imports(&self, library: &Library, root: &ModulePath) -> Result<(), PackageError> {
         if self.is_crate() { Ok(()) } else { imports::check(library, root) }
     }
 
-    /// [`link_module`](Self::link_module) with a new name for everything that the module declares: the hardest test of
-    /// name resolution.
+    /// Links a whole module like [`link_module`](Self::link_module), with a new name for everything that the
+    /// module declares. This is the hardest test of name resolution.
     #[cfg(test)]
     pub(crate) fn link_renamed(&self, module: &str) -> Result<Linked, PackageError> {
         let root = ModulePath::root(module);
@@ -125,7 +126,7 @@ impl Package {
         linker.link(all, true, None)
     }
 
-    /// The error for a function that doesn't exist, with a suggestion. Modules that can't be read are skipped.
+    /// The error about a function that doesn't exist, with a suggestion. Modules that can't be read are skipped.
     fn unknown_function(&self, module: &str, item: &str) -> PackageError {
         let path = author_path("", &ModulePath::root(module), item);
         let mut known = Vec::new();
@@ -150,7 +151,7 @@ impl Package {
     }
 }
 
-/// A file, unchanged. Its functions keep their names.
+/// An unchanged file. Its functions keep their names.
 fn verbatim(library: &Library, root: &ModulePath, file: &Arc<SourceFile>) -> Linked {
     let mut spliced = Spliced::default();
     spliced.copy(file, 0..file.text.len(), Vec::new());

@@ -12,7 +12,8 @@ use super::splice::Spliced;
 use super::stage::Stage;
 use crate::diagnostic::{SourceFile, Span};
 
-/// WGSL's names that generated kernels use. If a shader under test declares one, its own gets another name.
+/// WGSL's names that generated kernels use. If a shader under test declares such a name, the linker renames the
+/// declaration.
 pub(crate) const KERNEL_WORDS: &[&str] = &[
     "all",
     "array",
@@ -48,7 +49,7 @@ pub(crate) const KERNEL_WORDS: &[&str] = &[
 /// The prefix of names in generated kernels.
 pub(crate) const KERNEL_PREFIX: &str = "karat_";
 
-/// A text for naga: blanks replace the tokens that naga doesn't know.
+/// The text for naga, with blanks in place of the tokens that naga doesn't know.
 pub(crate) fn as_naga_takes(text: &str) -> Cow<'_, str> {
     let unknown = unknown_to_naga(text);
     if unknown.is_empty() {
@@ -59,8 +60,8 @@ pub(crate) fn as_naga_takes(text: &str) -> Cow<'_, str> {
     String::from_utf8(bytes).map_or(text.into(), Cow::Owned)
 }
 
-/// Tokens that naga doesn't know. It accepts subgroup operations without `enable subgroups;`, which WGSL requires
-/// (4.1.1).
+/// Tokens that naga doesn't know. naga accepts subgroup operations without `enable subgroups;`, which WGSL
+/// requires (4.1.1).
 pub(crate) fn unknown_to_naga(text: &str) -> Vec<Range<usize>> {
     const KNOWN: &str = "subgroups";
     let mut unknown = Vec::new();
@@ -82,7 +83,7 @@ pub(crate) fn unknown_to_naga(text: &str) -> Vec<Range<usize>> {
         } else if is(start, "enable") {
             for at in extensions.into_iter().filter(is_known) {
                 add(at);
-                // With one of the commas beside it.
+                // One of the commas beside the extension is removed, too.
                 [at + 1, at - 1].into_iter().find(|at| is(*at, ",")).into_iter().for_each(&mut add);
             }
         }
@@ -91,39 +92,40 @@ pub(crate) fn unknown_to_naga(text: &str) -> Vec<Range<usize>> {
     unknown
 }
 
-/// WGSL without imports, with the places in the author's files.
+/// WGSL without imports, with a map to positions in the author's files.
 #[derive(Clone, Debug)]
 pub(crate) struct Linked {
     /// Plain WGSL.
     pub(crate) spliced: Spliced,
     /// The author's path of each declaration, `fresnel::schlick`, by its name in the text.
     pub(crate) names: BTreeMap<String, String>,
-    /// The file that was linked.
+    /// The file of the linked module.
     pub(crate) file: Arc<SourceFile>,
-    /// Set if the text has everything that the file declares, except tests: then the file is valid if the text is.
+    /// True if the text has everything that the file declares, except tests. Then the file is valid if the text
+    /// is valid.
     pub(crate) whole: bool,
     /// The entry point that became a function.
     pub(crate) called: Option<EntryPoint>,
-    /// A function that may discard, by its name in the text, and the function that is called in its place.
+    /// The name in the text of a function with `discard`, and the name of the function that Karat calls instead.
     pub(crate) discards: Option<(String, &'static str)>,
-    /// Calls of expectations in the linked modules, by their numbers.
+    /// The locations of expectations in the linked modules, by their numbers.
     pub(crate) calls: BTreeMap<u32, Span>,
-    /// Declarations under conditions that don't hold, in the linked modules, by their names.
+    /// Declarations under false conditions in the linked modules, by name.
     pub(crate) inactive: BTreeMap<String, Unmet>,
-    /// The texts that it was made of.
+    /// The texts of the linked modules.
     pub(crate) sources: Sources,
 }
 
-/// A condition that doesn't hold.
+/// A condition that is false.
 #[derive(Clone, Debug)]
 pub(crate) struct Unmet {
-    /// The condition, as its author wrote it: `@if(fast)`.
+    /// The condition in the author's text: `@if(fast)`.
     pub(crate) condition: String,
-    /// The feature, if the condition asks about one feature alone.
+    /// The feature, if the condition has only one feature.
     pub(crate) feature: Option<String>,
 }
 
-/// An entry point without its attributes, so it can be called.
+/// An entry point without its attributes, so that a kernel can call it.
 #[derive(Clone, Debug)]
 pub(crate) struct EntryPoint {
     pub(crate) stage: Stage,
@@ -136,7 +138,7 @@ impl Linked {
         self.spliced.text()
     }
 
-    /// Returns `true` if the text has `enable` with this extension. Directives come before everything else (WGSL, 4).
+    /// Checks if the text has `enable` with this extension. Directives come before everything else (WGSL, 4).
     pub(crate) fn enables(&self, extension: &str) -> bool {
         let text = self.text();
         if !text.contains(extension) {
@@ -148,15 +150,15 @@ impl Linked {
         statements.any(|one| one.first() == Some(&"enable") && one.contains(&extension))
     }
 
-    /// The place where the text nests so deep, or has so long an expression, that compilers would need more stack than
-    /// they get: they recurse over both.
+    /// The range where the text nests so deeply, or has such a long expression, that compilers would overflow
+    /// their stack. They recurse over both.
     pub(crate) fn too_deep(&self) -> Option<Span> {
         let place = deepest(self.text())?;
         let none = || Span { file: Arc::clone(&self.file), range: 0..0 };
         Some(self.spliced.resolve(place).unwrap_or_else(none))
     }
 
-    /// The name in the text of the declaration with this author's path.
+    /// The name of a declaration in the text, from the author's path.
     pub(crate) fn name_of(&self, path: &str) -> Option<&str> {
         self.names.iter().find(|(_, known)| *known == path).map(|(name, _)| name.as_str())
     }
@@ -165,7 +167,7 @@ impl Linked {
 /// A declaration: its module, and its index in that module.
 pub(super) type Item = (ModulePath, usize);
 
-/// An item's path for the author: `fresnel::schlick` in this package, `noise::value::perlin` in a dependency.
+/// An item's path for messages: `fresnel::schlick` in this package, `noise::value::perlin` in a dependency.
 pub(super) fn author_path(route: &str, module: &ModulePath, item: &str) -> String {
     let route = (!route.is_empty()).then(|| route.to_owned());
     let parts: Vec<String> = route

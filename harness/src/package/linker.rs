@@ -1,4 +1,4 @@
-//! Decides which declarations a link needs, and names them.
+//! Finds the declarations that a linked text needs, and chooses their names.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::ops::Range;
@@ -18,13 +18,12 @@ use super::stage::Stage;
 use super::syntax::{DeclarationKind, Module};
 use crate::diagnostic::{Diagnostic, Span};
 
-/// A module of one link.
 struct Part {
     module: Arc<Module>,
     imports: Vec<Import>,
 }
 
-/// The declaration that each reference means: its module and its name, by the reference's tokens.
+/// For each reference, by its tokens, the module and the name of its declaration.
 type Uses = BTreeMap<(usize, usize), (ModulePath, String)>;
 
 pub(super) struct Linker<'a> {
@@ -33,13 +32,14 @@ pub(super) struct Linker<'a> {
     parts: BTreeMap<ModulePath, Part>,
     /// The references to declarations, by module and tokens.
     uses: BTreeMap<ModulePath, Uses>,
-    /// The declarations that each declaration refers to, as far as they are resolved.
+    /// The declarations to which each declaration refers. Contains only the declarations that the linker has
+    /// resolved so far.
     resolved: BTreeMap<Item, Vec<Item>>,
-    /// WGSL's own names that linked declarations use, except those of the root.
+    /// WGSL's builtin names that linked declarations of other modules than the root use.
     pub(super) free: BTreeSet<String>,
-    /// The modules that share a name space with the root because it includes them.
+    /// The modules that the root includes, so that they share a name space with the root.
     included: Vec<ModulePath>,
-    /// The modules that share a name space with another module.
+    /// The modules that share a name space with another module than the root.
     spaces: BTreeMap<ModulePath, Vec<ModulePath>>,
 }
 
@@ -67,14 +67,14 @@ impl<'a> Linker<'a> {
         &self.root
     }
 
-    /// Makes another module of the same package the root, to describe its declarations. The module must include no
-    /// others. Resolved references stay valid.
+    /// Makes another module of the same package the root, to describe its declarations. This module must not
+    /// include other modules. Resolved references stay valid.
     pub(super) fn turn_to(&mut self, root: &ModulePath) -> Result<(), PackageError> {
         self.root = root.clone();
         self.add(root)
     }
 
-    /// In one text, two declarations of one name are an error, as they are where the files are included.
+    /// Reports two declarations of one name in one text. They are an error in the including engine, too.
     fn expect_one_of_each_name<'p>(
         &self,
         space: impl Iterator<Item = &'p ModulePath>,
@@ -88,7 +88,7 @@ impl<'a> Linker<'a> {
                 if let Some(first) = known.insert(name, span.clone()).filter(|first| *first != span)
                 {
                     let message =
-                        format!("`{name}` is declared in two files that share their names");
+                        format!("`{name}` is declared in two files that share a name space");
                     let diagnostic =
                         Diagnostic::new(message).at(span, "").at(first, "declared first");
                     return Err(PackageError::Shader(Box::new(diagnostic)));
@@ -111,7 +111,7 @@ impl<'a> Linker<'a> {
     pub(super) fn reach(&mut self, wanted: Vec<Item>) -> Result<BTreeSet<Item>, PackageError> {
         let mut items: BTreeSet<Item> = wanted.iter().cloned().collect();
         let mut queue: VecDeque<Item> = wanted.into();
-        // Modules with a linked declaration.
+        // Modules with at least one linked declaration.
         let mut used = BTreeSet::new();
         while let Some((path, index)) = queue.pop_front() {
             let mut reached = self.resolve(&path, index)?;
@@ -127,7 +127,7 @@ impl<'a> Linker<'a> {
         Ok(items)
     }
 
-    /// Hashes a linked declaration without the declarations that it refers to.
+    /// Hashes a linked declaration without the declarations to which it refers.
     pub(super) fn describe(&self, (path, index): &Item, hasher: &mut Hasher) {
         let module = &self.parts[path].module;
         let declaration = &module.declarations[*index];
@@ -141,7 +141,7 @@ impl<'a> Linker<'a> {
         };
         part(hasher, &author_path(&self.library.route(path.package), path, name));
         part(hasher, &plain(text.text()));
-        // The targets of its names, in their order.
+        // The targets of the declaration's names, in order.
         let tokens = (declaration.tokens.start, 0)..(declaration.tokens.end, 0);
         for (owner, name) in self
             .uses
@@ -154,7 +154,7 @@ impl<'a> Linker<'a> {
         }
     }
 
-    /// The directives of a module, if it has any.
+    /// A hash of the directives of a module; `None` if it has no directives.
     pub(super) fn directives(&self, path: &ModulePath) -> Option<Hash> {
         let module = &self.parts[path].module;
         let mut hasher = Hasher::new();
@@ -164,7 +164,7 @@ impl<'a> Linker<'a> {
         (!module.directives.is_empty()).then(|| hasher.finalize())
     }
 
-    /// The declarations that one refers to, and its module's assertions.
+    /// The declarations to which a declaration refers, and the assertions of its module.
     pub(super) fn needs(&mut self, (path, index): &Item) -> Result<Vec<Item>, PackageError> {
         self.add(path)?;
         let mut needs = self.resolve(path, *index)?;
@@ -172,7 +172,7 @@ impl<'a> Linker<'a> {
         Ok(needs)
     }
 
-    /// A module's assertions. They must hold wherever a part of it is linked.
+    /// A module's assertions. They must be true for each linked part of the module.
     fn assertions(&self, path: &ModulePath) -> impl Iterator<Item = Item> + use<'_, 'a> {
         let declarations = self.parts[path].module.declarations.iter().enumerate();
         let assertions = declarations.filter(|(_, d)| d.kind == DeclarationKind::Assertion);
@@ -180,9 +180,9 @@ impl<'a> Linker<'a> {
         assertions.map(move |(index, _)| (path.clone(), index))
     }
 
-    /// Links the wanted declarations and everything that they need. With `whole`, the root keeps its whole text. The
-    /// root's entry point `called` becomes a function that can be called, and `discards` says how it goes on at a
-    /// `discard`.
+    /// Links the wanted declarations and everything that they need. With `whole`, the root keeps its whole text.
+    /// The root's entry point `called` becomes an ordinary function. `discards` decides what an invocation does
+    /// at a `discard`.
     pub(super) fn link(
         mut self,
         wanted: Vec<Item>,
@@ -194,7 +194,7 @@ impl<'a> Linker<'a> {
         let names = self.names(&items);
         let Module { file, declarations, directives, .. } = &*self.parts[&self.root].module;
         let mut own = declarations.iter().enumerate().filter(|(_, declaration)| !declaration.test);
-        // Outside declarations, only a misplaced directive or a null character can be invalid.
+        // Outside of declarations, only a misplaced directive or a null character can be invalid.
         let plain = directives.is_empty() && !file.text.contains('\0');
         let mut linked = Linked {
             spliced: Spliced::default(),
@@ -218,7 +218,7 @@ impl<'a> Linker<'a> {
             }
             let from = 0..linked.file.text.len();
             edits.extend(part.module.changes(&from));
-            // Test runners link tests, so the whole module leaves them out.
+            // Test runners link tests themselves, so the linker removes tests from a whole module.
             for test in part.module.declarations.iter().filter(|declaration| declaration.test) {
                 let bytes = part.module.bytes(&test.tokens);
                 edits.retain(|edit| !bytes.contains(&edit.from.start));
@@ -276,7 +276,7 @@ impl<'a> Linker<'a> {
         Ok(linked)
     }
 
-    /// The declarations that one refers to.
+    /// The declarations to which a declaration refers.
     fn resolve(&mut self, path: &ModulePath, index: usize) -> Result<Vec<Item>, PackageError> {
         let item = (path.clone(), index);
         if let Some(known) = self.resolved.get(&item) {
@@ -308,7 +308,7 @@ impl<'a> Linker<'a> {
                 }
                 continue;
             };
-            // naga reports a module's name that stands alone.
+            // naga reports a module's name without an item.
             let Target::Item(owner, name) = target else { continue };
             self.add(&owner)?;
             let declared = self.parts[&owner].module.declared(&name);
@@ -329,7 +329,7 @@ impl<'a> Linker<'a> {
         let is_roots = *from == self.root || self.included.contains(from);
         let is_known = is_roots || self.spaces.contains_key(from);
         if !is_known && !self.parts[from].module.includes.is_empty() {
-            // In other modules, a missing file is reported where one of its names is unknown.
+            // In other modules than the root, the error about a missing file appears at the first unknown name.
             let mut space = self.library.included(from).unwrap_or_default();
             space.push(from.clone());
             for path in &space {
@@ -348,10 +348,10 @@ impl<'a> Linker<'a> {
         Ok(space.find(declares).cloned())
     }
 
-    /// Chooses new names: for declarations of other modules than the root, and for the root's own if other modules use
-    /// the same name for WGSL's builtin.
+    /// Chooses new names for declarations of other modules than the root. A declaration of the root gets a new
+    /// name if another module uses the same name for WGSL's builtin.
     fn names(&self, items: &BTreeSet<Item>) -> BTreeMap<(ModulePath, String), String> {
-        // A new name occurs in no file, so it can't be confused with another.
+        // A new name occurs in no file, so it can't clash with another name.
         let is_taken = |name: &str| {
             let mut parts = self.parts.values();
             self.free.contains(name) || parts.any(|part| part.module.words.contains(name))
@@ -390,8 +390,8 @@ impl<'a> Linker<'a> {
         names
     }
 
-    /// Returns `true` for an override that a host can set by its name: each word with its name, in everything that is
-    /// linked, means the override. Otherwise a local of the same name would hide it.
+    /// Checks if the declaration is an override that a host can set by its name. Every use of this name in the
+    /// linked text must mean the override. Otherwise a local variable of the same name would hide it.
     fn is_of_host(&self, one: &Item, item: &str, items: &BTreeSet<Item>) -> bool {
         let (path, index) = one;
         let module = &self.parts[path].module;
@@ -400,7 +400,7 @@ impl<'a> Linker<'a> {
             && items.iter().all(|owner| !self.has_another(owner, one, item))
     }
 
-    /// Returns `true` if a declaration contains the same word with another meaning.
+    /// Checks if a declaration contains the same word with another meaning.
     fn has_another(&self, (owner, index): &Item, (path, of): &Item, item: &str) -> bool {
         let name_token = self.parts[path].module.declarations[*of].name_token;
         let means_it = |token: usize| {
@@ -413,8 +413,8 @@ impl<'a> Linker<'a> {
         tokens.any(|token| module.text(token) == item && !means_it(token))
     }
 
-    /// The names that a path or an alias leads to, in a declaration that uses the same word for something else, such as
-    /// a parameter, which would capture the name.
+    /// Names to which a path or an alias leads, in a declaration that uses the same word for another thing, such
+    /// as a parameter. The parameter would capture the name.
     fn captured(&self, items: &BTreeSet<Item>) -> BTreeSet<(ModulePath, String)> {
         let mut captured = BTreeSet::new();
         for owner @ (path, index) in items {
@@ -436,7 +436,7 @@ impl<'a> Linker<'a> {
         captured
     }
 
-    /// The edits of names among a module's tokens.
+    /// The edits that rename names among a module's tokens.
     fn edits(
         &self,
         path: &ModulePath,
@@ -468,8 +468,8 @@ impl<'a> Linker<'a> {
         edits
     }
 
-    /// Copies directives to the front, before all declarations: each directive of a linked module once. The directives
-    /// of a whole root stay in their place.
+    /// Copies each directive of the linked modules once, before all declarations. The directives of a whole root
+    /// stay at their position.
     fn copy_directives(&self, items: &BTreeSet<Item>, whole: bool, spliced: &mut Spliced) {
         let mut linked: BTreeSet<&ModulePath> = items.iter().map(|(path, _)| path).collect();
         linked.insert(&self.root);
@@ -489,7 +489,7 @@ impl<'a> Linker<'a> {
     }
 }
 
-/// Sorts edits by their places. An edit inside a blanked range is dropped.
+/// Sorts edits by their positions, and drops edits inside of a blanked range.
 fn in_order(mut edits: Vec<Edit>) -> Vec<Edit> {
     edits.sort_by_key(|edit| (edit.from.start, std::cmp::Reverse(edit.from.end)));
     let mut kept: Vec<Edit> = Vec::with_capacity(edits.len());
@@ -502,7 +502,7 @@ fn in_order(mut edits: Vec<Edit>) -> Vec<Edit> {
     kept
 }
 
-/// The declarations of a module under conditions that don't hold.
+/// The declarations of a module under false conditions.
 fn inactive(module: &Module) -> impl Iterator<Item = (String, Unmet)> + '_ {
     module.inactive.iter().map(|one| {
         let (condition, feature) = (one.condition.clone(), feature_of(&one.condition));

@@ -21,55 +21,53 @@ use crate::diagnostic::{FileRead, SourceFile, nearest, read_file, shown};
 use crate::lines::{self, Broken};
 use crate::settings;
 
-/// The file's name.
 pub(super) const NAME: &str = "karat.toml";
 
-/// The file's contents.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Manifest {
-    /// The file, if there is one.
+    /// The file; `None` if the folder has no `karat.toml`.
     pub(super) read: Option<FileRead>,
-    /// Other packages, by the names that modules import them with.
+    /// Other packages, by their names in imports.
     dependencies: BTreeMap<String, Dependency>,
-    /// Features with their values, which a test or the command line may override.
+    /// Values of features. A test or the command line may override them.
     pub(super) features: Features,
-    /// Features that the engine sets, even if no module asks about them.
+    /// Features that the engine sets, even if no condition uses them.
     pub(super) set_by_engine: BTreeSet<String>,
     /// Texts that replace placeholders.
     values: Values,
-    /// A program with its arguments that prints a module as WGSL. The module's file is its last
-    /// argument, and it runs in the folder of the modules.
+    /// A program with its arguments, which prints a module as WGSL. The path of the module's file is the last
+    /// argument. The program runs in the folder of the modules.
     preprocess: Vec<String>,
-    /// For each module, the modules that the host puts into one text with it.
+    /// For each module, the modules that the host joins with it into one text.
     join: BTreeMap<String, Vec<String>>,
-    /// Rows that are declared not to work on a column of the translation matrix.
+    /// Rows of the translation matrix with known failures.
     matrix: Vec<KnownRows>,
-    /// Declarations of inputs, values of overrides, and hazards that are accepted.
+    /// Declarations of inputs, values of overrides, and accepted hazards.
     hazards: Hazards,
     /// Mutants that no test can kill.
     mutants: Vec<AcceptedMutants>,
-    /// Compilers besides naga, and limits.
+    /// Compilers in addition to naga, and limits.
     pub(super) compilers: Compilers,
 }
 
-/// Another package, as the file has it: `{ path = "../noise" }` or `{ crate = "lygia@1.4.0" }`.
+/// An entry with another package: `{ path = "../noise" }` or `{ crate = "lygia@1.4.0" }`.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Dependency {
-    /// Its folder, relative to this file.
+    /// The package's folder, relative to this file.
     path: Option<PathBuf>,
-    /// The crate whose shaders they are, and its version.
+    /// The crate with the shaders, and its version.
     #[serde(rename = "crate")]
     krate: Option<String>,
-    /// The folder of modules in the crate, where Karat doesn't find it.
+    /// The folder of modules in the crate. It is needed if Karat doesn't find the folder itself.
     root: Option<String>,
 }
 
-/// Names with a meaning of their own in an import.
+/// Names with a special meaning in imports.
 const TAKEN: [&str; 6] = ["karat", "wgsl_test", "package", "self", "super", "constants"];
 
 impl KnownRows {
-    /// The entry for one module's own rows, by their names in that module.
+    /// The entry with only the rows of one module, by their names in this module.
     fn of_module(self, module: &str) -> Option<Self> {
         let own = |row: String| match row.contains("::") {
             true => Some(row.strip_prefix(module)?.strip_prefix("::")?.to_owned()),
@@ -80,48 +78,48 @@ impl KnownRows {
     }
 }
 
-/// The file, as it is written.
+/// The file's keys.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Written {
     /// Other packages that modules import, by name: `{ path = "../noise" }` or `{ crate = "lygia@1.4.0" }`.
     #[serde(default)]
     dependencies: BTreeMap<String, Dependency>,
-    /// Features that are set: `{ SHADOWS = true }`.
+    /// Features: `{ SHADOWS = true }`.
     #[serde(default)]
     features: BTreeMap<String, toml::Value>,
-    /// Values of names that a host puts into the text.
+    /// Values for names that a host replaces in the text.
     #[serde(default)]
     values: BTreeMap<String, toml::Value>,
-    /// A program that prints a module from its file, with its arguments.
+    /// A program, with its arguments, that prints a module from its file.
     preprocess: Option<Vec<String>>,
-    /// Modules that a host joins to one text, in their order.
+    /// Modules that a host joins into one text, in their order.
     #[serde(default)]
     join: BTreeMap<String, Vec<String>>,
-    /// Rows of `karat matrix` that don't get to a status, as `[[matrix]]`.
+    /// Rows of `karat matrix` that don't reach a status, as `[[matrix]]`.
     #[serde(default)]
     matrix: Vec<KnownRows>,
     /// Ranges of arguments and variables, by name: `{ roughness = "0..1" }`.
     #[serde(default)]
     inputs: BTreeMap<toml::Spanned<String>, toml::Value>,
-    /// Values of `override`s in every test.
+    /// Values of `override`s for every test.
     #[serde(default)]
     overrides: BTreeMap<String, toml::Value>,
-    /// Hazards that are meant, as `[[hazard]]`.
+    /// Accepted hazards, as `[[hazard]]`.
     #[serde(default, rename = "hazard")]
     hazards: Vec<AcceptedHazard>,
     /// Mutants that no test can kill, as `[[mutant]]`.
     #[serde(default, rename = "mutant")]
     mutants: Vec<AcceptedMutants>,
-    /// Compilers beside naga, as `[compilers]`.
+    /// Compilers in addition to naga, as `[compilers]`.
     #[serde(default)]
     compilers: compilers::Written,
-    /// Limits of the device that the shaders are for, by WebGPU's names.
+    /// Limits of the devices that must run the shaders, by WebGPU's names.
     limits: Option<BTreeMap<String, toml::Value>>,
 }
 
-/// A path relative to a folder, without `name/..` pairs, so that packages that name each other are two packages, not
-/// endlessly many.
+/// A path relative to a folder, without `name/..` pairs. So packages that depend on each other get two paths, and
+/// not an endless number of paths.
 fn joined(folder: &Path, path: &Path) -> PathBuf {
     let mut joined = folder.to_owned();
     for part in path.components() {
@@ -136,19 +134,17 @@ fn joined(folder: &Path, path: &Path) -> PathBuf {
     if joined.as_os_str().is_empty() { PathBuf::from(".") } else { joined }
 }
 
-/// The texts that programs printed for modules.
 struct Printed;
 
 impl Kind for Printed {
     type Key = (PathBuf, blake3::Hash, Vec<String>);
     type Value = String;
     const MOST: usize = 10_000;
-    /// The programs may read other files.
+    /// The programs may read other files than the module.
     const VOLATILE: bool = true;
 }
 
 impl Package {
-    /// The sections of the folder's `karat.toml`.
     pub(crate) fn compilers(&self) -> Result<Compilers, PackageError> {
         let manifest = Manifest::of(self)?;
         let file = manifest.read.as_ref().map(|read| shown(&read.file)).unwrap_or_default();
@@ -156,7 +152,7 @@ impl Package {
         Ok(Compilers { file, require_tint, ..manifest.compilers })
     }
 
-    /// Returns `true` if a program prints the modules (`preprocess` in `karat.toml`). Such a program may read any file.
+    /// Checks if a program prints the modules (`preprocess` in `karat.toml`). Such a program may read any file.
     ///
     /// ```
     /// assert!(!karat::Package::from_source("m", "fn f() {}").is_printed());
@@ -169,25 +165,25 @@ impl Package {
     }
 }
 
-/// The names of functions and arguments in a `karat.toml` that no module has been found to declare yet.
+/// The names of functions and arguments in a `karat.toml` for which Karat has found no declaration yet.
 #[derive(Debug)]
 pub(crate) struct Declared {
     file: String,
     text: String,
-    /// Paths of inputs that weren't found yet: `alpha`, `params.groups`.
+    /// Paths of inputs without a declaration so far: `alpha`, `params.groups`.
     inputs: Vec<String>,
-    /// Values that no module has had a place for yet.
+    /// Names of `[values]` that no module has used so far.
     values: Vec<String>,
-    /// Functions whose hazards are accepted: `module::name`, `module::*`.
+    /// Functions with accepted hazards: `module::name`, `module::*`.
     functions: Vec<String>,
     /// Rows of the matrix: `module::name`.
     rows: Vec<String>,
-    /// Names that the package declares, including those under conditions that don't hold.
+    /// Names that the package declares, also under conditions that are false.
     names: Vec<String>,
 }
 
 impl Package {
-    /// The names in a folder's `karat.toml`; `None` if there are none.
+    /// The names in a folder's `karat.toml`; `None` without a `karat.toml`.
     pub(crate) fn declared(&self) -> Result<Option<Declared>, PackageError> {
         let manifest = Manifest::of(self)?;
         let Origin::Folder { .. } = self.origin else { return Ok(None) };
@@ -199,7 +195,7 @@ impl Package {
             return match names.find(|name| name.eq_ignore_ascii_case(NAME)) {
                 Some(name) => Err(PackageError::Manifest {
                     file: shown(&root.join(name)),
-                    reason: format!("a folder's file is called `{NAME}`, and this one isn't read"),
+                    reason: format!("Karat reads only `{NAME}`, and not this file"),
                 }),
                 None => Ok(None),
             };
@@ -218,7 +214,7 @@ impl Package {
 }
 
 impl Declared {
-    /// Removes the names of a module, and of the program that is linked from it.
+    /// Removes the names that a module, or the program linked from it, declares.
     pub(crate) fn see(
         &mut self,
         package: &Package,
@@ -252,7 +248,7 @@ impl Declared {
         Ok(())
     }
 
-    /// Reports a name that no module has: its declaration would have no effect.
+    /// Reports a name that no module has, because its entry would have no effect.
     pub(crate) fn conclude(self) -> Result<(), PackageError> {
         // All functions of a module, and of the modules below it.
         let is_of = |all: &str, own: &String| all.ends_with("::") && own.starts_with(all);
@@ -262,17 +258,17 @@ impl Declared {
         };
         let missing = self.rows.iter().filter(|row| !self.names.contains(row));
         let (keys, reason) = if let Some(name) = self.values.first() {
-            let what = "stands for, and no module has this name but as one that it declares";
-            (["values", name], format!("`[values]` says what `{name}` {what}"))
+            let what = ", but no module uses this name without declaring it";
+            (["values", name], format!("`[values]` has a value for `{name}`{what}"))
         } else if let Some(name) = self.inputs.first() {
-            let what = "is declared, and nothing in the package has this name";
+            let what = "is declared, but nothing in the package has this name";
             (["inputs", name], format!("the input `{name}` {what}"))
         } else if let Some(name) = self.functions.iter().filter(lacks).chain(missing).next() {
             let near = nearest(name, self.names.iter().map(String::as_str));
             let near = near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
             let of = if self.functions.contains(name) { "hazard" } else { "matrix" };
             let what = "and the package has no such function";
-            ([of, name], format!("something is declared of `{name}`, {what}{near}"))
+            ([of, name], format!("an entry names `{name}`, {what}{near}"))
         } else {
             return Ok(());
         };
@@ -281,13 +277,13 @@ impl Declared {
     }
 }
 
-/// The text of a file: its unsaved text, or else the saved one.
 fn text_of(package: &Package, file: &Path) -> String {
     let unsaved = package.unsaved_text(file).map(|text| text.to_string());
     unsaved.or_else(|| std::fs::read_to_string(file).ok()).unwrap_or_default()
 }
 
-/// The place of a name in a section, to put behind a message; empty if it isn't there.
+/// The position of a name in a section, as a suffix for a message. The text is empty if the section doesn't have
+/// the name.
 pub(super) fn place_of(section: &str, package: &Package, name: &str) -> String {
     let read = Manifest::of(package).ok().and_then(|manifest| manifest.read);
     read.map_or_else(String::new, |FileRead { file, .. }| {
@@ -295,7 +291,8 @@ pub(super) fn place_of(section: &str, package: &Package, name: &str) -> String {
     })
 }
 
-/// The place of a key below a section, or of a name in its text, to put behind a message: ` (karat.toml:5:1)`.
+/// The position of a key below a section, or of a name in its text, as a suffix for a message: `
+/// (karat.toml:5:1)`.
 fn placed(file: &str, text: &str, keys: &[&str]) -> String {
     let Ok(table) = toml::de::DeTable::parse(text) else { return String::new() };
     let [section, names @ ..] = keys else { return String::new() };
@@ -318,19 +315,19 @@ fn placed(file: &str, text: &str, keys: &[&str]) -> String {
     format!(" ({file}:{}:{column})", before.matches('\n').count() + 1)
 }
 
-/// The most bytes that a program may print for one module: far more than any has.
+/// The largest number of bytes that a program may print for one module. Modules are far smaller.
 const MOST_BYTES: u64 = 16 << 20;
 
-/// Manifests by the text of `karat.toml`, each with the package that last asked for it.
+/// Cached manifests by the text of `karat.toml`. Each has the package that used it last.
 impl Kind for Manifest {
     type Key = String;
     type Value = (Origin, Self);
-    // More than one test's packages.
+    // More than the number of packages of one test.
     const MOST: usize = 64;
 }
 
 impl Manifest {
-    /// The manifest of a package; empty if there is no file.
+    /// The manifest of a package. It is empty if there is no file.
     pub(super) fn of(package: &Package) -> Result<Self, PackageError> {
         let file = match &package.origin {
             Origin::Folder { .. } => package.root().join(NAME),
@@ -345,7 +342,7 @@ impl Manifest {
             Err(none) if none.kind() == std::io::ErrorKind::NotFound => return Ok(Self::default()),
             Err(other) => return Err(error(other.to_string())),
         };
-        // Each check asks for the manifest, and parsing takes as long as a small check.
+        // Each check needs the manifest, and parsing it takes as long as a small check.
         if let Some((origin, manifest)) = workspace::get::<Self>(&text)
             && origin == package.origin
         {
@@ -379,13 +376,13 @@ impl Manifest {
         let compilers = Compilers::of(compilers, limits, String::new()).map_err(error)?;
         for (name, dependency) in &dependencies {
             if TAKEN.contains(&&**name) {
-                let reason = format!("no dependency can be called `{name}`");
+                let reason = format!("no dependency can have the name `{name}`");
                 return Err(told(&["dependencies", name], reason));
             }
             let has_root = dependency.path.is_some() && dependency.root.is_some();
             if dependency.path.is_some() == dependency.krate.is_some() || has_root {
                 let reason = format!(
-                    "the dependency `{name}` is {{ path = \"..\" }}, or {{ crate = \"name@version\" }} with or \
+                    "the dependency `{name}` must be {{ path = \"..\" }}, or {{ crate = \"name@version\" }} with or \
                      without `root`"
                 );
                 return Err(told(&["dependencies", name], reason));
@@ -394,7 +391,7 @@ impl Manifest {
         let set_by_engine = match features.remove("set_by_engine") {
             None => BTreeSet::new(),
             Some(names) => names.try_into().map_err(|_| {
-                let reason = "`set_by_engine` lists names of features: [\"FAST\"]".to_owned();
+                let reason = "`set_by_engine` must list names of features: [\"FAST\"]".to_owned();
                 told(&["features", "set_by_engine"], reason)
             })?,
         };
@@ -408,11 +405,12 @@ impl Manifest {
             toml::Value::Boolean(on) => Ok((name, Feature::Flag(on))),
             toml::Value::Integer(value) => Ok((name, Feature::Number(value))),
             toml::Value::Array(_) => {
-                let what = "is no list; `set_by_engine` lists those that the engine sets";
+                let what =
+                    "can't be a list; `set_by_engine` lists the features that the engine sets";
                 Err(told(&["features", &name], format!("feature `{name}` {what}")))
             }
             _ => {
-                let what = "is a whole number, `true` or `false`";
+                let what = "must be a whole number, `true` or `false`";
                 Err(told(&["features", &name], format!("feature `{name}` {what}")))
             }
         };
@@ -420,13 +418,13 @@ impl Manifest {
         for known in &matrix {
             let list = [("rows", &known.rows), ("columns", &known.columns)];
             if let Some((name, _)) = list.into_iter().find(|(_, list)| list.is_empty()) {
-                let reason = format!("a `[[matrix]]` names no {name}, so it declares nothing");
+                let reason = format!("a `[[matrix]]` entry names no {name}, so it has no effect");
                 return Err(told(&["matrix"], reason));
             }
         }
         for accepted in &hazards {
             if accepted.functions.is_empty() || accepted.reason.trim().is_empty() {
-                let reason = "a `[[hazard]]` names functions, and a reason why it is accepted";
+                let reason = "a `[[hazard]]` entry needs functions, and a reason for accepting it";
                 return Err(told(&["hazard"], reason.to_owned()));
             }
         }
@@ -453,18 +451,19 @@ impl Manifest {
                 #[expect(clippy::cast_precision_loss, reason = "no override has 54 bits")]
                 let whole = || value.as_integer().map(|one| one as f64);
                 let number = value.as_float().or_else(whole).filter(|x| x.is_finite());
-                let wrong = || told(&["overrides", &name], "an override is finite".to_owned());
+                let wrong = || told(&["overrides", &name], "an override must be finite".to_owned());
                 Ok((name.clone(), number.ok_or_else(wrong)?))
             }
             _ => {
-                let reason =
-                    format!("the override `{name}` is a number or a bool, and this is {value}");
+                let reason = format!(
+                    "the override `{name}` must be a number or a bool, and this is {value}"
+                );
                 Err(told(&["overrides", &name], reason))
             }
         };
         let overrides = overrides.into_iter().map(value).collect::<Result<_, _>>()?;
         let hazards = Hazards { inputs: declared, overrides, accepted: hazards };
-        // In a package of one file, rows have no module.
+        // In a package of one file, the names of rows have no module.
         let own = match &package.origin {
             Origin::File { path, .. } => path.file_stem().map(|stem| stem.to_string_lossy()),
             _ => None,
@@ -496,27 +495,23 @@ impl Manifest {
         }
     }
 
-    /// The modules that a host puts into one text with this module.
+    /// The modules that a host joins with this module into one text.
     pub(super) fn joined(&self, module: &str) -> &[String] {
         self.join.get(module).map_or(&[], |joined| joined)
     }
 
-    /// The declared rows of the translation matrix.
     pub(super) fn known_rows(self) -> Vec<KnownRows> {
         self.matrix
     }
 
-    /// The mutants that are accepted.
     pub(super) fn mutants(self) -> Vec<AcceptedMutants> {
         self.mutants
     }
 
-    /// The declared hazards.
     pub(super) fn hazards(self) -> Hazards {
         self.hazards
     }
 
-    /// The package with its declared dependencies.
     pub(super) fn depended(self, mut package: Package) -> Result<Package, PackageError> {
         let Some(read) = &self.read else { return Ok(package) };
         let folder = read.file.parent().unwrap_or(Path::new(""));
@@ -547,23 +542,22 @@ impl Manifest {
         Ok(package)
     }
 
-    /// The manifest without its values.
     pub(super) fn without_values(self) -> Self {
         Self { values: Values::new(), ..self }
     }
 
-    /// Returns `true` if a text replaces this name.
+    /// Checks if a text replaces this name.
     pub(super) fn stands_for(&self, name: &str) -> bool {
         self.values.contains_key(name)
     }
 
-    /// Returns `true` if modules differ from their files: a program prints them, or values replace names.
+    /// Checks if modules differ from their files: a program prints them, or values replace names.
     pub(super) fn expands(&self) -> bool {
         !self.preprocess.is_empty() || !self.values.is_empty()
     }
 
-    /// The module's text, expanded by the package's program and with its values. A process runs the program once for
-    /// the same text, until the result is [forgotten](workspace::refresh).
+    /// The module's text after the package's program has expanded it, with its values. A process runs the program
+    /// once for the same text, until [`refresh`](workspace::refresh) forgets the result.
     pub(super) fn expanded(
         &self,
         root: &Path,
@@ -571,7 +565,7 @@ impl Manifest {
         source: SourceFile,
     ) -> Result<SourceFile, PackageError> {
         let SourceFile { name, text, values } = asserts::read(self.printed(root, path, source)?)?;
-        // A value has no line breaks, so lines stay the author's. Columns are mapped back.
+        // A value has no line breaks, so line numbers stay the same. Karat maps columns back.
         let (text, outer) = values::substituted(&text, &self.values);
         Ok(SourceFile { name, text, values: asserts::composed(values, outer) })
     }
@@ -599,7 +593,7 @@ impl Manifest {
         let mut command = Command::new(program);
         command.args(arguments).arg(&file).current_dir(root);
         let text = String::from_utf8(printed(command).map_err(error)?);
-        let text = text.map_err(|_| error("what it prints isn't UTF-8".to_owned()))?;
+        let text = text.map_err(|_| error("its output isn't UTF-8".to_owned()))?;
         if text.trim().is_empty() {
             return Err(error("it prints nothing".to_owned()));
         }
@@ -608,7 +602,7 @@ impl Manifest {
     }
 }
 
-/// The program's output, or the reason why it failed, printed too much or didn't end.
+/// The program's output, or the reason why the program failed, printed too much or didn't end.
 fn printed(mut command: Command) -> Result<Vec<u8>, String> {
     let deadline = settings::current().map_err(|error| error.to_string())?.deadline;
     let shown = format!("{command:?}");

@@ -1,11 +1,12 @@
-//! Reads other files in place of modules: a change to try without touching the sources, or a planted fault that a test
-//! must catch.
+//! Reads other files in place of modules. So you can try a change without editing the sources, or plant a fault
+//! that a test must catch.
 //!
-//! `KARAT_OVERLAY` names a folder. Each of its files is read in place of the module at the same place in a package; if
-//! several packages have that place, the first part of the path names the package (`shaders/math.wgsl`). Modules in
-//! memory are never replaced.
+//! `KARAT_OVERLAY` names a folder. Karat reads each file of this folder in place of the module with the same path
+//! in a package. If several packages have a module with this path, the path begins with the package's name
+//! (`shaders/math.wgsl`). Files never replace modules in memory.
 //!
-//! An editor has texts that aren't saved yet: [`Package::unsaved`] reads them in place of their files.
+//! An editor has texts that aren't saved yet. Karat reads the texts from [`Package::unsaved`] in place of their
+//! files.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
@@ -17,17 +18,18 @@ use crate::diagnostic::{SourceFile, nearest, read_file, shown};
 use crate::output::visible;
 use crate::settings;
 
-/// The files that are read in place of others.
+/// The files that Karat reads in place of other files.
 #[derive(Debug, Default)]
 pub(super) struct Overlay {
     replaced: BTreeMap<PathBuf, PathBuf>,
-    /// Texts that are read in place of files. Links in the files' paths are resolved.
+    /// Texts that Karat reads in place of files. The files' paths have no links.
     unsaved: BTreeMap<PathBuf, Arc<str>>,
 }
 
 impl Overlay {
-    /// The overlay of the environment, for a package and those that it depends on. Each of its files must replace a
-    /// module; otherwise a misspelt name would look like a tested change. Empty, if no module is in a file.
+    /// The overlay of the environment, for a package and its dependencies. Each file of the overlay must replace
+    /// a module. Otherwise a misspelt name would look like a tested change. The overlay is empty if no module is
+    /// in a file.
     pub(super) fn of(package: &Package) -> Result<Self, PackageError> {
         let unsaved = package.unsaved.iter().cloned().collect();
         let Some(folder) = settings::overlay() else {
@@ -68,21 +70,22 @@ impl Overlay {
                 several => {
                     let names = several.iter().map(|(package, _)| format!("`{package}/{name}`"));
                     let names = names.collect::<Vec<_>>().join(" or ");
-                    return Err(error(format!("has `{name}`, of several packages: {names}?")));
+                    return Err(error(format!(
+                        "has `{name}`, which several packages have: use {names}"
+                    )));
                 }
             }
         }
         Ok(Self { replaced, ..Self::default() })
     }
 
-    /// The file to read in place of `module`.
     pub(super) fn file(&self, module: PathBuf) -> PathBuf {
         self.replaced.get(&module).cloned().unwrap_or(module)
     }
 
-    /// Reads a file, or the text that stands in for it.
+    /// Reads a file, or the text that replaces its contents.
     pub(super) fn read(&self, file: &Path) -> Result<SourceFile, PackageError> {
-        // Most packages have no unsaved text, and then no link is followed.
+        // Most packages have no unsaved text, and then Karat doesn't resolve links.
         let place = (!self.unsaved.is_empty()).then(|| file.canonicalize().ok()).flatten();
         match place.and_then(|place| self.unsaved.get(&place)) {
             Some(text) => Ok(SourceFile::new(shown(file), text.to_string())),
@@ -90,7 +93,8 @@ impl Overlay {
         }
     }
 
-    /// Says once in each process which files were replaced, even if the output of passing tests is captured.
+    /// Tells the user once in each process which files the overlay replaces, even if the output of passing tests
+    /// is captured.
     fn note(&self, folder: &Path) {
         static SAID: Mutex<BTreeSet<String>> = Mutex::new(BTreeSet::new());
         if self.replaced.is_empty() {
@@ -101,13 +105,13 @@ impl Overlay {
         let line = format!("note: KARAT_OVERLAY={} stands in for {modules}\n", folder.display());
         let mut said = SAID.lock().unwrap_or_else(PoisonError::into_inner);
         if said.insert(line.clone()) {
-            // If the write fails, the record still says it.
+            // If the write fails, the record still has the overlay.
             drop(std::io::stderr().write_all(visible(&line).as_bytes()));
         }
     }
 }
 
-/// The packages whose modules are files, by place: this one and those that it depends on.
+/// The packages with modules in files, by path: this package and its dependencies.
 fn on_disk<'a>(package: &'a Package, found: &mut BTreeMap<PathBuf, &'a Package>) {
     if !matches!(package.origin, Origin::Memory { .. }) {
         found.insert(package.root(), package);
@@ -117,7 +121,7 @@ fn on_disk<'a>(package: &'a Package, found: &mut BTreeMap<PathBuf, &'a Package>)
     }
 }
 
-/// The error that a file replaces no module of these packages, with suggestions.
+/// The reason why a file replaces no module of these packages, with suggestions.
 fn unknown<'a>(file: &Path, packages: impl Iterator<Item = &'a &'a Package> + Clone) -> String {
     let bare = packages.clone().find_map(|package| file.strip_prefix(package.name()).ok());
     let known: Vec<String> = packages.clone().flat_map(|package| package.files()).collect();
@@ -125,10 +129,10 @@ fn unknown<'a>(file: &Path, packages: impl Iterator<Item = &'a &'a Package> + Cl
     let near = nearest(&wanted, known.iter().map(String::as_str));
     let near = near.map_or_else(String::new, |name| format!("; did you mean `{name}`?"));
     let names: Vec<_> = packages.map(|package| format!("`{}`", package.name())).collect();
-    format!("has `{}`, no module of package {}{near}", file.display(), names.join(", "))
+    format!("has `{}`, which isn't a module of package {}{near}", file.display(), names.join(", "))
 }
 
-/// The files below a folder, relative to it and sorted, without hidden ones.
+/// The files below a folder, sorted, without hidden files. Their paths are relative to the folder.
 fn list(folder: &Path, below: &Path, found: &mut Vec<PathBuf>) -> Result<(), PackageError> {
     let unreadable = |cause| PackageError::Unreadable { file: shown(folder), cause };
     for entry in std::fs::read_dir(folder.join(below)).map_err(unreadable)? {
@@ -151,8 +155,8 @@ fn list(folder: &Path, below: &Path, found: &mut Vec<PathBuf>) -> Result<(), Pac
 }
 
 impl Package {
-    /// The package with the text of a file that isn't saved yet, as an editor has it. It is read in place of the file,
-    /// here and in packages that this one depends on. A file outside of them has no effect.
+    /// The package with an editor's unsaved text of a file. Karat reads the text in place of the file, in this
+    /// package and in its dependencies. A file outside of these packages has no effect.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -173,14 +177,13 @@ impl Package {
         own
     }
 
-    /// The text of a file that isn't saved yet.
     pub(super) fn unsaved_text(&self, file: &Path) -> Option<&str> {
         let place = || file.canonicalize().unwrap_or_else(|_| file.to_owned());
         let known = |place: PathBuf| self.unsaved.iter().find(|(known, _)| *known == place);
         if self.unsaved.is_empty() { None } else { known(place()).map(|(_, text)| &**text) }
     }
 
-    /// The file of this package at the place of `file` in an overlay.
+    /// The file of this package that has the path `file` in an overlay.
     fn holds(&self, file: &Path) -> Option<PathBuf> {
         let within = [Some(file), file.strip_prefix(self.name()).ok()];
         let here = within.into_iter().flatten().map(|file| self.at(file));
@@ -196,7 +199,7 @@ impl Package {
         known.then(|| root.join(file))
     }
 
-    /// The files of the modules, by their names in an overlay.
+    /// The files of the modules, by their paths in an overlay.
     fn files(&self) -> Vec<String> {
         let root = self.root();
         let folder = if root.is_dir() { &*root } else { root.parent().unwrap_or(&root) };
@@ -210,7 +213,6 @@ impl Package {
     }
 }
 
-/// The text of a file.
 pub(super) fn read_utf8(path: &Path) -> Result<SourceFile, PackageError> {
     let file = shown(path);
     let bytes =
@@ -230,7 +232,8 @@ pub(super) fn read_utf8(path: &Path) -> Result<SourceFile, PackageError> {
 mod tests {
     use super::*;
 
-    /// Each file of an overlay replaces its own module and no other.
+    /// Each file of an overlay replaces exactly its own module.
+    // Lesson 193
     #[test]
     fn an_overlay_replaces_each_module_that_it_has() {
         let (tree, over) = (tempfile::tempdir(), tempfile::tempdir());

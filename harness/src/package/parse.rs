@@ -13,7 +13,6 @@ use super::syntax::Module;
 use super::{PackageError, test_items};
 use crate::diagnostic::SourceFile;
 
-/// Parses a file with these features.
 pub(super) fn parse(file: &Arc<SourceFile>, features: &Features) -> Result<Module, PackageError> {
     let directed = directives::read(file, features)?;
     let mut tokens = lex(directed.as_ref().map_or(&file.text, |directed| &directed.text));
@@ -70,7 +69,7 @@ pub(super) fn parse(file: &Arc<SourceFile>, features: &Features) -> Result<Modul
     Ok(module)
 }
 
-/// Returns `true` if the linker has no reason to change the text, well formed or not.
+/// Checks if the linker would copy the text unchanged, even if the text isn't well formed.
 pub(super) fn asks_for_nothing(text: &str) -> bool {
     let tokens = lex(text);
     if directives::concern(text, &tokens) {

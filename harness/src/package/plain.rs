@@ -1,12 +1,12 @@
 //! Removes comments and extra blanks from a text.
 
-/// A text without comments, with single blanks between words and none at its ends.
+/// A text without comments, with single blanks between words, and without blanks at its ends.
 pub(crate) fn plain(text: &str) -> String {
     let mut plain = String::with_capacity(text.len());
     let mut rest = text;
     loop {
-        // Bytes that can't end a word or begin a comment are copied. This runs for each test at each edit, so it works
-        // on bytes.
+        // The loop copies bytes that can't end a word or begin a comment. Karat runs this code for each test at
+        // each edit, so the code works on bytes.
         let is_ours = |byte: &u8| *byte == b'/' || byte.is_ascii_whitespace() || !byte.is_ascii();
         let word = rest.bytes().position(|byte| is_ours(&byte)).unwrap_or(rest.len());
         plain.push_str(&rest[..word]);
@@ -32,7 +32,7 @@ pub(crate) fn plain(text: &str) -> String {
     plain
 }
 
-/// The length of a block comment, which may contain others.
+/// The length of a block comment, which may contain other comments.
 fn nested(text: &str) -> usize {
     let (mut depth, mut at) = (0_usize, 0);
     while at < text.len() {

@@ -1,4 +1,4 @@
-//! Writes a package so that another process can open it.
+//! Serializes a package so that another process can open it.
 
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::{Feature, Origin, Package};
 
-/// A package, written down. Modules in memory come with their texts.
+/// A serialized package. Modules in memory have their texts.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(crate) struct Portable {
     from: From,
@@ -24,8 +24,8 @@ enum From {
 }
 
 impl Package {
-    /// The package for another process, independent of its working directory; `None` for a crate that Karat has already
-    /// looked for.
+    /// The package for another process, independent of the working directory. `None` for a crate that Karat has
+    /// already searched.
     pub(crate) fn portable(&self) -> Option<Portable> {
         let whole = |path: PathBuf| std::path::absolute(&path).unwrap_or(path);
         let from = match &self.origin {

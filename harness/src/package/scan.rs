@@ -1,5 +1,5 @@
-//! Walks a folder to find modules and the files beside them. All commands use this walk, so they agree on which folders
-//! belong to a package.
+//! Searches a folder for modules and the files beside them. All commands use this search, so they agree on the
+//! folders that belong to a package.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -14,9 +14,10 @@ pub(super) struct Contents {
     pub(super) modules: Vec<String>,
     /// All other files, including pipes and devices.
     pub(super) others: Vec<PathBuf>,
-    /// Folders by their real places. A folder is entered once, even if several links lead to it.
+    /// The real paths of folders. Karat enters a folder once, even if several links lead to it.
     entered: BTreeSet<PathBuf>,
-    /// Links to folders. A folder that has its own place below the root goes by that place.
+    /// Links to folders, with the names of their modules. A folder that also has a path without links keeps that
+    /// path.
     links: Vec<(PathBuf, String)>,
 }
 
@@ -42,7 +43,7 @@ impl Contents {
         for entry in std::fs::read_dir(folder).map_err(unreadable)? {
             let path = entry.map_err(unreadable)?.path();
             let no_module = |reason| PackageError::NoModule { file: shown(&path), reason };
-            // Hidden files are no modules: some editors lock a file with a dangling link.
+            // Hidden files aren't modules. Some editors lock a file with a dangling link.
             let is_hidden = |name: &std::ffi::OsStr| name.to_string_lossy().starts_with('.');
             if path.file_name().is_some_and(is_hidden) {
                 continue;
@@ -51,7 +52,7 @@ impl Contents {
             let is_shader = super::EXTENSIONS.iter().any(|known| extension == *known);
             if !prefix.is_empty() && path.file_name().is_some_and(|name| name == manifest::NAME) {
                 let reason =
-                    "only the one in the package's own folder is read: move it there, or name this folder"
+                    "Karat reads only the karat.toml in the package's own folder: move this file there"
                         .to_owned();
                 return Err(PackageError::Manifest { file: shown(&path), reason });
             }
@@ -72,10 +73,10 @@ impl Contents {
                 }
             } else if is_shader {
                 if path.extension() != Some(&extension) {
-                    return Err(no_module("write its extension in small letters"));
+                    return Err(no_module("write its extension in lower case"));
                 }
                 if !path.is_file() {
-                    return Err(no_module("it isn't a file, or a link to nothing"));
+                    return Err(no_module("it isn't a file, or it is a broken link"));
                 }
                 self.modules.push(name);
             } else {
@@ -86,7 +87,7 @@ impl Contents {
     }
 }
 
-/// Returns `true` for a folder that tools fill: `node_modules`, and folders with a cache tag, such as Cargo's output.
+/// Checks if tools fill a folder: `node_modules`, and folders with a cache tag, such as Cargo's output.
 ///
 /// ```
 /// use karat::unstable::package::is_of_tools;

@@ -1,7 +1,7 @@
-//! Finds the names in a declaration that refer to something outside it.
+//! Finds the names in a declaration that refer to something outside of it.
 //!
-//! The linker ignores names that a function declares for itself, members, and the words of attributes and address
-//! spaces. All others count: they are declarations of this or another module, or WGSL's own names.
+//! The linker ignores names that a function declares itself, members, and the words of attributes and address
+//! spaces. All other names are references: to declarations of this or another module, or to WGSL's own names.
 
 use std::collections::HashMap;
 use std::ops::Range;
@@ -10,7 +10,6 @@ use super::brackets::{after_attribute, end_of_item};
 use super::lexer::Kind;
 use super::syntax::{Declaration, DeclarationKind, Module, Reference};
 
-/// The names in a declaration that are declared elsewhere.
 pub(super) fn references(module: &Module, declaration: &Declaration) -> Vec<Reference> {
     let mut walk = Walk {
         module,
@@ -41,18 +40,18 @@ pub(super) fn references(module: &Module, declaration: &Declaration) -> Vec<Refe
 struct Walk<'a> {
     module: &'a Module,
     brackets: &'a [usize],
-    /// Names declared in the blocks around the current token.
+    /// The blocks around the current token, with the names that each block declares.
     scopes: Vec<Scope<'a>>,
-    /// The number of those blocks that declare each name.
+    /// For each name, the number of these blocks that declare it.
     visible: HashMap<&'a str, usize>,
-    /// Names that take effect at the end of their statement.
+    /// Names that become visible at the end of their statement.
     pending: Vec<&'a str>,
     found: Vec<Reference>,
 }
 
 struct Scope<'a> {
     names: Vec<&'a str>,
-    /// The token that ends the block.
+    /// The index of the token after the block.
     end: usize,
 }
 
@@ -77,7 +76,7 @@ impl<'a> Walk<'a> {
             self.expressions(at, next);
             at = next + 1;
         }
-        // The parameters are visible in the body, but not in the result's type.
+        // The parameters are visible in the body, but not in the type of the result.
         let mut body = close + 1;
         while body < end && !self.module.is(body, b'{') {
             body += 1;
@@ -117,13 +116,13 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Skips attributes. Names in their arguments count if the arguments are expressions.
+    /// Skips attributes. Names in an attribute's arguments are references if the arguments are expressions.
     fn attributes(&mut self, from: usize) -> usize {
         let mut at = from;
         while self.module.is(at, b'@') && self.module.is_word(at + 1) {
             let next =
                 after_attribute(&self.module.file.text, &self.module.tokens, self.brackets, at);
-            // The arguments of these are words of their own, even if a declaration has the same name.
+            // The arguments of these attributes have a fixed meaning, even if a declaration has the same name.
             let words = matches!(
                 self.module.text(at + 1),
                 "builtin" | "interpolate" | "diagnostic" | "early_depth_test"
@@ -136,7 +135,6 @@ impl<'a> Walk<'a> {
         at
     }
 
-    /// Reads statements with their declarations and blocks.
     fn statements(&mut self, from: usize, end: usize) {
         let mut at = from;
         while at < end {
@@ -172,7 +170,7 @@ impl<'a> Walk<'a> {
                         }
                         at = name + 1;
                     }
-                    // Names of the header are visible until the end of the body.
+                    // Names in the header of a `for` are visible until the end of its body.
                     "for" if self.module.is(at + 1, b'(') => {
                         let body = self.brackets[at + 1] + 1;
                         let mut open = body;
@@ -190,7 +188,6 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Reads types and expressions, which declare no names.
     fn expressions(&mut self, from: usize, end: usize) {
         let mut at = from;
         while at < end {
@@ -202,7 +199,7 @@ impl<'a> Walk<'a> {
         }
     }
 
-    /// Reads a name or path at `at`; returns the token after it.
+    /// Reads a name or path at `at`. Returns the index of the token after it.
     fn name(&mut self, at: usize, end: usize) -> usize {
         let module = self.module;
         if at > 0 && module.is(at - 1, b'.') {
@@ -230,8 +227,8 @@ impl<'a> Walk<'a> {
         at + 1
     }
 
-    /// Returns the token after a type whose arguments include address spaces, texel formats or access modes. Those are
-    /// words of their own, even if a declaration has the same name.
+    /// Returns the index of the token after a type with address spaces, texel formats or access modes among its
+    /// arguments. These words have a fixed meaning, even if a declaration has the same name.
     fn after_spaces(&mut self, at: usize, end: usize) -> usize {
         let name = self.module.text(at);
         let all = name.starts_with("texture_storage_")
@@ -245,10 +242,10 @@ impl<'a> Walk<'a> {
                 Kind::Symbol(b'<') => depth += 1,
                 Kind::Symbol(b'>') => depth -= 1,
                 Kind::Symbol(b',') if depth == 1 => argument += 1,
-                // In `ptr<function, T, read_write>`, only the type in the middle has names.
+                // In `ptr<function, T, read_write>`, only the type in the middle contains names.
                 Kind::Word if !all && argument == 1 => {
                     let next = self.name(token, end);
-                    // Brackets inside the type belong to it.
+                    // Brackets inside of the type belong to the type.
                     token = next;
                     continue;
                 }

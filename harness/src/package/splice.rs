@@ -1,57 +1,55 @@
 //! Copies text from the author's files, and records each change.
 //!
-//! There are two kinds of changes: a name is replaced, or text is blanked and keeps its line ends. So each place maps
-//! back exactly, and undoing the changes must give the author's bytes. [`Spliced::check`] checks that in each run,
-//! without the linker's lexer.
+//! There are two kinds of changes: a replaced name, and blanked text, which keeps its line ends. So each position
+//! maps back exactly, and undoing the changes must give the author's bytes. [`Spliced::check`] checks this in
+//! each run, without the linker's lexer.
 
 use std::ops::Range;
 use std::sync::Arc;
 
 use crate::diagnostic::{Diagnostic, SourceFile, Span};
 
-/// One text, assembled from pieces of the author's files.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Spliced {
     text: String,
     pieces: Vec<Piece>,
 }
 
-/// The assignment that replaces `discard` in a function that is called.
+/// The assignment that replaces `discard` in a function that a kernel calls.
 pub(crate) const DISCARDED: &str = "karat_discarded = true";
 
-/// A stretch of a file, copied with its edits.
+/// A range of a file, copied with its edits.
 #[derive(Clone, Debug)]
 struct Piece {
-    /// Its range in the spliced text.
+    /// The piece's range in the spliced text.
     at: Range<usize>,
     file: Arc<SourceFile>,
-    /// Its range in the file.
+    /// The piece's range in the file.
     from: Range<usize>,
     edits: Vec<Placed>,
 }
 
-/// A change, with its place in the author's file.
+/// A change, with its range in the author's file.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Edit {
     pub(super) from: Range<usize>,
-    /// The replacement: a name, or the value of `#{NAME}`; `None` for text that is blanked.
+    /// The replacement: a name, or the value of `#{NAME}`. `None` blanks the text.
     pub(super) name: Option<String>,
 }
 
 #[derive(Clone, Debug)]
 struct Placed {
-    /// Its range in the spliced text.
+    /// The edit's range in the spliced text.
     at: Range<usize>,
     edit: Edit,
 }
 
 impl Spliced {
-    /// The text.
     pub(crate) fn text(&self) -> &str {
         &self.text
     }
 
-    /// Appends a stretch of a file. `edits` are in order and don't overlap.
+    /// Appends a range of a file. The edits are in order and don't overlap.
     pub(super) fn copy(&mut self, file: &Arc<SourceFile>, from: Range<usize>, edits: Vec<Edit>) {
         if !self.text.is_empty() && !self.text.ends_with('\n') {
             self.text.push('\n');
@@ -80,7 +78,7 @@ impl Spliced {
         self.text.push_str(text);
     }
 
-    /// The copied stretches: each with its range in the text, and its place in the file.
+    /// The copied ranges: each with its range in the text, and its location in the file.
     pub(crate) fn stretches(&self) -> Vec<(Range<usize>, Span)> {
         let of = |piece: &Piece| {
             let span = Span { file: Arc::clone(&piece.file), range: piece.from.clone() };
@@ -89,7 +87,7 @@ impl Spliced {
         self.pieces.iter().map(of).collect()
     }
 
-    /// The author's span for a range of the text; `None` outside the copied stretches.
+    /// The location in the author's file of a range of the text; `None` outside of the copied ranges.
     pub(crate) fn resolve(&self, range: Range<usize>) -> Option<Span> {
         let index = self.pieces.partition_point(|piece| piece.at.end <= range.start);
         let piece = self.pieces.get(index).filter(|piece| piece.at.start <= range.start)?;
@@ -99,11 +97,11 @@ impl Spliced {
         Some(Span { file: Arc::clone(&piece.file), range: start..end })
     }
 
-    /// Checks that undoing the edits gives the author's bytes, that each edit replaces one whole name or blanks text,
-    /// and that the text contains nothing else.
+    /// Checks that undoing the edits gives the author's bytes. Also checks that each edit replaces one whole name
+    /// or blanks text, and that the text contains nothing else.
     ///
     /// # Errors
-    /// If the check fails: the linker has a bug, and the linked text isn't the author's program.
+    /// If the check fails. Then the linker has a bug, and the linked text isn't the author's program.
     pub(super) fn check(&self) -> Result<(), Box<Diagnostic>> {
         let mut done = 0;
         for piece in &self.pieces {
@@ -111,7 +109,7 @@ impl Spliced {
                 let span = Span { file: Arc::clone(&piece.file), range };
                 let message = format!("Karat's linker changed this shader's text: {what}");
                 Box::new(Diagnostic::new(message).at(span, "").note(
-                    "this is a bug of Karat; nothing was run, because it would not be your shader",
+                    "this is a bug in Karat; Karat ran nothing, because the text isn't your shader",
                 ))
             };
             let lost = || fault("text between two declarations isn't blank", piece.from.clone());
@@ -139,12 +137,12 @@ impl Spliced {
                                 .bytes()
                                 .all(|byte| byte.is_ascii_alphanumeric() || byte == b'-')
                     }
-                    // The `(` of a call that gets the number of its place.
+                    // The `(` of a call that gets the number of its location.
                     Some(told) if author == "(" => {
                         let before = piece.file.text[..edit.from.start].trim_end();
                         now == told && is_place(told) && before.ends_with(belongs)
                     }
-                    // The `discard` of a function that is called.
+                    // The `discard` of a function that a kernel calls.
                     Some(assigned) if author == "discard" => now == assigned && now == DISCARDED,
                     Some(name) => {
                         now == name
@@ -181,7 +179,8 @@ impl Spliced {
 }
 
 impl Piece {
-    /// The offset in the file for an offset in the spliced text. Inside a replaced name, it is the name's start or end.
+    /// The offset in the file for an offset in the spliced text. An offset inside of a replaced name maps to the
+    /// name's start or end.
     fn original(&self, offset: usize, end: bool) -> usize {
         let index = self.edits.partition_point(|edit| edit.at.start <= offset);
         let Some(Placed { at, edit }) = index.checked_sub(1).map(|last| &self.edits[last]) else {
@@ -204,13 +203,13 @@ fn blank(character: char) -> impl Iterator<Item = char> {
     std::iter::repeat_n(if ends { character } else { ' ' }, character.len_utf8())
 }
 
-/// Returns `true` if a text is one name. It doesn't use the linker's lexer.
+/// Checks if a text is one name, without the linker's lexer.
 fn is_name(text: &str) -> bool {
     let starts = text.chars().next().is_some_and(|c| belongs(c) && !c.is_ascii_digit());
     starts && text.chars().all(belongs)
 }
 
-/// Returns `true` if a text is the number of a place, as a call gets it: `(17u, `.
+/// Checks if a text is the number of a location in a call: `(17u, `.
 fn is_place(text: &str) -> bool {
     let number = text.strip_prefix('(').map(|rest| rest.strip_suffix(", ").unwrap_or(rest));
     let digits = number.and_then(|number| number.strip_suffix('u'));
@@ -219,14 +218,14 @@ fn is_place(text: &str) -> bool {
     })
 }
 
-/// Returns `true` if no character of a name touches the range.
+/// Checks if no character of a name touches the range.
 fn is_apart(text: &str, range: &Range<usize>) -> bool {
     let before = text[..range.start].chars().next_back();
     let after = text[range.end..].chars().next();
     ![before, after].into_iter().flatten().any(belongs)
 }
 
-/// Returns `true` if a character may be in a name: letters, digits, and marks beyond ASCII.
+/// Checks if a character may be in a name: a letter, a digit, or a mark beyond ASCII.
 fn belongs(character: char) -> bool {
     let mark = !character.is_ascii() && !character.is_whitespace();
     character == '_' || character.is_alphanumeric() || mark
@@ -258,6 +257,7 @@ mod tests {
 
     const ORIGINAL: &str = "// comment\nfn f() {\n  @if(ä)\n return scale( x ) + y;\n}";
 
+    // Lesson 50: exact places
     #[test]
     fn places_survive_names_and_blanks() {
         let spliced = spliced(ORIGINAL);
@@ -283,7 +283,8 @@ mod tests {
         assert_eq!(spliced.resolve(text.len()..text.len() + 5), None);
     }
 
-    /// The check catches each mistake that a linker with a bug could make.
+    /// The check detects each error that a faulty linker could make.
+    // Lesson 50: edits are undone without the lexer
     #[test]
     fn other_bytes_than_the_authors_are_seen() {
         let sound = spliced(ORIGINAL);

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-/// A stage that an entry point runs in.
+/// The stage of an entry point.
 ///
 /// ```
 /// use karat::Package;
@@ -14,18 +14,18 @@ use std::fmt;
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Stage {
-    /// `@vertex`
+    /// A vertex stage: `@vertex`.
     Vertex,
-    /// `@fragment`
+    /// A fragment stage: `@fragment`.
     Fragment,
-    /// `@compute`
+    /// A compute stage: `@compute`.
     Compute,
     /// A stage that Karat doesn't run: mesh and ray shaders.
     Other,
 }
 
 impl Stage {
-    /// The stage that an attribute names; `None` for other attributes.
+    /// The stage of an attribute's name; `None` for other attributes.
     pub(super) fn of(attribute: &str) -> Option<Self> {
         Some(match attribute {
             "vertex" => Self::Vertex,

@@ -1,7 +1,7 @@
 //! Finds the declarations of a module by its tokens, without parsing expressions.
 //!
-//! naga reports a module that isn't well formed. Here it is enough to find each declaration of a valid module, and the
-//! place of its name.
+//! naga reports a module that isn't well formed. This module only finds each declaration of a valid module, and
+//! the position of the declaration's name.
 
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;
@@ -16,18 +16,17 @@ use super::splice::Edit;
 use super::stage::Stage;
 use crate::diagnostic::{SourceFile, Span};
 
-/// A declaration of a module.
 #[derive(Clone, Debug)]
 pub(super) struct Declaration {
     /// `None` for `const_assert`.
     pub(super) name: Option<String>,
     pub(super) kind: DeclarationKind,
-    /// Its tokens, with attributes and the closing `;` or `}`.
+    /// The declaration's tokens, with attributes and the closing `;` or `}`.
     pub(super) tokens: Range<usize>,
-    /// The token of its name.
+    /// The index of the token with the declaration's name.
     pub(super) name_token: usize,
     pub(super) entry_point: Option<Stage>,
-    /// Set for a test, which only test runners link.
+    /// True for a test, which only test runners link.
     pub(super) test: bool,
 }
 
@@ -35,60 +34,60 @@ pub(super) struct Declaration {
 pub(super) enum DeclarationKind {
     Function,
     Struct,
-    /// `var`, `const`, `override`, `alias`.
+    /// A `var`, `const`, `override` or `alias`.
     Value,
     Assertion,
 }
 
-/// A name that isn't declared where it is used, such as `PI`, or a path, such as `package::math::PI`.
+/// A name from outside of the declaration, such as `PI`, or a path, such as `package::math::PI`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Reference {
-    /// Its tokens: words, and two colons between them.
+    /// The reference's tokens: words, and two colons between words.
     pub(super) tokens: Range<usize>,
 }
 
 impl Reference {
-    /// The words of the path.
     pub(super) fn words<'a>(&self, module: &'a Module) -> Vec<&'a str> {
         self.tokens.clone().step_by(3).map(|token| module.text(token)).collect()
     }
 }
 
-/// One file of a package, without the parts that its conditions leave out.
+/// One file of a package, without the parts that its conditions remove.
 #[derive(Clone, Debug)]
 pub(super) struct Module {
     pub(super) file: Arc<SourceFile>,
-    /// The tokens that remain after conditions.
+    /// The tokens that conditions and directives haven't removed.
     pub(super) tokens: Vec<Token>,
-    /// The ranges removed from the text, in order: by conditions and directives, and attributes of tests.
+    /// The removed ranges, in order: conditions and directives with their false branches, and attributes of
+    /// tests.
     pub(super) removed: Vec<Range<usize>>,
-    /// The replaced ranges with their new text, in order: values, and the numbers that expectations get.
+    /// The replaced ranges with their new texts, in order: values, and the numbers of expectations.
     pub(super) replaced: Vec<(Range<usize>, String)>,
-    /// Calls of expectations, by their numbers.
+    /// The locations of expectations, by their numbers.
     pub(super) calls: Vec<(u32, Span)>,
-    /// Files that share a name space with this one, and the places that name them.
+    /// Files that share a name space with this file, and the ranges that name these files.
     pub(super) includes: Vec<(Include, Range<usize>)>,
-    /// Set if paths are those that modules give themselves.
+    /// True if paths are the paths that modules declare for themselves.
     pub(super) composes: bool,
-    /// Tokens of each import statement, with attributes and `;`.
+    /// The tokens of each import statement, with attributes and `;`.
     pub(super) imports: Vec<Range<usize>>,
-    /// Tokens of each directive: `enable`, `requires`, `diagnostic`.
+    /// The tokens of each directive: `enable`, `requires`, `diagnostic`.
     pub(super) directives: Vec<Range<usize>>,
     pub(super) declarations: Vec<Declaration>,
-    /// Declarations by their names.
+    /// The indices of declarations, by name.
     pub(super) by_name: HashMap<String, Vec<usize>>,
-    /// For each bracket among the tokens, its partner.
+    /// For each token, the index of its partner bracket, as `partners` returns it.
     pub(super) brackets: Vec<usize>,
-    /// All words of the tokens.
+    /// All words among the tokens.
     pub(super) words: HashSet<String>,
     /// The references of each declaration.
     pub(super) references: Vec<Vec<Reference>>,
-    /// Declarations under a condition that doesn't hold.
+    /// Declarations under false conditions.
     pub(super) inactive: Vec<Inactive>,
 }
 
 impl Module {
-    /// The changes that conditions and directives make in a range of bytes.
+    /// The changes by conditions and directives in a range of bytes.
     pub(super) fn changes(&self, from: &Range<usize>) -> impl Iterator<Item = Edit> {
         let from = from.clone();
         let inside = move |range: &Range<usize>| from.start <= range.start && range.end <= from.end;
@@ -110,7 +109,7 @@ impl Module {
         self.tokens.get(token).is_some_and(|token| token.kind == Kind::Word)
     }
 
-    /// The bytes from the first to the last of these tokens.
+    /// The range from the first to the last of these tokens, in bytes.
     pub(super) fn bytes(&self, tokens: &Range<usize>) -> Range<usize> {
         self.tokens[tokens.start].range().start..self.tokens[tokens.end - 1].range().end
     }
@@ -121,7 +120,7 @@ impl Module {
         Span { file: Arc::clone(&self.file), range }
     }
 
-    /// Declarations of a name. naga reports several of them as an error.
+    /// The declarations of a name. naga reports several declarations as an error.
     pub(super) fn declared(&self, name: &str) -> impl Iterator<Item = usize> {
         self.by_name.get(name).into_iter().flatten().copied()
     }
@@ -130,7 +129,7 @@ impl Module {
         self.declarations.iter().filter_map(|declaration| declaration.name.as_deref())
     }
 
-    /// The edits that make an entry point a function that others may call: its attributes are blanked. Also returns the
+    /// The edits that turn an entry point into an ordinary function: they blank its attributes. Also returns the
     /// builtin value of each parameter. Members of structures keep their attributes.
     pub(super) fn as_function(
         &self,
@@ -145,7 +144,7 @@ impl Module {
             }
             let end = after_attribute(&self.file.text, &self.tokens, &self.brackets, at);
             edits.push(Edit { from: self.bytes(&(at..end)), name: None });
-            // A parameter's name stands before its colon; the result has no name.
+            // A parameter's name stands before a colon. The result has no name.
             let ends = |token: &usize| [b',', b')', b'{'].iter().any(|end| self.is(*token, *end));
             let own = (end..declaration.tokens.end).take_while(|token| !ends(token));
             let parameter =
@@ -158,7 +157,6 @@ impl Module {
         (edits, builtins)
     }
 
-    /// Finds imports, directives and declarations among the tokens.
     pub(super) fn find_items(&mut self) -> Result<(), PackageError> {
         let brackets = std::mem::take(&mut self.brackets);
         let mut at = 0;

@@ -1,5 +1,5 @@
-//! Finds the tests in WGSL that a module declares: functions with `@test`. Calls of [expectations](crate::expectation)
-//! in them get numbers that identify their places.
+//! Finds the WGSL tests of a module: functions with `@test`. The calls of [expectations](crate::expectation) in
+//! them get numbers that identify their locations.
 
 use std::collections::BTreeSet;
 
@@ -9,7 +9,7 @@ use super::syntax::{Declaration, Module};
 use crate::diagnostic::{Diagnostic, Span};
 use crate::expectation;
 
-/// Removes the attributes of tests, and gives each expectation the number of its place.
+/// Removes the attributes of tests, and passes to each expectation the number of its location.
 pub(super) fn prepare(module: &mut Module) {
     for test in module.declarations.iter().filter(|declaration| declaration.test) {
         let attributes = attributes(module, test);
@@ -71,16 +71,16 @@ fn tell_places(module: &mut Module) {
     module.replaced.sort_by_key(|(range, _)| range.start);
 }
 
-/// An attribute of a test or of one of its parameters. Only Karat knows it.
+/// An attribute of a test or of one of its parameters. Only Karat knows such attributes.
 struct Attribute {
-    /// From `@` to the closing `)`.
+    /// The tokens from `@` to the closing `)`.
     tokens: std::ops::Range<usize>,
-    /// Its name, and the parameter that it belongs to.
+    /// The attribute's name. `parameter` is the index of its parameter.
     name: String,
     parameter: Option<usize>,
 }
 
-/// `@test`, `@cases(..)`, and `@over(..)` of parameters.
+/// The attributes `@test` and `@cases(..)` of a test, and `@over(..)` of its parameters.
 fn attributes(module: &Module, test: &Declaration) -> Vec<Attribute> {
     let mut found = Vec::new();
     let open = test.name_token + 1;
@@ -90,13 +90,13 @@ fn attributes(module: &Module, test: &Declaration) -> Vec<Attribute> {
     while end < last {
         match module.tokens[end].kind {
             Kind::Symbol(b',') if depth == 0 => parameter += 1,
-            // A bracket of a type: `array<f32, 2>`.
+            // A type may contain brackets: `array<f32, 2>`.
             Kind::Symbol(b'<') => depth += 1,
             Kind::Symbol(b'>') => depth = depth.saturating_sub(1),
             _ => {}
         }
         if !module.is(end, b'@') {
-            // Skips brackets inside an attribute or a type.
+            // Skips brackets inside of an attribute or a type.
             end = match module.is(end, b'(') && end != open {
                 true => module.brackets[end] + 1,
                 false => end + 1,
@@ -116,18 +116,19 @@ fn attributes(module: &Module, test: &Declaration) -> Vec<Attribute> {
     found
 }
 
-/// A test, as its author wrote it.
+/// A test as the author declares it.
 #[derive(Clone, Debug)]
 pub(crate) struct TestItem {
-    /// `brdf_test::schlick_at_grazing`
+    /// The test's path: `brdf_test::schlick_at_grazing`.
     pub(crate) name: String,
     /// The whole function.
     pub(crate) span: Span,
-    /// The number of cases that it asks for.
+    /// The number of cases in `@cases`.
     pub(crate) cases: Option<u64>,
-    /// The domain of each parameter that gives one: the words and numbers of `@over`.
+    /// For each parameter with `@over`, the words and numbers of its domain.
     pub(crate) over: Vec<Option<(Vec<String>, Span)>>,
-    /// The name and the type of each parameter, as written; `None` if other modules know a type by another name.
+    /// The name and the type of each parameter in the author's text; `None` if a type may have another meaning in
+    /// other modules.
     pub(crate) parameters: Option<Vec<(String, String)>>,
 }
 
@@ -154,14 +155,18 @@ fn item(name: &str, module: &Module, test: &Declaration) -> Result<TestItem, Pac
     if module.is(close + 1, b'-') {
         let place = module.span(test.name_token);
         let message = format!("the test `{own}` returns something");
-        return Err(error(place, message, "a test says what it expects: `expect_near(..)`"));
+        return Err(error(
+            place,
+            message,
+            "remove the result, and write expectations: `expect_near(..)`",
+        ));
     }
     let mut over: Vec<Option<(Vec<String>, Span)>> = Vec::new();
     let mut cases = None;
     for attribute in attributes(module, test) {
         let inside =
             (attribute.tokens.start + 3).min(attribute.tokens.end)..attribute.tokens.end - 1;
-        // A sign belongs to the number after it.
+        // A sign and the number after it are one argument.
         let mut arguments = vec![String::new()];
         let is_value = |at: usize| !matches!(module.tokens[at].kind, Kind::Symbol(_));
         for at in inside.clone() {
@@ -180,15 +185,15 @@ fn item(name: &str, module: &Module, test: &Declaration) -> Result<TestItem, Pac
         arguments.pop_if(|last| last.is_empty());
         if arguments.iter().any(String::is_empty) {
             let message = format!("`@{}` has a comma too many", attribute.name);
-            return Err(error(span(&attribute.tokens), message, "a value stands before each"));
+            return Err(error(span(&attribute.tokens), message, "write a value before each comma"));
         }
         let stands = match attribute.parameter {
             None => cases.is_some(),
             Some(parameter) => over.get(parameter).is_some_and(Option::is_some),
         };
         if stands {
-            let message = format!("`@{}` stands twice", attribute.name);
-            return Err(error(span(&attribute.tokens), message, "leave one of them out"));
+            let message = format!("`@{}` occurs twice", attribute.name);
+            return Err(error(span(&attribute.tokens), message, "remove one of them"));
         }
         match (&*attribute.name, attribute.parameter) {
             ("cases", None) => {
@@ -215,13 +220,13 @@ fn item(name: &str, module: &Module, test: &Declaration) -> Result<TestItem, Pac
         let place =
             attributes(module, test).into_iter().find(|attribute| attribute.name == "cases");
         let place = place.map_or_else(|| span(&test.tokens), |attribute| span(&attribute.tokens));
-        let message = format!("the test `{own}` has no parameter, so that it is one case");
-        return Err(error(place, message, "leave `@cases` out"));
+        let message = format!("the test `{own}` has no parameter, so it has only one case");
+        return Err(error(place, message, "remove `@cases`"));
     }
     Ok(TestItem { name, span: span(&test.tokens), cases, over, parameters })
 }
 
-/// The parameters between two brackets, if every module knows their types by these names.
+/// The parameters between two brackets; `None` unless their types have the same meaning in every module.
 fn parameters(module: &Module, open: usize, close: usize) -> Option<Vec<(String, String)>> {
     let all = module.bytes(&(open..close + 1));
     let is_shared = !module.includes.is_empty();
@@ -265,7 +270,7 @@ fn parameters(module: &Module, open: usize, close: usize) -> Option<Vec<(String,
     Some(found)
 }
 
-/// Returns `true` if a word is a type or a type constructor that needs no language extension.
+/// Checks if a word is a type or a type constructor that needs no language extension.
 fn is_builtin_type(word: &str) -> bool {
     let size = |text: &str| matches!(text, "2" | "3" | "4");
     let is_vector =

@@ -6,20 +6,20 @@ use std::ops::Range;
 use super::lexer::{Kind, Token, lex};
 use crate::diagnostic::Value;
 
-/// Texts by the names that they replace.
+/// Texts, by the placeholders or names that they replace.
 pub(super) type Values = BTreeMap<String, String>;
 
-/// Reads a value: a number, a switch, or a line of text.
+/// Reads a value: a number, `true` or `false`, or a line of text.
 pub(super) fn value(name: &str, value: &toml::Value) -> Result<String, String> {
     let is_name = |name: &str| matches!(&*lex(name), [token] if token.kind == Kind::Word && token.range() == (0..name.len()));
     if !is_name(name) {
         return Err(format!(
-            "`{name}` in `[values]` is no name: write that of `{{{{ name }}}}` or `{{name}}`"
+            "`{name}` in `[values]` isn't a name: write the name from `{{{{ name }}}}` or `{{name}}`"
         ));
     }
     match value {
         toml::Value::String(text) if text.contains(['\n', '\r']) => Err(format!(
-            "the value of `{name}` is of one line, so that lines stay those of the file"
+            "the value of `{name}` must be one line, so that line numbers stay the same"
         )),
         toml::Value::String(text) if text.contains("//") || text.contains("/*") => {
             Err(format!("the value of `{name}` has a comment, which would hide what follows it"))
@@ -31,16 +31,16 @@ pub(super) fn value(name: &str, value: &toml::Value) -> Result<String, String> {
         toml::Value::Float(number) if !number.is_finite() => {
             Err(format!("WGSL has no literal for the value of `{name}`"))
         }
-        // A float has a point or an exponent in WGSL, as in TOML.
+        // A float has a point or an exponent, in WGSL as in TOML.
         toml::Value::Float(number) if *number < 0.0 => Ok(format!("({number:?})")),
         toml::Value::Float(number) => Ok(format!("{number:?}")),
         toml::Value::Boolean(on) => Ok(on.to_string()),
-        _ => Err(format!("the value of `{name}` is a text, a number, `true` or `false`")),
+        _ => Err(format!("the value of `{name}` must be a text, a number, `true` or `false`")),
     }
 }
 
-/// Replaces each `{{ NAME }}`, `{NAME}`, `${NAME}`, `$(NAME)`, `$NAME`, `#{NAME}` and bare name with its value. It
-/// leaves comments, directives, conditions, imports, attributes, members and declarations alone.
+/// Replaces each `{{ NAME }}`, `{NAME}`, `${NAME}`, `$(NAME)`, `$NAME`, `#{NAME}` and bare name by its value.
+/// Comments, directives, conditions, imports, attributes, members and declarations stay unchanged.
 pub(super) fn substituted(text: &str, values: &Values) -> (String, Vec<Value>) {
     let (mut result, mut done, mut all) = (String::with_capacity(text.len()), 0, Vec::new());
     for (range, name) in places(text, &lex(text), values) {
@@ -55,12 +55,12 @@ pub(super) fn substituted(text: &str, values: &Values) -> (String, Vec<Value>) {
     (result, all)
 }
 
-/// The values that a text uses.
+/// The names of the values that a text uses.
 pub(super) fn used<'v>(text: &str, values: &'v Values) -> BTreeSet<&'v str> {
     places(text, &lex(text), values).into_iter().map(|(_, name)| name).collect()
 }
 
-/// Each place of a value, with the value's name.
+/// The ranges to replace in a text, each with the name of its value.
 fn places<'v>(text: &str, tokens: &[Token], values: &'v Values) -> Vec<(Range<usize>, &'v str)> {
     let of = |at: usize| &text[tokens[at].range()];
     let is = |at: Option<usize>, symbol: &str| {
@@ -79,7 +79,7 @@ fn places<'v>(text: &str, tokens: &[Token], values: &'v Values) -> Vec<(Range<us
         while !is_list
             && is(before(&around), "{")
             && is(Some(around.end), "}")
-            // Braces around a placeholder belong to a block, unless they touch it: `{{ NAME }}`.
+            // Braces around a placeholder belong to a block, unless they touch the placeholder: `{{ NAME }}`.
             && (around.len() == 1 || touch(around.start - 1, around.start) && touch(around.end - 1, around.end))
         {
             around = around.start - 1..around.end + 1;
@@ -94,7 +94,7 @@ fn places<'v>(text: &str, tokens: &[Token], values: &'v Values) -> Vec<(Range<us
             around.start -= 1;
         }
         let is_bare = around.len() == 1;
-        // A declaration hides the value, in the whole module or in its function.
+        // A declaration hides the value in the whole module, or only in its function.
         let is_that =
             |(known, scope): &(&str, Range<usize>)| known == &&**name && scope.contains(&at);
         if is_bare && declared.iter().any(is_that) {
@@ -113,7 +113,7 @@ fn places<'v>(text: &str, tokens: &[Token], values: &'v Values) -> Vec<(Range<us
 /// Words that declare the name after them.
 const DECLARES: [&str; 7] = ["fn", "struct", "alias", "const", "override", "let", "var"];
 
-/// The tokens of the function around `at`: up to its last brace, or at most to the next function.
+/// The tokens of the function around `at`: up to the function's last brace, or at most to the next function.
 fn function_around(text: &str, tokens: &[Token], at: usize) -> Option<Range<usize>> {
     let of = |at: usize| &text[tokens[at].range()];
     let start = (0..at).rev().find(|one| of(*one) == "fn")?;
@@ -131,7 +131,7 @@ fn function_around(text: &str, tokens: &[Token], at: usize) -> Option<Range<usiz
     all.contains(&at).then_some(all)
 }
 
-/// The names that a text declares or imports, each with the tokens where the name has that meaning.
+/// The names that a text declares or imports. Each has the tokens in which the name has this meaning.
 fn declared<'t>(text: &'t str, tokens: &[Token]) -> Vec<(&'t str, Range<usize>)> {
     let of = |at: usize| tokens.get(at).map_or("", |token| &text[token.range()]);
     // The end of the text also counts as the start of a line.
@@ -140,7 +140,7 @@ fn declared<'t>(text: &'t str, tokens: &[Token]) -> Vec<(&'t str, Range<usize>)>
         at > 0 && (at == tokens.len() || text[tokens[at - 1].range().end..start].contains('\n'))
     };
     let mut found = Vec::new();
-    // `#import` ends with its line, or behind its braces; `import` ends with its semicolon.
+    // An `#import` ends with its line, or behind its braces. An `import` ends with its semicolon.
     let (mut imports, mut by_line, mut depth) = (false, false, 0_usize);
     for at in 0..tokens.len() {
         let (before, behind) = (at.checked_sub(1).map_or("", of), of(at + 1));
@@ -157,7 +157,7 @@ fn declared<'t>(text: &'t str, tokens: &[Token]) -> Vec<(&'t str, Range<usize>)>
         let is_last = by_line && depth == 0 && begins_line(at + 1);
         let is_imported = imports && (is_last || matches!(behind, "," | "}" | ";"));
         let is_declared = DECLARES.contains(&before) && matches!(behind, "(" | "{" | "=" | ":");
-        // A parameter follows `(` or `,`. A member of a structure may, too, and isn't a parameter.
+        // A parameter follows `(` or `,`. A member of a structure may follow them, too, and isn't a parameter.
         let is_parameter =
             matches!(before, "(" | ",") && behind == ":" && !is_member(tokens, text, at);
         if is_imported || is_declared || is_parameter || before == ">" && behind == ":" {
@@ -168,7 +168,7 @@ fn declared<'t>(text: &'t str, tokens: &[Token]) -> Vec<(&'t str, Range<usize>)>
     found
 }
 
-/// Returns `true` between the braces of a structure, or of a `case`.
+/// Checks if a token is between the braces of a structure, or of a `case`.
 fn is_member(tokens: &[Token], text: &str, at: usize) -> bool {
     let mut depth = 0;
     for token in tokens[..at].iter().rev() {
@@ -183,7 +183,7 @@ fn is_member(tokens: &[Token], text: &str, at: usize) -> bool {
     true
 }
 
-/// Returns `true` for a word that is a name and that an engine doesn't replace.
+/// Checks if a word is a name that values don't replace.
 fn is_name(text: &str, tokens: &[Token], at: usize) -> bool {
     let of = |at: usize| tokens.get(at).map_or("", |token| &text[token.range()]);
     let before = at.checked_sub(1).map_or("", of);
@@ -221,7 +221,7 @@ fn is_name(text: &str, tokens: &[Token], at: usize) -> bool {
     matches!(before, "." | "@") || is_path || is_directive || is_declared || is_member || is_asked
 }
 
-/// Returns `true` within the selectors of a `case`.
+/// Checks if a token is within the selectors of a `case`.
 fn is_case(text: &str, tokens: &[Token], at: usize) -> bool {
     let of = |at: usize| &text[tokens[at].range()];
     (0..at)
@@ -234,6 +234,7 @@ fn is_case(text: &str, tokens: &[Token], at: usize) -> bool {
 mod tests {
     use super::{Values, substituted};
 
+    // Lesson 145
     #[test]
     fn each_form_of_a_placeholder_has_its_value() {
         let values = Values::from([
@@ -283,13 +284,13 @@ mod tests {
             ),
             ("const a = b::N + N;", "const a = b::N + 64;"),
             ("import a::{N}; fn f() { {N} }", "import a::{N}; fn f() { 64 }"),
-            // A parameter and a local hide the value in their own function.
+            // A parameter and a local variable hide the value in their own function.
             (
                 "fn f(N: f32) { N; }\nfn g() { N; }\nfn h() { let N = 2; if true { N; } }\nconst a = N;",
                 "fn f(N: f32) { N; }\nfn g() { 64; }\nfn h() { let N = 2; if true { N; } }\nconst a = 64;",
             ),
             ("fn g() { N; }\nfn N() {}", "fn g() { N; }\nfn N() {}"),
-            // `naga_oil` needs no semicolon.
+            // `naga_oil` needs no semicolon after an import.
             (
                 "#import a::q as Q\nstruct P { a: N, b: N }",
                 "#import a::q as Q\nstruct P { a: 64, b: 64 }",

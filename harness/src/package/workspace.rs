@@ -1,28 +1,28 @@
-//! Owns everything that a process keeps between one look at a package and the next. Most entries are found by all their
-//! inputs, such as a text and features, so an edit finds no old entry. Other kinds say where they differ: cargo's
-//! graphs notice changes only in the next process, and the outputs of programs and `karat.toml` are checked when they
-//! are found. A kind that reaches its limit is cleared completely, and [`refresh`] forgets entries that may depend on
-//! files unknown to Karat.
+//! Caches everything that a process reuses when it reads a package again. The key of most entries has all inputs
+//! of the entry, such as a text and features, so an edit finds no outdated entry. Some kinds of entries are
+//! different: cargo's graphs notice changes only in the next process. The code that uses outputs of programs and
+//! `karat.toml` checks the entries that it finds. If a kind reaches its limit, all its entries are cleared.
+//! [`refresh`] forgets entries that may depend on files unknown to Karat.
 
 use std::any::{Any, TypeId};
 use std::collections::HashMap;
 use std::hash::Hash;
 use std::sync::{Arc, LazyLock, Mutex, MutexGuard, PoisonError};
 
-/// A kind of entries.
+/// A kind of entries in the cache.
 pub(crate) trait Kind: 'static {
     /// All inputs of an entry.
     type Key: Eq + Hash + Send + 'static;
     type Value: Send + 'static;
-    /// The most entries that are kept.
+    /// The largest number of entries.
     const MOST: usize;
-    /// Set if entries depend on more than their keys.
+    /// True if entries depend on more than their keys.
     const VOLATILE: bool = false;
 }
 
 type Entries<K> = HashMap<<K as Kind>::Key, <K as Kind>::Value>;
 
-/// The entries of a kind. Each kind has its own lock, since cargo may take seconds to answer.
+/// The entries of a kind. Each kind has its own lock, because cargo may take seconds to answer.
 struct Shelf {
     entries: Arc<Mutex<Box<dyn Any + Send>>>,
     clear: Option<fn(&mut (dyn Any + Send))>,
@@ -38,7 +38,7 @@ fn entries<K: Kind>(any: &mut (dyn Any + Send)) -> &mut Entries<K> {
     any.downcast_mut().expect("a kind has entries of its own type")
 }
 
-/// Gives `work` the entries of a kind, locked. `work` must not ask for the same kind again.
+/// Calls `work` with the locked entries of a kind. `work` must not use the same kind again.
 pub(crate) fn with<K: Kind, T>(work: impl FnOnce(&mut Entries<K>) -> T) -> T {
     let shelf = {
         let mut workspace = locked(&WORKSPACE);
@@ -52,7 +52,7 @@ pub(crate) fn with<K: Kind, T>(work: impl FnOnce(&mut Entries<K>) -> T) -> T {
     work(entries::<K>(&mut **any))
 }
 
-/// The same, with room for another entry.
+/// Calls `work` with the locked entries of a kind, after making room for another entry.
 pub(crate) fn with_room<K: Kind, T>(work: impl FnOnce(&mut Entries<K>) -> T) -> T {
     with::<K, _>(|entries| {
         if entries.len() >= K::MOST {
@@ -70,8 +70,9 @@ pub(crate) fn keep<K: Kind>(key: K::Key, value: K::Value) {
     with_room::<K, _>(|entries| drop(entries.insert(key, value)));
 }
 
-/// Forgets entries that depend on files unknown to Karat: a program's output (`preprocess` in `karat.toml`) may depend
-/// on any file. A process that lives on between edits calls it before each look.
+/// Forgets entries that depend on files unknown to Karat: a program's output (`preprocess` in `karat.toml`) may
+/// depend on any file. A process that continues between edits calls this function before it reads a package
+/// again.
 ///
 /// ```
 /// karat::unstable::workspace::refresh();

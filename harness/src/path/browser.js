@@ -1,5 +1,5 @@
-// The page of `karat browser`; `jobs.js` comes before this text. The page asks for jobs, together with the answer to
-// the last one.
+// The script of `karat browser`'s page, after the text of `jobs.js`. Each request of the page sends the last reply, and
+// asks for the next job.
 
 const page = crypto.randomUUID();
 const show = (text) => { document.querySelector('p').textContent = text; };
@@ -9,7 +9,7 @@ async function work() {
     if (!navigator.gpu) throw new Error('this browser has no WebGPU');
     const { device, greeting } = await opened(navigator.gpu, 'Browser');
     const version = navigator.userAgent.match(/(Firefox|Edg|Chrome|Version)\/[\d.]+/)?.[0] ?? navigator.userAgent;
-    // Without a device, the page is loaded again.
+    // Reloads the page to get a new device.
     device.lost.then(() => location.reload());
     addEventListener('pagehide', () => navigator.sendBeacon('next', body({ closed: true })));
     show('Karat runs its tests here. Leave this page open.');

@@ -2,7 +2,6 @@
 
 use super::{Adapter, Path, Via};
 
-/// The adapter of the engine.
 pub(crate) fn adapter(path: Path) -> Adapter {
     let name = match path.via() {
         Via::Fma => "Karat's engine, a * b + c rounded once",

@@ -1,8 +1,8 @@
-// The path `dawn`: Dawn, the WebGPU of Chrome, in Node, from the npm package `webgpu`. The argument is the package's
-// folder. `jobs.js`, which runs jobs, comes before this text, and Node reads both from its command line.
+// The path `dawn`: Chrome's WebGPU in Node, from the npm package `webgpu`. Node gets this script, after the text of
+// `jobs.js`, on its command line. The script's argument is the folder of the package.
 //
-// It writes a greeting, and an answer for each job, to stdout, one line each. Dawn logs on stdout and stderr, so it
-// runs in a process of its own, whose answers come on a third stream.
+// The script writes a greeting line and a reply line for each job to stdout. Dawn also logs on stdout and stderr. So
+// Dawn runs in a second process, whose replies come on a third stream.
 
 import { spawn } from 'node:child_process';
 import { writeSync } from 'node:fs';
@@ -23,7 +23,7 @@ if (inner) {
 async function serve(index) {
     const { create, globals } = await import(index);
     Object.assign(globalThis, globals);
-    // Dawn is destroyed with its last reference.
+    // Keeps a reference, because Dawn is destroyed with its last reference.
     globalThis.gpu = create([]);
     const { version } = createRequire(index)('./package.json');
     const { device, greeting } = await opened(gpu, 'Dawn');

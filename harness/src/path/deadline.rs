@@ -1,7 +1,7 @@
 //! Limits the time that a shader may take.
 //!
-//! A time-out can't be an error that the caller handles: some drivers run a shader inside the call that submits it, and
-//! a hung queue can't be shut down. So the process reports what hung, and ends.
+//! The caller can't handle a time-out as an error. Some drivers run a shader inside the call that submits the shader,
+//! and a hung queue can't be shut down. So the process reports the work that hangs, and ends.
 
 use std::cell::RefCell;
 use std::io::Write;
@@ -13,10 +13,10 @@ use super::Path;
 use crate::output::visible;
 use crate::settings;
 
-/// Runs the deadline as long as it lives.
+/// The deadline applies until the guard is dropped.
 #[must_use]
 pub(crate) struct Guard {
-    /// Its end, when the guard is dropped, tells the watching thread that the work is done.
+    /// The watching thread stops when this sender is dropped.
     _done: Sender<()>,
     path: Path,
     watcher: Option<Watcher>,
@@ -28,27 +28,27 @@ impl Drop for Guard {
     }
 }
 
-/// An event in the life of a guard, for its watcher.
+/// An event of a guard.
 pub enum Moment<'a> {
-    /// Work with a deadline begins.
+    /// The work begins.
     Begins,
-    /// The work didn't finish; a sentence says what, before the process ends.
+    /// The work missed the deadline. The text names the work. The process ends next.
     Overdue(&'a str),
     /// The work ended in time.
     Ends,
 }
 
-/// Receives the events of the guards that live during some work.
+/// A function that receives the events of guards.
 pub(crate) type Watcher = Arc<dyn Fn(Path, Moment<'_>) + Send + Sync>;
 
 thread_local! {
-    /// The watcher of guards that this thread makes.
+    /// The watcher for the guards that this thread makes.
     static WATCHER: RefCell<Option<Watcher>> = const { RefCell::new(None) };
 }
 
 /// Runs `work`, and sends the events of its guards to the watcher.
 pub fn watched<T>(watcher: Watcher, work: impl FnOnce() -> T) -> T {
-    /// Restores the previous watcher, even after a panic.
+    /// Restores the previous watcher when dropped, even after a panic.
     struct Before(Option<Watcher>);
     impl Drop for Before {
         fn drop(&mut self) {
@@ -59,13 +59,12 @@ pub fn watched<T>(watcher: Watcher, work: impl FnOnce() -> T) -> T {
     work()
 }
 
-/// Ends the process unless the guard is dropped within the deadline. `what` describes the work on the path, and how to
-/// run it again.
+/// Ends the process if the guard isn't dropped before the deadline. `what` describes the work, and how to repeat it.
 pub(crate) fn guard(path: Path, what: impl FnOnce() -> String + Send + 'static) -> Guard {
     within(settings::deadline(), path, what)
 }
 
-/// The same while a path opens. That runs no shader, so this deadline is separate.
+/// Like [`guard`], for opening a path. Opening runs no shader, so this deadline is separate.
 pub(crate) fn guard_opening(path: Path) -> Guard {
     let limit = settings::deadline().max(Duration::from_secs_f64(settings::DEADLINE_SECONDS));
     within(limit, path, move || format!("opening path {path}"))
@@ -78,7 +77,7 @@ fn within(limit: Duration, path: Path, what: impl FnOnce() -> String + Send + 's
     let (done, wait) = channel::<()>();
     std::thread::spawn(move || {
         if wait.recv_timeout(limit) == Err(RecvTimeoutError::Timeout) {
-            // Written past the test runner's capture, whose text is lost with the process.
+            // Writes directly to stderr, because the test runner's captured output is lost with the process.
             let why = format!(
                 "{} did not finish within {} s: an endless loop, or a deadline too short for this \
                  adapter (KARAT_TIMEOUT=seconds)",

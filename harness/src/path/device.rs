@@ -1,4 +1,4 @@
-//! An opened path: adapter, device, queue, and the pipelines made so far.
+//! Opened paths: adapter, device, queue, and the pipelines of a path.
 
 use std::borrow::Cow;
 use std::collections::HashMap;
@@ -15,18 +15,18 @@ use super::route::{self, Foreign, Routed};
 use super::{Adapter, Api, Path, PathError, driver, guard_opening};
 use crate::settings;
 
-/// The number of rounds, of all loops of an invocation together, after which Mesa's llvmpipe leaves the loops
-/// (`LP_MAX_TGSI_LOOP_ITERATIONS` in its sources), on Vulkan and on GL.
+/// The number of loop rounds after which Mesa's llvmpipe leaves all loops of an invocation, on Vulkan and on GL. It is
+/// `LP_MAX_TGSI_LOOP_ITERATIONS` in Mesa's sources.
 pub(crate) const MOST_ROUNDS: u64 = 65_535;
 
-/// wgpu reports compute shaders on OpenGL 3.3 if the driver has `GL_ARB_compute_shader`, as NVIDIA's does, but naga
-/// can't write them for that version. So this shader is compiled as a test.
+/// A shader that Karat compiles to test a driver's compute support. On OpenGL 3.3, wgpu reports compute shaders if the
+/// driver has `GL_ARB_compute_shader`, such as NVIDIA's. But naga can't write compute shaders for that version.
 const NO_WORK: &str = "@compute @workgroup_size(1) fn work() {}";
 
-/// The time to wait for a poll's callback before polling again.
+/// The time to wait for a callback before the next poll.
 const CALLBACK: Duration = Duration::from_millis(5);
 
-/// A device of one path.
+/// The device of one path.
 #[derive(Debug)]
 pub struct Device {
     path: Path,
@@ -36,16 +36,15 @@ pub struct Device {
     color_format: wgpu::TextureFormat,
     multisampled_format: wgpu::TextureFormat,
     pipelines: Mutex<HashMap<blake3::Hash, Arc<Pipeline>>>,
-    /// `None` if threads needn't take turns.
+    /// The lock by which threads take turns, if the driver serves only one thread at a time.
     turns: Option<ReentrantMutex<()>>,
     /// The smallest and the largest subgroup size.
     subgroups: Option<[u32; 2]>,
 }
 
-/// A compute pipeline.
 pub(crate) struct Pipeline {
     pub(crate) pipeline: wgpu::ComputePipeline,
-    /// The SPIR-V that it was made from, if wgpu didn't make it.
+    /// The SPIR-V of the pipeline, if another compiler than wgpu made it.
     foreign: Option<Box<Foreign>>,
 }
 
@@ -56,12 +55,13 @@ impl std::fmt::Debug for Pipeline {
 }
 
 impl Pipeline {
-    /// Returns `true` if it was made from another compiler's SPIR-V.
+    /// Checks if another compiler than wgpu made the pipeline's SPIR-V.
     pub(crate) fn is_foreign(&self) -> bool {
         self.foreign.is_some()
     }
 
-    /// The place of a WGSL resource in the pipeline: its group and binding. `None` if the pipeline doesn't use it.
+    /// The group and the binding in the pipeline for a resource's group and binding in WGSL. Returns `None` if the
+    /// pipeline doesn't use the resource.
     pub(crate) fn place(&self, group: u32, binding: u32) -> Option<(u32, u32)> {
         match &self.foreign {
             None => Some((group, binding)),
@@ -70,27 +70,26 @@ impl Pipeline {
     }
 }
 
-/// The lock that a thread holds during its turn. See [`Device::turn`].
+/// The lock that a thread has during its turn. See [`Device::turn`].
 pub(crate) type Turn<'d> = Option<ReentrantMutexGuard<'d, ()>>;
 
 impl Device {
     pub(super) fn open(path: Path) -> Result<Self, PathError> {
         let unavailable = |reason: String| PathError::Unavailable { path, reason };
         if path.api() == Api::Cpu {
-            let reason =
-                "Karat's engine calls functions and does nothing else: a driver is needed here";
+            let reason = "Karat's engine has no device: use the path of a driver here";
             return Err(unavailable(reason.to_owned()));
         }
         if let Some(reason) = route::missing(path) {
             return Err(unavailable(reason));
         }
         if !exists(path) {
-            return Err(unavailable("this platform doesn't have it".to_owned()));
+            return Err(unavailable("this platform doesn't support it".to_owned()));
         }
         let _deadline = guard_opening(path);
         let instance = wgpu::Instance::new(wgpu::InstanceDescriptor {
             backends: backends(path),
-            // Validation layers cost more time than the test; wgpu's own validation stays on.
+            // Turns validation layers off, because they cost more time than the test. wgpu's own validation stays on.
             flags: wgpu::InstanceFlags::empty(),
             ..wgpu::InstanceDescriptor::new_without_display_handle()
         });
@@ -128,12 +127,14 @@ impl Device {
         }
         let needed = route::features(path);
         if !adapter.features().contains(needed) {
-            return Err(unavailable("its driver takes no shaders but wgpu's own".to_owned()));
+            return Err(unavailable(
+                "wgpu can't pass the route's shaders to its driver".to_owned(),
+            ));
         }
         let optional = wgpu::Features::SHADER_F16
             | wgpu::Features::FLOAT32_FILTERABLE
             | wgpu::Features::FLOAT32_BLENDABLE
-            // For counters of loops in vertex shaders.
+            // For loop counters in vertex shaders.
             | wgpu::Features::VERTEX_WRITABLE_STORAGE
             // For fixtures.
             | wgpu::Features::IMMEDIATES
@@ -172,7 +173,7 @@ impl Device {
         let (path_name, driver) = (path.to_string(), driver_of(&info));
         let software = info.device_type == wgpu::DeviceType::Cpu;
         let adapter = Adapter { path: path_name, name: info.name, driver, software };
-        // Mesa's GL doesn't report that llvmpipe is software.
+        // Mesa's GL reports llvmpipe as hardware.
         let adapter = Adapter { software: software || adapter.is_llvmpipe(), ..adapter };
         let turns = (path.api() == Api::Gl).then(ReentrantMutex::default);
         let pipelines = Mutex::default();
@@ -191,49 +192,50 @@ impl Device {
             && opened.compute_pipeline(NO_WORK, "work", &Overrides::default()).is_err()
         {
             true => Err(unavailable(format!(
-                "wgpu compiles no compute shaders for it: OpenGL needs version 4.3, OpenGL ES 3.1, and \
-                 this driver gives {}",
+                "wgpu can't compile compute shaders for it: OpenGL needs version 4.3, OpenGL ES needs 3.1, but \
+                 this driver has {}",
                 opened.adapter.driver
             ))),
             false => Ok(opened),
         }
     }
 
-    /// Waits until no other thread uses the device, for drivers that serve one thread at a time. wgpu panics in a
-    /// thread that has waited six seconds for GL's context, which can happen on a busy machine while another thread
-    /// compiles. Take a turn for everything that reaches the driver, including the release of resources; don't hold it
-    /// while you wait for other threads, and take it before a deadline begins.
+    /// Waits for the thread's turn, if the driver serves one thread at a time. wgpu panics if a thread waits six
+    /// seconds for GL's context. On a busy machine, this happens while another thread compiles.
+    ///
+    /// Take a turn for every call of the driver, including the release of resources. Release the turn before you wait
+    /// for other threads. Take the turn before a deadline begins.
     pub(crate) fn turn(&self) -> Turn<'_> {
         self.turns.as_ref().map(ReentrantMutex::lock)
     }
 
-    /// The path's name.
+    /// The path of the device.
     pub fn path(&self) -> Path {
         self.path
     }
 
-    /// The driver's description of itself.
+    /// The adapter, as the driver describes it.
     pub fn adapter(&self) -> &Adapter {
         &self.adapter
     }
 
-    /// Returns `true` if the driver leaves loops after [`MOST_ROUNDS`] rounds, with the values of that moment.
+    /// Checks if the driver stops loops after [`MOST_ROUNDS`] rounds and continues with the current values.
     pub(crate) fn leaves_loops(&self) -> bool {
         self.adapter.is_llvmpipe()
     }
 
-    /// Returns `true` if the driver fills the borders of a cube map's faces only when something is drawn with it, so
-    /// that kernels read undefined borders.
+    /// Checks if the driver fills the borders of a cube map only when a draw uses the cube map. Kernels would read
+    /// undefined borders on such a driver.
     pub(crate) fn fills_borders_by_draws(&self) -> bool {
         self.adapter.is_swiftshader()
     }
 
-    /// The message about the loop that the driver leaves before it ends.
+    /// The message about a loop that the driver stopped.
     pub(crate) fn left_loop(&self, of: &str, rounds: u32, place: Option<&Span>) -> Diagnostic {
         let path = self.path;
         let diagnostic = Diagnostic::new(format!(
-            "on path `{path}` the driver doesn't run {of} to the end: this loop goes round {rounds} \
-             times or more"
+            "on path `{path}` the driver doesn't finish {of}: this loop runs {rounds} rounds \
+             or more"
         ));
         let diagnostic = match place {
             Some(span) => diagnostic.at(span.first_line(), ""),
@@ -242,13 +244,13 @@ impl Device {
         let driver = &self.adapter.name;
         diagnostic
             .note(format!(
-                "{driver} leaves all loops of an invocation after {MOST_ROUNDS} rounds together, with \
-                 whatever values there are then"
+                "{driver} stops all loops of an invocation after {MOST_ROUNDS} rounds together, and continues with \
+                 the current values"
             ))
-            .note("ask for fewer rounds, or run on a driver without such a limit")
+            .note("use fewer rounds, or run on a driver without this limit")
     }
 
-    /// The smallest and the largest subgroup size; `None` without subgroups.
+    /// The smallest and the largest subgroup size. It is `None` if the device has no subgroups.
     pub(crate) fn subgroups(&self) -> Option<[u32; 2]> {
         self.subgroups
     }
@@ -257,7 +259,7 @@ impl Device {
         self.device.features().contains(wgpu::Features::SHADER_F16)
     }
 
-    /// The best format of sampled float textures: full precision if the path can filter it.
+    /// The format for sampled float textures. It has 32 bits if the path can filter such a texture.
     pub(crate) fn float_format(&self) -> wgpu::TextureFormat {
         if self.device.features().contains(wgpu::Features::FLOAT32_FILTERABLE) {
             wgpu::TextureFormat::Rgba32Float
@@ -266,22 +268,22 @@ impl Device {
         }
     }
 
-    /// The best format of float textures whose texels have several samples.
+    /// The format for float textures with several samples.
     pub(crate) fn multisampled_format(&self) -> wgpu::TextureFormat {
         self.multisampled_format
     }
 
-    /// The format of frames: 32-bit floats, or 16-bit floats if the path can't draw into those.
+    /// The format for frames: 32-bit floats, or 16-bit floats if the path can't draw into 32-bit floats.
     pub(crate) fn color_format(&self) -> wgpu::TextureFormat {
         self.color_format
     }
 
-    /// Runs `work`, and returns an error that wgpu reports meanwhile.
+    /// Runs `work`. Fails if wgpu reports an error meanwhile.
     pub(crate) fn checked<T>(&self, work: impl FnOnce() -> T) -> Result<T, PathError> {
         self.watched(work).map_err(|error| self.failed(&error))
     }
 
-    /// Makes shader modules and pipelines. An error means that the driver refuses the shader, unless memory ran out.
+    /// Makes shader modules and pipelines. An error says that the driver refuses the shader, unless memory ran out.
     pub(crate) fn made<T>(&self, make: impl FnOnce() -> T) -> Result<T, PathError> {
         self.watched(make).map_err(|error| match error {
             wgpu::Error::OutOfMemory { .. } => self.failed(&error),
@@ -298,7 +300,7 @@ impl Device {
         let internal = self.device.push_error_scope(wgpu::ErrorFilter::Internal);
         let validation = self.device.push_error_scope(wgpu::ErrorFilter::Validation);
         let value = work();
-        // Scopes end in the reverse order of their beginnings.
+        // Error scopes end in reverse order.
         let validation = pollster::block_on(validation.pop());
         let internal = pollster::block_on(internal.pop());
         let memory = pollster::block_on(memory.pop());
@@ -308,7 +310,7 @@ impl Device {
         }
     }
 
-    /// The compute pipeline of a kernel; made once for each text.
+    /// The compute pipeline of a kernel. It is compiled once for each WGSL text.
     pub(crate) fn compute_pipeline(
         &self,
         wgsl: &str,
@@ -330,13 +332,13 @@ impl Device {
         Ok(pipeline)
     }
 
-    /// A compute pipeline of naga's IR, along the path's route.
+    /// Makes a compute pipeline from naga's IR, along the path's route.
     pub(crate) fn pipeline_of_ir(
         &self,
         module: Ir,
         entry_point: &str,
     ) -> Result<Arc<Pipeline>, PathError> {
-        // Translators and drivers recurse as deep as the shader nests.
+        // The recursion of translators and drivers is as deep as the shader's nesting.
         reflect::on_deep_stack(|| match route::take(self.path, module, entry_point)? {
             Routed::Ir(module) => {
                 let pipeline = self.pipeline_of_wgpu(*module, entry_point)?;
@@ -349,11 +351,11 @@ impl Device {
         })
     }
 
-    /// The IR to draw a frame with, along the path's route.
+    /// Translates the IR for a frame along the path's route.
     pub(crate) fn drawn(&self, module: Ir) -> Result<Ir, PathError> {
         let undrawn = || PathError::Route {
             path: self.path,
-            message: "frames aren't drawn with SPIR-V of other compilers".to_owned(),
+            message: "Karat can't draw frames with SPIR-V from other compilers".to_owned(),
         };
         match route::takes_wgpu(self.path) {
             true => route::through_naga(self.path, module),
@@ -382,7 +384,7 @@ impl Device {
         })
     }
 
-    /// Waits for all submitted work. The caller holds a deadline's guard.
+    /// Waits for all submitted work. The caller must have a deadline's guard.
     pub(crate) fn wait(&self) -> Result<(), PathError> {
         self.device
             .poll(wgpu::PollType::wait_indefinitely())
@@ -390,7 +392,7 @@ impl Device {
             .map_err(|error| PathError::Driver { path: self.path, message: error.to_string() })
     }
 
-    /// Copies the mapped contents of a read-back buffer, and unmaps it. The thread gives up its turn while `read` runs,
+    /// Reads the mapped contents of a buffer, and unmaps the buffer. The thread releases its turn while `read` runs,
     /// because `read` may wait for other threads.
     pub(crate) fn read_back<T>(
         &self,
@@ -403,18 +405,18 @@ impl Device {
         let (sender, receiver) = std::sync::mpsc::channel();
         let slice = buffer.slice(0..size);
         slice.map_async(wgpu::MapMode::Read, move |result| {
-            // The receiver lives until the result is taken.
+            // The receiver exists until it gets the result.
             drop(sender.send(result));
         });
-        // Another thread's poll may have taken the callback without having called it yet. So the end of this thread's
-        // poll doesn't mean that the mapping is done. The caller's deadline bounds the loop.
+        // The mapping may be unfinished when this thread's poll ends: another thread's poll may have taken the callback
+        // without calling it yet. The caller's deadline limits this loop.
         let mapped = loop {
             self.wait()?;
             match receiver.recv_timeout(CALLBACK) {
                 Ok(mapped) => break mapped,
                 Err(RecvTimeoutError::Timeout) => {}
                 Err(RecvTimeoutError::Disconnected) => {
-                    return Err(failed("the mapping of a buffer was given up".to_owned()));
+                    return Err(failed("wgpu dropped the mapping of a buffer".to_owned()));
                 }
             }
         };
@@ -430,12 +432,12 @@ impl Device {
     }
 }
 
-/// The driver and its version, as far as the adapter reports them.
+/// The name and the version of the driver, as far as the adapter reports them.
 fn driver_of(info: &wgpu::AdapterInfo) -> String {
     format!("{} {}", info.driver, info.driver_info).trim().to_owned()
 }
 
-/// Returns `true` if this platform can have the path.
+/// Checks if this platform can have the path.
 pub(super) fn exists(path: Path) -> bool {
     let backends = backends(path);
     !backends.is_empty() && wgpu::Instance::enabled_backend_features().contains(backends)
@@ -451,8 +453,8 @@ fn backends(path: Path) -> wgpu::Backends {
     }
 }
 
-/// Hardware first, software rasterisers last. Among these, Mesa's comes first: machines have it by default, and a
-/// second one runs when it is named.
+/// The rank of an adapter: hardware first, and software rasterisers last. Of the rasterisers, Mesa's is first, because
+/// most machines have it. To use another one, name it in the path.
 fn preference(info: &wgpu::AdapterInfo) -> (u8, bool) {
     let kind = match info.device_type {
         wgpu::DeviceType::DiscreteGpu => 0,

@@ -1,8 +1,8 @@
-//! Adapters and the families of their drivers. Drivers are recognised only here.
+//! Adapters and their driver families. Only this module recognises drivers.
 
 use std::fmt;
 
-/// An opened path, as reported with each verdict.
+/// The adapter and driver of an opened path, as verdicts report it.
 ///
 /// ```
 /// use karat::unstable::path::Adapter;
@@ -18,11 +18,11 @@ use std::fmt;
 /// ```
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 pub struct Adapter {
-    /// Name of the path.
+    /// The name of the path.
     pub path: String,
-    /// Name of the adapter: `llvmpipe (LLVM 15.0.6, 256 bits)`.
+    /// The name of the adapter: `llvmpipe (LLVM 15.0.6, 256 bits)`.
     pub name: String,
-    /// Driver and version: `llvmpipe Mesa 22.3.6`.
+    /// The driver and its version: `llvmpipe Mesa 22.3.6`.
     pub driver: String,
     /// Set for a software rasteriser.
     pub software: bool,
@@ -35,14 +35,14 @@ impl fmt::Display for Adapter {
     }
 }
 
-/// Mesa's rasteriser, whose Vulkan is lavapipe.
+/// Mesa's software rasteriser. On Vulkan it is called lavapipe.
 const LLVMPIPE: &str = "llvmpipe";
 
-/// Google's rasteriser, which comes with Chromium.
+/// Google's software rasteriser, which is a part of Chromium.
 const SWIFTSHADER: &str = "swiftshader";
 
-/// Parts of drivers' and adapters' names, with the family. Software comes first, because a rasteriser's name may be
-/// followed by the processor's.
+/// Pairs of a name's part and a driver family. The name is a driver's or an adapter's. Software rasterisers come first,
+/// because their names may also contain the processor's name.
 const FAMILIES: [(&str, &str); 17] = [
     ("llvmpipe", LLVMPIPE),
     ("swiftshader", SWIFTSHADER),
@@ -63,12 +63,12 @@ const FAMILIES: [(&str, &str); 17] = [
     ("v3d", "broadcom"),
 ];
 
-/// The names of all families.
 pub(super) fn families() -> impl Iterator<Item = &'static str> {
     FAMILIES.iter().map(|(_, family)| *family)
 }
 
-/// The family for the names of an adapter and its driver. If none is known, it is the first word.
+/// The family for the names of an adapter and its driver. For an unknown driver, it is the first word of the adapter's
+/// name.
 pub(super) fn family(name: &str, driver: &str) -> String {
     let text = format!("{driver} {name}").to_lowercase();
     let known = FAMILIES.iter().find(|(mark, _)| text.contains(mark));
@@ -77,8 +77,8 @@ pub(super) fn family(name: &str, driver: &str) -> String {
 }
 
 impl Adapter {
-    /// The family of its driver: `llvmpipe`, `nvidia`, `amd`. If no known family fits, it is the
-    /// first word of the adapter's name.
+    /// The driver family of the adapter: `llvmpipe`, `nvidia`, `amd`. For an unknown driver, it is the first word of
+    /// the adapter's name.
     ///
     /// ```no_run
     /// use karat::Path;
@@ -91,7 +91,7 @@ impl Adapter {
         family(&self.name, &self.driver)
     }
 
-    /// Returns `true` for Mesa's llvmpipe, on any API.
+    /// Checks if the adapter is Mesa's llvmpipe, on any API.
     ///
     /// ```no_run
     /// use karat::Path;
@@ -109,7 +109,7 @@ impl Adapter {
         self.family() == SWIFTSHADER
     }
 
-    /// Returns `true` for lavapipe, which is llvmpipe on Vulkan. It can run on any machine.
+    /// Checks if the adapter is lavapipe, Mesa's llvmpipe on Vulkan. lavapipe can run on any machine.
     ///
     /// ```no_run
     /// use karat::Path;

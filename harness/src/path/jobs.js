@@ -1,11 +1,11 @@
 // Runs Karat's jobs with WebGPU: in Node on Dawn (`dawn.mjs`), or in a page of Chromium. `jobs.schema.json` describes
 // the data.
 
-// A device with everything that jobs may need, and the greeting.
+// Opens a device with all features that jobs may need, and makes the greeting.
 async function opened(gpu, name) {
     const adapter = await gpu.requestAdapter();
     if (!adapter) {
-        throw new Error('it finds no adapter: install a driver of Vulkan 1.3, or Chromium, whose SwiftShader it takes');
+        throw new Error('WebGPU finds no adapter: install a driver for Vulkan 1.3, or Chromium, which contains SwiftShader');
     }
     const features = ['depth32float-stencil8', 'float32-filterable', 'float32-blendable', 'shader-f16', 'subgroups'];
     const { maxStorageBufferBindingSize, maxBufferSize } = adapter.limits;
@@ -25,7 +25,7 @@ async function opened(gpu, name) {
     return { device, greeting };
 }
 
-// The answer to a job, including errors.
+// The reply to a job, including errors.
 async function answered(device, job) {
     device.pushErrorScope('validation');
     device.pushErrorScope('out-of-memory');
@@ -35,23 +35,23 @@ async function answered(device, job) {
     });
     const [first, second] = [await device.popErrorScope(), await device.popErrorScope()];
     const wrong = first ?? second;
-    // A shader that was accepted isn't refused.
+    // The compiler accepted the shader, so the job failed instead of being refused.
     const failed = wrong && reply.done && { failed: { message: wrong.message } };
     return { id: job.id, reply: failed || reply };
 }
 
-// An error of the shader: nothing has run.
+// An error about the shader, before any part of it ran.
 function refusal(message, pass, bytes) {
     return Object.assign(new Error(message), { refused: true, pass, bytes });
 }
 
-// A module, if the compiler accepts it.
+// Compiles a module. Throws a refusal if the compiler rejects it.
 async function compiled(device, wgsl, number) {
     const module = device.createShaderModule({ code: wgsl });
     const { messages } = await module.getCompilationInfo();
     const wrong = messages.find(({ type }) => type === 'error');
     if (wrong) {
-        // JavaScript's offsets in texts count UTF-16 units.
+        // JavaScript's offsets count UTF-16 units.
         const byte = (offset) => new TextEncoder().encode(wgsl.slice(0, offset)).length;
         const { message, offset, length } = wrong;
         throw refusal(message, number, { start: byte(offset), end: byte(offset + length) });
@@ -59,7 +59,7 @@ async function compiled(device, wgsl, number) {
     return module;
 }
 
-// Pipelines by their texts: a function's cases come in many jobs, and compiling takes longer than running them.
+// Pipelines by their texts. A function's cases come in many jobs, and compiling takes longer than running.
 const pipelines = new Map();
 const MOST_PIPELINES = 32;
 
@@ -72,7 +72,7 @@ async function pipelineOf(device, { shader: { wgsl, overrides }, entry_point: en
             layout: 'auto',
             compute: { module, entryPoint, constants: overrides },
         }).catch((error) => { throw refusal(error.message, number); });
-        // Removes the oldest.
+        // Removes the oldest pipeline.
         if (pipelines.size >= MOST_PIPELINES) pipelines.delete(pipelines.keys().next().value);
         pipelines.set(key, pipeline);
     }
@@ -81,7 +81,7 @@ async function pipelineOf(device, { shader: { wgsl, overrides }, entry_point: en
 
 // Binds the resources of a pass or a draw, group by group.
 function bind(device, pipeline, pass, bindings, held) {
-    if (bindings.some(({ at }) => !at)) throw refusal('it has no immediates', 0);
+    if (bindings.some(({ at }) => !at)) throw refusal('WebGPU has no immediates', 0);
     for (const group of new Set(bindings.map(({ at }) => at[0]))) {
         const layout = pipeline.getBindGroupLayout(group);
         const own = bindings.filter(({ at }) => at[0] === group);
@@ -91,7 +91,7 @@ function bind(device, pipeline, pass, bindings, held) {
 }
 
 async function run(device, { jobs, resources, outputs, work }) {
-    if (jobs !== 1) throw new Error(`it reads jobs of version 1, and not ${jobs}`);
+    if (jobs !== 1) throw new Error(`it reads jobs of version 1, but this job has version ${jobs}`);
     const held = resources.map((resource) => hold(device, resource));
     const encoder = device.createCommandEncoder();
     if (work.frame) {
@@ -115,7 +115,7 @@ async function run(device, { jobs, resources, outputs, work }) {
     return { done };
 }
 
-// Submits the work, and returns the words of some buffers afterwards.
+// Submits the work, and returns the contents of some buffers afterwards.
 async function read(device, encoder, buffers) {
     const staged = buffers.map((buffer) => {
         const usage = GPUBufferUsage.MAP_READ | GPUBufferUsage.COPY_DST;
@@ -133,13 +133,13 @@ async function read(device, encoder, buffers) {
     return done;
 }
 
-// The draws of a frame, one after another, and the words of its result: four for each pixel.
+// Records the draws of a frame, one after another, and returns the image: four 32-bit words for each pixel.
 async function draw(device, encoder, frame, held) {
     const { width, height, samples, clear, result } = frame;
     // If the fragment function decides the depth, the pre-pass must run it, too.
     const decides = frame.prepass && (/\bdiscard\b|frag_depth/.test(frame.shader.wgsl) || frame.draws.some(({ draw: one }) => one.depth_fragment));
-    if (decides) throw refusal('it draws no depth of fragments before the colours', 0);
-    if (result === 'depth' && samples > 1) throw refusal('it reads no depth of several samples', 0);
+    if (decides) throw refusal('it runs no fragment functions in the depth pre-pass', 0);
+    if (result === 'depth' && samples > 1) throw refusal('it reads no depth images with several samples', 0);
     const module = await compiled(device, frame.shader.wgsl, 0);
     const blending = (state, target) => state.blends.findLast(([own]) => own === target)?.[1] ?? state.blend ?? frame.blend;
     const wide = samples === 1 && (device.features.has('float32-blendable')
@@ -155,10 +155,10 @@ async function draw(device, encoder, frame, held) {
     const resolved = samples > 1 ? formats.map((format) => texture(format, 1)) : colours;
     const hasStencil = frame.draws.some(({ draw: { state } }) => state.stencil);
     const depthFormat = hasStencil ? 'depth32float-stencil8' : 'depth32float';
-    if (hasStencil && !device.features.has('depth32float-stencil8')) throw refusal('it has no stencils', 0);
+    if (hasStencil && !device.features.has('depth32float-stencil8')) throw refusal('its adapter has no stencil format', 0);
     const depth = texture(depthFormat, samples);
     const writesDepth = frame.shader.wgsl.includes('frag_depth');
-    // A depth-only draw has no colours, so each draw is a pass of its own.
+    // Uses a render pass for each draw, because a depth-only draw has no colours.
     const targetsOf = (hasColours, loadOp) => encoder.beginRenderPass({
         colorAttachments: hasColours ? colours.map((colour, target) => ({
             view: colour.createView(),
@@ -241,37 +241,38 @@ async function draw(device, encoder, frame, held) {
     return { words, textures };
 }
 
-// How depth is compared, and whether it is written: in the pre-pass, and in the draw after it.
+// The state of the depth test. `isBehind` is set for draws after the pre-pass, and `depthAlone` for the pre-pass
+// itself.
 function depthOf(state, isBehind, depthAlone, writes) {
     if (isBehind && !depthAlone) return { depthCompare: 'equal', depthWriteEnabled: false };
     const depthCompare = state.depth_compare ?? (depthAlone ? 'less' : 'less-equal');
     return { depthCompare, depthWriteEnabled: state.depth_write ?? writes };
 }
 
-// Bytes as base64. Node has `Buffer`; older browsers have no function for it.
+// Encodes bytes as base64. Node has `Buffer`, but older browsers have no function for it.
 function packed(bytes) {
     if (globalThis.Buffer) return Buffer.from(bytes.buffer, bytes.byteOffset, bytes.byteLength).toString('base64');
     if (bytes.toBase64) return bytes.toBase64();
     let text = '';
-    // A call accepts some ten thousand arguments.
+    // A call accepts only some ten thousand arguments.
     for (let at = 0; at < bytes.length; at += 0x8000) text += String.fromCharCode(...bytes.subarray(at, at + 0x8000));
     return btoa(text);
 }
 
-// Words from base64.
+// Decodes base64 into 32-bit words.
 function unpacked(text) {
     if (globalThis.Buffer) return new Uint32Array(new Uint8Array(Buffer.from(text, 'base64')).buffer);
     if (Uint8Array.fromBase64) return new Uint32Array(Uint8Array.fromBase64(text).buffer);
     return new Uint32Array(Uint8Array.from(atob(text), (byte) => byte.charCodeAt(0)).buffer);
 }
 
-// The WGSL scalar of a format's texels.
+// The WGSL scalar type of a format's texels.
 function scalarOf(format) {
     return /uint$/.test(format) ? 'u32' : /sint$/.test(format) ? 'i32' : 'f32';
 }
 
-// The end of the name of a texture's type in WGSL, and the place of the texel `at` in its first level: row by row,
-// slice by slice.
+// For a texture: the end of its type's name in WGSL, and the coordinates of the texel `at` in the first level. Texels
+// are counted row by row, and slice by slice.
 function placeOf({ dimension = '2d', arrayed = false }) {
     const [x, y, z] = ['at % size.x', 'at / size.x % size.y', 'at / (size.x * size.y)'];
     if (dimension === '1d') return ['1d', 'at'];
@@ -279,7 +280,7 @@ function placeOf({ dimension = '2d', arrayed = false }) {
     return arrayed || dimension === 'cube' ? ['2d_array', `vec2u(${x}, ${y}), ${z}`] : ['2d', `vec2u(${x}, ${y})`];
 }
 
-// Runs a statement for each texel of a texture's first level, together with the texel's words.
+// Runs a WGSL statement for each texel of a texture's first level.
 function perTexel(device, encoder, texture, { declarations, statement, words, view }) {
     const { width, height, depthOrArrayLayers } = texture;
     const texels = width * height * depthOrArrayLayers;
@@ -298,7 +299,7 @@ function perTexel(device, encoder, texture, { declarations, statement, words, vi
     pass.end();
 }
 
-// Copies the texels of a texture into a buffer: four words each.
+// Copies the texels of a texture into a buffer, with four 32-bit words for each texel.
 function told(device, encoder, { texture, aspect = 'all', kind = {} }) {
     const { width, height, depthOrArrayLayers, format } = texture;
     const size = 16 * width * height * depthOrArrayLayers;
@@ -317,23 +318,23 @@ function told(device, encoder, { texture, aspect = 'all', kind = {} }) {
     return words;
 }
 
-// Fails for integers and depths that a format can't store.
+// Throws a refusal for integers and depths that a format can't store.
 function expectHeld(format, levels) {
     const texels = levels.flatMap(({ words }) => words);
     if (format === 'depth32float') {
         const depths = new Float32Array(new Uint32Array(texels.map(([depth]) => depth)).buffer);
         const wrong = depths.find((depth) => !(depth >= 0 && depth <= 1));
-        if (wrong !== undefined) throw refusal(`it has a depth of ${wrong}, and depths are 0 to 1`, 0);
+        if (wrong !== undefined) throw refusal(`it has a depth of ${wrong}, but depths must be from 0 to 1`, 0);
     }
     const [, channels, bits, kind] = format.match(/^(r|rg|rgba)(8|16|32)(u|s)int$/) ?? [];
     if (!kind) return;
     const [least, most] = kind === 'u' ? [0, 2 ** bits - 1] : [-(2 ** (bits - 1)), 2 ** (bits - 1) - 1];
     const values = texels.flatMap((texel) => texel.slice(0, channels.length)).map((word) => (kind === 'u' ? word >>> 0 : word | 0));
     const wrong = values.find((value) => value < least || value > most);
-    if (wrong !== undefined) throw refusal(`a texel is ${wrong}, which ${format} can't hold`, 0);
+    if (wrong !== undefined) throw refusal(`a texel is ${wrong}, which the format ${format} can't store`, 0);
 }
 
-// A storage texture with texels, which a shader writes, because the device knows the format.
+// Makes a storage texture with texels. A shader writes the texels, because only the device knows the format's layout.
 function stored(device, format, kind, [level]) {
     expectHeld(format, [level]);
     const texels = level.words.length / (level.width * level.height);
@@ -356,7 +357,8 @@ function stored(device, format, kind, [level]) {
     return texture;
 }
 
-// A texture of depths, or with several samples a texel. Only draws can fill it. The samples of a texel are neighbours.
+// Makes a depth texture, or a texture with several samples a texel. Only draws can fill such a texture. The samples of
+// one texel are next to each other in `words`.
 function painted(device, texels, samples, levels) {
     const isDepth = texels === 'depth';
     const [{ width, height, words }] = levels;
@@ -414,7 +416,7 @@ function painted(device, texels, samples, levels) {
 function attributes(device, mesh) {
     const names = { f32: 'float32', i32: 'sint32', u32: 'uint32' };
     return (mesh?.attributes ?? []).map(({ location, scalar, width, words, by_instance: byInstance }) => {
-        if (!names[scalar]) throw refusal(`it has no vertices of ${scalar}`, 0);
+        if (!names[scalar]) throw refusal(`it supports no vertex attributes of type ${scalar}`, 0);
         const format = width > 1 ? `${names[scalar]}x${width}` : names[scalar];
         const layout = {
             arrayStride: 4 * width,
@@ -431,7 +433,7 @@ function made(device, words, usage) {
     return buffer;
 }
 
-// How a new value combines with a pixel's old value.
+// The blending formula for a new value over a pixel's old value.
 function blend(kind) {
     const component = (srcFactor, dstFactor, operation = 'add') => ({ srcFactor, dstFactor, operation });
     const both = (color, alpha = color) => ({ color, alpha });

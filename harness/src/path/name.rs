@@ -1,4 +1,4 @@
-//! Parses the names of execution paths: an API, a route of translation, and a driver.
+//! Parses the names of execution paths: an API, a route, and a driver.
 
 use std::collections::BTreeSet;
 use std::fmt;
@@ -27,9 +27,9 @@ pub enum Api {
     Dx12,
     /// OpenGL or OpenGL ES.
     Gl,
-    /// No driver: the host's processor.
+    /// Karat's engine on the host's processor, without a driver.
     Cpu,
-    /// A program that runs jobs, which KARAT_EXECUTORS names.
+    /// A program that runs jobs. KARAT_EXECUTORS names the program.
     Process,
 }
 
@@ -57,7 +57,7 @@ impl Api {
     }
 }
 
-/// A language that a shader is translated into on its way to the API, or an arithmetic of `cpu`.
+/// A language into which a shader is translated for an API, or an arithmetic of `cpu`.
 ///
 /// ```
 /// use karat::Path;
@@ -70,22 +70,21 @@ impl Api {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[non_exhaustive]
 pub enum Via {
-    /// No translation: the author's WGSL.
+    /// No translation: the WGSL of the source files.
     Direct,
-    /// WGSL that naga writes, and reads again.
+    /// WGSL that naga writes and then reads.
     Wgsl,
     /// SPIR-V.
     Spirv,
     /// GLSL.
     Glsl,
-    /// HLSL, by glslang.
+    /// HLSL that glslang compiles.
     Hlsl,
-    /// HLSL, by Microsoft's compiler.
+    /// HLSL that Microsoft's compiler compiles.
     HlslDxc,
-    /// An arithmetic of the path `cpu`, not a language: it rounds `a * b + c` once, as WGSL (15.7.5) allows and many
-    /// GPUs do.
+    /// An arithmetic of the path `cpu`. It rounds `a * b + c` once, as WGSL (15.7.5) allows and many GPUs do.
     Fma,
-    /// The same with subnormal numbers as zero, as WGSL (15.7.2) allows and many GPUs do.
+    /// An arithmetic of the path `cpu`. It treats subnormal numbers as zero, as WGSL (15.7.2) allows and many GPUs do.
     Ftz,
 }
 
@@ -101,7 +100,7 @@ impl Via {
         Self::Ftz,
     ];
 
-    /// Returns `true` for an arithmetic, which only `cpu` has.
+    /// Checks if it is an arithmetic instead of a language. Only `cpu` has arithmetics.
     pub(crate) const fn is_arithmetic(self) -> bool {
         matches!(self, Self::Fma | Self::Ftz)
     }
@@ -134,10 +133,10 @@ impl fmt::Display for Via {
     }
 }
 
-/// An execution path: an API, the route that a shader takes to it, and the driver behind it.
+/// An execution path: an API, the route by which a shader is translated for the API, and the driver.
 ///
-/// Its name may say all three: `vulkan`, `vulkan:hlsl`, `vulkan@swiftshader`. A path without a driver's name uses the
-/// first adapter of its API, hardware before software.
+/// A path's name may have all three: `vulkan`, `vulkan:hlsl`, `vulkan@swiftshader`. Without a driver's name, a path
+/// uses the first adapter of its API. Hardware comes before software.
 ///
 /// ```
 /// use karat::Path;
@@ -154,25 +153,25 @@ pub struct Path {
 }
 
 impl Path {
-    /// WGSL to SPIR-V, on Vulkan.
+    /// WGSL, translated to SPIR-V, on Vulkan.
     pub const VULKAN: Self = Self::of(Api::Vulkan);
-    /// WGSL to MSL, on Metal.
+    /// WGSL, translated to MSL, on Metal.
     pub const METAL: Self = Self::of(Api::Metal);
-    /// WGSL to HLSL, on Direct3D 12.
+    /// WGSL, translated to HLSL, on Direct3D 12.
     pub const DX12: Self = Self::of(Api::Dx12);
-    /// WGSL to GLSL, on OpenGL or OpenGL ES.
+    /// WGSL, translated to GLSL, on OpenGL or OpenGL ES.
     pub const GL: Self = Self::of(Api::Gl);
-    /// The host's processor, without a driver.
+    /// WGSL in Karat's engine, on the host's processor, without a driver.
     pub const CPU: Self = Self::of(Api::Cpu);
 
-    /// The paths of wgpu's drivers. The first of them that opens is the default.
+    /// The paths of wgpu's drivers. The default path is the first one that opens.
     pub const ALL: [Self; 4] = [Self::VULKAN, Self::METAL, Self::DX12, Self::GL];
 
     const fn of(api: Api) -> Self {
         Self { api, via: Via::Direct, driver: None }
     }
 
-    /// The same API by another route.
+    /// This path with another route.
     pub(crate) const fn through(self, via: Via) -> Self {
         Self { via, ..self }
     }
@@ -186,7 +185,7 @@ impl Path {
     /// assert_eq!(Path::GL.api(), Api::Gl);
     /// ```
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: for programs that run tests.
     #[must_use]
     pub const fn api(self) -> Api {
         self.api
@@ -201,14 +200,13 @@ impl Path {
     /// assert_eq!(Path::VULKAN.via(), Via::Direct);
     /// ```
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: for programs that run tests.
     #[must_use]
     pub const fn via(self) -> Via {
         self.via
     }
 
-    /// The family of drivers that the path names: `llvmpipe`. See
-    /// [`Adapter::family`](super::Adapter::family).
+    /// The driver family in the path's name: `llvmpipe`. See [`Adapter::family`](super::Adapter::family).
     ///
     /// ```
     /// use karat::Path;
@@ -217,13 +215,13 @@ impl Path {
     /// # Ok::<(), karat::path::PathError>(())
     /// ```
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: for programs that run tests.
     #[must_use]
     pub const fn driver(self) -> Option<&'static str> {
         self.driver
     }
 
-    /// Returns `true` if this platform can have the path.
+    /// Checks if this platform can have the path.
     ///
     /// ```
     /// use karat::Path;
@@ -231,7 +229,7 @@ impl Path {
     /// assert!(Path::GL.is_supported() || cfg!(target_os = "macos"));
     /// ```
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: for programs that run tests.
     #[must_use]
     pub fn is_supported(self) -> bool {
         super::device::exists(self)
@@ -276,7 +274,7 @@ impl FromStr for Path {
     }
 }
 
-/// The parts of a name, which means one path or several.
+/// The parts of a name, which may match several paths.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Parts {
     pub(super) api: Option<Api>,
@@ -285,8 +283,8 @@ pub(super) struct Parts {
 }
 
 impl Parts {
-    /// Reads `api:via@driver`, each part of which may be missing. `dawn` alone is `process@dawn`, and `chromium`
-    /// likewise.
+    /// Parses `api:via@driver`. Each part may be missing. `dawn` is short for `process@dawn`, and `chromium` for
+    /// `process@chromium`.
     pub(super) fn read(name: &str) -> Result<Self, PathError> {
         if let Some(own) = web::NAMES.into_iter().find(|own| *own == name) {
             return Ok(Self { api: Some(Api::Process), via: None, driver: Some(own) });
@@ -312,7 +310,7 @@ impl Parts {
         };
         match driver {
             Some(driver) if !is_family(driver) => Err(unknown_driver(name, driver)),
-            // An unknown family is accepted, but not a misspelt one.
+            // An unknown family is accepted unless it looks like a misspelt known one.
             Some(driver)
                 if api != Some(Api::Process)
                     && !driver::families().any(|known| known == driver)
@@ -348,7 +346,8 @@ fn unknown_driver(name: &str, driver: &str) -> PathError {
     PathError::UnknownDriver { name, driver, nearest }
 }
 
-/// The single copy of a text that lives as long as the process: there are few paths, and `Path` is `Copy`.
+/// Returns the only copy of a text, which exists as long as the process. There are few paths, and `Path` must be
+/// `Copy`.
 fn intern(text: &str) -> &'static str {
     static TEXTS: Mutex<BTreeSet<&'static str>> = Mutex::new(BTreeSet::new());
     let mut texts = TEXTS.lock().expect("no thread panics while it holds the lock");
@@ -364,7 +363,7 @@ fn intern(text: &str) -> &'static str {
 mod tests {
     use super::*;
 
-    /// The web paths have short names: their programs come with Karat.
+    /// The web paths have short names, because their programs are part of Karat.
     #[test]
     fn the_web_has_paths_of_its_own() {
         for name in ["dawn", "chromium"] {
@@ -402,23 +401,23 @@ mod tests {
             ("@llvmpipe", "there is no execution path `@llvmpipe`; a path is"),
             (
                 "vulkan:hlls",
-                "execution path `vulkan:hlls` has no route `hlls`; the routes are wgsl, spirv, glsl, \
-                 hlsl and hlsl-dxc; did you mean `hlsl`?",
+                "execution path `vulkan:hlls` has no route `hlls`: use wgsl, spirv, glsl, \
+                 hlsl or hlsl-dxc; did you mean `hlsl`?",
             ),
             (
                 "cpu:FMA",
-                "execution path `cpu:FMA` has no route `FMA`; behind `cpu:` is fma or ftz; did you mean `fma`?",
+                "execution path `cpu:FMA` has no route `FMA`: use `cpu:fma` or `cpu:ftz`; did you mean `fma`?",
             ),
             ("vulkan:", "execution path `vulkan:` has no route ``"),
             (
                 "gl@LLVMpipe",
-                "execution path `gl@LLVMpipe` names no family of drivers: `LLVMpipe` isn't one; did \
+                "execution path `gl@LLVMpipe` has no known driver family: `LLVMpipe`; did \
                  you mean `llvmpipe`?",
             ),
-            ("gl@", "execution path `gl@` names no family of drivers: `` isn't"),
+            ("gl@", "execution path `gl@` has no known driver family: ``"),
             (
                 "vulkan@lavapipe",
-                "execution path `vulkan@lavapipe` names no family of drivers: `lavapipe` isn't one; \
+                "execution path `vulkan@lavapipe` has no known driver family: `lavapipe`; \
                  did you mean `llvmpipe`?",
             ),
         ] {

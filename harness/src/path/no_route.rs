@@ -1,10 +1,10 @@
-//! Replaces routes in a library that is built without them.
+//! Stands in for routes in a library without the feature `routes`.
 
 use super::{Path, PathError, Via};
 use crate::reflect::Ir;
 
 pub(super) fn missing(path: Path) -> Option<String> {
-    let reason = "karat is built without routes: write features = [\"routes\"] at its dependency in \
+    let reason = "karat is built without routes: add features = [\"routes\"] to the dependency on karat in \
                   Cargo.toml";
     (path.via() != Via::Direct).then(|| reason.to_owned())
 }
@@ -28,7 +28,7 @@ pub(super) enum Routed {
     Spirv(Box<Foreign>),
 }
 
-/// No value of this type exists without routes.
+/// A type without values, because there are no routes.
 pub(super) enum Foreign {}
 
 #[expect(clippy::unnecessary_wraps, reason = "as with routes")]

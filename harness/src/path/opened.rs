@@ -1,4 +1,4 @@
-//! Opens paths, each once in a process.
+//! Opens paths, each at most once in a process.
 
 use std::collections::BTreeMap;
 use std::sync::{Mutex, OnceLock};
@@ -6,12 +6,11 @@ use std::sync::{Mutex, OnceLock};
 use super::{Adapter, Api, Device, Path, PathError, Process, cpu};
 use crate::{panics, settings};
 
-/// An open path.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Opened {
     Device(&'static Device),
     Process(&'static Process),
-    /// The engine, which is always available, with the arithmetic of a path.
+    /// The engine, with the arithmetic that the path names. It is always available.
     Cpu(Path),
 }
 
@@ -32,7 +31,7 @@ impl Opened {
         }
     }
 
-    /// The device, if the path has one.
+    /// The device of the path, if there is one.
     pub(crate) fn device(self) -> Option<&'static Device> {
         match self {
             Self::Device(device) => Some(device),
@@ -41,7 +40,7 @@ impl Opened {
     }
 }
 
-/// Opens a path, once in each process. Other paths may open at the same time.
+/// Opens a path, or returns it if it is already open. Several paths may open at the same time.
 pub(crate) fn open(path: Path) -> Result<Opened, PathError> {
     type Once = OnceLock<Result<Opened, PathError>>;
     static OPENED: Mutex<BTreeMap<Path, &'static Once>> = Mutex::new(BTreeMap::new());
@@ -53,15 +52,17 @@ pub(crate) fn open(path: Path) -> Result<Opened, PathError> {
         return Ok(Opened::Cpu(path));
     }
     if path.via().is_arithmetic() {
-        let message =
-            format!("only `cpu:{}` has this arithmetic: drivers have their own", path.via());
+        let message = format!(
+            "only the path `cpu:{}` has this arithmetic: drivers have their own",
+            path.via()
+        );
         return Err(PathError::Route { path, message });
     }
     let once: &'static Once = {
         let mut opened = OPENED.lock().expect("no thread panics while it holds the lock");
         opened.entry(path).or_insert_with(|| Box::leak(Box::default()))
     };
-    // An open path stays open as long as the process.
+    // A path stays open until the process ends.
     let opened = once.get_or_init(|| match path.api() {
         Api::Process => Ok(Opened::Process(Box::leak(Box::new(Process::open(path)?)))),
         _ => {
@@ -71,17 +72,17 @@ pub(crate) fn open(path: Path) -> Result<Opened, PathError> {
             Ok(Opened::Device(Box::leak(Box::new(device?))))
         }
     });
-    // The author may have repaired the program, so it is started again.
+    // The user may have repaired the program, so the next attempt starts it again.
     if opened.is_err() && path.api() == Api::Process {
         OPENED.lock().expect("no thread panics while it holds the lock").remove(&path);
     }
     opened.clone()
 }
 
-/// The device of a path; `None` if the path uses no device of this process.
+/// The device of a path. `None` says that the path uses no device of this process.
 ///
 /// # Errors
-/// If the path doesn't open.
+/// If the path can't be opened.
 pub fn device(path: Path) -> Result<Option<&'static Device>, PathError> {
     open(path).map(Opened::device)
 }

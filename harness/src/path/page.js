@@ -1,4 +1,4 @@
-// The path `chromium`: a page of a browser; `jobs.js` comes before this text. Karat evaluates `ask(job)` for each job.
+// The path `chromium`: the script of a page, after the text of `jobs.js`. Karat evaluates `ask(job)` for each job.
 
 let device;
 const ask = (job) => answered(device, job).then(JSON.stringify);

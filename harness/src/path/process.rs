@@ -1,7 +1,7 @@
-//! Talks to a program that runs jobs: one that KARAT_EXECUTORS starts, or one that comes with Karat.
+//! Runs jobs in another program: a program that KARAT_EXECUTORS names, or one that is part of Karat.
 //!
-//! The program's first line is a [`Greeting`]. After it, each line that it reads is a job, and each line that it writes
-//! is the reply. Each thread that has a question at the same time has a process of its own.
+//! The program first writes a [`Greeting`] line. Afterwards it reads one job from each line, and writes one reply line
+//! for each job. If several threads run jobs at the same time, each thread has its own process.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -11,10 +11,10 @@ use crate::diagnostic::{nearest, one_line};
 use crate::lines::Broken;
 use crate::settings;
 
-/// The version of jobs and their replies. It changes when older programs would misread a job.
+/// The version of the format for jobs and replies. It changes if older programs would misread a job.
 pub(crate) const JOBS: u32 = 1;
 
-/// The first line of a program that runs jobs: `{"jobs": 1, "name": "Dawn", "can": ["f16", "textures"]}`.
+/// The first line that a program for jobs writes: `{"jobs": 1, "name": "Dawn", "can": ["f16", "textures"]}`.
 ///
 /// ```
 /// use karat::unstable::path::{Ability, Greeting};
@@ -27,22 +27,22 @@ pub(crate) const JOBS: u32 = 1;
 #[derive(Clone, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Greeting {
-    /// The version of jobs that it reads.
+    /// The version of jobs that the program reads.
     pub jobs: u32,
-    /// The name of the implementation: `Dawn on llvmpipe`.
+    /// The name of the WebGPU implementation: `Dawn on llvmpipe`.
     pub name: String,
-    /// Its version.
+    /// The version of the implementation.
     #[serde(default)]
     pub driver: String,
-    /// Set if it is software.
+    /// Set for a software implementation.
     #[serde(default)]
     pub software: bool,
-    /// Its abilities beyond compute passes over buffers.
+    /// The program's abilities. Compute passes over buffers need none.
     #[serde(default)]
     pub can: Vec<Ability>,
 }
 
-/// A program that runs jobs, after its greeting.
+/// A program that runs jobs.
 #[derive(Debug)]
 pub(crate) struct Process {
     path: Path,
@@ -57,10 +57,12 @@ impl Process {
         let names = || known.iter().map(|(name, _)| &**name);
         let unavailable = |reason| PathError::Unavailable { path, reason };
         if path.via() != super::Via::Direct {
-            return Err(unavailable("a program of its own takes WGSL, without a route".to_owned()));
+            return Err(unavailable(
+                "a program in KARAT_EXECUTORS gets WGSL, so its path can't have a route".to_owned(),
+            ));
         }
         let Some(name) = path.driver() else {
-            let reason = "`process@NAME` is a program that KARAT_EXECUTORS names".to_owned();
+            let reason = "write `process@NAME` with a name from KARAT_EXECUTORS".to_owned();
             return Err(unavailable(reason));
         };
         let given = known.iter().find(|(known, _)| known == name);
@@ -69,7 +71,7 @@ impl Process {
             (None, Some(own)) => own.map_err(unavailable)?,
             (None, None) => {
                 let guess = super::guess(nearest(name, names().chain(web::NAMES)));
-                return Err(unavailable(format!("KARAT_EXECUTORS names no `{name}`{guess}")));
+                return Err(unavailable(format!("KARAT_EXECUTORS has no program `{name}`{guess}")));
             }
         };
         let started = start(&runner).map_err(|reason| unavailable(format!("{runner}: {reason}")));
@@ -91,8 +93,8 @@ impl Process {
         self.greeting.can.contains(&ability)
     }
 
-    /// Sends a line, and reads the line that answers it. If a process doesn't answer, or if its answer can't be read,
-    /// it is ended, and the next question starts another process.
+    /// Sends a line to a process, and reads its reply. If the process doesn't reply, or its reply can't be read, Karat
+    /// ends the process. The next line starts a new process.
     pub(crate) fn ask<T>(
         &self,
         line: &str,
@@ -122,24 +124,24 @@ impl Process {
     }
 }
 
-/// Starts a program and reads its greeting.
+/// Starts a program, and reads its greeting.
 fn start(runner: &Runner) -> Result<(Running, Greeting), String> {
     let deadline = settings::deadline();
     let mut lines = runner.start(deadline).map_err(|error| error.to_string())?;
     let first = lines.receive(deadline).map_err(|broken| match broken {
         Broken::Hung(_) => {
             let seconds = deadline.as_secs_f64();
-            format!("it didn't greet within {seconds} s (KARAT_TIMEOUT=seconds)")
+            format!("it wrote no greeting within {seconds} s (KARAT_TIMEOUT=seconds)")
         }
         broken => broken.to_string(),
     })?;
     let greeting: Greeting = serde_json::from_str(&first).map_err(|error| {
-        format!("its first line is no greeting: {} ({error})", one_line(&first))
+        format!("its first line isn't a greeting: {} ({error})", one_line(&first))
     })?;
     if greeting.jobs != JOBS {
         let theirs = greeting.jobs;
         return Err(format!(
-            "it reads jobs of version {theirs}, and this Karat writes version {JOBS}"
+            "it reads jobs of version {theirs}, but this Karat writes version {JOBS}"
         ));
     }
     Ok((lines, greeting))

@@ -8,14 +8,14 @@ use karat_translate::{
 use super::{Api, Path, PathError, Via};
 use crate::reflect::Ir;
 
-/// The reason why a path's route can't be used on this machine.
+/// The reason why this machine can't use a path's route.
 pub(super) fn missing(path: Path) -> Option<String> {
     if takes_wgpu(path) {
         return None;
     }
     let compiler = compiler(target(path)).filter(|_| path.api() == Api::Vulkan);
     let Some(compiler) = compiler else {
-        return Some(format!("there is no compiler from {} to what this API takes", path.via()));
+        return Some(format!("no compiler translates {} for this API", path.via()));
     };
     let missing = Tool::all().iter().filter_map(|tool| tool.as_ref().err());
     let missing = missing.into_iter().find(|missing| missing.name == compiler)?;
@@ -23,28 +23,28 @@ pub(super) fn missing(path: Path) -> Option<String> {
     Some(format!("`{compiler}` makes SPIR-V of {via}: {reason} ({remedy})"))
 }
 
-/// The text that naga writes for a route whose result goes directly to the driver.
+/// The language that naga writes, for a route that bypasses wgpu.
 fn target(path: Path) -> Target {
     match path.via() {
         Via::Glsl => Target::Glsl,
         Via::Hlsl => Target::Hlsl,
         Via::HlslDxc => Target::Hlsl6,
         Via::Wgsl => Target::Wgsl,
-        // The arithmetics of `cpu` are no routes.
+        // The arithmetics of `cpu` aren't routes.
         Via::Direct | Via::Spirv | Via::Fma | Via::Ftz => Target::Spirv,
     }
 }
 
-/// The features of wgpu's device that a route needs.
+/// The features that wgpu's device must have for a route.
 pub(super) fn features(path: Path) -> wgpu::Features {
     if takes_wgpu(path) { wgpu::Features::empty() } else { wgpu::Features::PASSTHROUGH_SHADERS }
 }
 
-/// A shader on its way to a driver.
+/// A translated shader.
 pub(super) enum Routed {
-    /// For wgpu, which translates it for its API.
+    /// IR for wgpu, which translates it for its API.
     Ir(Box<Ir>),
-    /// SPIR-V that goes directly to the driver.
+    /// SPIR-V for the driver, without wgpu's translation.
     Spirv(Box<Foreign>),
 }
 
@@ -57,12 +57,12 @@ pub(super) struct Foreign {
     layout: Vec<wgpu::BindGroupLayoutEntry>,
 }
 
-/// Returns `true` if the route's result goes to wgpu, and not directly to the driver.
+/// Checks if the route's result goes to wgpu instead of directly to the driver.
 pub(super) fn takes_wgpu(path: Path) -> bool {
     matches!(path.via(), Via::Direct | Via::Wgsl | Via::Spirv)
 }
 
-/// Takes a compute shader along a route.
+/// Translates a compute shader along a route.
 pub(super) fn take(path: Path, ir: Ir, entry_point: &str) -> Result<Routed, PathError> {
     if takes_wgpu(path) {
         return through_naga(path, ir).map(Box::new).map(Routed::Ir);
@@ -70,7 +70,7 @@ pub(super) fn take(path: Path, ir: Ir, entry_point: &str) -> Result<Routed, Path
     let on_route = |message: String| PathError::Route { path, message };
     let shader = Shader::of(ir).map_err(|error| on_route(error.to_string()))?;
     if matches!(path.via(), Via::Hlsl | Via::HlslDxc) && shader.takes_constants(entry_point) {
-        let why = "naga's HLSL has `num_workgroups` in a buffer that the host fills, and this route binds none";
+        let why = "naga's HLSL reads `num_workgroups` from a buffer of the host, but this route has no such buffer";
         return Err(on_route(why.to_owned()));
     }
     let translation = shader.translate(target(path), Some(entry_point));
@@ -88,7 +88,7 @@ pub(super) fn take(path: Path, ir: Ir, entry_point: &str) -> Result<Routed, Path
     })))
 }
 
-/// Writes a shader with naga and reads it again, if the route does so.
+/// Writes a shader with naga and reads it back, if the route has this step.
 pub(super) fn through_naga(path: Path, ir: Ir) -> Result<Ir, PathError> {
     let target = match path.via() {
         Via::Wgsl => Target::Wgsl,
@@ -103,11 +103,10 @@ pub(super) fn through_naga(path: Path, ir: Ir) -> Result<Ir, PathError> {
         Code::Text(text) => Shader::parse(&text),
         Code::Words(words) => Shader::from_spirv(&words),
     };
-    let again = again.map_err(|error| {
-        on_route(format!("naga writes {target} that it doesn't read again: {error}"))
-    });
+    let again = again
+        .map_err(|error| on_route(format!("naga writes {target} that naga can't read: {error}")));
     let mut ir = again?.into_module();
-    // WGSL's writer renames `step` and `pass1` to `step_` and `pass1_`, and keeps their order.
+    // naga's WGSL writer renames `step` and `pass1` to `step_` and `pass1_`, but keeps the order of entry points.
     for (entry_point, name) in ir.entry_points.iter_mut().zip(names) {
         entry_point.name = name;
     }
@@ -115,13 +114,14 @@ pub(super) fn through_naga(path: Path, ir: Ir) -> Result<Ir, PathError> {
 }
 
 impl Foreign {
-    /// The number of a resource in group 0, by its group and binding in WGSL; `None` if the kernel doesn't use it.
+    /// The number in group 0 of a resource, by its group and binding in WGSL. Returns `None` if the kernel doesn't use
+    /// the resource.
     pub(super) fn place(&self, group: u32, binding: u32) -> Option<u32> {
         let used = self.bindings.iter().find(|r| r.used && r.wgsl == (group, binding));
         used.map(|resource| resource.translated.1)
     }
 
-    /// Its pipeline. wgpu can't see its resources, so it gets their layout.
+    /// Makes the pipeline. wgpu can't see the shader's resources, so the pipeline gets an explicit layout.
     pub(super) fn pipeline(&self, device: &wgpu::Device) -> wgpu::ComputePipeline {
         let module = spirv_as_it_is(device, &self.words, &self.entry_point, self.workgroup_size);
         let group = device.create_bind_group_layout(&wgpu::BindGroupLayoutDescriptor {
@@ -144,7 +144,7 @@ impl Foreign {
     }
 }
 
-/// The layout of an entry point's resources, which are the first ones in order.
+/// The layout of an entry point's resources. They have the first numbers, in order.
 fn layout(via: Via, bindings: &Bindings) -> Result<Vec<wgpu::BindGroupLayoutEntry>, String> {
     bindings.iter().filter(|resource| resource.used).map(|resource| entry(via, resource)).collect()
 }
@@ -157,20 +157,20 @@ fn entry(via: Via, resource: &Resource) -> Result<wgpu::BindGroupLayoutEntry, St
         Kind::Storage { read_only } => buffer(wgpu::BufferBindingType::Storage { read_only }),
         Kind::Texture { .. } | Kind::Sampler if via == Via::Glsl => {
             return Err(
-                "naga's GLSL joins each texture with a sampler, and wgpu's Vulkan has no such \
+                "naga's GLSL combines each texture with a sampler, but wgpu's Vulkan has no such \
                  binding"
                     .to_owned(),
             );
         }
         Kind::Sampler => {
             return Err(
-                "naga's HLSL takes samplers from a heap of 2,048, which wgpu's Vulkan can't bind"
+                "naga's HLSL reads samplers from a heap of 2,048, which wgpu's Vulkan can't bind"
                     .to_owned(),
             );
         }
         Kind::Texture { dimensions, arrayed, texels } => wgpu::BindingType::Texture {
             sample_type: match texels {
-                // There are no samplers, so no filtering.
+                // Without samplers there is no filtering.
                 Texels::Float => wgpu::TextureSampleType::Float { filterable: false },
                 Texels::Sint => wgpu::TextureSampleType::Sint,
                 Texels::Uint => wgpu::TextureSampleType::Uint,
@@ -190,7 +190,7 @@ fn entry(via: Via, resource: &Resource) -> Result<wgpu::BindGroupLayoutEntry, St
             let (group, binding) = resource.wgsl;
             return Err(format!(
                 "Karat binds uniform buffers, storage buffers and sampled textures on this route, \
-                 not what is at @group({group}) @binding({binding})"
+                 but not the resource at @group({group}) @binding({binding})"
             ));
         }
     };

@@ -1,17 +1,17 @@
-//! Selects the paths that checks run on, and those that a selector means.
+//! Selects the paths for checks, and the paths that a selector matches.
 
 use super::{Adapter, Api, Opened, Path, PathError, Selector, device, open};
 use crate::settings::{self, Settings};
 
-/// Fails if a selector's text is no path.
+/// Checks that a selector's text is the name of a path, or a part of a name.
 ///
 /// # Errors
-/// With the reason, and a suggestion.
+/// If it isn't. The message has the reason and a suggestion.
 pub fn expect_sound(selector: &Selector) -> Result<(), PathError> {
     selector.expect_sound()
 }
 
-/// Returns `true` if a selector means a path.
+/// Checks if a selector matches a path.
 #[must_use]
 pub fn selects(selector: &Selector, path: Path, adapter: &Adapter) -> bool {
     selector.selects(path, adapter)
@@ -28,12 +28,12 @@ pub fn selects(selector: &Selector, path: Path, adapter: &Adapter) -> bool {
 /// ```
 ///
 /// # Errors
-/// If the path doesn't open.
+/// If the path can't be opened.
 pub fn adapter(path: Path) -> Result<Adapter, PathError> {
     open(path).map(Opened::adapter)
 }
 
-/// The adapter of a path that was named.
+/// The adapter of a path that the user named.
 ///
 /// ```no_run
 /// use karat::Path;
@@ -44,7 +44,7 @@ pub fn adapter(path: Path) -> Result<Adapter, PathError> {
 /// ```
 ///
 /// # Errors
-/// If the path doesn't open; the message says that it is required.
+/// If the path can't be opened. The message says that the user requires the path.
 pub fn required(path: Path) -> Result<Adapter, PathError> {
     must_open(path).map(Opened::adapter)
 }
@@ -56,7 +56,7 @@ fn must_open(path: Path) -> Result<Opened, PathError> {
     })
 }
 
-/// The paths that a check runs on, as the environment selects them. Never empty.
+/// The paths that the environment selects for a check. There is at least one.
 ///
 /// ```no_run
 /// for path in karat::unstable::path::selected()? {
@@ -66,7 +66,7 @@ fn must_open(path: Path) -> Result<Opened, PathError> {
 /// ```
 ///
 /// # Errors
-/// If a setting is wrong, if a required path doesn't open, or if no path opens.
+/// If a setting is wrong, if a required path can't be opened, or if no path can be opened.
 pub fn selected() -> Result<Vec<Path>, PathError> {
     Ok(chosen()?.into_iter().map(Opened::path).collect())
 }
@@ -76,7 +76,7 @@ pub(crate) fn chosen() -> Result<Vec<Opened>, PathError> {
     let Settings { paths, require, adapter, .. } = settings::current()?;
     let unasked = [paths, require, adapter].iter().all(|setting| setting.is_none());
     match select(paths.as_deref(), require.as_deref()) {
-        // No driver was asked for, and this machine has none.
+        // The user named no driver, and this machine has none.
         Err(PathError::None { .. }) if unasked => open(Path::CPU).map(|engine| vec![engine]),
         chosen => chosen,
     }
@@ -94,7 +94,7 @@ fn select(paths: Option<&str>, required: Option<&str>) -> Result<Vec<Opened>, Pa
         None if chosen.is_empty() => drivers().take(1).collect(),
         _ => Vec::new(),
     };
-    // With `all`, some driver must open, even if the list has other paths.
+    // With `all`, at least one driver must open, even if the list has other paths.
     let none = usual.is_empty() && !chosen.iter().any(|opened| opened.device().is_some());
     if none && (is_all || chosen.is_empty()) {
         let reasons = Path::ALL
@@ -110,7 +110,7 @@ fn select(paths: Option<&str>, required: Option<&str>) -> Result<Vec<Opened>, Pa
     Ok(distinct(&chosen))
 }
 
-/// Each adapter of an API once: `vulkan` is dropped if it is the same adapter as `vulkan@llvmpipe`.
+/// Removes paths with the same adapter: `vulkan` is removed if it has the same adapter as `vulkan@llvmpipe`.
 fn distinct(all: &[Opened]) -> Vec<Opened> {
     let what = |opened: &Opened| {
         let (path, adapter) = (opened.path(), opened.adapter());
@@ -123,8 +123,8 @@ fn distinct(all: &[Opened]) -> Vec<Opened> {
     all.iter().copied().filter(stays).collect()
 }
 
-/// Checks the names of executors other than wgpu's: each must be unique, and no driver may have it. Also checks the
-/// environment's list of drivers for typos.
+/// Checks the names of custom executors: each must be unique, and different from the drivers' names. Also checks the
+/// environment's list of paths for misspelt names.
 pub(crate) fn expect_own(paths: impl Iterator<Item = Path>) -> Result<(), PathError> {
     let settings = settings::current()?;
     for (variable, names) in
@@ -142,7 +142,7 @@ pub(crate) fn expect_own(paths: impl Iterator<Item = Path>) -> Result<(), PathEr
     Ok(())
 }
 
-/// The paths that a list names, in the format of `KARAT_PATHS`: `all` means all drivers that open.
+/// The paths in a list. The list has the format of `KARAT_PATHS`, in which `all` stands for all drivers that open.
 ///
 /// ```no_run
 /// use karat::Path;
@@ -152,7 +152,7 @@ pub(crate) fn expect_own(paths: impl Iterator<Item = Path>) -> Result<(), PathEr
 /// ```
 ///
 /// # Errors
-/// If a name isn't a path, or is listed twice.
+/// If a name isn't a path, or occurs twice.
 pub fn named(variable: &'static str, names: &str) -> Result<Vec<Path>, PathError> {
     let mut paths = list(variable, names)?;
     if names.split(',').any(|name| name.trim() == ALL) {
@@ -162,7 +162,7 @@ pub fn named(variable: &'static str, names: &str) -> Result<Vec<Path>, PathError
     Ok(paths)
 }
 
-/// The paths of the programs that `KARAT_EXECUTORS` names.
+/// The paths of the programs in `KARAT_EXECUTORS`.
 ///
 /// ```
 /// for path in karat::unstable::path::programs()? {
@@ -178,10 +178,10 @@ pub fn programs() -> Result<Vec<Path>, PathError> {
     names.map(|(name, _)| format!("{}@{name}", Api::Process.name()).parse()).collect()
 }
 
-/// The name of all paths that open.
+/// The name that stands for all paths that open.
 const ALL: &str = "all";
 
-/// The paths that a list names, each once.
+/// The paths in a list, each of which may occur once.
 fn list(variable: &'static str, names: &str) -> Result<Vec<Path>, PathError> {
     let repeated = |path: String| PathError::Repeated { variable, names: names.to_owned(), path };
     let (mut paths, mut all) = (Vec::new(), false);
@@ -205,6 +205,7 @@ fn list(variable: &'static str, names: &str) -> Result<Vec<Path>, PathError> {
 mod tests {
     use super::*;
 
+    // Lesson 66
     #[test]
     fn lists_are_read_whole() {
         let names = |names: &str| list("KARAT_PATHS", names);
@@ -230,7 +231,8 @@ mod tests {
         }
     }
 
-    /// A list runs every path in it, in one order, however the list is sorted.
+    /// All paths of a list run, in an order that doesn't depend on the list's.
+    // Lesson 73
     #[test]
     fn each_path_of_a_list_is_run() {
         let here: Vec<Path> = Path::ALL.into_iter().filter(|path| open(*path).is_ok()).collect();
@@ -245,6 +247,7 @@ mod tests {
         assert!(here.len() < 2 || required.is_ok_and(|devices| devices.len() == 2));
     }
 
+    // Lesson 3
     #[test]
     fn a_required_path_that_cannot_exist_is_an_error() {
         let foreign = if cfg!(target_os = "macos") { "dx12" } else { "metal" };
@@ -253,8 +256,8 @@ mod tests {
         assert!(select(Some(foreign), None).is_err(), "a path listed by name must open");
     }
 
-    /// A path with a driver uses an adapter of that family, even if its API has others. A missing route or driver is an
-    /// error; no other one replaces it.
+    /// A path with a driver's name uses an adapter of that family, even if its API has other adapters. A missing route
+    /// or driver is an error. Karat doesn't replace it by another one.
     #[test]
     fn a_path_is_of_the_driver_that_it_names() {
         let here = Path::ALL.into_iter().filter_map(|path| open(path).ok());
@@ -264,7 +267,7 @@ mod tests {
             let same = open(named).expect("it is here");
             assert_eq!(same.adapter().name, device.adapter().name);
             assert_eq!(same.adapter().path, named.to_string());
-            // It runs once, whether it is required, part of `all`, or listed.
+            // The path runs once, whether it is required, part of `all`, or listed.
             for (paths, required) in
                 [(format!("all,{named}"), None), (named.to_string(), Some(device.path()))]
             {

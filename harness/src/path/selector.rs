@@ -1,16 +1,17 @@
-//! Selectors: the paths that a declaration applies to.
+//! Selectors: the paths to which a declaration applies.
 
 use std::fmt;
 
 use super::name::{Api, Parts, Via};
 use super::{Adapter, Path, PathError};
 
-/// The paths that a tolerance or a known issue is declared for: by API, by route, by driver, or by several of these.
+/// Selects the paths to which a tolerance or a known issue applies, by API, by route, by driver, or by several of
+/// these.
 ///
-/// A part that it leaves out may be anything: `Path::GL` and `"gl"` are OpenGL with any driver and route,
-/// `"vulkan@nvidia"` is Vulkan with one driver, `"@llvmpipe"` is llvmpipe on each API, and `":hlsl"` is every route
-/// through HLSL. If several selectors fit a path, the one with the most parts applies; among equals, the last one
-/// declared.
+/// A missing part matches anything. `Path::GL` and `"gl"` match OpenGL with any driver and route. `"vulkan@nvidia"`
+/// matches Vulkan with one driver. `"@llvmpipe"` matches llvmpipe on each API. `":hlsl"` matches every route through
+/// HLSL. If several selectors match a path, the selector with the most parts applies. If these have equally many parts,
+/// the last declaration applies.
 ///
 /// ```
 /// use karat::Path;
@@ -22,7 +23,7 @@ use super::{Adapter, Path, PathError};
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Selector {
     text: String,
-    /// `None` if the text is no path.
+    /// The parts of the text. `None` says that the text isn't a path.
     parts: Option<Parts>,
 }
 
@@ -34,7 +35,7 @@ impl From<Path> for Selector {
     }
 }
 
-/// A text that is no path becomes an error when the check runs.
+/// A text that isn't a path causes an error when the check runs.
 impl From<&str> for Selector {
     fn from(text: &str) -> Self {
         Self { text: text.to_owned(), parts: Parts::read(text).ok() }
@@ -48,7 +49,7 @@ impl fmt::Display for Selector {
 }
 
 impl Selector {
-    /// Returns `true` if its text means paths.
+    /// Checks if the text has the form of a path.
     ///
     /// ```
     /// use karat::path::Selector;
@@ -57,13 +58,13 @@ impl Selector {
     /// assert!(known.is_known() && !unknown.is_known());
     /// ```
     ///
-    /// *Unstable*: for programs around tests.
+    /// *Unstable*: for programs that run tests.
     #[must_use]
     pub fn is_known(&self) -> bool {
         self.parts.is_some()
     }
 
-    /// Fails if its text is no path.
+    /// Fails if the text isn't a path.
     pub(crate) fn expect_sound(&self) -> Result<(), PathError> {
         match self.parts {
             Some(_) => Ok(()),
@@ -71,19 +72,19 @@ impl Selector {
         }
     }
 
-    /// Returns `true` if it means a path.
+    /// Checks if the selector matches a path.
     pub(crate) fn selects(&self, path: Path, adapter: &Adapter) -> bool {
         self.fits(path, adapter).is_some()
     }
 
-    /// The number of its parts that fit a path; `None` if a part doesn't fit.
+    /// The number of parts that match a path. Returns `None` if a part doesn't match.
     fn fits(&self, path: Path, adapter: &Adapter) -> Option<usize> {
         let Parts { api, via, driver } = self.parts?;
         let family = || adapter.family();
         let named: [Option<bool>; 3] = [
             api.map(|api: Api| api == path.api()),
             via.map(|via| via == path.via()),
-            // A program that runs jobs has a name, besides the driver that it uses.
+            // A program that runs jobs has its own name, and also a driver's family.
             driver.map(|driver| Some(driver) == path.driver() || driver == family()),
         ];
         let named: Vec<bool> = named.into_iter().flatten().collect();
@@ -91,7 +92,7 @@ impl Selector {
     }
 }
 
-/// Declarations for selected paths.
+/// Values, each with the selector of its paths.
 #[derive(Clone, Debug)]
 pub(crate) struct Selected<T>(Vec<(Selector, T)>);
 
@@ -118,8 +119,8 @@ impl<T> Selected<T> {
         self.0.iter_mut().find(|(known, _)| known == selector).map(|(_, value)| value)
     }
 
-    /// The declaration for a path: of those that select it, the one whose selector has the most parts, and among equals
-    /// the last one.
+    /// The value for a path. Of the selectors that match the path, the one with the most parts counts. If these have
+    /// equally many parts, the last one counts.
     pub(crate) fn on(&self, path: Path, adapter: &Adapter) -> Option<&T> {
         let fitting = self
             .iter()
@@ -127,7 +128,7 @@ impl<T> Selected<T> {
         fitting.max_by_key(|(named, _)| *named).map(|(_, value)| value)
     }
 
-    /// Fails if the text of any selector is no path.
+    /// Fails if a selector's text isn't a path.
     pub(crate) fn expect_sound(&self) -> Result<(), PathError> {
         self.iter().try_for_each(|(selector, _)| selector.expect_sound())
     }
@@ -170,7 +171,7 @@ mod tests {
     }
 
     #[test]
-    fn what_names_no_path_is_an_error() {
+    fn a_selector_without_a_path_is_an_error() {
         let mut declared = Selected::default();
         declared.declare(Selector::from("@llvmpipe"), ());
         assert!(declared.expect_sound().is_ok());

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-/// The places of the manifest with which Vulkan's loader finds a browser's SwiftShader.
+/// Paths of the file with which Vulkan's loader finds a browser's SwiftShader.
 const MANIFESTS: [&str; 5] = [
     "/usr/lib/chromium/vk_swiftshader_icd.json",
     "/usr/lib64/chromium-browser/vk_swiftshader_icd.json",
@@ -11,10 +11,10 @@ const MANIFESTS: [&str; 5] = [
     "/opt/chromium/vk_swiftshader_icd.json",
 ];
 
-/// The variable that adds a driver to Vulkan's loader.
+/// The environment variable that adds a driver to Vulkan's loader.
 pub const ADD: &str = "VK_ADD_DRIVER_FILES";
 
-/// The manifest of a browser on this machine.
+/// The path of such a file on this machine.
 #[must_use]
 pub fn manifest() -> Option<PathBuf> {
     MANIFESTS.iter().map(PathBuf::from).find(|file| file.is_file())

@@ -1,5 +1,5 @@
-//! Starts programs that run jobs: those in KARAT_EXECUTORS, and two that come with Karat, Dawn in Node and a page in
-//! Chromium.
+//! Starts programs that run jobs: programs in KARAT_EXECUTORS, and two programs that are part of Karat. These run jobs
+//! with Dawn in Node, and in a page of Chromium.
 
 use std::fmt;
 use std::path::PathBuf;
@@ -11,13 +11,13 @@ use crate::diagnostic::shown;
 use crate::lines::{Answers, Broken, Lines};
 use crate::tint::{self, NoVerdict, Page};
 
-/// The names of the programs that come with Karat. Each is a path by itself.
+/// The names of the programs that are part of Karat. Each name is also a path.
 pub(super) const NAMES: [&str; 2] = ["dawn", "chromium"];
 
-/// The longest reply that is read, in bytes: a frame of 4096 by 4096 pixels, with up to ten digits a word.
+/// The largest reply in bytes: a frame of 4096 x 4096 pixels, with up to ten digits for each 32-bit word.
 const LONGEST: u64 = 1 << 30;
 
-/// The JavaScript that runs jobs with WebGPU, and the parts through which Node and a page receive them.
+/// The JavaScript that runs jobs with WebGPU, and the parts that receive jobs in Node and in a page.
 const JOBS: &str = include_str!("jobs.js");
 const NODE: &str = include_str!("dawn.mjs");
 const PAGE: &str = include_str!("page.js");
@@ -25,14 +25,13 @@ const PAGE: &str = include_str!("page.js");
 /// The JavaScript of a page that asks for jobs, and runs them with WebGPU.
 pub const BROWSER_SCRIPTS: &str = concat!(include_str!("jobs.js"), include_str!("browser.js"));
 
-/// A program that can be started.
 #[derive(Clone, Debug)]
 pub(super) enum Runner {
     /// A command from KARAT_EXECUTORS.
     Given(Vec<String>),
-    /// Dawn for Node: Node, and the folder of the package.
+    /// Dawn for Node, as the program of Node and the folder of the package.
     Dawn { node: PathBuf, package: PathBuf },
-    /// A Chromium.
+    /// The program of a Chromium.
     Chromium(PathBuf),
 }
 
@@ -56,7 +55,7 @@ impl fmt::Display for Runner {
 }
 
 impl Runner {
-    /// One of the programs that come with Karat, as this machine has it.
+    /// A program that is part of Karat. Returns the reason if this machine can't run it.
     pub(super) fn of(name: &str) -> Option<Result<Self, String>> {
         match name {
             "dawn" => {
@@ -68,16 +67,16 @@ impl Runner {
             }
             "chromium" => {
                 let found = tint::browser().map(Self::Chromium);
-                Some(found.ok_or_else(|| "no Chromium is in PATH, and no Chrome".to_owned()))
+                Some(found.ok_or_else(|| "PATH has no Chromium and no Chrome".to_owned()))
             }
             _ => None,
         }
     }
 
-    /// Starts it. Its first message is a greeting.
+    /// Starts the program. Its first message is a greeting.
     pub(super) fn start(&self, patience: Duration) -> Result<Running, Broken> {
         let lines = |command: &mut Command| {
-            // Only this process records its tests.
+            // The child process must not write records.
             command.env_remove("KARAT_RECORD");
             Lines::start(command, Answers::Stdout, b'\n', LONGEST).map(Running::Lines)
         };
@@ -90,7 +89,7 @@ impl Runner {
                 let script = format!("{JOBS}{NODE}");
                 let mut command = Command::new(node);
                 command.args(["--no-warnings", "--input-type=module", "--eval", &script, "--"]);
-                // Dawn refuses a Vulkan as old as Debian 12's; a browser's SwiftShader is new enough.
+                // Dawn doesn't support a Vulkan as old as Debian 12's. A browser's SwiftShader is new enough.
                 if let Some(manifest) = swiftshader::manifest().filter(|_| !has_chosen_drivers()) {
                     command.env(swiftshader::ADD, manifest);
                 }
@@ -105,7 +104,7 @@ impl Runner {
     }
 }
 
-/// Returns `true` if one of the variables of Vulkan's loader is set: the user has chosen the drivers.
+/// Checks if a variable of Vulkan's loader is set, because the user then chose the drivers.
 #[must_use]
 pub fn has_chosen_drivers() -> bool {
     let chosen = [swiftshader::ADD, "VK_DRIVER_FILES", "VK_ICD_FILENAMES"];

@@ -1,24 +1,23 @@
-//! The border texels of a cube map's faces.
+//! Fills the border texels of cube maps.
 //!
-//! SwiftShader stores each face with a border of its neighbours' texels, which its linear filter reads at
-//! edges. It fills the border when a draw has the cube map among its resources, and never for a dispatch
-//! (`DescriptorSet::PrepareForSampling` is called in `Renderer.cpp`, not in `ComputeProgram.cpp`). So a
-//! kernel would read old memory. Most functions that sample cube maps run in fragment shaders, where the
-//! driver is right, but Karat calls them in kernels. So Karat uses each cube map in one draw first, as a
-//! program would that displays it.
+//! SwiftShader stores each face with a border of texels from the neighbouring faces. Its linear filter reads this
+//! border at edges. SwiftShader fills the border when a draw uses the cube map, but not when a dispatch does: only
+//! `Renderer.cpp` calls `DescriptorSet::PrepareForSampling`, and `ComputeProgram.cpp` doesn't. So a kernel would read
+//! old memory. Most functions that sample cube maps run in fragment shaders, where the driver is right. Karat calls
+//! these functions in kernels, so it first draws once with each cube map.
 
 use crate::path::{Device, PathError};
 
-/// A triangle outside of the target. The driver uses a draw's resources even if the draw shades no pixel.
+/// A triangle outside of the target. The driver prepares a draw's resources even if the draw shades no pixel.
 const NOTHING: &str = "
 @vertex fn vertex() -> @builtin(position) vec4f { return vec4f(2.0, 2.0, 0.0, 1.0); }
 @fragment fn fragment() -> @location(0) vec4f { return vec4f(0.0); }
 ";
 
-/// The format of the target, which has one pixel. Nothing reads it.
+/// The format of the target, which has one pixel. The contents don't matter.
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
 
-/// Makes the driver fill the borders of a new cube map, if the driver needs a draw for this.
+/// Makes the driver fill the borders of a new cube map, on drivers that need a draw for this.
 pub(super) fn fill(device: &Device, cube_map: &wgpu::TextureView) -> Result<(), PathError> {
     if !device.fills_borders_by_draws() {
         return Ok(());

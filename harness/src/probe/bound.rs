@@ -7,25 +7,25 @@ use super::kernel::{ENTRY_POINT, Kernel};
 use super::{ProbeError, Resource, quads};
 use crate::path::{Device, PathError, Pipeline};
 
-/// The fixtures of each bind group, with their binding numbers. Immediates have a group of their own that isn't bound.
+/// The fixtures in each bind group, with their binding numbers. Immediates have a separate group that Karat doesn't
+/// bind.
 pub(super) type Resources = BTreeMap<u32, Vec<(u32, Resource)>>;
 
 /// A compiled kernel with its bindings.
 pub(super) struct Bound {
     pub(super) pipeline: Compiled,
     pub(super) groups: Vec<wgpu::BindGroup>,
-    /// The immediates, which are set with the commands.
+    /// The immediates. The commands set them.
     immediates: Option<Vec<u8>>,
 }
 
-/// A kernel as a pipeline.
 pub(super) enum Compiled {
     Dispatched(Arc<Pipeline>),
     Drawn(wgpu::RenderPipeline),
 }
 
 impl Compiled {
-    /// The group and the binding of a WGSL resource in this pipeline.
+    /// The group and binding in the pipeline for a resource's group and binding in WGSL.
     fn place(&self, group: u32, binding: u32) -> Option<(u32, u32)> {
         match self {
             Self::Dispatched(pipeline) => pipeline.place(group, binding),
@@ -46,7 +46,6 @@ impl Compiled {
 }
 
 impl Bound {
-    /// Draws a triangle for each case.
     pub(super) fn draw(&self, pass: &mut wgpu::RenderPass<'_>, cases: usize) {
         let Compiled::Drawn(pipeline) = &self.pipeline else { return };
         pass.set_pipeline(pipeline);
@@ -59,7 +58,7 @@ impl Bound {
         pass.draw(0..3, 0..u32::try_from(cases).expect("a batch fits in 32 bits"));
     }
 
-    /// Sets everything that a dispatch needs.
+    /// Sets the pipeline, the bind groups and the immediates for a dispatch.
     pub(super) fn set(&self, pass: &mut wgpu::ComputePass<'_>) {
         let Compiled::Dispatched(pipeline) = &self.pipeline else { return };
         pass.set_pipeline(&pipeline.pipeline);
@@ -72,7 +71,6 @@ impl Bound {
     }
 }
 
-/// Compiles a kernel.
 pub(super) fn compile(
     device: &Device,
     function: &str,
@@ -89,7 +87,7 @@ pub(super) fn compile(
     Ok(Compiled::Dispatched(pipeline))
 }
 
-/// Binds the fixtures. Group 0 also gets the arguments, the results and the batch, in this order.
+/// Binds the fixtures. Group 0 also gets buffers for the arguments, the results and the batch, in this order.
 pub(super) fn bind(
     device: &Device,
     pipeline: Compiled,
@@ -106,7 +104,7 @@ pub(super) fn bind(
         _ => None,
     });
     if immediates.is_some() && pipeline.is_foreign() {
-        let message = "immediates aren't passed to shaders of other compilers".to_owned();
+        let message = "Karat can't pass immediates to shaders from other compilers".to_owned();
         return Err(PathError::Route { path: device.path(), message }.into());
     }
     let own = (first_binding..).zip(own).filter_map(|(binding, buffer)| {

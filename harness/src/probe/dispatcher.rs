@@ -1,6 +1,6 @@
-//! A kernel on a device: buffers, bind groups, dispatch and read-back.
+//! Runs a kernel on a device: buffers, bind groups, dispatch, and reading of results.
 //!
-//! Poison and canaries show that the right case wrote each word.
+//! Poison and canaries prove that each case wrote its own words.
 
 use std::cell::Cell;
 
@@ -16,14 +16,15 @@ use crate::fixture::{self, Fixtures};
 use crate::path::{Device, Turn, guard};
 use crate::reflect::BindingKind;
 
-/// Cases of a batch whose cases run alone: each case has its own commands, and a copy of the resources that it writes.
+/// The largest batch if cases run separately. Each case then has its own commands, and its own copy of each resource
+/// that it writes.
 const ALONE: usize = 64;
 
-/// One kernel on one device.
 pub(super) struct Dispatcher<'d> {
     device: &'d Device,
     kernel: Kernel,
-    /// `None`: the arguments are constants, and each dispatch has its own kernel.
+    /// The compiled kernel. It is `None` if the arguments are constants, because each dispatch then compiles its own
+    /// kernel.
     bound: Option<Bound>,
     resources: Resources,
     arguments: Option<wgpu::Buffer>,
@@ -33,12 +34,12 @@ pub(super) struct Dispatcher<'d> {
     staging: wgpu::Buffer,
     /// The render target, if the kernel is a fragment function.
     target: Option<Target>,
-    /// If each case runs alone: a batch per case, and the resources that the function writes.
+    /// Set if cases run separately: a buffer with a batch for each case, and the resources that the function writes.
     alone: Option<(wgpu::Buffer, Vec<Kept>)>,
     capacity: usize,
     words_in: usize,
     evidence: Evidence,
-    /// The place of the function.
+    /// The position of the function's declaration.
     place: Span,
     /// The turn on the device in which the fields above are released.
     last: Turn<'d>,
@@ -50,35 +51,35 @@ impl Drop for Dispatcher<'_> {
     }
 }
 
-/// A dispatch whose results haven't been read.
+/// A dispatch whose results haven't been read yet.
 #[must_use]
 pub(crate) struct Dispatch<'d> {
     device: &'d Device,
-    /// True after waiting for the dispatch.
+    /// Set after waiting for the dispatch.
     waited: Cell<bool>,
     cases: usize,
     canary: u32,
-    /// Number of workgroups per row, and number of rows.
+    /// The number of workgroups in a row, and the number of rows.
     groups: (u32, u32),
-    /// The kernel with the arguments as constants, if they are constants.
+    /// The kernel for these arguments, if the arguments are constants.
     constants: Option<Bound>,
     _deadline: crate::path::Guard,
 }
 
 impl Drop for Dispatch<'_> {
-    /// Waits, because a driver's threads must end before the process unloads the driver's code.
+    /// Waits, because the driver's threads must end before the process unloads the driver's code.
     fn drop(&mut self) {
         if !self.waited.get() {
             let _turn = self.device.turn();
-            // The results aren't needed. The next user of the device gets its error.
+            // Ignores an error, because nobody needs the results. The next user of the device gets the error.
             drop(self.device.wait());
         }
     }
 }
 
 impl<'d> Dispatcher<'d> {
-    /// Uploads the fixtures, and allocates buffers for `cases` cases per dispatch, or for as many as the
-    /// device's limits allow. Without a pipeline each dispatch compiles one.
+    /// Uploads the fixtures, and allocates buffers for `cases` cases in a dispatch. The device's limits may allow
+    /// fewer. Without a pipeline, each dispatch compiles one.
     pub(super) fn new(
         device: &'d Device,
         probed: &Probed,
@@ -188,7 +189,7 @@ impl<'d> Dispatcher<'d> {
         self.capacity
     }
 
-    /// True if textures have 16-bit floats on this device and the function reads a texture.
+    /// Checks if the function reads a texture that has 16-bit floats on this device.
     pub(super) fn reads_half_floats(&self) -> bool {
         let mut resources = self.resources.values().flatten();
         self.device.float_format() == wgpu::TextureFormat::Rgba16Float
@@ -199,13 +200,13 @@ impl<'d> Dispatcher<'d> {
         self.device
     }
 
-    /// Number of words from one case's results to the next case's.
+    /// The number of words from one case's results to the next case's results.
     pub(crate) fn stride_out(&self) -> usize {
         self.evidence.stride
     }
 
-    /// Starts a dispatch over `cases` cases with these arguments. Each case has `invocations` invocations,
-    /// and the first one calls the function. Each case writes `canary`, mixed with its index.
+    /// Starts a dispatch of `cases` cases with these arguments. Each case has `invocations` invocations, and the first
+    /// invocation calls the function. Each case writes `canary`, combined with its index.
     pub(super) fn dispatch(
         &self,
         cases: usize,
@@ -252,7 +253,7 @@ impl<'d> Dispatcher<'d> {
         Ok(dispatch)
     }
 
-    /// Fills the results with `poison` and runs the kernel. The arguments are on the device already.
+    /// Fills the results with `poison` and runs the kernel. The device already has the arguments.
     fn submit(&self, dispatch: &Dispatch<'_>, poison: &Poison) -> Result<(), ProbeError> {
         let bound = dispatch
             .constants
@@ -303,8 +304,8 @@ impl<'d> Dispatcher<'d> {
         (cases * self.stride_out() * 4) as u64
     }
 
-    /// Waits for a dispatch and passes its results to `read`: the words of each case's result, and its
-    /// canary. Before that it checks that each canary is right and that each word was written.
+    /// Waits for a dispatch, and checks that each canary is right and that each word was written. Then passes the
+    /// results to `read`. They have the words of each case's result, and its canary.
     pub(crate) fn read<T>(
         &self,
         dispatch: Dispatch<'_>,
@@ -318,7 +319,7 @@ impl<'d> Dispatcher<'d> {
             Ok(value) => return Ok(value),
             Err(suspicious) => suspicious,
         };
-        // Results that equal the poison are computed again over another poison: the function may return this word.
+        // A result may equal the poison. If one does, the kernel runs again over another poison.
         let _turn = self.device.turn();
         let words_of_all = dispatch.cases * self.stride_out();
         let poison =
@@ -329,13 +330,13 @@ impl<'d> Dispatcher<'d> {
         Ok(read(&words))
     }
 
-    /// True if each case runs alone.
+    /// Checks if cases run separately.
     pub(super) fn is_alone(&self) -> bool {
         self.alone.is_some()
     }
 
-    /// Waits for a dispatch whose cases run alone. Returns the words of all cases, and the number of words per case:
-    /// those that the function returns, those that its pointers point to, and those of the resources that it writes.
+    /// Waits for a dispatch whose cases run separately. Returns the words of all cases, and the number of words in a
+    /// case. A case has the function's result, the values behind its pointers, and the resources that it writes.
     pub(super) fn rows(&self, dispatch: Dispatch<'_>) -> Result<(Vec<u32>, usize), ProbeError> {
         let (cases, width) = (dispatch.cases, self.stride_out() - 1);
         let words = self.read(dispatch, <[u32]>::to_vec)?;

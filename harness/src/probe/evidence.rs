@@ -1,56 +1,54 @@
-//! The evidence that each word of a batch was written by its case.
+//! Checks that each case wrote its own words.
 //!
-//! Before a dispatch all words are poison. Behind its result, each case writes a canary that belongs to this
-//! dispatch only.
+//! Before a dispatch, all words are poison. After its result, each case writes a canary that only this dispatch uses.
 
 use super::{Partial, ProbeError};
 use crate::domain::Source;
 use crate::path::Path;
 use crate::reflect::Function;
 
-/// The poison: a quiet NaN that functions hardly ever return. If a result equals it, Karat computes the
-/// result again over the poison [`OTHER`]. If the result is the same again, the function returned it;
-/// otherwise it was never written.
+/// The poison: a quiet NaN that functions rarely return. If a result equals the poison, Karat runs the kernel again
+/// over the poison [`OTHER`]. If the result is the same, the function returned this value. Otherwise the kernel never
+/// wrote the result.
 pub(crate) const WORD: u32 = 0x7fc0_dead;
 
-/// The second poison, for results that are computed again.
+/// The second poison, for running a kernel again.
 pub(crate) const OTHER: u32 = 0x7fc1_beef;
 
-/// A new number per call, which earlier runs of Karat didn't have: it exposes results that are left from an
-/// earlier run.
+/// A number that no earlier call or run of Karat used. It exposes old results from an earlier run.
 pub(crate) fn unheard_of() -> u64 {
     use std::hash::{BuildHasher, RandomState};
     use std::sync::LazyLock;
     use std::sync::atomic::{AtomicU64, Ordering};
     static FIRST: LazyLock<u64> = LazyLock::new(|| RandomState::new().hash_one(std::process::id()));
     static COUNT: AtomicU64 = AtomicU64::new(0);
-    // JavaScript's numbers have 53 bits.
+    // JavaScript's numbers have only 53 bits for integers.
     FIRST.wrapping_add(COUNT.fetch_add(1, Ordering::Relaxed)) & ((1 << 53) - 1)
 }
 
-/// A canary. Another dispatch writes the same word with a probability of 1 in 2^32.
+/// A new canary. Another dispatch uses the same one with a probability of 1 in 2^32.
 pub(crate) fn canary() -> u32 {
     Source::new(0, unheard_of()).bits()
 }
 
-/// The results of a function on a path: their shape and their names.
+/// The layout of a function's results on a path, for the checks.
 pub(crate) struct Evidence {
     pub(crate) function: String,
     pub(crate) path: Path,
-    /// Words from one case to the next: those of the result, and the canary.
+    /// The number of words from one case to the next: the result's words and the canary.
     pub(crate) stride: usize,
-    /// Names of the words of a result: `""` for a scalar, `.x` for a vector.
+    /// The names of a result's words: `""` for a scalar, `.x` for a vector.
     lane_names: Vec<String>,
 }
 
 impl Evidence {
-    /// The evidence for results of `words` words.
+    /// The layout for results of `words` words.
     pub(crate) fn of(function: &Function, path: Path, words: usize) -> Self {
         let lane_names = function.result.lane_names();
         Self { function: function.name.clone(), path, stride: words + 1, lane_names }
     }
 
-    /// Fails if the results have another length, or if a canary isn't this dispatch's.
+    /// Fails if the results have the wrong length, or if a canary isn't this dispatch's.
     pub(crate) fn expect_canaries(
         &self,
         words: &[u32],
@@ -71,10 +69,10 @@ impl Evidence {
         Err(ProbeError::NotWritten { function, path, first, count, cases })
     }
 
-    /// The indices of result words that are poison. Canaries don't count.
+    /// The indices of result words that equal the poison. Canaries don't count.
     pub(crate) fn poisoned(&self, words: &[u32]) -> Vec<usize> {
-        // Usually there are none, and this loop finds that at the speed of memory. A loop that ends at the
-        // first one wouldn't be compiled to vector instructions.
+        // Usually no word is poison, and this loop checks that as fast as memory allows. Compilers don't vectorise a
+        // loop that stops at the first match.
         let is_in = |part: &[u32]| part.iter().fold(false, |is, word| is | (*word == WORD));
         if !words.chunks(1024).any(is_in) {
             return Vec::new();
@@ -84,7 +82,7 @@ impl Evidence {
         places.map(|(place, _)| place).filter(|place| !canary(place)).collect()
     }
 
-    /// Fails if a word is poison and, computed again over the other poison, isn't the same again.
+    /// Fails if a word equals the poison, and differs when the kernel runs again over the other poison.
     pub(crate) fn expect_written(
         &self,
         words: &[u32],

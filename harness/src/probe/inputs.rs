@@ -1,12 +1,11 @@
-//! The source of a kernel's arguments.
+//! Sources of a kernel's arguments.
 
 use std::fmt;
 
-/// The source of the arguments. Compilers treat each source in a different way.
+/// The source of a kernel's arguments. Compilers treat each source differently.
 ///
-/// WGSL itself doesn't evaluate an author's functions at compile time. But if the arguments are
-/// constants, a driver may inline the function and compute it at compile time, with different
-/// arithmetic.
+/// WGSL compilers don't evaluate user functions at compile time. But if the arguments are constants, a driver may
+/// inline the function and evaluate it at compile time, with another arithmetic.
 ///
 /// ```
 /// use karat::prelude::*;
@@ -24,18 +23,18 @@ pub enum Inputs {
     /// A storage buffer with the arguments of a whole batch.
     #[default]
     Storage,
-    /// A uniform buffer of 16 KiB, which every device supports. It needs many small dispatches.
+    /// A uniform buffer of 16 KiB, which every device supports. A check then needs many small dispatches.
     Uniform,
-    /// Constants in the kernel's text: at most 64 cases, because each is a separate call. NaN and
-    /// infinities can't be constants in WGSL.
+    /// Constants in the kernel's text. There are at most 64 cases, because each case is a separate call. WGSL has no
+    /// constants for NaN and infinities.
     Constant,
 }
 
 impl Inputs {
-    /// Every source.
+    /// All sources.
     pub const ALL: [Self; 3] = [Self::Storage, Self::Uniform, Self::Constant];
 
-    /// `storage`, `uniform`, `constant`.
+    /// The name of the source: `storage`, `uniform`, `constant`.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -45,7 +44,7 @@ impl Inputs {
         }
     }
 
-    /// The text that reports add to a path's name; empty for a storage buffer.
+    /// The text that reports add to a path's name. It is empty for a storage buffer.
     pub(crate) fn remark(self) -> &'static str {
         match self {
             Self::Storage => "",

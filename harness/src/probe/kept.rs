@@ -1,4 +1,4 @@
-//! Resources that shaders write: their contents before and after each run.
+//! Keeps the contents of resources that shaders write, before and after each run.
 
 use std::sync::Arc;
 
@@ -14,17 +14,16 @@ pub(crate) struct Kept {
     binding: Binding,
     live: Memory,
     before: Memory,
-    /// Its contents after each run.
+    /// The contents after each run.
     after: wgpu::Buffer,
     staging: wgpu::Buffer,
-    /// Size of one copy in bytes, a multiple of the alignment of copies.
+    /// The size of one copy in bytes, rounded up to the alignment of copies.
     stride: u64,
 }
 
-/// Memory of a device.
 enum Memory {
     Buffer(wgpu::Buffer),
-    /// The texture, and the format of its texels.
+    /// The texture, and the codec of its texels.
     Texture(wgpu::Texture, Codec),
 }
 
@@ -41,7 +40,7 @@ impl Memory {
         })
     }
 
-    /// Size of a copy in bytes. Rows of texels are aligned.
+    /// The size of a copy in bytes. Rows of texels are aligned.
     fn size(&self) -> u64 {
         match self {
             Self::Buffer(buffer) => buffer.size(),
@@ -53,14 +52,14 @@ impl Memory {
     }
 }
 
-/// Size of a row of texels in a buffer, in bytes.
+/// The size of a row of texels in a buffer, in bytes.
 fn row(texture: &wgpu::Texture, codec: Codec) -> u64 {
     let bytes = texture.width() * codec.size() as u32;
     u64::from(bytes.next_multiple_of(wgpu::COPY_BYTES_PER_ROW_ALIGNMENT))
 }
 
 impl Kept {
-    /// The resource of a binding that the shader writes, with buffers for its contents after `runs` runs.
+    /// Prepares a resource that the shader writes, with buffers for its contents after `runs` runs.
     pub(crate) fn new(
         device: &Device,
         program: &Arc<Program>,
@@ -92,7 +91,6 @@ impl Kept {
         Ok(Some(Self { program, binding, live, before, after, staging, stride }))
     }
 
-    /// Restores the original contents.
     pub(crate) fn reset(&self, encoder: &mut wgpu::CommandEncoder) {
         match (&self.before, &self.live) {
             (Memory::Buffer(before), Memory::Buffer(live)) => {
@@ -106,7 +104,7 @@ impl Kept {
         }
     }
 
-    /// Copies the contents after a run into the slot with the run's number.
+    /// Copies the contents after a run into that run's part of the buffer.
     pub(crate) fn keep(&self, encoder: &mut wgpu::CommandEncoder, run: usize) {
         let offset = self.stride * run as u64;
         match &self.live {
@@ -125,7 +123,7 @@ impl Kept {
         }
     }
 
-    /// Copies the contents after the first `runs` runs into the buffer that can be read.
+    /// Copies the contents after the first `runs` runs into the buffer for reading.
     pub(crate) fn stage(&self, encoder: &mut wgpu::CommandEncoder, runs: usize) {
         let size = self.stride * runs as u64;
         encoder.copy_buffer_to_buffer(&self.after, 0, &self.staging, 0, size);
@@ -138,7 +136,7 @@ impl Kept {
         Ok(words.iter().map(lanes).collect())
     }
 
-    /// The contents after each of the first `runs` runs, as words; a texel has four words.
+    /// The contents after each of the first `runs` runs, as 32-bit words. A texel has four words.
     pub(crate) fn words(&self, device: &Device, runs: usize) -> Result<Vec<Vec<u32>>, ProbeError> {
         let size = self.stride * runs as u64;
         let of = |bytes: &[u8]| {
@@ -162,7 +160,7 @@ impl Kept {
     }
 }
 
-/// The length of a resource that the shader writes: bytes of a buffer, texels of a texture.
+/// The length of a resource that the shader writes, in bytes for a buffer, and in texels for a texture.
 pub(crate) fn count(
     program: &Program,
     binding: &Binding,

@@ -1,4 +1,4 @@
-//! The generated kernel that calls one function over a batch of cases.
+//! Generates the kernel that calls one function for a batch of cases.
 
 use std::fmt::Write;
 
@@ -7,66 +7,66 @@ use crate::path::MOST_ROUNDS;
 use crate::reflect::{COUNTERS, Function, Overrides, Passed, Program};
 use crate::value::{Scalar, Shape, format_f32, hexfloat};
 
-/// Invocations of a workgroup: a number that every device supports, and a multiple of every vector width.
+/// The number of invocations in a workgroup. Every device supports it, and it is a multiple of every vector width.
 pub(crate) const WORKGROUP: u32 = 64;
 
-/// Words of the uniform buffer for arguments: 16 KiB, which every device supports.
+/// The number of 32-bit words in a uniform buffer of 16 KiB, the size that every device supports.
 pub(crate) const UNIFORM_WORDS: usize = 4096;
 
-/// Cases whose arguments are constants. Each case is a call of its own, which the driver may inline.
+/// The largest batch if arguments are constants. Each case is a separate call, which the driver may inline.
 pub(crate) const CONSTANTS: usize = 64;
 
-/// Calls in one kernel with constants. The time of compilers grows faster than the kernel, and wgpu's GL
+/// The number of calls in a kernel with constants. The time of compilers grows faster than the kernel. Also, wgpu's GL
 /// panics if a thread waits longer than six seconds for another thread.
 const CALLS: usize = 16;
 
-/// The variable with the results.
+/// The variable for the results.
 pub(crate) const RESULTS: &str = "karat_out";
 
-/// Name of the generated entry point.
+/// The name of the generated entry point.
 pub(super) const ENTRY_POINT: &str = "karat_probe";
 
-/// Name of the vertex function that a kernel has if its entry point is a fragment function.
+/// The name of the generated vertex function, for an entry point that is a fragment function.
 pub(super) const VERTEX: &str = "karat_vertex";
 
-/// Side of the square of pixels around each quad. A triangle that covers the quad fits into it.
+/// The width and height in pixels of the square around each quad. A triangle that covers the quad fits into the square.
 pub(super) const CELL: u32 = 4;
 
-/// A kernel and the layout of its buffers.
+/// A kernel, and the layout of its buffers.
 #[derive(Clone, Debug)]
 pub struct Kernel {
-    /// Linked text followed by the kernel: readable WGSL.
+    /// The linked text, and then the kernel.
     pub text: String,
-    /// Number of words of one case's arguments.
+    /// The number of words of one case's arguments.
     pub(super) words_in: usize,
-    /// Number of words of one case's result, without the canary behind it.
+    /// The number of words of one case's result, without the canary.
     pub(super) words_out: usize,
-    /// First of three binding numbers in group 0: arguments, results, batch.
+    /// The first of three binding numbers in group 0: for arguments, results, and the batch.
     pub(super) first_binding: u32,
-    /// The source of the arguments. If they are constants, the text has none until
-    /// [`of_constants`](Self::of_constants) writes those of a batch.
+    /// The source of the arguments. For constants, `text` has no calls. [`of_constants`](Self::of_constants) writes the
+    /// calls for a batch.
     pub(super) inputs: Inputs,
-    /// True if the batch can say that each case gets its own vector of lanes.
+    /// Set if the batch can say that each case gets its own vector of lanes.
     pub(super) apart: bool,
-    /// The number of counters, if the results are counters.
+    /// The number of loop counters, if the kernel returns counters instead of results.
     counted: Option<usize>,
     /// The linked text, without the kernel.
     linked: String,
     function: Function,
-    /// Values of overrides, by their names in the text.
+    /// The values of overrides, by their names in the text.
     pub(super) overrides: Overrides,
 }
 
 impl Kernel {
-    /// Writes the kernel for `function`.
+    /// Writes the kernel for a function.
     pub(crate) fn new(program: &Program, function: &Function) -> Self {
         Self::with_inputs(program, function, Inputs::Storage)
     }
 
-    /// Writes the kernel for this source of its arguments.
+    /// Writes the kernel for a function, with this source of arguments.
     pub(crate) fn with_inputs(program: &Program, function: &Function, inputs: Inputs) -> Self {
         let lanes = |shape: &Shape| shape.lanes().len();
-        // For pixels of a quad that aren't drawn, a driver may read nothing from storage buffers.
+        // For pixels of a quad that aren't drawn, a driver may skip reads of storage buffers.
         let form = &function.form;
         let inputs = if form.fragment && form.alone { Inputs::Uniform } else { inputs };
         let words_in = function.parameters.iter().map(|(_, shape)| lanes(shape)).sum();
@@ -88,8 +88,8 @@ impl Kernel {
         kernel
     }
 
-    /// The kernel that makes the same call and returns the rounds of its `loops`. Karat adds the counting to
-    /// the loops in naga's IR of this text.
+    /// A kernel for the same calls that returns the rounds of the function's `loops`. Karat adds the counters to the
+    /// loops in naga's IR of this text.
     pub(super) fn counting(&self, loops: usize) -> Self {
         let mut kernel = Self {
             words_out: loops,
@@ -101,8 +101,8 @@ impl Kernel {
         kernel
     }
 
-    /// The kernel that calls the function once per pixel of a draw. The pixels are its cases, row by row. It
-    /// is for functions whose cases run alone otherwise.
+    /// A kernel that calls the function once for each pixel of a draw. The pixels are the cases, row by row. It is for
+    /// functions whose cases would otherwise run separately.
     pub fn of_pixels(&self) -> Self {
         let mut kernel = Self { inputs: Inputs::Storage, ..self.clone() };
         kernel.function.form.fragment = true;
@@ -110,7 +110,7 @@ impl Kernel {
         kernel
     }
 
-    /// The largest number of cases of one dispatch that the source of the arguments allows. `None`: any number.
+    /// The largest number of cases in a dispatch for this source of arguments. `None` says that any number is possible.
     pub(crate) fn largest_batch(&self) -> Option<usize> {
         match self.inputs {
             Inputs::Storage => None,
@@ -119,38 +119,37 @@ impl Kernel {
         }
     }
 
-    /// The first of the three bindings in group 0: arguments, results, batch.
+    /// The first of the three bindings in group 0: for arguments, results, and the batch.
     pub fn first_binding(&self) -> u32 {
         self.first_binding
     }
 
-    /// The numbers of words of one case's arguments, and of its results without the canary.
+    /// The number of words in one case's arguments, and in its results without the canary.
     pub fn words(&self) -> (usize, usize) {
         (self.words_in, self.words_out)
     }
 
-    /// The number of workgroups per row, at most `limit`, and the number of rows, for this many invocations.
+    /// The numbers of workgroups in x and y for this many invocations. x is at most `limit`.
     pub(crate) fn workgroups(invocations: u32, limit: u32) -> [u32; 2] {
         let groups = invocations.div_ceil(WORKGROUP);
         [groups.min(limit), groups.div_ceil(limit)]
     }
 
-    /// The source of the arguments.
     pub fn inputs(&self) -> Inputs {
         self.inputs
     }
 
-    /// True if the kernel is a fragment function, whose cases are quads.
+    /// Checks if the kernel is a fragment function, whose cases are quads.
     pub(super) fn is_drawn(&self) -> bool {
         self.function.form.fragment
     }
 
-    /// True if each case has its own dispatch.
+    /// Checks if each case has its own dispatch.
     pub(super) fn is_alone(&self) -> bool {
         self.function.form.alone
     }
 
-    /// The text for cases whose arguments are constants. Fails if an argument can't be a constant.
+    /// The text for cases with constant arguments. Fails if an argument can't be a constant.
     pub(crate) fn of_constants(&self, arguments: &[u32]) -> Result<String, String> {
         let scalars: Vec<Scalar> =
             self.function.parameters.iter().flat_map(|(_, shape)| shape.lanes()).collect();
@@ -165,7 +164,7 @@ impl Kernel {
         Ok(self.write(arguments).expect("writing to a String never fails"))
     }
 
-    /// Writes the text. `constants` are the arguments of all cases, if they are constants.
+    /// Writes the text. `constants` has the arguments of all cases, if they are constants.
     fn write(&self, constants: &[u32]) -> Result<String, std::fmt::Error> {
         let Self { words_in, words_out, first_binding: binding, inputs, .. } = self;
         let mut text = self.linked.clone();
@@ -178,7 +177,7 @@ impl Kernel {
                 text,
                 "@group(0) @binding({binding}) var<storage, read> karat_in: array<u32>;"
             )?,
-            // Elements of arrays in uniform buffers are 16 bytes apart, so each has four words.
+            // Elements of arrays in uniform buffers are 16 bytes apart, so each element has four words.
             Inputs::Uniform if *words_in > 0 => writeln!(
                 text,
                 "@group(0) @binding({binding}) var<uniform> karat_in: array<vec4<u32>, {}>;",
@@ -188,7 +187,7 @@ impl Kernel {
         }
         let (results, batch) = (binding + 1, binding + 2);
         let counters = self.counted.map_or_else(String::new, |loops| {
-            // One variable per counter: glslang's HLSL has no zero for arrays with several elements.
+            // Uses a variable for each counter, because glslang's HLSL has no zero for arrays with several elements.
             let one = |index| format!("var<private> {COUNTERS}{index}: u32;\n");
             (0..loops).map(one).collect::<String>() + "\n"
         });
@@ -277,7 +276,7 @@ impl Kernel {
         writeln!(text, "    let karat_to = karat_case * {stride_out}u;")?;
         let canary = format!("karat_out[karat_to + {words_out}u] = karat_batch.y ^ karat_case;");
         if form.discards && form.alone {
-            // llvmpipe's GL drops a store that is repeated behind a `discard`, so the two places must look different.
+            // llvmpipe's GL drops a store that is repeated after a `discard`, so both stores must look different.
             writeln!(
                 text,
                 "    // The results of a pixel that is discarded, which writes no others.\n    \
@@ -385,7 +384,7 @@ impl Kernel {
             arguments.push(name);
         }
         let call = format!("{}({})", function.linked, arguments.join(", "));
-        // A variable, because some translations can't index a value of array type.
+        // Uses a variable, because some translations can't index a value of array type.
         match &form.returns {
             Some(_) => writeln!(text, "    var karat_r = {call};")?,
             None => writeln!(text, "    {call};")?,
@@ -424,7 +423,7 @@ impl Kernel {
         Ok(())
     }
 
-    /// Declares the variables for pointers into other address spaces than `function`.
+    /// Declares the variables for pointers into address spaces other than `function`.
     fn pointed(&self) -> String {
         let function = &self.function;
         let of = function.parameters.iter().zip(&function.form.passed).enumerate();
@@ -436,7 +435,7 @@ impl Kernel {
     }
 }
 
-/// The expression that turns a word into a scalar.
+/// The expression that turns a 32-bit word into a scalar.
 fn from_word(scalar: Scalar, word: &str) -> String {
     match scalar {
         Scalar::F32 => format!("bitcast<f32>({word})"),
@@ -447,7 +446,7 @@ fn from_word(scalar: Scalar, word: &str) -> String {
     }
 }
 
-/// A scalar as a literal with exactly these bits.
+/// A literal with exactly the bits of a scalar.
 fn constant(scalar: Scalar, word: u32) -> String {
     match scalar {
         Scalar::F32 => format!("{}f", hexfloat(f32::from_bits(word))),
@@ -488,8 +487,9 @@ mod tests {
     use super::*;
     use crate::package::{KERNEL_WORDS, Package};
 
-    /// A shader may declare names that WGSL has already. Karat renames those that kernels use, so it must
-    /// know each name that a kernel uses.
+    /// A shader may declare names that WGSL predeclares. Karat renames the declarations whose names kernels use, so it
+    /// must know each such name.
+    // Lesson 51
     #[test]
     fn kernels_use_no_other_names_than_they_say() {
         let mut shapes =
@@ -507,7 +507,7 @@ mod tests {
                  for (var i = 0u; i < n; i++) {{ y = x; }} return y; }}"
             )
         };
-        // Kernels that are drawn, and kernels whose cases run alone.
+        // Kernels that are drawn, and kernels whose cases run separately.
         let writes = "@group(0) @binding(0) var<storage, read_write> d: f32;\n";
         let drawn = ["d = x;", "_ = dpdx(x);", "d = dpdx(x);", "if x > 0.5 { discard; } d = x;"]
             .map(|body| format!("{writes}fn same(x: f32, n: u32) -> f32 {{ {body} for (var i = 0u; i < n; i++) {{}} return x; }}"));

@@ -1,9 +1,8 @@
-//! Probes of a function's let-bindings: the values that they have on a driver while it computes the result.
+//! Reads the values of a function's let-bindings on a driver.
 //!
-//! A copy of the linked text stores the binding in a private variable. A second function calls the author's
-//! function and then returns this variable. So control flow, arguments and resources are those of the author.
-//! A binding in a loop has its last value. The author's file doesn't change, because Karat copies the linked
-//! text.
+//! Karat copies the linked text. The copy stores the binding's value in a private variable. A second function calls the
+//! original function, and then returns this variable. So the call has the original control flow, arguments and
+//! resources. A binding in a loop has its last value.
 
 use std::collections::BTreeMap;
 
@@ -15,21 +14,21 @@ use crate::package::{LetStatement, Package, let_statements};
 pub struct Let {
     /// The binding's name.
     pub name: String,
-    /// The place of its name in the author's file.
+    /// The position of the name in the source file.
     pub span: Option<Span>,
-    /// True if the binding is in a loop. Its probe then returns its last value.
+    /// Set if the binding is in a loop. Its probe then returns its last value.
     pub repeats: bool,
-    /// Its index among the function's bindings of the same name, and the number of these.
+    /// The index of the binding among the function's bindings of that name, and the number of these bindings.
     pub of_name: (usize, usize),
-    /// The probe that returns the binding, with the function's arguments. `None`: the binding is a pointer,
-    /// stands in the head of a `for`, or comes after `MOST` others.
+    /// A probe that returns the binding's value. It has the function's arguments. It is `None` for a pointer, for a
+    /// binding in the head of a `for`, and for bindings after the first `MOST`.
     pub probed: Option<Probed>,
 }
 
-/// Largest number of probed bindings of a function. Each probe needs a pipeline on two paths.
+/// The largest number of bindings of a function that get a probe. Each probe needs a pipeline on two paths.
 const MOST: usize = 48;
 
-/// The let-bindings of a function, in the order of its text.
+/// The let-bindings of a function, in the order of the text.
 pub fn lets(probed: &Probed) -> Vec<Let> {
     let (program, text) = (&probed.program, probed.program.text());
     let path = &probed.function().name;
@@ -56,8 +55,8 @@ pub fn lets(probed: &Probed) -> Vec<Let> {
     each.collect()
 }
 
-/// The types of the bindings: naga infers them for a `var` behind each binding. Bindings that can't be the
-/// value of a variable have no type.
+/// The types of the bindings. Karat adds a `var` after each binding, and naga infers its type. A binding has no type if
+/// a variable can't store its value.
 fn types(text: &str, function: &str, statements: &[LetStatement]) -> BTreeMap<usize, String> {
     let all: Vec<usize> = (0..statements.len()).collect();
     types_of(text, function, statements, &all).unwrap_or_else(|| {
@@ -87,7 +86,7 @@ fn types_of(
     Some(indices.iter().filter_map(ty).collect())
 }
 
-/// A function that has another function's parameters, calls it, and returns one of its bindings.
+/// A function with another function's parameters that calls that function, and returns one of its bindings.
 fn copy_that_returns(probed: &Probed, one: &LetStatement, ty: &str) -> Option<Probed> {
     let (program, text) = (&probed.program, probed.program.text());
     let locals = program.locals(&probed.function().name)?;
@@ -126,6 +125,7 @@ mod tests {
         let d_1 = bitcast<u32>(sum); { let d = vec2u(d_1).x; sum += f32(d); }\n    \
         return sum;\n}\n";
 
+    // Lesson 84
     #[test]
     fn each_binding_is_returned_by_a_function_of_its_own() {
         let package = Package::from_source("lets", TEXT);
@@ -142,6 +142,7 @@ mod tests {
         assert_eq!(parameters(&lets[2]), Some(2));
     }
 
+    // Lesson 84
     #[test]
     fn a_shadowing_binding_is_the_inner_one() {
         let text = "fn f(x: f32) -> f32 { let q = x; if x > 0.0 { let q = i32(x); return f32(q); }\n\

@@ -1,4 +1,4 @@
-//! Textures that only draws can fill: depth textures, and multisampled textures.
+//! Fills textures with draws: depth textures and multisampled textures. Other commands can't fill them.
 
 use crate::path::{Device, PathError};
 
@@ -9,17 +9,16 @@ const VERTEX: &str = "
 }
 ";
 
-/// The texels of one layer of one level.
+/// The texels of one layer in one mip level.
 pub(super) struct Layer<'t> {
     pub(super) texture: &'t wgpu::Texture,
     pub(super) level: u32,
     pub(super) layer: u32,
     pub(super) width: u32,
-    /// The samples of a texel lie side by side.
+    /// The samples of a texel are next to each other.
     pub(super) words: &'t [[u32; 4]],
 }
 
-/// WGSL's scalar type of a format's texels.
 fn scalar(format: wgpu::TextureFormat) -> &'static str {
     match format {
         wgpu::TextureFormat::Rgba32Uint | wgpu::TextureFormat::Rgba16Uint => "u32",
@@ -28,7 +27,7 @@ fn scalar(format: wgpu::TextureFormat) -> &'static str {
     }
 }
 
-/// Draws each texel at its place in a texture.
+/// Draws each texel into the texture.
 pub(super) fn paint(device: &Device, layer: &Layer<'_>) -> Result<(), PathError> {
     device.checked(|| draw(device, layer))
 }

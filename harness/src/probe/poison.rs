@@ -1,17 +1,16 @@
-//! Filling results with poison on a device.
+//! Fills results with poison on a device.
 
 use crate::path::Device;
 
-/// Words per copy. A small buffer stays in the caches, while one for all results would go through memory.
+/// The number of words in one copy. A small buffer stays in the caches, but a buffer for all results would not.
 const WORDS: usize = 16_384;
 
-/// A buffer of poison.
 pub(super) struct Poison {
     buffer: wgpu::Buffer,
 }
 
 impl Poison {
-    /// Creates poison for results of `words` words.
+    /// Makes a buffer of poison for results of `words` words.
     pub(super) fn new(device: &Device, word: u32, words: usize) -> Self {
         let poison = vec![word; words.min(WORDS)];
         let buffer = device.device.create_buffer(&wgpu::BufferDescriptor {
@@ -24,7 +23,6 @@ impl Poison {
         Self { buffer }
     }
 
-    /// Fills the first `bytes` bytes of the results.
     pub(super) fn fill(
         &self,
         encoder: &mut wgpu::CommandEncoder,

@@ -1,22 +1,21 @@
-//! Kernels that are fragment functions, and their render targets.
+//! Compiles kernels that are fragment functions, and makes their render targets.
 
 use super::ProbeError;
 use super::kernel::{CELL, ENTRY_POINT, VERTEX};
 use crate::path::Device;
 use crate::reflect::{Overrides, on_deep_stack, parsed_with};
 
-/// Format of the target, which nothing reads.
+/// The format of the target. Nothing reads the target.
 const FORMAT: wgpu::TextureFormat = wgpu::TextureFormat::Rgba8Unorm;
 
-/// The target of a kernel's quads.
+/// The render target for a kernel's quads.
 pub(super) struct Target {
     view: wgpu::TextureView,
-    /// Number of quads per row, and number of rows.
+    /// The number of quads in a row, and the number of rows.
     pub(super) grid: [u32; 2],
 }
 
 impl Target {
-    /// A target for `cases` quads.
     pub(super) fn new(device: &Device, cases: usize) -> Result<Self, ProbeError> {
         let cases = u32::try_from(cases).expect("a batch fits in 32 bits").max(1);
         let columns = cases.isqrt() + u32::from(!cases.isqrt().pow(2).eq(&cases));
@@ -41,7 +40,7 @@ impl Target {
         Ok(Self { view, grid: [columns, rows] })
     }
 
-    /// A render pass that draws the target's first pixel only.
+    /// A render pass that draws only the target's first pixel.
     pub(super) fn pass_of_one<'e>(
         &self,
         encoder: &'e mut wgpu::CommandEncoder,
@@ -51,7 +50,6 @@ impl Target {
         pass
     }
 
-    /// A render pass that draws into the target.
     pub(super) fn pass<'e>(&self, encoder: &'e mut wgpu::CommandEncoder) -> wgpu::RenderPass<'e> {
         encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
             color_attachments: &[Some(wgpu::RenderPassColorAttachment {
@@ -65,7 +63,6 @@ impl Target {
     }
 }
 
-/// Compiles a kernel that is a fragment function.
 pub(super) fn compile(
     device: &Device,
     function: &str,

@@ -1,10 +1,12 @@
-//! Loops that a driver leaves before they end.
+//! Counts the rounds of loops, for drivers that stop long loops without an error.
 //!
-//! Mesa's llvmpipe runs several invocations as the lanes of one vector. It counts the rounds of all loops of
-//! a vector together, because all lanes run the same round. It also counts one round for each loop that no
-//! lane enters. After [`MOST_ROUNDS`] rounds it leaves every loop without a message, and the results are
-//! wrong. So if naga's IR shows no bound of a loop, a copy of the kernel counts the rounds. If no case
-//! exceeds the limit alone, but several in one vector might, the kernel runs again with one case per vector.
+//! Mesa's llvmpipe runs several invocations as the lanes of one vector. It counts the rounds of all loops in a vector
+//! together, because all lanes run the same round. A loop that no lane enters counts as one round. After
+//! [`MOST_ROUNDS`] rounds, llvmpipe stops every loop without a message, and the results are wrong.
+//!
+//! If naga's IR shows no bound for a loop, Karat first runs a copy of the kernel that counts the rounds. No single case
+//! may exceed the limit. If several cases in one vector might exceed it together, the kernel runs with one case in each
+//! vector.
 
 use super::bound::Compiled;
 use super::dispatcher::Dispatcher;
@@ -13,10 +15,10 @@ use crate::fixture::Fixtures;
 use crate::path::{Device, MOST_ROUNDS};
 use crate::reflect::{CountedLoop, Nesting, count_rounds};
 
-/// Number of invocations that may share a vector. llvmpipe's widest vectors have 512 bits.
+/// The number of invocations that may share a vector. llvmpipe's widest vectors have 512 bits.
 pub(crate) const VECTOR: u32 = 16;
 
-/// A kernel that counts the rounds of each loop of each case.
+/// A kernel that counts the rounds of each loop for each case.
 pub(super) struct Rounds<'d> {
     dispatcher: Dispatcher<'d>,
     loops: Vec<CountedLoop>,
@@ -48,8 +50,8 @@ impl<'d> Rounds<'d> {
         Ok(Self { dispatcher, loops: counting.loops, nesting: counting.nesting, function })
     }
 
-    /// True if each case needs its own vector, because the driver would leave a loop otherwise. Fails if a
-    /// single case makes too many rounds.
+    /// Checks if each case needs its own vector, because the driver might otherwise stop a loop. Fails if one case
+    /// takes too many rounds.
     pub(super) fn apart(
         &self,
         cases: usize,
@@ -58,8 +60,8 @@ impl<'d> Rounds<'d> {
     ) -> Result<bool, ProbeError> {
         let rounds = self.count(cases, arguments, canary, 1)?;
         let stride = self.loops.len();
-        // Each round of a vector is a round of one of its lanes. So a vector can't reach the limit if the sum
-        // over all its lanes is below the limit.
+        // In each round of a vector, at least one lane runs a round. So a vector stays below the limit if the sum over
+        // its lanes does.
         let together = |rounds: &[u64]| rounds.iter().sum::<u64>();
         let vector = stride * VECTOR as usize;
         if rounds.chunks(vector).all(|lanes| together(lanes) < MOST_ROUNDS) {
@@ -71,8 +73,7 @@ impl<'d> Rounds<'d> {
                 return Err(self.too_many(case, counts));
             }
         }
-        // In one loop, a vector makes as many rounds as its busiest lane. Lanes may run nested loops one
-        // after the other.
+        // In one loop, a vector takes as many rounds as its busiest lane. Lanes may run nested loops one after another.
         let at_most = |lanes: &[u64]| -> u64 {
             let of_loop = |(index, counted): (usize, &CountedLoop)| {
                 let counts = lanes.iter().skip(index).step_by(stride).copied();
@@ -83,7 +84,7 @@ impl<'d> Rounds<'d> {
         Ok(rounds.chunks(vector).any(|lanes| at_most(lanes) >= MOST_ROUNDS))
     }
 
-    /// The number of rounds of each loop of each case, as the driver counts them.
+    /// The rounds of each loop for each case, as the driver counts them.
     fn count(
         &self,
         cases: usize,
@@ -101,7 +102,7 @@ impl<'d> Rounds<'d> {
 
     fn too_many(&self, case: usize, counts: &[u64]) -> ProbeError {
         let most = self.loops.iter().zip(counts).max_by_key(|(_, count)| **count);
-        let (counted, count) = most.expect("a kernel that counts has a loop");
+        let (counted, count) = most.expect("a counting kernel has a loop");
         let of = format!("`{}`", self.function);
         let rounds = u32::try_from(*count).unwrap_or(u32::MAX);
         let diagnostic = self.dispatcher.device().left_loop(&of, rounds, counted.span.as_ref());

@@ -1,4 +1,4 @@
-//! A function's kernel on a device. Its loops are counted if the driver leaves long loops.
+//! Runs a function's kernel on a device. If the driver stops long loops, it counts the rounds first.
 
 use super::bound::compile;
 use super::dispatcher::{Dispatch, Dispatcher};
@@ -8,13 +8,13 @@ use super::{Inputs, Prepared, ProbeError, Probed, Started};
 use crate::fixture::Fixtures;
 use crate::path::{Device, guard};
 
-/// Cases of one dispatch: enough to fill a GPU, and few enough that a function with many words needs 20 MB.
+/// The number of cases in one dispatch. They fill a GPU, and a function with many words still needs only 20 MB.
 pub(crate) const BATCH: usize = 65_536;
 
 /// One probe on one device.
 pub(crate) struct Runner<'d> {
     dispatcher: Dispatcher<'d>,
-    /// The counter of rounds, if the driver leaves loops after too many.
+    /// The counter of loop rounds, if the driver stops long loops.
     rounds: Option<Rounds<'d>>,
 }
 
@@ -32,7 +32,7 @@ impl Prepared for Runner<'_> {
                 Ok(())
             }));
         }
-        // Each result still has its canary behind it.
+        // The canary follows each result.
         Ok(Box::new(move |reader| {
             let stride = self.dispatcher.stride_out();
             self.dispatcher.read(dispatch, |words| reader(words, stride))
@@ -45,8 +45,8 @@ impl Prepared for Runner<'_> {
 }
 
 impl<'d> Runner<'d> {
-    /// Compiles the kernel, uploads the fixtures, and allocates buffers for `cases` cases per dispatch, or
-    /// for as many as the device's limits allow.
+    /// Compiles the kernel, uploads the fixtures, and allocates buffers for `cases` cases in a dispatch. The device's
+    /// limits may allow fewer.
     pub(crate) fn new(
         device: &'d Device,
         probed: &Probed,
@@ -69,8 +69,7 @@ impl<'d> Runner<'d> {
         Ok(Self { dispatcher, rounds })
     }
 
-    /// Starts a dispatch over `cases` cases with these arguments. Each case writes `canary`, mixed with its
-    /// index.
+    /// Starts a dispatch of `cases` cases with these arguments. Each case writes `canary`, combined with its index.
     fn dispatch(
         &self,
         cases: usize,

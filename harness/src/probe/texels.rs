@@ -1,28 +1,27 @@
-//! Texels in the formats of textures: the encoding of their channels.
+//! Encodes and decodes the texels of texture formats.
 
 use half::f16;
 
-/// The meaning of a channel's bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Number {
     Float,
     Unorm,
-    /// Red, green and blue with sRGB's transfer function; alpha is linear.
+    /// Red, green and blue use sRGB's transfer function. Alpha is linear.
     Srgb,
     Snorm,
     Uint,
     Sint,
 }
 
-/// A format whose texels can be written and read. Channels of 8, 16 or 32 bits are stored one after the other;
-/// channels of other widths share a word of 32 bits.
+/// A format whose texels Karat can write and read. Channels of 8, 16 or 32 bits are stored one after another. Channels
+/// of other widths share a 32-bit word.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Codec {
     pub(crate) format: wgpu::TextureFormat,
     number: Number,
-    /// Number of bits of each channel, in the order in memory.
+    /// The number of bits of each channel, in memory order.
     bits: &'static [u8],
-    /// True if blue comes first.
+    /// Set if blue comes first.
     swapped: bool,
 }
 
@@ -37,7 +36,7 @@ const fn swapped(codec: Codec) -> Codec {
 use Number::{Float, Sint, Snorm, Srgb, Uint, Unorm};
 use wgpu::TextureFormat as F;
 
-/// The formats of storage textures and of targets of frames.
+/// The formats of storage textures and of frames' targets.
 const CODECS: [Codec; 41] = [
     codec(F::R8Unorm, Unorm, &[8]),
     codec(F::R8Snorm, Snorm, &[8]),
@@ -87,22 +86,21 @@ impl Codec {
         CODECS.into_iter().find(|codec| codec.format == format)
     }
 
-    /// The codec of a storage format, by its name in WGSL and WebGPU.
+    /// The codec of a storage format, by the format's name in WGSL and WebGPU.
     pub(crate) fn named(name: &str) -> Option<Self> {
         CODECS.into_iter().find(|codec| format!("{:?}", codec.format).to_lowercase() == name)
     }
 
-    /// Size of a texel in bytes.
+    /// The size of a texel in bytes.
     pub(crate) fn size(self) -> usize {
         self.bits.iter().map(|bits| usize::from(*bits)).sum::<usize>() / 8
     }
 
-    /// The number of channels.
     pub(crate) fn channels(self) -> usize {
         self.bits.len()
     }
 
-    /// True if the channels are integers, which aren't colours.
+    /// Checks if the channels are integers. Integers aren't colours.
     pub(crate) fn is_integer(self) -> bool {
         matches!(self.number, Uint | Sint)
     }
@@ -152,14 +150,14 @@ impl Codec {
         }
     }
 
-    /// The bits of the four scalars that a shader reads from a texel. Channels that it doesn't have are 0, 0, 0, 1.
+    /// The bits of the four scalars that a shader reads from a texel. Missing channels read as 0, 0, 0, 1.
     pub(crate) fn decode(self, bytes: &[u8]) -> [u32; 4] {
         let one = if self.is_integer() { 1 } else { 1_f32.to_bits() };
         let mut words = [0, 0, 0, one];
         let mut at = 0;
         for (channel, &bits) in self.bits.iter().enumerate() {
             let mut code = 0_u32;
-            // Bit by bit if channels aren't whole bytes; such texels are rare.
+            // Reads bit by bit if channels aren't whole bytes. Such formats are rare.
             for bit in 0..u32::from(bits) {
                 let place = at + bit as usize;
                 code |= u32::from(bytes[place / 8] >> (place % 8) & 1) << bit;
@@ -204,7 +202,7 @@ fn of_small_float(code: u32, bits: u8) -> f32 {
     f16::from_bits((code << (15 - bits)) as u16).to_f32()
 }
 
-/// Decodes sRGB, by IEC 61966-2-1.
+/// Decodes sRGB according to IEC 61966-2-1.
 fn to_linear(value: f64) -> f64 {
     if value <= 0.04045 { value / 12.92 } else { ((value + 0.055) / 1.055).powf(2.4) }
 }
@@ -245,7 +243,7 @@ mod tests {
         );
     }
 
-    /// sRGB stores light in a non-linear way: 188 of 255 is about one half.
+    /// sRGB isn't linear: 188 of 255 is about half of the light.
     #[test]
     fn srgb_is_decoded_to_linear() {
         let codec = Codec::of(F::Rgba8UnormSrgb).expect("it is known");

@@ -1,4 +1,4 @@
-//! Fixtures on a device: textures, samplers and buffers.
+//! Uploads fixtures to a device: textures, samplers and buffers.
 
 use super::painted::{self, Layer};
 use super::texels::Codec;
@@ -13,12 +13,12 @@ pub(crate) enum Resource {
     Buffer(wgpu::Buffer),
     View(wgpu::TextureView),
     Sampler(wgpu::Sampler),
-    /// The bytes of immediates, which are set with the commands.
+    /// The bytes of immediates. The commands set them.
     Immediate(Vec<u8>),
 }
 
 impl Resource {
-    /// The resource for a bind group. `None`: the resource isn't bound.
+    /// The resource for a bind group. It is `None` for immediates, which aren't bound.
     pub(crate) fn binding(&self) -> Option<wgpu::BindingResource<'_>> {
         Some(match self {
             Self::Buffer(buffer) => buffer.as_entire_binding(),
@@ -29,7 +29,7 @@ impl Resource {
     }
 }
 
-/// Puts a fixture on a device. The fixture must fit the variable's kind.
+/// Uploads a fixture to a device. The fixture must fit the kind of the variable.
 pub(crate) fn upload(
     device: &Device,
     program: &Program,
@@ -39,22 +39,22 @@ pub(crate) fn upload(
     upload_shared(device, program, &[binding], fixture)
 }
 
-/// Puts a fixture on a device for several variables, the first of which is the program's. The fixture must
-/// fit the kind of each.
+/// Uploads a fixture that several variables share. The first variable is the program's. The fixture must fit the kind
+/// of each variable.
 pub(crate) fn upload_shared(
     device: &Device,
     program: &Program,
     bindings: &[&Binding],
     fixture: &Fixture,
 ) -> Result<Resource, FixtureError> {
-    let first = bindings.first().expect("a fixture is some variable's");
+    let first = bindings.first().expect("each fixture has a variable");
     if device.path().api() == Api::Gl
         && first.kind == BindingKind::Uniform
         && program.has_narrow_matrix(first)
     {
-        // wgpu gives GL the buffer in WGSL's layout, and naga declares the block as std140.
-        let reason = "GLSL spaces the columns of its matrices of two rows otherwise than WGSL, and wgpu \
-                      doesn't mind that; a matrix in storage, or vectors, will do";
+        // wgpu uploads the buffer in WGSL's layout for GL, but naga declares the block as std140.
+        let reason = "GLSL's layout of matrices with two rows differs from WGSL's, and wgpu ignores the \
+                      difference: use a storage buffer, or vectors instead of the matrix";
         let (variable, path) = (first.path.clone(), device.path());
         return Err(FixtureError::Unsupported { variable, reason, path });
     }
@@ -72,7 +72,6 @@ pub(crate) fn upload_shared(
     }
 }
 
-/// Creates a buffer with these bytes.
 fn buffer(device: &Device, bindings: &[&Binding], bytes: &[u8]) -> Result<Resource, FixtureError> {
     use wgpu::BufferUsages as Usage;
     let usage = |binding: &&Binding| match binding.kind {
@@ -92,7 +91,6 @@ fn buffer(device: &Device, bindings: &[&Binding], bytes: &[u8]) -> Result<Resour
     })?)
 }
 
-/// wgpu's comparison function.
 pub(crate) fn compare(compare: Compare) -> wgpu::CompareFunction {
     match compare {
         Compare::Never => wgpu::CompareFunction::Never,
@@ -143,7 +141,7 @@ fn texture(
     bindings: &[&Binding],
     given: &Given<'_>,
 ) -> Result<Resource, FixtureError> {
-    // A storage texture declares its format. A sampled texture with the same fixture gets this format, too.
+    // A storage texture declares its format. A sampled texture that shares the fixture gets this format, too.
     let is_storage =
         |binding: &&&Binding| matches!(binding.kind, BindingKind::StorageTexture { .. });
     let binding = *bindings.iter().find(is_storage).unwrap_or(&bindings[0]);
@@ -156,7 +154,7 @@ fn texture(
         BindingKind::StorageTexture { format, .. } => {
             let name = format.name();
             let codec = Codec::named(&name).ok_or_else(|| {
-                unusable(binding, format!("Karat doesn't write texels of {name}"))
+                unusable(binding, format!("Karat can't write texels of the format {name}"))
             })?;
             (codec.format, wgpu::TextureUsages::STORAGE_BINDING)
         }
@@ -246,7 +244,8 @@ fn unusable(binding: &Binding, reason: String) -> FixtureError {
     FixtureError::Unusable { variable: binding.path.clone(), reason }
 }
 
-/// Textures that wgpu's GL silently replaces by others (`Texture::get_info_from_desc` of wgpu-hal 30).
+/// Reports textures that wgpu's GL replaces by other textures without an error (`Texture::get_info_from_desc` of
+/// wgpu-hal 30).
 fn unsupported(device: &Device, binding: &Binding, given: &Given<'_>) -> Option<&'static str> {
     if device.path().api() != Api::Gl {
         return None;
@@ -255,17 +254,19 @@ fn unsupported(device: &Device, binding: &Binding, given: &Given<'_>) -> Option<
     let plain_array = given.dimension == Dimension::D2 && given.arrayed;
     let storage = matches!(binding.kind, BindingKind::StorageTexture { .. });
     if storage && (given.dimension == Dimension::D3 || given.arrayed) {
-        Some("wgpu's GL binds the first slice of storage textures alone")
+        Some("wgpu's GL binds only the first slice of a storage texture")
     } else if given.samples > 1 {
-        Some("wgpu's GL has no multisampled textures that a shader reads")
+        Some("wgpu's GL has no multisampled textures for shaders to read")
     } else if given.dimension == Dimension::D1 {
-        Some("wgpu's GL makes 2D textures of 1D ones")
+        Some("wgpu's GL turns a 1D texture into a 2D texture")
     } else if plain_array && given.layers == 1 {
-        Some("wgpu's GL makes a plain texture of an array of one layer")
+        Some("wgpu's GL turns an array of one layer into a texture without layers")
     } else if plain_array && square && given.layers.is_multiple_of(6) {
-        Some("wgpu's GL makes cubes of arrays whose layers are square and a multiple of six")
+        Some(
+            "wgpu's GL turns an array into a cube map if it has square layers, and their number is a multiple of six",
+        )
     } else if given.dimension == Dimension::Cube && given.arrayed && given.layers == 6 {
-        Some("wgpu's GL makes a plain cube of an array of one cube")
+        Some("wgpu's GL turns an array of one cube map into a single cube map")
     } else {
         None
     }
@@ -292,7 +293,7 @@ fn expect_kept(
         let depths = given.levels.iter().flat_map(|level| level.words.iter());
         let wrong = |depth: &f32| !(0.0..=1.0).contains(depth);
         if let Some(depth) = depths.map(|words| f32::from_bits(words[0])).find(wrong) {
-            let reason = format!("it has a depth of {depth}, and depths are 0 to 1");
+            let reason = format!("it has a depth of {depth}, but depths must be from 0 to 1");
             return Err(unusable(binding, reason));
         }
     }
@@ -303,17 +304,17 @@ fn expect_kept(
         codec.encode(*texel, &mut bytes);
         let kept = codec.decode(&bytes);
         let changed = texel.iter().zip(kept).position(|(given, kept)| *given != kept);
-        // Channels that the format doesn't have may change.
+        // The format may drop channels.
         if let Some(channel) = changed.filter(|channel| *channel < codec.channels()) {
             let value = texel[channel];
-            let reason = format!("a texel is {value}, which {format:?} can't hold");
+            let reason = format!("a texel is {value}, which the format {format:?} can't store");
             return Err(unusable(binding, reason));
         }
     }
     Ok(())
 }
 
-/// Copies a level into a texture.
+/// Copies a mip level into a texture.
 fn write(
     device: &Device,
     texture: &wgpu::Texture,

@@ -1,5 +1,5 @@
-//! A failure or an error as data, for programs. [`Record::message`](super::Record::message) has the same for
-//! people.
+//! A failure or an error as data, for programs. [`Record::message`](super::Record::message) is the same failure
+//! as text.
 
 use serde::{Deserialize, Serialize};
 
@@ -14,7 +14,7 @@ use crate::path::Adapter;
 pub struct Details {
     /// The failure or error in one line.
     pub headline: String,
-    /// `file:line:column` of the cause, if it isn't the subject's own place.
+    /// `file:line:column` of the cause, if the cause isn't at the subject's own location.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub place: Option<String>,
     /// The paths that fail, or that have no values.
@@ -23,7 +23,8 @@ pub struct Details {
     /// The violations in compute passes.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub violations: Vec<Violation>,
-    /// The command that runs the check again, if its failure belongs to no single path, such as a race in passes.
+    /// The command that runs the check again, if the failure doesn't belong to a single path. A race in passes is
+    /// an example.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub replay: Option<Replay>,
 }
@@ -36,7 +37,7 @@ pub struct PathDetails {
     /// The reason why the path has no values; `None` if it has values.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub stopped: Option<String>,
-    /// A property that the arguments of failing cases have and those of other cases don't; `None` if Karat found none.
+    /// A property that only the arguments of failing cases have; `None` if Karat found no such property.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub cause: Option<String>,
     /// The case with the largest error.
@@ -50,7 +51,7 @@ pub struct PathDetails {
     pub simplest: Option<CaseDetails>,
 }
 
-/// One failing case: of a function, of an element of a buffer, or of a configuration of a sampler.
+/// One failing case of a function, one element of a buffer, or one set of arguments of a sampler.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(default)]
 pub struct CaseDetails {
@@ -71,13 +72,13 @@ pub struct CaseDetails {
     /// The expected value of the worst component; empty for statements.
     #[serde(skip_serializing_if = "String::is_empty")]
     pub expected: String,
-    /// The error in its unit, and the tolerance; empty for statements.
+    /// The error with its unit, and the tolerance; empty for statements.
     #[serde(skip_serializing_if = "String::is_empty")]
     pub error: String,
     /// Notes by name, such as the interval that WGSL allows and the first let-binding outside of its interval.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub notes: Vec<(String, String)>,
-    /// The expectations of a test in WGSL that fail in this case.
+    /// The expectations of a WGSL test that fail in this case.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub expectations: Vec<ExpectationDetails>,
     /// The command that runs the case again.
@@ -88,7 +89,7 @@ pub struct CaseDetails {
 /// An expectation that fails.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct ExpectationDetails {
-    /// `file:line:column` of the expectation; empty if its report is damaged.
+    /// `file:line:column` of the expectation; empty if the kernel's report of the failure is damaged.
     pub place: String,
     /// The text of the expectation, and the values that it got.
     pub seen: String,
@@ -104,26 +105,23 @@ impl std::fmt::Display for ExpectationDetails {
 }
 
 impl Details {
-    /// A failure without values: its message in one line.
     pub(crate) fn of(message: &str) -> Self {
         Self { headline: headline(message).to_owned(), ..Self::default() }
     }
 
-    /// Adds the place of a message, if it has one.
     pub(crate) fn at(self, diagnostic: Option<&Diagnostic>) -> Self {
         let place = diagnostic.and_then(Diagnostic::location).map(ToString::to_string);
         Self { place, ..self }
     }
 
-    /// The commands that run failing cases again. For each path, the worst case comes first and the simplest
-    /// case last; then comes the command of a failure that belongs to no single path.
+    /// The commands that run failing cases again. For each path, the worst case comes first and the simplest case
+    /// last. The command for a failure that belongs to no single path comes after all paths.
     pub fn replays(&self) -> impl Iterator<Item = &Replay> {
         self.paths.iter().flat_map(PathDetails::replays).chain(&self.replay)
     }
 }
 
 impl PathDetails {
-    /// A path without values.
     pub(crate) fn on(adapter: &Adapter) -> Self {
         let (stopped, cause) = (None, None);
         let (worst, first, simplest) = (None, None, None);

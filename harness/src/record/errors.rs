@@ -1,23 +1,22 @@
-//! The distribution of errors, for reports.
+//! The distribution of a check's errors, for reports.
 
 use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-/// Errors of some cases of a check, each divided by its tolerance.
+/// Counts of errors in a sample of a check's cases. Each error is divided by its tolerance.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Errors {
-    /// Cases without any error.
+    /// Number of cases without any error.
     pub exact: u64,
-    /// Number of cases for each power of two: their ratio is at most this power, and above the next lower
-    /// one. Powers above 20 count as 20, and those below -20 as -20.
+    /// Number of cases for each power of two. The case's ratio is at most this power of two, and above the next
+    /// lower one. Powers above 20 count as 20, and powers below -20 as -20.
     pub powers: BTreeMap<i32, u64>,
-    /// Cases whose error is infinite or NaN.
+    /// Number of cases in which the error is infinite or NaN.
     pub not_finite: u64,
 }
 
 impl Errors {
-    /// Counts these ratios.
     pub(crate) fn of(ratios: impl Iterator<Item = f64>) -> Self {
         let mut errors = Self::default();
         for ratio in ratios {
@@ -34,19 +33,20 @@ impl Errors {
         errors
     }
 
-    /// The number of cases that were counted.
+    /// The number of counted cases.
     #[must_use]
     pub fn cases(&self) -> u64 {
         self.exact + self.powers.values().sum::<u64>() + self.not_finite
     }
 }
 
-/// Some cases of a check that fails: the lanes of their arguments, and their errors divided by the tolerance.
+/// A sample of the cases of a check that fails: the components of their arguments, and their errors divided by
+/// the tolerance.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Plot {
-    /// Names of the lanes: `n_dot_v`, `f0.x`.
+    /// Names of the components: `n_dot_v`, `f0.x`.
     pub arguments: Vec<String>,
-    /// A row per case: the values of its lanes, and then its ratio. NaN and infinities are `null`.
+    /// One row for each case: the values of its components, and then its ratio. NaN and infinities are `null`.
     #[serde(deserialize_with = "with_nan")]
     pub rows: Vec<Vec<f64>>,
 }
@@ -54,7 +54,7 @@ pub struct Plot {
 /// The numbers of samples in the cells of a sampler's support, and the expected numbers.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Histogram {
-    /// Names of the axes of rows and columns: `theta` and `phi`. The second is empty on a line.
+    /// Names of the two axes, rows first: `theta` and `phi`. The second name is empty on a line.
     pub axes: [String; 2],
     /// The number of cells in each row. Rows may have different numbers of cells.
     pub rows: Vec<usize>,
@@ -64,7 +64,7 @@ pub struct Histogram {
     pub expected: Vec<f64>,
 }
 
-/// Reads rows in which `null` is NaN: JSON can't write NaN and infinities.
+/// Reads rows in which `null` stands for NaN and infinities, which JSON can't write. All become NaN.
 fn with_nan<'de, D: serde::Deserializer<'de>>(rows: D) -> Result<Vec<Vec<f64>>, D::Error> {
     let rows: Vec<Vec<Option<f64>>> = Deserialize::deserialize(rows)?;
     let number = |value: Option<f64>| value.unwrap_or(f64::NAN);
@@ -83,7 +83,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_finite_is_read_again() {
+    fn nan_and_infinity_are_read_back() {
         let plot = Plot { arguments: vec!["x".to_owned()], rows: vec![vec![1.0, f64::INFINITY]] };
         let text = serde_json::to_string(&plot).expect("plain data");
         let again: Plot = serde_json::from_str(&text).expect("as written");

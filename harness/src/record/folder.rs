@@ -1,8 +1,8 @@
 //! Folders of records. Each run has its own folder, and the file `last` names the run that ended last.
 //!
-//! `ci` compiles this file, too, so it uses the standard library only. Only one process at a time changes a
-//! folder of records (`lock`). A run holds a lock on the file `running` in its own folder until its process
-//! ends. So the next run that begins or ends recognises a killed run, and removes its folder.
+//! `ci` compiles this file, too, so the file uses only the standard library. Only one process at a time changes a
+//! folder of records (`lock`). A run holds a lock on the file `running` in its own folder until its process ends.
+//! The next run that begins or ends finds killed runs by this lock, and removes their folders.
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Error, ErrorKind, Result};
@@ -11,23 +11,23 @@ use std::time::{Duration, Instant};
 
 /// The file that names the run that ended last.
 const LAST: &str = "last";
-/// The start of the names of runs' folders.
+/// The prefix of the names of runs' folders.
 const RUN: &str = "run-";
-/// The file that a living run locks.
+/// The file that a run locks until its process ends.
 pub(crate) const RUNNING: &str = "running";
 /// The file that a process locks while it reads the list of runs, or changes it.
 const LOCK: &str = "lock";
-/// How long a process waits for the lock, which others hold for as long as they read records.
+/// Longest wait for the lock. Other processes hold the lock while they read records.
 const PATIENCE: Duration = Duration::from_secs(30);
-/// Pause between two attempts.
+/// Pause between two attempts to get the lock.
 const PAUSE: Duration = Duration::from_millis(5);
 
-/// A run that hasn't ended. If it never ends, a later run removes its folder.
+/// A run that hasn't ended. If the run is killed, a later run removes its folder.
 #[derive(Debug)]
 pub struct Running {
     records: PathBuf,
     folder: PathBuf,
-    /// `None`: the run has ended, or the file system has no locks.
+    /// `None` if the run has ended, or if the file system has no locks.
     held: Option<File>,
     ended: bool,
 }
@@ -46,7 +46,7 @@ impl Running {
         let folder = loop {
             let folder = records.join(names.next().expect("numbers enough"));
             match std::fs::create_dir(&folder) {
-                // Another process had this number: it has ended, or runs in another container.
+                // Another process had this number. That process has ended, or runs in another container.
                 Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
                 made => break made.map(|()| folder)?,
             }
@@ -62,14 +62,14 @@ impl Running {
         &self.folder
     }
 
-    /// Makes this run the one that ended last, in one step, and removes the run before it.
+    /// Makes this run the last run in one step, and removes the run before it.
     ///
     /// # Errors
-    /// If `last` can't be written. Then the run before it stays the last one.
+    /// If Karat can't write `last`. Then the run before this run stays the last run.
     pub fn end(mut self) -> Result<PathBuf> {
         let turn = Turn::wait(&self.records, File::try_lock)?;
         let name = self.folder.file_name().unwrap_or_default();
-        // Only the holder of the lock writes this file.
+        // Only the process that holds the lock writes this file.
         let beside = self.records.join(format!("{LAST}.tmp"));
         std::fs::write(&beside, name.as_encoded_bytes())?;
         std::fs::rename(&beside, self.records.join(LAST))?;
@@ -84,7 +84,7 @@ impl Running {
 impl Drop for Running {
     fn drop(&mut self) {
         if !self.ended {
-            // Some systems can't remove an open file. The next run removes the folder if it is left.
+            // Some systems can't remove an open file. The next run removes the folder if the folder still exists.
             self.held = None;
             drop(std::fs::remove_dir_all(&self.folder));
         }
@@ -99,25 +99,25 @@ pub(crate) fn last(records: &Path) -> Option<PathBuf> {
     is_run.then(|| records.join(name))
 }
 
-/// The lock of a folder of records: no other process changes the folder meanwhile.
+/// The lock of a folder of records. While a process holds the lock, no other process changes the folder.
 #[derive(Debug)]
 pub(crate) struct Turn {
-    /// `None`: the file system has no locks, or the folder is read-only without a lock file.
+    /// `None` if the file system has no locks, or if the folder is read-only and has no lock file.
     held: Option<File>,
 }
 
 impl Turn {
-    /// Waits for the lock: with `File::try_lock` to change something, with `File::try_lock_shared` to read.
+    /// Waits for the lock. Writers pass `File::try_lock`, and readers pass `File::try_lock_shared`.
     ///
     /// # Errors
-    /// If another process holds the lock for too long.
+    /// If another process holds the lock for more than 30 seconds.
     pub(crate) fn wait(
         records: &Path,
         take: impl Fn(&File) -> std::result::Result<(), TryLockError>,
     ) -> Result<Self> {
         let place = records.join(LOCK);
         let opened = OpenOptions::new().create(true).append(true).open(&place);
-        // A downloaded folder, or that of another user, may be read-only.
+        // A downloaded folder, or the folder of another user, may be read-only.
         let Ok(file) = opened.or_else(|_| File::open(&place)) else {
             return Ok(Self { held: None });
         };
@@ -136,25 +136,25 @@ impl Turn {
         }
     }
 
-    /// Removes the folders of runs that ended or were killed, except that of the last run.
+    /// Removes the folders of runs that ended or were killed. The folder of the last run stays.
     fn clear(&self, records: &Path) {
-        // Without locks, living runs can't be recognised.
+        // Without locks, Karat can't recognise runs that still go on.
         if self.held.is_none() {
             return;
         }
-        // If the name of the last run can't be read, each folder may be that of the last run.
+        // If the name of the last run can't be read, each folder may be the folder of the last run.
         let named = std::fs::read_to_string(records.join(LAST));
         if named.is_err_and(|error| error.kind() != ErrorKind::NotFound) {
             return;
         }
         for folder in dead(records) {
-            // A folder that can't be removed does no harm.
+            // A folder that can't be removed does no harm, so the error is ignored.
             drop(std::fs::remove_dir_all(&folder));
         }
     }
 }
 
-/// The folders of runs that ended or were killed, except that of the last run.
+/// The folders of runs that ended or were killed, without the folder of the last run.
 pub(crate) fn dead(records: &Path) -> Vec<PathBuf> {
     let last = last(records);
     let mut found = Vec::new();
@@ -169,11 +169,10 @@ pub(crate) fn dead(records: &Path) -> Vec<PathBuf> {
     found
 }
 
-/// True if the run of a folder has ended or was killed.
 fn is_dead(folder: &Path) -> bool {
     match File::open(folder.join(RUNNING)) {
         Ok(file) => file.try_lock().is_ok(),
-        // The run ended, or its tests created the folder again after it was removed.
+        // The run ended, or its tests created the folder again after another run removed the folder.
         Err(error) => error.kind() == ErrorKind::NotFound,
     }
 }

@@ -4,7 +4,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-/// Runs a failing case again: environment variables, a program and its arguments.
+/// A command that runs a failing case again: environment variables, a program and its arguments.
 ///
 /// `Display` writes the command for a shell.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -13,7 +13,7 @@ pub struct Replay {
     pub variables: Vec<(String, String)>,
     /// `cargo`, `karat`, or the path of another program.
     pub program: String,
-    /// Its arguments.
+    /// The program's arguments.
     pub arguments: Vec<String>,
 }
 
@@ -27,7 +27,6 @@ impl fmt::Display for Replay {
     }
 }
 
-/// A word, quoted for a shell if necessary.
 fn quoted(word: &str) -> String {
     let plain = |c: char| c.is_ascii_alphanumeric() || "_-:./@,#+=".contains(c);
     // A `#` at the start of a word would begin a comment.

@@ -45,6 +45,7 @@ fn last(folder: &Path) -> Option<String> {
     Some(records[0].test.clone())
 }
 
+// Lesson 58
 #[test]
 fn the_last_run_that_ended_is_read() {
     let temporary = tempfile::tempdir().expect("a temporary folder");
@@ -63,13 +64,14 @@ fn the_last_run_that_ended_is_read() {
     assert_eq!(folders.each_ref().map(|folder| folder.exists()), [false, false, true]);
 }
 
+// Lesson 58
 #[test]
-fn what_a_killed_run_left_is_cleared_away_and_a_live_one_is_not() {
+fn leftovers_of_a_killed_run_are_removed_and_a_live_run_is_kept() {
     let temporary = tempfile::tempdir().expect("a temporary folder");
     let folder = temporary.path();
     let live = Running::begin(folder).expect("a folder");
     written(&live, "live");
-    // No process locks the first. The second was created again by tests that outlived their run.
+    // No process locks the first folder. Tests that outlived their run created the second folder again.
     let [held, bare, foreign] = ["run-1-0", "run-1-1", "mine"].map(|name| folder.join(name));
     for folder in [&held, &bare, &foreign] {
         std::fs::create_dir(folder).expect("a folder");
@@ -84,14 +86,14 @@ fn what_a_killed_run_left_is_cleared_away_and_a_live_one_is_not() {
     assert_eq!(last(folder).as_deref(), Some("live"));
 }
 
-/// Such a folder comes from `cargo test` with KARAT_RECORD, or from an older Karat.
+/// `cargo test` with KARAT_RECORD and older versions of Karat write such a folder.
 #[test]
 fn a_folder_without_runs_is_a_record_itself() {
     let temporary = tempfile::tempdir().expect("a temporary folder");
     let line = serde_json::to_string(&record(None)).expect("plain data");
     std::fs::write(temporary.path().join("1.jsonl"), line).expect("written");
     assert_eq!(read(temporary.path()).expect("readable").len(), 1);
-    // A name that isn't that of a run's folder is ignored.
+    // Karat ignores a name that isn't the name of a run's folder.
     for name in ["../elsewhere", "run-1/../..", "run-", ""] {
         std::fs::write(temporary.path().join("last"), name).expect("written");
         assert_eq!(read(temporary.path()).expect("readable").len(), 1, "{name}");
@@ -110,7 +112,7 @@ fn a_stopwatch_measures() {
     assert!(started <= SystemTime::now(), "{time:?}");
 }
 
-/// Karat refuses records of other versions, wherever the version stands in the line.
+/// Karat refuses records of other versions, at any position of the version in the line.
 #[test]
 fn another_version_is_refused() {
     let temporary = tempfile::tempdir().expect("a temporary folder");
@@ -130,7 +132,6 @@ fn another_version_is_refused() {
     wrong("run.json` line 1");
 }
 
-/// Allowances of a check's parts are added up.
 #[test]
 fn allowances_add_up() {
     let part = |wider, worst, unbounded| Allowance { cases: 10, wider, worst, unbounded };
@@ -154,7 +155,7 @@ fn tests_whose_frames_were_left_out_are_known() {
     assert_eq!(known, ["room", "scene"]);
 }
 
-/// The name in `last` leads to a folder beside it only.
+/// The name in `last` can only select a folder beside `last`.
 #[test]
 fn the_name_of_the_last_run_leads_nowhere_else() {
     let temporary = tempfile::tempdir().expect("a temporary folder");

@@ -1,4 +1,4 @@
-//! The abilities that a shader may need, beyond compute passes over buffers.
+//! The abilities that a shader may need in addition to compute passes over buffers.
 
 use std::fmt;
 
@@ -23,7 +23,7 @@ pub enum Ability {
     Subgroups,
     /// Vertex and fragment functions, to draw frames.
     Frames,
-    /// Words of buffers as base64. No shader needs it; it only makes transfers faster.
+    /// Transfers of buffers as base64. No shader needs this ability; it only makes transfers faster.
     Packed,
 }
 

@@ -1,4 +1,4 @@
-//! Wraps a function that has pointers into one that takes and returns values.
+//! Wraps a function that has pointers into a function that takes and returns values.
 
 use naga::{
     Arena, Block, Expression, Function, FunctionArgument, FunctionResult, GlobalVariable, Handle,
@@ -9,12 +9,13 @@ use super::signature::Function as Signature;
 use super::{Passed, Program, ReflectError};
 use naga::valid::ModuleInfo;
 
-/// The name of the function that stands for another.
+/// The name of the wrapping function.
 pub(crate) const ADAPTER: &str = "karat_call";
 
 impl Program {
-    /// The module with a function [`ADAPTER`]. It calls another function by values, and returns that function's result
-    /// and the values behind its pointers. `None` if the function has no pointers and does have a result.
+    /// The module with an additional function [`ADAPTER`]. It calls `function` with values, and returns the
+    /// result of `function` and the values behind its pointers. `None` if `function` has a result and no
+    /// pointers.
     pub(crate) fn adapted(
         &self,
         function: &Signature,
@@ -127,9 +128,9 @@ fn adapter(module: &mut Module, callee: Handle<Function>, state: &[&str]) -> Fun
     }
 }
 
-/// A structure with one member of each type.
+/// A structure type with one member of each type.
 fn structure(module: &mut Module, types: impl Iterator<Item = Handle<Type>>) -> Handle<Type> {
-    /// More than any alignment in WGSL, so members need no offsets of their own.
+    /// Larger than any alignment in WGSL, so every multiple of it is a valid offset.
     const APART: u32 = 16;
     let mut members = Vec::new();
     let mut end = 0;

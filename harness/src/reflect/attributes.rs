@@ -1,4 +1,4 @@
-//! Reads the attributes between an entry point and its host: locations, builtin values, and the size of a workgroup.
+//! Reads the attributes of an entry point: locations, builtin values, and the size of a workgroup.
 
 use naga::common::wgsl::TryToWgsl;
 use naga::{Binding, Interpolation, ShaderStage, Type, TypeInner};
@@ -6,8 +6,8 @@ use naga::{Binding, Interpolation, ShaderStage, Type, TypeInner};
 use super::{NAMED, Program};
 
 impl Program {
-    /// The attributes of an entry point's inputs and outputs by their paths (`in.uv`, `result`), and the size of its
-    /// workgroup; empty if there is no such entry point.
+    /// The attributes of an entry point's inputs and outputs by their paths (`in.uv`, `result`), and the size of
+    /// its workgroup. The list is empty if there is no such entry point.
     pub fn attributes(&self, name: &str) -> Vec<(String, String)> {
         let name = self.entry_point_name(name);
         let module = &self.checked.module;
@@ -44,8 +44,9 @@ impl Program {
         all
     }
 
-    /// For each direction, `true` if an entry point reads that component of an invocation's or workgroup's position in
-    /// the dispatch. `None` if it uses such a vector as a whole, and so may read each component.
+    /// The components of an invocation's or workgroup's position in the dispatch that an entry point reads. Each
+    /// element is `true` if the entry point reads this component. An element is `None` if the entry point uses
+    /// such a vector as a whole, and so may read each component.
     pub fn asks_for_places(&self, name: &str) -> [Option<bool>; 3] {
         use naga::{BuiltIn, Expression};
         let name = self.entry_point_name(name);
@@ -77,7 +78,7 @@ impl Program {
             },
             _ => false,
         };
-        // A structure with such a vector may also be used as a whole.
+        // The entry point may also use a structure with such a vector as a whole.
         let holds_place = |handle: naga::Handle<Expression>| match function.expressions[handle] {
             Expression::FunctionArgument(at) => {
                 members(at).iter().any(|member| is_place(member.binding.as_ref()))
@@ -86,7 +87,7 @@ impl Program {
         };
         let is_either = |handle| is_place_of(handle) || holds_place(handle);
         let mut asks = [false; 3];
-        // The uses of a vector as a whole: all uses, minus the uses of its parts.
+        // The number of uses of a vector as a whole: all its uses, minus the uses of its components.
         let info = self.checked.info.get_entry_point(at);
         let mut whole = 0;
         for (handle, expression) in function.expressions.iter() {
@@ -111,7 +112,7 @@ impl Program {
     }
 }
 
-/// An attribute, as its author may write it.
+/// An attribute in WGSL's notation.
 fn shown(binding: &Binding) -> String {
     match binding {
         Binding::BuiltIn(builtin) => {

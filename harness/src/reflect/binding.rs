@@ -11,7 +11,7 @@ use crate::value::Shape;
 /// A resource variable.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Binding {
-    /// Author's path: `environment::sky`.
+    /// The author's path: `environment::sky`.
     pub path: String,
     /// `@group`; [`NOWHERE`](Self::NOWHERE) for an immediate.
     pub group: u32,
@@ -19,15 +19,15 @@ pub struct Binding {
     pub binding: u32,
     /// The kind of the resource.
     pub kind: BindingKind,
-    /// The place of its declaration.
+    /// The location of the variable's declaration.
     pub span: Option<Span>,
-    /// Set for a texture that is read through a sampler.
+    /// Reports if the shader reads the texture through a sampler.
     pub(crate) sampled: bool,
     pub(crate) ty: naga::Handle<naga::Type>,
 }
 
 impl Binding {
-    /// The group and the binding of a variable without them.
+    /// The group and the binding number of a variable that has no group and no binding.
     pub const NOWHERE: u32 = u32::MAX;
 
     /// The variable's own name, without its module.
@@ -37,12 +37,12 @@ impl Binding {
     }
 }
 
-/// A program, the resources of its compute entry point, and the size of its workgroup.
+/// A program, the resources of its compute entry point, and the size of the entry point's workgroup.
 pub(crate) type PassProgram = (Arc<Program>, Vec<Binding>, [u32; 3]);
 
 impl Program {
-    /// The number of elements in the longest array of the buffers, if the shader gives each array's length. `None` if
-    /// there are no arrays, or if the host decides a length or the size of a storage texture.
+    /// The number of elements in the longest array of the buffers, if the shader declares each array's length.
+    /// `None` if there are no arrays, or if the host decides a length or the size of a storage texture.
     pub fn fixed_elements(&self, bindings: &[Binding]) -> Option<usize> {
         fn longest(shape: &Shape) -> usize {
             match shape {
@@ -69,13 +69,15 @@ impl Program {
     /// Links and validates a compute entry point with everything that it uses.
     ///
     /// # Errors
-    /// If it isn't valid, if it is no compute entry point, or if an override has no value.
+    /// If the linked text isn't valid, if `name` isn't a compute entry point, if an override has no value, or if
+    /// the workgroup is larger than any device supports.
     pub fn of_pass(
         package: &Package,
         name: &str,
         overrides: &Overrides,
     ) -> Result<PassProgram, String> {
-        /// The most invocations that any device runs (`maxComputeInvocationsPerWorkgroup` is 1,024 today).
+        /// The largest number of invocations that any device supports (`maxComputeInvocationsPerWorkgroup` is
+        /// 1,024 today).
         const MOST_INVOCATIONS: u64 = 1024;
         let (module, own) = name.rsplit_once("::").unwrap_or(("", name));
         let program = Self::of_items(package, module, &[own]).map_err(|error| error.to_string())?;
@@ -87,7 +89,7 @@ impl Program {
         let invocations = size.iter().map(|count| u64::from(*count)).product::<u64>();
         if invocations > MOST_INVOCATIONS {
             return Err(format!(
-                "a workgroup of `{name}` has {invocations} invocations, and no device runs them"
+                "a workgroup of `{name}` has {invocations} invocations, and no device runs so many"
             ));
         }
         Ok((program, bindings, size))
@@ -109,7 +111,7 @@ impl Program {
         Some(self.bindings(info))
     }
 
-    /// Returns `true` if a compute entry point writes a resource. A `read_write` resource may be read only.
+    /// Checks if a compute entry point writes a resource. Some entry points only read a `read_write` resource.
     #[must_use]
     pub fn writes(&self, entry_point: &str, binding: &Binding) -> bool {
         let (name, module) = (self.entry_point_name(entry_point), &self.checked.module);
@@ -123,7 +125,8 @@ impl Program {
         })
     }
 
-    /// The resources of a compute entry point, by its name in the text, and the size of its workgroup.
+    /// The resources of a compute entry point and the size of its workgroup, by the entry point's name in the
+    /// text.
     pub fn compute_entry_point(&self, name: &str) -> Option<(Vec<Binding>, [u32; 3])> {
         let (bindings, index) = self.resources_of(name, naga::ShaderStage::Compute)?;
         let size = self.workgroup_size(&self.checked.module.entry_points[index]);
@@ -131,20 +134,20 @@ impl Program {
         Some((bindings, size))
     }
 
-    /// The resources of a fragment entry point, by its name in the text.
+    /// The resources of a fragment entry point, by the entry point's name in the text.
     pub fn fragment_entry_point(&self, name: &str) -> Option<Vec<Binding>> {
         self.resources_of(name, naga::ShaderStage::Fragment).map(|(bindings, _)| bindings)
     }
 
-    /// The resources of an entry point of a stage, and the entry point's number.
+    /// The resources and the index of an entry point of a stage.
     fn resources_of(&self, name: &str, stage: naga::ShaderStage) -> Option<(Vec<Binding>, usize)> {
         let mut entries = self.checked.module.entry_points.iter();
         let index = entries.position(|entry| entry.name == name && entry.stage == stage)?;
         Some((self.bindings(self.checked.info.get_entry_point(index)), index))
     }
 
-    /// Returns `true` if a variable's type contains a matrix of two rows: GLSL's std140 layout puts its columns further
-    /// apart.
+    /// Checks if a variable's type contains a matrix of two rows. GLSL's std140 layout puts the columns of such a
+    /// matrix further apart.
     pub(crate) fn has_narrow_matrix(&self, binding: &Binding) -> bool {
         fn has(module: &naga::Module, ty: naga::Handle<naga::Type>) -> bool {
             match &module.types[ty].inner {
@@ -159,7 +162,6 @@ impl Program {
         has(&self.checked.module, binding.ty)
     }
 
-    /// The author's names of the compute entry points.
     pub(crate) fn compute_entry_points(&self) -> Vec<String> {
         let entries = self.checked.module.entry_points.iter();
         let compute = entries.filter(|entry| entry.stage == naga::ShaderStage::Compute);
@@ -168,17 +170,17 @@ impl Program {
         names.map(|path| path.rsplit("::").next().unwrap_or_default().to_owned()).collect()
     }
 
-    /// The author's names of all module-scope variables.
     pub(crate) fn variables(&self) -> Vec<String> {
         let globals = self.checked.module.global_variables.iter();
         let names = globals.filter_map(|(_, global)| global.name.as_deref());
         names.map(|name| self.author_path(name).unwrap_or(name).to_owned()).collect()
     }
 
-    /// The place of an entry point's declaration, by its name in the text: from the keyword to the name.
+    /// The location of an entry point's declaration, from the keyword to the name. `name` is the name in the
+    /// text.
     pub(crate) fn entry_point_span(&self, name: &str) -> Option<Span> {
         let text = self.text();
-        // Its name ends before its parameters, with or without blanks between.
+        // The name ends before the parameters. Blanks may come between.
         let begins =
             |(at, head): &(usize, &str)| text[at + head.len()..].trim_start().starts_with('(');
         let head = format!("fn {name}");
@@ -186,13 +188,14 @@ impl Program {
         self.resolve(at..at + head.len())
     }
 
-    /// The smallest size of a buffer for its type, in bytes: with one element for an array without a length.
+    /// The smallest size of a buffer for the variable's type, in bytes. An array without a length counts as one
+    /// element.
     pub fn least_bytes(&self, binding: &Binding) -> usize {
         let inner = &self.checked.module.types[binding.ty].inner;
         inner.size(self.checked.module.to_ctx()) as usize
     }
 
-    /// The place of a member in a buffer (`light.position`), and the size of its value in bytes.
+    /// The offset of a member in a buffer (`light.position`), and the bytes of its value.
     pub(crate) fn member_bytes(
         &self,
         binding: &Binding,
@@ -204,7 +207,7 @@ impl Program {
         let (mut ty, mut offset) = (binding.ty, 0);
         for name in member.split('.').filter(|name| !name.is_empty()) {
             let naga::TypeInner::Struct { members, .. } = &module.types[ty].inner else {
-                return Err(format!("what is in front of `.{name}` has no members"));
+                return Err(format!("the value in front of `.{name}` has no members"));
             };
             let names = || members.iter().filter_map(|member| member.name.as_deref());
             let known = members.iter().find(|member| member.name.as_deref() == Some(name));
@@ -221,7 +224,7 @@ impl Program {
         if wgsl.is_none() {
             let wgsl = self.buffer_shape(ty);
             let wgsl = wgsl.map_or_else(|| "of another type".to_owned(), |wgsl| wgsl.to_string());
-            return Err(format!("`{member}` is {wgsl}, the value is {shape}"));
+            return Err(format!("`{member}` is {wgsl}, but the value is {shape}"));
         }
         let bytes = super::bytes_of(module, &self.checked.layouter, ty, lanes)
             .map_err(|error| error.to_string())?;
@@ -229,7 +232,7 @@ impl Program {
         Ok((offset, bytes[..size.min(bytes.len())].to_vec()))
     }
 
-    /// The first binding number of group 0 that the program doesn't use.
+    /// The binding number after the largest number that the program uses in group 0.
     pub fn free_binding(&self) -> u32 {
         let used = self.checked.module.global_variables.iter().filter_map(|(_, global)| {
             global.binding.as_ref().filter(|binding| binding.group == 0).map(|b| b.binding + 1)

@@ -1,4 +1,5 @@
-//! Makes the vertex function for fragment functions without one: its triangle covers the frame.
+//! Generates a vertex function for fragment functions that have none. The vertex function's triangle covers the
+//! frame.
 
 use naga::{Binding, ShaderStage, TypeInner, VectorSize};
 
@@ -9,11 +10,12 @@ use crate::diagnostic::Diagnostic;
 pub(crate) const COVERING: &str = "karat_covering";
 
 impl Program {
-    /// The text of a vertex function whose triangle covers the frame. At each location that the fragment function
-    /// reads, it gives texture coordinates: (0, 0) at the upper left, (1, 1) at the lower right.
+    /// The text of a vertex function whose triangle covers the frame. The vertex function writes texture
+    /// coordinates to each location that the fragment function reads: (0, 0) at the upper left, (1, 1) at the
+    /// lower right.
     ///
     /// # Errors
-    /// If the fragment function has an input at a location that isn't a `vec2f`.
+    /// If an input of the fragment function has a location and isn't a `vec2f`.
     pub(crate) fn covering(&self, fragment: &str) -> Result<String, ReflectError> {
         let name = self.entry_point_name(fragment);
         let module = &self.checked.module;
@@ -42,11 +44,10 @@ impl Program {
                 TypeInner::Vector { size: VectorSize::Bi, scalar: naga::Scalar::F32 }
             );
             if !is_uv {
-                let message = format!(
-                    "`{fragment}` reads something at @location({location}) that isn't a vec2f"
-                );
-                let note = "alone, a fragment function gets texture coordinates; for anything else \
-                            give its vertex function, too: `fullscreen` in Rust, `vertex` in a test's file";
+                let message =
+                    format!("the input of `{fragment}` at @location({location}) isn't a vec2f");
+                let note = "without a vertex function, a fragment function gets only texture coordinates; for \
+                            other inputs, name its vertex function: `fullscreen` in Rust, `vertex` in a test's file";
                 let diagnostic = Diagnostic::new(message).note(note);
                 let diagnostic = match self.entry_point_span(name) {
                     Some(span) => diagnostic.at(span, "declared here"),

@@ -1,7 +1,7 @@
-//! Records which programs a test uses, for commands that follow an edit to tests.
+//! Records which programs a test uses, for commands that run tests again after an edit.
 //!
-//! A recorded process writes each program that it links, with the test that asked for it, into a file beside its
-//! records. So a command can find the tests that an edit of a shader affects.
+//! A recorded process writes each program that it links, with the name of the test, into a file beside its
+//! records. From these files, a command finds the tests that an edit of a shader affects.
 
 use std::collections::HashSet;
 use std::fs::{File, OpenOptions};
@@ -17,32 +17,32 @@ use super::{Program, ReflectError};
 use crate::package::{Package, Portable};
 use crate::settings;
 
-/// The extension of these files in a folder of records.
 const ENDING: &str = "programs";
 
 /// A program that a test linked.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct Dependence {
-    /// The thread that linked it, which has the test's name. A thread that the test starts has another name.
+    /// The name of the thread that linked the program. The test's own thread has the test's name. Other threads,
+    /// which the test starts, have other names.
     pub test: String,
-    /// `None` if other processes can't open it.
+    /// `None` if other processes can't open the package.
     package: Option<Portable>,
     wanted: Wanted,
     of: Of,
     normalized_text: String,
-    /// The author's paths of its declarations; empty for an invalid program.
+    /// The author's paths of the program's declarations; empty for an invalid program.
     #[serde(default)]
     declares: Vec<String>,
 }
 
-/// The part of a program that a test depends on.
+/// The part of a program on which a test depends: its text, or only the fact that it is valid.
 #[derive(Clone, Copy, Debug, Serialize, Deserialize)]
 pub(super) enum Of {
     Text,
     Validity,
 }
 
-/// Set if no one needs the programs that this process links.
+/// Set if nobody needs the programs that this process links.
 static UNWANTED: AtomicBool = AtomicBool::new(false);
 
 impl Dependence {
@@ -54,7 +54,7 @@ impl Dependence {
     /// The dependences that a run's processes wrote into its folder of records.
     ///
     /// # Errors
-    /// If a file can't be read, or has other contents.
+    /// If a file can't be read, or a line isn't a dependence.
     pub fn all(folder: &Path) -> std::io::Result<Vec<Self>> {
         let mut all = Vec::new();
         for entry in std::fs::read_dir(folder)? {
@@ -68,34 +68,35 @@ impl Dependence {
         Ok(all)
     }
 
-    /// The package as the test uses it, with its features and dependencies; `None` if only the test's own process can
-    /// open it.
+    /// The package with the features and dependencies that the test uses; `None` if only the test's own process
+    /// can open the package.
     #[must_use]
     pub fn package(&self) -> Option<Package> {
         self.package.as_ref().map(Portable::package)
     }
 
-    /// The folder or file of the package that the program was linked from; `None` for a crate, and for text in memory.
+    /// The folder or file of the package from which the program was linked; `None` for a crate, and for text in
+    /// memory.
     #[must_use]
     pub fn place(&self) -> Option<&Path> {
         self.package.as_ref().and_then(Portable::place)
     }
 
-    /// Returns `true` if the program is still the same, except for comments and blanks. It links the program again if a
-    /// file has changed.
+    /// Checks if the program is still the same, except for comments and blanks. If a file has changed, Karat
+    /// links the program again.
     #[must_use]
     pub fn is_current(&self) -> bool {
         self.package().is_some_and(|package| self.is_same(&package))
     }
 
-    /// The same as if a file had this text; `None` if only the test's own process can open the package.
+    /// The same check, as if `file` had this text; `None` if only the test's own process can open the package.
     #[must_use]
     pub fn is_current_with(&self, file: &Path, text: &str) -> Option<bool> {
         Some(self.is_same(&self.package()?.unsaved(file, text)))
     }
 
-    /// Returns `true` if an edit of a declaration may change the program. The path is `brdf::schlick`, or another
-    /// package's path with the same end.
+    /// Checks if an edit of a declaration may change the program. `path` is `brdf::schlick`, or the end of
+    /// another package's path.
     #[must_use]
     pub fn may_declare(&self, path: &str) -> bool {
         let is_it = |own: &String| format!("::{own}").ends_with(&format!("::{path}"));
@@ -107,7 +108,7 @@ impl Dependence {
     }
 }
 
-/// The text that identifies a program, or its error.
+/// A hash of the text that identifies a program, or of the program's error.
 fn normalized_text(program: &Result<Arc<Program>, ReflectError>, of: Of) -> String {
     let text = match (program, of) {
         (Ok(program), Of::Text) => program.normalized_text(),
@@ -117,14 +118,14 @@ fn normalized_text(program: &Result<Arc<Program>, ReflectError>, of: Of) -> Stri
     blake3::hash(text.as_bytes()).to_hex().to_string()
 }
 
-/// The program that the running test asks for. A recorded run writes it down.
+/// Links the program for the running test. If the run is recorded, Karat also writes a [`Dependence`].
 pub(super) fn program(package: &Package, wanted: &Wanted) -> Result<Arc<Program>, ReflectError> {
     let program = kept::again(package, wanted);
     note(package, wanted, &program, Of::Text);
     program
 }
 
-/// Returns an error if a module isn't valid. A part of the module was linked before.
+/// Returns an error if a module isn't valid. `linked` is a program of the module or of a part of it.
 pub(super) fn validity(
     package: &Package,
     module: &str,
@@ -139,7 +140,7 @@ pub(super) fn validity(
     program.map(drop)
 }
 
-/// Writes down the program that the running test asked for, if the run is recorded. A failed write delays no test: the
+/// Writes a [`Dependence`] of the running test, if the run is recorded. An error of the write is ignored. The
 /// watcher then runs too many tests.
 fn note(package: &Package, wanted: &Wanted, program: &Result<Arc<Program>, ReflectError>, of: Of) {
     static SEEN: LazyLock<Mutex<HashSet<(String, String)>>> = LazyLock::new(Mutex::default);

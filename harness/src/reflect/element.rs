@@ -1,4 +1,4 @@
-//! Names elements of variables in memory as their authors do.
+//! Names the elements of variables in memory as the author writes them.
 
 use naga::{Handle, Module, Scalar, ScalarKind, Type, TypeInner, VectorSize};
 
@@ -6,8 +6,8 @@ use super::{NAMED, Program};
 use crate::value::{self, format_lane};
 
 impl Program {
-    /// The element of a variable that begins at a byte (`[17].sum`), and some words formatted as its type. The variable
-    /// is given by its name in the text.
+    /// The path of the element of a variable that begins at byte `byte` (`[17].sum`), and `words` formatted as
+    /// values of the element's type. `variable` is the variable's name in the text.
     pub(crate) fn element<const N: usize>(
         &self,
         variable: &str,

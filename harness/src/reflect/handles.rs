@@ -1,8 +1,8 @@
-//! Makes functions with texture and sampler parameters callable: each such parameter becomes a variable, and a fixture
-//! with the parameter's name supplies it.
+//! Makes functions with texture and sampler parameters callable. Each such parameter becomes a variable, and a
+//! fixture with the parameter's name supplies the variable.
 //!
-//! The variables are appended to the linked text. So is a function that takes only the other arguments, and passes the
-//! variables on. Karat calls that function in place of the author's.
+//! Karat appends these variables to the linked text. Karat also appends a function that takes only the other
+//! arguments, and passes the variables on. Karat calls this function in place of the author's function.
 
 use std::fmt::Write;
 
@@ -12,15 +12,14 @@ use naga::{Function, Handle, Statement, Type, TypeInner};
 use super::{NAMED, Program};
 use crate::package::Linked;
 
-/// The function that is called in place of one with texture or sampler parameters.
+/// The name of the appended function.
 const CALLED: &str = "karat_bound";
 
-/// The prefix of the variables that replace parameters.
 const VARIABLE: &str = "karat_t";
 
 impl Program {
-    /// The linked text with variables in place of a function's textures and samplers; `None` if it takes none, or if it
-    /// has another parameter that can't be passed.
+    /// The linked text with variables in place of a function's textures and samplers. `None` if the function
+    /// takes no textures and samplers, or if Karat can't pass another parameter.
     pub(super) fn with_variables(&self, path: &str) -> Option<Linked> {
         let name = self.called_name(self.name_of(path));
         let (_, function) = self.declared(name)?;
@@ -37,7 +36,7 @@ impl Program {
                 module.to_ctx().write_type(argument.ty, &mut variables).ok()?;
                 variables.push_str(";\n");
                 binding += 1;
-                // If a variable has the same name, the paths distinguish the two.
+                // If a variable has the same name as the parameter, the path distinguishes them.
                 let own = match self.has_variable(own) {
                     true => format!("{path}::{own}"),
                     false => own.to_owned(),
@@ -67,13 +66,13 @@ impl Program {
         Some(linked)
     }
 
-    /// The function that is called in place of `function`, if there is one.
+    /// The appended function that Karat calls in place of `function`, if there is one.
     pub(super) fn called_for(&self, function: &Function) -> Option<(Handle<Function>, &Function)> {
         function.arguments.iter().find(|argument| self.is_handle(argument.ty))?;
         self.declared(CALLED)
     }
 
-    /// The textures and samplers among a function's parameters: position, name and type.
+    /// The texture and sampler parameters of a function: position, name and type.
     pub(super) fn taken(&self, function: &Function) -> Vec<(usize, String, String)> {
         let types = self.checked.module.to_ctx();
         let arguments = function.arguments.iter().enumerate();
@@ -84,7 +83,7 @@ impl Program {
         handles.map(one).collect()
     }
 
-    /// The author's function with the parameter that a variable replaces.
+    /// The author's function whose parameter became this variable.
     pub(super) fn taken_by(&self, variable: &str) -> Option<Handle<Function>> {
         let (_, called) = self.declared(CALLED).filter(|_| variable.starts_with(VARIABLE))?;
         called.body.iter().find_map(|statement| match statement {
@@ -99,7 +98,6 @@ impl Program {
         names.any(|name| self.author_path(name).unwrap_or(name).rsplit("::").next() == Some(own))
     }
 
-    /// A function by its name in the text.
     pub(super) fn declared(&self, name: &str) -> Option<(Handle<Function>, &Function)> {
         let mut functions = self.checked.module.functions.iter();
         functions.find(|(_, function)| function.name.as_deref() == Some(name))

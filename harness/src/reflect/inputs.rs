@@ -5,7 +5,7 @@ use naga::{Binding, Type, TypeInner};
 use super::{NAMED, Program};
 use crate::value::Shape;
 
-/// An input of an entry point with a location. The host supplies it.
+/// An input of an entry point with a location. The host supplies the value.
 ///
 /// ```
 /// use karat::unstable::reflect::{Input, Program};
@@ -19,16 +19,16 @@ use crate::value::Shape;
 /// ```
 #[derive(Clone, Debug)]
 pub struct Input {
-    /// `@location(0)`: 0.
+    /// The number of the location: 0 for `@location(0)`.
     pub location: u32,
-    /// The parameter, or the member of a structure.
+    /// The name of the parameter, or of the structure's member.
     pub name: String,
     /// The type.
     pub shape: Shape,
 }
 
 impl Program {
-    /// The inputs of an entry point that have a location; empty if there is no such entry point.
+    /// The inputs of an entry point that have a location. The list is empty if there is no such entry point.
     #[must_use]
     pub fn located_inputs(&self, name: &str) -> Vec<Input> {
         let name = self.entry_point_name(name);

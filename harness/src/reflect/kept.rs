@@ -1,4 +1,4 @@
-//! Caches the programs of a process, so several checks link, parse and validate a function once.
+//! Caches the programs of a process, so that several checks link, parse and validate a function once.
 
 use std::sync::Arc;
 
@@ -9,20 +9,21 @@ use super::{Program, ReflectError};
 use crate::package::workspace::{self, Kind};
 use crate::package::{Discards, Package};
 
-/// Programs by their contents' names; each name may belong to several packages.
+/// The cached programs by the names of their contents. Several packages may have contents with equal names.
 struct Programs;
 
 impl Kind for Programs {
     type Key = Wanted;
     type Value = Vec<(Package, Arc<Program>)>;
-    // More names than any project has tests of.
+    // More than the number of functions and tests in any project.
     const MOST: usize = 4096;
 }
 
-/// The most packages whose programs are kept under one name; many texts in memory may have the same name.
+/// The largest number of packages whose programs are cached for one name. Many texts in memory may have the same
+/// name.
 const MOST_PACKAGES: usize = 8;
 
-/// The contents of a program.
+/// The contents of a program, by name.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub(super) enum Wanted {
     Function(String),
@@ -30,8 +31,8 @@ pub(super) enum Wanted {
     Items(String, Vec<String>),
 }
 
-/// The cached program of the same texts, or else a new one. Files are read each time, so a changed text gives a new
-/// program. Only the next process notices a new file that would change the result.
+/// The cached program if its files are unchanged, or else a new program. Karat reads the files each time, so a
+/// changed text gives a new program. Only the next process notices a new file that would change the result.
 pub(super) fn again(package: &Package, wanted: &Wanted) -> Result<Arc<Program>, ReflectError> {
     let of_package = |kept: &(Package, Arc<Program>)| kept.0 == *package;
     let known = workspace::with::<Programs, _>(|kept| {
@@ -81,8 +82,9 @@ mod tests {
         Program::of_function(package, "a::f").expect("valid").module().functions.len()
     }
 
-    /// A program is cached while its texts stay the same. It is made again when an imported module changes, when a
-    /// feature changes, and when a file disappears.
+    /// The cache returns a program while its texts stay the same. Karat links the program again if an imported
+    /// module changes, a feature changes, or a file disappears.
+    // Lesson 80
     #[test]
     fn a_program_is_made_again_when_a_text_changes() {
         let folder = tempfile::tempdir().expect("a temporary folder");

@@ -1,29 +1,30 @@
-//! Lays out uniform and storage buffers in WGSL's memory layout, with naga's offsets.
+//! Converts values into WGSL's memory layout for uniform and storage buffers, with naga's offsets.
 //!
-//! Only fixtures use host-shareable buffers; arguments and results are passed as lanes. The offsets and strides are
-//! naga's for the author's declaration.
+//! Only fixtures use host-shareable buffers. Arguments and results are lists of scalars. The offsets and strides
+//! are naga's values for the author's declaration.
 
 use naga::proc::Layouter;
 use naga::{ArraySize, Handle, Module, Type, TypeInner};
 
-/// The reason why lanes can't be laid out as a variable's type.
+/// The reason why Karat can't convert scalars into a variable's memory.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum LayoutError {
-    /// The type has more or fewer lanes.
-    #[error("the fixture has {supplied} scalars, the variable holds {expected}")]
+    /// The type has more or fewer scalars.
+    #[error("the fixture has {supplied} scalars, but the variable needs {expected}")]
     Count {
         /// The number of supplied scalars.
         supplied: usize,
-        /// The number of scalars in the variable's type; for a runtime-sized array, in whole elements.
+        /// The number of scalars in the variable's type. For a runtime-sized array, this counts whole elements.
         expected: usize,
     },
-    /// No buffer fixture can fill the type.
+    /// No buffer fixture can supply the type.
     #[error("the variable's type can't be filled from values")]
     Unsupported,
 }
 
-/// The bytes of a value of type `ty`, from its lanes. A runtime-sized array gets as many elements as the lanes fill.
+/// The bytes of a value of type `ty`, from its scalars. The number of scalars decides the length of a
+/// runtime-sized array.
 pub(crate) fn bytes_of(
     module: &Module,
     layouter: &Layouter,
@@ -35,8 +36,8 @@ pub(crate) fn bytes_of(
     if writer.at != lanes.len() {
         return Err(LayoutError::Count { supplied: lanes.len(), expected: writer.at });
     }
-    // An array without a length has as many elements as fit into the buffer, so its size is exact. Other types may be
-    // larger, and take a multiple of 16 bytes in uniform space. Padding is zero.
+    // The size of a buffer decides the length of a runtime-sized array, so the size must be exact. Other types
+    // may have a larger buffer, and need a multiple of 16 bytes in uniform space. Padding is zero.
     let (size, multiple) = match dynamic(module, ty) {
         true => (writer.bytes.len(), 4),
         false => (layouter[ty].size as usize, 16),
@@ -45,8 +46,8 @@ pub(crate) fn bytes_of(
     Ok(writer.bytes)
 }
 
-/// The lanes of a value of type `ty`, from its bytes: the inverse of [`bytes_of`]. An atomic has its scalar's lane, and
-/// an array without a length has as many elements as the bytes fill. `None` if there are too few bytes.
+/// The scalars of a value of type `ty`, from its bytes: the inverse of [`bytes_of`]. An atomic counts as its
+/// scalar. The number of bytes decides the length of a runtime-sized array. `None` if there are too few bytes.
 pub(crate) fn lanes_of(module: &Module, ty: Handle<Type>, bytes: &[u8]) -> Option<Vec<u32>> {
     let mut lanes = Vec::new();
     read(module, ty, bytes, &mut lanes)?;
@@ -93,8 +94,8 @@ fn read(module: &Module, ty: Handle<Type>, bytes: &[u8], lanes: &mut Vec<u32>) -
     }
 }
 
-/// The offset in bytes of each member of a value, by its path (`.light.power`, `[].power`), and the strides of arrays
-/// (`.lights[]`).
+/// The offset in bytes of each member of a value, by its path (`.light.power`, `[].power`), and the strides of
+/// arrays (`.lights[]`).
 pub(super) fn places(module: &Module, ty: Handle<Type>, path: &str, at: u32) -> Vec<(String, u32)> {
     match &module.types[ty].inner {
         TypeInner::Struct { members, .. } => {
@@ -113,7 +114,7 @@ pub(super) fn places(module: &Module, ty: Handle<Type>, path: &str, at: u32) -> 
     }
 }
 
-/// Returns `true` for an array without a length, or a structure that ends in one.
+/// Checks if the type is a runtime-sized array, or a structure that ends in such an array.
 pub(super) fn dynamic(module: &Module, ty: Handle<Type>) -> bool {
     match &module.types[ty].inner {
         TypeInner::Array { size: ArraySize::Dynamic, .. } => true,
@@ -169,7 +170,7 @@ impl Writer<'_> {
             TypeInner::Scalar(scalar) | TypeInner::Atomic(scalar) => self.scalar(*scalar, offset),
             TypeInner::Vector { size, scalar } => self.vector(*size, *scalar, offset),
             TypeInner::Matrix { columns, rows, scalar } => {
-                // A column is aligned as a vector, so three rows take the space of four.
+                // Columns have the alignment of vectors, so a column of three rows takes the space of four.
                 let rows_in_memory =
                     if *rows == naga::VectorSize::Tri { 4 } else { *rows as usize };
                 let stride = rows_in_memory * usize::from(scalar.width);
@@ -234,7 +235,7 @@ mod tests {
         assert!(matches!(lay_out(wgsl, &[1, 2, 3]), Err(LayoutError::Count { expected: 4, .. })));
     }
 
-    /// Lanes that are laid out as bytes and read back are unchanged.
+    /// Scalars that are converted into bytes and back are unchanged.
     #[test]
     fn lanes_survive_their_bytes() {
         let wgsl = "struct T { m: mat3x3<f32>, a: array<vec2<u32>, 2> }\n\

@@ -12,11 +12,11 @@ use crate::diagnostic::{Diagnostic, Span};
 use crate::output::counted;
 use crate::package::{Limit, Limits};
 
-/// A quantity that a limit bounds.
+/// The use of a resource that a limit bounds.
 struct Used {
     limit: Limit,
     amount: u64,
-    /// Its owner: the compute entry point `main`, or a variable.
+    /// The entry point or variable that uses the resource, such as `the compute entry point main`.
     who: String,
     what: String,
     span: Option<Span>,
@@ -24,7 +24,6 @@ struct Used {
 }
 
 impl Program {
-    /// Findings about limits.
     pub(super) fn over_limits(&self, limits: &Limits) -> Vec<Diagnostic> {
         let mut found = Vec::new();
         for used in self.used() {
@@ -36,7 +35,7 @@ impl Program {
             let (name, source) = (limit.name, limits.source(limit));
             let message = format!("{who} uses {what}, and {source} {name} is {most}");
             let note = format!(
-                "if your users' devices have more, request it (`requiredLimits`), and write {name} = {amount} \
+                "if your users' devices support more, request this limit (`requiredLimits`), and write {name} = {amount} \
                  in `[limits]` of karat.toml"
             );
             let diagnostic = Diagnostic::new(message).note(note);
@@ -49,7 +48,8 @@ impl Program {
         found
     }
 
-    /// Entry points that exceed default limits. On a device with default limits they can't become pipelines.
+    /// The names of entry points that exceed default limits. A device with default limits can't make pipelines of
+    /// them.
     pub(super) fn beyond_default(&self, compatibility: bool) -> Vec<String> {
         let limits = Limits::usual(compatibility);
         let over = self.used().into_iter().filter(|used| used.amount > limits.value(used.limit));
@@ -57,7 +57,7 @@ impl Program {
         for used in over {
             match used.entry_point {
                 Some(name) => names.push(name),
-                // If a variable alone exceeds a limit, so does each entry point that uses it.
+                // If a variable exceeds a limit, so does each entry point that uses the variable.
                 None => {
                     names.extend(self.module().entry_points.iter().map(|entry| entry.name.clone()))
                 }
@@ -70,7 +70,7 @@ impl Program {
         let (module, info) = (&self.checked.module, &self.checked.info);
         let mut all = Vec::new();
         for (handle, variable) in module.global_variables.iter() {
-            // A variable that no entry point uses is in no layout.
+            // A variable that no entry point uses is in no pipeline layout.
             let mut entries = 0..module.entry_points.len();
             if entries.any(|entry| !info.get_entry_point(entry)[handle].is_empty()) {
                 self.of_variable(handle, variable, &mut all);
@@ -111,8 +111,8 @@ impl Program {
                 let all = size.iter().product();
                 push(Limit::INVOCATIONS, all, format!("{all} invocations a workgroup"));
                 let memory = used.iter().filter(|(_, one)| one.space == AddressSpace::WorkGroup);
-                // WGSL, 13.2 and WebGPU, "validating GPUProgrammableStage": each variable's size is rounded up to a
-                // multiple of 16.
+                // WGSL, 13.2 and WebGPU, "validating GPUProgrammableStage": each variable's size is rounded up to
+                // a multiple of 16.
                 let memory = memory.map(|(_, one)| self.size(one).next_multiple_of(16)).sum();
                 push(
                     Limit::WORKGROUP_STORAGE,
@@ -122,7 +122,7 @@ impl Program {
             }
             let (inputs, outputs) = self.locations(entry);
             let count = |all: &[u32], others: u64| {
-                // WebGPU limits both the number of locations and the highest one.
+                // WebGPU limits both the number of locations and the highest location.
                 let highest = all.iter().max().map_or(0, |highest| highest + 1);
                 u64::from(highest).max(all.len() as u64 + others)
             };
@@ -152,7 +152,7 @@ impl Program {
         all
     }
 
-    /// The limits of a variable by itself, across all entry points.
+    /// The uses of one variable, independent of entry points.
     fn of_variable(
         &self,
         handle: Handle<GlobalVariable>,
@@ -182,11 +182,11 @@ impl Program {
         }
     }
 
-    /// The limits that a variable counts towards in a stage.
+    /// The limits towards which a variable counts in a stage.
     fn counted_by(&self, variable: &GlobalVariable, stage: ShaderStage) -> Vec<(Limit, u64)> {
         let inner = &self.checked.module.types[variable.ty].inner;
-        // WebGPU, "exceeds the binding slot limits": an external texture takes the slots of the resources that it
-        // stands for.
+        // WebGPU, "exceeds the binding slot limits": an external texture uses the slots of four textures, a
+        // sampler and a uniform buffer.
         if matches!(inner, TypeInner::Image { class: ImageClass::External, .. }) {
             let slots =
                 [(Limit::SAMPLED_TEXTURES, 4), (Limit::SAMPLERS, 1), (Limit::UNIFORM_BUFFERS, 1)];
@@ -219,7 +219,7 @@ impl Program {
         limits.into_iter().map(|limit| (limit, 1)).collect()
     }
 
-    /// The size of a workgroup, with the overrides' initial values; 1 for a computed size.
+    /// The size of a workgroup, with the overrides' initial values. A computed size counts as 1.
     pub(super) fn workgroup_size(&self, entry: &naga::EntryPoint) -> [u64; 3] {
         let module = &self.checked.module;
         let number = |expression: &Expression| match expression {
@@ -240,8 +240,8 @@ impl Program {
         size
     }
 
-    /// The numbers of builtins that an entry point reads and writes and that use the space of inter-stage variables
-    /// (WebGPU, "validating inter-stage interfaces").
+    /// The numbers of builtin values that an entry point reads and writes, and that count as inter-stage
+    /// variables (WebGPU, "validating inter-stage interfaces").
     fn builtins(&self, entry: &naga::EntryPoint) -> (u64, u64) {
         let module = &self.checked.module;
         let read = |(binding, _): &(Binding, Handle<Type>)| {
@@ -257,7 +257,8 @@ impl Program {
         (read, self.outputs(entry).iter().map(clipped).sum())
     }
 
-    /// WebGPU, "GPUBindGroupLayoutEntry": a vertex stage can't have writable storage. Tint reports it, too.
+    /// Reports vertex entry points with writable storage, which WebGPU forbids ("GPUBindGroupLayoutEntry"). Tint
+    /// reports them, too.
     pub(super) fn written_by_vertices(&self) -> Vec<Diagnostic> {
         let (module, info) = (&self.checked.module, &self.checked.info);
         let mut found = Vec::new();
@@ -280,8 +281,8 @@ impl Program {
                 let name = variable.name.as_deref().expect(NAMED);
                 let name = self.author_path(name).unwrap_or(name);
                 let message = format!(
-                    "the vertex entry point `{}` uses `{name}`, which can be written, and WebGPU gives vertex \
-                     stages none of that",
+                    "the vertex entry point `{}` uses `{name}`, which is writable, and WebGPU \
+                     forbids writable storage in vertex stages",
                     entry.name
                 );
                 let note = "declare it `read`, or write it in a compute pass";
@@ -298,7 +299,7 @@ impl Program {
 
     fn size(&self, variable: &GlobalVariable) -> u64 {
         let module = &self.checked.module;
-        // A runtime-sized array counts as one element: the buffer decides its length.
+        // A runtime-sized array counts as one element, because the buffer decides its length.
         u64::from(module.types[variable.ty].inner.size(module.to_ctx()))
     }
 }

@@ -1,11 +1,11 @@
-//! Collects the numbers that a program compares its values with.
+//! Collects the numbers with which a program compares its values.
 
 use naga::{BinaryOperator, Block, Expression, Function, Handle, Literal, MathFunction, Statement};
 
 use super::Program;
 
-/// The numbers that programs compare with, clamp to, subtract or switch on. An input that equals such a number, or is
-/// next to it, may take another branch.
+/// The numbers with which a program compares values, to which it clamps, that it subtracts, or on which it
+/// switches. An input that equals such a number, or is next to it, may take another branch.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Literals {
     /// Floats in the text.
@@ -15,7 +15,7 @@ pub struct Literals {
 }
 
 impl Literals {
-    /// The most numbers of each kind to keep. Each is tried with both neighbours, in a part of the inputs.
+    /// The largest number of literals of each kind. Karat also tries both neighbours of each literal.
     const MOST: usize = 16;
 
     fn add(&mut self, literal: Literal) {
@@ -32,7 +32,7 @@ impl Literals {
     }
 
     fn float(&mut self, x: f32) {
-        // 0 and 1 are tried in any case.
+        // Karat always tries 0 and 1.
         if x.is_finite() && x != 0.0 && x != 1.0 && !self.floats.contains(&x) {
             self.floats.push(x);
         }
@@ -53,7 +53,7 @@ impl Literals {
 }
 
 impl Program {
-    /// The numbers that functions compare with.
+    /// The literals of all functions and entry points.
     pub fn literals(&self) -> Literals {
         let module = &self.checked.module;
         let mut all = Literals::default();
@@ -71,7 +71,6 @@ impl Program {
         all
     }
 
-    /// The numbers of an operand.
     fn literals_at(&self, function: &Function, at: Handle<Expression>, all: &mut Literals) {
         let module = &self.checked.module;
         let global = |at: Handle<Expression>| match &module.global_expressions[at] {
@@ -104,7 +103,6 @@ impl Program {
     }
 }
 
-/// The operands of a comparison, a clamp or a difference.
 fn compared(expression: &Expression) -> [Option<Handle<Expression>>; 3] {
     match *expression {
         Expression::Binary {
@@ -136,7 +134,6 @@ fn compared(expression: &Expression) -> [Option<Handle<Expression>>; 3] {
     }
 }
 
-/// Adds the values of `case`s.
 fn switched(block: &Block, all: &mut Literals) {
     for statement in block {
         match statement {
@@ -169,8 +166,9 @@ mod tests {
     use super::*;
     use crate::package::Package;
 
+    // Lesson 98
     #[test]
-    fn what_is_compared_with_is_kept() {
+    fn literals_in_comparisons_are_found() {
         let text = "const FAR = 100.5; const SIDE = vec2f(3.5);
             fn f(x: f32, k: u32, i: i32, v: vec2f) -> f32 {
                 if x > 17.25 || k == 7u { return 2.0 * x; }

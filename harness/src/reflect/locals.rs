@@ -6,13 +6,13 @@ use naga::common::wgsl::TypeContext;
 
 use super::Program;
 
-/// The names and types that a generated text needs to call a function and to store its variables.
+/// The names and types for a generated text that calls a function and stores the function's variables.
 pub(crate) struct Locals<'p> {
-    /// Its name in the text.
+    /// The function's name in the text.
     pub(crate) function: &'p str,
-    /// The types of its parameters.
+    /// The types of the function's parameters.
     pub(crate) parameters: Vec<String>,
-    /// The type of each `var`, by name.
+    /// The type of each `var` of the function, by name.
     pub(crate) variables: BTreeMap<&'p str, String>,
 }
 

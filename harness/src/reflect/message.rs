@@ -1,4 +1,4 @@
-//! Shows naga's errors with the author's names and places.
+//! Shows naga's errors with the author's names and locations.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -8,7 +8,7 @@ use crate::diagnostic::{Diagnostic, Mend, Span, nearest};
 use crate::expectation;
 use crate::package::{Linked, Package, Unmet};
 
-/// The innermost cause of an error, then the errors around it.
+/// The innermost cause of an error, and then the errors around it.
 pub(super) fn causes(error: &dyn std::error::Error) -> (String, Vec<String>) {
     let chain = std::iter::successors(Some(error), |cause| cause.source());
     let mut messages: Vec<String> =
@@ -18,7 +18,7 @@ pub(super) fn causes(error: &dyn std::error::Error) -> (String, Vec<String>) {
     (message, messages)
 }
 
-/// naga's messages without its handles, `[6]` and `Some([6])`, which mean nothing to an author.
+/// Removes naga's handles, `[6]` and `Some([6])`, from a message. They mean nothing to an author.
 fn without_handles(message: &str) -> String {
     let is_handle = |word: &str| {
         let word = word.trim_matches(|c| matches!(c, ',' | '.' | ':'));
@@ -38,7 +38,7 @@ pub(super) fn to_author(
     let mut diagnostic = Diagnostic { notes, ..Diagnostic::new(message) };
     for (range, text) in labels {
         if let Some(span) = range.and_then(|range| linked.spliced.resolve(range)) {
-            // naga uses the linked names; the message shows the author's.
+            // naga's text has linked names, and the message shows the author's names.
             diagnostic = diagnostic.at(span, demangle(linked, &text));
         }
     }
@@ -60,7 +60,7 @@ pub(super) fn to_author(
     }
     if let Some(Unmet { condition, feature }) = linked.inactive.get(&name) {
         let mend = feature.clone().map(Mend::Condition);
-        let note = format!("`{name}` is declared under `{condition}`, which doesn't hold here");
+        let note = format!("`{name}` is declared under `{condition}`, which is false here");
         return diagnostic.note(note).mended_by(mend);
     }
     let mend = macro_of(&diagnostic, name);
@@ -70,7 +70,7 @@ pub(super) fn to_author(
 /// The beginning of naga's message for an undeclared name.
 const UNDECLARED: &str = "no definition in scope for identifier";
 
-/// Adds to the error of an undeclared name which other modules declare it.
+/// Adds the names of other modules that declare the name to the error of an undeclared name.
 pub(super) fn with_declarers(package: &Package, error: ReflectError) -> ReflectError {
     let ReflectError::Invalid(found) = error else { return error };
     let file = found.location().map_or_else(String::new, |at| at.file.name.clone());
@@ -80,12 +80,12 @@ pub(super) fn with_declarers(package: &Package, error: ReflectError) -> ReflectE
         return ReflectError::Invalid(found);
     };
     let also = others.iter().map(|other| format!(", and so does `{other}`")).collect::<String>();
-    // The modules that are already joined with it stay in the list.
+    // The list keeps the modules that are already joined with this module.
     let mut list = package.joined_with(&own);
     let how = if list.is_empty() {
         "write in karat.toml beside the modules:\n[join]"
     } else {
-        "its line in karat.toml is:"
+        "replace the module's line in karat.toml by:"
     };
     list.push(first.clone());
     let key = if own.contains("::") { format!("{own:?}") } else { own };
@@ -97,7 +97,7 @@ pub(super) fn with_declarers(package: &Package, error: ReflectError) -> ReflectE
     ReflectError::Invalid(Box::new(found.note(note).mended_by(mend)))
 }
 
-/// Attributes of functions, parameters and members: those of WGSL (12), of conditions and of tests.
+/// Attributes of functions, parameters and members: attributes of WGSL (12), of conditions and of tests.
 const ATTRIBUTES: [&str; 22] = [
     "align",
     "binding",
@@ -123,9 +123,9 @@ const ATTRIBUTES: [&str; 22] = [
     "workgroup_size",
 ];
 
-/// The text that an error with these words is about.
+/// The source text of an error whose message starts with `words`.
 fn of_words(diagnostic: &Diagnostic, words: &str) -> Option<String> {
-    // The words of naga 30, the only sign of an error's kind.
+    // naga 30 shows the kind of an error only by these words.
     if !diagnostic.message.starts_with(words) {
         return None;
     }
@@ -142,7 +142,8 @@ fn macro_of(diagnostic: &Diagnostic, name: String) -> Option<Mend> {
     (name.len() > 1 && name.chars().all(is_capital)).then(|| mend(name))
 }
 
-/// Replaces linked names by the author's. Longer names come first, since one may begin with another.
+/// Replaces linked names by the author's names. Longer names come first, because a name may begin with another
+/// name.
 fn demangle(linked: &Linked, text: &str) -> String {
     let is_mangled = |(name, path): &(&String, &String)| path.rsplit("::").next() != Some(name);
     let mut mangled: Vec<_> = linked.names.iter().filter(is_mangled).collect();

@@ -1,4 +1,4 @@
-//! Finds native features: wgpu has them, and no browser does.
+//! Finds uses of native features, which wgpu has and no browser has.
 
 use naga::front::wgsl::{Frontend, Options};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
@@ -7,7 +7,7 @@ use naga::{ImageClass, StorageFormat, TypeInner};
 use super::{Program, on_deep_stack};
 use crate::package::as_naga_takes;
 
-/// Capabilities that WebGPU also has, by default or as a feature. Only wgpu has naga's others.
+/// Capabilities that WebGPU also has, by default or as a feature. naga's other capabilities exist only in wgpu.
 const WEBGPU: Capabilities = Capabilities::MULTISAMPLED_SHADING
     .union(Capabilities::CUBE_ARRAY_TEXTURES)
     .union(Capabilities::SHADER_FLOAT16)
@@ -33,7 +33,8 @@ fn native() -> impl Iterator<Item = (String, Capabilities)> {
 }
 
 impl Program {
-    /// The native features that the program uses: naga rejects it without them, or the text enables them.
+    /// The native features that the program uses. naga rejects the program without them, or the text enables
+    /// them.
     pub(super) fn native_features(&self) -> Vec<String> {
         let used = native().filter(|(_, one)| on_deep_stack(|| self.needs(*one)));
         used.map(|(name, _)| name).collect()
@@ -46,7 +47,8 @@ impl Program {
         if Frontend::new_with_options(options).parse(&as_naga_takes(self.text())).is_err() {
             return true;
         }
-        // naga accepts these texels without the feature; wgpu requires it when it makes the module.
+        // naga accepts these texels without the feature. wgpu requires the feature when it creates the shader
+        // module.
         let is_wide = |inner: &TypeInner| {
             matches!(
                 inner,

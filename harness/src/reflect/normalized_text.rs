@@ -1,10 +1,10 @@
-//! Normalizes a program's text: two texts with the same normalized text are the same program.
+//! Normalizes a program's text. Programs with equal normalized texts are equal.
 
 use super::Program;
 use crate::package::plain;
 
 impl Program {
-    /// The linked text without comments, and with one blank in place of several.
+    /// The linked text without comments, and with one blank in place of several blanks.
     #[must_use]
     pub fn normalized_text(&self) -> String {
         plain(self.text())

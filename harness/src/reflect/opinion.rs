@@ -1,4 +1,5 @@
-//! Collects opinions on a package besides naga's: Tint, WebGPU's limits, and engines that load its files.
+//! Collects the verdicts on a package from other sources than naga: Tint, WebGPU's limits, and the rules of
+//! engines that load the package's files.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -10,7 +11,7 @@ use crate::output::counted;
 use crate::package::{Compilers, Package, PackageError, unknown_to_naga};
 use crate::tint::{Answer, Message, Missing, NoVerdict, Question, Reason, Severity, Tint};
 
-/// The opinions besides naga's.
+/// The verdicts from other sources than naga.
 #[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub struct Opinion {
@@ -22,9 +23,9 @@ pub struct Opinion {
     pub tint_alone: Vec<String>,
     /// Modules without a verdict because Tint crashed, hung or printed something unreadable; each with the reason.
     pub broke: Vec<(String, String)>,
-    /// Modules that Tint didn't check because they use wgpu's native features on purpose.
+    /// Modules that Tint didn't check because they declare wgpu's native features in `karat.toml`.
     pub native: Vec<String>,
-    /// The reason why Tint wasn't asked at all.
+    /// The reason why Karat didn't ask Tint about any module.
     pub unasked: Option<Missing>,
     /// Modules that exceed WebGPU's limits.
     pub limits: Vec<(String, Diagnostic)>,
@@ -40,16 +41,15 @@ pub struct Opinion {
 pub struct Refused {
     /// The module.
     pub module: String,
-    /// The kind of the first reason.
+    /// The kind of the first error.
     pub reason: Reason,
-    /// Native features of wgpu that it uses, by naga's names.
+    /// Native features of wgpu that the module uses, by naga's names.
     pub native: Vec<String>,
-    /// The message, with places.
+    /// The message, with source locations.
     pub diagnostic: Diagnostic,
 }
 
 impl std::fmt::Display for Opinion {
-    /// One line, for the end of a command's output.
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         let mut parts = Vec::new();
         if let Some(missing) = &self.unasked {
@@ -59,9 +59,9 @@ impl std::fmt::Display for Opinion {
             (self.accepted, "Tint accepts"),
             (self.refused.len(), "Tint rejects"),
             (self.broke.len(), "Tint has no verdict on"),
-            (self.native.len(), "wgpu alone is meant by"),
+            (self.native.len(), "Tint skipped"),
             (self.limits_of(), "WebGPU's limits are exceeded in"),
-            (self.shipped.len(), "tests stand in"),
+            (self.shipped.len(), "test functions are in"),
         ] {
             if count > 0 {
                 parts.push(format!("{verb} {}", counted(count, "module")));
@@ -72,8 +72,8 @@ impl std::fmt::Display for Opinion {
 }
 
 impl Opinion {
-    /// The objections to the package in one line: rejections, limits, and modules without a verdict. `None` if there
-    /// are none.
+    /// The objections to the package in one line: rejections, limits, and modules without a verdict. `None` if
+    /// there are no objections.
     #[must_use]
     pub fn remark(&self) -> Option<String> {
         let Self { refused, broke, unasked, limits, .. } = self.clone();
@@ -87,7 +87,7 @@ impl Opinion {
         modules.len()
     }
 
-    /// All remarks, each once: an error in a module appears again for each module that imports it.
+    /// All remarks without duplicates. An error in a module occurs again for each module that imports the module.
     #[must_use]
     pub fn remarks(&self) -> Vec<&Diagnostic> {
         let refused = self.refused.iter().map(|refused| &refused.diagnostic);
@@ -101,14 +101,15 @@ impl Opinion {
         all
     }
 
-    /// Returns `true` if there are no rejections and no exceeded limits, and, if `required`, a verdict on each module.
+    /// Checks if there are no rejections and no exceeded limits. If `required`, each module must also have a
+    /// verdict.
     #[must_use]
     pub fn is_good(&self, required: bool) -> bool {
         let all = self.unasked.is_none() && self.broke.is_empty();
         self.refused.is_empty() && self.limits.is_empty() && (all || !required)
     }
 
-    /// [`remarks`](Self::remarks) without those that are errors of the package.
+    /// [`remarks`](Self::remarks) without the errors that `invalid` already contains.
     #[must_use]
     pub fn remarks_beside(&self, invalid: &Invalid) -> Vec<&Diagnostic> {
         let mut all = self.remarks();
@@ -119,7 +120,7 @@ impl Opinion {
         all
     }
 
-    /// The errors according to `karat.toml`, each with its module.
+    /// The errors that `karat.toml` makes of rejections and limits, each with its module.
     pub(super) fn faults(&self, compilers: &Compilers) -> Vec<(String, ReflectError)> {
         let fault = |module: &str, diagnostic: &Diagnostic| {
             (module.to_owned(), ReflectError::Refused(Box::new(diagnostic.clone())))
@@ -131,17 +132,17 @@ impl Opinion {
         refused.chain(limits).collect()
     }
 
-    /// The reason why Tint has no verdict on some module, and what to do.
+    /// The reason why Tint has no verdict on some module, and a remedy.
     pub(super) fn no_verdict(&self) -> Option<(String, String)> {
         if let Some(Missing { reason, remedy }) = &self.unasked {
             return Some((reason.clone(), remedy.clone()));
         }
         let (module, how) = self.broke.first()?;
-        let remedy = "run it again; `karat doctor` says which Tint it is".to_owned();
+        let remedy = "run the command again; `karat doctor` shows which Tint Karat uses".to_owned();
         Some((format!("of module `{module}`: {how}"), remedy))
     }
 
-    /// Adds another package's opinion.
+    /// Adds the verdicts on another package.
     pub fn add(&mut self, other: &Self) {
         let other = other.clone();
         self.accepted += other.accepted;
@@ -156,24 +157,22 @@ impl Opinion {
     }
 }
 
-/// The error for a module that wgpu and Firefox reject because they give naga the unchanged text.
+/// The warning for a module that wgpu and Firefox reject. They give naga the unchanged text, and Karat doesn't.
 fn not_for_wgpu(program: &Program) -> Option<Diagnostic> {
     let first = unknown_to_naga(program.text()).into_iter().next()?;
     let message =
-        "naga doesn't know this line: wgpu and Firefox reject the text as it is".to_owned();
-    let note =
-        "Karat leaves the line out for naga, which has subgroups without it; browsers want it";
+        "wgpu and Firefox reject this text, because naga doesn't know this line".to_owned();
+    let note = "Karat leaves the line out for naga, which supports subgroups without it; browsers need the line";
     let label = std::iter::once((Some(first), String::new()));
     Some(to_author(&program.linked, message, label, vec![note.to_owned()]))
 }
 
-/// A linked module: naga's program, or naga's error.
 pub(super) enum Judged<'p> {
     Valid(&'p Program),
     Rejected(&'p mut ReflectError),
 }
 
-/// Collects the opinions on all modules of a package.
+/// Collects the verdicts on all modules of a package.
 pub(super) fn of(
     package: &Package,
     compilers: &Compilers,
@@ -204,8 +203,8 @@ pub(super) fn of(
             Judged::Valid(program) => {
                 let over = program.over_limits(&compilers.limits);
                 let mut pipelines = program.pipelines();
-                // With default limits, a shader that exceeds one becomes no pipeline. Karat reports that itself, and
-                // knows the package's own limits.
+                // A device with default limits can't make these pipelines. Karat reports exceeded limits itself,
+                // and knows the package's own limits.
                 let beyond = program.beyond_default(compilers.limits.compatibility);
                 pipelines.retain(|pipeline| !beyond.contains(&pipeline.entry_point));
                 opinion.limits.extend(over.into_iter().map(|one| (module.clone(), one)));
@@ -220,7 +219,7 @@ pub(super) fn of(
                 }
                 (program.text().to_owned(), pipelines)
             }
-            // Tint may accept a module that naga rejects, and its author should know.
+            // Tint may accept a module that naga rejects, and the author should know this.
             Judged::Rejected(ReflectError::Invalid(_)) => {
                 match package.for_validating(module).link_module(module) {
                     Ok(linked) => (linked.text().to_owned(), Vec::new()),
@@ -236,7 +235,7 @@ pub(super) fn of(
     if let Some(name) = unused.first() {
         let all_valid = modules.iter().all(|(_, judged)| matches!(judged, Judged::Valid(_)));
         if all_valid {
-            return Err(unusable(format!("`native` has `{name}`, and no module uses it")));
+            return Err(unusable(format!("`native` has `{name}`, which no module uses")));
         }
     }
     let answers = match tint {
@@ -258,7 +257,8 @@ pub(super) fn of(
             Judged::Valid(program) => opinion.take(module, program, answer),
             Judged::Rejected(ReflectError::Invalid(diagnostic)) => {
                 if answer.is_ok_and(|answer| !answer.rejects()) {
-                    let note = "Tint accepts it: it runs in Chrome, and not in wgpu and Firefox";
+                    let note =
+                        "Tint accepts this module: it runs in Chrome, but not in wgpu and Firefox";
                     diagnostic.notes.push(note.to_owned());
                     opinion.tint_alone.push(module.clone());
                 }
@@ -294,7 +294,7 @@ impl Opinion {
             let reason = Reason::of(&message.text);
             let mut lines = message.text.lines();
             let head = lines.next().unwrap_or_default();
-            // Lists of overloads, and of all known names, would fill the screen.
+            // Lists of overloads and of all known names would fill the screen.
             let rest = lines.find(|line| line.starts_with("Did you mean"));
             notes.extend(rest.map(str::to_owned));
             let verb = match message.severity {
@@ -312,13 +312,13 @@ impl Opinion {
             }
         }
         for (entry_point, error) in &answer.pipelines {
-            // Dawn adds lines that say which of its functions was called.
+            // Dawn appends lines with the names of its own functions.
             let lines = error.lines().take_while(|line| !line.trim_start().starts_with("- While"));
             let text = lines.collect::<Vec<_>>().join(" ");
             let text = text.split_whitespace().collect::<Vec<_>>().join(" ");
             let path = linked.names.get(entry_point).unwrap_or(entry_point);
             let name = path.rsplit("::").next().unwrap_or(path);
-            let message = format!("Tint makes no pipeline of `{name}`: {text}");
+            let message = format!("Tint can't make a pipeline of `{name}`: {text}");
             let mut diagnostic = Diagnostic::new(message).note(Reason::Pipeline.remedy());
             let place = program.entry_point_span(entry_point).or_else(|| {
                 Some(crate::diagnostic::Span { file: Arc::clone(&linked.file), range: 0..0 })
@@ -330,7 +330,7 @@ impl Opinion {
             };
             refused.push((reason, diagnostic));
         }
-        // Each module is counted once; its further errors become notes.
+        // Each module counts once. Its further errors become notes.
         let mut refused = refused.into_iter();
         let Some((reason, mut diagnostic)) = refused.next() else {
             self.accepted += 1;
@@ -344,7 +344,7 @@ impl Opinion {
         if !native.is_empty() {
             let (names, quoted) = (native.join("`, `"), native.join("\", \""));
             diagnostic.notes.push(format!(
-                "it uses `{names}`, which wgpu alone has: if that is meant, write native = [\"{quoted}\"] in \
+                "the module uses `{names}`, which only wgpu has: if you intend this, write native = [\"{quoted}\"] in \
                  `[compilers]` of karat.toml"
             ));
         }
@@ -353,8 +353,8 @@ impl Opinion {
 }
 
 impl Package {
-    /// Tint's verdict on uniform control flow at some lines (`file:line:column`) of a program of this package, as a
-    /// note; `None` if Tint isn't installed, has no verdict, or reports another error.
+    /// A note with Tint's verdict on uniform control flow at some lines (`file:line:column`) of a program of this
+    /// package. `None` if Tint isn't installed, has no verdict, or reports another error.
     pub(crate) fn uniformity_by_tint(&self, program: &Program, at: &[&str]) -> Option<String> {
         let tint = Tint::beside(&self.folder(), false).ok()?;
         let question = Question { text: program.text().to_owned(), ..Question::default() };
@@ -367,15 +367,14 @@ impl Package {
             let place = place.and_then(|range| program.linked.spliced.resolve(range))?.to_string();
             if Reason::of(&message.text) == Reason::Uniformity && lines.contains(&line(&place)) {
                 let head = message.text.lines().next().unwrap_or_default();
-                return Some(format!("Tint says so from the text alone: {place}: {head}"));
+                return Some(format!("Tint reports the same from the text: {place}: {head}"));
             }
         }
         // After an error of another kind, Tint stops without checking uniformity.
         let looked = answer.messages.iter().all(|message| !is_own(&message));
-        looked.then(|| "Tint sees nothing of it: this run alone shows it".to_owned())
+        looked.then(|| "Tint doesn't report this: only this run shows it".to_owned())
     }
 
-    /// The folder whose `node_modules` may contain Tint.
     fn folder(&self) -> PathBuf {
         match self.root() {
             root if root.as_os_str().is_empty() => std::env::current_dir().unwrap_or_default(),
@@ -383,17 +382,18 @@ impl Package {
         }
     }
 
-    /// The places of tests in a module that an engine loads: other compilers don't know `@test`.
+    /// A warning about tests in a module that engines load. Other compilers don't know `@test`.
     fn shipped_tests(&self, module: &str) -> Option<Diagnostic> {
         if module.ends_with("_test") {
             return None;
         }
         let (span, count) = self.for_validating(module).first_test(module)?;
         let tests = counted(count, "test");
-        let message = format!("{tests} here: an engine that loads this file doesn't know `@test`");
+        let message =
+            format!("{tests} in this file: an engine that loads the file doesn't know `@test`");
         let name = module.rsplit("::").next().unwrap_or(module);
         let note = format!(
-            "move tests to `{name}_test.wgsl`, or ship what `karat show --plain {module}` prints"
+            "move tests to `{name}_test.wgsl`, or ship the output of `karat show --plain {module}`"
         );
         Some(Diagnostic::new(message).at(span, "").note(note.trim_end()))
     }

@@ -4,7 +4,7 @@ use naga::{Binding, ShaderStage, TypeInner};
 
 use super::{Program, Texels};
 
-/// An output of a fragment function at a location.
+/// An output of a fragment function that has a location.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Output {
     pub(crate) location: u32,
@@ -15,13 +15,13 @@ pub(crate) struct Output {
 }
 
 impl Program {
-    /// The outputs of a fragment entry point at locations; `None` if there is no such entry point.
+    /// The outputs of a fragment entry point that have locations; `None` if there is no such entry point.
     pub(crate) fn fragment_outputs(&self, fragment: &str) -> Option<Vec<Output>> {
         let written = self.written_by(fragment)?;
         Some(written.into_iter().filter_map(|(binding, inner)| output(binding, inner)).collect())
     }
 
-    /// Returns `true` if a fragment entry point writes depth itself.
+    /// Checks if a fragment entry point writes the depth.
     pub(crate) fn writes_depth(&self, fragment: &str) -> bool {
         let written = self.written_by(fragment).unwrap_or_default();
         let is_depth =
@@ -29,7 +29,6 @@ impl Program {
         written.into_iter().any(|(binding, _)| is_depth(binding))
     }
 
-    /// All outputs of a fragment entry point.
     fn written_by(&self, fragment: &str) -> Option<Vec<(&Binding, &TypeInner)>> {
         let name = self.entry_point_name(fragment);
         let module = &self.checked.module;

@@ -1,4 +1,4 @@
-//! Sets the values of `override` declarations, which a host gives when it makes a pipeline.
+//! Sets the values of `override` declarations. A host sets these values when it creates a pipeline.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -11,11 +11,11 @@ use crate::diagnostic::{Diagnostic, nearest};
 use crate::package::Package;
 use crate::value::Scalar;
 
-/// Values by the name of the override, or by its `@id`.
+/// Values of overrides, by the name of the override or by its `@id`.
 pub type Overrides = BTreeMap<String, f64>;
 
 impl Program {
-    /// The program with these values. Each override needs one, or an initialiser.
+    /// The program with these values. Each override needs a value or an initialiser.
     pub fn overridden(self: &Arc<Self>, given: &Overrides) -> Result<Arc<Self>, ReflectError> {
         let declared = &self.checked.module.overrides;
         if given.is_empty() && declared.iter().all(|(_, declared)| declared.init.is_some()) {
@@ -23,10 +23,11 @@ impl Program {
         }
         let mut values = Overrides::new();
         for (name, value) in given {
-            // A name and its `@id` mean the same override.
+            // The name of an override and its `@id` mean the same override.
             let text_name = self.text_name(name)?;
             if values.get(&text_name).is_some_and(|other| other.to_bits() != value.to_bits()) {
-                let message = format!("the override `{name}` has two values, by two of its names");
+                let message =
+                    format!("the override `{name}` has two values, under two of its names");
                 return Err(ReflectError::Override(Box::new(Diagnostic::new(message))));
             }
             values.insert(text_name, *value);
@@ -37,7 +38,7 @@ impl Program {
                 let name = self.override_name(declared);
                 let message = format!("the override `{name}` has no value");
                 let note = format!(
-                    "give it one: `with_override` in Rust, `override` in a test's file, `--override {name}=...`"
+                    "give it a value: `with_override` in Rust, `override` in a test's file, `--override {name}=...`"
                 );
                 return Err(self.told(handle, Diagnostic::new(message).note(note)));
             }
@@ -60,7 +61,7 @@ impl Program {
         self.overrides.iter().map(|(name, value)| (key(name), *value)).collect()
     }
 
-    /// Returns `true` if the override has no initial value.
+    /// Checks if the override has no initial value.
     pub fn wants_override(&self, name: &str) -> bool {
         let Ok(name) = self.text_name(name) else { return false };
         let mut all = self.checked.module.overrides.iter();
@@ -87,7 +88,7 @@ impl Program {
         module.overrides.iter().map(|(_, declared)| of(declared)).collect()
     }
 
-    /// The type of the override with this author's name or `@id`; `None` if there is none.
+    /// The type of the override with this author's name or `@id`; `None` if there is no such override.
     #[must_use]
     pub fn override_type(&self, name: &str) -> Option<Scalar> {
         let name = self.text_name(name).ok()?;
@@ -106,15 +107,17 @@ impl Program {
         for (name, value) in given {
             let other = values.insert(self.text_name(name).ok()?, *value);
             if other.is_some_and(|other| other.to_bits() != value.to_bits()) {
-                return Some(format!("the override `{name}` has two values, by two of its names"));
+                return Some(format!(
+                    "the override `{name}` has two values, under two of its names"
+                ));
             }
         }
         let mut module = self.checked.module.clone();
         set(&mut module, &values).err().map(|(_, reason)| reason)
     }
 
-    /// An override that fits none of the packages, with the reason: no package declares it, or its value doesn't fit
-    /// its type.
+    /// The first override that fits no package, with the reason. No package declares the override, or the value
+    /// doesn't fit its type.
     pub fn unfit(packages: &[&Package], given: &Overrides) -> Option<(String, String)> {
         if given.is_empty() {
             return None;
@@ -139,7 +142,7 @@ impl Program {
                         near.map_or_else(String::new, |near| format!("; did you mean `{near}`?"));
                     let unseen = match &*invalid {
                         [] => String::new(),
-                        all => format!(" (not looked at, since invalid: {})", all.join(", ")),
+                        all => format!(" (not searched, because invalid: {})", all.join(", ")),
                     };
                     format!(
                         "no function and no entry point uses an override `{name}`{near}{unseen}"
@@ -156,12 +159,12 @@ impl Program {
         })
     }
 
-    /// Returns `true` if the program has an override with this author's name or `@id`.
+    /// Checks if the program has an override with this author's name or `@id`.
     pub fn has_override(&self, name: &str) -> bool {
         !self.overrides_called(name).is_empty()
     }
 
-    /// The overrides with this author's name or `@id`; several, if several modules declare one.
+    /// The overrides with this author's name or `@id`. Several modules may declare an override of this name.
     fn overrides_called(&self, name: &str) -> Vec<&Override> {
         let all = || self.checked.module.overrides.iter().map(|(_, declared)| declared);
         let is_exact = |one: &&Override| {
@@ -178,14 +181,13 @@ impl Program {
         self.author_path(text).unwrap_or(text)
     }
 
-    /// Its name; its path if another override has the same name.
+    /// The override's name, or its path if another override has the same name.
     fn override_name(&self, declared: &Override) -> String {
         let path = self.override_path(declared);
         let own = last(path);
         if self.overrides_called(own).len() > 1 { path.to_owned() } else { own.to_owned() }
     }
 
-    /// The name in the text of the override with this author's name or `@id`.
     fn text_name(&self, name: &str) -> Result<String, ReflectError> {
         let wrong = |message| Err(ReflectError::Override(Box::new(Diagnostic::new(message))));
         match &*self.overrides_called(name) {
@@ -195,7 +197,7 @@ impl Program {
                 let paths = several.iter().map(|one| format!("`{}`", self.override_path(one)));
                 let paths = paths.collect::<Vec<_>>().join(" and ");
                 return wrong(format!(
-                    "the name `{name}` is that of the overrides {paths}: name one"
+                    "several overrides have the name `{name}`: use one of the paths {paths}"
                 ));
             }
         }
@@ -203,7 +205,7 @@ impl Program {
         let known: Vec<&str> = all.map(|(_, one)| last(self.override_path(one))).collect();
         let nearest = nearest(name, known.iter().copied());
         let nearest = nearest.map_or_else(String::new, |n| format!("; did you mean `{n}`?"));
-        wrong(format!("what is called uses no override `{name}`{nearest}"))
+        wrong(format!("the called function uses no override `{name}`{nearest}"))
     }
 
     fn told(&self, handle: Handle<Override>, diagnostic: Diagnostic) -> ReflectError {
@@ -217,12 +219,11 @@ impl Program {
     }
 }
 
-/// The name at the end of a path.
 fn last(path: &str) -> &str {
     path.rsplit("::").next().unwrap_or(path)
 }
 
-/// Makes the values the initialisers of their overrides, which are given by their names in the text.
+/// Replaces the initialisers of overrides by these values. The keys are the names in the text.
 pub(super) fn set(
     module: &mut Module,
     values: &Overrides,
@@ -237,7 +238,7 @@ pub(super) fn set(
                 ScalarKind::Sint => "an i32",
                 ScalarKind::Uint => "a u32",
                 ScalarKind::Bool => "a bool (0 or 1)",
-                _ => "a float that is finite",
+                _ => "a finite float",
             };
             (handle, format!("the override `{name}` is {kind}, and {value} isn't one"))
         })?;
@@ -277,7 +278,7 @@ pub(super) fn set(
     Ok(())
 }
 
-/// An expression outside functions, with its operands' new handles.
+/// An expression outside of functions, with the new handles of its operands.
 fn moved_to(mut expression: Expression, moved: &[Handle<Expression>]) -> Expression {
     let to = |handle: &mut Handle<Expression>| *handle = moved[handle.index()];
     match &mut expression {
@@ -296,7 +297,7 @@ fn moved_to(mut expression: Expression, moved: &[Handle<Expression>]) -> Express
             to(arg);
             [arg1, arg2, arg3].into_iter().flatten().for_each(to);
         }
-        // Literals and expressions without operands; all others occur only in functions.
+        // Literals and expressions without operands. All other expressions occur only in functions.
         _ => {}
     }
     expression

@@ -9,17 +9,16 @@ use super::Overrides;
 use crate::package::as_naga_takes;
 use crate::package::workspace::{self, Kind};
 
-/// Kernels by their texts.
 struct Kernels;
 
 impl Kind for Kernels {
     type Key = blake3::Hash;
     type Value = Arc<Module>;
-    // Several times the number of kernels that all threads compile at once, for one path after another.
+    // Several times the number of kernels that all threads compile at the same time.
     const MOST: usize = 256;
 }
 
-/// naga's IR of a kernel, parsed once for all paths, or its error.
+/// naga's IR of a kernel, or naga's error. All paths share the result.
 pub(crate) fn parsed(text: &str) -> Result<Arc<Module>, String> {
     let key = blake3::hash(text.as_bytes());
     if let Some(module) = workspace::get::<Kernels>(&key) {
@@ -31,7 +30,7 @@ pub(crate) fn parsed(text: &str) -> Result<Arc<Module>, String> {
     Ok(module)
 }
 
-/// The kernel with values of overrides, by their names in its text.
+/// The kernel with values of overrides. The keys are the overrides' names in the kernel's text.
 pub fn parsed_with(text: &str, overrides: &Overrides) -> Result<Arc<Module>, String> {
     let module = parsed(text)?;
     if overrides.is_empty() {

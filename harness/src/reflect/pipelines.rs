@@ -1,4 +1,5 @@
-//! Describes entry points as pipelines with automatic layouts, because compilers check some rules only there.
+//! Describes entry points as pipelines with automatic layouts, because compilers check some rules only for
+//! pipelines.
 
 use std::fmt::Write;
 
@@ -11,11 +12,11 @@ use super::Program;
 use crate::tint::{Attribute, Pipeline};
 
 impl Program {
-    /// All entry points of WebGPU's stages; empty if an override has no value.
+    /// All entry points of WebGPU's stages. The list is empty if an override has no value.
     pub fn pipelines(&self) -> Vec<Pipeline> {
         let module = &self.checked.module;
-        // Only the author's program knows the value of an override without an initial value. Any other value may be
-        // wrong.
+        // Only the author's program knows the value of an override without an initial value. Any other value may
+        // be wrong.
         if module.overrides.iter().any(|(_, one)| one.init.is_none()) {
             return Vec::new();
         }
@@ -73,7 +74,7 @@ impl Program {
         result.flat_map(|one| self.bound(one.binding.as_ref(), one.ty)).collect()
     }
 
-    /// A value's binding, or those of its members.
+    /// The binding of a value, or the bindings of its members.
     fn bound(&self, binding: Option<&Binding>, ty: Handle<Type>) -> Vec<(Binding, Handle<Type>)> {
         match (binding, &self.checked.module.types[ty].inner) {
             (Some(binding), _) => vec![(binding.clone(), ty)],
@@ -85,7 +86,7 @@ impl Program {
         }
     }
 
-    /// The component type of a scalar or a vector.
+    /// The component type and the number of components of a scalar or a vector.
     fn scalars_of(&self, ty: Handle<Type>) -> Option<(naga::Scalar, usize)> {
         match self.checked.module.types[ty].inner {
             TypeInner::Scalar(scalar) => Some((scalar, 1)),
@@ -105,7 +106,8 @@ impl Program {
         formats.get(count - 1).copied()
     }
 
-    /// A format for an output. One component is enough: a stage may write more than the format has.
+    /// A texture format for an output. A format with one component suffices: a stage may write more components
+    /// than the format has.
     fn target_format(&self, ty: Handle<Type>) -> Option<&'static str> {
         match self.scalars_of(ty)?.0.kind {
             ScalarKind::Float => Some("r8unorm"),
@@ -115,7 +117,7 @@ impl Program {
         }
     }
 
-    /// A module with a vertex stage that supplies all inputs of a fragment stage.
+    /// The text of a module with a vertex stage that supplies all inputs of a fragment stage.
     fn feeder(&self, entry: &EntryPoint) -> Option<String> {
         let (mut members, mut halves, mut clips) = (String::new(), false, false);
         for (binding, ty) in self.inputs(entry) {
@@ -152,7 +154,7 @@ impl Program {
     }
 }
 
-/// The interpolation attribute, as WGSL writes it.
+/// The interpolation attribute in WGSL's notation.
 fn interpolated(
     interpolation: Option<Interpolation>,
     sampling: Option<Sampling>,

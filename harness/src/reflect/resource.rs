@@ -1,4 +1,4 @@
-//! The kinds of resource variables, with WGSL's names.
+//! The kinds of resource variables, with the names that WGSL uses.
 
 use std::fmt;
 
@@ -32,7 +32,7 @@ impl fmt::Display for Dimension {
     }
 }
 
-/// The type of texels.
+/// The type of a texture's texels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Texels {
@@ -51,11 +51,11 @@ pub enum Texels {
 pub struct TextureKind {
     /// The coordinates.
     pub dimension: Dimension,
-    /// Set if there is also a layer index.
+    /// Reports if the texture also has a layer index.
     pub arrayed: bool,
     /// The type of texels.
     pub texels: Texels,
-    /// Set if a texel has several samples.
+    /// Reports if a texel has several samples.
     pub multisampled: bool,
 }
 
@@ -77,12 +77,12 @@ impl fmt::Display for TextureKind {
     }
 }
 
-/// The ways in which a shader uses a storage texture.
+/// The ways in which a shader may access a storage texture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Access {
-    /// `read`, `read_write`
+    /// True for `read` and `read_write`.
     pub reads: bool,
-    /// `write`, `read_write`
+    /// True for `write` and `read_write`.
     pub writes: bool,
 }
 
@@ -101,7 +101,7 @@ impl fmt::Display for Access {
 pub struct Format(StorageFormat);
 
 impl Format {
-    /// The type of its texels.
+    /// The type of the format's texels.
     #[must_use]
     pub fn texels(self) -> Texels {
         match naga::Scalar::from(self.0).kind {
@@ -111,7 +111,7 @@ impl Format {
         }
     }
 
-    /// The number of its channels: 1, 2 or 4, or 3 for `rg11b10ufloat`.
+    /// The number of the format's channels: 1, 2 or 4, or 3 for `rg11b10ufloat`.
     pub(crate) fn channels(self) -> usize {
         let name = self.name();
         match () {
@@ -122,7 +122,7 @@ impl Format {
         }
     }
 
-    /// A texel as the author writes its value, with the format's channels only.
+    /// The text of a texel, with only the channels that the format has.
     pub(crate) fn shown(self, texel: [u32; 4]) -> String {
         let shown = |word: &u32| match self.texels() {
             Texels::Sint => word.cast_signed().to_string(),
@@ -141,14 +141,14 @@ impl Format {
             () if name.contains("8snorm") => 127.0,
             () if name.contains("16unorm") => 65_535.0,
             () if name.contains("16snorm") => 32_767.0,
-            // Its two-bit alpha has a larger step.
+            // The two-bit alpha channel has a larger step.
             () if name.contains("10a2unorm") => 1023.0,
             () => return 0.0,
         };
         1.0 / most
     }
 
-    /// WGSL's name: `rgba8unorm`.
+    /// The format's name in WGSL: `rgba8unorm`.
     #[must_use]
     pub fn name(self) -> String {
         format!("{:?}", self.0).to_lowercase()
@@ -162,7 +162,7 @@ pub enum BindingKind {
     Uniform,
     /// `var<storage>`
     Storage {
-        /// `read_write`
+        /// True for `read_write`.
         writable: bool,
     },
     /// `var<immediate>`: bytes that a program sets along with its commands. Vulkan calls them push constants.
@@ -173,7 +173,7 @@ pub enum BindingKind {
     StorageTexture {
         /// The coordinates.
         dimension: Dimension,
-        /// Set if there is also a layer index.
+        /// Reports if the texture also has a layer index.
         arrayed: bool,
         /// The format of the texels.
         format: Format,
@@ -182,7 +182,7 @@ pub enum BindingKind {
     },
     /// `sampler`, `sampler_comparison`
     Sampler {
-        /// Set for a comparison sampler.
+        /// Reports if the sampler is a comparison sampler.
         comparison: bool,
     },
     /// A resource that no fixture can supply: an array of bindings, an acceleration structure, or an external texture.
@@ -198,7 +198,7 @@ impl BindingKind {
         multisampled: false,
     });
 
-    /// Returns `true` if an invocation can write the resource.
+    /// Checks if a shader can write the resource.
     #[must_use]
     pub fn is_written(self) -> bool {
         match self {

@@ -1,8 +1,8 @@
 //! Counts the rounds of loops.
 //!
-//! Some drivers leave all loops of an invocation after a number of rounds, with the values of that moment. If naga's IR
-//! shows that the loops end sooner, Karat watches nothing. If it doesn't, a copy of the kernel counts the rounds of its
-//! loops. The kernel that is judged is unchanged.
+//! Some drivers stop all loops of an invocation after a number of rounds, and go on with the values of that
+//! moment. If naga's IR shows that the loops end sooner, Karat watches nothing. Otherwise a copy of the kernel
+//! counts the rounds of its loops. The kernel for the verdict is unchanged.
 
 mod bounds;
 mod watched;
@@ -19,11 +19,11 @@ pub use watched::Watched;
 use super::Program;
 use crate::diagnostic::Span;
 
-/// The prefix of the counters in a kernel that counts: private variables, each with a number.
+/// The prefix of the counters in the copy of a kernel. A counter is a private variable with a number.
 pub(crate) const COUNTERS: &str = "karat_rounds";
 
 impl Program {
-    /// The number of barriers in an entry point and the functions that it calls.
+    /// The number of barriers in an entry point and in the functions that it calls.
     pub fn barriers(&self, entry_point: &str) -> usize {
         let module = &self.checked.module;
         let entry = module.entry_points.iter().find(|entry| entry.name == entry_point);
@@ -42,7 +42,7 @@ impl Program {
         count
     }
 
-    /// The functions that a function or an entry point calls, by the authors' paths.
+    /// The functions that a function or an entry point calls, by the author's paths.
     pub fn calls(&self, path: &str) -> BTreeSet<String> {
         let (name, functions) = (self.name_of(path), &self.checked.module.functions);
         let found =
@@ -61,22 +61,22 @@ impl Program {
         called
     }
 
-    /// The number of loops, which [`count_rounds`] numbers in their order. Each loop has two counters: its rounds, and
-    /// how often it is entered.
+    /// The number of loops. [`count_rounds`] numbers the loops in their order. Each loop has two counters: one
+    /// counts its rounds, and the other one counts how often an invocation enters the loop.
     pub(crate) fn loops(&self) -> usize {
         let functions = self.checked.module.functions.iter().map(|(_, function)| &function.body);
         functions.map(|body| loops_of(body).len()).sum()
     }
 }
 
-/// A module whose loops count their rounds, and the author's place of each loop.
+/// A module that counts the rounds of its loops, and the location of each loop in the author's files.
 pub(crate) struct Counting {
     pub(crate) module: Module,
     pub(crate) loops: Vec<CountedLoop>,
     pub(crate) nesting: Nesting,
 }
 
-/// The innermost thing around a loop or a call.
+/// The innermost loop, function or entry point around a loop or a call.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Around {
     /// The entry point, which runs once.
@@ -85,18 +85,18 @@ enum Around {
     Loop(usize),
 }
 
-/// The loops that each loop is inside of, by their numbers.
+/// For each loop, the loops around it, by their numbers.
 ///
-/// A driver that runs cases in the lanes of a vector executes both branches of each `if`, and goes once through each
-/// loop in them, even if no lane is active there. So a loop that no case enters still takes one round each time when
-/// the code around it runs.
+/// Some drivers run cases in the lanes of a vector. Such a driver executes both branches of each `if`, and runs
+/// each loop in a branch once, even if no lane is active there. So a loop that no case enters still takes one
+/// round whenever the code around it runs.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Nesting {
-    /// The code around each loop.
+    /// The loop, function or entry point around each loop.
     loops: Vec<Around>,
     /// The function of each loop.
     owners: Vec<usize>,
-    /// The places where each function is called.
+    /// The loops, functions and entry points that call each function.
     calls: Vec<Vec<Around>>,
 }
 
@@ -134,11 +134,11 @@ impl Nesting {
         }
     }
 
-    /// The most rounds that a driver counts for one round of each loop, without the rounds of inner loops that are
-    /// entered: one, and one more for each inner loop.
+    /// For each loop, the largest number of rounds that a driver counts in one round of the loop. The number is
+    /// one, and one more for each inner loop. It doesn't contain the rounds of inner loops that a case enters.
     fn weights(&self) -> Vec<u32> {
-        // The loops of a function that are in no other loop of it, with the outermost loops of the functions that it
-        // calls.
+        // For each function, the number of its loops that are in no other loop of the function, plus the numbers
+        // of the functions that it calls outside of loops.
         let mut outermost = vec![0_u32; self.calls.len()];
         let within = |around: Around, outermost: &[u32]| -> u32 {
             let own = self.loops.iter().filter(|known| **known == around).count();
@@ -148,7 +148,7 @@ impl Nesting {
             });
             called.fold(u32::try_from(own).unwrap_or(u32::MAX), u32::saturating_add)
         };
-        // In naga's IR, functions come after those that they call.
+        // naga's IR has each function after the functions that it calls.
         for function in 0..self.calls.len() {
             outermost[function] = within(Around::Function(function), &outermost);
         }
@@ -156,13 +156,13 @@ impl Nesting {
         (0..self.loops.len()).map(weight).collect()
     }
 
-    /// The rounds that a driver counts for each loop in one case. `counters` has the rounds of each loop, and then the
-    /// number of times that each was entered.
+    /// The rounds that a driver counts for each loop in one case. `counters` has the rounds of each loop, and
+    /// then the number of times that a case entered each loop.
     pub(crate) fn rounds(&self, counters: &[u32]) -> Vec<u64> {
         let (rounds, entered) = counters.split_at(self.loops.len().min(counters.len()));
         let mut totals = vec![0_u64; self.loops.len()];
         let mut runs = vec![0_u64; self.calls.len()];
-        // In naga's IR, functions come after those that they call.
+        // naga's IR has each function after the functions that it calls.
         for function in (0..self.calls.len()).rev() {
             let times = |around: &Around, totals: &[u64], runs: &[u64]| match around {
                 Around::Entry => 1,
@@ -181,20 +181,21 @@ impl Nesting {
     }
 }
 
-/// A loop whose rounds are counted.
+/// A loop with counters.
 #[derive(Clone, Debug)]
 pub(crate) struct CountedLoop {
-    /// Its place in the author's file.
+    /// The loop's location in the author's file.
     pub(crate) span: Option<Span>,
-    /// Set if the loop is inside another loop of its function, or if its function is called in a loop.
+    /// Set if the loop is inside another loop of its function, or if a loop calls its function.
     pub(crate) nested: bool,
 }
 
-/// Makes each loop of a kernel's functions add 1 to one of the [`COUNTERS`] in each round, and to another one when it
-/// is entered. `text` is the program's text with the kernel after it, which declares the counters.
+/// Makes each loop of a kernel's functions add 1 to one of the [`COUNTERS`] in each round, and 1 to another
+/// counter when an invocation enters the loop. `text` is the program's text with the kernel, which declares the
+/// counters.
 ///
 /// # Panics
-/// If the kernel doesn't parse. It differs from the judged kernel only by the counters.
+/// If the kernel doesn't parse. Except for the counters, it is the kernel of the verdict.
 pub(crate) fn count_rounds(program: &Program, text: &str) -> Counting {
     let module = super::parsed_with(text, program.overrides())
         .expect("it is the verdict's kernel but for the counters");
@@ -230,10 +231,10 @@ pub(crate) fn count_rounds(program: &Program, text: &str) -> Counting {
     Counting { module, loops, nesting }
 }
 
-/// The functions that are called in a loop, directly or through another function.
+/// The functions that a loop calls, directly or through another function.
 fn called_in_loops(module: &Module) -> Vec<Handle<Function>> {
     let mut found: Vec<Handle<Function>> = Vec::new();
-    // Callers come after the functions that they call, so the last one is first here.
+    // naga's IR has callers after the functions that they call, so this order begins with the callers.
     let bodies = module.functions.iter().map(|(handle, function)| (Some(handle), &function.body));
     let bodies: Vec<_> = bodies
         .chain(module.entry_points.iter().map(|entry| (None, &entry.function.body)))
@@ -252,7 +253,7 @@ fn called_in_loops(module: &Module) -> Vec<Handle<Function>> {
     found
 }
 
-/// The loops of a body with their places, outer ones first, and whether each is inside another loop.
+/// The spans of a body's loops, outer loops first. The flag is true if the loop is inside another loop.
 fn loops_of(body: &Block) -> Vec<(naga::Span, bool)> {
     let mut found = Vec::new();
     walk(body, false, &mut |statement, span, in_loop| {
@@ -263,7 +264,7 @@ fn loops_of(body: &Block) -> Vec<(naga::Span, bool)> {
     found
 }
 
-/// Visits all statements of a block in order, with their places, and whether each is in a loop.
+/// Visits all statements of a block in order, with their spans. The flag is true if a statement is in a loop.
 pub(super) fn walk(
     block: &Block,
     in_loop: bool,
@@ -277,7 +278,7 @@ pub(super) fn walk(
     }
 }
 
-/// The blocks of a statement, and whether it repeats them.
+/// The blocks of a statement. The flag is true if the statement repeats the block.
 fn blocks(statement: &Statement) -> Vec<(&Block, bool)> {
     match statement {
         Statement::Block(block) => vec![(block, false)],
@@ -288,8 +289,8 @@ fn blocks(statement: &Statement) -> Vec<(&Block, bool)> {
     }
 }
 
-/// Inserts the block from `counted` at the beginning of each loop's rounds, and another in front of the loop. Loops
-/// have the numbers of [`loops_of`].
+/// Inserts the block from `counted` at the beginning of each loop's body, and another block in front of the loop.
+/// The numbers of the loops are their indices in the result of [`loops_of`].
 fn instrument(block: &mut Block, index: &mut u32, counted: &mut dyn FnMut(u32, bool) -> Block) {
     for (statement, span) in block.span_iter_mut() {
         match statement {
@@ -329,7 +330,6 @@ fn global(module: &Module, name: &str) -> Handle<GlobalVariable> {
 
 const NOWHERE: naga::Span = naga::Span::UNDEFINED;
 
-/// Adds 1 to a counter.
 fn count(function: &mut Function, counter: Handle<GlobalVariable>) -> Block {
     let mut add = |expression| function.expressions.append(expression, NOWHERE);
     let pointer = add(Expression::GlobalVariable(counter));

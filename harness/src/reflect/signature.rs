@@ -13,44 +13,44 @@ use crate::diagnostic::{Diagnostic, Span};
 use crate::package::KERNEL_PREFIX;
 use crate::value::{Scalar, Shape};
 
-/// A function, as a probe sees it.
+/// A function that a kernel can call.
 #[derive(Clone, Debug)]
 pub struct Function {
-    /// The author's name for it: `fresnel::schlick`.
+    /// The author's path: `fresnel::schlick`.
     pub name: String,
-    /// Its name in the linked text.
+    /// The function's name in the linked text.
     pub(crate) linked: String,
-    /// Its place in the author's file, from `fn` to the closing brace.
+    /// The function's location in the author's file, from `fn` to the closing brace.
     pub span: Span,
-    /// The comment lines (`///`) above it.
+    /// The comment lines (`///`) above the function.
     pub doc: String,
-    /// The name and the type of each parameter; for a pointer, the type of its value.
+    /// The name and the type of each parameter. A pointer has the type of its value.
     pub parameters: Vec<(String, Shape)>,
-    /// The type of everything that a call returns: the function's result, then the values behind its pointers, then the
-    /// resources that it writes. Several of them form a structure, with a member for each.
+    /// The type of everything that a call returns: the function's result, then the values behind its pointers,
+    /// then the resources that it writes. Several values form a structure with a member for each.
     pub result: Shape,
-    /// The resources that it uses, directly or through functions that it calls.
+    /// The resources that the function uses, directly or through functions that it calls.
     pub bindings: Vec<Binding>,
-    /// The way in which it is called.
+    /// The way in which Karat calls the function.
     pub form: Form,
 }
 
-/// The way in which a function is called.
+/// The way in which Karat calls a function.
 #[derive(Clone, Debug, Default)]
 pub struct Form {
-    /// Set if the result is a structure with the value, and whether the pixel was discarded.
+    /// Reports if the result is a structure of the value and a flag for a discarded pixel.
     pub discards: bool,
-    /// The type of its result; `None` without a result.
+    /// The type of the function's result; `None` if there is no result.
     pub(crate) returns: Option<Shape>,
     /// The way in which each parameter is passed.
     pub(crate) passed: Vec<Passed>,
-    /// The textures and samplers among its parameters, which become variables: each with its position among all
-    /// parameters, its name and its type.
+    /// The texture and sampler parameters, which become variables. Each has its position among all parameters,
+    /// its name and its type.
     pub taken: Vec<(usize, String, String)>,
-    /// Set if each case must run by itself, because other cases would see its writes.
+    /// Reports if Karat must run each case alone, because other cases would see its writes.
     pub alone: bool,
-    /// Set if only fragment shaders may call it. Each case is then a quad of pixels, or one pixel of it if it runs
-    /// alone. The other pixels are helpers, and so is a pixel that is discarded.
+    /// Set if only fragment shaders may call the function. Each case is then a quad of pixels, or one pixel of a
+    /// quad if cases run alone. The quad's other pixels are helpers. A discarded pixel becomes a helper, too.
     pub(crate) fragment: bool,
     /// The stage of an entry point, which Karat calls like any function.
     pub stage: Option<Stage>,
@@ -58,7 +58,7 @@ pub struct Form {
     pub builtins: Vec<(String, String)>,
 }
 
-/// The name of a function's result among everything that a call returns.
+/// The name of a function's result in the structure of everything that a call returns.
 const RESULT: &str = "result";
 
 /// Private variables by their paths.
@@ -67,29 +67,27 @@ pub type State = BTreeMap<String, Variable>;
 /// A private variable.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Variable {
-    /// Its name in the linked text.
+    /// The variable's name in the linked text.
     name: String,
-    /// Its type in the linked text.
+    /// The variable's type in the linked text.
     pub ty: String,
-    /// The number of scalars in it.
+    /// The number of scalars in the variable.
     pub lanes: usize,
 }
 
-/// The way in which a parameter is passed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Passed {
-    /// By its value.
+    /// As a value.
     Value,
     /// By a pointer to a variable of the calling function.
     Function,
     /// By a pointer to a private variable.
     Private,
-    /// Without a parameter: in the private variable of this name, which the function uses.
+    /// In the private variable of this name, which the function uses. The function has no such parameter.
     State(String),
 }
 
 impl Passed {
-    /// The address space of a pointer.
     pub(crate) fn space(&self) -> Option<&'static str> {
         match self {
             Self::Value | Self::State(_) => None,
@@ -100,7 +98,7 @@ impl Passed {
 }
 
 impl Function {
-    /// Splits the words of all arguments by parameter: each name with a readable value.
+    /// Splits the `u32` words of all arguments by parameter: each name with a readable value.
     #[must_use]
     pub fn arguments(&self, mut words: &[u32]) -> Vec<(String, String)> {
         let mut arguments = Vec::new();
@@ -112,7 +110,7 @@ impl Function {
         arguments
     }
 
-    /// The arguments of a row in one line: `x = 1, n = 2`.
+    /// The arguments of a case in one line: `x = 1, n = 2`.
     pub(crate) fn shown(&self, words: &[u32]) -> String {
         let all =
             self.arguments(words).into_iter().map(|(name, value)| format!("{name} = {value}"));
@@ -139,14 +137,15 @@ impl Function {
         self.form.stage
     }
 
-    /// The resources that it may write. Empty for a function that only reads its `read_write` resources; it doesn't run
-    /// alone.
+    /// The resources that the function may write. The list is empty for a function that only reads its
+    /// `read_write` resources: its cases don't run alone.
     pub fn written(&self) -> impl Iterator<Item = &Binding> {
         let written = |binding: &&Binding| self.form.alone && binding.kind.is_written();
         self.bindings.iter().filter(written)
     }
 
-    /// Sets the type of the result, with these shapes for the resources that it writes.
+    /// Sets the type of everything that a call returns. `written` has the shapes of the resources that the
+    /// function writes.
     pub(crate) fn join(&mut self, written: Vec<(String, Shape)>) {
         let mut members = self.outputs();
         members.extend(written);
@@ -158,8 +157,8 @@ impl Function {
 }
 
 impl fmt::Display for Function {
-    /// The signature: `fresnel::schlick(f0: vec3<f32>, v_dot_h: f32) -> vec3<f32>`, with the stage before an entry
-    /// point's.
+    /// The signature: `fresnel::schlick(f0: vec3<f32>, v_dot_h: f32) -> vec3<f32>`. The signature of an entry
+    /// point begins with its stage.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         if let Some(stage) = self.form.stage {
             write!(f, "@{stage} ")?;
@@ -193,13 +192,13 @@ impl Program {
     /// Reflects a function by the author's path.
     ///
     /// # Errors
-    /// If a probe can't call it because of pointers, runtime-sized arrays, no result, 64-bit types, or operations that
-    /// only a fragment shader has.
+    /// If a probe can't call the function. The reason may be a pointer, a runtime-sized array, a missing result,
+    /// a 64-bit type, or an operation that only fragment shaders have.
     pub fn function(&self, path: &str) -> Result<Function, ReflectError> {
         self.function_in_state(path, &State::new())
     }
 
-    /// Returns `true` if a function uses a variable of its module, such as a private one, so that it depends on more
+    /// Checks if a function uses a variable of its module, such as a private variable, and so depends on more
     /// than its arguments.
     pub(crate) fn uses_variables(&self, path: &str) -> bool {
         let Some((handle, _)) = self.declared(self.called_name(self.name_of(path))) else {
@@ -209,10 +208,10 @@ impl Program {
         self.checked.module.global_variables.iter().any(|(one, _)| !info[one].is_empty())
     }
 
-    /// The private variables that pass values into or out of a function: those that it writes, and those without an
-    /// initial value. All other private variables have their initial values.
+    /// The private variables that pass values into or out of a function: variables that the function writes, and
+    /// variables without an initial value. All other private variables have their initial values.
     pub fn state_of(&self, path: &str) -> State {
-        // An entry point begins with fresh private variables.
+        // Each run of an entry point begins with new private variables.
         let declared = self.declared(self.called_name(self.name_of(path)));
         let Some((handle, _)) = declared.filter(|_| self.linked.called.is_none()) else {
             return State::new();
@@ -245,7 +244,7 @@ impl Program {
         Some(self.checked.module.to_ctx().type_to_string(one.ty))
     }
 
-    /// The same program, with a declaration of each of these variables.
+    /// The same program, with a declaration of each of these variables that it doesn't declare.
     pub fn with_state(self: Arc<Self>, state: &State) -> Result<Arc<Self>, ReflectError> {
         let lacks = |(path, _): &(&String, _)| self.private(self.name_of(path)).is_none();
         let text = state
@@ -266,7 +265,8 @@ impl Program {
         all.find(is_it)
     }
 
-    /// The same function, with private variables as additional parameters and results.
+    /// Reflects a function like [`function`](Self::function), with private variables as additional parameters and
+    /// results.
     pub fn function_in_state(&self, path: &str, state: &State) -> Result<Function, ReflectError> {
         let name = self.linked.name_of(path).unwrap_or(path);
         let Some((handle, _)) = self.declared(name) else {
@@ -280,7 +280,7 @@ impl Program {
             return Err(unprobeable(
                 Diagnostic::new(message)
                     .at(span, "in this module")
-                    .note("a probe calls plain functions: move what should be tested into one"),
+                    .note("a probe calls plain functions: move the tested code into one"),
             ));
         };
         let span = self.function_span(handle);
@@ -291,7 +291,7 @@ impl Program {
             let message = format!("`{path}` can't be probed: {what}");
             unprobeable(Diagnostic::new(message).at(span.clone(), "declared here").note(note))
         };
-        // Textures and samplers are variables of the function that is called instead.
+        // Textures and samplers are variables of the function that Karat calls instead.
         let instead = self.called_for(function);
         let taken = if instead.is_some() { self.taken(function) } else { Vec::new() };
         let own =
@@ -300,11 +300,11 @@ impl Program {
         let linked = called.name.clone().expect(NAMED);
         let info = &self.checked.info[handle];
         let fragment = !info.available_stages.contains(ShaderStages::COMPUTE);
-        // The program wasn't linked for this function. If it were, a wrapper would return whether it discards.
+        // Karat linked the program for another function. Otherwise a wrapper would return the discard as a flag.
         if fragment && info.may_kill && !discards {
             return Err(refuse(
                 "it may discard, and then there is no result".to_owned(),
-                "return what decides whether to discard",
+                "return the condition of the discard instead",
             ));
         }
         let mut form = Form {
@@ -320,7 +320,7 @@ impl Program {
         }
         if form.stage != Some(Stage::Compute) && self.reaches_subgroups(path) {
             return Err(refuse(
-                "it has operations of subgroups, and a call is one invocation".to_owned(),
+                "it has subgroup operations, and a call has only one invocation".to_owned(),
                 "test a compute pass that calls it",
             ));
         }
@@ -329,7 +329,10 @@ impl Program {
             let name = own.name.clone().expect(NAMED);
             let (ty, passed) = self.passed(argument.ty);
             let shape = self.shape(ty).map_err(|reason| {
-                refuse(format!("its parameter `{name}` is {reason}"), "pass values, return values")
+                refuse(
+                    format!("its parameter `{name}` is {reason}"),
+                    "pass and return values instead",
+                )
             })?;
             if let naga::TypeInner::Struct { members, .. } = &self.checked.module.types[ty].inner {
                 form.builtins.extend(members.iter().filter_map(|member| {
@@ -346,7 +349,7 @@ impl Program {
         form.returns = match &called.result {
             None => None,
             Some(result) => Some(self.shape(result.ty).map_err(|reason| {
-                refuse(format!("its result is {reason}"), "pass values, return values")
+                refuse(format!("its result is {reason}"), "pass and return values instead")
             })?),
         };
         for (variable, Variable { name, .. }) in state {
@@ -355,7 +358,7 @@ impl Program {
                 Some((linked.to_owned(), self.shape(self.private(linked)?.ty).ok()?))
             };
             let Some((linked, shape)) = of(linked).or_else(|| of(name)) else { continue };
-            // Its own name, unless that already means something else.
+            // The variable's own name, unless another parameter or the result has this name.
             let own = variable.rsplit("::").next().unwrap_or(variable);
             let is_own = |path: &String| path.rsplit("::").next() == Some(own);
             let is_taken = own == RESULT
@@ -378,7 +381,7 @@ impl Program {
         };
         if function.outputs().is_empty() && function.written().next().is_none() {
             return Err(refuse(
-                "it returns nothing and writes nothing that is seen afterwards".to_owned(),
+                "it returns nothing and writes nothing that Karat could read afterwards".to_owned(),
                 "return the value that should be checked",
             ));
         }
@@ -386,7 +389,7 @@ impl Program {
         for binding in function.written() {
             let shape = self.written_shape(binding, None).ok_or_else(|| {
                 let what = format!("it writes `{}`, which no host can read", binding.path);
-                refuse(what, "pass values, return values")
+                refuse(what, "pass and return values instead")
             })?;
             written.push((binding.name().to_owned(), shape));
         }
@@ -394,7 +397,8 @@ impl Program {
         Ok(function)
     }
 
-    /// The function that is called in place of another: for one that may discard, the wrapper that reports it.
+    /// The name of the function that Karat calls in place of another. If a function may discard, Karat calls the
+    /// wrapper that reports the discard.
     pub(super) fn called_name<'n>(&'n self, name: &'n str) -> &'n str {
         match &self.linked.discards {
             Some((own, wrapper)) if own == name => wrapper,
@@ -402,7 +406,7 @@ impl Program {
         }
     }
 
-    /// Returns `true` if a function may discard and also writes memory that others see.
+    /// Checks if a function may discard and also writes memory that other invocations see.
     pub(super) fn discards_and_writes(&self, path: &str) -> bool {
         let name = self.name_of(path);
         let called = self.called_name(name);
@@ -410,7 +414,7 @@ impl Program {
         called != name && info.is_some_and(|info| self.shared_state(info).is_some())
     }
 
-    /// The type of a parameter's value, and the way in which it is passed.
+    /// The type of a parameter's value, and the way in which Karat passes it.
     pub(super) fn passed(
         &self,
         ty: naga::Handle<naga::Type>,
@@ -427,8 +431,8 @@ impl Program {
         }
     }
 
-    /// The shape of a written resource after a call. Without `count`, its bytes or texels, an array without a length
-    /// has no elements. `None` if no host can read it.
+    /// The shape of a written resource after a call. `count` is the number of its bytes or texels. Without
+    /// `count`, a runtime-sized array has no elements. `None` if no host can read the resource.
     pub fn written_shape(&self, binding: &Binding, count: Option<usize>) -> Option<Shape> {
         if let BindingKind::StorageTexture { format, .. } = binding.kind {
             let scalar = match format.texels() {
@@ -447,7 +451,8 @@ impl Program {
         self.memory_shape(binding.ty, count.unwrap_or_default())
     }
 
-    /// The shape of a type in memory. Atomics count as their scalars, and arrays without a length fill `bytes` bytes.
+    /// The shape of a type in memory. Atomics count as their scalars, and a runtime-sized array fills `bytes`
+    /// bytes.
     fn memory_shape(&self, ty: naga::Handle<naga::Type>, bytes: usize) -> Option<Shape> {
         let declared = &self.checked.module.types[ty];
         match &declared.inner {
@@ -473,10 +478,10 @@ impl Program {
         }
     }
 
-    /// The parameters of a test, which needs no result.
+    /// The parameters of a test. A test needs no result.
     ///
     /// # Errors
-    /// If it can't run in a kernel, or if a kernel can't pass one of its parameters.
+    /// If the test can't run in a kernel, or if a kernel can't pass one of its parameters.
     pub(crate) fn test_parameters(&self, path: &str) -> Result<Vec<(String, Shape)>, ReflectError> {
         let name = self.linked.name_of(path).unwrap_or(path);
         let mut functions = self.checked.module.functions.iter();
@@ -497,7 +502,7 @@ impl Program {
         }
         if let Some(shared) = self.shared_state(&self.checked.info[handle]) {
             let what = format!("it {shared}, which other cases of the same dispatch see");
-            return Err(refuse(what, "a case must not depend on its neighbours"));
+            return Err(refuse(what, "a case must not depend on other cases"));
         }
         let parameters = function.arguments.iter().map(|argument| {
             let name = argument.name.clone().expect(NAMED);
@@ -510,33 +515,31 @@ impl Program {
                 return Err(refuse(what, &note));
             }
             let shape = self.shape(argument.ty).map_err(|reason| {
-                refuse(format!("its parameter `{name}` is {reason}"), "take values")
+                refuse(format!("its parameter `{name}` is {reason}"), "use values as parameters")
             })?;
             Ok((name, shape))
         });
         parameters.collect()
     }
 
-    /// Returns `true` if an expression of a function, by its index, is `-x`.
+    /// Checks if an expression of a function, by its index, is `-x`.
     pub(crate) fn negates(&self, function: &str, expression: usize) -> bool {
         let found = self.body(function).and_then(|(f, _)| f.expressions.iter().nth(expression));
         let negate = naga::UnaryOperator::Negate;
         matches!(found, Some((_, naga::Expression::Unary { op, .. })) if *op == negate)
     }
 
-    /// Returns `true` if a function has a `var` of this name.
     pub(crate) fn declares_var(&self, function: &str, name: &str) -> bool {
         let variables = self.body(function).map(|(function, _)| &function.local_variables);
         variables.is_some_and(|all| all.iter().any(|(_, one)| one.name.as_deref() == Some(name)))
     }
 
-    /// Returns `true` if an expression of a function, by its index, is a derivative.
     pub(crate) fn is_derivative(&self, function: &str, expression: usize) -> bool {
         let found = self.body(function).and_then(|(f, _)| f.expressions.iter().nth(expression));
         matches!(found, Some((_, naga::Expression::Derivative { .. })))
     }
 
-    /// The number of components of an expression of a function, by its index; 1 if it is unknown.
+    /// The number of components of an expression of a function, by its index; 1 if the type is unknown.
     pub(crate) fn components(&self, function: &str, expression: usize) -> usize {
         let components = |inner: &naga::TypeInner| match inner {
             naga::TypeInner::Vector { size, .. } => *size as usize,
@@ -546,27 +549,25 @@ impl Program {
         self.type_of(function, expression).map_or(1, components)
     }
 
-    /// The name that a `let` of a function gives an expression, by its index.
+    /// The name of a `let` whose value is an expression of a function, by the expression's index.
     pub(crate) fn let_name(&self, function: &str, expression: usize) -> Option<&str> {
         let (function, _) = self.body(function)?;
         let (at, _) = function.expressions.iter().nth(expression)?;
         function.named_expressions.get(&at).map(String::as_str)
     }
 
-    /// Returns `true` if an expression of a function is an `i32`, or a vector of them.
+    /// Checks if an expression of a function is an `i32` or a vector of `i32`.
     pub(crate) fn is_signed(&self, function: &str, expression: usize) -> bool {
         let scalar = self.type_of(function, expression).and_then(naga::TypeInner::scalar);
         scalar.is_some_and(|scalar| scalar.kind == naga::ScalarKind::Sint)
     }
 
-    /// The type of an expression of a function, by its index.
     fn type_of(&self, function: &str, expression: usize) -> Option<&naga::TypeInner> {
         let (function, info) = self.body(function)?;
         let (at, _) = function.expressions.iter().nth(expression)?;
         Some(info[at].ty.inner_with(&self.checked.module.types))
     }
 
-    /// A function or an entry point by its name in the text, with the validator's facts about it.
     pub(super) fn body(&self, name: &str) -> Option<(&naga::Function, &naga::valid::FunctionInfo)> {
         let super::Checked { module, info, .. } = &*self.checked;
         let mut functions = module.functions.iter();
@@ -578,11 +579,11 @@ impl Program {
         })
     }
 
-    /// The signature of one of its functions, with the authors' names for its types.
+    /// The signature of one of the program's functions, with the author's names for types.
     #[must_use]
     pub fn signature(&self, function: &Function) -> String {
         let (mut shown, text) = (String::new(), function.to_string());
-        // The path of the function is already the author's.
+        // The function's path is already the author's path.
         let (path, types) =
             text.split_once('(').map_or((text.as_str(), ""), |(path, _)| text.split_at(path.len()));
         shown.push_str(path);
@@ -601,12 +602,11 @@ impl Program {
         shown
     }
 
-    /// The author's path of a declaration, by its name in the linked text.
     pub(crate) fn author_path(&self, linked: &str) -> Option<&str> {
         self.linked.names.get(linked).map(String::as_str)
     }
 
-    /// The state that a function shares with other invocations, if it does.
+    /// The state that a function shares with other invocations; `None` if it shares no state.
     fn shared_state(&self, info: &naga::valid::FunctionInfo) -> Option<String> {
         use naga::AddressSpace;
         use naga::valid::UniformityRequirements;
@@ -636,8 +636,8 @@ impl Program {
         })
     }
 
-    /// The shape of a buffer variable's type, or of an element of its runtime-sized array; `None`
-    /// if the type has no shape.
+    /// The shape of a buffer variable's type, or of an element of its runtime-sized array; `None` if the type has
+    /// no shape.
     pub(crate) fn buffer_shape(&self, ty: naga::Handle<naga::Type>) -> Option<Shape> {
         match &self.checked.module.types[ty].inner {
             naga::TypeInner::Array { base, size: naga::ArraySize::Dynamic, .. } => {
@@ -647,7 +647,7 @@ impl Program {
         }
     }
 
-    /// The shapes of a structure that ends in an array without a length: its other members as a structure, and one
+    /// The shapes of a structure that ends in a runtime-sized array: the other members as a structure, and one
     /// element of the array. `None` if the type isn't such a structure, or has no shape.
     pub(crate) fn headed_shape(&self, ty: naga::Handle<naga::Type>) -> Option<(Shape, Shape)> {
         let types = &self.checked.module.types;
@@ -666,8 +666,8 @@ impl Program {
         Some((Shape::Struct { name, members }, self.shape(base).ok()?))
     }
 
-    /// The shape of a buffer's contents. An array without a length, as the whole or as the last member, has `elements`
-    /// elements, and atomics count as their scalars. `None` if it isn't a buffer.
+    /// The shape of a buffer's contents. A runtime-sized array, as the whole or as the last member, has
+    /// `elements` elements. Atomics count as their scalars. `None` if the variable isn't a buffer.
     #[must_use]
     pub fn buffer_of(&self, binding: &Binding, elements: usize) -> Option<Shape> {
         use naga::{ArraySize, TypeInner};
@@ -690,10 +690,10 @@ impl Program {
         super::layout::places(&self.checked.module, binding.ty, "", 0)
     }
 
-    /// The bytes of a buffer, from the lanes of its value or of its elements.
+    /// The bytes of a buffer, from the scalars of its value or of its elements.
     ///
     /// # Errors
-    /// If the number of lanes doesn't fit the type.
+    /// If the number of scalars doesn't fit the type.
     pub fn bytes(&self, binding: &Binding, lanes: &[u32]) -> Result<Vec<u8>, super::LayoutError> {
         super::bytes_of(&self.checked.module, &self.checked.layouter, binding.ty, lanes)
     }
@@ -703,7 +703,7 @@ impl Program {
         self.resolve(range).unwrap_or(Span { file: Arc::clone(&self.linked.file), range: 0..0 })
     }
 
-    /// The declaration of a function or of an entry point, by its name in the text.
+    /// The location of the declaration of a function or of an entry point, by its name in the text.
     pub(crate) fn declaration_span(&self, name: &str) -> Option<Span> {
         let mut functions = self.checked.module.functions.iter();
         let found = functions.find(|(_, known)| known.name.as_deref() == Some(name));
@@ -713,12 +713,12 @@ impl Program {
         }
     }
 
-    /// The shape of a naga type, or the name of a part that a probe can't pass.
+    /// The shape of a naga type. The error describes the part of the type that a probe can't pass.
     pub(super) fn shape(&self, ty: naga::Handle<naga::Type>) -> Result<Shape, String> {
         self.shape_of(&self.checked.module.types[ty])
     }
 
-    /// The same for a type that needs no name in the module.
+    /// The shape of a type that isn't in the module.
     pub(super) fn shape_of(&self, ty: &naga::Type) -> Result<Shape, String> {
         use naga::{ArraySize, TypeInner};
         Ok(match &ty.inner {
@@ -774,7 +774,7 @@ fn unprobeable(diagnostic: Diagnostic) -> ReflectError {
 /// The `///` lines directly above a function.
 fn doc_above(span: &Span) -> String {
     let before = span.file.text.get(..span.range.start).unwrap_or_default();
-    // Only attributes may come before the function on its line.
+    // On the function's own line, only attributes may come before the function.
     let above = before.rfind('\n').map_or("", |newline| &before[..newline]);
     let mut lines: Vec<&str> = above
         .lines()

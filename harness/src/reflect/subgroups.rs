@@ -1,18 +1,18 @@
-//! Finds programs whose invocations communicate through subgroups.
+//! Finds programs in which invocations communicate through subgroups.
 
 use naga::{Binding, BuiltIn, Expression, Function, Handle, Module, TypeInner};
 
 use super::Program;
 
 impl Program {
-    /// Returns `true` if the program has subgroup operations, or a builtin value that depends on the subgroup size.
+    /// Checks if the program has subgroup operations, or a builtin value that depends on the subgroup size.
     pub(crate) fn has_subgroups(&self) -> bool {
         self.checked.subgroups
     }
 
-    /// Returns `true` if a function, or one that it calls, has a subgroup operation.
+    /// Checks if a function, or a function that it calls, has a subgroup operation.
     pub(super) fn reaches_subgroups(&self, path: &str) -> bool {
-        // Few modules have any.
+        // Few modules have subgroup operations.
         if !self.checked.subgroups {
             return false;
         }
@@ -40,7 +40,6 @@ fn operates(function: &Function) -> bool {
     function.expressions.iter().any(|(_, expression)| is_result(expression))
 }
 
-/// Returns `true` if a module has subgroup operations, or a builtin value that depends on the subgroup size.
 pub(super) fn has_subgroups(module: &Module) -> bool {
     let is_own = |binding: &Option<Binding>| {
         matches!(

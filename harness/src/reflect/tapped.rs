@@ -1,8 +1,8 @@
-//! Makes programs whose fragment functions return one intermediate value beside their colours.
+//! Makes programs in which fragment functions return one intermediate value in addition to their colours.
 //!
-//! A tap is a changed copy of naga's IR. After the statement that computes the value, a private variable stores it, and
-//! the fragment function returns its words at one more location. Control flow, arguments, resources and the author's
-//! text stay unchanged.
+//! A tap is a changed copy of naga's IR. After the statement that computes the value, a private variable stores
+//! the value. The fragment function returns the words of the value at one more location. Control flow, arguments,
+//! resources and the author's text stay unchanged.
 
 use std::collections::BTreeSet;
 use std::ops::Range;
@@ -22,40 +22,41 @@ use crate::package::asserts::{ASSERTED, HOLDER, PRINTED, is_in_a_line};
 use crate::package::let_statements;
 use crate::value::Shape;
 
-/// The number of a tap's words in one target.
+/// The number of `u32` words of a tap in one colour target.
 pub(crate) const WORDS: usize = 4;
 
-/// A value of a function, as naga has it.
+/// A value of a function in naga's IR.
 #[derive(Clone, Debug)]
 pub(crate) struct Valued {
-    /// The function or entry point, by its name in the text.
+    /// The name of the function or entry point in the text.
     pub(crate) function: String,
-    /// Its index among the expressions of the function.
+    /// The index of the value among the expressions of the function.
     pub(crate) expression: usize,
-    /// Its place in [`Program::text`]; `None` for an argument.
+    /// The range of the expression in [`Program::text`]; `None` for an argument.
     pub(crate) range: Option<Range<usize>>,
-    /// The name of its `let` or argument.
+    /// The name of the value's `let` or argument.
     pub(crate) name: Option<String>,
-    /// Its type, or the reason why it can't be read.
+    /// The type of the value, or the reason why Karat can't read the value.
     pub(crate) shape: Result<Shape, String>,
 }
 
 impl Valued {
-    /// The number of words for the value: its lanes, and one for a 1 and its rounds. `None` if it can't be read.
+    /// The number of `u32` words for the value: its scalars, and one word for the number of rounds plus 1. `None`
+    /// if Karat can't read the value.
     pub(crate) fn words(&self) -> Option<usize> {
         Some(self.shape.as_ref().ok()?.lanes().len() + 1)
     }
 }
 
-/// Selects which value of an expression that runs several times a tap keeps.
+/// Selects a value of an expression that runs several times.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) enum When {
-    /// The last one.
+    /// The last value.
     #[default]
     Last,
-    /// The value in this round, from 1.
+    /// The value in this round. The first round is 1.
     Round(u32),
-    /// For a condition, the last one that is false; only those count as rounds.
+    /// The last value of a condition that is false. Only rounds with false values count.
     False,
 }
 
@@ -68,13 +69,13 @@ impl From<Option<u32>> for When {
 /// The words of a tapped program, and their targets.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Telling<'t> {
-    /// The values. Without any, the program returns the number of the fragment function, from 1.
+    /// The values to return. Without values, the program returns the number of the fragment function, from 1.
     pub(crate) values: &'t [(&'t Valued, When)],
-    /// The first word to return. Each value has its own words, and then 1 and the rounds together.
+    /// The index of the first word to return. Each value has its own words, and then one word for its rounds plus 1.
     pub(crate) first: usize,
-    /// The locations of the words, [`WORDS`] at each.
+    /// The locations of the words. Each location has [`WORDS`] words.
     pub(crate) locations: &'t [u32],
-    /// Set if other locations are left out.
+    /// Removes the other locations.
     pub(crate) alone: bool,
 }
 
@@ -104,7 +105,7 @@ impl Program {
         all
     }
 
-    /// The values of all `let`s whose names begin with one of these prefixes, in all functions.
+    /// The values of all `let`s with a name that begins with one of these prefixes, in all functions.
     pub(crate) fn named_values(&self, beginnings: &[&str]) -> Vec<Valued> {
         let module = &self.checked.module;
         let mut all = Vec::new();
@@ -123,7 +124,7 @@ impl Program {
         let (_, info) = self.body(name).expect("it is a function of this program");
         let computed = computed(&function.body);
         for (handle, expression) in function.expressions.iter() {
-            // naga turns a number next to a vector into a vector, and gives it the number's place.
+            // naga turns a number next to a vector into a vector, and gives the vector the number's span.
             let span = |handle| function.expressions.get_span(handle);
             if let Expression::Splat { value, .. } = expression
                 && span(*value) == span(handle)
@@ -166,10 +167,11 @@ impl Program {
         }
     }
 
-    /// Fails if an assertion or a print has a side effect on the shader: a call that writes, or an atomic.
+    /// Fails if an assertion or a print has a side effect on the shader: it calls a function that writes, or has
+    /// an atomic operation.
     ///
     /// # Errors
-    /// With the place of the side effect.
+    /// With the location of the side effect.
     pub(crate) fn expect_no_effects(&self) -> Result<(), ReflectError> {
         let (module, info) = (self.module(), self.info());
         let functions = module.functions.iter().map(|(_, function)| function);
@@ -204,14 +206,14 @@ impl Program {
             });
         }
         let Some(place) = found else { return Ok(()) };
-        let message = "a line that asserts or prints changes something itself";
-        let note = "call it in the shader, and assert or print what it returned";
+        let message = "a line that asserts or prints has a side effect";
+        let note = "call the function in the shader, and assert or print its result";
         let found =
             crate::diagnostic::Diagnostic::new(message).at(place.first_line(), "").note(note);
         Err(ReflectError::Unprobeable(Box::new(found)))
     }
 
-    /// The place of an assertion's or print's expression, by its name: naga has no place for it.
+    /// The range of an assertion's or print's expression, by its name. naga has no span for such an expression.
     fn held(&self, function: &str, name: &str) -> Option<Range<usize>> {
         if ![ASSERTED, PRINTED].iter().any(|one| name.starts_with(one)) {
             return None;
@@ -224,10 +226,10 @@ impl Program {
         Some(start..end - 1)
     }
 
-    /// A program whose fragment functions of these names return a value, or their number.
+    /// A program in which these fragment functions return values, or the number of the fragment function.
     ///
     /// # Errors
-    /// If naga rejects it.
+    /// If naga rejects the program.
     pub(crate) fn telling(
         &self,
         fragments: &[&str],
@@ -250,11 +252,12 @@ impl Program {
         Ok(Self { overrides: self.overrides.clone(), ..program })
     }
 
-    /// A program whose compute entry point leaves a value of each invocation in a buffer: the value's words, and then a
-    /// 1 and the rounds together. The buffer's path is [`TOLD`]. `counts` has the invocations in each direction.
+    /// A program whose compute entry point writes a value of each invocation into a buffer. The buffer has the
+    /// words of the value, and then one word for the rounds plus 1. The buffer's path is [`TOLD`]. `counts` has
+    /// the number of invocations in each direction.
     ///
     /// # Errors
-    /// If naga rejects it.
+    /// If naga rejects the program, or if the entry point has `global_invocation_id` in a structure.
     pub(crate) fn telling_pass(
         &self,
         entry_point: &str,
@@ -311,7 +314,7 @@ impl Program {
         Ok(Self { overrides: self.overrides.clone(), ..program })
     }
 
-    /// Makes a function keep a value; returns the variables that keep it, and the ways to its lanes.
+    /// Makes a function store a value. Returns the variables that store the value, and the paths to its scalars.
     fn keeping(&self, module: &mut Module, value: &Valued, when: When) -> (Kept, Vec<Way>) {
         let (function, info) = self.body(&value.function).expect("it is a function of the program");
         let mut all = function.expressions.iter().map(|(handle, _)| handle);
@@ -354,7 +357,7 @@ impl Program {
 
 const NOWHERE: Span = Span::UNDEFINED;
 
-/// The expressions that statements of a body compute.
+/// The expressions that the statements of a body compute.
 fn computed(body: &Block) -> BTreeSet<Handle<Expression>> {
     let mut all = BTreeSet::new();
     walk(body, false, &mut |statement, _, _| match statement {
@@ -364,7 +367,6 @@ fn computed(body: &Block) -> BTreeSet<Handle<Expression>> {
     all
 }
 
-/// The expression that a statement computes, other than an `Emit`.
 fn result_of(statement: &Statement) -> Option<Handle<Expression>> {
     match statement {
         Statement::Call { result, .. } | Statement::Atomic { result, .. } => *result,
@@ -376,10 +378,9 @@ fn result_of(statement: &Statement) -> Option<Handle<Expression>> {
     }
 }
 
-/// The way to a lane of a type, as indices, with the lane's scalar.
+/// The path to a scalar of a type, as indices, with the type of the scalar.
 type Way = (Vec<u32>, Scalar);
 
-/// The ways to the lanes of a type.
 fn lanes(module: &Module, ty: Handle<Type>, way: Vec<u32>) -> Vec<Way> {
     let mut all = Vec::new();
     let with = |index: u32| [&*way, &[index]].concat();
@@ -409,7 +410,7 @@ fn lanes(module: &Module, ty: Handle<Type>, way: Vec<u32>) -> Vec<Way> {
     all
 }
 
-/// The variables that keep a value until the entry point returns.
+/// The private variables that store a value, and count its rounds, until the entry point returns.
 #[derive(Clone, Copy)]
 struct Kept {
     value: Handle<GlobalVariable>,
@@ -417,7 +418,7 @@ struct Kept {
 }
 
 impl Kept {
-    /// Stores a value after the statement that computes it, and counts.
+    /// Stores a value after the statement that computes the value, and counts the rounds.
     fn keep(self, function: &mut Function, value: Handle<Expression>, when: When) {
         let mut body = std::mem::take(&mut function.body);
         let store = |function: &mut Function| {
@@ -474,10 +475,10 @@ impl Kept {
     }
 }
 
-/// The buffer with the words that a pass leaves.
+/// The name of the buffer with the words of a pass.
 pub(crate) const TOLD: &str = "karat_told_words";
 
-/// Returns `true` if a structure among a function's arguments contains a builtin value.
+/// Checks if a structure among a function's arguments contains a builtin value.
 fn holds(types: &naga::UniqueArena<Type>, function: &Function, id: &Option<Binding>) -> bool {
     function.arguments.iter().any(|argument| match &types[argument.ty].inner {
         TypeInner::Struct { members, .. } => members.iter().any(|member| member.binding == *id),
@@ -487,13 +488,13 @@ fn holds(types: &naga::UniqueArena<Type>, function: &Function, id: &Option<Bindi
 
 fn untold_pass(entry_point: &str) -> ReflectError {
     let message = format!(
-        "`{entry_point}` takes `global_invocation_id` in a structure: its values can't be told"
+        "`{entry_point}` takes `global_invocation_id` in a structure, so Karat can't read its values"
     );
-    let note = "take it as a parameter of its own";
+    let note = "declare it as a separate parameter";
     ReflectError::Unprobeable(Box::new(crate::diagnostic::Diagnostic::new(message).note(note)))
 }
 
-/// The words of an expression's lane.
+/// The bits of a scalar as a `u32`.
 fn bits(
     add: &mut dyn FnMut(Expression) -> Handle<Expression>,
     lane: Handle<Expression>,
@@ -511,7 +512,7 @@ fn bits(
     }
 }
 
-/// Stores the words of an invocation, each at its place in the buffer.
+/// Stores the words of an invocation at the invocation's offset in the buffer.
 fn leave(
     function: &mut Function,
     (kept, told): (Kept, Handle<GlobalVariable>),
@@ -569,8 +570,8 @@ fn leave(
     block
 }
 
-/// The result of an entry point with words: its type, the words' type, and the indices of the previous members that
-/// stay. `None` stands for a previous result that was no structure.
+/// Changes the result type of an entry point to a structure with words. Returns this type, the words' type, and
+/// the indices of the previous members that stay. `None` stands for a previous result that isn't a structure.
 fn returning(
     module: &mut Module,
     function: &mut Function,
@@ -606,7 +607,7 @@ fn returning(
     let (kept, mut members): (Vec<_>, Vec<_>) = all.into_iter().unzip();
     let told = |location| member(&format!("karat_told_{location}"), words, Some(at(location)));
     members.extend(telling.locations.iter().map(told));
-    // No host sees it, but naga's validator requires the layout.
+    // No host sees the structure, but naga's validator requires the layout.
     let mut layouter = Layouter::default();
     let mut span = 0;
     if layouter.update(module.to_ctx()).is_ok() {
@@ -624,7 +625,7 @@ fn returning(
     ([ty, words], kept)
 }
 
-/// Makes an entry point return the words beside its result.
+/// Makes an entry point return the words in addition to its result.
 fn tell(
     module: &mut Module,
     function: &mut Function,
@@ -636,7 +637,7 @@ fn tell(
     rewrite(&mut body, &mut |statement| {
         let Statement::Return { value: returned } = statement else { return Rewritten::AsIs };
         let mut first = None;
-        // Expressions that need no statement come before those that do.
+        // Expressions that need no `Emit` come before the other expressions.
         let mut before = |expression| function.expressions.append(expression, NOWHERE);
         let zero = before(Expression::Literal(Literal::U32(0)));
         let one = before(Expression::Literal(Literal::U32(1)));
@@ -649,7 +650,7 @@ fn tell(
             first.get_or_insert(handle);
             handle
         };
-        // The lanes of each value, then its rounds.
+        // The scalars of each value, and then the rounds of the value.
         let mut places: Vec<(usize, Option<&Way>)> = Vec::new();
         for (index, (_, ways)) in values.iter().enumerate() {
             places.extend(ways.iter().map(|way| (index, Some(way))));
@@ -694,15 +695,13 @@ fn tell(
     function.body = body;
 }
 
-/// The result of rewriting a statement.
 enum Rewritten {
     AsIs,
-    /// The statement stays, and these follow it.
+    /// The statement stays, and this block follows it.
     Before(Block),
     Instead(Block),
 }
 
-/// Rewrites each statement of a block, the inner ones first.
 fn rewrite(block: &mut Block, with: &mut dyn FnMut(&Statement) -> Rewritten) {
     let mut all = Block::new();
     for (mut statement, span) in std::mem::take(block).span_into_iter() {

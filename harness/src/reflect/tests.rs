@@ -1,6 +1,6 @@
 use super::*;
 
-/// naga's IR of a text, without places.
+/// naga's IR of a text, without spans.
 fn ir(text: &str) -> String {
     let module = wgsl::parse_str(text).unwrap_or_else(|error| panic!("{error}\n{text}"));
     let debug = format!("{module:?}");
@@ -12,8 +12,9 @@ fn ir(text: &str) -> String {
     without
 }
 
-/// Renaming everything that a module declares changes only names: the linker finds each use of a name, and takes
-/// nothing else for one.
+/// If every declaration of a module gets another name, only names change in the IR. So the linker finds each use
+/// of a name, and changes nothing else.
+// Lesson 51: each name of the library
 #[test]
 fn renamed_modules_are_the_same_programs() {
     let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
@@ -37,7 +38,7 @@ fn renamed_modules_are_the_same_programs() {
                 renamed += 1;
                 found = found.replace(&format!("\"{name}\""), &format!("\"{author}\""));
             }
-            // A new name may sort at another place.
+            // A new name may have another position in a sorted list.
             for text in [&mut expected, &mut found] {
                 text.retain(|c| !c.is_whitespace());
             }

@@ -1,4 +1,4 @@
-//! Validates a whole package, beyond the functions that tests reach.
+//! Validates a whole package, including functions that no test uses.
 
 use std::collections::BTreeSet;
 use std::fmt;
@@ -19,9 +19,9 @@ pub struct Validated {
     pub functions: usize,
     /// The number of entry points.
     pub entry_points: usize,
-    /// The number of functions with `@test`. They are only counted here; a run validates them.
+    /// The number of functions with `@test`. Validation only counts these functions, and a run validates them.
     pub tests: usize,
-    /// The opinions of Tint and of WebGPU's limits. The package meets every requirement of `karat.toml`.
+    /// The verdicts of Tint and of WebGPU's limits. The package meets every requirement of `karat.toml`.
     pub opinion: Opinion,
 }
 
@@ -44,30 +44,30 @@ pub enum Invalid {
     /// The package can't be read, or has no modules.
     #[error(transparent)]
     Package(#[from] PackageError),
-    /// Some modules can't be linked, or naga rejects them. All of them are listed.
+    /// Some modules can't be linked, or naga rejects them. The error lists all of them.
     #[error("{} of {} of package `{package}` {} valid:\n\n{}",
         distinct(errors), counted(*modules, "module"), if distinct(errors) == 1 { "isn't" } else { "aren't" },
         list(errors))]
     Modules {
         /// The package.
         package: String,
-        /// The number of its modules.
+        /// The number of the package's modules.
         modules: usize,
         /// Each module that isn't valid, with the reason.
         errors: Vec<(String, ReflectError)>,
-        /// The opinion on the modules.
+        /// The verdicts on the modules from other sources than naga.
         opinion: Box<Opinion>,
     },
-    /// `karat.toml` requires Tint's verdict, and there is none.
+    /// `karat.toml` requires Tint's verdict, but Tint has no verdict.
     #[error("package `{package}` requires Tint's verdict, and there is none: {reason}\n{remedy}")]
     NoVerdict {
         /// The package.
         package: String,
-        /// The reason why there is none.
+        /// The reason why Tint has no verdict.
         reason: String,
         /// The remedy.
         remedy: String,
-        /// The opinion on the modules.
+        /// The verdicts on the modules from other sources than naga.
         opinion: Box<Opinion>,
     },
     /// The package has no code to run.
@@ -79,7 +79,7 @@ pub enum Invalid {
 }
 
 impl Invalid {
-    /// The opinion on the modules, if there is one.
+    /// The verdicts on the modules from other sources than naga, if there are any.
     #[must_use]
     pub fn opinion(&self) -> Option<&Opinion> {
         match self {
@@ -89,7 +89,7 @@ impl Invalid {
     }
 }
 
-/// The number of modules with errors: one module may have several.
+/// The number of modules with errors. One module may have several errors.
 fn distinct(errors: &[(String, ReflectError)]) -> usize {
     errors.iter().map(|(module, _)| module).collect::<BTreeSet<_>>().len()
 }
@@ -107,8 +107,8 @@ fn list(errors: &[(String, ReflectError)]) -> String {
 }
 
 impl Package {
-    /// Validates every module with all of its functions and entry points, as [`is_valid`](Self::is_valid) does, without
-    /// the panic. It returns the verdict to the caller, and doesn't record it.
+    /// Validates every module with all its functions and entry points. Other than [`is_valid`](Self::is_valid),
+    /// this method returns the verdict instead of panicking, and doesn't record it.
     ///
     /// ```
     /// use karat::Package;
@@ -118,7 +118,8 @@ impl Package {
     /// ```
     ///
     /// # Errors
-    /// Each module that isn't valid, with its reason.
+    /// With each module that isn't valid, and the reason. Also if Tint's verdict is required and missing, or if
+    /// the package has no code.
     pub fn try_is_valid(&self) -> Result<Validated, Invalid> {
         let modules = self.modules()?;
         self.knows_its_validated(&modules)?;
@@ -164,7 +165,7 @@ impl Package {
         errors.extend(found.opinion.faults(&compilers));
         let missing = found.opinion.no_verdict().filter(|_| compilers.require_tint);
         if let (false, Some((reason, remedy))) = (errors.is_empty(), &missing) {
-            // Among other errors, it is one of them.
+            // If there are other errors, the missing verdict is one more error of the first module.
             let message = format!("Tint's verdict is required, and there is none: {reason}");
             let diagnostic = Box::new(Diagnostic::new(message).note(remedy.as_str()));
             errors.push((errors[0].0.clone(), ReflectError::Refused(diagnostic)));
@@ -186,14 +187,14 @@ impl Package {
 }
 
 impl Program {
-    /// Returns `true` if this module of the package declares a name in the text.
+    /// Checks if this module of the package declares a name in the text.
     fn declares(&self, module: &str, name: &str) -> bool {
         let path = self.linked.names.get(name).map_or(name, String::as_str);
         path.rsplit_once("::").map_or("", |(module, _)| module) == module
     }
 }
 
-/// Validates a whole module; a part of it was linked before.
+/// Validates a whole module. Karat linked at least a part of the module before.
 pub(crate) fn validate(
     package: &Package,
     module: &str,

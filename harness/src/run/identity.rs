@@ -1,4 +1,4 @@
-//! The running test. Its name is a part of the seeds of its cases and of its replay commands.
+//! The running test. The seeds of its cases, and its replay commands, depend on its name.
 
 use std::cell::RefCell;
 use std::collections::HashMap;
@@ -14,26 +14,27 @@ use crate::settings::{self, SelectedCase, Settings, SettingsError};
 /// The reason why a check can't begin.
 #[derive(Clone, Debug, thiserror::Error)]
 pub enum NotBegun {
-    /// The environment has a setting that can't be used.
+    /// An environment variable has a value that can't be used.
     #[error(transparent)]
     Settings(#[from] SettingsError),
-    /// Another check is to be replayed, and the test of this check isn't known.
+    /// The environment asks for a replay of another check, and Karat doesn't know to which test this check
+    /// belongs.
     #[error(transparent)]
     NotReplayed(#[from] NotReplayed),
 }
 
-/// The running check, and the settings from the environment.
+/// The running check, and the settings from environment variables.
 #[derive(Clone, Debug)]
 pub(crate) struct Identity {
-    /// The test's name: its module path inside the test binary.
+    /// The test's name, with its module path inside the test binary.
     pub(crate) test: String,
-    /// The verb of the check. The second check of a function with the same verb is `agrees_with#2`. Seeds,
-    /// replay commands and the file of failing inputs use this name.
+    /// The verb of the check. If the test checks a function again with the same verb, the name is
+    /// `agrees_with#2`. Seeds, replay commands and the file of failing inputs use this name.
     pub(crate) check: String,
     settings: &'static Settings,
 }
 
-/// A case to be replayed, and the arguments that replace its own.
+/// A case for a replay command, and the arguments that replace the case's own arguments.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Replayed<'a> {
     pub(crate) case: u64,
@@ -42,8 +43,8 @@ pub(crate) struct Replayed<'a> {
 }
 
 impl Identity {
-    /// Begins a check of the running test. Checks of a function with the same verb are numbered in the test's
-    /// order.
+    /// Begins a check of the running test. Numbers the checks of one function with the same verb, in the order
+    /// in which they run.
     pub(crate) fn of(function: &str, verb: &str) -> Result<Self, NotBegun> {
         thread_local! {
             static SEEN: RefCell<HashMap<String, u32>> = RefCell::default();
@@ -59,7 +60,7 @@ impl Identity {
         Ok(Self { test, check, settings })
     }
 
-    /// The selected case, if the environment names this check, or a case without a check.
+    /// The case that the environment selects, if it names this check, or no check.
     fn selected(&self, function: &str, check: &str) -> Option<&SelectedCase> {
         self.settings.case.as_ref().filter(|selected| match &selected.check {
             Some(named) => *named == label(function, check),
@@ -67,11 +68,11 @@ impl Identity {
         })
     }
 
-    /// The seed of a check. It is a hash of the names of test, function and check, so it doesn't depend on
-    /// the machine or on the order of the tests.
+    /// The seed of a check: a hash of the names of the test, the function and the check. So the seed doesn't
+    /// depend on the machine or on the order of the tests.
     pub(crate) fn seed(&self, function: &str, check: &str) -> u64 {
         let Settings { seed, case, .. } = self.settings;
-        // All sources of arguments have the same seed, and so the same cases.
+        // All ways to pass arguments use the same seed, and so the same cases.
         let speaks = self.inputs(function, check).is_some()
             || case.is_none()
             || self.selected(function, check).is_some();
@@ -86,7 +87,8 @@ impl Identity {
         Some(self.selected(function, check)?.case)
     }
 
-    /// The source of arguments that the environment names for this check. `None`: it doesn't name this check.
+    /// The way to pass arguments that the environment names for this check. `None` if the environment doesn't
+    /// name this check.
     pub(crate) fn inputs(&self, function: &str, check: &str) -> Option<Inputs> {
         let named = self.settings.case.as_ref()?.check.as_ref()?;
         Inputs::ALL
@@ -94,22 +96,22 @@ impl Identity {
             .find(|inputs| *named == label(function, &with_inputs(check, *inputs)))
     }
 
-    /// True if failing inputs are stored: this is turned on, and no single case is replayed.
+    /// Checks if the test remembers failing inputs: the setting is on, and no replay selects a single case.
     pub(super) fn remembers(&self) -> bool {
         self.settings.case.is_none() && self.settings.failures
     }
 
-    /// The arguments that replace those of the check's selected case.
+    /// The arguments that replace the arguments of the check's selected case.
     pub(crate) fn input(&self, function: &str, check: &str) -> Option<&[u32]> {
         self.selected(function, check)?.input.as_deref()
     }
 
-    /// The steps of simplification from the check's selected case.
+    /// The steps of simplification that a replay applies to the check's selected case.
     pub(crate) fn steps(&self, function: &str, check: &str) -> &[usize] {
         self.selected(function, check).map_or(&[], |selected| &selected.steps)
     }
 
-    /// The command that runs a check again, on one path and with one case.
+    /// Makes the command that runs a check again on one path, with one case.
     pub(crate) fn replay(
         &self,
         path: Option<Path>,
@@ -137,13 +139,13 @@ impl Identity {
         Replay { variables, program, arguments }
     }
 
-    /// The program that runs the test, and its arguments.
+    /// Returns the program that runs the test, and its arguments.
     fn program(&self) -> (String, Vec<String>) {
         if let Some(host) = host::current() {
             return host.command(&self.test);
         }
         let exe = std::env::current_exe().unwrap_or_default();
-        // Cargo passes the package's name to the test. Threads of tests have the names of their tests.
+        // Cargo passes the package's name to the test. Test runners name a test's thread after the test.
         let package = std::env::var("CARGO_PKG_NAME").ok().filter(|_| self.test != "main");
         let Some(package) = package else { return (exe.display().to_string(), Vec::new()) };
         let mut arguments = vec!["test".to_owned(), "-p".to_owned(), package.clone()];
@@ -154,13 +156,13 @@ impl Identity {
     }
 }
 
-/// A check's name in replay commands.
+/// The name of a function's check in replay commands.
 fn label(function: &str, check: &str) -> String {
     format!("{}/{check}", output::name(function))
 }
 
-/// The arguments with which a test's program runs the test of this name. A part of the name selects a test
-/// whose name doesn't fit on one line.
+/// Returns the arguments with which a test program runs only this test. If the test's name can't stand in a
+/// command line, selects the test by a part of its name.
 fn selecting(test: &str) -> Vec<String> {
     if output::name(test) == test {
         return vec!["--exact".to_owned(), test.to_owned()];
@@ -171,10 +173,11 @@ fn selecting(test: &str) -> Vec<String> {
     vec![longest[..longest.floor_char_boundary(PART)].to_owned()]
 }
 
-/// Largest number of bytes of such a part.
+/// The largest number of bytes of a part of a test's name.
 const PART: usize = 100;
 
-/// A check's name with the source of its arguments. The storage buffer, the default source, isn't added.
+/// The name of a check with the way to pass arguments. For a storage buffer, which is the default, the name has
+/// no addition.
 pub(crate) fn with_inputs(check: &str, inputs: Inputs) -> String {
     match inputs {
         Inputs::Storage => check.to_owned(),
@@ -182,19 +185,19 @@ pub(crate) fn with_inputs(check: &str, inputs: Inputs) -> String {
     }
 }
 
-/// Lanes as text, for environment variables and files: `3f800000,00000000`.
+/// Writes words as text, for environment variables and files: `3f800000,00000000`.
 pub(super) fn write_words(words: &[u32]) -> String {
     let words: Vec<String> = words.iter().map(|word| format!("{word:08x}")).collect();
     words.join(",")
 }
 
-/// Steps as text, for environment variables and files: `3.0`.
+/// Writes steps of simplification as text, for environment variables and files: `3.0`.
 pub(super) fn write_steps(steps: &[usize]) -> String {
     let steps: Vec<String> = steps.iter().map(ToString::to_string).collect();
     steps.join(".")
 }
 
-/// The Cargo package of the running test; empty if Cargo doesn't run it.
+/// The Cargo package of the running test. Empty if Cargo doesn't run the test.
 pub(crate) fn cargo_package() -> String {
     match host::current() {
         None => std::env::var("CARGO_PKG_NAME").unwrap_or_default(),
@@ -202,23 +205,23 @@ pub(crate) fn cargo_package() -> String {
     }
 }
 
-/// Notes that the running test has a frame that isn't drawn.
+/// Notes that the running test leaves out a frame.
 pub(crate) fn leave_frame_out() {
     crate::record::leave_out(&test());
 }
 
-/// The name of the running test. Test runners name the thread of each test; a program without tests runs on
-/// `main`.
+/// The name of the running test. Test runners name a test's thread after the test. A program without tests runs
+/// on the thread `main`.
 pub(crate) fn test() -> String {
     output::name(&test_as_named()).into_owned()
 }
 
-/// The name of the running test as its author wrote it.
+/// The name of the running test, as its author wrote it.
 fn test_as_named() -> String {
     std::thread::current().name().unwrap_or("main").to_owned()
 }
 
-/// Cargo's options for the target of a test binary, from the binary's folder and file name:
+/// Returns Cargo's options that select the target of a test binary. The binary's folder and file name decide:
 /// `target/debug/deps/fresnel-1a2b...`.
 fn target(exe: &FilePath, package: &str) -> Vec<String> {
     let stem = exe.file_stem().unwrap_or_default().to_string_lossy();
@@ -239,13 +242,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn targets_are_told_by_their_place_and_name() {
+    fn targets_are_found_by_their_place_and_name() {
         let of = |exe: &str| target(FilePath::new(exe), "my-crate");
         assert_eq!(of("/t/debug/deps/fresnel-0a1b"), ["--test", "fresnel"]);
         assert_eq!(of("/t/debug/examples/srgb-0a1b"), ["--example", "srgb"]);
         assert_eq!(of("/t/debug/deps/my_crate-0a1b"), ["--lib", "--bins"]);
     }
 
+    // Lesson 182
     #[test]
     fn a_test_that_no_line_can_name_is_selected_by_a_part() {
         assert_eq!(selecting("brdf::grazing"), ["--exact", "brdf::grazing"]);
@@ -280,7 +284,8 @@ mod tests {
         assert_eq!((none.case("a::f", "satisfies"), none.seed("a::f", "satisfies")), (None, 1));
     }
 
-    /// Each test, function and check has different cases.
+    /// Different tests, functions and checks have different seeds.
+    // Lesson 74
     #[test]
     fn each_check_has_a_seed_of_its_own() {
         let settings = Box::leak(Box::new(Settings::read([]).expect("nothing is set")));
@@ -300,7 +305,7 @@ mod tests {
     }
 
     #[test]
-    fn checks_of_one_function_are_told_apart() {
+    fn checks_of_one_function_have_different_names() {
         let label = |function: &str| {
             Identity::of(function, "satisfies").expect("nothing is replayed").check
         };

@@ -1,7 +1,7 @@
-//! Declarations of failures on paths, and the verdict on all paths together.
+//! Declarations of failures on paths, and the combined verdict of all paths.
 //!
-//! A path that is declared to fail must fail. If it passes, the check fails, so that you remove the
-//! declaration when the bug is fixed. Functions, frames and compute passes use the same rules.
+//! If you declare that a path fails, the path must fail. If it passes, the check fails, so that you remove the
+//! declaration after the bug is fixed. The same rules apply to functions, frames and compute passes.
 
 use std::collections::BTreeSet;
 use std::fmt::{self, Display};
@@ -12,32 +12,32 @@ use crate::executor::{self, Executor};
 use crate::path::{Adapter, Path, PathError, Selected, Selector};
 use crate::record::{Details, PathDetails, PathRecord};
 
-/// A failure that was declared with `fails_on` or `refused_on`, and that occurred.
+/// A failure that occurred, and that the test declares with `fails_on` or `refused_on`.
 #[derive(Clone, Debug, PartialEq)]
 pub struct KnownIssue {
     /// The path's name, its adapter and its driver.
     pub adapter: Adapter,
     /// The reason in the declaration.
     pub reason: String,
-    /// Number of cases, or of pixels, that were compared; 0 if the path refuses the program.
+    /// The number of cases or pixels that Karat compared. 0 if the path refuses the program.
     pub cases: u64,
-    /// Number of these that failed; 1 if the path refuses the program.
+    /// The number of cases or pixels that failed. 1 if the path refuses the program.
     pub failures: u64,
 }
 
-/// The failures of several paths. It is used if a single failure isn't the whole message.
+/// The failures on several paths, if a single failure isn't the whole message.
 #[derive(Debug)]
 pub struct PathFailures<E> {
-    /// Failures of values, and wrong declarations.
+    /// The failures because of wrong values, and the wrong declarations.
     pub failures: Vec<E>,
-    /// Each path without values, and the reason.
+    /// The paths without values, each with the reason.
     pub stopped: Vec<(Adapter, E)>,
-    /// The paths that agree, unless a failure lists them.
+    /// The paths on which the check passes, unless a failure already lists these paths.
     pub agreeing: Vec<Adapter>,
 }
 
 impl<E: Display> PathFailures<E> {
-    /// The same as data. The first failure is the headline.
+    /// The failures as data. The first failure is the headline.
     pub(crate) fn details(&self, of: impl Fn(&E) -> Details) -> Details {
         let mut all = self.failures.iter().map(&of);
         let mut details = all.next();
@@ -56,7 +56,7 @@ impl<E: Display> PathFailures<E> {
 }
 
 impl<E> PathFailures<E> {
-    /// All failures on all paths.
+    /// Iterates over all failures on all paths.
     pub(crate) fn all(&self) -> impl Iterator<Item = &E> {
         self.failures.iter().chain(self.stopped.iter().map(|(_, error)| error))
     }
@@ -69,36 +69,37 @@ impl<E: Display> Display for PathFailures<E> {
             .stopped
             .iter()
             .map(|(adapter, error)| format!("on {adapter} there is no verdict\n{error}"));
-        let agreeing = self.agreeing.iter().map(|adapter| format!("on {adapter}\n  it agrees"));
+        let agreeing =
+            self.agreeing.iter().map(|adapter| format!("on {adapter}\n  all results agree"));
         let all: Vec<String> = failures.chain(stopped).chain(agreeing).collect();
         let all: Vec<&str> = all.iter().map(|one| one.trim_end_matches('\n')).collect();
         f.write_str(&all.join("\n"))
     }
 }
 
-/// A declaration about a path that isn't true, or that has no reason.
+/// A declaration about a path that is wrong, or that has no reason.
 #[derive(Clone, Debug, thiserror::Error)]
 pub enum WrongDeclaration {
-    /// A path is declared to fail, and passes.
+    /// A path passes, although it is declared to fail.
     #[error(
-        "`{subject}` is as it should be on {path}, where it is declared to fail: {reason}\n\
-         the bug is gone, or hidden: remove its `fails_on`"
+        "`{subject}` passes on {path}, where it is declared to fail: {reason}\n\
+         the bug is fixed, or hidden: remove the `fails_on`"
     )]
     UnexpectedPass {
-        /// The function, the golden or the variable.
+        /// The name of the function, the golden or the variable.
         subject: String,
         /// The path.
         path: Path,
         /// The reason in the declaration.
         reason: String,
     },
-    /// A path is declared to refuse a program, and runs it.
+    /// A path runs a program, although it is declared to refuse the program.
     #[error(
-        "{path} is declared to refuse `{subject}`, and runs it: {reason}\n\
-         the bug is gone, or hidden: remove its `refused_on`"
+        "{path} runs `{subject}`, but is declared to refuse it: {reason}\n\
+         the bug is fixed, or hidden: remove the `refused_on`"
     )]
     NotRefused {
-        /// The function, the golden or the variable.
+        /// The name of the function, the golden or the variable.
         subject: String,
         /// The path.
         path: Path,
@@ -108,24 +109,24 @@ pub enum WrongDeclaration {
     /// A declaration has no reason.
     #[error("the `{setting}` of `{subject}` on {on} has no reason: name the bug")]
     Unexplained {
-        /// `fails_on` or `refused_on`.
+        /// The name of the declaration: `fails_on` or `refused_on`.
         setting: &'static str,
-        /// The function, the golden or the variable.
+        /// The name of the function, the golden or the variable.
         subject: String,
-        /// The paths.
+        /// The paths in the declaration.
         on: Selector,
     },
     /// A declaration names an unknown path.
     #[error("{error}")]
     Path {
-        /// `fails_on`, `refused_on` or `tolerance_on`.
+        /// The name of the declaration: `fails_on`, `refused_on` or `tolerance_on`.
         setting: &'static str,
-        /// The error in the name.
+        /// The error about the path's name.
         error: PathError,
     },
 }
 
-/// Fails if a setting has a text that isn't the name of a path.
+/// Returns an error if a declaration contains a text that isn't the name of a path.
 pub(crate) fn sound_paths<T>(
     setting: &'static str,
     declared: &Selected<T>,
@@ -134,33 +135,32 @@ pub(crate) fn sound_paths<T>(
 }
 
 impl WrongDeclaration {
-    /// True if a declared bug is gone, which is a verdict. Other wrong declarations are errors.
+    /// Checks if a declared bug doesn't occur any more, which is a verdict. Other wrong declarations are
+    /// errors.
     pub(crate) fn is_verdict(&self) -> bool {
         matches!(self, Self::UnexpectedPass { .. } | Self::NotRefused { .. })
     }
 }
 
-/// The declarations of one check or frame.
+/// The declarations about paths of one check or frame.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct KnownIssues {
-    /// Paths whose values are wrong.
+    /// The paths that return wrong values, each with the reason.
     values: Selected<String>,
-    /// Paths that refuse the program.
+    /// The paths that refuse the program, each with the reason.
     refusals: Selected<String>,
 }
 
 impl KnownIssues {
-    /// Declares that values are wrong on a path.
     pub(crate) fn declare(&mut self, on: Selector, reason: &str) {
         declare(&mut self.values, on, reason);
     }
 
-    /// Declares that a path refuses the program.
     pub(crate) fn declare_refusal(&mut self, on: Selector, reason: &str) {
         declare(&mut self.refusals, on, reason);
     }
 
-    /// Fails unless each declaration names a known path and has a reason.
+    /// Returns an error if a declaration names an unknown path, or has no reason.
     pub(crate) fn expect_sound<E>(&self, subject: &str) -> Result<(), E>
     where
         E: From<WrongDeclaration>,
@@ -179,21 +179,21 @@ impl KnownIssues {
         self.values.is_empty() && self.refusals.is_empty()
     }
 
-    /// True if there is a declaration for a path.
+    /// Checks if there is a declaration about this path.
     pub(crate) fn names(&self, path: Path, adapter: &Adapter) -> bool {
         self.values.on(path, adapter).or_else(|| self.refusals.on(path, adapter)).is_some()
     }
 
-    /// Judges each path, and combines the verdict with the path's declaration. Every path is judged, whatever
-    /// happens on the others. Functions, frames and compute passes have the same rules:
+    /// Judges each path, and combines the verdict with the path's declaration. A failure on one path doesn't
+    /// stop the other paths. Functions, frames and compute passes have the same rules:
     ///
-    /// - `fails_on` is about values. At least one value of the path must be wrong, unless a single case is
-    ///   replayed. NaN and infinities are values.
-    /// - `refused_on` is about a path that refuses the program before any part of it runs.
-    /// - Anything else that stops a path is an error, with or without a declaration, because the path then
-    ///   has no values.
+    /// - `fails_on` is about values. At least one value on the path must be wrong, unless a replay selects a
+    ///   single case. NaN and infinities are values.
+    /// - `refused_on` is about a path that refuses the program before it runs any part of it.
+    /// - If a path stops for any other reason, that is an error even with a declaration, because the path has
+    ///   no values.
     ///
-    /// The record of each path is added to `records`.
+    /// Adds the record of each path to `records`.
     pub(crate) fn conclude<V, E: Stop>(
         &self,
         subject: &str,
@@ -264,14 +264,14 @@ fn declare(all: &mut Selected<String>, on: Selector, reason: &str) {
     }
 }
 
-/// The record of a path without values.
+/// Makes the record of a path without values.
 fn without_values(adapter: Adapter, worst: &str) -> PathRecord {
     PathRecord { failures: 1, worst: worst.to_owned(), ..PathRecord::of(adapter) }
 }
 
-/// The values of a path, after they were judged.
+/// The judged values of a path.
 pub(crate) struct Judged<V> {
-    /// The record of the path; `conclude` adds the declaration to it.
+    /// The record of the path. `conclude` adds the declaration to the record.
     pub(crate) record: PathRecord,
     pub(crate) values: V,
 }
@@ -282,10 +282,10 @@ pub(crate) type JudgePath<'j, V, E> =
 
 /// The reason why a check, a frame or passes fail.
 pub(crate) trait Stop: Fails + From<WrongDeclaration> {
-    /// True if a path refused the program before any part of it ran.
+    /// Checks if a path refused the program before it ran any part of it.
     fn is_refusal(&self) -> bool;
 
-    /// The cause in words. Paths with the same cause are reported together.
+    /// The cause, as text. A report shows paths with the same cause together.
     fn cause(&self) -> String {
         self.to_string()
     }
@@ -295,7 +295,7 @@ pub(crate) trait Stop: Fails + From<WrongDeclaration> {
         Self: Sized;
 }
 
-/// Each path with its verdict.
+/// The verdicts of the paths.
 pub(crate) struct Conclusion<V, E> {
     asked: usize,
     pub(crate) agreeing: Vec<(Adapter, V)>,
@@ -313,18 +313,18 @@ impl<V, E> Default for Conclusion<V, E> {
     }
 }
 
-/// The paths that agree, and those that fail as declared.
+/// The paths that agree, and the known issues of the paths that fail as declared.
 pub(crate) type Agreed<V> = (Vec<(Adapter, V)>, Vec<KnownIssue>);
 
 impl<V, E: Stop> Conclusion<V, E> {
-    /// True if every path had the same error: then the cause is no single path.
+    /// Checks if every path has the same error. Then the cause isn't a single path.
     fn all_stop_alike(&self) -> bool {
         let Some(((_, first), others)) = self.stopped.split_first() else { return false };
         let first = first.cause();
         self.stopped.len() == self.asked && others.iter().all(|(_, error)| error.cause() == first)
     }
 
-    /// Adds the results of other paths, or of the same paths with another source of arguments.
+    /// Adds the results of other paths, or of the same paths with another way to pass arguments.
     pub(crate) fn extend(&mut self, other: Self) {
         self.asked += other.asked;
         self.agreeing.extend(other.agreeing);
@@ -334,8 +334,8 @@ impl<V, E: Stop> Conclusion<V, E> {
         self.known.extend(other.known);
     }
 
-    /// Returns the paths that agree, or all failures. `differ` makes failures from the paths whose values are
-    /// wrong and from those that agree.
+    /// Returns the paths that agree, or all failures. `differ` makes failures from the paths with wrong values
+    /// and the paths that agree.
     pub(crate) fn verdict(
         mut self,
         differ: impl FnOnce(Vec<(Adapter, V)>, &[(Adapter, V)]) -> Vec<E>,
@@ -356,7 +356,8 @@ impl<V, E: Stop> Conclusion<V, E> {
             (0, 0) => Ok((agreeing, known)),
             (1, 0) => Err(failures.swap_remove(0)),
             _ => {
-                // A path may be judged once for each source of its arguments. It agrees if it agrees with all sources.
+                // Karat may judge a path once for each way to pass arguments. The path agrees if it agrees each
+                // time.
                 let mut seen = BTreeSet::new();
                 stopped.retain(|(adapter, error)| {
                     seen.insert((adapter.path.clone(), error.to_string()))
@@ -385,7 +386,7 @@ impl Blamed for WrongDeclaration {
     }
 }
 
-/// Prefers a failure whose text names a place, and then a failure about a setting.
+/// Prefers a failure with a text that names a place, and then a failure about a setting.
 impl<E: Blamed> Blamed for PathFailures<E> {
     fn blame(&self) -> Blame<'_> {
         let all = || self.all().map(Blamed::blame);
@@ -404,7 +405,7 @@ mod tests {
     #[derive(Debug)]
     enum Error {
         Late,
-        /// A path stops for this reason.
+        /// The error of a path that stops for this reason.
         Other(&'static str),
         Refused,
         Declaration,
@@ -455,7 +456,7 @@ mod tests {
         Adapter { path, name, driver: String::new(), software: true }
     }
 
-    /// The first failure is the headline, and the other paths keep their own failures.
+    /// The first failure is the headline. The other paths keep their own failures.
     #[test]
     fn the_fault_of_each_path_is_kept() {
         let of = |failures: Vec<Error>, stopped: Vec<(Adapter, Error)>| {
@@ -478,7 +479,7 @@ mod tests {
         assert_eq!(of(Vec::new(), stopped()), ("lost".to_owned(), vec![c, d]));
     }
 
-    /// Paths that stop for the same reason are one error; paths with different reasons are reported separately.
+    /// If all paths stop for the same reason, there is one error. Otherwise the message lists each path.
     #[test]
     fn paths_stop_alike_for_one_reason() {
         let of = |asked: usize, reasons: &[&'static str]| {
@@ -505,7 +506,8 @@ mod tests {
         assert_eq!(of(3, &["lost", "lost", "late"]), format!("{told}lost{third}"));
     }
 
-    /// A path that is declared twice has both reasons. If one of them is empty, the result is empty.
+    /// If a path is declared twice, its reason is both reasons. If one of them is empty, the whole reason is
+    /// empty.
     #[test]
     fn reasons_add_up() {
         let of = |declared: &[(&'static str, &str)]| {
@@ -536,7 +538,7 @@ mod tests {
         );
     }
 
-    /// A path whose verdict the test chooses.
+    /// A path for which the test chooses the verdict.
     #[derive(Debug)]
     struct Judge(&'static str);
 
@@ -550,8 +552,8 @@ mod tests {
         }
     }
 
-    /// The outcome of a path by its verdict and its declaration. The declarations say that `gl` fails, and
-    /// that `vulkan` refuses.
+    /// The outcome for a path depends on its verdict and its declaration. The declarations say that
+    /// `gl` fails, and that `vulkan` refuses.
     #[test]
     fn each_verdict_has_a_meaning_by_what_is_declared() {
         let mut declared = KnownIssues::default();
@@ -601,7 +603,7 @@ mod tests {
         }
     }
 
-    /// Results of the same paths can be added several times, and each one counts.
+    /// The test may add results of the same path several times. Each result counts.
     #[test]
     fn answers_add_up() {
         let stops = |path: &str| Conclusion::<(), Error> {
@@ -627,7 +629,7 @@ mod tests {
         all.extend(agrees("b"));
         let (agreeing, issues) = all.verdict(|_, _| Vec::new()).expect("they agree");
         assert_eq!((agreeing.len(), issues), (2, vec![known("a"), known("b")]));
-        // A failure doesn't hide paths that stopped.
+        // The message shows stopped paths even if another path fails.
         let mut all = agrees("a");
         all.extend(Conclusion { differing: vec![(adapter("b"), ())], ..stops("c") });
         let found = all.verdict(|differing, agreeing| {
@@ -637,13 +639,13 @@ mod tests {
         let Err(Error::Paths(paths)) = found else { panic!("{found:?}") };
         assert_eq!(
             paths.to_string(),
-            "off\non c: c there is no verdict\nlost\non a: a\n  it agrees"
+            "off\non c: c there is no verdict\nlost\non a: a\n  all results agree"
         );
         let all: Vec<String> = paths.all().map(ToString::to_string).collect();
         assert_eq!(all, ["off", "lost"]);
     }
 
-    /// The error of a wrong declaration.
+    /// An error about a wrong declaration.
     struct Unsound;
 
     impl From<PathError> for Unsound {
@@ -658,7 +660,7 @@ mod tests {
         }
     }
 
-    /// With two sources of arguments, each path is judged twice and named once.
+    /// With two ways to pass arguments, Karat judges each path twice, and the message names it once.
     #[test]
     fn a_path_is_named_once() {
         let mut all = Conclusion::<(), Error>::default();

@@ -1,9 +1,9 @@
-//! Inputs on which a test has failed: a file keeps them, and the test's next runs try them first.
+//! The inputs on which a test has failed. A file stores them, and the test's next runs try them first.
 //!
-//! The file lies beside the package's `Cargo.toml`: `.karat/failures/<target>/<test>.txt`, with one line per
-//! input. An input stays in the file even when it passes, until you delete the file. If the function or the
-//! domain no longer accepts an input, Karat ignores it with a note. `KARAT_FAILURES=off` turns this off. In
-//! CI and under an overlay, Karat reads the files and doesn't write them.
+//! The file is `.karat/failures/<target>/<test>.txt`, beside the package's `Cargo.toml`. It has one line for
+//! each input. An input stays in the file even after it passes, until you delete the file. If the function or
+//! the domain no longer accepts an input, Karat ignores the input and prints a note. `KARAT_FAILURES=off` turns
+//! this memory off. In CI and under an overlay, Karat reads the files but doesn't write them.
 
 use std::io::Write;
 use std::path::{Path, PathBuf};
@@ -14,12 +14,12 @@ use crate::output::name_within;
 use crate::settings::{read_steps, read_words};
 
 const HEAD: &str = "\
-# Inputs on which checks of this test have failed. They are tried first in its next runs, also
-# after they pass; delete the file when they aren't wanted any more.
+# Inputs on which checks of this test have failed. The test's next runs try them first, even
+# after they pass. Delete the file if you don't need the inputs any more.
 # function, check, path, arguments as hexadecimal words (or -), seed:case:steps # arguments
 ";
 
-/// The inputs on which one test has failed.
+/// The stored inputs on which one test has failed.
 #[derive(Debug)]
 pub(crate) struct Memory {
     file: PathBuf,
@@ -32,18 +32,19 @@ pub(crate) struct Memory {
 pub(crate) struct Entry {
     pub(crate) function: String,
     pub(crate) check: String,
-    /// The path on which the input failed first. Karat tries it on every path.
+    /// The path on which the input failed first. Karat tries the input on every path.
     pub(crate) path: String,
-    /// The lanes of the arguments; empty for an integral, whose cases needn't be words.
+    /// The words of the arguments. Empty for an integral, because its cases may have any type.
     pub(crate) words: Vec<u32>,
-    /// The origin of the value. A mapped domain can't test if it has a value. Karat then makes the value again
-    /// from its origin, and compares.
+    /// The origin of the value. Some domains, such as mapped ones, can't tell if they contain a value. Then
+    /// Karat makes the value again from its origin, and compares.
     pub(crate) descent: Descent,
-    /// The arguments as text, for people.
+    /// The arguments, as text for people.
     pub(crate) comment: String,
 }
 
-/// The origin of a simplified value: a seed, a case, and the simpler value that was chosen in each round.
+/// The origin of a simplified value: a seed, a case, and the index of the simpler value that Karat chose in
+/// each round.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Descent {
     pub(crate) seed: u64,
@@ -52,8 +53,8 @@ pub(crate) struct Descent {
 }
 
 impl Memory {
-    /// The inputs of the running test. `None`: one case is replayed, this is turned off, or the program that
-    /// runs the test isn't known.
+    /// Reads the inputs of the running test. `None` if a replay selects one case, if the memory is turned off,
+    /// or if Karat doesn't know the program that runs the test.
     pub(crate) fn open(identity: &Identity) -> Option<Self> {
         if !identity.remembers() {
             return None;
@@ -69,7 +70,7 @@ impl Memory {
             }
         };
         let ci = crate::golden::in_ci();
-        // Under an overlay the failing module is the overlay's, not the package's.
+        // Under an overlay, the failing module belongs to the overlay, not to the package.
         let writable = !ci && crate::settings::overlay().is_none() && crate::record::is_kept();
         Some(Self::read(folder.join(format!("{}.txt", file_name(&identity.test))), writable))
     }
@@ -84,7 +85,9 @@ impl Memory {
                     }
                     match Entry::parse(line) {
                         Some(entry) => entries.push(entry),
-                        None => note(&file, &format!("line {number} isn't a failure: ignored")),
+                        None => {
+                            note(&file, &format!("line {number} isn't a failing input: ignored"))
+                        }
                     }
                 }
             }
@@ -94,7 +97,7 @@ impl Memory {
         Self { file, entries, writable }
     }
 
-    /// The inputs of one check, without duplicates.
+    /// The stored inputs of one check, without duplicates.
     pub(crate) fn of(&self, function: &str, check: &str) -> Vec<&Entry> {
         let mut found: Vec<&Entry> = Vec::new();
         for entry in &self.entries {
@@ -106,13 +109,13 @@ impl Memory {
         found
     }
 
-    /// Prints that an input isn't tried.
+    /// Prints a note that the check ignores an input.
     pub(crate) fn ignore(&self, entry: &Entry, reason: &str) {
         let Entry { function, check, comment, .. } = entry;
         note(&self.file, &format!("`{function}` {check} ({comment}) is ignored: {reason}"));
     }
 
-    /// Adds an input, unless the file has it already.
+    /// Adds an input to the file, unless the file contains it already.
     pub(crate) fn keep(&self, entry: &Entry) {
         let known = self.of(&entry.function, &entry.check);
         if !self.writable || known.iter().any(|known| known.is_same(entry)) {
@@ -127,8 +130,7 @@ impl Memory {
         if let Some(folder) = self.file.parent() {
             std::fs::create_dir_all(folder)?;
         }
-        // Two paths may fail on the same input. Processes can share the file, because they append whole
-        // lines.
+        // Two paths may fail on the same input. Processes can share the file, because each appends whole lines.
         let text = match std::fs::read_to_string(&self.file) {
             Err(error) if error.kind() == std::io::ErrorKind::NotFound => String::new(),
             read => read?,
@@ -148,7 +150,7 @@ impl Memory {
 }
 
 impl Entry {
-    /// True if both are the same input of the same check.
+    /// Checks if both entries have the same input.
     fn is_same(&self, other: &Self) -> bool {
         match (&*self.words, &*other.words) {
             ([], []) => self.comment == other.comment,
@@ -183,17 +185,17 @@ impl Entry {
     }
 }
 
-/// Largest number of bytes in a file's name, without its ending: systems allow 255.
+/// The largest number of bytes in a file's name, without its extension. Systems allow 255.
 const LONGEST: usize = 200;
 
-/// The file name for a test: `module__test`.
+/// Makes the file name for a test: `module__test`.
 fn file_name(test: &str) -> String {
     let plain = |c: char| if c.is_alphanumeric() || c == '_' { c } else { '-' };
     let plain: String = test.replace("::", "__").chars().map(plain).collect();
     name_within(&plain, LONGEST).into_owned()
 }
 
-/// Prints a line to standard error. Test runners show it for tests that fail.
+/// Prints a line to standard error. Test runners show such lines for tests that fail.
 fn note(file: &Path, text: &str) {
     let line = format!("note: `{}`: {text}", file.display());
     eprintln!("{}", crate::output::visible(&line));

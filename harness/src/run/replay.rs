@@ -1,9 +1,9 @@
-//! A test that should replay a case fails if it replays none.
+//! Makes a test fail if `KARAT_CASE` is set, but the test doesn't replay a case.
 //!
-//! `KARAT_CASE` names one check. A test runs its checks in order, so the checks before the named one run as
-//! usual. Only at the end of the test is it clear that none of them was the named check. Test runners have no
-//! hook there. But each test has its own thread, and the thread's values are dropped before the runner goes
-//! on. At that point this process prints an error and ends.
+//! `KARAT_CASE` names one check. A test runs its checks in order, so the checks before the named check run as
+//! usual. Only the end of the test shows that none of its checks has that name. Test runners have no hook at
+//! the end of a test. But each test has its own thread, and the runtime drops the thread's local values before
+//! the runner continues. At that point this process prints an error and ends.
 
 use std::cell::RefCell;
 use std::io::Write;
@@ -16,33 +16,34 @@ thread_local! {
     static REPLAY: RefCell<Replay> = RefCell::default();
 }
 
-/// The progress of the running test with the replay that the environment asks for.
+/// The progress of the replay that the environment asks for, in the running test.
 #[derive(Debug, Default)]
 struct Replay {
     /// The checks that ran, as `function/check`, without duplicates.
     checks: Vec<String>,
-    /// True if the selected case ran, or if the test fails anyway.
+    /// `true` if the selected case ran, or if the test fails for another reason.
     done: bool,
 }
 
-/// Another check is to be replayed, and this check runs in a thread whose test isn't known.
+/// The environment selects another check for a replay, and this check runs in a thread that doesn't show its
+/// test.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error(
     "KARAT_CASE selects `{selected}`, but `{check}` runs in a thread without a name, so its test isn't \
      known"
 )]
 pub struct NotReplayed {
-    /// The check with its function, or the frame.
+    /// The name of the check with its function, or the name of the frame.
     pub check: String,
-    /// The selection in the environment.
+    /// The value of `KARAT_CASE`.
     pub selected: String,
 }
 
-/// Notes that a check, or the comparison of a frame, begins.
+/// Notes that a check or the comparison of a frame begins.
 ///
 /// # Errors
-/// If it isn't the selected check and runs in a thread that the test started itself. Such a thread may end
-/// long before the selected check runs, so its end isn't the end of the test.
+/// If the check isn't the selected check, and runs in a thread that the test started. Such a thread may end
+/// long before the selected check runs, so the thread's end doesn't show the end of the test.
 pub(crate) fn begin(settings: &Settings, check: &str) -> Result<(), NotReplayed> {
     let Some(selected) = &settings.case else { return Ok(()) };
     let named = selected.check.as_deref();
@@ -62,23 +63,24 @@ pub(crate) fn begin(settings: &Settings, check: &str) -> Result<(), NotReplayed>
 /// Notes that the comparison of a frame begins.
 ///
 /// # Errors
-/// If a setting can't be used, and the errors of [`begin`].
+/// If an environment variable can't be used. Also the errors of [`begin`].
 pub(crate) fn begin_frame(name: &str) -> Result<(), NotBegun> {
     Ok(begin(settings::current()?, &format!("frame {name}"))?)
 }
 
-/// Notes that the selected case runs, or that the test fails for a reason of its own.
+/// Notes that the selected case runs, or that the test fails for another reason.
 pub(crate) fn done() {
     REPLAY.with_borrow_mut(|replay| replay.done = true);
 }
 
-/// A check's name without the source of its arguments.
+/// The name of a check without the way to pass arguments.
 fn plain(check: &str) -> &str {
     check.split_once('@').map_or(check, |(plain, _)| plain)
 }
 
-/// Returns an error message if the running test should have replayed a case and replayed none. A program that runs
-/// tests without Cargo calls this at the end of each test. In Cargo's test programs the process ends with the message.
+/// Returns an error message if the running test should have replayed a case, but didn't. A program that runs
+/// tests without Cargo must call this function at the end of each test. In Cargo's test programs, the process
+/// prints the message and ends.
 #[must_use]
 pub fn not_replayed() -> Option<String> {
     REPLAY.with_borrow_mut(|replay| {
@@ -105,7 +107,8 @@ impl Drop for Replay {
         if self.done || self.checks.is_empty() {
             return;
         }
-        // Written to standard error directly: the test runner's captured output is lost with the process.
+        // Writes to standard error directly, because the test runner loses its captured output when the process
+        // ends.
         drop(std::io::stderr().write_all(format!("\n{}\n", self.message()).as_bytes()));
         std::process::abort();
     }
@@ -117,8 +120,8 @@ fn message(test: &str, selected: &str, checks: &[String], alone: &str) -> String
     let near = near.map_or_else(String::new, |name| format!("; did you mean `{name}`?"));
     let checks: Vec<String> = checks.iter().map(|check| format!("`{check}`")).collect();
     format!(
-        "error: test `{test}` replays nothing: KARAT_CASE={selected} is none of its checks, {}{near}\n  \
-         run the test alone that has the check (`{alone}`), or unset KARAT_CASE",
+        "error: test `{test}` replays nothing: KARAT_CASE={selected} names none of its checks: {}{near}\n  \
+         run only the test that has the check (`{alone}`), or unset KARAT_CASE",
         checks.join(", ")
     )
 }
@@ -135,9 +138,9 @@ mod tests {
         let text = message("schlick", selected, &checks.map(str::to_owned), alone);
         assert_eq!(
             text,
-            "error: test `schlick` replays nothing: KARAT_CASE=fresnel::schlik/agrees_with/7 is \
-             none of its checks, `fresnel::schlick/agrees_with`, `fresnel::schlick/satisfies`; did \
-             you mean `fresnel::schlick/agrees_with`?\n  run the test alone that has the check \
+            "error: test `schlick` replays nothing: KARAT_CASE=fresnel::schlik/agrees_with/7 names \
+             none of its checks: `fresnel::schlick/agrees_with`, `fresnel::schlick/satisfies`; did \
+             you mean `fresnel::schlick/agrees_with`?\n  run only the test that has the check \
              (`cargo test ... -- --exact NAME`), or unset KARAT_CASE"
         );
     }

@@ -1,4 +1,4 @@
-//! Passes a verdict to its record, and to the test with the check.
+//! Writes a check's verdict to its record, and returns the verdict to the test.
 
 use std::collections::BTreeSet;
 use std::fmt::Display;
@@ -10,12 +10,14 @@ use crate::dispatch::Watched;
 use crate::output::visible;
 use crate::record::{self, Details, PathRecord, Record, Stopwatch, Subject, Verdict};
 
-/// The reason why a check fails, as far as its record needs it.
+/// The reason why a check fails, with the information for the check's record.
 pub trait Fails: Display + Blamed {
-    /// True if values or a declaration are wrong, which is a verdict. Otherwise the record has an error.
+    /// Checks if the failure is a verdict: values or a declaration are wrong. Otherwise the record contains an
+    /// error.
     fn is_verdict(&self) -> bool;
 
-    /// True if nothing in the shader could fail, for example because the result is the same for all inputs.
+    /// Checks if the check failed because it tests nothing, for example because the result is the same for all
+    /// inputs.
     fn is_vacuous(&self) -> bool {
         false
     }
@@ -25,7 +27,7 @@ pub trait Fails: Display + Blamed {
         Details::of(&self.to_string()).at(self.blame().message)
     }
 
-    /// `file:line:column` of the function, if the failure has it.
+    /// The place of the function as `file:line:column`, if the failure knows it.
     fn location(&self) -> Option<String> {
         None
     }
@@ -33,11 +35,11 @@ pub trait Fails: Display + Blamed {
 
 /// The result of a check that passed.
 pub(crate) trait Passed {
-    /// Paths that fail as declared.
+    /// The failures that occurred as declared.
     fn known_issues(&self) -> &[KnownIssue];
 }
 
-/// The record of a check, while it runs.
+/// The record of a check while the check runs.
 pub(crate) struct Report {
     pub(crate) subject: Subject,
     pub(crate) paths: Vec<PathRecord>,
@@ -47,7 +49,7 @@ pub(crate) struct Report {
     pub(crate) watched: Option<Watched>,
 }
 
-/// Judges a subject, and then records the verdict if `recorded` returns true.
+/// Runs a check, and then writes its record if `recorded` returns `true`.
 pub(crate) fn reported<T: Passed, E: Fails>(
     subject: Subject,
     recorded: &dyn Fn() -> bool,
@@ -59,17 +61,18 @@ pub(crate) fn reported<T: Passed, E: Fails>(
     if recorded() {
         report.record(&stopwatch, &result);
     }
-    // Under a program that runs tests without Cargo, no Rust test can go on after a failure: the test fails.
+    // In a program that runs tests without Cargo, a failure always ends the test, so the test needs no message
+    // about the replay.
     if result.is_err() && host::current().is_some() {
         replay::done();
     }
     result
 }
 
-/// Records that the running test couldn't begin, because its declaration is wrong and so no check ran. The
-/// subject's location is the place of the error.
+/// Records that the running test couldn't begin, because its declaration is wrong. No check ran. The location
+/// in `subject` is the place of the error.
 ///
-/// `message` is the whole error, for people, and `headline` is its first sentence.
+/// `message` is the whole error message, and `headline` is its first sentence.
 pub fn record_unbegun(subject: Subject, headline: &str, message: &str) {
     let report = Report { subject, paths: Vec::new(), read: Vec::new(), watched: None };
     let details = Details { headline: headline.to_owned(), ..Details::default() };
@@ -84,7 +87,7 @@ impl Report {
             Err(failure) if failure.is_verdict() => (Verdict::Fail, Some(failure)),
             Err(failure) => (Verdict::Error, Some(failure)),
         };
-        // The failure of a check that ended before its function ran may have the function's place.
+        // If a check ends before its function runs, its failure may contain the function's place.
         if let (Subject::Function { location, .. }, Some(known)) =
             (&mut self.subject, failure.and_then(E::location))
             && location.is_empty()
@@ -95,7 +98,6 @@ impl Report {
         self.write(verdict, failure, stopwatch);
     }
 
-    /// Writes the record, with the message and the data of the failure.
     fn write(self, verdict: Verdict, failure: Option<(String, Details)>, stopwatch: &Stopwatch) {
         let Self { subject, paths, read, watched } = self;
         let (message, details) = failure.unzip();

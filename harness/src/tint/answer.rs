@@ -1,4 +1,4 @@
-//! Parses Tint's answers, and finds the places of their messages in a text.
+//! Parses Tint's answers, and finds the text ranges of their messages.
 
 use std::ops::Range;
 
@@ -9,21 +9,21 @@ use super::NoVerdict;
 /// Tint's answer about a text.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Answer {
-    /// Messages about the text, in Tint's order: a note comes after the message that it explains.
+    /// The messages about the text, in Tint's order. A note follows the message that it explains.
     pub(crate) messages: Vec<Message>,
-    /// Entry points that can't become a pipeline, with the reason.
+    /// The entry points from which Tint can't make a pipeline, each with the reason.
     pub(crate) pipelines: Vec<(String, String)>,
-    /// Set if Tint made pipelines of entry points; the binary doesn't.
+    /// Set if Tint made pipelines from entry points. The program `tint` makes none.
     pub(crate) made_pipelines: bool,
 }
 
 impl Answer {
-    /// Returns `true` if Tint rejects the text or one of its entry points.
+    /// Checks if Tint rejects the text or one of its entry points.
     pub(crate) fn rejects(&self) -> bool {
         self.reason().is_some()
     }
 
-    /// The reason why Tint rejects the text or one of its entry points, in one line; `None` if it accepts everything.
+    /// The reason why Tint rejects the text or one of its entry points, in one line. It is `None` if Tint accepts all.
     pub fn reason(&self) -> Option<&str> {
         let mut errors = self.messages.iter().filter(|one| one.severity == Severity::Error);
         let text = errors.next().map(|message| &message.text);
@@ -32,12 +32,12 @@ impl Answer {
     }
 }
 
-/// A message.
+/// A message of Tint.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Message {
     pub(crate) severity: Severity,
     pub(crate) text: String,
-    /// Its place in the text, in bytes, if it has one.
+    /// The byte range in the text, if the message has a position.
     pub(crate) range: Option<Range<usize>>,
 }
 
@@ -50,12 +50,12 @@ pub(crate) enum Severity {
     Info,
 }
 
-/// A line from a process that keeps running.
+/// The JSON that a process with Tint writes in each line.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Written {
     id: u64,
-    /// [`sum`] of the text that it read.
+    /// The [`sum`] of the text that the process read.
     sum: u32,
     messages: Vec<WrittenMessage>,
     pipelines: Vec<WrittenPipeline>,
@@ -65,10 +65,10 @@ struct Written {
 struct WrittenMessage {
     severity: Severity,
     text: String,
-    /// In UTF-16 code units, like WebGPU's GPUCompilationMessage.
+    /// The start in UTF-16 code units, as in WebGPU's GPUCompilationMessage.
     offset: usize,
     length: usize,
-    /// From 1; 0 if the message has no place.
+    /// The line from 1, or 0 if the message has no position.
     line: usize,
 }
 
@@ -76,19 +76,19 @@ struct WrittenMessage {
 struct WrittenPipeline {
     entry_point: String,
     error: Option<String>,
-    /// The error if Karat's own module, which supplies a fragment stage's inputs, isn't valid.
+    /// The error if Karat's module `feeder` isn't valid.
     broke: Option<String>,
 }
 
-/// FNV-1a over a text's UTF-16 code units, which JavaScript can compute in one line. It detects an answer about another
-/// text, or about a text that lost bytes on the way.
+/// FNV-1a over the UTF-16 code units of a text, which JavaScript can compute in one line. It detects an answer about
+/// another text, or about a text that lost bytes.
 pub(super) fn sum(text: &str) -> u32 {
     const OFFSET: u32 = 0x811c_9dc5;
     const PRIME: u32 = 0x0100_0193;
     text.encode_utf16().fold(OFFSET, |sum, unit| (sum ^ u32::from(unit)).wrapping_mul(PRIME))
 }
 
-/// Reads the answer to question `id` about `text`.
+/// Parses the answer to question `id` about `text`.
 pub(super) fn read(line: &str, id: u64, text: &str) -> Result<Answer, NoVerdict> {
     let garbage = || NoVerdict::Garbage(crate::diagnostic::one_line(line));
     let written: Written = serde_json::from_str(line).map_err(|_| garbage())?;
@@ -111,7 +111,7 @@ pub(super) fn read(line: &str, id: u64, text: &str) -> Result<Answer, NoVerdict>
     Ok(Answer { messages: messages.collect(), pipelines: rejected.collect(), made_pipelines: true })
 }
 
-/// The byte range for these UTF-16 code units.
+/// The byte range of these UTF-16 code units.
 fn bytes(text: &str, offset: usize, length: usize) -> Range<usize> {
     let mut units = 0;
     let mut at = |wanted: usize| {
@@ -138,6 +138,7 @@ mod tests {
         assert_eq!(bytes(text, 99, 1), text.len()..text.len());
     }
 
+    // Lesson 203
     #[test]
     fn an_answer_is_about_its_question() {
         let text = "fn f() {}";

@@ -1,6 +1,7 @@
-//! Asks Tint in Chromium, through DevTools' protocol (CDP) over a pipe. The browser ends with the pipe.
+//! Asks Tint in Chromium, through the DevTools protocol (CDP) over a pipe. The browser ends when the pipe closes.
 //!
-//! WebGPU needs a page from this machine, so the browser opens an empty file. Questions are evaluated there.
+//! WebGPU works only in pages from this machine, so the browser opens an empty file, and evaluates questions in that
+//! page.
 
 use std::path::Path;
 use std::process::Command;
@@ -11,18 +12,20 @@ use serde_json::{Value, json};
 use super::NoVerdict;
 use crate::lines::{Answers, Broken, Lines};
 
-/// The browser reads commands from descriptor 3 and answers on 4; the shell connects them to stdin and stdout. Its
-/// profile is a temporary folder, removed at the end.
+/// The shell command that starts the browser. The browser reads commands from descriptor 3 and answers on descriptor 4,
+/// which the shell connects to stdin and stdout. The browser's profile is a temporary folder, which the shell removes
+/// at the end.
 const SHELL: &str = "d=$(mktemp -d) && : > \"$d/page.html\" && \
     \"$0\" \"$@\" --user-data-dir=\"$d/profile\" \"file://$d/page.html\" 3<&0 4>&1 </dev/null >/dev/null; \
     rm -rf \"$d\"";
 
-/// The time in which the browser must open the file, on a busy machine.
+/// The time in which a browser opens the file on a busy machine.
 const LOADING: Duration = Duration::from_secs(5);
-/// The interval between questions whether the file is open.
+/// The time between two checks that the file is open.
 const POLL: Duration = Duration::from_millis(20);
 
-/// The script of the page. It checks one text after another, because error scopes belong to a device.
+/// The script of the page. It checks texts one after another, because concurrent checks would share the device's error
+/// scopes.
 pub(super) const PAGE: &str = "let last = navigator.gpu ? deviceOf(navigator.gpu, false) \
     : Promise.reject('this browser has no WebGPU'); \
     const ask = (question) => last = last.then(() => judge(navigator.gpu, question)).then(JSON.stringify); \
@@ -39,15 +42,15 @@ pub(crate) struct Page {
 }
 
 impl Page {
-    /// Starts a browser, and evaluates a script there whose value is the promise of a greeting. The script declares
-    /// `ask`.
+    /// Starts a browser, and evaluates a script in a page. The script's value must be a promise of a greeting, and the
+    /// script must declare `ask`.
     pub(crate) fn open(
         program: &Path,
         patience: Duration,
         (script, longest): (&str, u64),
     ) -> Result<Self, NoVerdict> {
         if cfg!(windows) {
-            let reason = "on Windows a browser has no pipe to be asked by".to_owned();
+            let reason = "on Windows, Karat can't talk to a browser through a pipe".to_owned();
             return Err(Broken::Start(reason).into());
         }
         let mut command = Command::new("sh");
@@ -87,12 +90,12 @@ impl Page {
         Ok(page)
     }
 
-    /// Waits until the file is open: before that, the page is an empty one without WebGPU.
+    /// Waits until the page shows the file. Before that, the page is empty and has no WebGPU.
     fn load(&mut self, patience: Duration) -> Result<(), NoVerdict> {
         let until = Instant::now() + LOADING;
         while Instant::now() < until {
             self.evaluate("!!navigator.gpu")?;
-            // A page that is being replaced gives no answer.
+            // A page that is being replaced doesn't answer.
             if self.answer(patience).is_ok_and(|answer| answer["result"]["value"] == true) {
                 break;
             }
@@ -101,12 +104,11 @@ impl Page {
         Ok(())
     }
 
-    /// Sends a question, written as JSON.
+    /// Sends a question in JSON.
     pub(crate) fn send(&mut self, question: &str) -> Result<(), NoVerdict> {
         self.evaluate(&format!("ask({question})"))
     }
 
-    /// The next answer.
     pub(crate) fn receive(&mut self, patience: Duration) -> Result<String, NoVerdict> {
         let answer = self.answer(patience)?;
         match answer["result"]["value"].as_str() {
@@ -130,7 +132,7 @@ impl Page {
         Ok(self.lines.send(&message.to_string())?)
     }
 
-    /// The answer to the next call; events are skipped.
+    /// The answer to the next call. Events are skipped.
     fn answer(&mut self, patience: Duration) -> Result<Value, NoVerdict> {
         loop {
             let text = self.lines.receive(patience)?;
@@ -145,8 +147,7 @@ impl Page {
     }
 }
 
-/// Returns `true` for a process of root: Chromium has no sandbox for root on Linux. The browser evaluates only Karat's
-/// own code.
+/// Checks if the user is root. Chromium has no sandbox for root on Linux, but it evaluates only Karat's code here.
 #[cfg(target_os = "linux")]
 fn is_root() -> bool {
     use std::os::unix::fs::MetadataExt;

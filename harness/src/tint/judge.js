@@ -1,25 +1,25 @@
-// Asks Tint about one text: in Node through Dawn, in a page through the browser. Rust chooses the texts, and uses the
-// answers.
+// Asks Tint about one text: in Node through Dawn, and in a page through the browser. Rust code chooses the texts, and
+// uses the answers.
 const devices = new Map();
-// A device with all features of its adapter: the author decides which a text may use. Limits are the default ones;
-// Karat checks other limits with naga's IR.
+// Makes a device with all features of its adapter, because the project decides which features a text may use. The
+// device has WebGPU's default limits, because Karat checks limits with naga's IR.
 async function deviceOf(gpu, compatibility) {
   if (!devices.has(compatibility)) {
     const adapter = await gpu.requestAdapter(compatibility ? { featureLevel: 'compatibility' } : {});
     if (!adapter) throw new Error('WebGPU has no adapter here');
-    // With this feature, it would be a core device.
+    // A device with this feature wouldn't be in compatibility mode.
     const features = [...adapter.features].filter((name) => !compatibility || name !== 'core-features-and-limits');
     devices.set(compatibility, await adapter.requestDevice({ requiredFeatures: features }));
   }
   return devices.get(compatibility);
 }
-// FNV-1a over UTF-16 code units, like `sum` in answer.rs.
+// FNV-1a over UTF-16 code units, as `sum` in answer.rs.
 function sum(text) {
   let sum = 0x811c9dc5;
   for (let i = 0; i < text.length; i++) sum = Math.imul(sum ^ text.charCodeAt(i), 0x01000193) >>> 0;
   return sum;
 }
-// The result of `work`, with the first validation error or null.
+// Runs `work`. Returns its result with the first validation error, or null.
 async function scoped(device, work) {
   device.pushErrorScope('validation');
   let made, thrown = null;
@@ -34,7 +34,7 @@ function descriptor(module, pipeline, feeder) {
   const depthStencil = { format: 'depth24plus', depthWriteEnabled: true, depthCompare: 'always' };
   const fragment = { ...stage, targets: targets.map((format) => format && { format }) };
   if (feeder) return { layout: 'auto', vertex: { module: feeder, entryPoint: 'karat_feeds' }, fragment, depthStencil };
-  // Each attribute gets 16 bytes of its own, which the widest format needs.
+  // Each attribute gets 16 bytes, which is enough for the widest format.
   const placed = attributes.map((attribute, at) => ({ ...attribute, offset: 16 * at }));
   const buffers = placed.length ? [{ arrayStride: 16 * placed.length, attributes: placed }] : [];
   return { layout: 'auto', vertex: { ...stage, buffers }, depthStencil };

@@ -1,5 +1,5 @@
-// The process that keeps running: questions on stdin, answers on stderr, one line each. Dawn logs on stdout. The
-// process ends by SIGKILL, because Dawn hangs or crashes during a normal exit.
+// The process that keeps running. It reads questions from stdin, and writes answers to stderr, one in each line. Dawn
+// logs on stdout. The process ends by SIGKILL, because Dawn hangs or crashes during a normal exit.
 const { createInterface } = await import('node:readline');
 const { pathToFileURL } = await import('node:url');
 const { readFileSync, writeSync } = await import('node:fs');
@@ -14,12 +14,12 @@ const end = () => process.kill(process.pid, 'SIGKILL');
 let gpu;
 try {
   const [major] = process.versions.node.split('.');
-  if (Number(major) < 20) throw new Error(`Node ${process.versions.node} is too old for it: 20 or newer`);
+  if (Number(major) < 20) throw new Error(`Node ${process.versions.node} is too old: install Node 20 or newer`);
   const folder = process.argv[1];
   const about = JSON.parse(readFileSync(join(folder, 'package.json'), 'utf8'));
   const { create, globals } = await import(pathToFileURL(join(folder, about.main ?? 'index.js')));
   Object.assign(globalThis, globals);
-  // Without a driver: only Tint's front end is needed.
+  // Uses no driver, because only Tint's front end is needed.
   gpu = create(['backend=null']);
   await deviceOf(gpu, false);
   say({ version: `webgpu ${about.version}, Node ${process.versions.node}` });

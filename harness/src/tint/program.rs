@@ -1,4 +1,4 @@
-//! Runs the binary `tint`: a process for each text.
+//! Runs the program `tint`, with one process for each text.
 
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -13,13 +13,13 @@ use super::answer::{Answer, Message, Severity};
 use super::{NoVerdict, Question};
 use crate::lines::{self, Broken};
 
-/// The time limit for one text, which usually takes about 30 ms.
+/// The time limit for one text. It usually takes about 30 ms.
 const PATIENCE: Duration = Duration::from_secs(10);
-/// The longest help text, in bytes.
+/// The largest help text, in bytes.
 const MOST_BYTES: u64 = 1 << 20;
 const POLL: Duration = Duration::from_millis(1);
 
-/// A diagnostic, as `--diagnostics-format=json` has it.
+/// A diagnostic in the form of `--diagnostics-format=json`.
 #[derive(Deserialize)]
 struct Written {
     severity: Severity,
@@ -33,15 +33,15 @@ struct WrittenRange {
     end: Place,
 }
 
-/// Line and column, both from 1; columns count bytes.
+/// A line and a column, both from 1. Columns count bytes.
 #[derive(Deserialize)]
 struct Place {
     line: usize,
     column: usize,
 }
 
-/// Returns `true` if a program is Tint: Debian has a panel for desktops of the same name. An error means that the
-/// program didn't end; it may be Tint.
+/// Checks if a program is Tint, because Debian has a desktop panel of the same name. Fails if the program doesn't end.
+/// It may still be Tint.
 pub(super) fn is_tint(program: &Path) -> Result<bool, String> {
     let says = |bytes: &[u8]| String::from_utf8_lossy(bytes).contains("--diagnostics-format");
     match lines::output(Command::new(program).arg("--help"), PATIENCE, MOST_BYTES) {
@@ -55,7 +55,7 @@ pub(super) fn ask(program: &Path, questions: &[Question]) -> Vec<Result<Answer, 
     questions.par_iter().map(|question| judge(program, &question.text)).collect()
 }
 
-/// A folder for one text, removed afterwards.
+/// A temporary folder for one text.
 struct Folder(std::path::PathBuf);
 
 impl Folder {
@@ -71,7 +71,7 @@ impl Folder {
     }
 }
 
-/// Removes folders of processes that were killed before they could.
+/// Removes the folders of processes that were killed.
 fn remove_left() {
     let processes = Path::new("/proc");
     if !processes.join("self").exists() {
@@ -99,7 +99,7 @@ fn judge(program: &Path, text: &str) -> Result<Answer, NoVerdict> {
     std::fs::write(folder.0.join("shader.wgsl"), text).map_err(start)?;
     let said = std::fs::File::create(folder.0.join("said")).map_err(start)?;
     let mut child = Command::new(program)
-        // The output is WGSL again, because other languages need an entry point.
+        // Writes WGSL, because other languages need an entry point.
         .args(["--diagnostics-format=json", "--format", "wgsl", "-o", "out.wgsl", "shader.wgsl"])
         .current_dir(&folder.0)
         .stdin(Stdio::null())
@@ -139,15 +139,15 @@ fn judge(program: &Path, text: &str) -> Result<Answer, NoVerdict> {
         }),
     });
     let answer = Answer { messages: messages.collect(), ..Answer::default() };
-    // A run fails if and only if it reports an error, and a successful run writes the text again.
+    // A run fails exactly if it reports an error. A successful run writes the text.
     let is_written = !again.trim().is_empty() || text.trim().is_empty();
     if answer.rejects() == status.success() || (status.success() && !is_written) {
-        return Err(NoVerdict::Garbage(format!("it ended with {status} and said {said}")));
+        return Err(NoVerdict::Garbage(format!("it ended with {status} and wrote {said}")));
     }
     Ok(answer)
 }
 
-/// The offset in bytes of a line and a column.
+/// The byte offset of a line and a column.
 fn offset(text: &str, place: &Place) -> usize {
     let lines = text.split_inclusive('\n').take(place.line.saturating_sub(1));
     let start: usize = lines.map(str::len).sum();

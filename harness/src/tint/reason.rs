@@ -1,37 +1,38 @@
-//! Classifies the reasons for which Tint rejects modules that naga accepts, with a remedy for each.
+//! Classifies the reasons why Tint rejects modules that naga accepts, and has a remedy for each.
 
 /// A kind of reason.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[non_exhaustive]
 pub enum Reason {
-    /// A derivative, an implicit mip level or a barrier under a condition that may differ between invocations.
+    /// A derivative, an implicit mip level or a barrier after a condition that may differ between invocations.
     Uniformity,
-    /// A constant that its type can't hold.
+    /// A constant that is too large for its type.
     Range,
-    /// A constant expression without a value: a division by 0, an index outside the array, reversed edges.
+    /// A constant expression without a value: a division by 0, an index outside of the array, or edges in the wrong
+    /// order.
     Constant,
-    /// Operators without a defined precedence in WGSL.
+    /// Operators that need parentheses, because WGSL defines no precedence for them.
     Precedence,
-    /// An atomic used as a plain value.
+    /// An atomic that is used as a plain value.
     Atomic,
     /// A feature without its `enable`.
     Enable,
-    /// Pointers to the same variable.
+    /// Several pointers to one variable.
     Aliasing,
     /// Writable storage in a vertex stage.
     VertexStorage,
     /// A name that WGSL reserves.
     Reserved,
-    /// A name that this WGSL doesn't have: one of wgpu alone, or a misspelt one.
+    /// A name that Tint doesn't know. It is wgpu's own, or misspelt.
     Unknown,
-    /// An entry point that can't become a pipeline.
+    /// An entry point from which Tint can't make a pipeline.
     Pipeline,
     /// Another reason.
     Other,
 }
 
-/// Parts of Tint's messages, which have no codes. A test asks Tint for a message of each kind, so it detects changed
-/// words.
+/// Parts of Tint's messages, which have no codes. A test asks Tint for a message of each kind, to detect changes in
+/// Tint's texts.
 const PARTS: [(&str, Reason); 32] = [
     ("must only be called from uniform control flow", Reason::Uniformity),
     ("must be uniform", Reason::Uniformity),
@@ -68,14 +69,14 @@ const PARTS: [(&str, Reason); 32] = [
 ];
 
 impl Reason {
-    /// The kind of one of Tint's messages.
+    /// The kind of a message from Tint.
     #[must_use]
     pub fn of(message: &str) -> Self {
         let of = PARTS.iter().find(|(part, _)| message.contains(part));
         of.map_or(Self::Other, |(_, reason)| *reason)
     }
 
-    /// The name in tables.
+    /// The name of the kind in tables.
     #[must_use]
     pub const fn name(self) -> &'static str {
         match self {
@@ -94,37 +95,35 @@ impl Reason {
         }
     }
 
-    /// The remedy, in one line.
+    /// The advice for the user, in one line.
     #[must_use]
     pub const fn remedy(self) -> &'static str {
         match self {
             Self::Uniformity => {
                 "call it before the condition and choose a result, take `textureSampleLevel` or \
-                 `textureSampleGrad`, or make the condition uniform: all invocations must get there together"
+                 `textureSampleGrad`, or make the condition uniform: all invocations must reach it together"
             }
             Self::Range => {
-                "write a value that the type has: the largest of f32 is 0x1.fffffep+127f, or 3.4028234e+38"
+                "write a value that fits the type: the largest f32 is 0x1.fffffep+127f, or 3.4028234e+38"
             }
             Self::Constant => {
-                "WGSL has no value for it, and no program that computes it at compile time is valid: change \
-                 the arguments, or compute it from a variable"
+                "WGSL has no value for this expression, so it is an error at compile time: change \
+                 the operands, or compute the value from a variable"
             }
-            Self::Precedence => {
-                "write the parentheses that you mean: WGSL doesn't order these operators"
-            }
+            Self::Precedence => "add parentheses: WGSL has no precedence for these operators",
             Self::Atomic => "use `atomicStore`, `atomicLoad` and the other atomic functions",
             Self::Enable => {
-                "begin the module with `enable` and the extension's name; naga takes f16, clip_distances, \
-                 dual_source_blending and primitive_index, and not yet subgroups: no text with those is for both"
+                "begin the module with `enable` and the extension's name. naga supports f16, clip_distances, \
+                 dual_source_blending and primitive_index, but not subgroups, so no text with subgroups works in both"
             }
             Self::Aliasing => "copy the value into a variable of its own before the call",
-            Self::VertexStorage => "declare it `read`, or write it in a compute pass",
+            Self::VertexStorage => "declare the variable as `read`, or write it in a compute pass",
             Self::Reserved => "give it another name",
             Self::Unknown => {
-                "Chrome's WGSL has no such thing: write it otherwise, or leave it to wgpu"
+                "Chrome's WGSL doesn't have this name: use another way, or run the shader only with wgpu"
             }
             Self::Pipeline | Self::Other => {
-                "the shader doesn't run in Chrome, Edge, Node and Electron"
+                "the shader can't run in Chrome, Edge, Node and Electron"
             }
         }
     }

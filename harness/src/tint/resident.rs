@@ -1,4 +1,4 @@
-//! Asks a process that keeps running, one for each run, about text after text.
+//! Asks one process with Tint about many texts. The process runs as long as Karat.
 
 use std::process::Command;
 use std::time::Duration;
@@ -12,17 +12,18 @@ use super::{JUDGE, LONGEST, NoVerdict, Question};
 use crate::lines::{Answers, Broken, Lines};
 use crate::settings;
 
-/// The time in which it must start. On a busy machine Chromium takes some seconds, and from a cold disk it took 18.
+/// The time limit for starting the process. On a busy machine Chromium takes some seconds, and from a cold disk it took
+/// 18 s.
 const START: Duration = Duration::from_secs(45);
 /// The time limit for one text, unless KARAT_TIMEOUT is lower. A text usually takes a millisecond.
 const PATIENCE: Duration = Duration::from_secs(10);
-/// The most starts in a run, after texts that end it.
+/// The largest number of starts in a run. Some texts end the process.
 const MOST_STARTS: usize = 3;
 
 /// The script for Node.
 const NODE: &str = include_str!("node.mjs");
 
-/// The running process, ready for questions.
+/// The running process.
 pub(super) struct Resident {
     asked: Asked,
     version: String,
@@ -30,7 +31,6 @@ pub(super) struct Resident {
     id: u64,
 }
 
-/// The way to ask it.
 enum Asked {
     Node(Lines),
     Browser(Page),
@@ -49,7 +49,9 @@ impl Asked {
                 let script = format!("{JUDGE}{PAGE}");
                 Self::Browser(Page::open(program, START, (&script, LONGEST))?)
             }
-            Kind::Program(_) => return Err(Broken::Start("it doesn't stay".to_owned()).into()),
+            Kind::Program(_) => {
+                return Err(Broken::Start("this program can't keep running".to_owned()).into());
+            }
         })
     }
 
@@ -68,7 +70,7 @@ impl Asked {
     }
 }
 
-/// Its first line.
+/// The first line that the process writes.
 #[derive(Deserialize)]
 #[serde(rename_all = "lowercase")]
 enum Greeting {
@@ -87,8 +89,8 @@ impl Resident {
         }
     }
 
-    /// Sends all questions, and reads the answers one by one. The list ends with the error of the first question
-    /// without an answer.
+    /// Sends all questions, and reads the answers one by one. After a question without an answer, the list ends with an
+    /// error.
     fn ask(&mut self, questions: &[Question]) -> Vec<Result<Answer, NoVerdict>> {
         #[derive(serde::Serialize)]
         struct Numbered<'q> {
@@ -99,13 +101,14 @@ impl Resident {
         let first = self.id;
         self.id += questions.len() as u64;
         let mut answers = Vec::with_capacity(questions.len());
-        // An empty text comes last: an answer that comes twice is then read before the answer to this one.
+        // Asks about an empty text last. If the last real question gets two answers, the second one arrives before the
+        // answer about the empty text.
         let last = Question::default();
         self.id += 1;
         for (id, question) in (first..).zip(questions.iter().chain([&last])) {
             let line = serde_json::to_string(&Numbered { id, question });
             if let Err(error) = self.asked.send(&line.expect("it is plain data")) {
-                // Answers from before its end are read below.
+                // The answers from before the end of the process are read below.
                 if id == first {
                     return vec![Err(error)];
                 }
@@ -117,7 +120,7 @@ impl Resident {
             let answer = answer.and_then(|line| answer::read(&line, id, &question.text));
             let broke = answer.is_err();
             match (answer, answers.last_mut()) {
-                // The previous question was answered twice.
+                // The previous question got two answers.
                 (Err(NoVerdict::Twice), Some(before)) => *before = Err(NoVerdict::Twice),
                 (answer, _) => answers.push(answer),
             }
@@ -130,7 +133,7 @@ impl Resident {
     }
 }
 
-/// The verdicts of the process. It is started again after a text that ends it.
+/// The verdicts of the process. If a text ends the process, Karat starts the process again.
 pub(super) fn ask(
     kind: &Kind,
     resident: &mut Option<Resident>,

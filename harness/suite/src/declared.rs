@@ -868,8 +868,9 @@ mod tests {
         );
     }
 
+    // Lesson 175
     #[test]
-    fn what_declares_nothing_is_an_error_with_its_place() {
+    fn a_test_without_an_assertion_is_an_error_at_its_place() {
         for (text, part) in [
             ("", "declares no test"),
             ("[[test]]\nfunction = \"f\"\n", "asserts nothing"),

@@ -440,7 +440,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_domain_says_why() {
+    fn an_invalid_domain_says_why() {
         let float = Shape::Scalar(Scalar::F32);
         let count = Shape::Scalar(Scalar::U32);
         let vector = Shape::Vector { size: 2, scalar: Scalar::F32 };

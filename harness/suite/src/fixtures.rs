@@ -725,6 +725,7 @@ mod tests {
     }
 
     /// Samples from few values aren't sorted, and depend on the seed.
+    // Lesson 141
     #[test]
     fn ranges_are_drawn_by_their_seed() {
         let of = |seed: u32| {

@@ -115,8 +115,9 @@ pub(crate) fn meant(scalar: Scalar, value: f64, wanted: Wanted) -> f64 {
 mod tests {
     use super::*;
 
+    // Lesson 170
     #[test]
-    fn what_an_f32_prints_is_that_f32() {
+    fn a_printed_f32_is_read_back() {
         let expected = |scalar, cell: &str| expected(scalar, cell, Wanted::Near);
         for value in [0.1_f32, 1.9999999, 1e-40, f32::MAX, -3.0, 16_777_216.0] {
             assert_eq!(expected(Scalar::F32, &format_f32(value)), Ok(value.into()), "{value}");

@@ -188,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn a_frame_is_told_in_words() {
+    fn a_frame_is_described_in_words() {
         let frame = [("b", vector(3)), ("t", vector(3)), ("n", vector(3))];
         let text = "n = \"hemisphere\"\nt = { perpendicular_to = \"n\" }\n\
                     b = { perpendicular_to = [\"t\", \"n\"] }";
@@ -203,7 +203,7 @@ mod tests {
     }
 
     #[test]
-    fn a_relation_that_cant_hold_is_told() {
+    fn an_impossible_relation_is_an_error() {
         let three = [("n", vector(3)), ("t", vector(3)), ("uv", vector(2)), ("w", vector(2))];
         for (text, part) in [
             ("t = { perpendicular_to = \"m\" }", "`t`: there is no vector `m`"),

@@ -88,6 +88,7 @@ pub(crate) const MARKED: &str = "this row begins with `#`, and comments stand ab
 mod tests {
     use super::*;
 
+    // Lesson 194
     #[test]
     fn comments_stand_above_the_head() {
         assert_eq!(head_of(b"# facts\r\n\n#\nx,result\n#1,2\n"), 12);

@@ -188,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn parts_that_are_no_parts_are_told() {
+    fn columns_of_another_type_are_errors() {
         for (head, column) in [
             ("a,v.x,v.y,v.z,result", "v.z"),
             ("a,v.x,v.y,v,result", "v"),
@@ -241,8 +241,9 @@ mod tests {
         }
     }
 
+    // Lesson 194
     #[test]
-    fn what_a_table_lacks_is_told() {
+    fn a_malformed_table_is_an_error() {
         for (text, part) in [
             ("a,v.x,v.y,result\n", "has no row"),
             ("a,v.x,v.y\n1,2,3\n", "has no column `result`"),

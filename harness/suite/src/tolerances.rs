@@ -112,8 +112,9 @@ mod tests {
         }
     }
 
+    // Lesson 175
     #[test]
-    fn what_bounds_nothing_is_refused() {
+    fn tolerances_that_bound_nothing_are_refused() {
         for text in ["", "4", "ulp", "4 ulps", "nan ulp", "-1 abs", "inf rel", "spec 4 ulp"] {
             assert!(criterion(text).is_err(), "{text}");
         }

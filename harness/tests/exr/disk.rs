@@ -1,11 +1,11 @@
-//! Disks that are full, folders that can't be written, and several writers of one file.
+//! Full disks, read-only folders, and several writers of the same file.
 
 use std::path::Path;
 
 use karat::Image;
 use karat::image::Precision;
 
-/// Noise: some 60 KB whatever the compression.
+/// An image of noise. Its file has some 60 KB with each compression.
 fn noise(seed: u32) -> Image {
     let mut state = seed;
     let mut value = || {
@@ -24,17 +24,17 @@ fn files(folder: &Path) -> Vec<String> {
     names
 }
 
-/// Where the child of `a_full_disk_leaves_the_old_file` writes.
+/// The variable with the file that the child process of `a_full_disk_leaves_the_old_file` writes.
 const PLACE: &str = "KARAT_TEST_FULL_DISK";
 
-/// Run by itself, by the test below, where no file may grow beyond 8 or 16 KB.
+/// The test below runs this one in a process in which no file may grow beyond 8 or 16 KB.
 #[cfg(target_os = "linux")]
 #[test]
 fn child_on_a_full_disk() {
     let Some(folder) = std::env::var_os(PLACE) else { return };
     let golden = Path::new(&folder).join("golden.exr");
     let error = noise(2).write_exr(&golden, Precision::Float, None).expect_err("a full disk");
-    // The message of the system; its number is EFBIG.
+    // The message comes from the system: error 27 is EFBIG.
     assert!(error.to_string().ends_with("(os error 27)"), "{error}");
     let preview = Path::new(&folder).join("golden.png");
     assert!(noise(2).write_png(&preview).is_err() && !preview.exists());
@@ -80,7 +80,7 @@ fn places_that_cannot_be_written_stay_as_they_are() {
     assert!(files(&folder.path().join("folder.exr")).is_empty());
 }
 
-/// Root may write anywhere, so this only shows something for other users.
+/// Root may write anywhere, so the test can fail only for other users.
 #[cfg(unix)]
 #[test]
 fn a_folder_without_permission_is_an_error() {

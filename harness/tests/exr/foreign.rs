@@ -1,4 +1,4 @@
-//! Files that the OpenEXR library wrote; `data/exr/make.py` says how, and with which values.
+//! Files that `data/exr/make.py` wrote with the OpenEXR library.
 
 use karat::Image;
 use karat::image::Precision;
@@ -57,7 +57,8 @@ fn lossy_compressions_give_what_the_library_gives() {
     }
     for codec in ["dwaa", "dwab"] {
         let (ours, theirs) = (read(codec), read(&format!("{codec}.decoded")));
-        // A cosine transform in floats, summed in another order, rounded to half: a step of those.
+        // DWA computes a cosine transform of floats and rounds it to half floats. Another order of the sums may
+        // change a result by one step of half floats.
         assert!(approx::relative_eq!(ours, theirs, epsilon = 0.0, max_relative = 1e-3), "{codec}");
     }
 }
@@ -67,7 +68,8 @@ fn compressions_that_are_not_read_are_named() {
     for (file, name) in
         [("htj2k32", "HTJ2K32"), ("htj2k256", "HTJ2K256"), ("lj2k", "LJ2K"), ("zstd", "ZSTD")]
     {
-        let expected = format!("it is compressed by {name}, which isn't read; convert it to ZIP");
+        let expected =
+            format!("it is compressed by {name}, which Karat can't read: convert it to ZIP");
         assert_eq!(refusal(file), expected);
     }
 }
@@ -86,11 +88,11 @@ fn colours_are_found_and_alpha_is_one_where_it_is_missing() {
     assert_eq!(read("rgb"), opaque(patterned()));
     let grey = image(WIDTH, 9, |x, y, c| pattern(x, y, if c == 3 { 3 } else { 0 }));
     assert_eq!(read("grey"), grey);
-    // Two layers with names: the first; one with and one without: the one without.
+    // Of two layers with names, Karat reads the first. A layer without a name comes before a layer with a name.
     assert_eq!(read("layered"), patterned());
     assert_eq!(read("unnamed_first"), patterned());
-    // Y is not grey beside X and Z.
-    assert_eq!(refusal("normals"), "it has no channels R, G and B, nor Y alone, but X, Y, Z");
+    // With X and Z beside it, the channel Y isn't a grey image.
+    assert_eq!(refusal("normals"), "it has neither the channels R, G and B nor Y, but X, Y, Z");
 }
 
 #[test]
@@ -104,12 +106,12 @@ fn the_data_window_is_the_image_whatever_the_order_and_the_tiles() {
 
 #[test]
 fn deep_data_is_refused() {
-    assert_eq!(refusal("deep"), "it holds deep data, which isn't read");
+    assert_eq!(refusal("deep"), "it has deep data, which Karat can't read");
 }
 
 #[test]
 fn parts_have_their_names_and_precisions() {
-    // The first part has depth alone; the metadata is its all the same.
+    // The first part has only depth, but the metadata comes from it.
     let (first, metadata) = Image::read_exr(&data("parts.exr")).expect("readable");
     assert_eq!((first, metadata.as_deref()), (patterned(), Some("facts")));
     let file = ExrFile::read(&data("parts.exr")).expect("readable");

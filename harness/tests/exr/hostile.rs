@@ -16,12 +16,12 @@ use karat::unstable::image::ExrFile;
 
 use super::{CODECS, SIZE, data, encode, file, layer, message, place, rgba};
 
-/// What a codec may take beside the pixels: tables of PIZ and of DWA.
+/// The memory in bytes that a codec may use in addition to the pixels, for the tables of PIZ and DWA.
 const TABLES: u64 = 4 << 20;
-/// What decoding may take beside the file, as a multiple of the pixels that its header announces.
+/// The memory that decoding may use in addition to the file, as a multiple of the pixels that the header declares.
 const TIMES: u64 = 4;
 
-/// A generator of our own: the corpus stays the same whatever a crate does.
+/// A random number generator. The test has its own, so that no update of a crate changes the damaged files.
 struct Random(u64);
 
 impl Random {
@@ -42,7 +42,7 @@ impl Random {
     }
 }
 
-/// A sound file, and where its tables of chunks and its chunks are.
+/// A valid file, with the positions of its chunk tables and chunks.
 struct Seed {
     bytes: Vec<u8>,
     tables: usize,
@@ -50,7 +50,7 @@ struct Seed {
 }
 
 impl Seed {
-    /// A file of which the crate knows nothing: its chunks are somewhere behind the header.
+    /// A file of another writer: the positions of its chunks aren't known.
     fn unknown(name: &str) -> Self {
         let bytes = std::fs::read(data(name)).expect("readable");
         let tables = bytes.len() / 2;
@@ -70,7 +70,7 @@ impl Seed {
 
 const TILES: Blocks = Blocks::Tiles(Vec2(10, 7));
 
-/// Images with smaller levels of themselves.
+/// An image with mip levels, or with rip levels.
 fn levels(rip: bool) -> Vec<u8> {
     let round = RoundingMode::Down;
     let samples = |size: Vec2<usize>| FlatSamples::F32(vec![0.5; size.area()]);
@@ -133,7 +133,7 @@ fn put(bytes: &mut [u8], at: usize, value: &[u8]) {
     }
 }
 
-/// One of ten kinds of damage.
+/// A file with one of ten kinds of damage.
 fn damaged(kind: usize, seed: &Seed, other: &Seed, random: &mut Random) -> Vec<u8> {
     let mut bytes = seed.bytes.clone();
     let length = bytes.len();
@@ -157,7 +157,7 @@ fn damaged(kind: usize, seed: &Seed, other: &Seed, random: &mut Random) -> Vec<u
             put(&mut bytes, random.below(length), &other.bytes[from..from + count]);
         }
         5 => {
-            // A chunk twice, or in another's place.
+            // Copies a chunk over another chunk.
             let (from, to) = (random.pick(&seed.chunks), random.pick(&seed.chunks));
             let chunk = bytes[from..(from + 16 + random.below(400)).min(length)].to_vec();
             match random.below(2) {
@@ -166,7 +166,7 @@ fn damaged(kind: usize, seed: &Seed, other: &Seed, random: &mut Random) -> Vec<u
             }
         }
         6 => {
-            // A number of the header, anywhere or in an attribute that announces sizes.
+            // Changes a number in the header, anywhere or in an attribute with a size.
             let names = ["dataWindow", "tiles", "channels", "chunkCount", "compression", "type"];
             let name = random.pick(&names).as_bytes();
             let found = bytes.windows(name.len()).position(|window| window == name);
@@ -187,7 +187,7 @@ fn damaged(kind: usize, seed: &Seed, other: &Seed, random: &mut Random) -> Vec<u
             put(&mut bytes, seed.tables + entry * 8, &offset.to_le_bytes());
         }
         8 => {
-            // What a chunk begins with: its place, its length, and what the codec wrote first.
+            // Changes the beginning of a chunk: its position, its length, or the codec's first bytes.
             let at = random.pick(&seed.chunks) + random.below(128);
             match random.below(3) {
                 0 => put(&mut bytes, at, &random.next().to_le_bytes()),
@@ -204,8 +204,7 @@ fn damaged(kind: usize, seed: &Seed, other: &Seed, random: &mut Random) -> Vec<u
     bytes
 }
 
-/// The bytes of pixels that all data windows of a file announce, as far as the limits let them be
-/// read.
+/// The bytes of pixels that all data windows of a file declare, within Karat's limits.
 fn announced(bytes: &[u8]) -> u64 {
     let name = b"dataWindow\0box2i\0";
     let windows = bytes.windows(name.len() + 20).filter(|window| window.starts_with(name));
@@ -220,7 +219,7 @@ fn announced(bytes: &[u8]) -> u64 {
     sizes.sum::<u64>().min(512 << 20).min(bytes.len() as u64 * 2000 * 8)
 }
 
-/// Whether a refusal names the file and says what is wrong with it in one line of our own words.
+/// Checks that a message names the file and says in one line what is wrong with it.
 fn is_sentence(text: &str, path: &Path) -> bool {
     let Some((file, reason)) = text.split_once(" isn't a readable OpenEXR image: ") else {
         return false;
@@ -274,7 +273,7 @@ fn damaged_files_are_images_or_refused_and_take_little_memory() {
     }
     writeln!(report, "{accepted} read, {refused} refused, at most {worst:?} bytes").expect("text");
     assert!(accepted + refused >= 5000 && accepted > 100 && refused > 3000, "{report}");
-    // Shown with --nocapture.
+    // `cargo test -- --nocapture` prints this report.
     eprint!("{report}");
 }
 
@@ -286,20 +285,20 @@ fn sound_files_of_every_codec_are_read() {
         std::fs::write(&path, &seed.bytes).expect("written");
         let file = ExrFile::read(&path).expect("sound");
         assert!(file.parts.iter().all(|part| part.image.pixels().len() == SIZE.area()));
-        // Cut anywhere before its last chunk that is read, it isn't.
+        // A file that ends before its last needed chunk is refused.
         place(&path, &seed.bytes[..seed.tables + 3]);
         assert!(ExrFile::read(&path).is_err());
     }
 }
 
 #[test]
-fn what_is_no_openexr_file_is_named() {
+fn other_file_formats_are_named() {
     let read = |bytes: &[u8]| message(bytes, Image::read_exr);
     let not = |what: &str| format!("`a.exr` isn't a readable OpenEXR image: it is {what}");
     assert_eq!(read(b""), not("empty"));
     assert_eq!(read(b"\x89PNG\r\n\x1a\n...."), not("a PNG image"));
     assert_eq!(read(b"#?RADIANCE\n"), not("a Radiance HDR image"));
-    assert_eq!(read(b"not an image"), not("of a format that isn't known"));
+    assert_eq!(read(b"not an image"), not("of an unknown format"));
     let pointer = b"version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 1\n";
     let expected = "`a.exr` is a Git LFS pointer, not an image; run `git lfs pull`";
     assert_eq!(read(pointer), expected);
@@ -325,7 +324,7 @@ fn folders_and_files_that_are_too_long_are_refused_unread() {
 }
 
 #[test]
-fn limits_are_told() {
+fn exceeded_limits_are_errors() {
     let mut sound = seeds().swap_remove(2).bytes;
     let channels = (0..33).map(|i| super::channel(&format!("c{i:02}"), SampleType::F16, i));
     let many = AnyChannels::sort(channels.collect::<SmallVec<_>>());
@@ -337,20 +336,23 @@ fn limits_are_told() {
     assert_eq!(read(&many), "it has a part of more than 32 channels");
     let flags = sound.iter().position(|byte| *byte == 2).expect("the version");
     sound[flags + 1] |= 8;
-    assert_eq!(read(&sound), "it holds deep data, which isn't read");
+    assert_eq!(read(&sound), "it has deep data, which Karat can't read");
     sound[flags] = 3;
-    assert_eq!(read(&sound), "it is of version 3, only 2 is read");
+    assert_eq!(read(&sound), "it has version 3, but Karat reads only version 2");
     let chroma = AnyChannels::sort(SmallVec::<[_; 4]>::from_iter([super::channel(
         "BY",
         SampleType::F16,
         0,
     )]));
     let mut chroma = file(&[layer("a", chroma, Compression::ZIP1, Blocks::ScanLines)]);
-    // Behind the name: the type, how to quantise, and the steps of columns and rows.
+    // After the name come the type, a flag for quantisation, and the sampling of columns and rows.
     let sampling = chroma.windows(3).position(|w| w == b"BY\0").expect("a channel") + 3 + 8;
     chroma[sampling] = 2;
-    assert_eq!(read(&chroma), "its channel `BY` has fewer pixels than the image, which isn't read");
-    // A writer that was stopped leaves a table of zeros.
+    // An interrupted writer leaves a chunk table of zeros.
+    assert_eq!(
+        read(&chroma),
+        "its channel `BY` has fewer pixels than the image, which Karat can't read"
+    );
     let stopped = Seed::new(seeds().swap_remove(2).bytes);
     let mut bytes = stopped.bytes;
     bytes[stopped.tables..stopped.tables + 8].fill(0);
@@ -366,7 +368,7 @@ fn files_of_the_library_cut_anywhere_are_refused_or_whole() {
         let path: &Path = &folder.path().join("cut.exr");
         for length in (0..bytes.len()).step_by(5) {
             place(path, &bytes[..length]);
-            // The library may write parts in any order, but each is needed.
+            // Chunks may have any order, but each part is needed.
             assert!(ExrFile::read(path).is_err_and(|_| whole.parts.len() < 9), "{name} {length}");
         }
     }

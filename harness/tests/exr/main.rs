@@ -1,6 +1,6 @@
-//! Image files: what other programs wrote, what is damaged or hostile, and disks that are full.
+//! Image files: files of other programs, damaged and hostile files, and full disks.
 //!
-//! Memory is counted on the thread that decodes, by the global allocator of `allocation-counter`.
+//! The global allocator of `allocation-counter` counts the memory of the decoding thread.
 
 mod disk;
 mod foreign;
@@ -20,19 +20,19 @@ fn data(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/exr").join(name)
 }
 
-/// What `read` says about these bytes.
+/// The error of `read` for these bytes.
 fn message<T>(bytes: &[u8], read: fn(&Path) -> Result<T, karat::image::ImageError>) -> String {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("a.exr");
     std::fs::write(&path, bytes).expect("written");
     let error = read(&path).err().expect("an error").to_string();
-    // The path is the system's.
+    // The path of the temporary folder depends on the system.
     let shown = path.display().to_string();
     assert!(error.contains(&shown), "{error}");
     error.replace(&shown, "a.exr")
 }
 
-/// Puts a new file there. One that is cut and written again would wait for the disk each time.
+/// Removes a file, and writes a new one. To truncate the file and write it again would wait for the disk.
 fn place(path: &Path, bytes: &[u8]) {
     if path.exists() {
         std::fs::remove_file(path).expect("removed");
@@ -42,7 +42,7 @@ fn place(path: &Path, bytes: &[u8]) {
 
 const SIZE: Vec2<usize> = Vec2(24, 20);
 
-/// Some of it smooth, some of it noise.
+/// A pixel's value. Some regions are smooth, and others are noise.
 fn value(channel: usize, index: usize) -> f32 {
     let (x, y) = (index % SIZE.0, index / SIZE.0);
     let noise = (index * 2_654_435_761 + channel * 97) % 1009;
@@ -87,7 +87,7 @@ where
     bytes.into_inner()
 }
 
-/// The bytes of a file of these layers.
+/// The bytes of a file with these layers.
 fn file(layers: &[Layer<Channels>]) -> Vec<u8> {
     match layers {
         [layer] => encode(&exr::image::Image::from_layer(layer.clone())),
@@ -98,7 +98,7 @@ fn file(layers: &[Layer<Channels>]) -> Vec<u8> {
     }
 }
 
-/// All that the crate both reads and writes.
+/// The compressions that the crate can both read and write.
 const CODECS: [Compression; 10] = [
     Compression::Uncompressed,
     Compression::RLE,

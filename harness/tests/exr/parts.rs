@@ -47,14 +47,17 @@ fn names_are_checked_before_anything_is_written() {
             other => panic!("{other:?}"),
         }
     };
-    assert_eq!(refused(&["a", "b", "a"]), "`a` can't name a part of an image: another part has it");
+    assert_eq!(
+        refused(&["a", "b", "a"]),
+        "`a` can't name a part of an image: another part has this name"
+    );
     assert_eq!(
         refused(&["a", "b c"]),
         "`b c` can't name a part of an image: use letters, digits, `-`, `_` and `.`"
     );
     assert_eq!(
         refused(&["a", ""]),
-        "`` can't name a part of an image: of several parts each needs a name"
+        "`` can't name a part of an image: each of several parts needs a name"
     );
     let long = "x".repeat(256);
     assert!(refused(&[&long]).ends_with("it is longer than 255 letters"));
@@ -68,7 +71,7 @@ fn names_are_checked_before_anything_is_written() {
 }
 
 #[test]
-fn what_could_not_be_read_is_not_written() {
+fn unreadable_images_are_not_written() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("golden.exr");
     let write = |parts| ExrFile { parts, metadata: None }.write(&path);
@@ -76,7 +79,7 @@ fn what_could_not_be_read_is_not_written() {
     assert!(error.ends_with("there are no parts"), "{error}");
     let wide = Image::new(16_385, 1, vec![[0.0; 4]; 16_385]);
     let error = wide.write_exr(&path, Precision::Half, None).expect_err("too wide").to_string();
-    assert!(error.ends_with("16385 x 1 pixels, sides of 1 to 16384 can be read"), "{error}");
+    assert!(error.ends_with("16385 x 1 pixels, but Karat reads sides of 1 to 16384"), "{error}");
     let none = Image::new(0, 4, Vec::new());
     assert!(none.write_exr(&path, Precision::Half, None).is_err());
     assert!(!path.exists());

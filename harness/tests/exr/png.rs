@@ -1,4 +1,4 @@
-//! PNG files read back, of every kind, and damaged ones.
+//! PNG files of every kind, and damaged PNG files.
 
 use std::path::Path;
 
@@ -30,13 +30,13 @@ fn encode(
 
 fn read(bytes: &[u8]) -> Result<Image, ImageError> {
     let folder = tempfile::tempdir().expect("a temporary folder");
-    // The content counts, not the name.
+    // The file's content decides, not its name.
     let path = folder.path().join("a.exr");
     std::fs::write(&path, bytes).expect("written");
     Image::read(&path)
 }
 
-/// IEC 61966-2-1.
+/// Decodes sRGB by IEC 61966-2-1.
 fn srgb(encoded: f64) -> f32 {
     let linear =
         if encoded <= 0.04045 { encoded / 12.92 } else { ((encoded + 0.055) / 1.055).powf(2.4) };
@@ -48,7 +48,7 @@ fn pixels(bytes: &[u8]) -> Vec<[f32; 4]> {
 }
 
 #[test]
-fn what_is_no_colour_is_read_as_it_is_stored() {
+fn masks_are_read_as_stored() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("mask.png");
     let stored = |bytes: &[u8]| {
@@ -65,7 +65,6 @@ fn what_is_no_colour_is_read_as_it_is_stored() {
     let alpha = encode(ColorType::GrayscaleAlpha, BitDepth::Sixteen, 1, &[128, 0, 0, 0], |_| {});
     let half = 32_768.0 / 65_535.0;
     assert_eq!(stored(&alpha), [[half, half, half, 0.0]]);
-    // Floats are what they are.
     Image::new(1, 1, vec![[0.25, 2.0, -1.0, 0.5]])
         .write_exr(&path, karat::image::Precision::Float, None)
         .expect("written");
@@ -116,7 +115,7 @@ fn a_gamma_chunk_counts_unless_there_is_an_srgb_chunk() {
     assert_eq!(message(&none, Image::read), expected);
 }
 
-/// Made by `data/png/make_interlaced.py`, as the crate writes no such files.
+/// `data/png/make_interlaced.py` wrote the files, because the crate can't write interlaced files.
 #[test]
 fn interlaced_files_are_read() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/data/png/interlaced.png");
@@ -151,13 +150,16 @@ fn limits_hold_for_png_too() {
         assert!(memory.bytes_max < 1 << 20, "{memory:?}");
         text.rsplit_once(": ").expect("a reason").1.to_owned()
     };
-    assert_eq!(reason(&bytes), "its header announces 1024 MB of pixels, 512 MB are read");
+    assert_eq!(
+        reason(&bytes),
+        "its header announces 1024 MB of pixels, but Karat reads at most 512 MB"
+    );
     let wide = encode(ColorType::Grayscale, BitDepth::One, 16_385, &[0; 2049], plain);
     assert_eq!(
         reason(&wide),
-        "its header announces 16385 x 1 pixels, sides of 1 to 16384 are read"
+        "its header announces 16385 x 1 pixels, but Karat reads sides of 1 to 16384"
     );
-    // A header of many pixels, and none behind it. The checksum is of the header.
+    // The header declares many pixels, and none follow. The checksum of the header is right.
     let mut many = encode(ColorType::Rgba, BitDepth::Sixteen, 5000, &[0; 40_000], plain);
     many.truncate(33);
     many[20..24].copy_from_slice(&5000_u32.to_be_bytes());
@@ -169,7 +171,10 @@ fn limits_hold_for_png_too() {
         }
     }
     many[29..33].copy_from_slice(&(!checksum).to_be_bytes());
-    assert_eq!(reason(&many), "its header announces 200000000 bytes of pixels in a file of 33");
+    assert_eq!(
+        reason(&many),
+        "its header announces 200000000 bytes of pixels, but the file has 33 bytes"
+    );
 }
 
 #[test]
@@ -208,7 +213,7 @@ fn damaged_files_are_images_or_refused() {
             place(&path, &bytes);
             let mut result = None;
             let memory = allocation_counter::measure(|| result = Some(Image::read(&path)));
-            // Little files; the decoder's own window and limit are larger than the pixels.
+            // The files are small. The decoder's own buffers are larger than the pixels.
             assert!(memory.bytes_max < 4 << 20, "{memory:?}");
             match result.expect("it was read") {
                 Ok(_) => accepted += 1,

@@ -1,4 +1,4 @@
-//! Compute entry points: several passes, their buffers and textures, statements, and what goes wrong.
+//! Compute entry points: several passes, their buffers and textures, statements, and errors.
 
 use glam::{DVec4, Vec4};
 use karat::Path;
@@ -60,24 +60,26 @@ fn scan(package: &Package) -> karat::compute::Compute<'_> {
         .dispatch("add", [4, 1, 1])
 }
 
+// Lesson 128
 #[test]
 fn passes_share_their_buffers() {
     let package = Package::from_source("scan", SCAN);
     let agreement = scan(&package).after("data").agrees_with(running(&values()), Abs(0.0));
     assert_eq!(agreement.elements, 256);
     assert!(!agreement.paths.is_empty());
-    // What another pass writes.
+    // The sums that the first pass writes.
     let blocks = values().chunks(64).map(|block| block.iter().sum()).collect::<Vec<u32>>();
     scan(&package).after("sums").agrees_with(blocks, Abs(0.0));
     scan(&package).after("data").satisfies("is in order", |data: &[u32]| data.is_sorted());
-    // An override is one of all passes.
+    // An override holds in all passes.
     let more: Vec<u32> = values().iter().map(|value| value + 2).collect();
     scan(&package).with_override("ADDED", 2.0).after("data").agrees_with(running(&more), Abs(0.0));
 }
 
-/// A pass that is left out, a wrong reference and a wrong statement are seen.
+/// A missing pass, a wrong reference and a wrong statement fail.
+// Lesson 128
 #[test]
-fn what_differs_is_told() {
+fn each_difference_of_a_pass_is_reported() {
     let package = Package::from_source("scan", SCAN);
     let first = package
         .compute()
@@ -103,8 +105,9 @@ fn what_differs_is_told() {
     assert!(text.contains("fails: is zero") && text.contains("doesn't hold"), "{text}");
 }
 
+// Lesson 128
 #[test]
-fn mistakes_are_told_before_anything_runs() {
+fn mistakes_are_reported_before_a_dispatch() {
     let package = Package::from_source("scan", SCAN);
     let told = |result: Result<karat::compute::ComputeAgreement, karat::compute::ComputeError>,
                 parts: &[&str]| {
@@ -131,7 +134,7 @@ fn mistakes_are_told_before_anything_runs() {
             .after("data")
             .unrecorded()
             .try_agrees_with(reference(), Abs(0.0)),
-        &["`block` is no compute entry point; did you mean `blocks`?"],
+        &["`block` isn't a compute entry point; did you mean `blocks`?"],
     );
     told(
         scan(&package)
@@ -176,7 +179,8 @@ fn mistakes_are_told_before_anything_runs() {
     );
 }
 
-/// A blur in two passes, the second of which samples what the first has stored.
+/// A blur in two passes. The second pass samples the texture that the first pass stores.
+// Lesson 128
 #[test]
 fn textures_are_stored_and_sampled() {
     let text = "\
@@ -212,9 +216,10 @@ fn textures_are_stored_and_sampled() {
         .agrees_with(reference.collect::<Vec<DVec4>>(), Rel(1e-3).or(Abs(1e-6))); // half floats
 }
 
-/// A loop that the driver would leave is an error with its line, and an endless one on `cpu`, too.
+/// A loop that the driver would leave is an error with its line. So is an endless loop on `cpu`.
+// Lesson 128
 #[test]
-fn loops_that_drivers_leave_are_told() {
+fn loops_of_passes_that_drivers_cut_short_are_errors() {
     let text = "@group(0) @binding(0) var<storage, read_write> out: array<u32>;\n\
         @compute @workgroup_size(1)\n\
         fn spin() {\n    \

@@ -1,4 +1,4 @@
-//! Frames as engines draw them: each state with what is seen if it is ignored.
+//! Frames as engines draw them. For each state, the image shows if a path ignores the state.
 
 use glam::{Vec2, Vec3, Vec4};
 use karat::Path;
@@ -12,7 +12,7 @@ use karat::{Frame, Image};
 
 const SIZE: u32 = 8;
 
-/// Flat colours, at a depth of their own.
+/// A shader with flat colours, each at its own depth.
 const FLAT: &str = "
 struct Flat { color: vec4f, depth: f32 }
 @group(0) @binding(0) var<uniform> flat: array<Flat, 3>;
@@ -57,7 +57,7 @@ fn pixel(image: &Image, x: u32, y: u32) -> Vec4 {
     Vec4::from(image.pixels()[(y * image.width() + x) as usize])
 }
 
-/// What is drawn at the left and at the right, on each driver.
+/// Checks the colours at the left and at the right, on each driver.
 fn expect(frame: &Frame<'_>, at: [Vec4; 2]) {
     for (path, image) in images(frame) {
         let seen = [pixel(&image, 1, 4), pixel(&image, 6, 4)];
@@ -85,6 +85,7 @@ fn green(mesh: Mesh) -> Draw {
     Draw::mesh("vertex", "second", mesh)
 }
 
+// Lesson 130
 #[test]
 fn targets_have_formats() {
     let package = flat();
@@ -111,7 +112,7 @@ fn targets_have_formats() {
         (Format::R8Unorm, Vec4::new(0.2, 0.0, 0.0, 1.0)),
         (Format::Rg8Unorm, Vec4::new(0.2, quarter, 0.0, 1.0)),
         (Format::Rgb10a2Unorm, Vec4::new(205.0 / 1023.0, 256.0 / 1023.0, 1.0, 1.0 / 3.0)),
-        // Six bits of mantissa, and five of blue.
+        // Red and green have six bits of mantissa, and blue has five.
         (Format::Rg11b10Ufloat, Vec4::new(0.199_22, 0.25, 2.0, 1.0)),
     ] {
         for path in
@@ -119,7 +120,7 @@ fn targets_have_formats() {
         {
             let image = match of(format).render(path) {
                 Ok(image) => image,
-                // wgpu's GL draws into none of these here, and says so.
+                // wgpu's GL can't draw into these formats, and returns an error.
                 Err(error) if path == Path::GL && lacking.contains(&format) => {
                     assert!(error.to_string().contains("is not renderable"), "{error}");
                     continue;
@@ -134,6 +135,7 @@ fn targets_have_formats() {
     }
 }
 
+// Lesson 130
 #[test]
 fn integers_are_targets() {
     let text = "@fragment fn f() -> @location(0) vec4u { return vec4u(7u, 255u, 300u, 2u); }\n\
@@ -148,6 +150,7 @@ fn integers_are_targets() {
     }
 }
 
+// Lesson 130
 #[test]
 fn several_targets_and_depth() {
     let package = flat();
@@ -162,7 +165,8 @@ fn several_targets_and_depth() {
     expect(&alone, [near, RED]);
 }
 
-/// An edge through pixels covers a share of their samples.
+/// An edge through a pixel covers some of the pixel's samples.
+// Lesson 130
 #[test]
 fn pixels_have_samples() {
     let package = flat();
@@ -177,6 +181,7 @@ fn pixels_have_samples() {
     }
 }
 
+// Lesson 129
 #[test]
 fn faces_are_culled_by_their_winding() {
     let package = flat();
@@ -195,27 +200,29 @@ fn faces_are_culled_by_their_winding() {
     expect(&frame(&package).draw(red(all(0.5)).front_face(Winding::Clockwise)), [Vec4::ZERO; 2]);
 }
 
+// Lesson 129
 #[test]
 fn depth_is_compared_written_and_biased() {
     let package = flat();
     let two = |first: Draw, second: Draw| frame(&package).draw(first).draw(second);
-    // The green one is behind the left half of the red one.
+    // The red rectangle covers the left half of the green one.
     expect(&two(red(left(0.25)), green(all(0.5))), [RED, GREEN]);
     let unwritten = red(left(0.25)).depth_write(false);
     expect(&two(unwritten, green(all(0.5))), [GREEN, GREEN]);
     let always = green(all(0.5)).depth_compare(Compare::Always);
     expect(&two(red(left(0.25)), always), [GREEN, GREEN]);
-    // Where nearer is larger.
+    // With reversed depth, nearer pixels have larger values.
     let reversed = |draw: Draw| draw.depth_compare(Compare::GreaterEqual);
     let both = two(reversed(red(left(0.25))), reversed(green(all(0.5))));
     expect(&both.clone().clear_depth(0.0), [GREEN, GREEN]);
     expect(&both, [Vec4::ZERO, Vec4::ZERO]);
-    // Of equal depths the later is seen, but for a bias.
+    // At equal depths the later draw is visible, unless a bias moves it back.
     expect(&two(red(left(0.5)), green(all(0.5))), [GREEN, GREEN]);
     let bias = DepthBias { constant: 1000, slope: 0.0, clamp: 0.0 };
     expect(&two(red(left(0.5)), green(all(0.5)).depth_bias(bias)), [RED, GREEN]);
 }
 
+// Lesson 129
 #[test]
 fn stencils_are_written_and_compared() {
     let package = flat();
@@ -243,6 +250,7 @@ fn stencils_are_written_and_compared() {
     expect(&hidden, [GREEN, RED]);
 }
 
+// Lesson 129
 #[test]
 fn pixels_are_blended() {
     let package = flat();
@@ -299,6 +307,7 @@ fn pixels_are_blended() {
     }
 }
 
+// Lesson 129
 #[test]
 fn targets_are_blended_and_masked_apart() {
     let package = flat();
@@ -334,6 +343,7 @@ struct Out { @builtin(position) clip: vec4f, @location(0) color: vec4f }
 }
 ";
 
+// Lesson 131
 #[test]
 fn copies_have_attributes_and_numbers() {
     let package = Package::from_source("instances", INSTANCES);
@@ -353,10 +363,14 @@ fn copies_have_attributes_and_numbers() {
     let vertices = |draw: &str| Draw::vertices(draw, "fragment", 3);
     expect(&frame(vertices("plain")), [color(0.0, 0.0, 0.0); 2]);
     let error = frame(draw().instances(4)).render(Path::ALL[0]).expect_err("3 values").to_string();
-    assert!(error.contains("drawn 4 times from copy 0, and an attribute has 3 values"), "{error}");
+    assert!(
+        error.contains("drawn 4 times from copy 0, but an attribute has only 3 values"),
+        "{error}"
+    );
 }
 
-/// wgpu's GL gives shaders other numbers of copies and vertices where these don't begin at 0.
+/// On wgpu's GL, shaders see other instance and vertex indices if these don't begin at 0.
+// Lesson 131
 #[test]
 fn numbers_begin_where_a_draw_says() {
     if karat::unstable::path::adapter(Path::VULKAN).is_err() {
@@ -376,6 +390,7 @@ fn numbers_begin_where_a_draw_says() {
     );
 }
 
+// Lesson 131
 #[test]
 fn frames_read_frames() {
     let text = "
@@ -410,6 +425,7 @@ fn frames_read_frames() {
     expect(&lit, [Vec4::ZERO, Vec4::ONE]);
 }
 
+// Lesson 131
 #[test]
 fn members_of_buffers_are_inputs() {
     let text = "struct Light { color: vec3f, power: f32 }\n\
@@ -428,7 +444,7 @@ fn members_of_buffers_are_inputs() {
     for (frame, part) in [
         (frame().set("globals.tme", 1.0_f32), "no member `tme`; did you mean `time`?"),
         (frame().set("global.time", 1.0_f32), "did you mean `globals`?"),
-        (frame().set("globals.time", 1_u32), "`time` is f32, the value is u32"),
+        (frame().set("globals.time", 1_u32), "`time` is f32, but the value is u32"),
         (frame().set("globals.time.x", 1.0_f32), "has no members"),
     ] {
         let error = frame.render(Path::ALL[0]).expect_err(part).to_string();
@@ -436,8 +452,9 @@ fn members_of_buffers_are_inputs() {
     }
 }
 
+// Lesson 131
 #[test]
-fn what_no_device_draws_is_told() {
+fn frames_that_no_device_draws_are_errors() {
     let package = Package::from_source(
         "wrong",
         [
@@ -450,10 +467,16 @@ fn what_no_device_draws_is_told() {
     let depth = || Draw::depth("vertex", all(0.5));
     for (frame, part) in [
         (frame(), "draws nothing"),
-        (frame().draw(red(all(0.5))).draw(depth()), "some of its draws draw depth alone"),
-        (frame().draw(depth()), "compare that, by `depth`"),
-        (frame().draw(red(all(0.5))).target(1), "it has 1 target, from 0 on, and none is 1"),
-        (frame().draw(red(all(0.5)).write_mask(1, "r")), "names target 1, and the frame has 1"),
+        (frame().draw(red(all(0.5))).draw(depth()), "some of its draws write only depth"),
+        (frame().draw(depth()), "add `depth` to compare"),
+        (
+            frame().draw(red(all(0.5))).target(1),
+            "it has 1 target, counted from 0, so there is no target 1",
+        ),
+        (
+            frame().draw(red(all(0.5)).write_mask(1, "r")),
+            "target 1, but the number of targets is 1",
+        ),
         (frame().draw(red(all(0.5))).depth().samples(4), "several samples"),
         (package.frame("", 2, 2).fragment("colored"), "at @location(1) that isn't a vec2f"),
         (
@@ -466,7 +489,8 @@ fn what_no_device_draws_is_told() {
     }
 }
 
-/// What nobody writes would be whatever the memory held, and what no target takes would be lost.
+/// Each target needs an output, and each output needs a target. Otherwise a target would have undefined values, or an
+/// output would be lost.
 #[test]
 fn targets_and_outputs_are_the_same() {
     let package = Package::from_source(
@@ -484,7 +508,7 @@ fn targets_and_outputs_are_the_same() {
     let frame = |fragment: &str| package.frame("", 4, 4).fragment(fragment);
     let two = [Format::Float, Format::Float];
     for (frame, part) in [
-        (frame("both"), "`both` writes @location(1), and the frame has 1 target: add `formats`"),
+        (frame("both"), "`both` writes @location(1), but the frame has 1 target: add `formats`"),
         (frame("second"), "`second` writes nothing at @location(0)"),
         (frame("second").formats(two), "`second` writes nothing at @location(0)"),
         (frame("depth"), "`depth` writes nothing at @location(0)"),
@@ -498,7 +522,7 @@ fn targets_and_outputs_are_the_same() {
         let error = frame.render(Path::VULKAN).expect_err(part).to_string();
         assert!(error.contains(part), "no `{part}` in:\n{error}");
     }
-    // Channels that nobody writes hold what they were cleared to.
+    // Masked channels keep the clear value.
     let masked = package.frame("", 4, 4).formats(two);
     let masked = masked.draw(Draw::fragment("second").write_mask(0, "")).target(1);
     for (_, image) in images(&masked) {
@@ -507,12 +531,12 @@ fn targets_and_outputs_are_the_same() {
     for (_, image) in images(&frame("both").formats(two).target(1)) {
         assert_eq!(pixel(&image, 1, 1), Vec4::splat(0.5));
     }
-    // A fragment function alone writes the depth that it returns.
+    // A draw with only a fragment function writes the depth that the function returns.
     let depth = package.frame("", 4, 4).draw(Draw::fragment("depth").write_mask(0, "")).depth();
     for (_, image) in images(&depth) {
         assert_eq!(pixel(&image, 3, 0).x, 0.875);
     }
-    // A target has as many components as are written.
+    // A target has as many components as its output.
     for (_, image) in images(&frame("one")) {
         assert_eq!(pixel(&image, 3, 0).truncate(), Vec3::new(1.875, 0.0, 0.0));
     }
@@ -527,7 +551,7 @@ fn targets_and_outputs_are_the_same() {
     }
 }
 
-/// What isn't a colour isn't judged as one: integers are equal or not, and depths are within rounding.
+/// Targets that aren't colours have their own comparison: integers must be equal, and depths equal within rounding.
 #[test]
 fn integers_and_depths_are_no_colours() {
     let project = super::values::Project::new();
@@ -558,7 +582,7 @@ fn integers_and_depths_are_no_colours() {
     }
     let facts = project.facts("ids");
     assert!(facts.contains("[modules]\npackage = \""), "what made it is kept: {facts}");
-    // One more in a few pixels, which no eye sees; and a surface that is a tenth farther away.
+    // A few pixels differ by one, which would be invisible in a colour. A surface is a tenth farther away.
     drawn(&package("5001u", "0.9990"), "ids").expect_err("another integer");
     drawn(&package("5000u", "0.9991"), "depths").expect_err("another depth");
     let large = drawn(&package("16777217u", "0.9990"), "ids").expect_err("no float is it");

@@ -1,4 +1,5 @@
-//! Functions with pointers, without a result, that write, and that only fragment shaders may call.
+//! Functions with pointers, functions without a result, functions that write, and functions that only fragment shaders
+//! may call.
 
 use glam::{DVec2, DVec3, DVec4, UVec2, Vec2, Vec3, Vec4};
 use karat::fixture::Compare;
@@ -9,7 +10,8 @@ fn check(text: &str) -> Package {
     Package::from_source("f", text)
 }
 
-/// What a pointer points to goes in by value and comes out as a further result.
+/// The value behind a pointer is an argument, and after the call another result.
+// Lesson 123
 #[test]
 fn pointers_are_values_in_and_out() {
     let package = check(
@@ -24,21 +26,22 @@ fn pointers_are_values_in_and_out() {
         .function("next")
         .over(Integers(0..=u32::MAX))
         .agrees_with(move |state: u32| (step(state) >> 16, step(state)), Abs(0.0));
-    // Without a result what the pointer points to is the result.
+    // If the function returns nothing, the value behind the pointer is its only result.
     package
         .function("scale")
         .over(((-1.0_f32..=1.0, -1.0_f32..=1.0).map(|(x, y)| Vec2::new(x, y)), 0.0_f32..=4.0))
         .agrees_with(|v: DVec2, by: f64| v * by, Ulp(1.0));
-    // A private variable starts anew in each case.
+    // A private variable has its initial value again in each case.
     package
         .function("add")
         .over((-1.0_f32..=1.0, -1.0_f32..=1.0))
         .agrees_with(|sum: f64, x: f64| (x, sum + x), Ulp(1.0).or(Abs(1e-7)));
 }
 
-/// A reference that takes no note of the pointer, or a wrong one, is seen.
+/// A reference that ignores the value behind the pointer, or returns a wrong one, fails.
+// Lesson 123
 #[test]
-fn what_a_pointer_points_to_is_compared() {
+fn the_values_behind_pointers_are_compared() {
     let package = check("fn f(a: ptr<function, i32>) -> i32 { *a += 1; return *a * 2; }");
     let probe = || package.function("f").over(Integers(-100..=100_i32));
     probe().agrees_with(|a: i32| (2 * (a + 1), a + 1), Abs(0.0));
@@ -50,6 +53,7 @@ fn what_a_pointer_points_to_is_compared() {
     assert!(text.contains("returns"), "{text}");
 }
 
+// Lesson 127
 #[test]
 fn twelve_parameters_and_none() {
     let package = check(
@@ -96,7 +100,8 @@ fn twelve_parameters_and_none() {
         .agrees_with(|| 1.0_f64, Abs(0.0));
 }
 
-/// One that another one is made of, with and without an initialiser.
+/// An override may be part of another override's initialiser.
+// Lesson 133
 #[test]
 fn overrides_that_others_are_made_of_are_set() {
     let package = check(
@@ -120,8 +125,8 @@ fn overrides_that_others_are_made_of_are_set() {
     assert!(error.contains("has two values"), "{error}");
 }
 
-/// A host sets overrides by their names. One of another module keeps its own, unless two modules have one each: then a bare
-/// name is told.
+/// A host sets overrides by their names. If two modules have an override with the same name, a name without its module
+/// is an error.
 #[test]
 fn overrides_of_several_modules_are_named() {
     let declares = |value: &str, own: &str| {
@@ -150,7 +155,7 @@ fn overrides_of_several_modules_are_named() {
         .with_override("SAMPLES", 2.0)
         .over(OneOf(vec![1.0_f32]))
         .agrees_with(|x: f64| 2.0 * x, Abs(0.0));
-    // A local, a parameter or another import of that name doesn't take its place.
+    // A local variable, a parameter or another import with the same name isn't the override.
     for (text, expected) in [
         (
             "import package::gain::gain as k; import package::other::gain;\n\
@@ -198,6 +203,7 @@ fn overrides_of_several_modules_are_named() {
     assert!(!text("lit").contains("override SAMPLES: u32"), "{}", text("lit"));
 }
 
+// Lesson 120
 #[test]
 fn overrides_are_set() {
     let package = check(
@@ -209,7 +215,7 @@ fn overrides_are_set() {
     let xs = || OneOf(vec![0.0_f32, 1.0, 4.0]);
     probe().over(xs()).agrees_with(|x: f64| 2.0 * x + 2.0, Abs(0.0));
     probe().with_override("7", 5.0).over(xs()).agrees_with(|x: f64| 2.0 * x + 5.0, Abs(0.0));
-    // One that is ignored is seen.
+    // The check fails if the override's value is ignored.
     probe()
         .with_override("COUNT", 5.0)
         .over(xs())
@@ -242,7 +248,8 @@ fn overrides_are_set() {
     wrong.expect_err("no constant is NaN");
 }
 
-/// Storage that a case writes is what it was before, for each case; what it is afterwards is a result.
+/// Each case starts with the same storage. The storage after the case is a result.
+// Lesson 124
 #[test]
 fn written_storage_is_a_result_and_starts_anew() {
     let package = check(
@@ -308,8 +315,9 @@ impl karat::unstable::value::Mirror for Bins {
     }
 }
 
-/// Workgroup variables are zero in each case, and a barrier is met by its one invocation.
-/// What may be written, and is only read, is no result.
+/// Workgroup variables are zero at the start of each case, and one invocation passes a barrier alone. Storage that
+/// could be written, but is only read, isn't a result.
+// Lesson 133
 #[test]
 fn storage_that_is_only_read_is_no_result() {
     let package = check(
@@ -322,6 +330,7 @@ fn storage_that_is_only_read_is_no_result() {
     probe.over(Integers(0..=1_u32)).agrees_with(|i: u32| if i == 0 { 1.0 } else { 6.0 }, Abs(0.0));
 }
 
+// Lesson 124
 #[test]
 fn workgroup_state_starts_anew() {
     let package = check(
@@ -334,6 +343,7 @@ fn workgroup_state_starts_anew() {
     package.function("f").over(domain()).agrees_with(|_: u32, x: u32| x, Abs(0.0));
 }
 
+// Lesson 124
 #[test]
 fn storage_textures_are_read_back() {
     let package = check(
@@ -377,14 +387,15 @@ fn storage_textures_are_read_back() {
         );
 }
 
-/// A value with its derivatives goes in; the result at the upper left pixel is judged.
+/// An argument is a value with its derivatives. The check judges the result at the upper left pixel.
+// Lesson 126
 #[test]
 fn derivatives_over_quads() {
     let package = check(
         "fn edge(d: f32) -> f32 { return clamp(0.5 - d / fwidth(d), 0.0, 1.0); }\n\
          fn slope(p: vec2f, by: f32) -> vec4f { return by * vec4f(dpdx(p), dpdy(p)); }",
     );
-    // Steps that are exact in binary: what is added to a value can be taken off again.
+    // These steps are exact in binary, so adding and subtracting one gives the same value again.
     let steps = || OneOf(vec![-0.5_f32, -0.25, 0.25, 1.0]);
     let values = || Grid::linear(-1.0..=1.0, 33);
     let quad = || (values(), steps(), steps()).map(|(value, dx, dy)| Quad { value, dx, dy });
@@ -409,7 +420,7 @@ fn derivatives_over_quads() {
         .unrecorded()
         .try_agrees_with(|d: Quad<f64>| (0.5 - d.value / d.dx.abs()).clamp(0.0, 1.0), Abs(1e-3));
     wrong.expect_err("a derivative is left out");
-    // Without derivatives a value is the same at all four pixels.
+    // An argument without derivatives has the same value at all four pixels.
     package
         .function("slope")
         .over((Just(Vec2::ONE), Just(3.0_f32)))
@@ -418,7 +429,8 @@ fn derivatives_over_quads() {
 
 karat::shareable! { struct Point mirrors PointMirror { uv: Vec2, id: u32 } }
 
-/// Of a structure the floats vary, and the integers are those of the pixel.
+/// In a structure, floats have derivatives, and integers don't.
+// Lesson 132
 #[test]
 fn structures_vary_over_quads() {
     let package = check(
@@ -437,6 +449,7 @@ fn structures_vary_over_quads() {
 }
 
 /// Sampling with an implicit level of detail, and with a bias.
+// Lesson 126
 #[test]
 fn implicit_levels_of_detail() {
     let package = check(
@@ -466,7 +479,7 @@ fn implicit_levels_of_detail() {
     );
 }
 
-/// The same of cubes: a step moves on the face that the direction points to, the less the longer the direction is.
+/// In a cube map, a step moves on the face to which the direction points. For a longer direction it moves less.
 #[test]
 fn implicit_levels_of_detail_of_cubes() {
     let package = check(
@@ -482,7 +495,7 @@ fn implicit_levels_of_detail_of_cubes() {
         let sky = CubeMap::from_levels(8, levels.clone());
         package.function(function).with("sky", sky).with("filtering", Sampler::LINEAR)
     };
-    // Of each face, of a short direction and of a long one, a step of one texel, of two and of four, along either side.
+    // For each face: short and long directions, with steps of one, two and four texels along both sides.
     let numbers = (0..3_usize).flat_map(|axis| [-0.5_f32, 0.5, 3.0].map(|major| (axis, major)));
     let all: Vec<[Vec3; 2]> = numbers
         .flat_map(|(axis, major)| {
@@ -509,7 +522,7 @@ fn implicit_levels_of_detail_of_cubes() {
     probe("given").over(pairs).agrees_with(|at: DVec3, by: DVec3| moved(at, by), Abs(0.02));
 }
 
-/// Of two variables at one place a host binds one: no function may read both.
+/// A host binds only one of two variables with the same group and binding, so a function that reads both is refused.
 #[test]
 fn variables_at_one_place_are_refused() {
     let text = "@group(0) @binding(0) var<uniform> u: f32;
@@ -529,9 +542,10 @@ fn variables_at_one_place_are_refused() {
     assert!(error.contains("`u` and `v` are both @group(0) @binding(0)"), "{error}");
 }
 
-/// A number that isn't finite has a place, also where a bound hides it, and in what passes leave.
+/// A note names the position of a number that isn't finite, also if a `clamp` hides the number, and in buffers of
+/// passes.
 #[test]
-fn what_is_not_finite_has_a_place() {
+fn nan_and_infinity_have_a_place() {
     let text = "fn g(v: f32, l: f32) -> f32 {\n    return (v * l) / (4.0 * v * l);\n}\n\
         fn outer(v: f32, l: f32) -> f32 { return clamp(g(v, l), -10.0, 10.0) + 1.0; }\n\
         fn inverse(x: f32) -> f32 { return min(1.0 / x, 8.0); }\n\
@@ -551,9 +565,10 @@ fn what_is_not_finite_has_a_place() {
     assert!(error.contains("first NaN: `x / (x * x - x * 2.0)` of 0, 0 (<f>:9:15)"), "{error}");
 }
 
-/// A driver that leaves loops without a word does so in cases that run alone, and in quads, too.
+/// A driver that leaves long loops also does so in single cases and in quads.
+// Lesson 125
 #[test]
-fn loops_that_a_driver_leaves_are_told() {
+fn loops_of_functions_that_drivers_cut_short_are_errors() {
     let text = "@group(0) @binding(0) var<storage, read_write> sum: u32;\n\
          fn written(n: u32) {\n    for (var i = 0u; i < n; i++) { sum += i % 3u; }\n}\n\
          fn drawn(n: u32, x: f32) -> f32 {\n    \
@@ -589,9 +604,10 @@ fn loops_that_a_driver_leaves_are_told() {
     }
 }
 
-/// What can't be a subject is refused with its reason and its line.
+/// A function that a check can't call is refused with the reason and the line.
+// Lesson 127
 #[test]
-fn what_has_no_value_is_refused() {
+fn functions_without_a_value_are_refused() {
     let told = |text: &str, part: &str| {
         let package = check(text);
         let check = package.function("f").over(Just(1.0_f32));
@@ -604,7 +620,7 @@ fn what_has_no_value_is_refused() {
     told("fn f(x: f32) -> f32 { return subgroupAdd(x); }", "a call is one invocation");
 }
 
-/// Textures and samplers are fixtures by the names of the parameters that take them.
+/// Fixtures bind textures and samplers to parameters by the parameters' names.
 #[test]
 fn textures_are_parameters() {
     let package = check(
@@ -636,7 +652,7 @@ fn textures_are_parameters() {
         .with("second", ramp(1.0))
         .over(Grid::linear(0.0625..=0.9375, 8))
         .agrees_with(|u: f64| 4.0 * texel(u), Abs(1e-5));
-    // The one isn't taken for the other.
+    // Swapped values fail.
     let swapped = two().with("gain", Uniform::new(2.0_f32));
     let swapped = swapped.with("first", ramp(1.0)).with("second", ramp(3.0));
     let swapped = swapped.over(Grid::linear(0.0625..=0.9375, 8));
@@ -648,7 +664,7 @@ fn textures_are_parameters() {
         .to_string();
     assert!(error.contains("`second` (texture_2d<f32>) has no fixture"), "{error}");
     assert!(error.contains("<f>:6:1"), "{error}");
-    // A variable of the same name is another one.
+    // A module's variable with the same name is another binding.
     let both = check(
         "@group(0) @binding(0) var t: texture_2d<f32>;\n\
          fn outer() -> f32 { return 10.0 * textureLoad(t, vec2u(), 0).x; }\n\

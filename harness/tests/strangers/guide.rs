@@ -1,4 +1,4 @@
-//! The samples of docs/guide, compiled and run. Their text there is the text here.
+//! The samples of docs/guide, compiled and run. A test compares the guide's text with the text in these files.
 
 mod functions;
 
@@ -113,7 +113,7 @@ fn structures() {
         .satisfies("isn't x", move |_, seen: shaded::Shaded| seen.color != host.color);
 }
 
-/// Fetches a crate, so it is compiled only; `cargo ci found` tests that crate's functions.
+/// These tests would fetch a crate, so they are only compiled. `cargo ci found` tests that crate's functions.
 #[expect(dead_code, reason = "it would fetch a crate")]
 mod bevy {
     use karat::prelude::*;
@@ -151,7 +151,7 @@ fn passes() {
 }
 
 fn frames() {
-    // A fragment function alone covers the frame. At its locations are texture coordinates.
+    // A draw with only a fragment function covers the frame. Its inputs are texture coordinates.
     SHADERS
         .frame("sky", 256, 128)
         .set("globals.time", 1.5_f32)
@@ -174,7 +174,7 @@ fn frames() {
         .matches(&GOLDENS, "forest");
 }
 
-/// The chapter on frames, in its own words.
+/// The sample of the chapter on frames.
 mod first_frame {
     use super::GOLDENS;
     use super::functions::SHADERS;
@@ -184,10 +184,10 @@ mod first_frame {
     }
 }
 
-/// A golden is missing, is accepted, and then agrees; one after the other.
+/// Without a golden the test fails. After the author accepts the frame, the test passes.
 #[test]
 fn frames_have_goldens() {
-    // The first verdicts fail on purpose: a run that is recorded has none of them.
+    // The first verdicts fail on purpose, so don't record them.
     if std::env::var_os("KARAT_RECORD").is_some() {
         let program = std::env::current_exe().expect("this test's program");
         let mut own = std::process::Command::new(program);
@@ -209,7 +209,7 @@ fn frames_have_goldens() {
     first_frame::dusk();
 }
 
-/// The chapters, by their names. `None` in a published package, which has no guide beside it.
+/// The chapters with their names. `None` in a published package, which doesn't contain the guide.
 fn chapters() -> Option<Vec<(String, String)>> {
     let package = FilePath::new(env!("CARGO_MANIFEST_DIR"));
     let folder = package.join("../docs/guide");
@@ -227,14 +227,14 @@ fn chapters() -> Option<Vec<(String, String)>> {
     Some(chapters)
 }
 
-/// The blocks of a language in a chapter.
+/// The code blocks in one language in a chapter.
 fn blocks<'a>(text: &'a str, language: &str) -> Vec<&'a str> {
     let opening = format!("```{language}\n");
     let parts: Vec<&str> = text.split(opening.as_str()).skip(1).collect();
     parts.into_iter().map(|rest| rest.split("```").next().unwrap_or_default()).collect()
 }
 
-/// What is compared of a sample: all but blanks, closing commas, and what stands around a test in its file.
+/// The text of a sample without blanks, trailing commas, and the code around a test in its file.
 fn plain(text: &str) -> String {
     let around = ["use ", "// tests/", "// shaders/", "#[test]", "static "];
     let kept =
@@ -244,7 +244,8 @@ fn plain(text: &str) -> String {
     dense.replace(",)", ")").replace(",]", "]").replace(",}", "}")
 }
 
-/// Each sample of the guide stands in this file or in that of functions.
+/// This file or `functions.rs` contains each sample of the guide.
+// Lesson 137
 #[test]
 fn the_guide_has_these_samples() {
     let Some(chapters) = chapters() else { return };
@@ -259,10 +260,11 @@ fn the_guide_has_these_samples() {
     assert_eq!(count, 18);
 }
 
-/// Each shader is one that the samples test, but for three: WESL's conditions, which
-/// `harness/tests/package.rs` and `harness/cli/tests/cli/asserts.rs` test, and an import of Bevy's, which would fetch a crate; tests in WGSL
-/// are run by karat-suite. `cargo ci dist` runs those of the page for the web, and
-/// `harness/cli/tests/cli/tutorial.rs` those of the tutorial.
+/// Each shader is one that the samples test, but for three: WESL's conditions, which `harness/tests/package.rs` and
+/// `harness/cli/tests/cli/asserts.rs` test, and an import of Bevy's, which would fetch a crate; tests in WGSL are run
+/// by karat-suite. `cargo ci dist` runs those of the page for the web, and `harness/cli/tests/cli/tutorial.rs` those of
+/// the tutorial.
+// Lesson 137
 #[test]
 fn the_guide_has_these_shaders() {
     let Some(chapters) = chapters() else { return };
@@ -281,14 +283,14 @@ fn the_guide_has_these_shaders() {
                 continue;
             }
             count += 1;
-            // A chapter may leave out the functions below those that it shows.
+            // A chapter may show only the first functions of a file.
             assert!(own.contains(&plain(sample)), "{chapter}: not tested here:\n{sample}");
         }
     }
     assert_eq!(count, 4);
 }
 
-/// The function of the page about prints and assertions fails where the page says so.
+/// The function on the page about prints and assertions fails at the line that the page names.
 #[test]
 fn a_line_asserts() {
     let text = include_str!("shaders/lights.wgsl");
@@ -302,7 +304,8 @@ fn a_line_asserts() {
     assert!(told.contains("the assertion `ratio >= 0.0` is false"), "{told}");
 }
 
-/// Chapters, and files that they link to, are there; the index and mdBook's summary name each chapter.
+/// Each link of a chapter leads to a file. The index and mdBook's summary list each chapter.
+// Lesson 137
 #[test]
 fn links_of_the_guide_lead_somewhere() {
     let folder = FilePath::new(env!("CARGO_MANIFEST_DIR")).join("../docs/guide");
@@ -339,13 +342,14 @@ fn links_of_the_guide_lead_somewhere() {
     }
 }
 
-/// Where the links of a text lead, but for those to the net.
+/// The targets of a text's links, without web addresses.
 fn links(text: &str) -> impl Iterator<Item = &str> {
     let targets = text.split("](").skip(1).map(|rest| rest.split(')').next().unwrap_or_default());
     targets.filter(|link| !link.starts_with("http"))
 }
 
-/// A page of the book links to pages and pictures of the book: mdBook renders no other, and says nothing.
+/// Pages of the book link only to pages and pictures of the book. mdBook renders no others, and prints no warning.
+// Lesson 137
 #[test]
 fn links_of_the_book_stay_in_it() {
     let docs = FilePath::new(env!("CARGO_MANIFEST_DIR")).join("../docs");

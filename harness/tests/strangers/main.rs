@@ -1,4 +1,4 @@
-//! What engines bind, call and dispatch, each kind with a test that fails if it is ignored.
+//! Each kind of binding, call and dispatch that engines use, with a test that fails if Karat ignores it.
 
 mod compute;
 mod frames;

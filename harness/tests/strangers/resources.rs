@@ -6,7 +6,7 @@ use karat::fixture::{Address, Buffer, Compare, Filter, Fixture};
 use karat::prelude::*;
 use karat::unstable::probe::ProbeError;
 
-/// Weights of filters have 8 bits or more.
+/// The weights of a texture filter have at least 8 bits.
 const FILTERED: Abs = Abs(0.006);
 
 fn ramp() -> Texture {
@@ -21,7 +21,7 @@ const SAMPLED: &str = "@group(0) @binding(0) var image: texture_2d<f32>;\n\
      @group(0) @binding(1) var filtering: sampler;\n\
      fn f(uv: vec2f) -> vec4f { return textureSampleLevel(image, filtering, uv, 0.0); }";
 
-/// The nearest texel of `ramp`, by what is done with coordinates outside.
+/// The nearest texel of `ramp`. `wrap` maps coordinates outside the texture.
 fn nearest(uv: DVec2, wrap: impl Fn(f64) -> f64) -> DVec4 {
     let at = (uv * 4.0).floor();
     DVec4::new(wrap(at.x), wrap(at.y), 0.0, 1.0)
@@ -32,7 +32,7 @@ fn mirrored(texel: f64) -> f64 {
     if twice < 4.0 { twice } else { 7.0 - twice }
 }
 
-/// Coordinates that are neither at a texel's edge nor at its centre.
+/// Coordinates between the edges and the centres of texels.
 fn coordinates() -> impl Domain<Value = Vec2> {
     let texel = |i: i32| (f64::from(i) + 0.7) as f32 / 4.0;
     let places: Vec<Vec2> =
@@ -47,6 +47,7 @@ fn addressed(sampler: Sampler, wrap: fn(f64) -> f64) {
     probe().over(coordinates()).agrees_with(reference, Abs(0.0));
 }
 
+// Lesson 119
 #[test]
 fn samplers_clamp_repeat_and_mirror() {
     addressed(Sampler::NEAREST, |texel| texel.clamp(0.0, 3.0));
@@ -54,7 +55,8 @@ fn samplers_clamp_repeat_and_mirror() {
     addressed(Sampler::NEAREST.mirror(), mirrored);
 }
 
-/// A clamped sampler in place of a repeating one is seen.
+/// A check fails if the sampler clamps instead of repeating.
+// Lesson 119
 #[test]
 fn a_sampler_that_is_taken_for_another_is_seen() {
     let package = package("", SAMPLED);
@@ -69,6 +71,7 @@ fn a_sampler_that_is_taken_for_another_is_seen() {
     }
 }
 
+// Lesson 119
 #[test]
 fn each_coordinate_has_its_own_address() {
     let package = package("", SAMPLED);
@@ -85,8 +88,9 @@ fn each_coordinate_has_its_own_address() {
         .agrees_with(reference, Abs(0.0));
 }
 
-/// The level of detail chooses between levels of one value each, so that only the filter between them
-/// and the clamp show.
+/// Each level has one value, so the result depends only on the filter between levels and on the clamp of the level of
+/// detail.
+// Lesson 119
 #[test]
 fn filters_between_levels_and_their_clamp() {
     let declarations = "@group(0) @binding(0) var image: texture_2d<f32>;\n\
@@ -99,7 +103,7 @@ fn filters_between_levels_and_their_clamp() {
     let image = || flat(4, 0.0).with_levels([flat(2, 1.0), flat(1, 2.0)]);
     let check = |sampler: Sampler, reference: fn(f64) -> f64| {
         let probe = package.function("f").with("image", image()).with("filtering", sampler);
-        // Not where the nearest level changes.
+        // These levels of detail avoid values where the nearest level changes.
         let lods = [-1.0, 0.0, 0.3, 0.7, 1.0, 1.2, 1.7, 2.0, 5.0_f32];
         probe.over(OneOf(lods.to_vec())).agrees_with(reference, FILTERED);
     };
@@ -108,7 +112,8 @@ fn filters_between_levels_and_their_clamp() {
     check(Sampler::LINEAR.lod(1.0, 1.5), |lod| lod.clamp(1.0, 1.5));
 }
 
-/// Where a texel is larger than a pixel `mag` counts, and `min` where it is smaller.
+/// The filter `mag` is used for texels larger than a pixel, and `min` for smaller ones.
+// Lesson 119
 #[test]
 fn filters_of_larger_and_smaller_texels() {
     let text = "@group(0) @binding(0) var image: texture_2d<f32>;\n\
@@ -133,6 +138,7 @@ fn depths() -> Texture {
     Texture::from_fn(2, 2, |x, y| (x + 2 * y) as f32 / 4.0)
 }
 
+// Lesson 119
 #[test]
 fn comparison_samplers_compare() {
     let text = "@group(0) @binding(0) var shadow: texture_depth_2d;\n\
@@ -174,7 +180,8 @@ fn comparison_samplers_compare() {
         .agrees_with(depth, Abs(0.0));
 }
 
-/// Textures of each dimension and kind of texels, loaded from.
+/// Functions load texels of each type from textures of each dimension.
+// Lesson 120
 #[test]
 fn every_texture_is_loaded_from() {
     let value = |x: u32, y: u32, z: u32| x + 4 * y + 16 * z;
@@ -280,7 +287,8 @@ fn every_texture_is_loaded_from() {
     }
 }
 
-/// Faces and layers of cubes, along their axes.
+/// Functions sample faces and layers of cubes along their axes.
+// Lesson 120
 #[test]
 fn cubes_have_faces_layers_and_depths() {
     let text = "@group(0) @binding(0) var many: texture_cube_array<f32>;\n\
@@ -301,13 +309,13 @@ fn cubes_have_faces_layers_and_depths() {
         .with("filtering", Sampler::NEAREST)
         .over((Integers(0..=5_u32), Integers(0..=1_u32)))
         .agrees_with(|face: u32, layer: u32| f64::from(6 * layer + face), Abs(0.0));
-    // An array of one cube is no cube, and wgpu's GL takes it for one.
+    // wgpu's GL treats an array with one cube as a cube, which is wrong.
     package
         .function("f")
         .with("many", Texture::cube_array((0..6_u8).map(|i| face(f32::from(i)))))
         .with("filtering", Sampler::NEAREST)
         .over((Integers(0..=5_u32), Just(0_u32)))
-        .refused_on(Path::GL, "wgpu's GL makes a plain cube of an array of one cube")
+        .refused_on(Path::GL, "wgpu's GL turns an array of one cube map into a single cube map")
         .agrees_with(|face: u32, _: u32| f64::from(face), Abs(0.0));
     package
         .function("lit")
@@ -324,6 +332,7 @@ karat::shareable! {
     struct Head mirrors HeadMirror { count: u32, scale: f32 }
 }
 
+// Lesson 120
 #[test]
 fn buffers_by_their_values_and_by_their_bytes() {
     let text = "struct Lights { count: u32, scale: f32, items: array<vec4f> }\n\
@@ -353,7 +362,7 @@ fn buffers_by_their_values_and_by_their_bytes() {
         .with("plain", Storage::new([1.0_f32, 2.0, 3.0]))
         .over(())
         .agrees_with(|| UVec2::new(3, 3), Abs(0.0));
-    // A dynamic offset: what lies before it isn't seen.
+    // With a dynamic offset, the function doesn't see the bytes before the offset.
     let shifted = [vec![7.0_f32; 64], vec![0.0, 1.0, 2.0]].concat();
     package
         .function("g")
@@ -362,6 +371,7 @@ fn buffers_by_their_values_and_by_their_bytes() {
         .agrees_with(|i: u32| f64::from(i), Abs(0.0));
 }
 
+// Lesson 120
 #[test]
 fn immediates_are_set() {
     let text = "struct Push { offset: vec2f, scale: f32 }\n\
@@ -377,7 +387,7 @@ fn immediates_are_set() {
         .with("push", Uniform::new(push))
         .over(OneOf(vec![0.0_f32, 2.0, 8.0]))
         .agrees_with(|x: f64| 3.0 + 0.5 * x, Abs(0.0));
-    // Of fewer than 16 bytes, to a function and to a pass.
+    // Immediates with fewer than 16 bytes, for a function and for a pass.
     let text = "var<immediate> two: vec2u;
         @group(0) @binding(0) var<storage, read_write> out: array<u32>;
         fn sum() -> u32 { return two.x + two.y; }
@@ -389,9 +399,10 @@ fn immediates_are_set() {
     filled.dispatch("fill", [1, 1, 1]).after("out").agrees_with([8_u32], Abs(0.0));
 }
 
-/// What is wrong with a fixture is told before anything runs, with the line that binds the variable.
+/// A wrong fixture is reported before a dispatch, with the line that declares the variable.
+// Lesson 121
 #[test]
-fn mistakes_are_told_with_the_variables_line() {
+fn mistakes_are_reported_with_the_line_of_the_variable() {
     let text = "@group(0) @binding(0) var image: texture_2d<u32>;\n\
          @group(0) @binding(1) var<storage, read> table: array<vec4f>;\n\
          @group(0) @binding(2) var filtering: sampler;\n\
@@ -433,14 +444,15 @@ fn mistakes_are_told_with_the_variables_line() {
         "g",
         "table",
         Some(Buffer::zeros(12).into()),
-        &["<r>:3:23", "at least 16 bytes, the fixture has 12"],
+        &["<r>:3:23", "at least 16 bytes, but the fixture has 12"],
     );
     told("h", "shadow", Some(Texture::constant(2.0_f32).into()), &["depth of 2"]);
     let empty = Texture::from_fn(0, 0, |_, _| 0_u32);
     told("f", "image", Some(empty.into()), &["the fixture of `image` is empty"]);
 }
 
-/// A path whose compiler refuses a function can be declared, and no other.
+/// An author can declare that a path's compiler refuses a function. The declaration fails if the compiler accepts it.
+// Lesson 122
 #[test]
 fn a_path_that_compiles_nothing_is_declared() {
     let text = "@group(0) @binding(0) var shadow: texture_depth_2d;\n\
@@ -474,10 +486,11 @@ fn a_path_that_compiles_nothing_is_declared() {
     let runs = package.function("g").over(Integers(0..=1_u32)).refused_on(Path::GL, "no loads");
     let error =
         runs.unrecorded().try_agrees_with(|i: u32| f64::from(i), Abs(0.0)).expect_err("it runs");
-    assert!(error.to_string().contains("remove its `refused_on`"), "{error}");
+    assert!(error.to_string().contains("remove the `refused_on`"), "{error}");
 }
 
-/// An error of the fixtures is one that programs can tell from others.
+/// Programs can match an error of fixtures.
+// Lesson 121
 #[test]
 fn errors_carry_their_source() {
     let package = package("", SAMPLED);
@@ -490,7 +503,8 @@ fn errors_carry_their_source() {
     assert!(matches!(*cause, karat::fixture::FixtureError::Missing { .. }));
 }
 
-/// GL filters 16-bit floats alone. What no sampler reads has all bits there, too.
+/// GL filters only 16-bit floats. Texels that no sampler reads have all their bits on GL, too.
+// Lesson 133
 #[test]
 fn loaded_texels_have_full_precision() {
     let package = package(
@@ -506,7 +520,7 @@ fn loaded_texels_have_full_precision() {
         .agrees_with(|x: u32| f64::from(texels[x as usize]), Abs(0.0));
 }
 
-/// What another program writes for its uniforms, as it lays them out.
+/// The bytes of a uniform buffer, in the layout of the `encase` crate.
 #[derive(encase::ShaderType)]
 struct Sun {
     strength: f32,
@@ -541,7 +555,7 @@ fn buffers_that_encase_writes_are_taken_as_they_are() {
         .agrees_with(|i: u32| 2.0 * f64::from(weights[i as usize]) + 3.0, Abs(0.0));
 }
 
-/// GLSL spaces their columns otherwise, and nobody would say so.
+/// GLSL has another stride for columns of such matrices, without any error.
 #[test]
 fn narrow_matrices_are_right_or_refused() {
     let package = Package::from_source(
@@ -559,7 +573,7 @@ fn narrow_matrices_are_right_or_refused() {
     match (result, on_gl) {
         (Ok(_), false) => {}
         (Err(error), true) => {
-            assert!(error.to_string().contains("GLSL spaces the columns"), "{error}");
+            assert!(error.to_string().contains("GLSL's layout of matrices"), "{error}");
         }
         (other, _) => panic!("{other:?}"),
     }

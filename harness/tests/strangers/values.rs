@@ -1,4 +1,4 @@
-//! Goldens of values: what a function returned, and what passes left, kept and compared.
+//! Goldens of values: results of functions, and buffers after passes.
 
 use std::path::PathBuf;
 
@@ -11,8 +11,8 @@ use karat::unstable::run::WrongDeclaration;
 use karat::{Check, Goldens};
 use tempfile::TempDir;
 
-/// A folder of goldens, and where what waits for them lies. Names of goldens are each test's own: in CI
-/// all wait in one folder.
+/// A folder of goldens, and the folder of pending files. In CI all tests share the folder of pending files, so each
+/// test uses its own names.
 pub(crate) struct Project {
     folder: TempDir,
     pub(crate) goldens: Goldens,
@@ -89,7 +89,7 @@ fn values_of_a_function_are_kept_and_compared() {
     let agreement =
         over(&twice).unrecorded().try_matches(goldens, case, Ulp(4.0)).expect("the same");
     assert_eq!(agreement.cases, 40);
-    // Whatever the seed of the run is, its arguments are its own.
+    // The arguments of a golden don't depend on the seed of the run.
     for slightly in ["2.00001", "(2.0 + select(0.0, 1e-3, n == 3u))"] {
         let changed = curve(slightly);
         let error = over(&changed)
@@ -106,7 +106,7 @@ fn values_of_a_function_are_kept_and_compared() {
         {
             assert!(error.contains(part), "no `{part}` in:\n{error}");
         }
-        // A path of its own may be less exact.
+        // A tolerance for one path may be wider.
         over(&changed).unrecorded().try_matches(goldens, case, Rel(0.01)).expect("near enough");
     }
     let pending = project.pending(case);
@@ -132,7 +132,7 @@ fn other_arguments_have_to_be_accepted() {
     let fewer = over(&package).cases(39).unrecorded().try_matches(goldens, case, Ulp(4.0));
     let error = fewer.expect_err("fewer cases").to_string();
     assert!(
-        error.contains("agrees for the golden's arguments, and the test draws others"),
+        error.contains("agrees for the golden's arguments, but the test has other arguments now"),
         "{error}"
     );
     let wider = package.function("curve").over((0.0..=2.0_f32, Integers(0..=3_u32)));
@@ -161,7 +161,7 @@ fn other_arguments_have_to_be_accepted() {
 }
 
 #[test]
-fn what_could_never_agree_is_told() {
+fn values_that_can_never_agree_are_errors() {
     let (project, goldens) = (Project::new(), Goldens::open("nowhere".as_ref()));
     let package = Package::from_source(
         "m",
@@ -191,9 +191,9 @@ fn what_could_never_agree_is_told() {
     write(&text).expect("as it was");
     let cell = text.lines().last().expect("a row").split_once(',').expect("two cells").1;
     for (damaged, part) in [
-        (text.replacen("x,result", "x", 1), "has 1 column, its facts other ones"),
-        (text.replacen(&format!(",{cell}\n"), ",much\n", 1), "`much` is no finite f32"),
-        (text.replacen(&format!(",{cell}\n"), ",NaN\n", 1), "`NaN` is no finite f32"),
+        (text.replacen("x,result", "x", 1), "has 1 column, but its metadata describes others"),
+        (text.replacen(&format!(",{cell}\n"), ",much\n", 1), "`much` isn't a finite f32"),
+        (text.replacen(&format!(",{cell}\n"), ",NaN\n", 1), "`NaN` isn't a finite f32"),
         (text.replacen(&format!(",{cell}\n"), "\n", 1), "has 1 cell in 2 columns"),
         (text.replacen("# schema = 1", "# schema = 7", 1), "it was written by a newer Karat"),
         (text.replacen("# case", "# [case", 1), "can't be used"),
@@ -203,17 +203,17 @@ fn what_could_never_agree_is_told() {
                 .filter(|line| line.starts_with('#'))
                 .map(|line| format!("{line}\n"))
                 .collect(),
-            "has no line of columns",
+            "has no header line",
         ),
         (
             text.split_inclusive("result\n").next().unwrap_or_default().to_owned(),
-            "has no row below it",
+            "has no rows below it",
         ),
     ] {
         let error = write(&damaged).expect_err(part).to_string();
         assert!(error.contains(part) && error.contains("half.csv"), "{part}: {error}");
     }
-    // One digit of one row.
+    // Changes one digit of one row.
     let number: f32 = cell.parse().expect("a number");
     let off = text.replacen(&format!(",{cell}\n"), &format!(",{}\n", number + 0.001), 1);
     let error = write(&off).expect_err("one row").to_string();
@@ -327,7 +327,7 @@ fn accepting_values_has_the_rules_of_accepting_frames() {
         (provenance.because.as_str(), provenance.width, provenance.height),
         ("right", 4, 40)
     );
-    // What waits was compared with a golden that somebody else replaced.
+    // The pending values were compared with a golden that has been replaced since.
     over(&curve("3.0")).unrecorded().try_matches(goldens, case, Ulp(4.0)).expect_err("it changed");
     let stale = project.pending(case).expect("it waits");
     let golden = project.text(case).replacen(last, "0.5,1,7,8", 1);

@@ -136,8 +136,9 @@ mod tests {
         run_for(command.args(["-c", script]), deadline).expect("a shell")
     }
 
+    // Lesson 117
     #[test]
-    fn each_end_is_told_apart() {
+    fn each_end_of_a_process_is_recognised() {
         let good = shell("echo a; echo b >&2");
         assert_eq!((good.end, good.output.as_str()), (End::Good, "a\nb"));
         let bad = shell("echo no; exit 3");
@@ -151,8 +152,9 @@ mod tests {
         assert_eq!(shell("exec cat").end, End::Good, "there is no input to wait for");
     }
 
+    // Lesson 117
     #[test]
-    fn what_writes_without_end_is_ended() {
+    fn a_program_with_endless_output_is_killed() {
         let ran = shell("exec yes 0123456789");
         assert_eq!(ran.end, End::TooMuch);
         assert!(ran.output.len() < 2 * MOST_KEPT as usize, "{} bytes", ran.output.len());
@@ -164,7 +166,7 @@ mod tests {
 
     #[cfg(target_os = "linux")]
     #[test]
-    fn what_a_program_has_started_ends_with_it() {
+    fn child_processes_end_with_their_parent() {
         // Enough time for the shell to print the process id.
         let ran = shell_for("sleep 600 & echo $!; wait", Duration::from_secs(2));
         assert_eq!(ran.end, End::TimedOut);

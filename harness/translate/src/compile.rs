@@ -304,8 +304,9 @@ mod tests {
     use super::*;
 
     /// A multiplied length is in bytes: a later glslang may multiply it itself.
+    // Lesson 159
     #[test]
-    fn lengths_in_words_are_told_from_those_in_bytes() {
+    fn lengths_in_words_differ_from_lengths_in_bytes() {
         let head = [MAGIC, 0x0001_0300, 0, 20, 0];
         let length = [5 << 16 | 68, 1, 7, 2, 0];
         let load = [4 << 16 | 61, 1, 8, 7];

@@ -403,6 +403,7 @@ mod tests {
     use super::*;
 
     /// Debian's `tint` is a panel for desktops, so a program has to identify itself.
+    // Lesson 83
     #[test]
     fn a_program_of_the_same_name_is_not_the_tool() {
         let folder = tempfile::tempdir().expect("a temporary folder");

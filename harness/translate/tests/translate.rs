@@ -80,8 +80,9 @@ fn resources_keep_their_order() {
 }
 
 /// Every installed tool accepts every translation, and reports its version and command.
+// Lesson 81
 #[test]
-fn what_naga_writes_is_valid_for_the_tools_that_are_here() {
+fn translations_of_naga_are_valid_for_the_installed_tools() {
     let mut asked = Vec::new();
     for target in Target::ALL {
         for entry_point in ["add", "corner", "shade"] {
@@ -100,6 +101,7 @@ fn what_naga_writes_is_valid_for_the_tools_that_are_here() {
 }
 
 /// If a validator doesn't support a part of a language, it gives no verdict, unless it finds another fault first.
+// Lesson 160
 #[test]
 fn arrays_of_workgroups_are_no_fault_of_hlsl() {
     let text = "var<workgroup> tile: array<u32, 64>;
@@ -126,6 +128,7 @@ fn arrays_of_workgroups_are_no_fault_of_hlsl() {
 }
 
 /// Each validator can reject: otherwise accepting would prove nothing.
+// Lesson 82
 #[test]
 fn a_fault_is_seen_by_each_tool_that_judges_it() {
     let spoiled = |target: Target| {
@@ -168,6 +171,7 @@ fn immediates_are_written() {
 }
 
 /// Checking several together gives the same verdicts as one by one: an invalid one doesn't affect the others.
+// Lesson 116
 #[test]
 fn several_are_judged_as_each_alone() {
     for target in Target::ALL {
@@ -237,7 +241,7 @@ fn a_compiler_says_what_it_rejects() {
 }
 
 #[test]
-fn what_is_wrong_is_said() {
+fn errors_of_naga_are_reported() {
     let error = Shader::parse("fn f( {").expect_err("not WGSL").to_string();
     assert!(error.starts_with("naga doesn't read the shader: "), "{error}");
     let error = Shader::parse("fn f() -> f32 { return 1u; }").expect_err("invalid").to_string();
@@ -266,7 +270,7 @@ fn overrides_have_their_values() {
 }
 
 #[test]
-fn the_version_told_is_that_of_the_lock_file() {
+fn the_reported_version_is_that_of_the_lock_file() {
     // The lock file of the repository, or its copy in a published package.
     let package = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
     let read = |folder: &str| std::fs::read_to_string(package.join(folder).join("Cargo.lock")).ok();

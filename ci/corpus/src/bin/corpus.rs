@@ -316,7 +316,7 @@ const INVALID: &[(&str, &str)] = &[
     ("asset's path", "asset path"),
     ("has no value", "value of a feature"),
     ("`constants` has no", "value of a feature"),
-    ("doesn't hold here", "under a condition"),
+    ("is false here", "under a condition"),
     ("to include", "included by others"),
     ("no dependency", "import not found"),
     ("no module calls itself", "import not found"),

@@ -347,7 +347,7 @@ fn beside(file: &str) -> String {
 #[cfg(test)]
 mod tests {
     #[test]
-    fn the_versions_told_are_those_of_the_lock_file() {
+    fn doctor_prints_the_versions_of_the_lock_file() {
         let lock = super::beside("Cargo.lock");
         for (library, version) in super::LIBRARIES {
             let entry = format!("name = \"{library}\"\nversion = \"{version}\"\n");

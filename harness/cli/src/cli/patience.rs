@@ -37,7 +37,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn only_what_takes_long_is_told() {
+    fn only_slow_work_is_announced() {
         let told = |patience, work: &dyn Fn()| {
             let told = AtomicBool::new(false);
             after(patience, || told.store(true, Ordering::Relaxed), work);

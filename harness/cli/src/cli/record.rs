@@ -155,6 +155,7 @@ impl Heard {
 mod tests {
     use super::*;
 
+    // Lesson 183
     #[test]
     fn runners_say_what_they_left_out() {
         let heard = |lines: &str| {

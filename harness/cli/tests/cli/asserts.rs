@@ -34,6 +34,7 @@ fn folder(limit: &str) -> TempDir {
 }
 
 /// A call prints, a test that passes prints, and `karat tap` shows what lines print on all pixels.
+// Lesson 37
 #[test]
 fn lines_print() {
     let folder = folder("5.0");
@@ -55,6 +56,7 @@ fn lines_print() {
 }
 
 /// An assertion that no pixel comes to shows nothing, and the frame's test says so.
+// Lesson 213
 #[test]
 fn assertions_that_no_pixel_comes_to_are_named() {
     let folder = folder("5.0");
@@ -65,12 +67,13 @@ fn assertions_that_no_pixel_comes_to_are_named() {
     write(&folder.path().join("shaders"), "m.wgsl", &shader);
     let ran = karat(folder.path(), &["test", "--paths=vulkan"]);
     let told = format!("{}{}", ran.out, ran.err);
-    let note = "note: shaders/m.wgsl:14:25: no pixel comes to the assertion `own > 9.0`";
+    let note = "note: shaders/m.wgsl:14:25: no pixel reaches the assertion `own > 9.0`";
     assert!(told.contains(note), "{told}");
-    assert!(!told.contains("comes to the assertion `(x < 5.0)`"), "{told}");
+    assert!(!told.contains("reaches the assertion `(x < 5.0)`"), "{told}");
 }
 
 /// A false assertion fails a call, a sweep and a table, once what they print is shown.
+// Lesson 37
 #[test]
 fn calls_fail_by_assertions() {
     let folder = folder("2.0");
@@ -91,6 +94,7 @@ fn calls_fail_by_assertions() {
 }
 
 /// A test that comes to a false assertion fails at its line, declared or in WGSL, alone or of many.
+// Lesson 37
 #[test]
 fn tests_fail_by_assertions() {
     let folder = folder("2.0");

@@ -110,6 +110,7 @@ fn folder() -> TempDir {
 }
 
 /// A page of elsewhere, one without the secret, and a second page run nothing.
+// Lesson 208
 #[test]
 fn only_the_page_of_the_url_is_heard() {
     let folder = folder();
@@ -145,6 +146,7 @@ fn only_the_page_of_the_url_is_heard() {
 }
 
 /// Answers that are too short, belong to another job or are none fail the tests. So does a page that is closed.
+// Lesson 208
 #[test]
 fn a_page_that_lies_passes_no_test() {
     let folder = folder();
@@ -171,6 +173,7 @@ fn a_page_that_lies_passes_no_test() {
 }
 
 /// Without a page nothing runs, and the message says what to do.
+// Lesson 208
 #[test]
 fn no_page_is_an_error() {
     let folder = folder();

@@ -41,6 +41,7 @@ fn called(folder: &TempDir, arguments: &[&str]) -> String {
     karat(folder.path(), &[&["call"][..], arguments, &["--path", "cpu"]].concat()).good()
 }
 
+// Lesson 134
 #[test]
 fn variables_are_bound_by_names_files_and_numbers() {
     let folder = lit();
@@ -76,6 +77,7 @@ fn variables_are_bound_by_names_files_and_numbers() {
     assert!(out.contains("result: 6, counts: [4, 6]"), "{out}");
 }
 
+// Lesson 134
 #[test]
 fn pointers_derivatives_and_names() {
     let folder = lit();
@@ -139,7 +141,7 @@ fn arguments_are_json_where_numbers_have_no_names() {
 }
 
 #[test]
-fn slips_in_a_call_are_told() {
+fn wrong_bindings_and_overrides_of_a_call_are_errors() {
     let folder = lit();
     let json = r#"globals={"scale": 2, "offset": [0, 0.5], "count": 1}"#;
     let scaled = ["call", "lit::scaled", "3", "--bind", json, "--override"];
@@ -154,6 +156,7 @@ fn slips_in_a_call_are_told() {
     assert!(error.contains("which is bound: --bind image=0.5"), "{error}");
 }
 
+// Lesson 134
 #[test]
 fn sweeps_are_tables_and_curves() {
     let folder = lit();
@@ -173,6 +176,7 @@ fn sweeps_are_tables_and_curves() {
     assert_eq!(table.lines().count(), 101);
 }
 
+// Lesson 134
 #[test]
 fn a_table_is_a_check() {
     let folder = lit();
@@ -211,6 +215,7 @@ fn face(d: vec3f) -> vec4f { return textureSampleLevel(sky, filtering, d, 0.0); 
 fn light(i: u32) -> vec2f { return f32(atomicLoad(&lights.count)) * lights.scale * lights.items[i]; }
 ";
 
+// Lesson 133
 #[test]
 fn values_of_textures_and_buffers_are_exact() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -251,6 +256,7 @@ fn values_of_textures_and_buffers_are_exact() {
     );
 }
 
+// Lesson 132
 #[test]
 fn tables_have_derivatives_and_carry_their_columns() {
     let folder = lit();
@@ -275,8 +281,9 @@ fn tables_have_derivatives_and_carry_their_columns() {
     );
 }
 
+// Lesson 134
 #[test]
-fn slips_are_told() {
+fn wrong_arguments_of_a_call_are_errors() {
     let folder = lit();
     let told = |arguments: &[&str], part: &str| {
         let error = karat(folder.path(), &[&["call"][..], arguments].concat()).error();
@@ -311,7 +318,7 @@ fn slips_are_told() {
 }
 
 #[test]
-fn what_is_asked_for_is_done_or_refused() {
+fn each_option_of_a_call_is_used_or_refused() {
     let folder = lit();
     let told = |arguments: &[&str], part: &str| {
         let error = karat(folder.path(), &[&["call"][..], arguments].concat()).error();
@@ -387,7 +394,7 @@ fn texels_are_data_where_they_are_no_colours() {
 
 /// Without values a call makes them up, and says which.
 #[test]
-fn what_is_not_given_is_made_up() {
+fn missing_values_of_a_call_are_generated_and_named() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let text = "struct P { groups: u32, gain: f32 }\n@group(0) @binding(0) var<uniform> p: P;\n\
                 fn f(n_dot_l: f32, id: u32) -> f32 { return n_dot_l * p.gain + f32(id % p.groups); }\n";
@@ -437,9 +444,12 @@ fn a_panic_of_one_path_leaves_the_others_their_results() {
         "path `gl` panics at `spin::spin` (spin.wgsl:3:1): naga panics as it writes GLSL: ";
     let tested = karat(path, &["test", ".", "--paths", "gl,cpu"]);
     assert_eq!(tested.code, Some(1), "{tested:?}");
-    for part in
-        [panics, "on cpu: Karat's engine", "it agrees", "1 check, 1 failed, 2 cases compared"]
-    {
+    for part in [
+        panics,
+        "on cpu: Karat's engine",
+        "all results agree",
+        "1 check, 1 failed, 2 cases compared",
+    ] {
         assert!(tested.out.contains(part), "no `{part}` in {tested:?}");
     }
     let bound = ["--dispatch", "1", "--bind", "lock=[0,41]", "--path", "gl,cpu"];

@@ -16,6 +16,7 @@ fn run_tests(project: &TempDir) -> Ran {
     output(command(project.path(), &["test"]).env("CARGO", "/bin/sh"))
 }
 
+// Lesson 53
 #[test]
 fn a_broken_entry_point_fails_check_list_and_test() {
     let project = tested();
@@ -97,6 +98,7 @@ fn a_package_of_nothing_is_no_success() {
 }
 
 /// A declaration of a name that nothing has would declare nothing.
+// Lesson 198
 #[test]
 fn names_in_karat_toml_are_those_of_the_package() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -137,13 +139,13 @@ fn names_in_karat_toml_are_those_of_the_package() {
         ("[inputs]\nparams.gruops = [1, 8]\n", "the input `params.gruops` is declared"),
         (
             &hazard("calc::hlaf"),
-            "of `calc::hlaf`, and the package has no such function; did you mean",
+            "names `calc::hlaf`, and the package has no such function; did you mean",
         ),
-        (&hazard("clac::*"), "of `clac::*`, and the package has no such function"),
-        (&hazard("clac::half"), "of `clac::half`"),
-        (&hazard("calc::was"), "of `calc::was`"),
-        (&hazard("*"), "of `*`"),
-        (&row("calc::*"), "of `calc::*`"),
+        (&hazard("clac::*"), "names `clac::*`, and the package has no such function"),
+        (&hazard("clac::half"), "names `clac::half`"),
+        (&hazard("calc::was"), "names `calc::was`"),
+        (&hazard("*"), "names `*`"),
+        (&row("calc::*"), "names `calc::*`"),
         (&row("calc::hlaf"), "did you mean `calc::half`?"),
     ] {
         let ran = check("karat.toml", declared);
@@ -151,5 +153,5 @@ fn names_in_karat_toml_are_those_of_the_package() {
         assert!(ran.err.contains("shaders/karat.toml"), "{ran:?}");
     }
     let ran = check("Karat.toml", "[inputs]\nalpha = [0, 1]\n");
-    assert!(ran.code == Some(2) && ran.err.contains("is called `karat.toml`"), "{ran:?}");
+    assert!(ran.code == Some(2) && ran.err.contains("reads only `karat.toml`"), "{ran:?}");
 }

@@ -100,7 +100,7 @@ fn an_edit_is_compared_with_a_revision_and_with_a_folder() {
 
 /// The wrong one of two textures or samplers is seen, and so is another order of them.
 #[test]
-fn textures_and_samplers_are_told_apart() {
+fn swapped_textures_and_samplers_are_a_change() {
     let old = "@group(0) @binding(0) var ga: texture_2d<f32>;\n\
                @group(0) @binding(1) var gb: texture_2d<f32>;\n\
                fn two(a: texture_2d<f32>, b: texture_2d<f32>, s: sampler, t: sampler, uv: vec2f) -> f32 {\n    \

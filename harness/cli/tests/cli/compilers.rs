@@ -29,8 +29,9 @@ fn last_line(text: &str) -> &str {
 }
 
 /// Each kind of reason with its place and what to do, in text that naga accepts.
+// Lesson 201
 #[test]
-fn what_tint_rejects_is_told_with_its_place_and_a_remedy() {
+fn errors_of_tint_have_a_place_and_a_remedy() {
     let fragment = "@group(0) @binding(0) var t: texture_2d<f32>;\n@group(0) @binding(1) var s: sampler;\n\
                     @fragment fn main(@location(0) u: vec2f) -> @location(0) vec4f {\n    \
                     if u.x > 0.5 { return textureSample(t, s, u); }\n    return vec4f();\n}\n";
@@ -63,13 +64,13 @@ fn what_tint_rejects_is_told_with_its_place_and_a_remedy() {
             "fn f(x: f32) -> f32 { return clamp(x, 1.0, 0.0); }\n",
             "1:30",
             "clamp called with 'low' (1.0) greater than 'high' (0.0)",
-            "WGSL has no value for it",
+            "WGSL has no value for this expression",
         ),
         (
             "fn f(x: u32) -> u32 { return x << x + 1u; }\n",
             "1:32",
             "mixing '<<' and '+' requires parenthesis",
-            "write the parentheses",
+            "add parentheses",
         ),
         (
             "var<workgroup> n: atomic<u32>;\n@compute @workgroup_size(1) fn main() {\n    n = 0u;\n}\n",
@@ -81,10 +82,15 @@ fn what_tint_rejects_is_told_with_its_place_and_a_remedy() {
             "@compute @workgroup_size(4) fn main() { let x = subgroupAdd(1.0); _ = x; }\n",
             "1:49",
             "'subgroupAdd' without extension 'subgroups'",
-            "no text with those is for both",
+            "no text with subgroups works in both",
         ),
         (alias, "2:36", "invalid aliased pointer argument", "a variable of its own"),
-        (vertex, "2:49", "cannot be used by vertex pipeline stage", "declare it `read`"),
+        (
+            vertex,
+            "2:49",
+            "cannot be used by vertex pipeline stage",
+            "declare the variable as `read`",
+        ),
         (
             "fn f(x: i64) -> i64 { return x; }\n",
             "1:9",
@@ -120,6 +126,7 @@ fn what_tint_rejects_is_told_with_its_place_and_a_remedy() {
 }
 
 /// The same verdict in each command that validates.
+// Lesson 201
 #[test]
 fn each_command_that_validates_asks_tint() {
     let tests = "import package::m::shift;\nimport karat::expect_near;\n@test fn is_zero() { expect_near(f32(shift(0u)), 1.0, 2.0); }\n";
@@ -159,6 +166,8 @@ fn each_command_that_validates_asks_tint() {
 }
 
 /// Without Tint each last line says so, and what requires it fails with what to do.
+// Lesson 203
+// Lesson 207
 #[test]
 fn without_tint_nothing_is_silent() {
     let folder = folder(VALID);
@@ -200,12 +209,12 @@ fn karat_tint_names_one_or_says_why_not() {
     write(folder.path(), "shaders/karat.toml", REQUIRED);
     write(folder.path(), "empty/readme", "");
     for (named, part) in [
-        ("nowhere", "KARAT_TINT=nowhere isn't there"),
+        ("nowhere", "KARAT_TINT=nowhere doesn't exist"),
         ("empty", "is a folder without the npm package `webgpu`"),
         ("OFF", "KARAT_TINT=off"),
         // A program that says nothing and ends well has read nothing.
-        ("true", "is another program than Tint"),
-        ("cat", "is another program than Tint"),
+        ("true", "isn't Tint"),
+        ("cat", "isn't Tint"),
     ] {
         let ran = output(command(folder.path(), CHECK).env("KARAT_TINT", named));
         assert!(ran.code == Some(1) && ran.out.contains(part), "{named}: {ran:?}");
@@ -213,8 +222,9 @@ fn karat_tint_names_one_or_says_why_not() {
 }
 
 /// A package declares its native features, and a declaration that no module needs is an error.
+// Lesson 204
 #[test]
-fn what_wgpu_alone_has_is_declared() {
+fn features_of_wgpu_alone_must_be_declared() {
     let folder = folder("fn twice(x: i64) -> i64 { return x + x; }\n");
     let check = |native: &str| {
         let text = format!("[compilers]\nrequire = [\"tint\"]\nnative = [{native}]\n");
@@ -222,10 +232,10 @@ fn what_wgpu_alone_has_is_declared() {
         with_tint(folder.path(), CHECK)
     };
     let out = check("\"shader_int64\"").good();
-    assert_eq!(last_line(&out), "1 package valid; wgpu alone is meant by 1 module");
+    assert_eq!(last_line(&out), "1 package valid; Tint skipped 1 module");
     assert_eq!(check("").code, Some(1));
     for (native, part) in [
-        ("\"shader_int64\", \"ray_query\"", "`native` has `ray_query`, and no module uses it"),
+        ("\"shader_int64\", \"ray_query\"", "`native` has `ray_query`, which no module uses"),
         ("\"ray_qurey\"", "has no native feature `ray_qurey`; did you mean `ray_query`?"),
         ("\"shader_float16\"", "has no native feature `shader_float16`"),
     ] {
@@ -245,8 +255,9 @@ fn what_wgpu_alone_has_is_declared() {
 }
 
 /// Limits are a note, until a table says which are meant.
+// Lesson 205
 #[test]
-fn what_exceeds_a_limit_is_told_where_it_stands() {
+fn an_exceeded_limit_is_reported_at_its_place() {
     let workgroup = "var<workgroup> tile: array<vec4f, 2048>;\n\
                      @compute @workgroup_size(16, 32) fn main() { tile[0] = vec4f(); }\n";
     let storage = "@group(0) @binding(0) var<storage, read> a: array<f32>;\n\
@@ -411,6 +422,7 @@ fn an_override_without_a_value_is_given_none() {
 }
 
 /// Tests in files that engines load are told, and the text without them is printed.
+// Lesson 206
 #[test]
 fn files_that_are_shipped_stay_shippable() {
     let folder = folder(VALID);
@@ -420,9 +432,9 @@ fn files_that_are_shipped_stay_shippable() {
     write(folder.path(), "shaders/n.wgsl", mixed);
     write(folder.path(), "shaders/m_test.wgsl", "@test fn is_one() { expect(true); }\n");
     let out = karat(folder.path(), CHECK).good();
-    assert!(out.contains("warning: 2 tests here: an engine that loads this file"), "{out}");
+    assert!(out.contains("warning: 2 tests in this file: an engine that loads the file"), "{out}");
     assert!(out.contains("shaders/n.wgsl:4:1") && !out.contains("m_test.wgsl:"), "{out}");
-    assert!(last_line(&out).contains("tests stand in 1 module"), "{out}");
+    assert!(last_line(&out).contains("test functions are in 1 module"), "{out}");
     let plain = karat(folder.path(), &["show", "--plain", "n", "--shaders", "shaders"]).good();
     assert_eq!(plain, "/// Twice.\nfn twice(x: f32) -> f32 { return 2.0 * x; }\n");
     let error = karat(folder.path(), &["show", "--plain", "nn", "--shaders", "shaders"]).error();
@@ -431,11 +443,14 @@ fn files_that_are_shipped_stay_shippable() {
 
 /// An error of naga's says where Tint accepts the module.
 #[test]
-fn what_tint_alone_accepts_is_told() {
+fn an_error_of_naga_says_if_tint_accepts_the_module() {
     let folder = folder("requires linear_indexing;\nfn half(x: f32) -> f32 { return 0.5 * x; }\n");
     let ran = with_tint(folder.path(), CHECK);
     assert!(ran.code == Some(1), "{ran:?}");
-    assert!(ran.out.contains("Tint accepts it: it runs in Chrome, and not in wgpu"), "{ran:?}");
+    assert!(
+        ran.out.contains("Tint accepts this module: it runs in Chrome, but not in wgpu"),
+        "{ran:?}"
+    );
     write(folder.path(), "shaders/m.wgsl", "fn half(x: f32) -> f32 { return 0.5 * y; }\n");
     let ran = with_tint(folder.path(), CHECK);
     assert!(ran.code == Some(1) && !ran.out.contains("Tint accepts it"), "{ran:?}");
@@ -525,6 +540,7 @@ mod fakes {
     const GREETING: &str = "echo '{\"version\":\"of a test\"}' >&2\n";
 
     /// A provider that fails has no verdict, and what requires one fails.
+    // Lesson 203
     #[test]
     fn a_tint_that_fails_has_no_verdict() {
         let folder = folder(VALID);
@@ -565,6 +581,7 @@ mod fakes {
     }
 
     /// One text that ends the process costs no other its verdict.
+    // Lesson 203
     #[test]
     fn a_text_that_ends_tint_is_alone_without_a_verdict() {
         let folder = folder(VALID);
@@ -583,6 +600,7 @@ mod fakes {
 
     /// The text is the author's: bytes of the file where nothing is linked, and with linked names alone
     /// where something is.
+    // Lesson 202
     #[test]
     fn tint_gets_the_authors_bytes() {
         let text = "// Half, in \u{1d465}.\nfn half(x: f32) -> f32 {\n\treturn 5e-1 * ((x));  // as it is\n}\n";
@@ -612,6 +630,7 @@ mod fakes {
     }
 
     /// The compiler's own binary, by what it prints.
+    // Lesson 203
     #[test]
     fn a_tint_binary_is_read() {
         let folder = folder("fn f(x: u32) -> u32 { return x << x; }\n");
@@ -664,7 +683,7 @@ fn a_barrier_that_some_miss_has_tints_word() {
     let told = with_tint(folder.path(), &["test", "shaders"]);
     assert_eq!(told.code, Some(1), "{told:?}");
     let word =
-        "Tint says so from the text alone: shaders/m.wgsl:3:17: 'workgroupBarrier' must only";
+        "Tint reports the same from the text: shaders/m.wgsl:3:17: 'workgroupBarrier' must only";
     assert!(told.out.contains(word), "{}", told.out);
     let alone = output(command(folder.path(), &["test", "shaders"]).env("KARAT_TINT", "off"));
     assert_eq!(alone.code, Some(1), "{alone:?}");

@@ -41,8 +41,9 @@ fn folder() -> TempDir {
     folder
 }
 
+// Lesson 28: lines, branches and results that no test compares
 #[test]
-fn lines_ways_and_what_is_not_looked_at_are_told() {
+fn uncovered_lines_branches_and_results_are_listed() {
     let folder = folder();
     let ran = karat(folder.path(), &["coverage", "--missing"]);
     let out = ran.good();
@@ -71,8 +72,9 @@ fn lines_ways_and_what_is_not_looked_at_are_told() {
 }
 
 /// A line that only an assertion reads is looked at, and one that only a print reads isn't.
+// Lesson 209
 #[test]
-fn what_an_assertion_reads_is_looked_at() {
+fn a_value_that_an_assertion_reads_is_covered() {
     let folder = folder();
     let test = "[[test]]\nfunction = \"watched\"\nover = { x = 2 }\nfinite = true\n";
     for (line, seen) in [("assert own < 9.0", true), ("print own", false)] {
@@ -176,6 +178,7 @@ fn an_edit_is_measured_by_its_lines() {
 }
 
 /// A frame that the engine doesn't draw leaves its functions unmeasured, and not uncovered.
+// Lesson 209
 #[test]
 fn functions_of_frames_are_not_measured() {
     let folder = folder();
@@ -205,6 +208,7 @@ fn tests_beside_a_file_are_named() {
 }
 
 /// A test that fails, a path that counts nothing and a filter that finds nothing are no figures.
+// Lesson 28: lines, branches and results that no test compares
 #[test]
 fn nothing_is_measured_without_evidence() {
     let folder = folder();

@@ -111,11 +111,8 @@ fn a_crate_that_is_imported_from_may_have_another_folder() {
     }
     assert!(call(&["--root", "src", "--root", "engine-core=wgsl"]).good().contains(" 12 "));
     for (roots, part) in [
-        (&["--root", "engine-core=wgls"][..], "engine-core`: it has no folder `"),
-        (
-            &["--root", "engine-cor=wgsl"],
-            "ships shaders to `engine-pbr`, so it has no folder; did you mean",
-        ),
+        (&["--root", "engine-core=wgls"][..], "engine-core`: the crate has no folder `"),
+        (&["--root", "engine-cor=wgsl"], "ships shaders to `engine-pbr`; did you mean"),
         (&["--root", "a", "--root", "b"], "a crate has its modules in one folder"),
     ] {
         let error = call(roots).error();
@@ -124,7 +121,7 @@ fn a_crate_that_is_imported_from_may_have_another_folder() {
 }
 
 #[test]
-fn what_cargo_says_is_kept_until_the_lock_file_changes() {
+fn the_metadata_of_cargo_is_cached_until_the_lock_file_changes() {
     let place = Place::new();
     let list = |name: &str| place.karat("game", &["list", "--crate", name]);
     list("engine-pbr").good(); // cargo writes the lock file
@@ -132,7 +129,7 @@ fn what_cargo_says_is_kept_until_the_lock_file_changes() {
     assert_eq!(place.kept(), 1);
     list("engine-core").good();
     assert_eq!(place.kept(), 1);
-    assert!(list("late").error().contains("the project doesn't depend on it"));
+    assert!(list("late").error().contains("the project doesn't depend on the crate"));
     let late = place.folder.path().join("crates/late");
     write(&late, "Cargo.toml", &manifest("late", ""));
     write(&late.join("src"), "lib.rs", "");
@@ -145,7 +142,7 @@ fn what_cargo_says_is_kept_until_the_lock_file_changes() {
     assert!(list("late").good().contains("a::f"));
     // A crate beside the project gets its first shader, and another folder for its modules.
     let tool = place.folder.path().join("crates/tool");
-    assert!(list("tool").error().contains("it ships no .wgsl or .wesl file"));
+    assert!(list("tool").error().contains("the crate ships no .wgsl or .wesl file"));
     write(&tool.join("src"), "first.wgsl", "fn first(x: f32) -> f32 { return x; }\n");
     assert!(list("tool").good().contains("first::first"));
     write(&tool.join("shaders"), "second.wgsl", "fn second(x: f32) -> f32 { return x; }\n");
@@ -158,6 +155,7 @@ fn what_cargo_says_is_kept_until_the_lock_file_changes() {
 }
 
 /// What no project builds: cargo fetches it, here from a folder that stands for crates.io.
+// Lesson 34
 #[test]
 fn a_crate_at_a_version_needs_no_project() {
     let place = Place::new();
@@ -234,10 +232,13 @@ fn a_crate_that_cannot_be_had_says_why() {
     for (name, message) in [
         (
             "engine-pbs",
-            "the project doesn't depend on it; did you mean `engine-pbr`? With a version",
+            "the project doesn't depend on the crate; did you mean `engine-pbr`? With a version",
         ),
-        ("serde", "the project doesn't depend on it. With a version, such as `serde@1.2.3`, cargo"),
-        ("tool", "it ships no .wgsl or .wesl file"),
+        (
+            "serde",
+            "the project doesn't depend on the crate. With a version, such as `serde@1.2.3`, cargo",
+        ),
+        ("tool", "the crate ships no .wgsl or .wesl file"),
         ("a b", "write a name, or a name and a version"),
         ("../tool", "write a name, or a name and a version"),
         ("tool@", "write a name, or a name and a version"),
@@ -247,13 +248,13 @@ fn a_crate_that_cannot_be_had_says_why() {
         assert!(error.contains(&format!("no shaders of crate `{name}`: {message}")), "{error}");
     }
     let root = place.karat("game", &["list", "--crate", "engine-pbr", "--root", "shadrs"]).error();
-    assert!(root.contains("it has no folder `"), "{root}");
+    assert!(root.contains("the crate has no folder `"), "{root}");
     std::fs::create_dir(place.folder.path().join("nowhere")).expect("a folder");
     let nowhere = place.karat("nowhere", &["list", "--crate", "engine-pbr"]).error();
     assert!(nowhere.contains("there is no Cargo.toml in or above"), "{nowhere}");
     let slip = ["call", "lights::flux", "1", "--crate", "engine-pbr", "--feature", "DUOBLE"];
     let slip = place.karat("game", &slip).error();
-    assert!(slip.contains("asks about the feature `DUOBLE`; did you mean `DOUBLE`?"), "{slip}");
+    assert!(slip.contains("uses the feature `DUOBLE`; did you mean `DOUBLE`?"), "{slip}");
     for feature in ["=3", "A=x", "a-b"] {
         let ran = place.karat("game", &["list", "--feature", feature]);
         assert_eq!(ran.code, Some(2), "{ran:?}");

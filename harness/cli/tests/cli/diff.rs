@@ -71,7 +71,7 @@ fn bounds_decide_and_the_exit_code_says_so() {
 }
 
 #[test]
-fn what_exceeds_nothing_is_told_by_its_error() {
+fn with_a_tolerance_of_zero_the_error_is_printed() {
     let folder = images();
     let out = diff(&folder, &["a.exr", "near.exr", "--rel", "0"]).out;
     assert!(out.contains(", and nothing is allowed\n") && !out.contains("inf"), "{out}");
@@ -230,6 +230,7 @@ fn a_heatmap_is_colours_or_the_errors_themselves() {
     assert!(!folder.path().join("none.png").exists());
 }
 
+// Lesson 59
 #[test]
 fn a_heatmap_replaces_no_input() {
     let folder = images();
@@ -286,7 +287,7 @@ fn images_that_differ_only_in_alpha_differ() {
     for part in [
         "gate: 1 of 1536 pixels are off by more than rel 1e-3, within (2, 1) to (2, 1)\n",
         "  worst: pixel (2, 1) alpha: 0.5 instead of 1, 500 times what is allowed\n",
-        "HDR-FLIP: alpha is off at (2, 1), which FLIP doesn't see\n",
+        "HDR-FLIP: alpha differs at (2, 1), and FLIP ignores alpha\n",
         "heatmap: flip.png, colours from 0 to 1, without what FLIP doesn't see\n",
     ] {
         assert!(ran.out.contains(part), "no `{part}`: {ran:?}");
@@ -297,7 +298,7 @@ fn images_that_differ_only_in_alpha_differ() {
     let report = json(&ran.out);
     assert_eq!((ran.code, &report["gate"]["worst"]["channel"]), (Some(1), &"alpha".into()));
     assert!(report["flip"]["largest_tile"].is_null() && report["flip"]["mean"].is_null());
-    assert_eq!(report["flip"]["note"], "alpha is off at (2, 1), which FLIP doesn't see");
+    assert_eq!(report["flip"]["note"], "alpha differs at (2, 1), and FLIP ignores alpha");
     assert_eq!(diff(&folder, &["a.exr", "clear.exr", "--rel", "0.5"]).code, Some(0));
 }
 
@@ -410,7 +411,7 @@ fn the_mask_of_a_test_is_used() {
 
 /// Of two PNGs there is the number that other tools have: these are flip-evaluator 1.7's.
 #[test]
-fn of_two_pngs_ldr_flip_is_told_and_decides_nothing() {
+fn two_pngs_have_an_ldr_flip_value_that_is_no_gate() {
     let folder = images();
     let grey = |x: u32, y: u32| ((5 * x + 3 * y) % 256) as u8;
     let hole = |x: u32, y: u32| if x < 8 && y < 8 { 255 - grey(x, y) } else { grey(x, y) };
@@ -457,7 +458,7 @@ fn a_png_is_compared_with_an_exr() {
 }
 
 #[test]
-fn what_cannot_be_compared_is_an_error_and_what_is_missing_another() {
+fn images_that_cannot_be_compared_are_errors() {
     let folder = images();
     write(folder.path(), "text.exr", "not an image");
     let exr = std::fs::read(folder.path().join("a.exr")).expect("written");

@@ -54,7 +54,7 @@ fn domains_say_what_they_mean() {
 }
 
 #[test]
-fn faults_of_frames_and_of_domains_are_told() {
+fn wrong_frames_and_domains_are_reported_at_their_place() {
     for (test, place, part) in [
         (
             "function = \"leaning\"\nperpendicular_to = \"n\"",
@@ -69,7 +69,7 @@ fn faults_of_frames_and_of_domains_are_told() {
         (
             "function = \"ratio\"\nfinite = true\nover = { a = \"0..1\", b = \"0..1\" }\nwhere = \"a > b + 2.0\"",
             "f.test.toml:5:1",
-            "a filter that rejects nearly everything: draw from narrower ranges",
+            "a filter that rejects nearly all values: use narrower ranges",
         ),
         (
             "function = \"ratio\"\nfinite = true\nover = { a = [0, 1], b = [0, 1] }\nwhere = \"a > b + 2.0\"",

@@ -384,7 +384,7 @@ fn members_and_grids_of_buffers() {
 
 /// One element that is wrong moves no other one.
 #[test]
-fn a_wrong_element_is_told_whatever_the_order_is() {
+fn a_wrong_element_is_reported_in_any_order() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let declared = "[[compute]]\nentry = \"turn\"\nworkgroups = 1\nwith = { out = { size = 64 } }\n\
                     [compute.after.out]\nup_to_order = true\ntable = \"out.csv\"\n";
@@ -619,7 +619,7 @@ fn wrong_passes_fail_with_the_element() {
 
 /// A pass that isn't there is blamed by its own name, and not a resource that it alone reads.
 #[test]
-fn a_later_pass_that_is_misspelt_is_told() {
+fn a_misspelt_later_pass_is_named() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let shader = "@group(0) @binding(0) var<storage, read_write> data: array<u32, 4>;\n\
                   @group(0) @binding(1) var<storage, read_write> other: array<u32, 4>;\n\
@@ -640,7 +640,7 @@ fn a_later_pass_that_is_misspelt_is_told() {
         karat(folder.path(), &["test", ".", "--paths", "cpu"])
     };
     let slip = ran("sekond", "right.csv");
-    assert!(slip.out.contains("`m::sekond` is no compute entry point; did you mean"), "{slip:?}");
+    assert!(slip.out.contains("`m::sekond` isn't a compute entry point; did you mean"), "{slip:?}");
     assert!(!slip.out.contains("there is no variable"), "{slip:?}");
     ran("second", "right.csv").good();
     // The row of a table that an element isn't, and the resource in the check's name.
@@ -782,7 +782,7 @@ depth_write = false
         (
             "vertex = \"corner\"",
             "vertex = \"vs\"",
-            "`vs` takes `position` at @location(0), and vertices without a mesh have no attributes",
+            "`vs` takes `position` at @location(0), but vertices without a mesh have no attributes",
         ),
         ("vertex = \"vs\"", "vertex = \"vx\"", "no vertex entry point `vx`"),
         ("vertex = \"vs\"", "vertex = \"corner\"", "no position at `@location(0)`"),

@@ -15,7 +15,7 @@ fn error(folder: &FilePath, arguments: &[&str]) -> String {
 }
 
 #[test]
-fn a_cause_is_told_once() {
+fn each_cause_is_printed_once() {
     let project = project();
     let folder = project.path();
     std::fs::create_dir_all(folder.join("golden")).expect("a folder");
@@ -47,7 +47,7 @@ fn a_cause_is_told_once() {
 
 /// That nothing is pending in the wrong folder says nothing of the run.
 #[test]
-fn what_no_run_left_has_no_verdict() {
+fn a_folder_without_a_run_has_no_verdict() {
     let project = project();
     let folder = project.path();
     std::fs::create_dir_all(folder.join("golden")).expect("a folder");
@@ -94,7 +94,7 @@ fn what_no_run_left_has_no_verdict() {
 }
 
 #[test]
-fn entries_that_are_in_each_other_s_way_are_told() {
+fn conflicting_entries_of_an_archive_are_errors() {
     let project = project();
     let folder = project.path();
     std::fs::create_dir_all(folder.join("golden")).expect("a folder");

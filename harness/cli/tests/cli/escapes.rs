@@ -50,6 +50,7 @@ fn tame(folder: &FilePath, arguments: &[&str]) -> String {
     ran.out + &ran.err
 }
 
+// Lesson 62
 #[cfg(unix)]
 #[test]
 fn names_of_files_are_shown_and_not_obeyed() {
@@ -103,6 +104,7 @@ fn names_of_files_are_shown_and_not_obeyed() {
 }
 
 /// What files say: zips, images, records, and the shader itself.
+// Lesson 62
 #[test]
 fn contents_of_files_are_shown_and_not_obeyed() {
     let project = project();
@@ -180,9 +182,10 @@ fn contents_of_files_are_shown_and_not_obeyed() {
 }
 
 /// What tests print passes through `karat test`.
+// Lesson 62
 #[cfg(unix)]
 #[test]
-fn what_tests_print_is_shown_and_not_obeyed() {
+fn escapes_in_the_output_of_tests_are_not_obeyed() {
     let project = project();
     let folder = project.path();
     write(folder, "lines.jsonl", &function("calc::double", "gl", "pass", None));
@@ -199,6 +202,7 @@ fn what_tests_print_is_shown_and_not_obeyed() {
 }
 
 /// A line that is longer than a screen is cut around the place, which is told as it is.
+// Lesson 63
 #[test]
 fn a_long_line_is_cut_around_the_caret() {
     let project = project();

@@ -14,7 +14,7 @@ fn shaders(text: &str) -> TempDir {
 }
 
 #[test]
-fn hazards_are_told_with_their_line() {
+fn hazards_are_reported_with_their_line() {
     let folder = shaders(SCHLICK);
     let ran = karat(folder.path(), &["hazards"]);
     assert_eq!(ran.code, Some(1), "{ran:?}");
@@ -70,6 +70,7 @@ fn functions_that_are_not_valid_fail_a_run() {
 
 /// A requirement names the inputs that avert it, and fails a run that denies requirements. What callers meet and what is dropped is
 /// counted.
+// Lesson 97
 #[test]
 fn requirements_fail_a_run_that_denies_them() {
     let union = "fn smooth_union(a: f32, b: f32, k: f32) -> f32 {\n    return a + 0.5 * (b - a) / k + 2.0 * (a / k);\n}\n";
@@ -148,8 +149,9 @@ fn each_intermediate_of_a_call_is_shown() {
     assert!(karat(folder.path(), &over).error().contains("name another file"));
 }
 
+// Lesson 95
 #[test]
-fn what_an_index_loses_is_lost_in_the_trace() {
+fn the_trace_shows_an_index_out_of_bounds() {
     let text = "fn rd(i: u32) -> f32 {\n    var a = array<f32, 3>(1.0, 2.0, 3.0);\n    \
                 let x = a[i];\n    return -x * 2.0;\n}\n";
     let folder = shaders(text);
@@ -163,6 +165,7 @@ fn what_an_index_loses_is_lost_in_the_trace() {
     assert!(call("1").lines().any(|line| line.contains("  -x  ")), "{}", call("1"));
 }
 
+// Lesson 96
 #[test]
 fn loops_that_may_not_end_are_hazards() {
     let folder = shaders(
@@ -184,7 +187,7 @@ fn loops_that_may_not_end_are_hazards() {
     // What has a bound may be long; the deadline holds there, too.
     let mut long = command(folder.path(), &["call", "fresnel::long", "--path", "cpu"]);
     let error = output(long.env("KARAT_TIMEOUT", "0.2")).error();
-    assert!(error.contains("after 0.2 s it was still in this loop"), "{error}");
+    assert!(error.contains("this loop was still running after 0.2 s"), "{error}");
     assert!(error.contains("fresnel.wgsl:11:5"), "{error}");
 }
 
@@ -291,7 +294,7 @@ fn nearly_equal_arguments_are_tried() {
 
 /// Each crate of a workspace has a folder of one name.
 #[test]
-fn packages_of_one_name_are_told_by_their_folders() {
+fn packages_with_the_same_name_are_named_by_their_folders() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let manifest =
         "[workspace]\n[workspace.metadata.karat]\npackages = [\"a/shaders\", \"b/shaders\"]\n";
@@ -316,7 +319,7 @@ fn packages_of_one_name_are_told_by_their_folders() {
     // Two names of one override.
     let twice = ["hazards", "--override", "A=2", "--override", "m::A=3"];
     let error = karat(folder.path(), &twice).error();
-    assert!(error.contains("has two values, by two of its names"), "{error}");
+    assert!(error.contains("has two values, under two of its names"), "{error}");
     let error = karat(folder.path(), &["hazards", "--override", "B=2"]).error();
     assert!(error.contains("uses an override `B`; did you mean `A`?"), "{error}");
 }

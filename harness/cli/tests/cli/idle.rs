@@ -15,13 +15,14 @@ fn shaders() -> TempDir {
     folder
 }
 
+// Lesson 175
 #[test]
 fn checks_that_can_not_fail_are_refused_at_their_key() {
     for (declared, place, message) in [
         (
             "function = \"count\"\nin_range = [0, 4294967295]\n",
             "m.test.toml:3:1",
-            "no result, or every one, does",
+            "no result passes this check, or every result does",
         ),
         ("function = \"count\"\nequals = 5.5\n", "m.test.toml:3:1", "5.5 is no u32"),
         ("function = \"count\"\nequals = -1\n", "m.test.toml:3:1", "-1 is no u32"),
@@ -57,6 +58,7 @@ fn checks_that_can_not_fail_are_refused_at_their_key() {
 }
 
 /// A driver may leave out what may be anything: a call has a result on each path.
+// Lesson 174
 #[test]
 fn a_call_has_a_result_on_each_path_where_anything_is_allowed() {
     let folder = shaders();
@@ -73,6 +75,7 @@ fn a_call_has_a_result_on_each_path_where_anything_is_allowed() {
 }
 
 /// A hazard that a later operation hides is one, and comes last.
+// Lesson 178
 #[test]
 fn a_dropped_value_is_counted() {
     let folder = shaders();

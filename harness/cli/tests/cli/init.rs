@@ -114,7 +114,7 @@ fn a_first_test_is_written_and_passes() {
 
 /// A project with Rust tests gets one of a function that they leave out, and keeps the record of its last run.
 #[test]
-fn what_rust_tests_check_is_left_to_them() {
+fn init_skips_functions_that_rust_tests_check() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path();
     let module = "fn f(u: f32) -> f32 { return 0.5 * u; }\nfn g(u: f32) -> f32 { return 0.5 + u; }\n\
@@ -173,8 +173,9 @@ fn a_first_test_may_be_red() {
     karat(folder.path(), &["test", "shaders"]).good();
 }
 
+// Lesson 181
 #[test]
-fn what_has_nothing_to_test_is_told() {
+fn init_explains_why_there_is_nothing_to_test() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let init = || karat(folder.path(), &["init"]).error();
     assert!(init().contains("has no .wgsl or .wesl file"), "{}", init());
@@ -299,6 +300,7 @@ fn a_pass_gets_a_test_of_its_own() {
 }
 
 /// A function that returns no float is looked through for hazards.
+// Lesson 181
 #[test]
 fn a_function_of_integers_gets_a_test() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -310,6 +312,7 @@ fn a_function_of_integers_gets_a_test() {
 }
 
 /// Git ignores what runs leave, wherever the folder of shaders is.
+// Lesson 181
 #[test]
 fn git_ignores_what_runs_leave() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -328,6 +331,7 @@ fn git_ignores_what_runs_leave() {
 }
 
 /// The folder is that whose tests `karat test` runs.
+// Lesson 181
 #[test]
 fn the_folder_is_the_one_that_is_declared() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -340,6 +344,7 @@ fn the_folder_is_the_one_that_is_declared() {
     assert!(ran.contains("wrote assets/wgsl/m.test.toml"), "{ran}");
 }
 
+// Lesson 180
 #[test]
 fn nothing_is_written_in_ci_unless_it_may() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -385,7 +390,7 @@ fn a_project_for_the_web_gets_a_script() {
 
 /// A module that isn't valid is told, and the others get their test; `matrix` and `compare` take a folder as others do.
 #[test]
-fn what_is_whole_gets_its_test() {
+fn init_writes_tests_for_the_valid_modules() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let shaders = folder.path().join("src/wgsl");
     write(&shaders, "tone.wgsl", "fn tone(x: f32) -> f32 { return x / (1.0 + abs(x)); }\n");

@@ -50,8 +50,9 @@ fn files(folder: &FilePath) -> Vec<String> {
 const LEFTOVERS: [&str; 3] =
     ["scene.exr.4194999-0.tmp", "scene.toml.4194999-1.tmp", "room.new.exr.4194999-12.tmp"];
 
+// Lesson 60
 #[test]
-fn what_an_interrupted_acceptance_left_is_named_and_deleted() {
+fn leftovers_of_an_interrupted_acceptance_are_named_and_deleted() {
     let (project, golden) = with_golden();
     let unreferenced = |more: &[&str]| {
         karat(project.path(), &[&["unreferenced", "--record", "record"], more].concat())
@@ -68,8 +69,9 @@ fn what_an_interrupted_acceptance_left_is_named_and_deleted() {
     unreferenced(&[]).good();
 }
 
+// Lesson 60
 #[test]
-fn whoever_decides_next_tidies_up() {
+fn the_next_decision_removes_leftovers() {
     for command in [
         &["pending"][..],
         &["pending", "--json"],
@@ -92,8 +94,9 @@ fn whoever_decides_next_tidies_up() {
 }
 
 /// Names that only resemble ours, and a file that is being written.
+// Lesson 60
 #[test]
-fn what_is_not_provably_ours_stays() {
+fn files_with_other_names_are_never_deleted() {
     let (project, golden) = with_golden();
     let foreign = [
         "scene.exr.tmp",
@@ -126,6 +129,7 @@ fn what_is_not_provably_ours_stays() {
 }
 
 /// Killed after both files were renamed: the golden is written, and its frame still waits.
+// Lesson 60
 #[test]
 fn accepting_again_after_the_golden_was_written_succeeds() {
     let (project, golden) = with_golden();
@@ -151,6 +155,7 @@ fn accepting_again_after_the_golden_was_written_succeeds() {
 }
 
 /// Killed between the two renames: the facts are of the new golden, the image is the old one.
+// Lesson 60
 #[test]
 fn accepting_again_after_the_facts_were_written_succeeds() {
     let (project, golden) = with_golden();
@@ -174,6 +179,7 @@ fn accepting_again_after_the_facts_were_written_succeeds() {
 
 /// `kill -9` at any time: the golden is the old one or the new one, whole, and accepting again does
 /// what is left to do.
+// Lesson 60
 #[test]
 fn an_acceptance_may_be_killed_at_any_time() {
     let project = project();

@@ -32,7 +32,7 @@ fn files(folder: &FilePath) -> Vec<PathBuf> {
 }
 
 #[test]
-fn mutants_are_killed_or_told() {
+fn mutants_are_killed_or_listed() {
     let folder = folder();
     let before = files(folder.path());
     let ran = karat(folder.path(), &["mutate"]);
@@ -97,6 +97,7 @@ fn a_pull_request_is_judged_by_its_lines() {
     assert!(slip.contains("HAED"), "{slip}");
 }
 
+// Lesson 29
 #[test]
 fn a_merge_is_gated_by_a_score() {
     let folder = folder();

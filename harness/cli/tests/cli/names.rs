@@ -130,6 +130,7 @@ fn check(project: &TempDir, lines: &str, checks: usize) -> Vec<String> {
     commands.lines().filter(|line| line.starts_with("::")).map(str::to_owned).collect()
 }
 
+// Lesson 182
 #[test]
 fn no_name_breaks_a_report() {
     let project = project();
@@ -153,6 +154,7 @@ fn no_name_breaks_a_report() {
 }
 
 /// Tests run and are replayed by whatever name their author gave them.
+// Lesson 182
 #[test]
 fn no_name_breaks_a_run_or_its_replay() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -188,6 +190,7 @@ fn no_name_breaks_a_run_or_its_replay() {
 }
 
 /// A file's name is in the page of translations, and on GitHub.
+// Lesson 182
 #[test]
 fn no_file_breaks_the_page_of_translations() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -201,6 +204,7 @@ fn no_file_breaks_the_page_of_translations() {
 }
 
 /// A file whose name no module can have is reported, and begins no line.
+// Lesson 182
 #[cfg(unix)]
 #[test]
 fn no_file_begins_a_line_with_a_command() {

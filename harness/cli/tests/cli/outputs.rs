@@ -4,6 +4,7 @@ use super::pending::pending_frame;
 use super::report::function;
 use super::*;
 
+// Lesson 59
 #[test]
 fn a_table_replaces_no_input() {
     let project = project();
@@ -32,6 +33,7 @@ fn a_table_replaces_no_input() {
     assert_eq!(std::fs::read_to_string(path("my.wgsl")).expect("there"), shader);
 }
 
+// Lesson 59
 #[test]
 fn a_preview_replaces_no_input() {
     let project = project();
@@ -51,6 +53,7 @@ fn a_preview_replaces_no_input() {
     assert!(error.contains("the preview `c.png` would overwrite `c.png`"), "{error}");
 }
 
+// Lesson 59
 #[test]
 fn a_report_replaces_no_record() {
     let project = project();
@@ -65,6 +68,7 @@ fn a_report_replaces_no_record() {
 }
 
 /// Written beside its place and renamed: whoever has the old file has all of it.
+// Lesson 59
 #[test]
 fn every_output_is_written_whole() {
     let project = project();
@@ -95,6 +99,7 @@ fn every_output_is_written_whole() {
 }
 
 /// A full disk leaves the file that was there. No file may grow beyond 512 bytes here.
+// Lesson 59
 #[cfg(target_os = "linux")]
 #[test]
 fn a_full_disk_leaves_the_table_of_before() {
@@ -117,6 +122,7 @@ fn a_full_disk_leaves_the_table_of_before() {
 }
 
 /// What isn't a file is written to, and stays what it is. A link stays a link.
+// Lesson 59
 #[cfg(unix)]
 #[test]
 fn devices_and_links_stay_what_they_are() {
@@ -170,6 +176,7 @@ fn devices_and_links_stay_what_they_are() {
     );
 }
 
+// Lesson 59
 #[cfg(target_os = "linux")]
 #[test]
 fn a_table_without_an_end_is_refused() {

@@ -82,6 +82,8 @@ pub(crate) fn provenance(
     }
 }
 
+// Lesson 27
+// Lesson 42
 #[test]
 fn pending_frames_are_listed_accepted_and_rejected() {
     let project = project();
@@ -161,7 +163,7 @@ pub(crate) fn zip(path: &FilePath, entries: &[(&str, &[u8])]) {
 }
 
 #[test]
-fn frames_that_differ_are_told_from_new_ones() {
+fn changed_frames_and_new_frames_are_listed_differently() {
     let project = with_goldens();
     let golden = project.path().join("golden");
     pending_frame(&golden, "scene", LAVAPIPE);
@@ -185,7 +187,7 @@ fn frames_that_differ_are_told_from_new_ones() {
 
 /// What can't be done of one frame is told, and done of the others.
 #[test]
-fn a_file_that_cannot_be_used_is_in_nobody_s_way() {
+fn an_unusable_file_does_not_stop_the_others() {
     let project = with_goldens();
     let (folder, golden) = (project.path(), project.path().join("golden"));
     pending_frame(&golden, "scene", LAVAPIPE);
@@ -215,6 +217,8 @@ fn a_file_that_cannot_be_used_is_in_nobody_s_way() {
     assert!(error.contains("cut.new.exr` isn't a readable OpenEXR image"), "{error}");
 }
 
+// Lesson 44
+// Lesson 61
 #[test]
 fn frames_of_a_ci_run_are_accepted_from_a_folder_or_a_zip() {
     let project = with_goldens();
@@ -260,6 +264,7 @@ fn frames_of_a_ci_run_are_accepted_from_a_folder_or_a_zip() {
     assert!(error.contains("a frame in a zip can't be rejected"), "{error}");
 }
 
+// Lesson 44
 #[test]
 fn a_hostile_or_damaged_artefact_changes_nothing() {
     let project = with_goldens();
@@ -332,6 +337,8 @@ fn new(case: &str) -> Provenance {
 }
 
 /// The first golden of a crate makes the crate's folder, and no other's is written into.
+// Lesson 179
+// Lesson 180
 #[test]
 fn a_first_golden_goes_to_its_own_crate() {
     let project = workspace();
@@ -393,6 +400,7 @@ fn frames_of_one_name_and_crate_are_named_by_their_folders() {
 }
 
 /// The names of crates tell frames of one name apart.
+// Lesson 179
 #[test]
 fn frames_of_one_name_are_named_by_their_crates() {
     let project = workspace();
@@ -436,6 +444,7 @@ fn frames_of_one_name_are_named_by_their_crates() {
 }
 
 /// A frame of another machine says where it belongs, and is believed no more than its name.
+// Lesson 179
 #[test]
 fn a_frame_that_belongs_outside_of_the_project_is_refused() {
     let project = workspace();
@@ -446,12 +455,13 @@ fn a_frame_that_belongs_outside_of_the_project_is_refused() {
         write_of(&folder.join("ci"), &case, ("the-sky", golden), new(&case));
         let accept = ["accept", &case, "--from", "ci", "--because", "x"];
         let error = karat(folder, &accept).error();
-        assert!(error.contains("which is no folder of a project here"), "{error}");
+        assert!(error.contains("which isn't a folder of this project"), "{error}");
     }
     assert!(!FilePath::new("/tmp/elsewhere").exists() && !folder.join(".git").exists());
 }
 
 /// Commands that write into sources refuse to in CI.
+// Lesson 180
 #[test]
 fn commands_that_write_refuse_to_in_ci() {
     let project = with_goldens();

@@ -65,8 +65,9 @@ fn into_a_broken_pipe(command: &mut Command) -> Option<i32> {
     command.status().expect("the binary was built with this test").code()
 }
 
+// Lesson 57
 #[test]
-fn the_exit_code_is_the_verdict_s_whoever_reads() {
+fn a_closed_pipe_does_not_change_the_exit_code() {
     let project = eventful();
     for (arguments, code) in COMMANDS {
         let read = karat(project.path(), arguments);
@@ -77,8 +78,9 @@ fn the_exit_code_is_the_verdict_s_whoever_reads() {
 }
 
 /// What changes files does so, and says what came of it.
+// Lesson 57
 #[test]
-fn a_command_completes_its_work_whoever_reads() {
+fn a_closed_pipe_does_not_stop_a_command() {
     let project = eventful();
     let (folder, golden) = (project.path(), project.path().join("golden"));
     let run = |arguments: &[&str]| into_a_broken_pipe(&mut command(folder, arguments));
@@ -94,6 +96,7 @@ fn a_command_completes_its_work_whoever_reads() {
 }
 
 /// A shell's pipe, whose reader leaves after the first line, or at once.
+// Lesson 57
 #[cfg(unix)]
 #[test]
 fn a_shell_sees_the_verdict_before_its_pipe() {
@@ -128,9 +131,10 @@ fn a_shell_sees_the_verdict_before_its_pipe() {
 }
 
 /// `karat test | head -1`: cargo's run completes, records are kept, reports are written.
+// Lesson 57
 #[cfg(unix)]
 #[test]
-fn a_run_completes_whoever_reads() {
+fn a_closed_pipe_does_not_stop_a_run() {
     let project = project();
     let folder = project.path();
     // Much to read on both streams before the verdict is recorded; `sh test ...` runs this file.
@@ -153,6 +157,7 @@ fn a_run_completes_whoever_reads() {
 }
 
 /// A full disk is an error, whatever the verdict would have been; the work is done all the same.
+// Lesson 57
 #[cfg(target_os = "linux")]
 #[test]
 fn an_output_that_cannot_be_written_is_an_error() {

@@ -43,6 +43,7 @@ fn on_vulkan(folder: &Path, words: &[&str]) -> Ran {
     karat(folder, &[&all[..], &["--path=vulkan"]].concat())
 }
 
+// Lesson 39
 #[test]
 fn values_are_pictures_and_numbers() {
     let folder = folder();
@@ -110,6 +111,7 @@ fn values_are_pictures_and_numbers() {
 }
 
 /// A pass has a value for each invocation: a table, or a picture where it has rows.
+// Lesson 39
 #[test]
 fn invocations_are_a_table_or_a_picture() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -154,6 +156,7 @@ fn grid(@builtin(global_invocation_id) id: vec3u) {
 }
 
 /// A declared frame that differs names the command that goes on.
+// Lesson 39
 #[test]
 fn a_frame_that_differs_says_how_to_go_on() {
     let folder = folder();
@@ -176,25 +179,28 @@ fn a_frame_that_differs_says_how_to_go_on() {
     let ran = test();
     assert!(
         format!("{}{}", ran.out, ran.err)
-            .contains("`karat trace disc 0,0` shows how the first of them"),
+            .contains("`karat trace disc 0,0` shows how the first of these pixels"),
         "{ran:?}"
     );
 }
 
 #[test]
-fn what_cannot_be_told_is_an_error() {
+fn an_unknown_value_or_place_is_an_error() {
     let folder = folder();
     for (words, part) in [
         (&["tap", "disk", "near"][..], "did you mean `disc`?"),
         (&["tap", "disc", "nera"], "did you mean `near`?"),
-        (&["tap", "disc", "shaders/m.wgsl:11:1"], "on this line there are\n  shaders/m.wgsl:11:20"),
-        (&["tap", "disc", "shaders/m.wgsl:12:1"], "computes nothing of its own"),
-        (&["tap", "disc", "uv.x"], "is 2 values: say which\n  shaders/m.wgsl:9:23"),
+        (
+            &["tap", "disc", "shaders/m.wgsl:11:1"],
+            "this line has the values\n  shaders/m.wgsl:11:20",
+        ),
+        (&["tap", "disc", "shaders/m.wgsl:12:1"], "compute no value on this line"),
+        (&["tap", "disc", "uv.x"], "matches 2 values: choose one\n  shaders/m.wgsl:9:23"),
         (&["tap", "disc", "near", "--round", "0"], "0 is not in"),
-        (&["tap", "disc", "near", "--at", "8,0"], "and no pixel (8, 0)"),
+        (&["tap", "disc", "near", "--at", "8,0"], "but no pixel (8, 0)"),
         (&["tap", "disc", "near", "--at", "8"], "`8` is no pixel"),
         (&["tap", "disc", "near", "--size", "4x4"], "leave `--size`"),
-        (&["trace", "disc", "8,0"], "8 x 4 pixels, from (0, 0) at the upper left"),
+        (&["trace", "disc", "8,0"], "8 x 4 pixels, counted from (0, 0) at the upper left"),
         (&["trace", "disc", "1"], "`1` is no pixel: write its column and its row"),
         (&["trace", "disc", "1,1", "--against", "HEAD"], "HEAD"),
     ] {
@@ -210,6 +216,7 @@ fn what_cannot_be_told_is_an_error() {
     assert!(error.contains("no `*.test.toml` has a `[[frame]]`"), "{error}");
 }
 
+// Lesson 39
 #[test]
 fn a_pixel_is_traced_and_compared_with_a_revision() {
     let folder = folder();

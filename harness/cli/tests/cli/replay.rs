@@ -61,7 +61,7 @@ fn a_failure_is_replayed_by_its_name() {
 }
 
 #[test]
-fn what_cannot_be_replayed_is_told() {
+fn a_failure_without_a_replay_says_why() {
     let project = recorded(&[failing("calc::double"), failing("calc::same")]);
     let told = |project: &TempDir, arguments: &[&str], part: &str| {
         let ran = karat(project.path(), &[&["replay"], arguments].concat());
@@ -121,7 +121,7 @@ fn a_long_report_is_folded_by_module() {
 
 /// `--failed` runs what failed, and nothing else.
 #[test]
-fn what_failed_is_run_again() {
+fn failed_runs_only_the_failed_tests() {
     let folder = tempfile::tempdir().expect("a folder");
     let shader = |bound: &str| {
         format!(

@@ -162,6 +162,7 @@ fn junit(project: &TempDir, folder: &FilePath, environment: &[(&str, &FilePath)]
 }
 
 /// Each path has a case, and only the one that fails has the failure, with its own replay.
+// Lesson 136
 #[test]
 fn junit_has_a_case_for_each_path() {
     let project = project();
@@ -200,6 +201,7 @@ fn junit_has_a_case_for_each_path() {
 }
 
 /// CI reads files from the repository's root, of which a project may be a subfolder.
+// Lesson 135
 #[test]
 fn places_are_relative_to_what_ci_checked_out() {
     let repository = tempfile::tempdir().expect("a temporary folder");
@@ -612,6 +614,7 @@ fn a_run_says_what_it_left_out_and_writes_its_reports() {
 }
 
 /// Checks of one test by one verb are several cases: readers show the first of those that have one name.
+// Lesson 182
 #[test]
 fn junit_has_no_two_cases_of_one_name() {
     let project = project();
@@ -626,6 +629,7 @@ fn junit_has_no_two_cases_of_one_name() {
 }
 
 /// The last line of each command, its exit code and its files agree on what the run came to.
+// Lesson 183
 #[test]
 fn no_closing_line_contradicts_its_run() {
     let project = project();
@@ -679,6 +683,7 @@ fn no_closing_line_contradicts_its_run() {
 }
 
 /// A runner that stops at a failure leaves tests out: the run and the whole that it is a part of say so.
+// Lesson 183
 #[cfg(unix)]
 #[test]
 fn a_part_that_lacks_checks_says_so() {
@@ -773,7 +778,7 @@ fn without_its_messages_a_failure_is_whole() {
     let read = |name: &str| std::fs::read_to_string(folder.path().join(name)).expect("written");
     let junit = read("junit.xml");
     all(&junit, &["file=\"m.wgsl\" line=\"1\"", "x = 2; returned = 1.2", seen, "x = 1", replay]);
-    all(&junit, &["message=\"`m_test::halves` fails expects: what its expectations say\""]);
+    all(&junit, &["message=\"`m_test::halves` fails expects: all its expectations hold\""]);
     let html = read("report.html");
     all(&html, &["m.wgsl:1:1", replay, "Copy the replay command", "x = 2; returned = 1.2", seen]);
     let names = report(&[]);

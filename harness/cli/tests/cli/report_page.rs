@@ -130,6 +130,7 @@ fn reports_spare_what_is_there() {
 }
 
 /// What shards of a run give is what the whole run gives, to the byte.
+// Lesson 108
 #[test]
 fn merged_parts_are_the_whole() {
     let names = ["a", "b", "c", "d", "e", "f", "g"];
@@ -167,6 +168,7 @@ fn merged_parts_are_the_whole() {
 }
 
 /// A part that failed, didn't end or isn't there is no success of the whole.
+// Lesson 108
 #[test]
 fn a_bad_part_is_a_bad_whole() {
     let good = [check("m::a", "a", "pass")];

@@ -87,6 +87,7 @@ impl Runs {
     }
 }
 
+// Lesson 58
 #[test]
 fn runs_at_the_same_time_have_records_of_their_own() {
     let runs = Runs::new();
@@ -108,6 +109,7 @@ fn runs_at_the_same_time_have_records_of_their_own() {
 }
 
 /// Many at once, begun and ended in no order.
+// Lesson 58
 #[test]
 fn many_runs_do_not_mix() {
     let runs = Runs::new();
@@ -129,6 +131,7 @@ fn many_runs_do_not_mix() {
     assert_eq!(runs.folders().len(), 1);
 }
 
+// Lesson 58
 #[test]
 fn a_run_that_is_killed_leaves_the_record_of_the_one_before() {
     let runs = Runs::new();
@@ -153,6 +156,7 @@ fn a_run_that_is_killed_leaves_the_record_of_the_one_before() {
 }
 
 /// A run that recorded nothing is no run that `karat report` could read.
+// Lesson 58
 #[test]
 fn a_run_without_a_check_leaves_the_record_of_the_one_before() {
     let runs = Runs::new();
@@ -170,7 +174,7 @@ fn a_run_without_a_check_leaves_the_record_of_the_one_before() {
 
 /// Rust tests that pass and compare nothing are named, and a build that fails is told as one.
 #[test]
-fn what_passes_without_a_check_is_told() {
+fn tests_without_a_check_and_broken_builds_are_named() {
     let project = project();
     let record = function("calc::f", "gl", "pass", None);
     write(project.path(), "record", &record);

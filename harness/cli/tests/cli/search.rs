@@ -41,8 +41,9 @@ fn with(shaders: &str, manifests: &[(&str, &str)], files: &[(&str, &str)]) -> Te
 
 /// A file that was meant to declare tests and declares none is a failure of each command, wherever its
 /// package is found; the same package without it is none.
+// Lesson 185
 #[test]
-fn what_looks_like_a_test_and_is_none_fails_every_command() {
+fn a_misnamed_test_file_fails_every_command() {
     let none: &[(&str, &str)] = &[];
     let declared = "[workspace.metadata.karat]\npackages = [\"assets/wgsl\"]\n";
     let members: &[(&str, &str)] = &[
@@ -94,6 +95,7 @@ fn what_looks_like_a_test_and_is_none_fails_every_command() {
 }
 
 /// A slip in a member's manifest is an error, and not taken for nothing.
+// Lesson 186
 #[test]
 fn a_slip_in_a_members_manifest_is_an_error() {
     let member = format!("{MEMBER}[package.metadata.karat]\npackage = [\"wgsl\"]\n");
@@ -108,6 +110,7 @@ fn a_slip_in_a_members_manifest_is_an_error() {
 }
 
 /// Tests beside shaders that Rust tests use run with them, and are known to other commands from then on.
+// Lesson 186
 #[test]
 fn tests_beside_shaders_that_rust_tests_use_are_run() {
     let manifests = [("Cargo.toml", WORKSPACE), ("crates/engine/Cargo.toml", MEMBER)];
@@ -137,6 +140,7 @@ fn tests_beside_shaders_that_rust_tests_use_are_run() {
 
 /// A folder `shaders` that nothing names, uses or tests fails no run, under watch neither; `karat check` looks
 /// at it.
+// Lesson 187
 #[test]
 fn a_folder_that_no_test_uses_fails_no_run() {
     let manifests = [("Cargo.toml", WORKSPACE), ("crates/engine/Cargo.toml", MEMBER)];
@@ -150,6 +154,7 @@ fn a_folder_that_no_test_uses_fails_no_run() {
 }
 
 /// A folder that holds a module which is run holds tests, too, whatever it is called.
+// Lesson 187
 #[test]
 fn each_folder_of_modules_has_its_tests() {
     for folder in ["target", "deep/er"] {
@@ -161,6 +166,7 @@ fn each_folder_of_modules_has_its_tests() {
 }
 
 /// `shaders` is where a folder's shaders are, with and without a manifest of its own.
+// Lesson 187
 #[test]
 fn the_folder_shaders_is_found_by_every_command() {
     for (manifests, own) in
@@ -192,8 +198,9 @@ fn the_folder_shaders_is_found_by_every_command() {
 }
 
 /// `karat test` reports tests outside of `shaders`, though its karat.toml makes it a package by itself.
+// Lesson 187
 #[test]
-fn tests_outside_of_shaders_are_told() {
+fn tests_outside_of_shaders_are_reported() {
     let folder =
         with("shaders", &[], &[("a.wgsl", HALF), ("a.test.toml", DECLARED), ("karat.toml", "")]);
     let test = "import karat::expect_true;\n@test fn own() { expect_true(true); }\n";
@@ -205,7 +212,7 @@ fn tests_outside_of_shaders_are_told() {
 /// A file that declares tests outside of `shaders` is told by every command, as a `@test` there is, with and without a
 /// karat.toml; inside of `shaders` it isn't.
 #[test]
-fn declared_tests_outside_of_shaders_are_told() {
+fn declared_tests_outside_of_shaders_are_reported() {
     for (own, how) in [(None, "`karat test .` runs all"), (Some(""), "move them into `shaders`")] {
         let folder = with("shaders", &[], &[("a.wgsl", HALF), ("a.test.toml", DECLARED)]);
         let path = folder.path();
@@ -290,6 +297,7 @@ fn a_second_folder_is_refused() {
 }
 
 /// Links that lead in circles are followed once, and what never ends isn't read.
+// Lesson 188
 #[cfg(unix)]
 #[test]
 fn links_in_circles_and_pipes_hang_no_command() {
@@ -310,7 +318,7 @@ fn links_in_circles_and_pipes_hang_no_command() {
         let made = Command::new("mkfifo").arg(path.join(name)).status().expect("mkfifo runs");
         assert!(made.success());
     };
-    let told = "it is a pipe, a socket or a device, and no file";
+    let told = "it is a pipe, a socket or a device, not a file";
     pipe("p.test.toml");
     for arguments in [
         &["test", ".", "--paths", "cpu"][..],
@@ -335,6 +343,7 @@ fn links_in_circles_and_pipes_hang_no_command() {
 }
 
 /// Tests alone, whose shaders are those of another package.
+// Lesson 190
 #[test]
 fn a_folder_of_tests_alone_passes() {
     let folder = with("shaders", &[], &[("a.wgsl", HALF)]);
@@ -352,6 +361,7 @@ fn a_folder_of_tests_alone_passes() {
 }
 
 /// A module in an include guard runs, and so does its test.
+// Lesson 189
 #[test]
 fn a_guarded_module_is_tested() {
     let guarded = |text: &str| format!("#ifndef A_WGSL\n#define A_WGSL\n{text}#endif\n");

@@ -80,7 +80,7 @@ fn a_test_that_cannot_begin_is_in_each_report() {
 
 /// A cause that stops every test stands there in full once, with the place of each test.
 #[test]
-fn what_all_tests_lack_is_told_once() {
+fn a_cause_that_stops_all_tests_is_printed_once() {
     let folder = folder();
     let metal = cpu(folder.path(), &["--require", "metal"]);
     assert_eq!(metal.code, Some(1), "{metal:?}");
@@ -177,8 +177,9 @@ fn a_switch_is_no_number() {
     assert!(wrong.code != Some(0) && wrong.out.contains(part), "{wrong:?}");
 }
 
+// Lesson 100
 #[test]
-fn each_failing_expectation_is_told_with_its_place() {
+fn each_failing_expectation_is_reported_with_its_place() {
     let folder = folder();
     let text = "import package::brdf::blend;\nimport karat::{expect_near, expect_true, expect_ulp};\n\
            fn both(x: f32) {\n    expect_true(x < 0.5);\n}\n\
@@ -234,11 +235,12 @@ fn a_bound_that_nothing_exceeds_fails() {
         for steps in ["4278190080.0", "1e30"] {
             let ran = ran(steps);
             assert_eq!(ran.code, Some(1), "{ran:?}");
-            assert!(ran.out.contains("ulp, which bounds nothing"), "{ran:?}");
+            assert!(ran.out.contains("ulp, which is no usable bound"), "{ran:?}");
         }
     }
 }
 
+// Lesson 110
 #[test]
 fn planted_faults_turn_each_assertion_red() {
     for (fault, by, names) in [
@@ -264,8 +266,9 @@ fn planted_faults_turn_each_assertion_red() {
 }
 
 /// Functions that take derivatives, write, have overrides, or read what a file holds.
+// Lesson 132
 #[test]
-fn what_strangers_declare_is_tested() {
+fn declared_tests_of_each_kind_run() {
     const TEXT: &str = "@group(0) @binding(0) var<storage, read_write> log: array<u32>;\n\
         struct Globals { gain: f32, offset: f32 }\n@group(0) @binding(1) var<uniform> g: Globals;\n\
         override A: f32 = 1.0;\noverride ON: bool = false;\n\
@@ -304,14 +307,12 @@ fn what_strangers_declare_is_tested() {
     }
 }
 
+// Lesson 100
+// Lesson 195
 #[test]
-fn what_tests_nothing_or_cannot_run_is_red_with_its_place() {
+fn tests_that_check_nothing_or_cannot_run_fail() {
     for (file, text, part) in [
-        (
-            "t.wgsl",
-            "@test fn t() { let x = 1.0; }\n",
-            "no case in which an expectation is evaluated",
-        ),
+        ("t.wgsl", "@test fn t() { let x = 1.0; }\n", "no case that evaluates an expectation"),
         (
             "t.wgsl",
             "import karat::expect_near;\n@test fn t() { expect_near(1.0, 2.0 }\n",
@@ -420,13 +421,13 @@ fn what_tests_nothing_or_cannot_run_is_red_with_its_place() {
             "t.wgsl",
             "import karat::expect_true;\n\
              @test fn t(@over(0, 1) @over(2, 3) x: f32) { expect_true(x >= 0.0); }\n",
-            "`@over` stands twice",
+            "`@over` occurs twice",
         ),
         (
             "t.wgsl",
             "import karat::expect_true;\n\
              @test @cases(9) @cases(8) fn t(x: f32) { expect_true(x == x); }\n",
-            "`@cases` stands twice",
+            "`@cases` occurs twice",
         ),
         (
             "t.wgsl",
@@ -486,8 +487,9 @@ fn what_tests_nothing_or_cannot_run_is_red_with_its_place() {
 }
 
 /// Values exactly at their bounds hold, however many there are; cases that evaluate nothing aren't counted.
+// Lesson 105
 #[test]
-fn what_lies_at_its_bound_holds_and_idle_cases_are_none() {
+fn a_value_at_its_bound_passes_and_idle_cases_are_not_counted() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     write(folder.path(), "brdf.wgsl", BRDF);
     let text = "import karat::{expect_near, expect_true};\n\
@@ -508,6 +510,7 @@ fn what_lies_at_its_bound_holds_and_idle_cases_are_none() {
 
 /// One kernel counts several tests, each with its own arguments; what fails there runs alone and is told as
 /// on the path that compiles nothing.
+// Lesson 104
 #[test]
 fn tests_that_are_counted_together_have_their_own_verdicts() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -544,7 +547,7 @@ fn tests_that_are_counted_together_have_their_own_verdicts() {
         ] {
             assert!(ran.out.contains(part), "no `{part}` on {path}: {}", ran.out);
         }
-        assert!(ran.out.contains("no case in which an expectation is evaluated"), "{}", ran.out);
+        assert!(ran.out.contains("no case that evaluates an expectation"), "{}", ran.out);
         let json = std::fs::read_to_string(folder.path().join("all.json")).expect("written");
         let all: serde_json::Value = serde_json::from_str(&json).expect("JSON");
         let facts = |record: &serde_json::Value| {
@@ -614,7 +617,7 @@ fn a_runaway_test_is_stopped() {
 /// Missing, it is pending; accepted, it passes; with another shader it fails.
 /// Whoever tests the folder `shaders` goes on without naming it: its record, its goldens, its failures.
 #[test]
-fn what_was_tested_below_is_known_above() {
+fn pending_and_goldens_are_found_from_the_parent_folder() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let (path, shaders) = (folder.path(), folder.path().join("shaders"));
     let module = "fn half(x: f32) -> f32 { return 0.5 * x; }\n\
@@ -787,7 +790,7 @@ fn declared_frames_have_targets_formats_and_overrides() {
     let formats = "formats = [\"float\", \"rgba8unorm-srgb\"]";
     for (more, part) in [
         ("override = { GAIN = 2 }", "add `formats` with a format for each location"),
-        ("override = { GAIN = 2 }", "whose `target` is 1"),
+        ("override = { GAIN = 2 }", "sets `target` to 1"),
         ("", "`override` in a test's file"),
         ("override = { GIAN = 2 }", "no override `GIAN`; did you mean `GAIN`?"),
         ("formats = [\"float\", \"rgba8\"]", "no format `rgba8`"),
@@ -939,6 +942,7 @@ fn integers_have_no_tolerance() {
 }
 
 /// `0.3` is what WGSL makes of it, under every key; a fault is seen under every key.
+// Lesson 170
 #[test]
 fn decimals_are_what_the_shader_has() {
     const TEXT: &str = "fn third() -> f32 { return 0.3; }\n\
@@ -1003,8 +1007,9 @@ fn the_readme_shows_what_its_first_test_says() {
 
 /// A buffer that is given by its size alone holds anything in a host, so what reads it before a pass writes it is counted,
 /// where what passes leave depends on it.
+// Lesson 221
 #[test]
-fn what_no_pass_has_written_is_counted() {
+fn unwritten_words_are_counted() {
     let shader = "@group(0) @binding(0) var<storage, read> values: array<f32>;
 @group(0) @binding(1) var<storage, read_write> parts: array<f32>;
 @group(0) @binding(2) var<storage, read_write> total: array<f32>;

@@ -73,7 +73,7 @@ fn scripted(script: &str, lines: &[String]) -> TempDir {
 }
 
 #[test]
-fn what_cargo_says_stands_on_lines_of_its_own() {
+fn output_of_cargo_has_its_own_lines() {
     // Enough of them that the line of progress is drawn in between.
     let script = "echo '   Compiling a v0.1.0' >&2\n\
         for program in a b c; do\n  echo \"     Running tests/$program.rs\" >&2\n  echo 'running 9 tests'\n  \

@@ -60,7 +60,7 @@ fn a_module_is_printed_with_its_entry_points() {
 }
 
 #[test]
-fn what_cannot_be_translated_says_so() {
+fn a_failed_translation_is_an_error() {
     let folder = shaders();
     let error = |arguments: &[&str]| {
         let ran = karat(folder.path(), &[&["translate"], arguments].concat());
@@ -178,7 +178,7 @@ fn routes_are_paths() {
         karat(folder.path(), &["doctor", "--require", route]).good();
     }
     for (route, message) in [
-        ("gl:hlsl", "there is no compiler from hlsl to what this API takes"),
+        ("gl:hlsl", "no compiler translates hlsl for this API"),
         ("vulkan:msl", "execution path `vulkan:msl` has no route `msl`"),
     ] {
         let ran = call(route, &["maths::blend", "2", "1"]);
@@ -187,7 +187,8 @@ fn routes_are_paths() {
     // What a route can't bind is no result, and says why.
     let matrix = ["matrix", "--json", "--only", "texel"];
     let matrix = json(&karat(folder.path(), &matrix).good());
-    for (column, why) in [("vulkan:glsl", "joins each texture"), ("vulkan:hlsl", "from a heap")] {
+    for (column, why) in [("vulkan:glsl", "combines each texture"), ("vulkan:hlsl", "from a heap")]
+    {
         let cell = &row(&matrix, "image::texel")[column];
         assert_eq!(cell["status"], "valid", "{cell}");
         assert!(cell["stopped"]["says"].as_str().is_some_and(|says| says.contains(why)), "{cell}");
@@ -219,6 +220,7 @@ const SUMS: &str = "struct Params { scale: f32, m: mat4x4f, list: array<vec4f, 3
     @compute @workgroup_size(1)\n\
     fn waits() { while atomicLoad(&bins[0]) < 1000000000u { atomicAdd(&bins[1], 1u); } sums[0] = 1.0; }\n";
 
+// Lesson 114
 #[cfg(target_os = "linux")]
 #[test]
 fn compute_entry_points_are_run() {
@@ -294,6 +296,7 @@ fn a_subnormal_number_that_a_pass_leaves_may_be_zero() {
 }
 
 /// An entry point doesn't need the abilities of the others of its module, and each driver has its own size of subgroups.
+// Lesson 142
 #[cfg(target_os = "linux")]
 #[test]
 fn an_entry_point_needs_what_it_uses_itself() {
@@ -326,6 +329,7 @@ fn the_matrix_looks_for_a_content_that_a_pass_changes() {
 }
 
 /// Drivers take a level of detail of their own, and what doesn't depend on it is compared.
+// Lesson 142
 #[cfg(target_os = "linux")]
 #[test]
 fn derivatives_are_open_in_the_matrix() {
@@ -404,6 +408,7 @@ fn matrix_of(text: &str, columns: &str) -> (serde_json::Value, Ran) {
     (json(&again.out), ran)
 }
 
+// Lesson 154
 #[cfg(target_os = "linux")]
 #[test]
 fn a_panic_of_naga_is_a_finding() {
@@ -427,9 +432,10 @@ const OUTSIDE: &str = "@group(0) @binding(0) var p: texture_2d<f32>;\n\
     fn texel(at: vec2i) -> vec4f { return textureLoad(p, at, 0); }\n\
     fn root(x: f32) -> f32 { return sqrt(x) / x; }\n";
 
+// Lesson 155
 #[cfg(target_os = "linux")]
 #[test]
-fn what_wgsl_leaves_open_is_counted_and_is_no_finding() {
+fn results_that_wgsl_leaves_open_are_counted_and_pass() {
     let (matrix, ran) = matrix_of(OUTSIDE, "vulkan,gl,cpu");
     assert_eq!(ran.code, Some(0), "{ran:?}");
     let mut open = 0;
@@ -446,9 +452,10 @@ fn what_wgsl_leaves_open_is_counted_and_is_no_finding() {
     assert!(ran.out.contains(" open"), "{}", ran.out);
 }
 
+// Lesson 155
 #[cfg(target_os = "linux")]
 #[test]
-fn what_wgsl_defines_is_a_finding_beside_what_it_leaves_open() {
+fn a_wrong_defined_result_beside_an_open_one_fails() {
     // x / 0 is x, and x % 0 is 0. In the last two an element is outside in each case, or in some.
     let text = "fn quotient(a: i32, b: i32) -> i32 { return a / b; }\n\
                 fn rest(a: i32, b: i32) -> i32 { return a % b; }\n\
@@ -471,6 +478,7 @@ fn what_wgsl_defines_is_a_finding_beside_what_it_leaves_open() {
 }
 
 /// A buffer has an element for each invocation, and a texture of one dimension has one level.
+// Lesson 157
 #[cfg(target_os = "linux")]
 #[test]
 fn made_up_data_is_what_an_author_could_bind() {
@@ -491,6 +499,7 @@ fn made_up_data_is_what_an_author_could_bind() {
 }
 
 /// naga's WGSL has no `@align`, and the engine doesn't read that.
+// Lesson 158
 #[cfg(target_os = "linux")]
 #[test]
 fn the_engine_runs_what_the_author_wrote() {
@@ -511,6 +520,7 @@ fn the_engine_runs_what_the_author_wrote() {
 }
 
 /// glslang gives the words of HLSL's buffers where Direct3D gives their bytes.
+// Lesson 159
 #[cfg(target_os = "linux")]
 #[test]
 fn buffers_are_as_long_on_each_route() {
@@ -564,6 +574,7 @@ fn expect_three(matrix: &serde_json::Value) {
 }
 
 /// A driver that crashes takes the process with it, and is caught with the row that it ran.
+// Lesson 162
 #[cfg(target_os = "linux")]
 #[test]
 fn a_crash_ends_one_row_of_the_matrix() {
@@ -607,6 +618,7 @@ fn a_crash_ends_one_row_of_the_matrix() {
     assert!(crashed["says"].as_str().is_some_and(|says| says.starts_with(why)), "{crashed}");
 }
 
+// Lesson 161
 #[cfg(target_os = "linux")]
 #[test]
 fn a_deadline_ends_one_row_of_the_matrix() {
@@ -629,7 +641,7 @@ fn a_deadline_ends_one_row_of_the_matrix() {
 
 #[cfg(target_os = "linux")]
 #[test]
-fn what_is_required_of_the_matrix_decides() {
+fn required_columns_decide_the_exit_code() {
     let folder = shaders();
     let matrix = |arguments: &[&str]| {
         let common = ["matrix", "--cases", "16", "--columns", "vulkan,vulkan:hlsl,msl"];
@@ -644,7 +656,7 @@ fn what_is_required_of_the_matrix_decides() {
     let ran = matrix(&["--require", "vulkan:hlsl=executed"]);
     assert_eq!(ran.code, Some(1), "{ran:?}");
     assert!(ran.err.contains("1 of 5 rows don't get to `executed` on `vulkan:hlsl`"), "{ran:?}");
-    assert!(ran.err.contains("image::fill: path `vulkan:hlsl` doesn't take this"), "{ran:?}");
+    assert!(ran.err.contains("image::fill: path `vulkan:hlsl` can't run this"), "{ran:?}");
     let ran = matrix(&[&only[..], &["--require", "msl=valid"]].concat());
     assert_eq!(ran.code, Some(1), "{ran:?}");
     assert!(ran.err.contains("no validator of msl is installed"), "{ran:?}");
@@ -668,6 +680,7 @@ fn what_is_required_of_the_matrix_decides() {
 }
 
 /// What compared nothing is no verdict, and an output that would destroy something is refused.
+// Lesson 89
 #[cfg(target_os = "linux")]
 #[test]
 fn a_matrix_without_evidence_fails() {
@@ -723,6 +736,7 @@ fn a_matrix_without_evidence_fails() {
 }
 
 /// What tests found on a path decides there; a verdict on another text of the module says nothing.
+// Lesson 113
 #[cfg(target_os = "linux")]
 #[test]
 fn tests_judge_the_functions_that_they_have() {
@@ -858,6 +872,7 @@ mod planted {
     const ANOTHER_OPERATOR: &str =
         "[ -f shader.hlsl ] && sed -i 's/ - y/ + y/; s/_ - /_ + /' shader.hlsl";
 
+    // Lesson 84
     #[test]
     fn a_difference_is_explained_in_each_output() {
         let folder = shaders();
@@ -915,8 +930,9 @@ mod planted {
     }
 
     /// The first that differs is told, whatever stands in its initialiser.
+    // Lesson 84
     #[test]
-    fn the_first_let_that_differs_is_told() {
+    fn the_first_let_that_differs_is_named() {
         let folder = shaders();
         let text = "fn blend(x: f32, y: f32) -> f32 {\n    var z = x * 3.0;\n    let p = &z;\n    \
                     let q = cos(y); // of y; q\n    \
@@ -958,6 +974,7 @@ mod planted {
     }
 
     /// glslang 11.12 has no zero value of an array, which naga's HLSL gives workgroup memory: nothing is wrong with that.
+    // Lesson 160
     #[test]
     fn an_array_of_workgroups_is_no_fault_of_hlsl() {
         let folder = shaders();
@@ -976,6 +993,7 @@ mod planted {
     }
 
     /// What fails before the declared status isn't what was declared.
+    // Lesson 85
     #[test]
     fn a_declaration_hides_no_worse_failure() {
         let folder = shaders();
@@ -998,8 +1016,9 @@ mod planted {
     }
 
     /// What is declared must be so, and must be about what is there.
+    // Lesson 85
     #[test]
-    fn what_is_declared_must_fail() {
+    fn a_declared_difference_must_occur() {
         let folder = shaders();
         let declare = |rows: &str, columns: &str, status: &str, reason: &str| {
             let text = format!(
@@ -1083,6 +1102,7 @@ mod planted {
             .to_vec()
     }
 
+    // Lesson 82
     #[test]
     fn an_operator_of_hlsl_that_is_another_one_is_seen() {
         let change = "[ -f shader.hlsl ] && sed -i 's/3[.]0) - /3.0) + /' shader.hlsl";
@@ -1094,6 +1114,7 @@ mod planted {
         assert!(says.contains("at x = 0; y = 1 `vulkan:hlsl` returns 1, `vulkan` -1"), "{says}");
     }
 
+    // Lesson 82
     #[test]
     fn operands_of_spirv_that_are_swapped_are_seen() {
         let (dis, r#as) = (program("spirv-dis"), program("spirv-as"));
@@ -1108,6 +1129,8 @@ mod planted {
         assert_eq!(states(&matrix), expected("vulkan:glsl", "executed", "differs"));
     }
 
+    // Lesson 82
+    // Lesson 117
     #[test]
     fn glsl_that_no_longer_compiles_is_seen() {
         let matrix = with_glslang("[ -f shader.glsl ] && echo 'nonsense;' >> shader.glsl", "");

@@ -76,6 +76,8 @@ fn run(folder: &FilePath, line: &str, paths: &str) -> Option<String> {
 }
 
 /// Functions run on Karat's engine, and from the frame on all run on Vulkan.
+// Lesson 137
+// Lesson 211
 #[test]
 fn the_tutorial_does_what_it_shows() {
     let page = std::fs::read_to_string(PAGE).expect("the page").replace("\r\n", "\n");

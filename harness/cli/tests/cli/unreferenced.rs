@@ -63,8 +63,9 @@ fn goldens_that_all_are_compared_pass() {
     karat(project.path(), &["unreferenced"]).good();
 }
 
+// Lesson 43
 #[test]
-fn a_golden_that_nobody_compares_fails_and_may_be_deleted() {
+fn an_uncompared_golden_fails_and_can_be_deleted() {
     let project = goldens();
     let golden = project.path().join("golden");
     // A frame of that name in another folder is another frame.
@@ -95,6 +96,7 @@ fn a_golden_that_nobody_compares_fails_and_may_be_deleted() {
     karat(project.path(), &["unreferenced"]).good();
 }
 
+// Lesson 43
 #[test]
 fn without_evidence_there_is_no_verdict() {
     let project = goldens();
@@ -234,7 +236,7 @@ fn facts_that_are_not_those_of_their_golden_fail() {
 
 /// `--delete` is done when nothing is left that no test compares.
 #[test]
-fn what_delete_leaves_alone_still_fails() {
+fn files_that_delete_keeps_still_fail() {
     let project = goldens();
     let golden = project.path().join("golden");
     let all = ["scene", "room"].map(|case| frame(&golden, case, &["vulkan", "gl"], "pass"));

@@ -42,12 +42,12 @@ fn features_reach_the_tests_of_a_folder() {
     let again = karat(folder.path(), &["replay", "--print", &replayed(&with.out)]).good();
     assert!(again.contains("--feature fast=true"), "{again}");
     let unknown = test(folder.path(), &["--feature", "fasd"]).error();
-    assert!(unknown.contains("asks about the feature `fasd`"), "{unknown}");
+    assert!(unknown.contains("uses the feature `fasd`"), "{unknown}");
 }
 
 /// A test that fails before the case that is to be replayed has its message, and the others their verdicts.
 #[test]
-fn a_failure_is_told_where_another_case_is_to_be_replayed() {
+fn a_failure_before_the_replayed_case_is_reported() {
     let folder = folder("fn f(x: f32) -> f32 { return 2.0 * x; }\n", IN_RANGE);
     let replay = |case: &str| {
         let mut command = command(folder.path(), &["test", "wgsl", "--paths", "cpu"]);
@@ -110,11 +110,11 @@ fn declared_tests_have_places_of_their_own() {
             "4:1",
             "is no domain of a number",
         ),
-        (format!("{f}finite = true\ncases = 0\n"), "4:1", "is asked for 0 cases"),
+        (format!("{f}finite = true\ncases = 0\n"), "4:1", "has 0 cases"),
         (
             format!("{f}finite = true\ncases = 100000000000\n"),
             "4:1",
-            "4294967296 that are run at most",
+            "but a check can have at most 4294967296",
         ),
         (
             format!("{f}finite = true\nfails_on = {{ vulcan = \"no\" }}\n"),
@@ -192,7 +192,7 @@ fn declared_tests_have_places_of_their_own() {
 /// Linux alone tells the children of a process.
 #[cfg(target_os = "linux")]
 #[test]
-fn who_has_no_verdict_is_named() {
+fn tests_of_a_killed_process_are_named() {
     let folder = folder(
         "fn f(x: f32) -> f32 { return x; }\n",
         &format!(
@@ -334,7 +334,7 @@ fn a_replay_is_no_run() {
 }
 
 #[test]
-fn what_declares_tests_under_another_name_is_red() {
+fn a_misnamed_file_of_declared_tests_fails() {
     let folder = folder("fn f(x: f32) -> f32 { return x; }\n", IN_RANGE);
     for name in ["wgsl/tests.toml", "wgsl/test.toml", "wgsl/mtest.toml", "wgsl/a.test.toml.txt"] {
         write(folder.path(), name, IN_RANGE);

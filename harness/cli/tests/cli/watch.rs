@@ -101,6 +101,7 @@ impl Drop for Watching {
     }
 }
 
+// Lesson 101
 #[test]
 fn verdicts_follow_edits() {
     let watch = Watching::start();
@@ -181,6 +182,7 @@ fn verdicts_follow_edits() {
     watch.until("cpu: 1 of 2 tests fail");
 }
 
+// Lesson 101
 #[test]
 fn another_folder_in_the_place_of_the_working_directory_is_watched() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -253,6 +255,7 @@ fn an_edit_of_what_expands_modules_counts() {
 
 /// Files that tests read are known by their names, whatever these end with, and so are packages outside of
 /// the folder.
+// Lesson 192
 #[test]
 fn an_edit_of_any_file_that_is_read_counts() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -317,6 +320,7 @@ fn an_edit_of_any_file_that_is_read_counts() {
 }
 
 /// Output that lands in the folder that is watched wakes it no more than once.
+// Lesson 192
 #[cfg(unix)]
 #[test]
 fn it_never_wakes_on_its_own_output() {
@@ -377,6 +381,7 @@ fn wakes_once(manifest: &str, end: &str) {
 }
 
 /// Of what a Rust test reads nothing is known, so that each file counts; what it writes in each run doesn't.
+// Lesson 192
 #[test]
 fn an_edit_of_any_file_runs_rust_tests() {
     let folder = tempfile::tempdir().expect("a temporary folder");
@@ -415,8 +420,9 @@ fn an_edit_of_any_file_runs_rust_tests() {
 }
 
 /// A module that no test links is validated, in a Cargo project as in a folder.
+// Lesson 191
 #[test]
-fn what_no_test_links_is_validated() {
+fn modules_that_no_test_links_are_validated() {
     let watch = Watching::start();
     watch.until("cpu: 2 tests pass; 2 ran");
     watch.edit("more.wgsl", "fn more() -> f32 { return nonsense; }\n");
@@ -433,9 +439,10 @@ fn what_no_test_links_is_validated() {
     assert_eq!(once("cpu").code, Some(1));
 }
 
+// Lesson 102
 #[cfg(unix)]
 #[test]
-fn it_ends_when_nobody_reads_it() {
+fn watch_ends_when_its_output_closes() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     write(
         &folder.path().join("shaders"),
@@ -467,6 +474,7 @@ fn processes_of(folder: &FilePath) -> usize {
     lines.filter(|line| String::from_utf8_lossy(line).contains(&name)).count()
 }
 
+// Lesson 102
 #[cfg(target_os = "linux")]
 #[test]
 fn a_killed_watch_leaves_no_process_behind() {
@@ -500,7 +508,7 @@ fn a_killed_watch_leaves_no_process_behind() {
 }
 
 #[test]
-fn what_cannot_be_watched_is_an_error() {
+fn a_missing_folder_or_path_cannot_be_watched() {
     let folder = project();
     for (arguments, part) in [
         (&["nowhere"][..], "there is no folder or file `nowhere`"),

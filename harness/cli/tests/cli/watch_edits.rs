@@ -263,6 +263,7 @@ fn save(folder: &FilePath, file: &str, text: &str) {
     std::fs::rename(folder.join(".saved"), folder.join(file)).expect("renamed");
 }
 
+// Lesson 191
 #[test]
 fn watch_is_red_where_test_is() {
     let folder = tempfile::tempdir().expect("a temporary folder");

@@ -113,6 +113,7 @@ impl Drop for Terminal {
     }
 }
 
+// Lesson 101
 #[test]
 fn a_person_breaks_and_mends_a_shader() {
     let mut terminal = Terminal::start(80);

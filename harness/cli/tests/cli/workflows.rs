@@ -171,6 +171,7 @@ fn runner(script: &str, folder: &FilePath) -> Command {
 }
 
 /// The action's step on a folder of tests: green, and red with an annotation at the repository's file.
+// Lesson 135
 #[test]
 fn the_step_of_the_action_runs_tests() {
     let repository = folder();

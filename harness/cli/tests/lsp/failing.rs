@@ -45,7 +45,7 @@ fn tests_without_rust_run_after_each_save() {
 
 /// A test that can't begin has no record. Its error stands at its place all the same.
 #[test]
-fn what_cannot_be_called_is_told_at_its_place() {
+fn a_test_that_cannot_begin_is_an_error_at_its_place() {
     let folder = folder();
     let mut editor = Editor::open(folder.path());
     editor.open_file(FILE, CALC);
@@ -68,8 +68,9 @@ fn what_cannot_be_called_is_told_at_its_place() {
 }
 
 /// A file that was meant to declare tests and declares none is an error at its place, whatever is wrong with it.
+// Lesson 185
 #[test]
-fn what_looks_like_a_test_and_is_none_is_told() {
+fn a_misnamed_or_broken_test_file_is_a_diagnostic() {
     let folder = folder();
     let mut editor = Editor::open(folder.path());
     editor.open_file(FILE, CALC);
@@ -233,7 +234,7 @@ fn failures_of_other_files_are_not_shown() {
 
 /// A record that can't be read is told once, and all else goes on.
 #[test]
-fn a_broken_record_is_told_once() {
+fn a_broken_record_is_reported_once() {
     let folder = recorded("0123");
     write(folder.path(), "target/karat/record/1.jsonl", "{\n");
     let mut editor = Editor::open(folder.path());

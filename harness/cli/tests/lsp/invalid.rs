@@ -29,8 +29,9 @@ fn a_fault_is_shown_at_its_place_and_goes_when_it_is_mended() {
 }
 
 /// Tint's rejection is a warning as you type, and an error where the package requires its verdict.
+// Lesson 201
 #[test]
-fn what_tint_rejects_is_shown() {
+fn errors_of_tint_are_diagnostics() {
     let folder = folder();
     let mut editor = Editor::with_tint(folder.path());
     editor.open_file(FILE, CALC);

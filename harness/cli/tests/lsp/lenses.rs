@@ -68,7 +68,7 @@ fn a_lens_runs_the_tests_of_its_function() {
 }
 
 #[test]
-fn what_cannot_be_run_is_told() {
+fn a_lens_that_cannot_run_says_why() {
     let folder = folder();
     let mut editor = Editor::open(folder.path());
     editor.open_file(TEST, TESTS);

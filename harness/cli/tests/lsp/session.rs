@@ -34,7 +34,7 @@ fn a_session_that_is_not_shut_down_ends_badly() {
 }
 
 #[test]
-fn what_comes_before_the_session_is_refused() {
+fn requests_before_initialize_are_refused() {
     let folder = folder();
     let mut editor = Editor::silent(folder.path());
     let answer = editor.ask("textDocument/codeLens", json!({}));

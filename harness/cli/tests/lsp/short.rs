@@ -38,7 +38,7 @@ fn each_failure_is_a_line() {
 }
 
 #[test]
-fn what_is_not_valid_is_a_line_and_what_passes_none() {
+fn invalid_modules_have_a_line_and_passing_ones_none() {
     let folder = folder();
     assert_eq!(tested(folder.path(), &["--short"]), format!("3 checks, 0 failed{UNASKED}\n"));
     write(folder.path(), "shaders/bad.wgsl", "\nfn f() -> f32 { return y; }\n");

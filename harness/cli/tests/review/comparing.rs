@@ -121,7 +121,7 @@ fn differences_have_the_hues_of_their_channels() {
 }
 
 #[test]
-fn what_fails_is_outlined_and_single_pixels_are_enlarged() {
+fn failing_areas_are_outlined_and_single_pixels_enlarged() {
     let project = Project::new();
     grey(&project, "areas", |x, y, pixel| {
         if (10..20).contains(&x) && (8..14).contains(&y) {
@@ -192,7 +192,7 @@ fn noise_has_few_outlines() {
 
 /// What is masked isn't judged, and the gate is the one of the margins: neither is outlined.
 #[test]
-fn what_is_not_judged_does_not_fail() {
+fn masked_pixels_do_not_fail() {
     let project = Project::new();
     grey(&project, "masked", |x, y, pixel| {
         if (x, y) == (5, 5) || (x, y) == (40, 20) {

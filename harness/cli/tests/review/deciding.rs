@@ -41,6 +41,7 @@ fn facts(project: &Project, case: &str) -> (Image, Value) {
     (image, serde_json::from_str(&metadata.expect("provenance")).expect("JSON"))
 }
 
+// Lesson 42
 #[test]
 fn a_frame_is_looked_at_and_accepted() {
     let project = Project::with_tiny();
@@ -146,7 +147,7 @@ fn a_failing_frame_is_accepted_in_the_page_and_passes() {
 }
 
 #[test]
-fn the_second_of_two_tabs_is_told() {
+fn a_second_tab_learns_that_the_frame_was_decided() {
     let project = Project::with_tiny();
     project.put_tiny("zebra");
     let server = project.serve();

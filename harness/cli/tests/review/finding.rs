@@ -130,7 +130,7 @@ fn a_typed_address_is_never_written_over() {
 }
 
 #[test]
-fn an_address_without_a_frame_is_told() {
+fn an_address_of_an_unknown_frame_is_reported() {
     let project = with(&["a", "b"]);
     let (_server, mut browser, tab) = open(&project, "#rooms/gone%");
     let message = browser.text(&tab, "#message");

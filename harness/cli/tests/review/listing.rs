@@ -150,7 +150,7 @@ fn several_frames_are_accepted_with_one_reason() {
 
 /// What is refused of several is told, and the others are done.
 #[test]
-fn what_is_refused_of_several_stays() {
+fn refused_frames_stay_pending() {
     let project = various();
     let (_server, mut browser, tab) = open(&project);
     browser.wait(&tab, THUMBS);

@@ -320,7 +320,7 @@ fn numbers_are_those_of_rust() {
 
 #[test]
 #[ignore = "seconds of a browser: `cargo ci full` runs it"]
-fn what_is_no_number_has_its_colour_at_any_zoom() {
+fn nan_has_its_colour_at_any_zoom() {
     let project = Project::with_frames();
     let (_server, mut browser, tab) = open(&project);
     browser.press(&tab, "j");
@@ -450,7 +450,7 @@ fn a_map_has_its_range_and_holes() {
 
 /// A browser may take the graphics memory back, and give it again.
 #[test]
-fn a_lost_context_is_told_and_made_good() {
+fn a_lost_webgl_context_is_restored() {
     let project = Project::with_tiny();
     let (_server, mut browser, tab) = open(&project);
     browser.press(&tab, "1");

@@ -55,6 +55,7 @@ fn a_page_of_files_has_the_pixels_that_differ_most() {
     browser.wait(&tab, "document.getElementById('pixel').hidden");
 }
 
+// Lesson 39
 #[test]
 fn a_click_on_a_pixel_shows_its_steps_and_values_become_maps() {
     let project = project();

@@ -43,7 +43,7 @@ fn only_who_has_the_url_gets_anything() {
 }
 
 #[test]
-fn nobody_else_decides() {
+fn other_origins_cannot_decide() {
     let project = Project::with_tiny();
     let server = project.serve();
     let (host, path) = (server.host(), server.path());
@@ -132,7 +132,7 @@ fn a_pending_file_that_names_another_place_is_refused() {
 }
 
 #[test]
-fn the_exit_code_tells_whether_something_is_left() {
+fn the_exit_code_is_one_while_frames_are_pending() {
     let project = Project::with_tiny();
     let (code, text) = project.serve().interrupt();
     assert_eq!((code, text.as_str()), (Some(1), "1 frame left pending\n"));

@@ -103,7 +103,7 @@ pub(crate) fn with_origins(project: &Project) {
 /// The module that changed is named with its lines, and the golden's versions with their reasons.
 #[test]
 #[ignore = "seconds of a browser: `cargo ci full` runs it"]
-fn what_changed_since_the_golden_is_shown() {
+fn changes_since_the_golden_are_shown() {
     let project = Project::new();
     let module = |name: &str| project.folder().join("shaders").join(name);
     std::fs::create_dir(project.folder().join("shaders")).expect("a folder");

@@ -20,7 +20,7 @@ fn announced(server: &Server, length: &str) -> String {
 }
 
 #[test]
-fn a_client_that_never_sends_its_body_holds_up_nobody() {
+fn a_client_that_never_sends_its_body_blocks_no_other() {
     let project = Project::with_tiny();
     // 22 MB as the page gets it.
     let large = karat::Image::new(1024, 1024, vec![[0.1, 0.2, 0.3, 1.0]; 1 << 20]);
@@ -85,7 +85,7 @@ fn a_length_is_not_believed() {
 }
 
 #[test]
-fn what_is_no_request_is_told_so() {
+fn malformed_requests_have_an_error_status() {
     let project = Project::with_tiny();
     let server = project.serve();
     let long = "x".repeat(40_000);

@@ -1,4 +1,4 @@
-//! The cause of a failure: the place that an author looks at and edits.
+//! The cause of a failure: the position that an author must look at and edit.
 
 use super::Diagnostic;
 
@@ -19,54 +19,55 @@ use super::Diagnostic;
 pub struct Blame<'f> {
     /// The message about the shader, if there is one.
     pub message: Option<&'f Diagnostic>,
-    /// The place to look at.
+    /// The position of the cause.
     pub at: At<'f>,
 }
 
-/// The place of a failure's cause.
+/// The position of a failure's cause.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum At<'f> {
-    /// The failure's text already names the place: a function, or a line of a shader.
+    /// The failure's text already names the position: a function, or a line of a shader.
     Text,
-    /// A setting of the test: the first of these that the test has, or else the test as a whole.
+    /// A setting of the test: the first of these settings that the test has, or the whole test if it has none of them.
     Setting(&'f [&'static str]),
     /// The setting that names this missing entry point.
     EntryPoint(&'f str),
 }
 
-/// An error that has a cause.
+/// An error with a cause.
 pub trait Blamed {
     /// The cause.
     fn blame(&self) -> Blame<'_>;
 }
 
 impl<'f> Blame<'f> {
-    /// The test as a whole.
+    /// The test as a whole is the cause.
     pub const TEST: Self = Self::setting(&[]);
 
-    /// The values of a function.
+    /// The values that a function returns are the cause.
     pub const VALUES: Self = Self { message: None, at: At::Text };
 
-    /// A setting of the test: the first of these that it has.
+    /// The first of these settings that the test has is the cause.
     #[must_use]
     pub const fn setting(setting: &'f [&'static str]) -> Self {
         Self { message: None, at: At::Setting(setting) }
     }
 
-    /// The setting that names a missing entry point.
+    /// The setting that names a missing entry point is the cause.
     #[must_use]
     pub const fn entry_point(name: &'f str) -> Self {
         Self { message: None, at: At::EntryPoint(name) }
     }
 
-    /// A message about the shader, or, if the message has no place, the setting that it is about.
+    /// A message about the shader is the cause. If the message has no position, the first of these settings that the
+    /// test has is the cause.
     #[must_use]
     pub fn of(message: Option<&'f Diagnostic>, setting: &'static [&'static str]) -> Self {
         let is_placed = message.is_some_and(|found| found.location().is_some());
         Self { message, at: if is_placed { At::Text } else { At::Setting(setting) } }
     }
 
-    /// The same, unless the test as a whole is the cause: then the first of these settings.
+    /// If the test as a whole is the cause, replaces it by the first of these settings that the test has.
     #[must_use]
     pub fn or(self, setting: &'static [&'static str]) -> Self {
         match self.at {

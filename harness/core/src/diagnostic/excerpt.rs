@@ -1,6 +1,6 @@
-//! Excerpts of authors' files, with long lines cut and terminal commands removed.
+//! Excerpts of authors' files, with shortened lines and escaped terminal commands.
 //!
-//! Only the shown text changes. Lines and columns are those of the author's file.
+//! Only the shown text changes. Lines and columns stay those of the author's file.
 
 use std::ops::Range;
 
@@ -9,26 +9,27 @@ use codespan_reporting::files::{Error, Files};
 use super::SourceFile;
 use crate::output::visible;
 
-/// The columns of a line that are shown around a place; longer lines are cut.
+/// The number of columns of a line that are shown around a position. Longer lines are cut.
 const WIDTH: usize = 100;
-/// The number of those columns before the place, if the line has enough columns after it.
+/// The number of these columns before the position, if the line has enough columns after it.
 const BEFORE: usize = 40;
-/// The mark for text that was cut.
+/// Stands for text that was cut.
 const CUT: &str = "…";
 
-/// A file's text as it is shown, with the places that its bytes come from.
+/// A file's text as messages show it. Each byte can be traced to the author's text.
 #[derive(Debug)]
 pub(super) struct Excerpt<'a> {
     file: &'a SourceFile,
     text: String,
-    /// The ranges in which the text differs from the author's, in order: in both texts.
+    /// The ranges that differ from the author's text, in order. Each has its range in the author's text and in the
+    /// shown text.
     changes: Vec<(Range<usize>, Range<usize>)>,
-    /// The beginnings of its lines.
+    /// The byte at which each shown line begins.
     lines: Vec<usize>,
 }
 
 impl<'a> Excerpt<'a> {
-    /// A file, with the places that a message points at.
+    /// Makes the excerpt of a file. A message points at `places`.
     pub(super) fn new(file: &'a SourceFile, places: &[Range<usize>]) -> Self {
         let mut excerpt =
             Self { file, text: String::new(), changes: Vec::new(), lines: Vec::new() };
@@ -56,7 +57,7 @@ impl<'a> Excerpt<'a> {
         excerpt
     }
 
-    /// Adds a line, without its line end.
+    /// Adds a line without its line end.
     fn push(&mut self, line: Range<usize>, points: &[usize]) {
         let mut at = line.start;
         for kept in kept(&self.file.text, line.clone(), points) {
@@ -84,7 +85,7 @@ impl<'a> Excerpt<'a> {
         let is_in = |range: &Range<usize>| range.start < from.end && from.start < range.end;
         for value in self.file.values.iter().filter(|value| value.hidden && is_in(&value.at)) {
             self.copy_visible(at..value.at.start.max(at));
-            // If the value is cut, the rest shows the author's text.
+            // If the value is cut, the author's text is shown for the rest.
             let own = value.at.start.max(at)..value.at.end.min(from.end);
             at = own.end;
             self.change(own, &visible(&value.placeholder));
@@ -109,7 +110,7 @@ impl<'a> Excerpt<'a> {
         }
     }
 
-    /// The shown place of an author's byte. In changed text, it is the beginning of the replacement.
+    /// The shown byte for a byte of the author's text. In changed text, it is the beginning of the replacement.
     pub(super) fn shown(&self, byte: usize) -> usize {
         let after = self.changes.partition_point(|(from, _)| from.end <= byte);
         match self.changes.get(after) {
@@ -121,7 +122,7 @@ impl<'a> Excerpt<'a> {
         }
     }
 
-    /// The shown place of the end of an author's range.
+    /// The shown end of a range in the author's text.
     pub(super) fn shown_end(&self, byte: usize) -> usize {
         let after = self.changes.partition_point(|(from, _)| from.end < byte);
         match self.changes.get(after) {
@@ -130,7 +131,7 @@ impl<'a> Excerpt<'a> {
         }
     }
 
-    /// The author's byte for a shown byte.
+    /// The byte of the author's text for a shown byte.
     fn author(&self, byte: usize) -> usize {
         let after = self.changes.partition_point(|(_, to)| to.end <= byte);
         match self.changes.get(after) {
@@ -143,7 +144,8 @@ impl<'a> Excerpt<'a> {
     }
 }
 
-/// The parts of a line to show: the whole line if it fits, or else the text around the points, or the line's beginning.
+/// The parts of a line that are shown: the whole line if it fits, otherwise the text around the points. Without points,
+/// the line's beginning.
 fn kept(text: &str, line: Range<usize>, points: &[usize]) -> Vec<Range<usize>> {
     if forward(text, line.clone(), WIDTH).0 == line.end {
         return vec![line];
@@ -156,7 +158,7 @@ fn kept(text: &str, line: Range<usize>, points: &[usize]) -> Vec<Range<usize>> {
             continue;
         }
         let floor = kept.last().map_or(line.start, |last| last.end);
-        // Room that one side doesn't need goes to the other side.
+        // If one side needs fewer columns, the other side gets more.
         let (_, spare) = forward(text, point..line.end, WIDTH - BEFORE);
         let (start, spare) = backward(text, floor..point, BEFORE + spare);
         let (end, _) = forward(text, point..line.end, WIDTH - BEFORE + spare);
@@ -168,12 +170,12 @@ fn kept(text: &str, line: Range<usize>, points: &[usize]) -> Vec<Range<usize>> {
     kept
 }
 
-/// The columns that a character takes; wide characters count as one.
+/// The columns that a character takes. Wide characters count as one column.
 fn columns(character: char) -> usize {
     visible(character.encode_utf8(&mut [0; 4])).chars().count()
 }
 
-/// The end of the text that fits into some columns from the beginning of a range, and the columns left.
+/// The end of the text that fits into `room` columns from the beginning of a range, and the number of unused columns.
 fn forward(text: &str, range: Range<usize>, room: usize) -> (usize, usize) {
     let (mut end, mut room) = (range.start, room);
     for character in text[range].chars() {
@@ -185,7 +187,7 @@ fn forward(text: &str, range: Range<usize>, room: usize) -> (usize, usize) {
     (end, room)
 }
 
-/// The beginning of the text that fits into some columns before the end of a range, and the columns left.
+/// The beginning of the text that fits into `room` columns before the end of a range, and the number of unused columns.
 fn backward(text: &str, range: Range<usize>, room: usize) -> (usize, usize) {
     let (mut start, mut room) = (range.end, room);
     for character in text[range].chars().rev() {
@@ -197,12 +199,12 @@ fn backward(text: &str, range: Range<usize>, room: usize) -> (usize, usize) {
     (start, room)
 }
 
-/// The files that a message points into.
+/// The excerpts of all files at which a message points.
 #[derive(Debug, Default)]
 pub(super) struct Excerpts<'a>(Vec<Excerpt<'a>>);
 
 impl<'a> Excerpts<'a> {
-    /// Adds a file; returns its number.
+    /// Adds a file and returns its index.
     pub(super) fn add(&mut self, excerpt: Excerpt<'a>) -> usize {
         self.0.push(excerpt);
         self.0.len() - 1
@@ -219,7 +221,7 @@ impl<'a, 'b: 'a> Files<'a> for Excerpts<'b> {
     type Source = &'a str;
 
     fn name(&'a self, file: usize) -> Result<String, Error> {
-        // A name is always one line.
+        // A name is always shown on one line.
         Ok(visible(&self.get(file)?.file.name).replace('\n', "\\n"))
     }
 
@@ -238,7 +240,7 @@ impl<'a, 'b: 'a> Files<'a> for Excerpts<'b> {
         Ok(start..lines.get(line + 1).copied().unwrap_or(text.len()))
     }
 
-    /// The author's column.
+    /// The column in the author's text.
     fn column_number(&'a self, file: usize, _: usize, byte: usize) -> Result<usize, Error> {
         let excerpt = self.get(file)?;
         Ok(excerpt.file.line_column(excerpt.author(byte)).1)
@@ -260,7 +262,7 @@ mod tests {
     }
 
     #[test]
-    fn what_fits_is_as_it_was() {
+    fn short_lines_are_not_changed() {
         for text in ["", "a", "a\n", "\n\n", "é\r\n\tb\r\n", &"x".repeat(WIDTH)] {
             let shown = excerpt(text, &[(0, text.len())], |excerpt| {
                 for byte in 0..=text.len() {
@@ -271,6 +273,7 @@ mod tests {
         }
     }
 
+    // Lesson 63
     #[test]
     fn a_long_line_is_cut_around_its_places() {
         let long = "a".repeat(500) + "HERE" + &"b".repeat(500) + "\nnext\n";
@@ -278,19 +281,19 @@ mod tests {
             let place = excerpt.text.find("HERE").expect("it is shown");
             assert_eq!((excerpt.shown(500), excerpt.shown_end(504)), (place, place + 4));
             assert_eq!(excerpt.author(place), 500);
-            // Cut text is at its mark, and later lines keep their places.
+            // A byte of cut text is shown at the mark. Bytes of later lines move with their lines.
             assert_eq!(excerpt.shown(3), 0);
             assert_eq!(&excerpt.text[excerpt.shown(1005)..], "next\n");
         });
         assert_eq!(shown, format!("…{}HERE{}…\nnext\n", "a".repeat(40), "b".repeat(56)));
-        // Near an end of the line, more of the other side is shown; two places give two parts.
+        // Near an end of the line, more text of the other side is shown. Two positions give two parts.
         let at = |places: &[(usize, usize)]| excerpt(&long, places, |_| ());
         assert_eq!(at(&[(0, 1)]), format!("{}…\nnext\n", "a".repeat(100)));
         assert_eq!(at(&[(1003, 1004)]), format!("…{}\nnext\n", "b".repeat(100)));
         assert_eq!(at(&[(1005, 1006)]), format!("{}…\nnext\n", "a".repeat(100)));
         let two = format!("{}…{}…\nnext\n", "a".repeat(100), "b".repeat(100));
         assert_eq!(at(&[(0, 1), (700, 701)]), two);
-        // A place that is longer than a line shows its beginning, and where it goes on.
+        // For a range that is longer than a line, the beginning of the range is shown, and the text after it.
         let shown = excerpt(&long, &[(10, 900)], |excerpt| {
             assert_eq!(&excerpt.text[..excerpt.shown_end(900)], "a".repeat(100) + "…");
         });
@@ -298,7 +301,7 @@ mod tests {
     }
 
     #[test]
-    fn what_commands_a_terminal_is_shown() {
+    fn control_characters_are_escaped_in_excerpts() {
         let text = "é\u{1b}[2J\u{9b}x\r\nrest";
         let shown = excerpt(text, &[(6, 8)], |excerpt| {
             for (byte, character) in text.char_indices() {
@@ -309,7 +312,7 @@ mod tests {
             }
         });
         assert_eq!(shown, "é\\u{1b}[2J\\u{9b}x\r\nrest");
-        // The width counts the escaped form.
+        // The width counts escaped characters.
         let long = "\u{1b}".repeat(60) + "x";
         let shown = excerpt(&long, &[(60, 61)], |_| ());
         assert_eq!(shown, format!("…{}x", r"\u{1b}".repeat(16)));

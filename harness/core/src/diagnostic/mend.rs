@@ -1,23 +1,23 @@
 //! Lines of `karat.toml` that fix a package.
 
-/// A line of a package's `karat.toml` that may fix the problem of a [`Diagnostic`](super::Diagnostic).
+/// A line in a package's `karat.toml` that may fix the problem of a [`Diagnostic`](super::Diagnostic).
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 #[non_exhaustive]
 pub enum Mend {
-    /// `[features]`: this feature needs a value, which an engine supplies.
+    /// A feature in `[features]` that needs a value, which an engine supplies.
     Feature(String),
-    /// `[features]`: a name is declared only under a condition with this feature.
+    /// A feature in `[features]`: a name is declared only under a condition with this feature.
     Condition(String),
-    /// `[values]`: a placeholder.
+    /// A placeholder that needs a value in `[values]`.
     Value(String),
-    /// An import: another module declares the name. The text is a sentence that names the module.
+    /// An import is missing: another module declares the name. The text is a sentence that names this module.
     Elsewhere(String),
-    /// `[values]`: an undeclared name in capitals, which may be a macro.
+    /// An undeclared name in capitals. It may be a macro, which needs a value in `[values]`.
     Undeclared(String),
-    /// `[values]`: a text that may be empty, such as a placeholder on a line of its own, or a macro before brackets.
+    /// A text in `[values]` that may be empty: a placeholder on a line of its own, or a macro before brackets.
     Text(String),
-    /// `[dependencies]`: a package that modules import from.
+    /// A package in `[dependencies]` from which modules import.
     Dependency(String),
-    /// `preprocess`: a program that expands the modules.
+    /// A program in `preprocess` that expands the modules.
     Preprocess,
 }

@@ -1,17 +1,17 @@
-//! Values that are made from their members: a structure from a tuple, a vector from its components.
+//! Values that are made from their members: a structure from a tuple, or a vector from its components.
 
 use std::marker::PhantomData;
 
 use super::{Domain, Emptiness, Origin, Shrinkable, Source};
 use crate::value::{Arguments, Scalar, Shape, Shareable};
 
-/// See [`Domain::compose`].
+/// The domain that [`Domain::compose`] returns.
 ///
 /// ```
 /// use glam::Vec2;
 /// # use karat::prelude::*;
 ///
-/// // One `vec2f`, not two numbers.
+/// // The argument is one `vec2f`, not two numbers.
 /// let uv = (0.0..=1.0, 0.0..=1.0).compose::<Vec2>();
 /// let package = Package::from_source("m", "fn swap(uv: vec2f) -> vec2f { return uv.yx; }");
 /// package.function("swap").over(uv).stays_within(0.0..=1.0);
@@ -36,7 +36,7 @@ impl<D, T> Composed<D, T> {
     }
 }
 
-/// The scalars of the members, if they are the scalars of the whole value.
+/// The scalars of the value that consists of these members.
 fn lanes_of(shapes: &[Shape]) -> Vec<Scalar> {
     shapes.iter().flat_map(Shape::lanes).collect()
 }
@@ -44,7 +44,7 @@ fn lanes_of(shapes: &[Shape]) -> Vec<Scalar> {
 fn fits<M: Arguments, T: Shareable>() -> bool {
     let (members, whole) = (M::shapes(), T::shape());
     let in_place = match &whole {
-        // Member by member, because the same scalars may be divided differently.
+        // Members are compared one by one, because the same scalars can be grouped in different ways.
         Shape::Struct { members: own, .. } => {
             own.len() == members.len()
                 && own.iter().zip(&members).all(|((_, own), member)| member.stands_for(own, false))
@@ -95,7 +95,7 @@ where
                 }
                 shape => format!("a {shape} has {} numbers of its type", shape.lanes().len()),
             };
-            return Some(Emptiness::of("composition", &format!("is of ({given}), where {wanted}")));
+            return Some(Emptiness::of("composition", &format!("has ({given}), but {wanted}")));
         }
         self.members.emptiness().map(Emptiness::apart)
     }
@@ -146,7 +146,7 @@ mod tests {
             assert!((0.25..=1.0).contains(&layer.roughness) && (1..=4).contains(&layer.count));
             assert_eq!(domain.admits(&layer), Some(true));
             let rough = Layer { roughness: 0.1, ..layer };
-            assert_eq!(domain.admits(&rough), Some(false), "its members are asked");
+            assert_eq!(domain.admits(&rough), Some(false), "the members' domains decide");
             assert!(
                 domain.shrink(&layer).iter().all(|simpler| domain.admits(simpler) == Some(true))
             );
@@ -165,17 +165,17 @@ mod tests {
     }
 
     #[test]
-    fn members_that_do_not_fit_are_told() {
+    fn members_that_do_not_fit_are_errors() {
         let unit = || 0.0..=1.0_f32;
         let told = |emptiness: Option<Emptiness>| emptiness.expect("it doesn't fit").fault;
         assert_eq!(
             told((unit(), unit()).compose::<Vec3>().emptiness()),
-            "is of (f32, f32), where a vec3<f32> has 3 numbers of its type"
+            "has (f32, f32), but a vec3<f32> has 3 numbers of its type"
         );
         let swapped = (0.0..=1.0_f32, UnitRgb, Integers(1..=4_u32)).compose::<Layer>();
         assert_eq!(
             told(swapped.emptiness()),
-            "is of (f32, vec3<f32>, u32), where Layer has (vec3<f32>, f32, u32)"
+            "has (f32, vec3<f32>, u32), but Layer has (vec3<f32>, f32, u32)"
         );
     }
 }

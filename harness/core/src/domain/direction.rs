@@ -6,8 +6,8 @@ use glam::{DVec3, Vec3};
 
 use super::{Domain, Emptiness, Source, shrink};
 
-/// Unit vectors over the whole sphere: uniform, except that axes, poles and their close neighbours occur more often.
-/// Components are rounded to `f32`, so lengths differ from 1 by up to 1e-7, as in a shader.
+/// Unit vectors on the whole sphere. They are uniform, except that axes, poles and their close neighbours occur more
+/// often. Components are rounded to `f32`, so lengths differ from 1 by up to 1e-7, as in a shader.
 ///
 /// ```
 /// use karat::{Domain, UnitVector};
@@ -18,7 +18,8 @@ use super::{Domain, Emptiness, Source, shrink};
 #[derive(Clone, Copy, Debug)]
 pub struct UnitVector;
 
-/// Unit vectors with `z >= 0`: uniform, except that the pole, the horizon and their close neighbours occur more often.
+/// Unit vectors with `z >= 0`. They are uniform, except that the pole, the horizon and their close neighbours occur
+/// more often.
 ///
 /// ```
 /// use karat::{Domain, Hemisphere};
@@ -39,7 +40,7 @@ pub struct Hemisphere;
 #[derive(Clone, Copy, Debug)]
 pub struct UnitRgb;
 
-/// The largest error of a length of 1: three components, each rounded to `f32`.
+/// The largest error of the length of a unit vector whose three components are rounded to `f32`.
 pub(super) const LENGTH: f64 = 2e-7;
 
 const AXES: [Vec3; 6] = [Vec3::Z, Vec3::X, Vec3::Y, Vec3::NEG_Z, Vec3::NEG_X, Vec3::NEG_Y];
@@ -58,7 +59,7 @@ impl Domain for UnitVector {
         Some(match choice & 15 {
             0 => AXES[(choice >> 4) as usize % AXES.len()],
             1 | 2 => {
-                // A direction close to the pole, turned to any axis by a cyclic swap of its components.
+                // A direction close to the pole. A cyclic swap of its components turns it to any axis.
                 let near = direction(1.0 - source.log_distance(), source.unit()).as_vec3();
                 let near = if choice & 16 == 0 { near } else { -near };
                 match (choice >> 5) % 3 {
@@ -79,7 +80,7 @@ impl Domain for UnitVector {
         Some((value.as_dvec3().length() - 1.0).abs() < LENGTH)
     }
 
-    /// A rounded length may be slightly more than 1.
+    /// Rounding may make a vector slightly longer than 1.
     fn ends(&self) -> Option<(Vec3, Vec3)> {
         let most = Vec3::splat(1.0 + LENGTH as f32);
         Some((-most, most))
@@ -119,8 +120,8 @@ impl Domain for Hemisphere {
 }
 
 impl Hemisphere {
-    /// Only directions whose `z` is at least `least`, a cosine from 0 to 1, so that grazing directions are left out.
-    /// The rim, its close neighbours and the pole occur more often.
+    /// Keeps the directions with `z` of at least `least`, a cosine from 0 to 1. This excludes grazing directions. The
+    /// rim, its close neighbours and the pole occur more often.
     ///
     /// ```
     /// use karat::{Domain, Hemisphere};
@@ -132,12 +133,12 @@ impl Hemisphere {
     }
 }
 
-/// Unit vectors whose `z` is at least a cosine: see [`Hemisphere::above`].
+/// Unit vectors with `z` of at least a given cosine: see [`Hemisphere::above`].
 ///
 /// ```
 /// use karat::{Domain, Hemisphere};
 ///
-/// // No grazing light: z is at least 0.01.
+/// // The light isn't grazing: z is at least 0.01.
 /// let light = Hemisphere.above(0.01);
 /// assert!(light.edges().iter().all(|l| l.z >= 0.0099));
 /// ```
@@ -147,7 +148,7 @@ pub struct Above {
 }
 
 impl Above {
-    /// The direction with this cosine and turn. Rounding may take it to the rim, but no further.
+    /// The direction with this cosine and this turn. Rounding may move it to the rim, but not below.
     fn direction(self, cosine: f64, turn: f64) -> Vec3 {
         let rounded = direction(cosine, turn).as_vec3();
         rounded.with_z(rounded.z.max(self.least))
@@ -241,7 +242,7 @@ mod tests {
     }
 
     #[test]
-    fn what_grazes_can_be_left_out() {
+    fn grazing_directions_can_be_excluded() {
         for least in [0.0, 0.01, 0.5, 1.0_f32] {
             let domain = Hemisphere.above(least);
             let draws = (0..5_000).filter_map(|index| domain.draw(&mut Source::new(6, index)));
@@ -258,6 +259,7 @@ mod tests {
         }
     }
 
+    // Lesson 41
     #[test]
     fn grazing_and_polar_directions_are_common() {
         let draws: Vec<_> =

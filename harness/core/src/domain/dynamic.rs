@@ -1,7 +1,7 @@
-//! Domains that are made at run time, for the types of a function's parameters.
+//! Domains for the parameters of a function that is known only at run time.
 //!
-//! A part samples the words of one number or vector, and each parameter has its parts. As in tuples of Rust types, one
-//! sample in eight ties two parts of the same type.
+//! A domain consists of parts. Each part samples the words of one number or one vector, and a parameter has one or more
+//! parts. As in tuples of Rust types, one sample in eight ties two parts of the same type.
 
 use std::collections::HashSet;
 use std::fmt::Debug;
@@ -19,11 +19,12 @@ use super::{
 };
 use crate::value::{Scalar, Shape, Shareable, format_lane};
 
-/// One in this many sampled tuples ties two parts.
+/// One of this many sampled tuples ties two parts.
 const TIES: u64 = 8;
 
-/// A float close to another one, between 2^-8 and 2^-23 of it away: a subtraction of the two cancels, as in variances
-/// and gradients, which cancel only there. For an integer, it is the next one or the same.
+/// A float close to another: the difference is 2^-8 to 2^-23 of the other. The subtraction of such floats loses digits.
+/// This shows faults in variances and gradients, which lose digits only for such values. For an integer, the result is
+/// the same integer or the next one.
 fn nearly(word: u32, source: &mut Source) -> u32 {
     let like = f32::from_bits(word);
     let bits = source.bits();
@@ -32,18 +33,18 @@ fn nearly(word: u32, source: &mut Source) -> u32 {
             let step = like * (1.0 / 256.0) / f32::from(1_u16 << (bits >> 1 & 15));
             (if bits & 1 == 0 { like + step } else { like - step }).to_bits()
         }
-        // The bits of small integers are the bits of subnormal floats.
+        // Small integers have the bits of subnormal floats.
         false => word.saturating_add(bits & 1),
     }
 }
 
-/// The number of combinations of edges that are tried first.
+/// The largest number of combinations of edges that are tried first.
 const COMBINATIONS: usize = 1024;
 
-/// The largest finite domain that a filter enumerates before the first case, to keep the values that pass.
+/// The largest number of rows that a filter enumerates before the first case, to find the rows that it keeps.
 const LISTED: u64 = 1 << 16;
 
-/// A domain of Rust values that consist of words.
+/// A domain of Rust values, as words.
 struct Of<D>(D);
 
 fn stored<V: Shareable>(value: &V) -> Vec<u32> {
@@ -86,7 +87,7 @@ where
     }
 }
 
-/// Listed values. Simplification tries simpler rows first.
+/// A list of values. Simplification tries simpler rows of the list first.
 struct Listed(Vec<Vec<u32>>, Vec<Scalar>);
 
 impl Listed {
@@ -133,7 +134,7 @@ impl Words for Listed {
     }
 }
 
-/// A part with additional values: they follow the first two edges, and one sample in eight is one of them.
+/// A part with additional values. They follow the first two edges, and one sample in eight is an additional value.
 struct Beside {
     own: Box<dyn Words>,
     more: Vec<Vec<u32>>,
@@ -183,12 +184,12 @@ impl Words for Beside {
 /// use karat::unstable::domain::Part;
 /// use karat::unstable::value::Scalar;
 ///
-/// let fraction = Part::range(Scalar::F32, 0.0..=1.0).expect("f32 holds both ends");
+/// let fraction = Part::range(Scalar::F32, 0.0..=1.0).expect("f32 has both ends");
 /// assert_eq!(fraction.width(), 1);
 /// ```
 pub struct Part {
     words: Box<dyn Words>,
-    /// Its description in messages: `from 0 to 1`.
+    /// The description of the part's values in messages: `from 0 to 1`.
     described: String,
 }
 
@@ -206,8 +207,8 @@ impl Part {
         Self { words: Box::new(Of(domain)), described: described.into() }
     }
 
-    /// A closed range of a scalar. Its ends are rounded to the type; `None` for booleans, and if an end of an integer
-    /// range isn't an integer.
+    /// A closed range of a scalar. The ends are rounded to the scalar's type. `None` for booleans, and if an end of an
+    /// integer range isn't an integer.
     ///
     /// ```
     /// use karat::unstable::domain::Part;
@@ -224,7 +225,7 @@ impl Part {
             reason = "ends of floats are rounded to the type"
         )]
         let text = match scalar {
-            // The ends, rounded to the type.
+            // The ends, as rounded to the type.
             Scalar::F32 | Scalar::F16 => format!("from {} to {}", low as f32, high as f32),
             _ => format!("from {low} to {high}"),
         };
@@ -253,7 +254,7 @@ impl Part {
         })
     }
 
-    /// Listed values, each with one word for each of `scalars`.
+    /// Listed values. Each value has one word for each of `scalars`.
     ///
     /// ```
     /// use karat::unstable::domain::Part;
@@ -273,7 +274,7 @@ impl Part {
         Self { words: Box::new(Listed(rows, scalars)), described }
     }
 
-    /// Any value of a scalar: every bit pattern of an integer, every finite float.
+    /// Any value of a scalar: all integers, or all finite floats.
     ///
     /// ```
     /// use karat::unstable::domain::Part;
@@ -293,7 +294,7 @@ impl Part {
         }
     }
 
-    /// Unconstrained numbers: half of them are small, the others have any size. Floats reach a million.
+    /// Unconstrained numbers. Half of them are small, and the others have any size. Floats are at most a million.
     ///
     /// ```
     /// use karat::unstable::domain::Part;
@@ -315,8 +316,8 @@ impl Part {
         }
     }
 
-    /// The part with this name: `unit_vector`, with two to four floats; `hemisphere` or `unit_rgb`, with three. `None`
-    /// for another name or size.
+    /// The part with this name: `unit_vector` with two to four floats, or `hemisphere` or `unit_rgb` with three. `None`
+    /// if the name or the size is unknown.
     ///
     /// ```
     /// use karat::unstable::domain::Part;
@@ -336,8 +337,8 @@ impl Part {
         })
     }
 
-    /// Vectors of one length, and with `filled` shorter ones, too: see [`Sphere`]. `None` unless they have two, three
-    /// or four components.
+    /// Vectors of the length `radius`. If `filled` is set, also shorter vectors: see [`Sphere`]. `None` unless the
+    /// vectors have two, three or four components.
     ///
     /// ```
     /// use karat::unstable::domain::Part;
@@ -364,7 +365,7 @@ impl Part {
         })
     }
 
-    /// A unit vector whose `z` is at least a cosine: [`Hemisphere::above`].
+    /// Unit vectors whose `z` is at least `least`, a cosine: see [`Hemisphere::above`].
     ///
     /// ```
     /// use karat::unstable::domain::Part;
@@ -378,8 +379,8 @@ impl Part {
     /// The names that [`named`](Self::named) knows.
     pub const NAMES: [&str; 3] = ["unit_vector", "hemisphere", "unit_rgb"];
 
-    /// Matrices that rotate, scale, mirror and move points. Each has an inverse. With `perspective`, one of them is a
-    /// perspective projection. `None` for a size that transforms no points.
+    /// Matrices that rotate, scale, mirror and move points. Each matrix has an inverse. With `perspective`, one matrix
+    /// is a perspective projection. `None` if matrices of this size don't transform points.
     ///
     /// ```
     /// use karat::unstable::domain::Part;
@@ -391,12 +392,12 @@ impl Part {
         Some(Self { words: Box::new(Transform::of(columns, rows, perspective)?), described })
     }
 
-    /// Integers from 1 for loop counts, half of them small. `None` for other types.
+    /// Loop counts from 1. Half of them are small. `None` for types that aren't integers.
     #[doc(hidden)]
     pub fn counts(scalar: Scalar) -> Option<Self> {
-        /// Rounds that each case can easily make.
+        /// A number of rounds that a case can always make quickly.
         const FEW: u8 = 8;
-        /// Samples of a pixel or taps of a filter: loops with larger counts are written deliberately.
+        /// A typical number of samples per pixel, or of taps of a filter. Loops rarely need more rounds.
         const MOST: u8 = 64;
         let described = format!("from 1 to {MOST}, half of them at most {FEW}");
         let (most, few) = (u32::from(MOST), u32::from(FEW));
@@ -412,7 +413,7 @@ impl Part {
         })
     }
 
-    /// The description of its values in messages.
+    /// The description of the part's values in messages.
     ///
     /// ```
     /// use karat::unstable::domain::Part;
@@ -426,20 +427,21 @@ impl Part {
         &self.described
     }
 
-    /// Returns `true` for an unconstrained number that is 0, 1, -1 or an end of its range.
+    /// Checks if an unconstrained number is 0, 1, -1 or an end of its range.
     #[doc(hidden)]
     pub fn is_plain(scalar: Scalar, word: u32) -> bool {
         plausible::is_plain(scalar, word)
     }
 
-    /// Value `index` of those that are tried first, or a sampled value if there are fewer.
+    /// The value at `index` in the list of values that are tried first. A sampled value if `index` is `None` or past
+    /// the end of the list.
     #[doc(hidden)]
     pub fn value(&self, index: Option<usize>, source: &mut Source) -> Option<Vec<u32>> {
         let edge = index.and_then(|index| self.words.edges().get(index).cloned());
         edge.or_else(|| self.words.draw(source))
     }
 
-    /// The same part with additional values: those that it admits, or all of them.
+    /// The same part with additional values. If `all` is `false`, only the values that the part admits are added.
     #[doc(hidden)]
     #[must_use]
     pub fn beside(self, mut more: Vec<Vec<u32>>, all: bool) -> Self {
@@ -450,7 +452,7 @@ impl Part {
         Self { words: Box::new(Beside { own: self.words, more }), described: self.described }
     }
 
-    /// The number of words in a value.
+    /// The number of words in each value.
     ///
     /// ```
     /// use karat::unstable::domain::Part;
@@ -463,7 +465,7 @@ impl Part {
     }
 }
 
-/// Values as messages show them.
+/// Values in the form that messages show.
 fn lanes_text(scalars: &[Scalar], words: &[u32]) -> String {
     let lanes = scalars.iter().zip(words).map(|(scalar, word)| format_lane(*scalar, *word));
     lanes.collect::<Vec<_>>().join(", ")
@@ -482,25 +484,25 @@ fn lanes_text(scalars: &[Scalar], words: &[u32]) -> String {
 /// ```
 pub struct Dynamic {
     parts: Vec<Part>,
-    /// The parameter that each part belongs to.
+    /// For each part, the index of its parameter.
     owners: Vec<usize>,
     /// The parameters' names and types.
     names: Vec<String>,
     shapes: Vec<Shape>,
     edges: Vec<Vec<u32>>,
-    /// The relations, each after those that it depends on.
+    /// The relations. A relation comes after those on which it depends.
     relations: Vec<Perpendicular>,
     filter: Option<Filter>,
 }
 
-/// A statement about a row.
+/// A condition that a row satisfies or doesn't.
 type Holds = dyn Fn(&[u32]) -> bool + Send + Sync;
 
-/// The rows that satisfy a statement.
+/// Keeps the rows that satisfy a condition.
 struct Filter {
     statement: String,
     holds: Box<Holds>,
-    /// All of these rows, for a small domain.
+    /// All kept rows, if the domain is small.
     listed: Option<Vec<Vec<u32>>>,
 }
 
@@ -511,7 +513,8 @@ impl Debug for Dynamic {
 }
 
 impl Dynamic {
-    /// `parts` has the parts of each parameter in turn. Together they have the words of the parameter's type.
+    /// Makes a domain. `parts` has the parts of each parameter. Together, the parts of a parameter have the words of
+    /// the parameter's type.
     ///
     /// ```
     /// use karat::unstable::domain::{Dynamic, Part};
@@ -519,7 +522,7 @@ impl Dynamic {
     ///
     /// let direction = Shape::Vector { size: 3, scalar: Scalar::F32 };
     /// let parameters = [("n".to_owned(), direction), ("i".to_owned(), Shape::Scalar(Scalar::U32))];
-    /// let unit = Part::named("unit_vector", 3).expect("it has that name");
+    /// let unit = Part::named("unit_vector", 3).expect("the name is known");
     /// let domain = Dynamic::new(&parameters, vec![vec![unit], vec![Part::any(Scalar::U32)]]);
     /// assert_eq!(domain.shapes().len(), 2);
     /// ```
@@ -531,8 +534,9 @@ impl Dynamic {
         Self { parts, owners, names, shapes, edges, relations: Vec::new(), filter: None }
     }
 
-    /// Turns the vector in these lanes so that it is perpendicular to others, which begin at `to` and have the same
-    /// length. Add a relation after those of the vectors that it depends on, and before a filter.
+    /// Turns the vector in these lanes so that it is perpendicular to other vectors, which begin at the lanes `to` and
+    /// have the same number of components. Add a relation after the relations of the vectors on which it depends, and
+    /// before a filter.
     ///
     /// ```
     /// use karat::unstable::domain::{Dynamic, Part};
@@ -540,7 +544,7 @@ impl Dynamic {
     ///
     /// let direction = Shape::Vector { size: 3, scalar: Scalar::F32 };
     /// let parameters = ["n", "t"].map(|name| (name.to_owned(), direction.clone()));
-    /// let unit = || vec![Part::named("unit_vector", 3).expect("it has that name")];
+    /// let unit = || vec![Part::named("unit_vector", 3).expect("the name is known")];
     /// let frames = Dynamic::new(&parameters, vec![unit(), unit()]).perpendicular(3..6, vec![0], "n");
     /// assert_eq!(frames.described(), "n a unit vector; t a unit vector perpendicular to n");
     /// ```
@@ -561,7 +565,7 @@ impl Dynamic {
         self
     }
 
-    /// Keeps the rows for which a statement holds. In a domain of at most 65,536 values, all kept rows are enumerated.
+    /// Keeps the rows for which a condition holds. In a domain of at most 65,536 values, all kept rows are enumerated.
     ///
     /// ```
     /// use karat::unstable::domain::{Dynamic, Part};
@@ -590,7 +594,8 @@ impl Dynamic {
         self
     }
 
-    /// The row after its relations are applied; `None` if a vector has no solution, or if a filter rejects the row.
+    /// Applies the relations to a row. `None` if a vector can't be made perpendicular, or if the filter rejects the
+    /// row.
     fn settled(&self, mut row: Vec<u32>) -> Option<Vec<u32>> {
         if !self.relations.iter().all(|relation| relation.settle(&mut row)) {
             return None;
@@ -676,7 +681,7 @@ impl Dynamic {
                 }
             };
             let how = source.below(4);
-            // Means and variances of several numbers cancel when all of them are almost equal.
+            // A mean or a variance of several numbers loses digits if all the numbers are almost equal.
             let to = if how == 3 { 0..rows.len() } else { to..to + 1 };
             for to in to.filter(|to| *to != from) {
                 let tied = tied(source, how);
@@ -735,7 +740,8 @@ impl Dynamic {
                 let Some(settled) = self.settled(replaced.collect::<Vec<_>>().concat()) else {
                     continue;
                 };
-                // A turned vector may be less simple, and the search would then not end.
+                // A vector that was made perpendicular may be less simple than before. Then the search for the simplest
+                // row might not end.
                 if own.is_none_or(|own| own.weight(&settled) < own.weight(row)) {
                     found.push(settled);
                 }
@@ -757,7 +763,6 @@ impl Dynamic {
     }
 }
 
-/// A value as messages show it.
 #[derive(Clone)]
 struct Shown(String);
 
@@ -767,8 +772,9 @@ impl Debug for Shown {
     }
 }
 
-/// Rows of edges: first each edge of each part once, so that few cases contain them all; then all combinations of the
-/// parts' first edges; then every other edge with edges of the other parts in turn.
+/// Combines edges into rows. First come rows in which each edge of each part occurs once, so that few cases have all
+/// edges. Then come all combinations of the first edges of the parts. Then each remaining edge comes with varying edges
+/// of the other parts.
 fn combined(edges: &[Vec<Vec<u32>>]) -> Vec<Vec<u32>> {
     if edges.iter().any(Vec::is_empty) {
         return Vec::new();
@@ -778,7 +784,7 @@ fn combined(edges: &[Vec<Vec<u32>>]) -> Vec<Vec<u32>> {
     };
     let longest = edges.iter().map(Vec::len).max().unwrap_or(0);
     let most = (1..=longest).rev().find(|most| product(*most) <= COMBINATIONS).unwrap_or(1);
-    // With many parts, not even two edges of each can be combined.
+    // If there are many parts, even the combinations of two edges of each part are too many.
     let firsts = (0..product(most).min(COMBINATIONS)).map(|mut rest| {
         let row = edges.iter().map(|own| {
             let length = own.len().min(most);
@@ -893,7 +899,7 @@ impl Stream for Dynamic {
 }
 
 impl Part {
-    /// A single value.
+    /// A part with a single value.
     ///
     /// ```
     /// use karat::unstable::domain::Part;
@@ -960,7 +966,7 @@ mod tests {
     }
 
     #[test]
-    fn ranges_that_are_none_are_told() {
+    fn invalid_ranges_are_errors() {
         assert!(Part::range(Scalar::U32, -1.0..=3.0).is_none());
         assert!(Part::range(Scalar::I32, 0.5..=3.0).is_none());
         assert!(Part::range(Scalar::Bool, 0.0..=1.0).is_none());

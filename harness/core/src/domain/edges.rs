@@ -4,7 +4,7 @@ use super::{Domain, Origin, Shrinkable, Source, shrink};
 
 /// All named edge cases of a type: zeros of both signs, ones, denormals, powers of two and their neighbours, and the
 /// largest value. The domain is finite. In a tuple with infinite domains, each edge occurs in at least one case, and
-/// the first edges are combined with those of the other domains.
+/// the first edges are combined with the first edges of the other domains.
 ///
 /// ```
 /// use karat::{Domain, Edges};
@@ -15,12 +15,12 @@ use super::{Domain, Origin, Shrinkable, Source, shrink};
 #[derive(Clone, Debug, PartialEq)]
 pub struct Edges<T>(Vec<T>);
 
-/// The powers of two that a scale or a threshold in a shader is likely to have.
+/// The exponents of likely scales and thresholds in shaders, which are powers of two.
 const POWERS: [i32; 15] = [-126, -64, -24, -23, -16, -12, -2, -1, 0, 1, 2, 12, 23, 24, 64];
 
 impl Edges<f32> {
-    /// Finite edge cases. WGSL lets implementations flush denormals, so a function may return the same result for a
-    /// denormal as for zero.
+    /// The finite edge cases of `f32`. WGSL lets implementations flush denormals to zero, so a function may return the
+    /// same result for a denormal as for zero.
     ///
     /// ```
     /// use karat::{Domain, Edges};
@@ -49,8 +49,8 @@ impl Edges<f32> {
         Self(values)
     }
 
-    /// Adds both infinities and a quiet NaN, for functions that promise something about them. Use them with
-    /// `Check::satisfies`, since a reference must be finite. WGSL lets implementations assume that such values don't
+    /// Adds both infinities and a quiet NaN, for functions that promise a result for them. Use these values with
+    /// `Check::satisfies`, because a reference must be finite. WGSL lets implementations assume that such values don't
     /// occur.
     ///
     /// ```
@@ -64,7 +64,7 @@ impl Edges<f32> {
         self
     }
 
-    /// Removes denormals, which may be flushed.
+    /// Removes denormals, which drivers may flush to zero.
     ///
     /// ```
     /// use karat::{Domain, Edges};
@@ -80,7 +80,7 @@ impl Edges<f32> {
 }
 
 impl Edges<i32> {
-    /// The edge cases of `i32`: 0, 1, -1, powers of two and their neighbours, and both ends.
+    /// The edge cases of `i32`: 0, 1, -1, powers of two and their neighbours, and the smallest and the largest value.
     ///
     /// ```
     /// use karat::{Domain, Edges};
@@ -126,7 +126,7 @@ fn distinct<T: PartialEq>(values: Vec<T>) -> Vec<T> {
     found
 }
 
-/// Makes a list of one type's edges a domain.
+/// Implements [`Domain`] for the edges of one type.
 macro_rules! edges {
     ($($type:ty, |$v:ident| $complexity:expr, $same:expr;)*) => {$(
         impl Domain for Edges<$type> {
@@ -165,7 +165,7 @@ edges! {
     u32, |v| v, |a, b| a == b;
 }
 
-/// All finite `f32`: one sample in four is a named edge case ([`Edges::f32`]). The others are uniform over bit
+/// All finite `f32`. One sample in four is a named edge case ([`Edges::f32`]). The other samples are uniform over bit
 /// patterns, so all binades are equally likely.
 ///
 /// ```
@@ -180,7 +180,7 @@ pub struct AnyF32 {
 }
 
 impl AnyF32 {
-    /// Finite values.
+    /// All finite values.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -192,7 +192,7 @@ impl AnyF32 {
         Self { edges: Edges::f32() }
     }
 
-    /// All `f32`, including infinities and NaN: see [`Edges::with_non_finite`].
+    /// All values, including infinities and NaN: see [`Edges::with_non_finite`].
     ///
     /// ```
     /// use karat::domain::{AnyF32, Domain};
@@ -212,7 +212,7 @@ impl Domain for AnyF32 {
         if source.bits() & 3 == 0 {
             return self.edges.draw(source);
         }
-        // Infinities and NaN have the largest exponent, as one sample in 256 does.
+        // One random bit pattern in 256 has the largest exponent, and so is an infinity or a NaN.
         let draw = |_| f32::from_bits(source.bits());
         (0..64).map(draw).find(|value| self.admits(value) == Some(true))
     }

@@ -1,6 +1,6 @@
 //! The reasons why a domain has no value.
 
-/// The cause that leaves a domain without a value.
+/// The reason why a domain has no value.
 ///
 /// ```
 /// use karat::Domain;
@@ -11,16 +11,16 @@
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub struct Emptiness {
-    /// The part of a tuple that is empty; `None` if there are no parts, or if it is unknown.
+    /// The index of the tuple's part that is empty. `None` if the domain isn't a tuple, or if the part is unknown.
     pub part: Option<usize>,
-    /// The empty thing: `range`.
+    /// The name of the empty domain, such as `range`.
     pub what: &'static str,
-    /// The reason: `starts at 1 and ends at 0`.
+    /// The cause, such as `starts at 1 and ends at 0`.
     pub fault: String,
 }
 
 impl Emptiness {
-    /// The emptiness of a whole domain. `what` names the domain in one word, and `fault` begins with a verb.
+    /// The reason for a whole domain. `what` names the domain in one word, and `fault` begins with a verb.
     ///
     /// ```
     /// use karat::unstable::domain::Emptiness;
@@ -33,18 +33,18 @@ impl Emptiness {
         Self { part: None, what, fault: fault.to_owned() }
     }
 
-    /// The emptiness of one part of a tuple, which may have parts itself.
+    /// Adds that the empty domain is part `part` of a tuple.
     pub(super) fn in_part(self, part: usize) -> Self {
         Self { part: Some(part), ..self }
     }
 
-    /// The emptiness of values that are made from others.
+    /// Removes the number of the part, for a domain whose values are made from a tuple.
     pub(super) fn apart(self) -> Self {
         Self { part: None, ..self }
     }
 }
 
-/// The reason why a range has no value if its ends aren't both finite.
+/// The cause if an end of a range isn't finite. `None` if both ends are finite.
 pub(super) fn infinite(low: f32, high: f32) -> Option<String> {
     let fault = |verb: &str, value: f32| format!("{verb} at {value}");
     match (low.is_finite(), high.is_finite()) {
@@ -59,7 +59,7 @@ mod tests {
     use crate::domain::{Domain, Grid, Integers, Just, OneOf, UnitVector};
 
     #[test]
-    fn each_cause_is_told_by_itself() {
+    fn each_cause_of_an_empty_domain_has_its_message() {
         let why = |emptiness: Option<super::Emptiness>| {
             let super::Emptiness { part, what, fault } = emptiness.expect("it is empty");
             (part, format!("{what} {fault}"))
@@ -75,7 +75,7 @@ mod tests {
         let tuple = (UnitVector, OneOf::<f32>(vec![]));
         assert_eq!(why(tuple.emptiness()), (Some(1), "list is empty".to_owned()));
         let mapped = (Just(0.0_f32), 2.0..=1.0_f32).map(|(x, y)| x + y);
-        assert_eq!(why(mapped.emptiness()).0, None, "what is made of parts has none");
+        assert_eq!(why(mapped.emptiness()).0, None, "a mapped tuple has no parts");
         let grid = Grid::logarithmic(-1.0..=1.0, 9);
         let through = "grid is logarithmic and goes from -1 to 1, through 0";
         assert_eq!(why(grid.emptiness()).1, through);

@@ -1,9 +1,9 @@
-//! Values at equal distances or ratios.
+//! Grids: values at equal distances or at equal ratios.
 
 use super::emptiness::{Emptiness, infinite};
 use super::{Domain, SIMPLER, Source, shrink};
 
-/// Values at equal distances or at equal ratios, from one end to the other, including both.
+/// Values at equal distances or at equal ratios, including both ends.
 ///
 /// ```
 /// use karat::{Domain, Grid};
@@ -26,7 +26,7 @@ enum Spacing {
 }
 
 impl Grid {
-    /// `count` values over `range` at equal distances. A grid of one value is the range's start.
+    /// `count` values in `range` at equal distances. A grid of one value is the range's start.
     ///
     /// ```
     /// use karat::{Domain, Grid};
@@ -39,8 +39,8 @@ impl Grid {
         Self { first: *range.start(), last: *range.end(), count, spacing: Spacing::Linear }
     }
 
-    /// `count` values over `range` at equal ratios: for roughness, exposure and distance. Both ends must have the same
-    /// sign, and neither may be zero; otherwise the grid is empty, and the check fails with an error.
+    /// `count` values in `range` at equal ratios, for roughness, exposure or distance. The ends must have the same sign
+    /// and mustn't be zero. Otherwise the grid is empty, and the check fails with an error.
     ///
     /// ```
     /// use karat::{Domain, Grid};

@@ -1,21 +1,22 @@
-//! Makes vectors of a row perpendicular to others in the row.
+//! Makes a vector of a row perpendicular to other vectors of the row.
 
 use std::ops::Range;
 
 use super::{direction, shrink};
 
-/// Shorter vectors have lost the digits of their direction. A unit vector that is nearly parallel to another one is
-/// then replaced by an axis.
+/// If the perpendicular part of a vector is shorter than this, it has lost the digits of its direction. So an axis
+/// replaces a unit vector that is nearly parallel to another one.
 const SHORT: f64 = 1e-3;
 
-/// Two vectors this nearly parallel count as one direction; they differ only by `f32` rounding.
+/// Two vectors whose directions differ by at most this count as parallel, because `f32` rounding causes such
+/// differences.
 const PARALLEL: f64 = 1e-6;
 
-/// A unit vector that is perpendicular to others in its row.
+/// Makes a unit vector perpendicular to other vectors of its row.
 #[derive(Debug)]
 pub(super) struct Perpendicular {
     pub(super) lanes: Range<usize>,
-    /// The first lanes of the other vectors.
+    /// The first lane of each other vector.
     pub(super) to: Vec<usize>,
 }
 
@@ -25,8 +26,9 @@ impl Perpendicular {
         lanes.iter().map(|word| f64::from(f32::from_bits(*word))).collect()
     }
 
-    /// Orthogonal directions that span the other vectors; a zero vector has none. `None` if two vectors are so nearly
-    /// parallel that a perpendicular to both would have few digits, or if one isn't finite.
+    /// Orthogonal directions that span the other vectors. A zero vector adds no direction. `None` if a vector isn't
+    /// finite, or if two vectors are almost parallel: then a vector perpendicular to both would have few correct
+    /// digits.
     fn others(&self, row: &[u32]) -> Option<Vec<Vec<f64>>> {
         let mut all: Vec<Vec<f64>> = Vec::new();
         for first in &self.to {
@@ -46,18 +48,18 @@ impl Perpendicular {
         Some(all)
     }
 
-    /// Turns the vector as little as possible. Returns `false` if no vector is perpendicular to all the others, or if
-    /// they aren't finite.
+    /// Turns the vector as little as possible. Returns `false` if no vector is perpendicular to all the others, or if a
+    /// vector isn't finite.
     pub(super) fn settle(&self, row: &mut [u32]) -> bool {
         let Some(others) = self.others(row) else { return false };
         let own = self.vector(row, self.lanes.start);
         let axis = |at: usize| -> Vec<f64> {
             (0..own.len()).map(|lane| f64::from(u8::from(lane == at))).collect()
         };
-        // Z, X, Y: the order of a unit vector's edges.
+        // The order is Z, X, Y, as in the edges of a unit vector.
         let axes = (0..own.len()).map(|at| axis((at + own.len() - 1) % own.len()));
         for start in std::iter::once(own.clone()).chain(axes) {
-            // Two times are enough: the second removes the rounding errors of the first.
+            // The second call removes the rounding errors of the first.
             let rest = without(&without(&start, &others), &others);
             let length = dot(&rest, &rest).sqrt();
             if length > SHORT {
@@ -72,7 +74,7 @@ impl Perpendicular {
         false
     }
 
-    /// Returns `true` if it is perpendicular, up to rounding.
+    /// Checks if the vector is perpendicular to the others, up to rounding.
     pub(super) fn holds(&self, row: &[u32]) -> bool {
         let own = self.vector(row, self.lanes.start);
         self.to.iter().all(|first| {
@@ -82,7 +84,7 @@ impl Perpendicular {
         })
     }
 
-    /// The complexity of the vector: the sum over its components.
+    /// The complexity of the vector: the sum of the complexities of its components.
     pub(super) fn weight(&self, row: &[u32]) -> u64 {
         let lanes = row[self.lanes.clone()].iter();
         lanes.map(|word| shrink::float_complexity(f32::from_bits(*word))).sum()
@@ -93,7 +95,7 @@ fn dot(a: &[f64], b: &[f64]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a * b).sum()
 }
 
-/// A vector without its components along the others, which are orthogonal.
+/// Removes from a vector its components along the other vectors, which are orthogonal.
 fn without(vector: &[f64], others: &[Vec<f64>]) -> Vec<f64> {
     let mut rest = vector.to_vec();
     for other in others {
@@ -154,7 +156,7 @@ mod tests {
     fn nothing_is_perpendicular_to_two_vectors_of_a_plane() {
         let domain = Dynamic::new(&vectors(&["a", "b", "c"], 2), vec![unit(2), unit(2), unit(2)])
             .perpendicular(4..6, vec![0, 2], "a, b");
-        // A third vector is perpendicular to both only if these are parallel, as some edges are.
+        // A third vector can be perpendicular to both only if the two are parallel. Some edges are parallel.
         assert!(domain.edges() < 50, "{}", domain.edges());
         let near = |row: &Vec<u32>| {
             let [ax, ay, bx, by] = [0, 1, 2, 3].map(|lane| f32::from_bits(row[lane]));

@@ -1,28 +1,27 @@
-//! Unconstrained numbers: only their type is known.
+//! Unconstrained numbers, of which Karat knows only the type.
 
 use std::sync::LazyLock;
 
 use super::{Domain, Edges, Emptiness, Integers, Source, shrink};
 use crate::value::Scalar;
 
-/// Half of the samples are small, like most numbers in shaders; the others have any size.
+/// Samples numbers. Half of them are small, like most numbers in shaders, and the others have any size.
 #[derive(Clone, Debug)]
 pub(super) struct Plausible<T>(Vec<T>);
 
-/// The largest float: positions in metres and times in milliseconds are below a million. Squares of larger numbers soon
-/// lose all digits, which shows nothing about a shader.
+/// The largest float. Positions in metres and times in milliseconds are below a million. Squares of larger numbers lose
+/// their digits in sums, and that says nothing about a shader.
 const LARGEST: f32 = 1_048_576.0;
 
-/// The largest number in half precision, which represents every integer up to it.
+/// The largest number in half precision. Half precision has all integers up to this one.
 pub(super) const LARGEST_HALF: f32 = 2048.0;
 
-/// Half of the floats lie between minus this number and this number.
+/// Half of the floats are between minus this number and this number.
 const SMALL: f32 = 4.0;
 
 /// Half of the integers are below this number.
 const FEW: u32 = 16;
 
-/// The description of these numbers in messages.
 pub(super) fn described(scalar: Scalar) -> String {
     match scalar {
         Scalar::F16 => format!("from -{LARGEST_HALF} to {LARGEST_HALF}"),
@@ -34,7 +33,7 @@ pub(super) fn described(scalar: Scalar) -> String {
     }
 }
 
-/// Returns `true` for an unconstrained number that is 0, 1, -1 or an end of its range.
+/// Checks if an unconstrained number is 0, 1, -1 or an end of its range.
 pub(super) fn is_plain(scalar: Scalar, word: u32) -> bool {
     match scalar {
         Scalar::F32 => [0.0, 1.0, LARGEST].contains(&f32::from_bits(word).abs()),
@@ -45,7 +44,7 @@ pub(super) fn is_plain(scalar: Scalar, word: u32) -> bool {
     }
 }
 
-/// A finite domain of values that occur more often: every second sample is one of them.
+/// A finite domain of values that occur often: every second sample is one of these values.
 #[derive(Clone, Debug)]
 pub(super) struct Often<T> {
     pub(super) all: Integers<T>,
@@ -108,7 +107,7 @@ impl Domain for Plausible<f32> {
             0..=4 => (-SMALL..=SMALL).draw(source),
             5 => self.0.get(usize::try_from(source.below(self.0.len() as u64)).ok()?).copied(),
             _ => {
-                // Each binade from 2^-24, the last digit of 1, to a million is equally likely.
+                // All binades from 2^-24 to a million are equally likely. 2^-24 is the size of the last digit of 1.
                 let size = (44.0 * source.unit() - 24.0).exp2();
                 #[expect(clippy::cast_possible_truncation, reason = "arguments are f32")]
                 let size = size as f32;
@@ -146,7 +145,7 @@ macro_rules! integer {
             type Value = $integer;
 
             fn draw(&self, $source: &mut Source) -> Option<$integer> {
-                // Buffers have millions of elements.
+                // The limit is a million because buffers have millions of elements.
                 static ENDS: LazyLock<Edges<$integer>> =
                     LazyLock::new(Edges::<$integer>::$constructor);
                 match $source.below(8) {

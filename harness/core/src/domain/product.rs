@@ -1,4 +1,4 @@
-//! Tuples of domains. The components are independent, except that some samples tie two of them.
+//! Tuples of domains. The components are independent, except that some samples tie two components.
 
 use std::any::{Any, TypeId};
 use std::rc::Rc;
@@ -6,11 +6,11 @@ use std::rc::Rc;
 use super::ties::{self, Tie};
 use super::{Domain, Emptiness, Origin, Shrinkable, Source};
 
-/// The number of combinations of edges that are tried first. If there are more, the first edges of each part are
-/// combined, and each other edge occurs once.
+/// The largest number of combinations of edges that are tried first. If there are more combinations, only the first
+/// edges of each part are combined, and each other edge occurs once.
 const COMBINATIONS: usize = 1024;
 
-/// The arguments of a function without parameters.
+/// The domain for functions without parameters.
 impl Domain for () {
     type Value = ();
     fn draw(&self, _: &mut Source) -> Option<()> {
@@ -229,7 +229,7 @@ macro_rules! product {
                     if moved > 1 {
                         found.push(together.whole());
                     }
-                    // In turns, so that the simplest values of every part come early.
+                    // The parts take turns, so that the simplest values of every part come early.
                     let rounds = [$(simpler.$index.len()),+].into_iter().max().unwrap_or(0);
                     for round in 0..rounds {
                         $(if let Some(part) = simpler.$index.get(round) {
@@ -245,14 +245,15 @@ macro_rules! product {
     )*};
 }
 
-/// A tuple with tied components.
+/// A domain of tuples with tied components.
 trait Tied<'a>: Domain {
     type Parts;
-    /// The tuple. Simpler tuples either simplify both ends of a tie together, so that it holds, or drop the ties.
+    /// The tuple from its parts. Simpler tuples simplify both components of a tie together, so that the tie holds, or
+    /// they have no ties.
     fn tied(&'a self, parts: Self::Parts, ties: Rc<[Tie]>) -> Shrinkable<'a, Self::Value>;
 }
 
-/// The components that others are made from and that aren't made from others, each once.
+/// The components that determine others and aren't determined by others. Each occurs once.
 fn roots(ties: &[Tie]) -> Vec<usize> {
     let mut roots: Vec<usize> = Vec::new();
     for tie in ties {
@@ -263,16 +264,17 @@ fn roots(ties: &[Tie]) -> Vec<usize> {
     roots
 }
 
-/// The parts of a tuple, each of which can be simplified.
+/// The parts of a tuple. Each of them can be simplified.
 #[doc(hidden)]
 pub trait Parts<'a> {
     type Value;
-    /// The tuple. In simpler tuples, all parts have their simplest values, or one part is simpler.
+    /// The tuple from its parts. In the simplest tuple, all parts have their simplest values. In the other simpler
+    /// tuples, one part is simpler.
     fn whole(self) -> Shrinkable<'a, Self::Value>;
 }
 
-/// The edge of each part in each case. All combinations of the first edges come first, with as many edges of each part
-/// as the limit allows; then each remaining edge, with edges of the other parts in turn.
+/// For each case, the index of each part's edge. First come all combinations of the first edges, with as many edges of
+/// each part as the limit allows. Then comes each remaining edge, with varying edges of the other parts.
 fn combinations<const N: usize>(lengths: [usize; N]) -> impl Iterator<Item = [usize; N]> {
     let product = |most: usize| -> usize {
         lengths.iter().map(|length| *length.min(&most)).fold(1, usize::saturating_mul)

@@ -5,10 +5,10 @@ use std::ops::RangeInclusive;
 use super::source::{log_distance, unit};
 use super::{Domain, Emptiness, Source, infinite, shrink};
 
-/// Values inside a range that shaders treat specially.
+/// Special values for shaders. They are tried if they are in the range.
 const LANDMARKS: [f32; 5] = [0.0, 1.0, -1.0, 0.5, f32::MIN_POSITIVE];
 
-/// Selects one of two numbers without a branch.
+/// Selects one of two numbers without a branch: `a` if `first` is set.
 #[inline(always)]
 fn either(first: bool, a: f64, b: f64) -> f64 {
     let mask = 0_u64.wrapping_sub(u64::from(first));
@@ -18,10 +18,10 @@ fn either(first: bool, a: f64, b: f64) -> f64 {
 impl Domain for RangeInclusive<f32> {
     type Value = f32;
 
-    /// Of 16 samples, 1 is an end, 3 are at log distance from an end, 1 is a landmark (0, 1, 1/2, ...) in the range,
-    /// and 11 are uniform. If 0 is inside the range, it acts as an end of both sides. Then 4 of the 11 are at log
-    /// distance from 0: half of them on the scale of that end, and half on the scale of 1, where the last digits of
-    /// most sums are.
+    /// Of 16 samples, 1 is an end, 3 are at a logarithmic distance from an end, 1 is a landmark in the range (0, 1,
+    /// 1/2, ...), and 11 are uniform. If 0 is inside the range, it counts as an end of the negative and of the positive
+    /// part. Then 4 of the 11 samples are at a logarithmic distance from 0. Half of these 4 use the size of the range
+    /// as the scale. The other half use the scale 1, because most sums have their last digits there.
     fn draw(&self, source: &mut Source) -> Option<f32> {
         let (start, end) = (*self.start(), *self.end());
         let (low, high) = (f64::from(start), f64::from(end));
@@ -38,8 +38,8 @@ impl Domain for RangeInclusive<f32> {
             }
             _ => {}
         }
-        // Computes both values and selects one without a branch. The choice is random, so branch prediction would fail
-        // a third of the time. This runs for each number of each case.
+        // The function computes both values and selects one without a branch. The choice is random, so branch
+        // prediction would fail in a third of the cases. This code runs for each number of each case.
         let bits = source.bits();
         let crowded = choice & 15 < 4;
         let near_zero = (5..9).contains(&(choice & 15)) && low < 0.0 && high > 0.0;
@@ -87,13 +87,14 @@ impl Domain for RangeInclusive<f32> {
 }
 
 /// A closed range of `i32` or `u32`: `Integers(0..=7_u32)`.
-///
+/// Rust's ranges of integers are iterators. If they were domains, too, they would have two methods `map` and two
+/// methods `filter`.
 /// Rust's ranges of integers are already iterators. As domains they would have two methods `map` and two `filter`.
 ///
 /// ```
 /// use karat::{Domain, Integers};
 ///
-/// assert_eq!(Integers(-1..=1).size(), Some(3)); // each of them is tried
+/// assert_eq!(Integers(-1..=1).size(), Some(3)); // a check tries all three
 /// ```
 #[derive(Clone, Debug)]
 pub struct Integers<T>(pub RangeInclusive<T>);
@@ -103,7 +104,7 @@ macro_rules! integer {
         impl Domain for Integers<$integer> {
             type Value = $integer;
 
-            /// One sample in 8 is an end; the others are uniform.
+            /// One sample in 8 is an end. The other samples are uniform.
             fn draw(&self, source: &mut Source) -> Option<$integer> {
                 let (low, high) = (*self.0.start(), *self.0.end());
                 let count = u64::try_from(i64::from(high) - i64::from(low) + 1).ok()?;
@@ -137,7 +138,7 @@ macro_rules! integer {
 
             fn size(&self) -> Option<u64> {
                 let count = i64::from(*self.0.end()) - i64::from(*self.0.start()) + 1;
-                Some(u64::try_from(count).unwrap_or(0)) // an empty range has a negative count
+                Some(u64::try_from(count).unwrap_or(0)) // the count of an empty range is negative
             }
 
             fn nth(&self, index: u64) -> Option<$integer> {
@@ -168,7 +169,7 @@ integer!(i32, u32);
 mod tests {
     use super::*;
 
-    /// Computes the same as [`draw`](Domain::draw), with branches.
+    /// Computes the same value as [`draw`](Domain::draw), with branches.
     fn plainly(range: &RangeInclusive<f32>, source: &mut Source) -> f32 {
         let (low, high) = (f64::from(*range.start()), f64::from(*range.end()));
         let choice = source.bits();
@@ -212,7 +213,7 @@ mod tests {
         }
     }
 
-    /// Sums with 1 lose the digits of numbers down to 2^-24, however wide the range is.
+    /// A sum with 1 loses the digits of numbers down to 2^-24, also if the range is wide.
     #[test]
     fn a_zero_inside_is_drawn_on_every_scale() {
         let within = |range: &RangeInclusive<f32>, least: f32, most: f32| {
@@ -230,8 +231,8 @@ mod tests {
             }
         }
         let sides = within(&(-1e6..=1e6), 1.0, 1e4);
-        assert!(sides.iter().all(|side| *side > 100), "beside the ends, too: {sides:?}");
-        // A range that begins at 0 has as many samples near 0 as near any end.
+        assert!(sides.iter().all(|side| *side > 100), "also near the ends: {sides:?}");
+        // A range that begins at 0 has as many samples near 0 as near its other end.
         assert_eq!(within(&(-0.5..=-0.25), 0.0, 0.2), [0, 0]);
     }
 

@@ -1,8 +1,8 @@
 //! Simplifies a failing value within its domain.
 //!
-//! A domain lists its values that are simpler than a given one. A mapped domain can't be inverted, so Karat simplifies
-//! the value before the mapping: it samples the case again as a [`Shrinkable`], which keeps the values that it was made
-//! from. A value is simple if it is easy to read in a report: 0, 1, few decimal digits, small exponents, no sign.
+//! A domain lists its values that are simpler than a given value. A mapping can't be inverted, so Karat simplifies the
+//! value before the mapping. For this, it samples the case again as a [`Shrinkable`], which keeps the values before the
+//! mapping. A value is simple if it is easy to read in a report: 0, 1, few decimal digits, a small exponent, no sign.
 
 use std::rc::Rc;
 
@@ -10,29 +10,29 @@ use glam::{DVec3, Vec3};
 
 use super::{Domain, Source};
 
-/// The origin of a case in its domain, in the order of the cases.
+/// The origin of a case in its domain. Cases come in the order of these variants.
 ///
 /// ```
 /// use karat::unstable::domain::{Origin, Source};
 /// use karat::prelude::*;
 ///
 /// let domain = 0.0..=4.0;
-/// let edge = domain.shrinkable(Origin::Edge(0)).expect("it has edges");
+/// let edge = domain.shrinkable(Origin::Edge(0)).expect("a range has edges");
 /// assert_eq!(Some(edge.value()), domain.edges().first());
-/// let drawn = domain.shrinkable(Origin::Draw(&mut Source::new(1, 0))).expect("it has values");
+/// let drawn = domain.shrinkable(Origin::Draw(&mut Source::new(1, 0))).expect("the range has values");
 /// assert!(domain.contains(drawn.value()));
 /// ```
 #[derive(Debug)]
 pub enum Origin<'s> {
-    /// [`Domain::nth`]
+    /// The value of [`Domain::nth`] with this index.
     Nth(u64),
-    /// An element of [`Domain::edges`].
+    /// The element of [`Domain::edges`] with this index.
     Edge(usize),
-    /// [`Domain::draw`]
+    /// A value sampled by [`Domain::draw`].
     Draw(&'s mut Source),
 }
 
-/// A value of a domain, with the simpler values next to it.
+/// A value of a domain, with the list of its simpler values.
 ///
 /// ```
 /// use karat::unstable::domain::Shrinkable;
@@ -59,7 +59,7 @@ impl<T: std::fmt::Debug> std::fmt::Debug for Shrinkable<'_, T> {
 }
 
 impl<'a, T: Clone + 'a> Shrinkable<'a, T> {
-    /// A value with simpler ones; `simpler` lists them, the simplest first.
+    /// A value with simpler values. `simpler` lists them, the simplest first.
     ///
     /// ```
     /// use karat::unstable::domain::Shrinkable;
@@ -71,7 +71,7 @@ impl<'a, T: Clone + 'a> Shrinkable<'a, T> {
         Self { value, simpler: Rc::new(simpler) }
     }
 
-    /// A value that is simplified only by [`Domain::shrink`].
+    /// A value that only [`Domain::shrink`] simplifies.
     ///
     /// ```
     /// use karat::unstable::domain::Shrinkable;
@@ -84,7 +84,7 @@ impl<'a, T: Clone + 'a> Shrinkable<'a, T> {
         })
     }
 
-    /// The value.
+    /// The value itself.
     ///
     /// ```
     /// use karat::unstable::domain::Shrinkable;
@@ -95,7 +95,7 @@ impl<'a, T: Clone + 'a> Shrinkable<'a, T> {
         &self.value
     }
 
-    /// Simpler values, the simplest first.
+    /// The simpler values, the simplest first.
     ///
     /// ```
     /// use karat::unstable::domain::Shrinkable;
@@ -107,7 +107,7 @@ impl<'a, T: Clone + 'a> Shrinkable<'a, T> {
         (self.simpler)()
     }
 
-    /// The same, with `map` applied to the value and to the simpler ones.
+    /// Applies `map` to the value and to its simpler values.
     ///
     /// ```
     /// use karat::unstable::domain::Shrinkable;
@@ -122,7 +122,7 @@ impl<'a, T: Clone + 'a> Shrinkable<'a, T> {
         })
     }
 
-    /// The same, without the simpler values that `keep` rejects.
+    /// Removes the simpler values that `keep` rejects.
     ///
     /// ```
     /// use karat::unstable::domain::Shrinkable;
@@ -140,8 +140,8 @@ impl<'a, T: Clone + 'a> Shrinkable<'a, T> {
     }
 }
 
-/// The order of floats from simple to complicated: by decimal digits and exponent, then sign, then significant bits,
-/// then size.
+/// A measure of how complicated a float is to read. It compares the decimal digits and the exponent first, then the
+/// sign, the significant bits, and the size.
 pub(super) fn float_complexity(value: f32) -> u64 {
     let negative = u64::from(value.is_sign_negative());
     if value == 0.0 {
@@ -158,8 +158,8 @@ pub(super) fn float_complexity(value: f32) -> u64 {
     weight << 40 | negative << 36 | u64::from(bits) << 31 | size
 }
 
-/// The decimal digits of a finite value, and the exponent of the first digit. `places` is the number of digits to round
-/// to; without it, there are as many digits as are needed to read the same bits again.
+/// The decimal digits of a finite value, and the exponent of the first digit. `places` is the number of digits to which
+/// the value is rounded. If it is `None`, the digits are as many as are needed to read the same bits again.
 fn decimal(value: f32, places: Option<usize>) -> (String, i32) {
     let text = match places {
         Some(places) => format!("{:.*e}", places - 1, value.abs()),
@@ -170,7 +170,7 @@ fn decimal(value: f32, places: Option<usize>) -> (String, i32) {
     (digits.replace('.', ""), exponent)
 }
 
-/// Simpler floats, the simplest first: readable ones, and `value` with fewer digits.
+/// Simpler floats, the simplest first: floats that are easy to read, and `value` with fewer digits.
 pub(super) fn floats(value: f32, known: &[f32], admits: impl Fn(f32) -> bool) -> Vec<f32> {
     let mut found = vec![0.0, 1.0, -1.0];
     found.extend(known);
@@ -185,7 +185,7 @@ pub(super) fn floats(value: f32, known: &[f32], admits: impl Fn(f32) -> bool) ->
         for exponent in exponent.min(-6)..=exponent.max(3) {
             found.extend([1, 2, 5].map(|digit| parsed(digit, exponent)));
         }
-        // With fewer digits: the nearest, and its neighbours one unit of the last digit away.
+        // `value` with fewer digits: the nearest decimal number, and its neighbours, one unit of the last digit away.
         for places in 1..=8_usize {
             let (digits, exponent) = decimal(value, Some(places));
             let digits: u64 = digits.parse().expect("at most eight digits");
@@ -204,7 +204,7 @@ pub(super) fn floats(value: f32, known: &[f32], admits: impl Fn(f32) -> bool) ->
     found
 }
 
-/// Smaller integers between two ends: the one closest to zero, the one halfway to it, and so on.
+/// Simpler integers from `low` to `high`: the one closest to zero, the one halfway between it and `value`, and so on.
 pub(super) fn integers(value: i64, low: i64, high: i64) -> Vec<i64> {
     let goal = if low > high { return Vec::new() } else { 0_i64.clamp(low, high) };
     let distance = value - goal;
@@ -228,17 +228,17 @@ fn vector_complexity(value: Vec3) -> u64 {
 fn sorted(mut found: Vec<Vec3>, value: Vec3, admits: impl Fn(Vec3) -> bool) -> Vec<Vec3> {
     let own = vector_complexity(value);
     found.retain(|candidate| admits(*candidate) && vector_complexity(*candidate) < own);
-    found.sort_by_cached_key(|candidate| vector_complexity(*candidate)); // stable: of equals, +Z before +X
+    found.sort_by_cached_key(|candidate| vector_complexity(*candidate)); // stable: of equal vectors, +Z comes first
     found.dedup_by_key(|candidate| candidate.to_array().map(f32::to_bits));
     found
 }
 
-/// Simpler unit vectors: axes, vectors like (0.6, 0.8), diagonals, and `value` turned into a coordinate plane or onto a
-/// short decimal.
+/// Simpler unit vectors: axes, vectors like (0.6, 0.8), diagonals, and vectors near `value` that lie in a coordinate
+/// plane or have a short decimal component.
 pub(super) fn directions(value: Vec3, admits: impl Fn(Vec3) -> bool) -> Vec<Vec3> {
     let mut found = vec![Vec3::Z, Vec3::X, Vec3::Y, Vec3::NEG_Z, Vec3::NEG_X, Vec3::NEG_Y];
     let signs = [1.0, -1.0];
-    // Pairs of decimals with the length 1.
+    // Pairs of decimals that form a vector of length 1.
     for (a, b) in [(0.6, 0.8), (0.8, 0.6), (0.28, 0.96), (0.96, 0.28)] {
         for (a, b) in signs.iter().flat_map(|s| signs.map(|t| (s * a, t * b))) {
             found.extend([Vec3::new(a, 0.0, b), Vec3::new(0.0, a, b), Vec3::new(a, b, 0.0)]);
@@ -255,7 +255,7 @@ pub(super) fn directions(value: Vec3, admits: impl Fn(Vec3) -> bool) -> Vec<Vec3
         let mut flat = wide;
         flat[axis] = 0.0;
         found.push(flat.normalize_or_zero().as_vec3());
-        // A short decimal on this axis, with about the same azimuth, or in a coordinate plane.
+        // Vectors with a short decimal on this axis and about the same azimuth, and vectors in a coordinate plane.
         let (left, right) = ((axis + 1) % 3, (axis + 2) % 3);
         let rest = (wide[left] * wide[left] + wide[right] * wide[right]).sqrt();
         for short in floats(value[axis], &[], |short| short.abs() <= 1.0) {
@@ -278,7 +278,7 @@ pub(super) fn directions(value: Vec3, admits: impl Fn(Vec3) -> bool) -> Vec<Vec3
     sorted(found, value, admits)
 }
 
-/// Simpler vectors in the unit cube: black, greys, and one component after another simplified.
+/// Simpler vectors in the unit cube: black, greys, and `value` with one simplified component.
 pub(super) fn colours(value: Vec3) -> Vec<Vec3> {
     let mut found = vec![Vec3::ZERO, Vec3::ONE, Vec3::X, Vec3::Y, Vec3::Z];
     let inside = |component: f32| (0.0..=1.0).contains(&component);
@@ -302,7 +302,7 @@ mod tests {
     use super::super::{Hemisphere, Integers, Just, OneOf, UnitRgb, UnitVector};
     use super::*;
 
-    /// Follows the first simpler value that fails, as a check does.
+    /// Replaces a value by its first simpler value that fails, until none fails, as a check does.
     fn simplest<D: Domain>(domain: &D, index: u64, fails: impl Fn(&D::Value) -> bool) -> D::Value {
         let cases = Cases::new(domain, 7, 65_536, 65_536);
         let mut at = cases.shrinkable(index).expect("the domain draws");
@@ -312,10 +312,10 @@ mod tests {
                 None => return at.value().clone(),
             }
         }
-        panic!("no end of simpler values");
+        panic!("the simplification doesn't end");
     }
 
-    /// The value of a failing case, simplified.
+    /// Finds a failing case, and simplifies its value.
     fn from_any<D: Domain>(domain: &D, fails: impl Fn(&D::Value) -> bool) -> D::Value {
         let cases = Cases::new(domain, 7, 65_536, 65_536);
         let last = cases.count();
@@ -388,7 +388,7 @@ mod tests {
         assert_eq!(from_any(&filtered, |_| true), 1.0);
     }
 
-    /// A case that is sampled again has the same value.
+    /// A case has the same value if it is sampled again.
     #[test]
     fn a_case_is_the_same_when_it_can_be_shrunk() {
         let domain = (UnitVector, 0.0..=1.0_f32)

@@ -3,22 +3,22 @@
 use rand_pcg::Pcg32;
 use rand_pcg::rand_core::Rng;
 
-/// Random numbers for one case. The seed and the case's index determine the stream.
+/// The random numbers of one case. The seed and the case's index determine them.
 ///
 /// ```
 /// use karat::unstable::domain::Source;
 ///
-/// // The same case draws the same numbers.
+/// // A case always gets the same numbers.
 /// assert_eq!(Source::new(7, 3).bits(), Source::new(7, 3).bits());
 /// ```
 #[derive(Clone, Debug)]
 pub struct Source(Pcg32);
 
-/// 2^64 / golden ratio. It spreads consecutive indices over all bits of the state.
+/// 2^64 divided by the golden ratio. The multiplication spreads consecutive indices over all bits of the state.
 const GOLDEN: u64 = 0x9e37_79b9_7f4a_7c15;
 
 impl Source {
-    /// The stream of case `index` under `seed`.
+    /// The random numbers of case `index` with this seed.
     ///
     /// ```
     /// use karat::unstable::domain::Source;
@@ -44,7 +44,7 @@ impl Source {
         self.0.next_u32()
     }
 
-    /// A number that is uniform in `[0, 1)`: a multiple of 2^-32.
+    /// A uniform number in `[0, 1)`. It is a multiple of 2^-32.
     ///
     /// ```
     /// use karat::unstable::domain::Source;
@@ -56,7 +56,7 @@ impl Source {
         unit(self.bits())
     }
 
-    /// An integer that is uniform in `0..count`; 0 if `count` is 0.
+    /// A uniform integer in `0..count`. It is 0 if `count` is 0.
     ///
     /// ```
     /// use karat::unstable::domain::Source;
@@ -71,13 +71,13 @@ impl Source {
         u64::try_from(scaled).expect("a 64-bit fraction of a u64 is a u64")
     }
 
-    /// A distance between 2^-24 and 1 with an approximately uniform logarithm. Use it for points close to an edge, down
-    /// to the last bit of an `f32` near 1.
+    /// A distance from 2^-24 to 1 whose logarithm is approximately uniform. Use it for points close to an edge, down to
+    /// the last bit of an `f32` near 1.
     ///
     /// ```
     /// use karat::unstable::domain::Source;
     ///
-    /// // Close to the pole, often very close.
+    /// // The point is close to the pole, often very close.
     /// let z = 1.0 - Source::new(7, 0).log_distance();
     /// assert!(z < 1.0);
     /// ```
@@ -86,17 +86,17 @@ impl Source {
     }
 }
 
-/// A fraction in `[0, 1)` of 32 bits.
+/// Converts 32 bits to a fraction in `[0, 1)`.
 #[inline]
 pub(super) fn unit(bits: u32) -> f64 {
     f64::from(bits) / 4_294_967_296.0
 }
 
-/// See [`Source::log_distance`]. A random binade, then a place in it: cheaper than an exponential, and good enough
-/// here.
+/// The function of [`Source::log_distance`]. It chooses a random binade, then a position in it. This is faster than an
+/// exponential function, and precise enough here.
 #[inline]
 pub(super) fn log_distance(bits: u32) -> f64 {
-    // The exponent of an f64 is biased by 1023: this is 2^-binade.
+    // An f64 adds 1023 to its exponent, so this is 2^-binade.
     let binade = f64::from_bits(u64::from(1023 - bits % 24) << 52);
     (0.5 + 0.5 * f64::from(bits >> 5) / f64::from(1_u32 << 27)) * binade
 }

@@ -7,8 +7,8 @@ use glam::{Vec2, Vec3, Vec4};
 
 use super::{Domain, Emptiness, Source, direction, shrink};
 
-/// Vectors of one length: uniform over the circle, the sphere or the quaternions' sphere, except that axes and their
-/// close neighbours occur more often.
+/// Vectors of one length. They are uniform over the circle, the sphere, or the unit quaternions, except that axes and
+/// their close neighbours occur more often.
 ///
 /// ```
 /// use glam::{Vec2, Vec4};
@@ -28,7 +28,7 @@ pub struct Sphere<V> {
 }
 
 impl<V> Sphere<V> {
-    /// Vectors of length 1. For three components, [`UnitVector`](super::UnitVector) is the same.
+    /// Vectors of length 1. With three components, this domain is equal to [`UnitVector`](super::UnitVector).
     ///
     /// ```
     /// use karat::Domain;
@@ -41,7 +41,7 @@ impl<V> Sphere<V> {
         Self::of_radius(1.0)
     }
 
-    /// Vectors of this length. If it is negative or not finite, the check fails with an error.
+    /// Vectors of the length `radius`. If `radius` is negative or not finite, the check fails with an error.
     ///
     /// ```
     /// use karat::Domain;
@@ -56,7 +56,7 @@ impl<V> Sphere<V> {
         Self { radius, filled: false, of: PhantomData }
     }
 
-    /// Includes shorter vectors: a disk or a ball, in which 0 and the rim occur more often.
+    /// Includes shorter vectors. The domain is then a disk or a ball, in which 0 and the rim occur more often.
     ///
     /// ```
     /// use karat::Domain;
@@ -80,7 +80,7 @@ impl<V> Sphere<V> {
         let scale = f64::from(self.radius) * height / length;
         #[expect(clippy::cast_possible_truncation, reason = "arguments are f32")]
         let mut lanes: Vec<f32> = direction.iter().map(|x| (x * scale) as f32).collect();
-        // Rounding takes some vectors beyond the rim of a ball.
+        // Rounding moves some vectors outside of the ball, so they are sampled again.
         while self.filled && length_of(&lanes) > f64::from(self.radius) {
             let shorter = |lane: f32| lane.abs().next_down().max(0.0).copysign(lane);
             lanes.iter_mut().for_each(|lane| *lane = shorter(*lane));
@@ -93,7 +93,7 @@ impl<V> Sphere<V> {
             return None;
         }
         let choice = source.bits() as usize;
-        // Normally distributed components give a uniform direction in any dimension. They are never all 0.
+        // Normally distributed components give a uniform direction in any dimension. The components are never all 0.
         let mut all: Vec<f64> = (0..size).map(|_| normal(source)).collect();
         let axis = (choice >> 5) % size;
         if choice & 15 < 3 {
@@ -107,7 +107,7 @@ impl<V> Sphere<V> {
             0 => 0.0,
             1 => 1.0,
             2 => source.log_distance(),
-            // Uniform over the volume.
+            // The vectors are uniform over the volume.
             #[expect(clippy::cast_precision_loss, reason = "at most four components")]
             _ => source.unit().powf(1.0 / size as f64),
         };
@@ -141,7 +141,7 @@ impl<V> Sphere<V> {
         let mut found = self.all_edges(size);
         let flat: Vec<f64> = lanes.iter().map(|lane| f64::from(*lane)).collect();
         for axis in 0..size {
-            // Pairs of short decimals in a coordinate plane.
+            // Vectors in a coordinate plane, with two short decimals as components.
             let other = (axis + 1) % size;
             for (a, b) in [(0.6, 0.8), (-0.6, 0.8), (0.6, -0.8), (-0.6, -0.8), (0.8, 0.6)] {
                 let mut plane = vec![0.0; size];
@@ -174,7 +174,7 @@ fn length_of(lanes: &[f32]) -> f64 {
     lanes.iter().map(|lane| f64::from(*lane).powi(2)).sum::<f64>().sqrt()
 }
 
-/// A normally distributed number, by Box and Muller.
+/// A normally distributed number, by the method of Box and Muller.
 fn normal(source: &mut Source) -> f64 {
     let radius = (-2.0 * (1.0 - source.unit()).max(f64::MIN_POSITIVE).ln()).sqrt();
     radius.max(f64::MIN_POSITIVE) * (TAU * source.unit()).cos()
@@ -202,7 +202,7 @@ macro_rules! of_vectors {
                 Some(self.holds(&value.to_array()))
             }
 
-            /// A rounded length may be slightly more than the radius.
+            /// Rounding may make a vector slightly longer than the radius.
             fn ends(&self) -> Option<($vector, $vector)> {
                 #[expect(clippy::cast_possible_truncation, reason = "far from its ends")]
                 let most = $vector::splat(self.radius * (1.0 + direction::LENGTH as f32));
@@ -258,7 +258,7 @@ mod tests {
     }
 
     #[test]
-    fn a_radius_that_is_none_is_told() {
+    fn an_invalid_radius_is_an_error() {
         for radius in [-1.0, f32::NAN, f32::INFINITY] {
             let domain = Sphere::<Vec3>::of_radius(radius);
             let emptiness = Domain::emptiness(&domain).expect("no vector has that length");

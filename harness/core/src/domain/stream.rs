@@ -1,8 +1,8 @@
-//! Cases without their types: rows of words, and values whose type only the closures of a check know.
+//! Cases without their types: rows of words, and values whose type is known only to the closures of a check.
 //!
-//! The code that samples, runs, compares and simplifies cases is compiled once. It uses a [`Stream`], which is a domain
-//! of Rust types ([`Typed`], compiled for each type) or a domain that is made at run time. A row contains the lanes of
-//! a case's arguments, one after another.
+//! The code that samples, runs, compares and simplifies cases is compiled only once. It uses a [`Stream`]. This is a
+//! domain of Rust types ([`Typed`], compiled for each type), or a domain that is made at run time. A row contains the
+//! lanes of all arguments of a case, one after another.
 
 use std::any::Any;
 use std::fmt::Debug;
@@ -12,10 +12,10 @@ use std::sync::{Arc, OnceLock};
 use super::{Domain, Emptiness, Origin, Shrinkable, Source};
 use crate::value::{Arguments, Shape};
 
-/// A domain without the type of its values.
+/// A domain that hides the type of its values.
 #[doc(hidden)]
 pub trait Stream: Send + Sync {
-    /// The number of words in a row; 0 if values don't consist of words.
+    /// The number of words in a row. It is 0 if values don't consist of words.
     fn width(&self) -> usize;
 
     /// The number of values in a finite domain.
@@ -27,12 +27,13 @@ pub trait Stream: Send + Sync {
     /// The number of edges.
     fn edges(&self) -> usize;
 
-    /// Appends the row of a value; `false` if there is no such value.
+    /// Appends the row of a value. Returns `false` if there is no such value.
     fn row(&self, origin: Origin<'_>, rows: &mut Vec<u32>) -> bool;
 
-    /// Appends the rows of some cases, up to the first case without a value. Returns the number of rows.
+    /// Appends the rows of the cases in `range`, up to the first case without a value. Returns the number of appended
+    /// rows.
     fn rows(&self, cases: &Numbering, range: Range<u64>, rows: &mut Vec<u32>) -> u64 {
-        // Written as a loop, because tests have little optimisation, and this runs for each case.
+        // This is a loop, because tests are compiled with few optimisations, and the code runs for each case.
         let mut index = range.start;
         while index < range.end {
             let mut source = cases.source(index);
@@ -47,35 +48,37 @@ pub trait Stream: Send + Sync {
     /// A value with its row.
     fn value(&self, origin: Origin<'_>) -> Option<Held>;
 
-    /// A value, with the simpler values next to it.
+    /// A value with its row, and its simpler values.
     fn shrinkable(&self, origin: Origin<'_>) -> Option<Shrinkable<'_, Held>>;
 
-    /// Returns whether the domain has a value with this row; `None` if it can't decide.
+    /// Returns `Some(true)` if the domain has a value with this row, and `Some(false)` if not. `None` if it can't
+    /// decide.
     fn admits(&self, row: &[u32]) -> Option<bool>;
 
-    /// Two rows such that the lanes of all values lie between theirs; `None` if there are none.
+    /// Two rows such that each lane of every value lies between theirs. `None` if there are none.
     fn ends(&self) -> Option<[Vec<u32>; 2]> {
         None
     }
 
-    /// The rows of simpler values than this one, the simplest first.
+    /// The rows of simpler values, the simplest first.
     fn shrink(&self, row: &[u32]) -> Vec<Vec<u32>>;
 
-    /// A description of each argument's domain, for readers who didn't write it; empty if the author did.
+    /// A description of each argument's domain, for readers who didn't choose the domain. Empty if the test's author
+    /// chose it.
     fn described(&self) -> String {
         String::new()
     }
 
-    /// A row, shown as its Rust value.
+    /// The row's value in Rust notation.
     fn show(&self, row: &[u32]) -> String;
 }
 
-/// A value whose type is known only where it is used.
+/// A value that hides its type.
 #[derive(Clone, Debug)]
 #[doc(hidden)]
 pub struct Held {
     value: Arc<dyn Value>,
-    /// Its words; empty if it doesn't consist of words.
+    /// The value's words. Empty if the value doesn't consist of words.
     #[doc(hidden)]
     pub row: Vec<u32>,
 }
@@ -92,7 +95,7 @@ impl Held {
     /// The value.
     ///
     /// # Panics
-    /// If it has another type. The closures of a check always get values of their own domain.
+    /// If the value has another type. The closures of a check always get values of their own domain.
     #[doc(hidden)]
     pub fn get<V: 'static>(&self) -> &V {
         let value: &dyn Any = &*self.value;
@@ -105,14 +108,14 @@ impl Held {
         format!("{:?}", self.value)
     }
 
-    /// The same with more words in its row.
+    /// The same value with more words in its row.
     #[doc(hidden)]
     pub fn with(&self, words: &[u32]) -> Self {
         Self { value: Arc::clone(&self.value), row: [&*self.row, words].concat() }
     }
 }
 
-/// The numbering of cases: which value of a domain each case has.
+/// Assigns a value of a domain to each case.
 #[derive(Clone, Copy, Debug)]
 #[doc(hidden)]
 pub struct Numbering {
@@ -120,15 +123,15 @@ pub struct Numbering {
     pub seed: u64,
     #[doc(hidden)]
     pub count: u64,
-    /// The number of edges that are cases.
+    /// The number of cases that are edges.
     edges: usize,
-    /// Set if case i is the domain's value i.
+    /// `true` if case i is value i of the domain.
     enumerated: bool,
 }
 
 impl Numbering {
-    /// All values of a finite domain with at most `enumerated` values. For other domains, `limit` cases: edges for up
-    /// to half of them, then samples.
+    /// Numbers all values of a finite domain, if there are at most `enumerated`. For other domains, there are `limit`
+    /// cases. Up to half of them are edges, and the others are samples.
     #[doc(hidden)]
     pub fn of(stream: &dyn Stream, seed: u64, limit: u64, enumerated: u64) -> Self {
         match stream.size() {
@@ -141,7 +144,7 @@ impl Numbering {
         }
     }
 
-    /// The same cases with another seed.
+    /// The same numbering with another seed.
     #[doc(hidden)]
     pub fn with_seed(&self, seed: u64) -> Self {
         Self { seed, ..*self }
@@ -154,7 +157,7 @@ impl Numbering {
         Source::new(self.seed, index)
     }
 
-    /// The origin of a case. `source` is the case's own.
+    /// The origin of a case. `source` has the case's own random numbers.
     #[inline]
     #[doc(hidden)]
     pub fn origin<'s>(&self, index: u64, source: &'s mut Source) -> Origin<'s> {
@@ -177,7 +180,7 @@ pub struct Typed<D: Domain> {
     hold: fn(D::Value) -> Held,
 }
 
-/// Converts values from and to words.
+/// Functions that convert values from and to words.
 #[derive(Debug)]
 struct Words<V> {
     shapes: fn() -> Vec<Shape>,
@@ -186,13 +189,13 @@ struct Words<V> {
 }
 
 impl<D: Domain> Typed<D> {
-    /// A domain of any values: its rows are empty.
+    /// A domain of values that needn't consist of words. Its rows are empty.
     #[doc(hidden)]
     pub fn values(domain: D) -> Self {
         Self { domain, edges: OnceLock::new(), words: None, hold: |value| Held::of(value, vec![]) }
     }
 
-    /// A domain of arguments.
+    /// A domain of arguments. Its rows have the arguments' words.
     #[doc(hidden)]
     pub fn arguments(domain: D) -> Self
     where
@@ -324,7 +327,7 @@ pub(super) mod tests {
         }
     }
 
-    /// A run-time domain over integers, whose values have no known Rust type.
+    /// A run-time domain of integers, which have no Rust type.
     struct Listed(Vec<u32>);
 
     impl Stream for Listed {

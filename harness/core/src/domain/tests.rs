@@ -15,6 +15,7 @@ fn finite_domains_are_enumerated_whole() {
     assert_eq!(cases[5], (1.0, 1.0, false));
 }
 
+// Lesson 41
 #[test]
 fn same_seed_same_cases_and_another_seed_others() {
     let domain = (UnitVector, 0.0..=1.0_f32);
@@ -22,6 +23,7 @@ fn same_seed_same_cases_and_another_seed_others() {
     assert_ne!(all(&domain, 7, 500), all(&domain, 8, 500));
 }
 
+// Lesson 41
 #[test]
 fn ranges_are_closed_and_their_ends_are_drawn() {
     for value in all(&(0.25..=0.75_f32), 3, 20_000) {
@@ -36,6 +38,7 @@ fn ranges_are_closed_and_their_ends_are_drawn() {
     assert!(near_one > 100, "only {near_one} of 20,000 lie within 1e-5 of the end");
 }
 
+// Lesson 9
 #[test]
 fn a_filter_that_rejects_everything_draws_nothing() {
     let domain = (0.0..=1.0_f32).filter(|_| false);
@@ -56,7 +59,7 @@ fn grids_hit_both_ends_exactly() {
     assert!([0.0..=1.0, -1.0..=1.0].map(|r| Grid::logarithmic(r, 9)).iter().all(Domain::is_empty));
 }
 
-/// The values of a domain are cast bit for bit to another type of the same shape.
+/// Values are converted, bit for bit, to another type of the same shape.
 #[test]
 fn a_domain_is_cast() {
     let (own, cast) = (UnitVector.edges(), UnitVector.cast::<glam::Vec3>().edges());

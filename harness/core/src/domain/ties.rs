@@ -1,9 +1,9 @@
-//! Ties components of a tuple to one another.
+//! Ties components of a tuple to each other.
 //!
-//! Many functions fail where components coincide: two equal directions have no angle between them, and two opposite
-//! ones have no half vector. Independent components coincide only at edges. So some samples make one component from
-//! another one of the same type: equal, opposite, or close to either. If the component's own domain doesn't have that
-//! value, the component keeps its sampled value.
+//! Many functions fail if two arguments are related: two equal directions have no angle between them, and two opposite
+//! directions have no half vector. Independent components are related only at edges. So some samples replace one
+//! component by a value made from another component of the same type: an equal value, the opposite, or a value close to
+//! one of these. If the component's own domain doesn't have this value, the component keeps its sampled value.
 
 use std::any::{Any, TypeId};
 
@@ -12,24 +12,24 @@ use glam::{Vec2, Vec3, Vec4};
 use super::direction::LENGTH;
 use super::{Domain, Origin, Shrinkable, Source};
 
-/// One in this many samples of a tuple with components of the same type has a tie.
+/// One of this many samples of a tuple has a tie, if components have the same type.
 const TIED: u64 = 8;
 
-/// One in this many samples with a tie has a second tie, so that three components coincide.
+/// One of this many samples with a tie has a second tie, which relates a third component.
 const TIED_AGAIN: u64 = 4;
 
-/// A component that is made from another.
+/// A relation by which one component determines another.
 #[derive(Clone, Debug)]
 pub(super) struct Tie {
     /// The component that keeps its sampled value.
     pub(super) from: usize,
-    /// The component that is made from it.
+    /// The component that is replaced.
     pub(super) to: usize,
     relation: Relation,
-    /// The stream that `from` was sampled from. A mapped domain, which can't check whether it has a value, samples an
-    /// equal one from this stream.
+    /// The stream from which `from` was sampled. A mapped domain can't check if it has a value. So it samples an equal
+    /// value from this stream.
     start: Source,
-    /// The random place of a value that is close.
+    /// The random numbers for a nearby value.
     place: Source,
 }
 
@@ -41,16 +41,15 @@ enum Relation {
     NearOpposite,
 }
 
-/// Returns `true` if a sampled tuple has ties. Takes nothing from the stream if all components have different types,
-/// which are in `types`. It is called for each sample, so it is compiled in this library, not in tests, which have
-/// little optimisation.
+/// Decides if a sampled tuple has ties. Takes nothing from the stream if all components have different types. This runs
+/// for each sample, so it is compiled in this crate, because tests are compiled with few optimisations.
 pub(super) fn are_drawn(types: &[TypeId], source: &mut Source) -> bool {
     let alike = (1..types.len()).any(|one| (0..one).any(|other| types[one] == types[other]));
     alike && source.below(TIED) == 0
 }
 
-/// Samples the ties of a case with ties. `types` are the types of the components, and `starts` the streams that they
-/// were sampled from. `apply` ties one component, or returns that it can't. Returns the ties that hold.
+/// Samples the ties of a tuple. `types` are the types of the components, and `starts` are the streams from which they
+/// were sampled. `apply` ties one component, and returns `false` if it can't. Returns the ties that were applied.
 pub(super) fn draw(
     types: &[TypeId],
     starts: &[Source],
@@ -79,14 +78,15 @@ pub(super) fn draw(
     ties
 }
 
-/// Two components of one type, the second of which is in no tie yet.
+/// Two random components of the same type. The second component has no tie yet.
 fn like(types: &[TypeId], ties: &[Tie], source: &mut Source) -> Option<(usize, usize)> {
     let index = source.below(pairs(types, ties, usize::MAX).0 as u64);
     pairs(types, ties, usize::try_from(index).ok()?).1
 }
 
-/// The number of such pairs, and the pair with the wanted index. Written as loops, because tests have little
-/// optimisation, and this runs for one sample in eight.
+/// Counts the pairs of components of the same type in which the second component has no tie yet, and returns the pair
+/// with the index `wanted`. The function is a loop, because tests are compiled with few optimisations, and it runs for
+/// one sample in eight.
 fn pairs(types: &[TypeId], ties: &[Tie], wanted: usize) -> (usize, Option<(usize, usize)>) {
     let (mut count, mut found) = (0, None);
     for from in 0..types.len() {
@@ -108,7 +108,7 @@ fn is_tied(to: usize, ties: &[Tie]) -> bool {
 }
 
 impl Tie {
-    /// The value that the tie makes from `from`; `None` if the component's domain doesn't have it.
+    /// The value that the tie makes from `from`. `None` if the component's domain doesn't have this value.
     pub(super) fn value<D: Domain>(&self, domain: &D, from: &dyn Any) -> Option<D::Value> {
         let related = self.related::<D::Value>(from)?;
         match domain.admits(&related) {
@@ -118,7 +118,7 @@ impl Tie {
         }
     }
 
-    /// The same, with the simpler values next to it.
+    /// The value that the tie makes from `from`, with its simpler values.
     pub(super) fn shrinkable<'a, D: Domain>(
         &self,
         domain: &'a D,
@@ -128,8 +128,8 @@ impl Tie {
         self.of_related(domain, from, again)
     }
 
-    /// The value that keeps the tie when `from` is simplified. `simpler` is the value at the same place of the
-    /// component's own simplification. In a domain that can't be asked for a value, it is an equal one.
+    /// The value that keeps the tie after `from` was simplified. A mapped domain can't check if it has this value. It
+    /// uses `simpler`, the component's own simpler value at the same index, if the tie is an equality.
     pub(super) fn simpler<'a, D: Domain>(
         &self,
         domain: &'a D,
@@ -164,7 +164,7 @@ impl Tie {
     }
 }
 
-/// Applies a function to the floats of a value; `None` if it isn't made of floats.
+/// Applies a function to the floats of a value. `None` if the value isn't made of floats.
 fn floats(value: &dyn Any, change: impl FnOnce(&mut [f32])) -> Option<Box<dyn Any>> {
     if let Some(value) = value.downcast_ref::<f32>() {
         let mut floats = [*value];
@@ -189,12 +189,11 @@ fn opposite(value: &dyn Any) -> Option<Box<dyn Any>> {
     if let Some(value) = value.downcast_ref::<i32>() {
         return Some(Box::new(value.checked_neg()?));
     }
-    // The opposite of 0 is 0: no other sample is a zero with a sign.
+    // The opposite of 0 is 0, because no other sample is -0.
     floats(value, |floats| floats.iter_mut().for_each(|float| *float = 0.0 - *float))
 }
 
-/// A nearby value, at a distance that is spread over all binades down to the last bit. A unit vector stays a unit
-/// vector.
+/// A value at a small random distance, from all binades down to the last bit. A unit vector stays a unit vector.
 fn near(value: &dyn Any, source: &mut Source) -> Option<Box<dyn Any>> {
     let up = source.bits() & 1 == 0;
     if let Some(value) = value.downcast_ref::<i32>() {
@@ -246,6 +245,7 @@ mod tests {
         v.to_array().into_iter().all(|component| component.abs() > 0.01)
     }
 
+    // Lesson 64
     #[test]
     fn like_directions_meet_off_the_axes() {
         let cases = all(&(UnitVector, UnitVector));
@@ -259,11 +259,12 @@ mod tests {
             assert!(count(&close) > 100, "{distance}");
             assert!(count(&|v, l| close(v, -l)) > 50, "{distance}");
         }
-        // Most cases, seven in eight, have no ties.
+        // Seven of eight cases have no ties.
         assert!(count(&|v, l| v.distance(l) > 0.2 && v.distance(-l) > 0.2) > 40_000);
     }
 
-    /// Three directions, one from a narrower domain: each pair coincides in some cases, and so do all three.
+    /// There are three directions, one from a narrower domain. In some cases two are equal, and in some all three.
+    // Lesson 64
     #[test]
     fn three_components_meet_within_their_domains() {
         let upper = || UnitVector.filter(|v| v.z > 0.0);
@@ -278,6 +279,7 @@ mod tests {
         assert!(count(&|(a, b, c)| a == b && b == c) > 50);
     }
 
+    // Lesson 64
     #[test]
     fn numbers_of_one_range_meet() {
         let cases = all(&(0.0..=1.0_f32, 0.5..=2.0_f32, Integers(-9..=9_i32), Integers(0..=9_i32)));
@@ -295,7 +297,8 @@ mod tests {
         assert!(colours.iter().filter(|(a, b)| a == b && a.x != a.y).count() > 1000);
     }
 
-    /// A mapped domain can't be asked for a value. It samples an equal one from the same stream.
+    /// A mapped domain can't check if it has a value, so it samples an equal value from the same stream.
+    // Lesson 64
     #[test]
     fn mapped_components_are_equal_in_some_cases() {
         let point = || (-9.0..=9.0_f32, 0.0..=1.0_f32).map(|(x, y)| Vec3::new(x, y, x * y));

@@ -5,16 +5,16 @@ use glam::{DMat4, DQuat, DVec3};
 use super::words::Words;
 use super::{Domain, Emptiness, Source, UnitVector};
 
-/// The range of scales: from a quarter to four times.
+/// The largest logarithm of a scale, to base 2: scales are from a quarter to four.
 const SCALES: f64 = 2.0;
 
-/// The sine and the cosine of an eighth of a turn: a quaternion with these rotates by a quarter.
+/// The sine and the cosine of an eighth of a turn. A quaternion of these two rotates by a quarter turn.
 const HALF: f64 = std::f64::consts::FRAC_1_SQRT_2;
 
-/// The largest distance along each axis.
+/// The largest distance that a matrix moves along each axis.
 const DISTANCE: f64 = 8.0;
 
-/// Matrices as hosts supply them: they rotate, scale, move and mirror, and have an inverse.
+/// Matrices such as hosts supply: they rotate, scale, move and mirror, and have an inverse.
 pub(super) struct Transform {
     columns: usize,
     rows: usize,
@@ -22,16 +22,16 @@ pub(super) struct Transform {
 }
 
 impl Transform {
-    /// `None` for a matrix that transforms no points, with two columns and three rows. If `perspective` is set, one
-    /// matrix of four rows and columns is a perspective projection.
+    /// `None` for a size that transforms no points: only square matrices and those of three by four do. If
+    /// `perspective` is set, one matrix of four rows and columns is a perspective projection.
     pub(super) fn of(columns: u8, rows: u8, perspective: bool) -> Option<Self> {
         let (columns, rows) = (usize::from(columns), usize::from(rows));
-        // A matrix of three columns and four rows is the transpose of one with four columns.
+        // A matrix of three columns and four rows is the transpose of a matrix of four columns and three rows.
         let is_known = columns == rows || matches!((columns, rows), (4, 3) | (3, 4));
         is_known.then_some(Self { columns, rows, perspective })
     }
 
-    /// The part of a three-dimensional transform that fits into the matrix.
+    /// Takes the part of a three-dimensional transform that fits into the matrix.
     fn words(&self, whole: DMat4) -> Vec<u32> {
         let whole = if (self.columns, self.rows) == (3, 4) { whole.transpose() } else { whole };
         let column = |at: usize| {
@@ -51,12 +51,12 @@ impl Words for Transform {
 
     fn draw(&self, source: &mut Source) -> Option<Vec<u32>> {
         let axis = UnitVector.draw(source)?.as_dvec3();
-        // A rotation within the plane affects only the first two axes, the only ones in a matrix of two rows.
+        // A matrix of two rows has only the first two axes, so it must rotate within their plane.
         let axis = if self.rows == 2 { DVec3::Z } else { axis };
         let turn = DQuat::from_axis_angle(axis, std::f64::consts::TAU * source.unit());
         let mut within = |most: f64| most * (2.0 * source.unit() - 1.0);
         let mut scale = DVec3::from_array([0; 3].map(|_| within(SCALES).exp2()));
-        // One matrix in four mirrors.
+        // One in four matrices mirrors.
         if within(1.0) > 0.5 {
             scale.x = -scale.x;
         }
@@ -70,15 +70,16 @@ impl Words for Transform {
             DMat4::from_scale(DVec3::new(2.0, 0.5, 1.0)),
             DMat4::from_scale(DVec3::new(-1.0, 1.0, 1.0)),
             DMat4::from_translation(DVec3::new(1.0, -2.0, 4.0)),
-            // Some elements of its diagonal are 0.
+            // Some elements of this matrix's diagonal are 0.
             DMat4::from_quat(DQuat::from_xyzw(0.0, 0.0, HALF, HALF)),
         ];
         if self.rows > 2 {
             all.push(DMat4::from_quat(DQuat::from_xyzw(HALF, 0.0, 0.0, HALF)));
         }
         if (self.columns, self.rows, self.perspective) == (4, 4, true) {
-            // It comes early, so that it meets each of a point's first edges. Its field of view is a quarter turn, its
-            // near plane is at 0.1 with depth 1, and its far plane is infinitely far.
+            // The projection comes early, so that it is combined with each of the first edges of a point. Its field of
+            // view is a quarter turn. Its near plane is at the distance 0.1 and has the depth 1. Its far plane is
+            // infinitely far away.
             const NEAR: f64 = 0.1;
             all.insert(
                 1,

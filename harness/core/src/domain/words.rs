@@ -1,8 +1,8 @@
-//! Values whose types are known at run time.
+//! Values as words, for types that are known only at run time.
 
 use super::{Emptiness, Source};
 
-/// Values of one number or vector, as words.
+/// A domain of one number or vector, whose values are words.
 pub(super) trait Words: Send + Sync {
     fn width(&self) -> usize;
     fn draw(&self, source: &mut Source) -> Option<Vec<u32>>;
@@ -14,6 +14,6 @@ pub(super) trait Words: Send + Sync {
     fn ends(&self) -> Option<[Vec<u32>; 2]> {
         None
     }
-    /// Simpler values, the simplest first.
+    /// The simpler values, the simplest first.
     fn shrink(&self, words: &[u32]) -> Vec<Vec<u32>>;
 }

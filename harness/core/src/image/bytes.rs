@@ -7,16 +7,15 @@ use std::path::Path;
 use super::ImageError;
 use crate::diagnostic::shown;
 
-/// The longest side that is read or written: a 16k texture.
+/// The longest side of an image that Karat reads or writes: that of a 16k texture.
 pub(super) const LONGEST_SIDE: u32 = 16_384;
-/// The most memory for the pixels of a file, and the longest file that is read, because a longer file wouldn't fit into
-/// the memory.
+/// The largest memory for the pixels of a file, and the length of the longest file that Karat reads.
 pub(super) const LARGEST_DECODED: u64 = 512 << 20;
-/// The largest ratio of pixels to file. Deflate reaches 1032:1 on constant images, so a file with about twice that is
-/// no image.
+/// The largest ratio of an image's pixels to its file, in bytes. Deflate reaches 1032:1 on constant images, so a file
+/// with a larger ratio than this isn't an image.
 pub(super) const LARGEST_RATIO: u64 = 2000;
 
-/// The beginnings of files that are often taken for images, or renamed to look like them.
+/// The first bytes of formats that people often rename to `.exr` or `.png`.
 const BEGINNINGS: [(&[u8], &str); 10] = [
     (&exr::meta::magic_number::BYTES, "an OpenEXR image"),
     (PNG, "a PNG image"),
@@ -37,11 +36,11 @@ pub(super) fn found(bytes: &[u8]) -> &'static str {
     match known {
         Some((_, name)) => name,
         None if bytes.is_empty() => "empty",
-        None => "of a format that isn't known",
+        None => "of an unknown format",
     }
 }
 
-/// A file's bytes, if it can be an image.
+/// The bytes of a file, if the file can be an image.
 pub(super) fn bytes(path: &Path) -> Result<Vec<u8>, ImageError> {
     let failed = |cause: Error| match cause.kind() {
         ErrorKind::NotFound => ImageError::Missing { path: shown(path) },
@@ -55,7 +54,7 @@ pub(super) fn bytes(path: &Path) -> Result<Vec<u8>, ImageError> {
     let announced = file.metadata().map_err(failed)?.len();
     let mut bytes = Vec::new();
     if announced <= LARGEST_DECODED {
-        // A device or a pipe has no known length, and may never end.
+        // A device or a pipe has no known length, and reading it may never end.
         file.take(LARGEST_DECODED + 1).read_to_end(&mut bytes).map_err(failed)?;
     }
     let length = announced.max(bytes.len() as u64);

@@ -1,4 +1,4 @@
-//! Errors of reading and writing image files.
+//! Errors when reading and writing image files.
 
 use std::path::Path;
 
@@ -12,9 +12,9 @@ use crate::diagnostic::shown;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum ImageFormat {
-    /// OpenEXR: floats, in named channels.
+    /// OpenEXR: floats in named channels.
     OpenExr,
-    /// PNG: integers, encoded for screens.
+    /// PNG: integers that are encoded for screens.
     Png,
 }
 
@@ -56,7 +56,7 @@ pub enum ImageError {
     Corrupt {
         /// The file.
         path: String,
-        /// The format that it was read as.
+        /// The format in which Karat tried to read it.
         format: ImageFormat,
         /// The problem.
         reason: String,
@@ -66,10 +66,10 @@ pub enum ImageError {
     Unknown {
         /// The file.
         path: String,
-        /// The format that its beginning suggests.
+        /// The format that the file's first bytes suggest.
         found: &'static str,
     },
-    /// A part's name can't be written.
+    /// A part of an image can't have this name.
     #[error("`{name}` can't name a part of an image: {reason}")]
     PartName {
         /// The name.
@@ -88,7 +88,7 @@ pub enum ImageError {
 }
 
 impl ImageError {
-    /// Turns a reason into an error, for `map_err`.
+    /// Makes an error from a reason, for `map_err`.
     pub(super) fn corrupt(path: &Path, format: ImageFormat) -> impl FnOnce(String) -> Self {
         move |reason| Self::Corrupt { path: shown(path), format, reason }
     }

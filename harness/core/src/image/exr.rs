@@ -1,8 +1,8 @@
 //! Reads and writes OpenEXR files.
 //!
-//! A file may be hostile or damaged: one flipped byte of a header can claim gigabytes. So `header` checks the header
-//! against the file's length and our limits before memory is reserved, and `chunks` and `guard` check each chunk before
-//! it is decompressed. The codecs and the writer are from the `exr` crate.
+//! A file may be hostile or damaged: one wrong byte in a header can announce gigabytes. So `header` checks the header
+//! against the file's length and Karat's limits before it reserves memory, and `chunks` and `guard` check each chunk
+//! before it is decompressed. The codecs and the writer are those of the `exr` crate.
 
 mod block;
 mod chunks;
@@ -34,13 +34,13 @@ use super::{Image, ImageError, ImageFormat};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Precision {
-    /// 16-bit floats: relative steps of 2^-11 = 4.9e-4.
+    /// 16-bit floats, with relative steps of 2^-11 = 4.9e-4.
     Half,
     /// 32-bit floats.
     Float,
 }
 
-/// An OpenEXR file of one or more parts: a frame, and further data about its pixels.
+/// An OpenEXR file of one or more parts: a frame, and other data of its pixels.
 ///
 /// ```no_run
 /// use karat::Image;
@@ -57,7 +57,7 @@ pub enum Precision {
 pub struct ExrFile {
     /// The parts. The first one is the frame.
     pub parts: Vec<Part>,
-    /// The string attribute `karat` of the first part.
+    /// The value of the first part's string attribute `karat`.
     pub metadata: Option<String>,
 }
 
@@ -73,17 +73,16 @@ pub struct ExrFile {
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Part {
-    /// Its name: letters, digits, `-`, `_` and `.`, at most 255. It may be empty in a file of one
-    /// part.
+    /// The part's name, of at most 255 letters, digits, `-`, `_` and `.`. In a file of one part, the name may be empty.
     pub name: String,
-    /// The format of its samples. Values above 65504 or below 6e-8, such as variances, need `Float`.
+    /// The format of the part's samples. Values above 65504 or below 6e-8, such as variances, need `Float`.
     pub precision: Precision,
-    /// Its pixels.
+    /// The part's pixels.
     pub image: Image,
 }
 
 impl Part {
-    /// A part.
+    /// Makes a part.
     ///
     /// ```
     /// use karat::Image;
@@ -100,16 +99,17 @@ impl Part {
 }
 
 impl ExrFile {
-    /// The primaries of ITU-R BT.709, and D65: `OpenEXR`'s default for a file without primaries.
+    /// The primaries of ITU-R BT.709 with the white point D65. They are `OpenEXR`'s default for a file without
+    /// primaries.
     pub const BT709: [f32; 8] = [0.64, 0.33, 0.30, 0.60, 0.15, 0.06, 0.3127, 0.3290];
 
-    /// Reads all parts that contain colours or greys. Other parts (depth, normals) are left out.
+    /// Reads all parts that contain colours or greys. It skips other parts (depth, normals).
     ///
-    /// From each part, it reads the channels R, G, B and A, or Y and A. Channels without a layer's name come first,
-    /// then those of the first layer that has them (`beauty.R`). A missing A is 1; Y is copied to R, G and B. Samples
-    /// of 16, 32 or unsigned 32 bits become `f32`. The image is the part's data window, at any place of the display
-    /// window. Of several levels, it reads the largest. It doesn't convert values to other
-    /// [`chromaticities`](Self::chromaticities).
+    /// From each part, it reads the channels R, G, B and A, or Y and A. It takes channels without a layer if the part
+    /// has them, and otherwise those of the first layer that has them (`beauty.R`). If A is missing, it is 1. Y is
+    /// copied to R, G and B. Samples may be 16-bit or 32-bit floats or 32-bit unsigned integers, and become `f32`. The
+    /// image is the part's data window, wherever it is in the display window. If a part has several levels, the
+    /// function reads the largest. It doesn't convert values to other [`chromaticities`](Self::chromaticities).
     ///
     /// ```no_run
     /// use karat::unstable::image::ExrFile;
@@ -143,7 +143,7 @@ impl ExrFile {
         Ok(Self { parts, metadata: file.parts.swap_remove(0).metadata })
     }
 
-    /// The first part with colours, or else the first one with greys; and the metadata.
+    /// The first part with colours, or else the first part with greys, and the metadata.
     pub(super) fn decode_first(bytes: &[u8]) -> Result<(Image, Option<String>), String> {
         let mut file = FileHeader::parse(bytes)?;
         let (index, selection) = first(&file).ok_or_else(|| colourless(&file))?;
@@ -151,8 +151,8 @@ impl ExrFile {
         Ok((image, file.parts.swap_remove(0).metadata))
     }
 
-    /// The names of the parts that [`read`](Self::read) would read, without reading their pixels. The first one is the
-    /// part that [`Image::read_exr`] reads; the others follow in the file's order.
+    /// The names of the parts that [`read`](Self::read) would read, without reading their pixels. The first name is
+    /// that of the part that [`Image::read_exr`] reads. The other names are in the file's order.
     ///
     /// ```no_run
     /// use karat::unstable::image::ExrFile;
@@ -162,7 +162,7 @@ impl ExrFile {
     /// ```
     ///
     /// # Errors
-    /// The same as for [`read`](Self::read), but pixels may be damaged.
+    /// The same as for [`read`](Self::read), except that damaged pixels are no error.
     pub fn part_names(path: &Path) -> Result<Vec<String>, ImageError> {
         let names = |bytes: &[u8]| {
             let file = FileHeader::parse(bytes)?;
@@ -178,8 +178,8 @@ impl ExrFile {
         names(&bytes(path)?).map_err(ImageError::corrupt(path, ImageFormat::OpenExr))
     }
 
-    /// The primaries of a file's colours: CIE x and y of red, green, blue and white, for the part that
-    /// [`Image::read_exr`] reads. A file without them has [`Self::BT709`].
+    /// The primaries of a file's colours: the CIE x and y of red, green, blue and white, for the part that
+    /// [`Image::read_exr`] reads. [`Self::BT709`] if the file has no primaries.
     ///
     /// ```no_run
     /// use karat::unstable::image::ExrFile;
@@ -190,20 +190,20 @@ impl ExrFile {
     /// ```
     ///
     /// # Errors
-    /// The same as for [`read`](Self::read), but pixels may be damaged.
+    /// The same as for [`read`](Self::read), except that damaged pixels are no error.
     pub fn chromaticities(path: &Path) -> Result<[f32; 8], ImageError> {
         let of = |bytes: &[u8]| {
             let file = FileHeader::parse(bytes)?;
             let (index, _) = first(&file).ok_or_else(|| colourless(&file))?;
-            // Writers store attributes that parts share only in the first part.
+            // Writers store attributes that all parts share only in the first part.
             let parts = [&file.parts[index], &file.parts[0]];
             Ok(parts.iter().find_map(|part| part.chromaticities).unwrap_or(Self::BT709))
         };
         of(&bytes(path)?).map_err(ImageError::corrupt(path, ImageFormat::OpenExr))
     }
 
-    /// Writes the file, with the metadata as its attribute `karat`. The same parts and metadata
-    /// give the same bytes. An existing file is replaced as a whole or not at all.
+    /// Writes the file, with the metadata as its attribute `karat`. The same parts and metadata always give the same
+    /// bytes. An existing file is replaced completely or not at all.
     ///
     /// ```no_run
     /// use karat::Image;
@@ -241,8 +241,8 @@ impl ExrFile {
 }
 
 impl Image {
-    /// Reads the first part with colours as [`ExrFile::read`] does, or the first with greys if
-    /// there is none, and the metadata of the file's first part. Other parts aren't decoded.
+    /// Reads the first part with colours, or else the first part with greys, as [`ExrFile::read`] does. Also reads the
+    /// metadata of the file's first part. Other parts aren't decoded.
     ///
     /// ```no_run
     /// use karat::Image;
@@ -261,7 +261,7 @@ impl Image {
         Ok((image.read_from(path, &bytes), metadata))
     }
 
-    /// Writes an OpenEXR file of one part without a name, as [`ExrFile::write`] does.
+    /// Writes an OpenEXR file with one part, which has no name, as [`ExrFile::write`] does.
     ///
     /// ```no_run
     /// use karat::Image;
@@ -284,7 +284,7 @@ impl Image {
     }
 }
 
-/// The first part with colours, or else the first one with greys.
+/// The index of the first part with colours, or else of the first part with greys.
 fn first(file: &FileHeader) -> Option<(usize, Selection)> {
     let selected = || file.parts.iter().map(select).enumerate();
     selected()
@@ -295,7 +295,7 @@ fn first(file: &FileHeader) -> Option<(usize, Selection)> {
 fn colourless(file: &FileHeader) -> String {
     let names = file.parts.iter().flat_map(|part| &part.channels);
     let names: Vec<_> = names.map(|channel| shown(&channel.name)).take(8).collect();
-    format!("it has no channels R, G and B, nor Y alone, but {}", names.join(", "))
+    format!("it has neither the channels R, G and B nor Y, but {}", names.join(", "))
 }
 
 fn decode(
@@ -329,7 +329,7 @@ fn decode(
     Ok(Image::new(*width, *height, pixels))
 }
 
-/// Converts samples in the machine's byte order, as the codecs return them.
+/// Converts samples to `f32`. The codecs return samples in the machine's byte order.
 fn convert(line: &[u8], sample: Sample, samples: &mut [f32]) {
     match sample {
         Sample::Half => {
@@ -372,7 +372,7 @@ mod tests {
     fn files_give_back_what_was_written_and_are_the_same_each_time() {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let path = folder.path().join("a.exr");
-        // A reviewer's reason is part of the metadata, whatever its text is.
+        // The metadata contain a reviewer's reason, which may be any text.
         let metadata = Some("{\"because\":\"größer → kleiner\"}");
         for precision in [Precision::Half, Precision::Float] {
             gradient().write_exr(&path, precision, metadata).expect("written");
@@ -387,6 +387,7 @@ mod tests {
         assert_eq!(left.len(), 1, "no temporary file stays behind");
     }
 
+    // Lesson 2
     #[test]
     fn damaged_files_are_errors_and_take_no_memory() {
         let bytes = encoded(&gradient(), Precision::Half);
@@ -405,14 +406,17 @@ mod tests {
             changed[edges + 4..edges + 8].copy_from_slice(&bottom.to_le_bytes());
             decode(&changed).expect_err("another size")
         };
-        let sides = "its header announces 16385 x 12 pixels, sides of 1 to 16384 are read";
+        let sides = "its header announces 16385 x 12 pixels, but Karat reads sides of 1 to 16384";
         assert_eq!(announcing(16_384, 11), sides);
-        let sides = "its header announces -2147483647 x 12 pixels, sides of 1 to 16384 are read";
+        let sides =
+            "its header announces -2147483647 x 12 pixels, but Karat reads sides of 1 to 16384";
         assert_eq!(announcing(i32::MIN, 11), sides);
-        let memory = "its header announces 4096 MB of pixels, 512 MB are read";
+        let memory = "its header announces 4096 MB of pixels, but Karat reads at most 512 MB";
         assert_eq!(announcing(16_383, 16_383), memory);
-        let ratio =
-            format!("its header announces 83886080 bytes of pixels in a file of {}", bytes.len());
+        let ratio = format!(
+            "its header announces 83886080 bytes of pixels, but the file has {} bytes",
+            bytes.len()
+        );
         assert_eq!(announcing(16_383, 639), ratio);
     }
 

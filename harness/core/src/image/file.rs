@@ -8,12 +8,13 @@ use super::{ExrFile, Image, ImageError, ImageFormat};
 use crate::diagnostic::shown;
 
 impl Image {
-    /// Reads an image. Its content decides the format, not its name: OpenEXR, as in [`read_exr`](Self::read_exr), or
-    /// PNG.
+    /// Reads an OpenEXR image, as [`read_exr`](Self::read_exr) does, or a PNG image. The file's content decides the
+    /// format, not its name.
     ///
-    /// A PNG is converted to linear values. Its values count as sRGB-encoded, unless it has a gAMA chunk and no sRGB
-    /// chunk. Colour profiles and cICP chunks are ignored. Greys become RGB. Alpha stays unchanged and isn't multiplied
-    /// into the colours; without alpha in the file, it is 1. Of an animation, the first frame is read.
+    /// A PNG is converted to linear values. Its values count as encoded in sRGB, unless the file has a gAMA chunk and
+    /// no sRGB chunk. Karat ignores colour profiles and cICP chunks. Greys become RGB. Alpha stays unchanged, and isn't
+    /// multiplied into the colours. If the file has no alpha, alpha is 1. From an animation, Karat reads the first
+    /// frame.
     ///
     /// ```no_run
     /// use karat::Image;
@@ -29,9 +30,9 @@ impl Image {
         Self::read_as(path, Samples::Colours)
     }
 
-    /// [`read`](Self::read) without converting a PNG to linear values: each value is divided by the largest possible
-    /// sample. Use it for numbers that aren't colours, such as a painted [`Mask`](crate::metric::Mask): a paint
-    /// program's 50 % is read as 0.5.
+    /// Like [`read`](Self::read), but doesn't convert a PNG to linear values: each value is the sample divided by the
+    /// largest possible sample. Use this for numbers that aren't colours, such as a painted
+    /// [`Mask`](crate::metric::Mask): a paint program's 50 % becomes 0.5.
     ///
     /// ```no_run
     /// use karat::Image;

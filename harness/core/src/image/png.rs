@@ -1,4 +1,4 @@
-//! PNG: writes previews for screens, and reads the files of other tools.
+//! PNG files: writes previews for screens, and reads files of other tools.
 
 mod read;
 
@@ -9,7 +9,7 @@ pub(super) use self::read::decode;
 use super::{Image, ImageError, encode_srgb};
 use crate::diagnostic::shown;
 
-/// The value that the key of an image is mapped to: middle grey.
+/// Middle grey: previews show the key of an image with this value.
 const MIDDLE_GREY: f32 = 0.18;
 
 /// The meaning of a PNG's samples.
@@ -17,13 +17,13 @@ const MIDDLE_GREY: f32 = 0.18;
 pub(super) enum Samples {
     /// Light, encoded for screens.
     Colours,
-    /// Numbers.
+    /// Numbers that aren't colours.
     Data,
 }
 
 impl Image {
-    /// Writes an 8-bit sRGB PNG as a preview. The exposure maps the image's key to middle grey; highlights are
-    /// compressed (Reinhard et al. 2002, eq. 3). NaN is magenta, infinities are yellow.
+    /// Writes an 8-bit sRGB PNG as a preview. The exposure maps the image's key to middle grey. Highlights are
+    /// compressed (Reinhard et al. 2002, eq. 3). NaN becomes magenta, infinities become yellow.
     ///
     /// ```no_run
     /// use karat::Image;
@@ -38,7 +38,7 @@ impl Image {
         self.write_png_exposed(path, 0.0)
     }
 
-    /// [`write_png`](Self::write_png), brighter by `stops`: 1 doubles the exposure, -1 halves it.
+    /// Like [`write_png`](Self::write_png), but brighter by `stops`: 1 doubles the exposure, -1 halves it.
     ///
     /// ```no_run
     /// use karat::Image;
@@ -58,7 +58,7 @@ impl Image {
         written(path, (self.width, self.height), png::ColorType::Rgb, &self.exposed(stops))
     }
 
-    /// The colours, with three bytes a pixel.
+    /// The preview's colours, with three bytes for each pixel.
     fn exposed(&self, stops: f32) -> Vec<u8> {
         let exposure = MIDDLE_GREY / self.key() * stops.exp2();
         let mut bytes = Vec::with_capacity(self.pixels.len() * 3);
@@ -70,8 +70,8 @@ impl Image {
                 bytes.extend([255, 255, 0]);
             } else {
                 bytes.extend(rgb.map(|value| {
-                    // Black stays black even if the exposure overflows (0 * inf), and a value that overflows is white:
-                    // this form of the quotient works for an infinite x.
+                    // This form of the quotient works for an infinite x. Black stays black even if the exposure
+                    // overflows (0 * inf), and a value that overflows becomes white.
                     let exposed = (value * exposure).max(0.0);
                     to_srgb(1.0 / (1.0 + 1.0 / exposed))
                 }));
@@ -81,7 +81,7 @@ impl Image {
     }
 }
 
-/// Writes colours unchanged: four bytes of 8-bit sRGB and alpha a pixel, row by row.
+/// Writes colours unchanged. Each pixel has four bytes, 8-bit sRGB and alpha. Pixels are in rows.
 ///
 /// # Errors
 /// If the file can't be written.
@@ -89,7 +89,6 @@ pub fn write_colours(path: &Path, size: (u32, u32), colours: &[u8]) -> Result<()
     written(path, size, png::ColorType::Rgba, colours)
 }
 
-/// Writes a file of 8-bit sRGB.
 fn written(
     path: &Path,
     (width, height): (u32, u32),
@@ -119,7 +118,7 @@ fn to_srgb(linear: f32) -> u8 {
 mod tests {
     use super::*;
 
-    /// The red channel of each pixel in a grey image.
+    /// The red channel of each pixel in the preview of a grey image.
     fn reds(values: &[f32], stops: f32) -> Vec<u8> {
         let pixels: Vec<_> = values.iter().map(|value| [*value, *value, *value, 1.0]).collect();
         let image = Image::new(u32::try_from(pixels.len()).expect("few"), 1, pixels);
@@ -128,7 +127,7 @@ mod tests {
 
     #[test]
     fn a_stop_is_a_factor_of_two() {
-        // Values such as 0.18 / 1.18, encoded.
+        // The expected values are 0.18 / 1.18 and the like, encoded as sRGB.
         assert_eq!(reds(&[5.0], 0.0), [109]);
         assert_eq!(reds(&[5.0], 1.0), reds(&[10.0, 2.5], 0.0)[..1]);
         assert_eq!(reds(&[5.0], -1.0), reds(&[10.0, 2.5], 0.0)[1..]);
@@ -143,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_finite_has_colours_of_its_own() {
+    fn nan_and_infinity_have_their_colours() {
         let image = Image::new(2, 1, vec![[f32::NAN, 1.0, 1.0, 1.0], [f32::INFINITY; 4]]);
         assert_eq!(image.exposed(0.0), [255, 0, 255, 255, 255, 0]);
     }

@@ -1,13 +1,14 @@
-//! Writes files completely or not at all.
+//! Writes a file completely or not at all.
 
 use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Error, ErrorKind, Write};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// Writes a temporary file beside the path, then renames it: the path has either the whole old file or the whole new
-/// one. Concurrent writers use different temporary files, and the last rename wins. A link stays a link; its target is
-/// replaced. A device, a pipe or an open file of this process (`/dev/stdout`) is written to directly.
+/// Writes a temporary file in the same folder, then renames it. So the path has either the whole old file or the whole
+/// new file. Concurrent writers use different temporary files, and the last rename wins. If the path is a link, the
+/// link stays, and its target is replaced. A device, a pipe or a file that this process has open (`/dev/stdout`) is
+/// written directly.
 ///
 /// ```no_run
 /// karat::unstable::image::write_whole("report.html".as_ref(), b"<!doctype html>")?;
@@ -17,18 +18,18 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// # Errors
 /// If the folder or file can't be written.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
-    // A program that has the file open would go on writing into the replaced file.
+    // If a program has the file open, it would write on into the replaced file.
     let is_open = ["/dev/stdout", "/dev/stderr", "/dev/fd", "/proc"];
     let is_open = cfg!(unix) && is_open.iter().any(|above| path.starts_with(above));
     match path.metadata() {
         Ok(found) if is_open || !(found.is_file() || found.is_dir()) => std::fs::write(path, bytes),
-        // A link's target may be in another folder.
+        // The target of a link may be in another folder.
         Ok(_) => Staged::new(&path.canonicalize()?, bytes)?.commit(),
         Err(_) => Staged::new(path, bytes)?.commit(),
     }
 }
 
-/// Appends a line to this process's file of a kind in a folder. Each kind has its own extension.
+/// Appends a line to a file in a folder. Each process has its own file for each extension (`ending`).
 ///
 /// # Panics
 /// If the line can't be written.
@@ -37,16 +38,17 @@ pub fn append_line(folder: &Path, ending: &str, line: &str) {
     let path = folder.join(format!("{}.{ending}", std::process::id()));
     let appended = std::fs::create_dir_all(folder)
         .and_then(|()| OpenOptions::new().create(true).append(true).open(&path))
-        // In one piece, because threads write at the same time.
+        // The line is written at once, because several threads write.
         .and_then(|mut file| file.write_all(format!("{line}\n").as_bytes()));
     if let Err(error) = appended {
         panic!("can't write the record `{}`: {error}", path.display());
     }
 }
 
-/// A file that was written beside its place, but not yet renamed. It is removed if it is dropped before the rename.
+/// A file that was written under a temporary name, and isn't renamed yet. If it is dropped before the rename, it is
+/// removed.
 ///
-/// It stays locked as long as its writer lives: see [`is_leftover`].
+/// The file stays locked while its writer has it: see [`is_leftover`].
 #[derive(Debug)]
 #[doc(hidden)]
 pub struct Staged<'a> {
@@ -62,7 +64,7 @@ impl<'a> Staged<'a> {
             std::fs::create_dir_all(folder)?;
         }
         let (beside, mut file) = create_beside(place)?;
-        // The system may notice a full disk only when it writes delayed data.
+        // Without this, the system may report a full disk only after the rename.
         let written = file.write_all(bytes).and_then(|()| file.sync_all());
         let staged = Self { beside, place, _held: file };
         written.map(|()| staged)
@@ -76,12 +78,13 @@ impl<'a> Staged<'a> {
 
 impl Drop for Staged<'_> {
     fn drop(&mut self) {
-        // After a rename this file no longer exists. Otherwise the first error is the important one.
+        // After a rename, the temporary file no longer exists. Otherwise, the first error is more important than an
+        // error here.
         drop(std::fs::remove_file(&self.beside));
     }
 }
 
-/// A new, locked file in the same folder, with a name that no other thread or process uses.
+/// Makes a new, locked file in the same folder. No other thread or process uses its name.
 fn create_beside(path: &Path) -> std::io::Result<(PathBuf, File)> {
     static COUNT: AtomicU64 = AtomicU64::new(0);
     let name = path
@@ -93,15 +96,15 @@ fn create_beside(path: &Path) -> std::io::Result<(PathBuf, File)> {
         beside.push(format!(".{}-{count}.tmp", std::process::id()));
         let beside = path.with_file_name(beside);
         match OpenOptions::new().write(true).create_new(true).open(&beside) {
-            // A killed process with the same id left it, or a process on another machine.
+            // A killed process with the same id, or a process on another machine, has left this file.
             Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
             opened => {
                 let file = opened?;
-                // A clean-up may have taken it for a leftover before it was locked.
+                // Another process may have removed the file as a leftover before it was locked.
                 match file.try_lock() {
                     Err(TryLockError::WouldBlock) => {}
                     Ok(()) if !beside.exists() => {}
-                    // Some file systems support no locks; there, nothing is cleaned up.
+                    // Some file systems don't support locks. On them, leftovers stay.
                     Ok(()) | Err(TryLockError::Error(_)) => return Ok((beside, file)),
                 }
             }
@@ -109,13 +112,13 @@ fn create_beside(path: &Path) -> std::io::Result<(PathBuf, File)> {
     }
 }
 
-/// Returns `true` for a temporary file of a golden, a frame or their facts, if its process ended before the rename. No
-/// other files use such names.
+/// Checks if a file is a temporary file of a golden, a frame or their provenance whose process ended before the rename.
+/// Other files don't have such names.
 ///
 /// ```
 /// # let folder = tempfile::tempdir()?;
 /// let file = folder.path().join("sky.exr.1234-0.tmp");
-/// std::fs::write(&file, "half of it")?; // by a process that was killed
+/// std::fs::write(&file, "half of it")?; // the process that wrote this was killed
 /// assert!(karat::unstable::image::is_leftover(&file));
 /// # Ok::<(), std::io::Error>(())
 /// ```
@@ -124,15 +127,15 @@ pub fn is_leftover(path: &Path) -> bool {
     is_beside(path) && unheld(path).is_some()
 }
 
-/// Removes a file if it [is a leftover](is_leftover), and returns whether it was.
+/// Removes a file if it [is a leftover](is_leftover). Returns `true` if it was removed.
 #[doc(hidden)]
 pub fn remove_leftover(path: &Path) -> bool {
-    // The file stays locked during this: its writer may be about to lock it.
+    // The lock is held until the file is removed, because the file's writer may be about to lock it.
     let held = if is_beside(path) { unheld(path) } else { None };
     held.is_some() && std::fs::remove_file(path).is_ok()
 }
 
-/// Returns `true` if a file has the name of a temporary file for an image or facts: `scene.exr.1234-0.tmp`.
+/// Checks if a file has the name of a temporary file for an image or its provenance: `scene.exr.1234-0.tmp`.
 ///
 /// ```
 /// use karat::unstable::image::is_beside;
@@ -154,9 +157,9 @@ pub fn is_beside(path: &Path) -> bool {
     path.file_name().and_then(|name| name.to_str()).and_then(is_ours).unwrap_or(false)
 }
 
-/// The file, locked, if no other process holds the lock.
+/// Opens and locks the file. `None` if another process has the lock.
 fn unheld(path: &Path) -> Option<File> {
-    // A link isn't Karat's, and opening a pipe would wait.
+    // Karat makes no links, and opening a pipe would wait.
     if !path.symlink_metadata().ok()?.is_file() {
         return None;
     }
@@ -168,13 +171,14 @@ fn unheld(path: &Path) -> Option<File> {
 mod tests {
     use super::*;
 
+    // Lesson 60
     #[test]
     fn a_file_is_a_leftover_when_its_writer_is_gone() {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let place = folder.path().join("scene.exr");
         let staged = Staged::new(&place, b"golden").expect("written");
         let beside = staged.beside.clone();
-        assert!(is_beside(&beside) && !is_leftover(&beside), "its writer lives");
+        assert!(is_beside(&beside) && !is_leftover(&beside), "its writer still has the file");
         assert!(!remove_leftover(&beside) && beside.exists());
         staged.commit().expect("renamed");
         assert_eq!(std::fs::read(&place).expect("there"), b"golden");

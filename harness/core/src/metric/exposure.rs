@@ -7,10 +7,10 @@ use crate::image::luminance;
 
 /// A range of exposures, in stops: an exposure of `e` multiplies linear colours by 2^e.
 ///
-/// The darkest exposure brings the golden's highlights to 0.85 of a display's white, and the brightest brings its
-/// median luminance there (Andersson et al. 2021, section 3.2). There are two differences from the paper. Highlights
-/// are the 99.9th percentile instead of the maximum, which one firefly can move by six stops. And black pixels don't
-/// count, because they may be the majority.
+/// At the darkest exposure, the golden's highlights have 0.85 of a display's white. At the brightest, the golden's
+/// median luminance does (Andersson et al. 2021, section 3.2). There are two differences from the paper. First,
+/// highlights are the 99.9th percentile instead of the maximum, because one firefly can move the maximum by six stops.
+/// Second, black pixels don't count, because they may be the majority.
 ///
 /// ```
 /// use karat::unstable::metric::ExposureRange;
@@ -25,13 +25,13 @@ pub struct ExposureRange {
     pub stop: f64,
 }
 
-/// The value at which the tone curve of [`Flip`](super::Flip) reaches 0.85: the larger root of `a x^2 + b x + c`, which
-/// is the curve (ACES, Narkowicz 2016, scaled by 0.6) minus 0.85.
+/// The value at which the tone curve of [`Flip`](super::Flip) reaches 0.85. It is the larger root of `a x^2 + b x + c`,
+/// which is the tone curve (ACES, Narkowicz 2016, scaled by 0.6) minus 0.85.
 const NEAR_WHITE: f64 = {
     let a = 0.6 * 0.6 * (2.51 - 0.85 * 2.43);
     let b = 0.6 * (0.03 - 0.85 * 0.59);
     let c = -0.85 * 0.14;
-    // One root is negative, and one is positive. Newton's method finds it, since `sqrt` isn't const.
+    // One root is negative, and one is positive. Newton's method finds the positive root, because `sqrt` isn't const.
     let (mut x, mut step) = (10.0, 0);
     while step < 60 {
         x -= (a * x * x + b * x + c) / (2.0 * a * x + b);
@@ -40,21 +40,21 @@ const NEAR_WHITE: f64 = {
     x
 };
 
-/// The widest range: 32 stops cover a half float from its smallest normal number.
+/// The widest range. 32 stops cover a half float from its smallest normal number to its largest.
 const WIDEST: f64 = 32.0;
 
-/// The most exposures that FLIP compares at once, one a stop: `flip-rs` refuses more. An exposure further from 0 would
-/// also overflow a float.
+/// The largest number of exposures that FLIP compares, one for each stop. `flip-rs` refuses more. An exposure that is
+/// further from 0 would also overflow a float.
 const MOST: usize = flip_rs::MAX_EXPOSURES;
 
 impl ExposureRange {
-    /// The range for a golden. A black golden has the range of a white image.
+    /// The range for a golden. A black golden has the same range as a white image.
     ///
     /// ```
     /// use karat::Image;
     /// use karat::unstable::metric::ExposureRange;
     ///
-    /// // A brighter picture is looked at with less exposure.
+    /// // A brighter image needs less exposure.
     /// let of = |light: f32| ExposureRange::of(&Image::new(1, 1, vec![[light, light, light, 1.0]]));
     /// assert!(of(100.0).start < of(1.0).start);
     /// ```
@@ -79,7 +79,7 @@ impl ExposureRange {
         Self { start, stop: stop.clamp(start, start + WIDEST) }
     }
 
-    /// The number of exposures: one for each stop of the range, and at least two. They include both ends.
+    /// The number of exposures, including both ends: one for each stop of the range, and at least two.
     ///
     /// ```
     /// use karat::unstable::metric::ExposureRange;
@@ -93,28 +93,28 @@ impl ExposureRange {
         count
     }
 
-    /// Exposures below this range, in whole stops, up to one that shows a luminance; `None` if the range already shows
-    /// it.
+    /// The exposures below this range, in whole stops, down to the first that shows a luminance. `None` if the range
+    /// already shows the luminance.
     pub(super) fn below(&self, luminance: f32) -> Option<Self> {
         let missing = (self.start - stops(f64::from(luminance))).ceil();
         (missing > 0.0).then_some(Self { start: self.start - missing, stop: self.start - 1.0 })
     }
 
-    /// Exposures above this range, up to one that shows a dark luminance as brightly as the range shows the median;
-    /// `None` if the range already does.
+    /// The exposures above this range, up to the first that shows a dark luminance as brightly as this range shows the
+    /// median. `None` if the range already does.
     pub(super) fn above(&self, luminance: f32) -> Option<Self> {
         let missing = (stops(f64::from(luminance)) - self.stop).ceil();
         (missing > 0.0).then_some(Self { start: self.stop + 1.0, stop: self.stop + missing })
     }
 
-    /// Returns `true` if FLIP can compare the whole range, stop by stop.
+    /// Checks if FLIP can compare the whole range, stop by stop.
     pub(super) fn is_visible(&self) -> bool {
         let most = MOST as f64;
         self.stop - self.start < most && self.start > -most && self.stop < most
     }
 }
 
-/// The exposure that brings a luminance close to white, to a hundredth of a stop.
+/// The exposure that brings a luminance close to white, rounded to a hundredth of a stop.
 fn stops(luminance: f64) -> f64 {
     ((NEAR_WHITE / luminance).log2() * 100.0).round() / 100.0
 }
@@ -148,7 +148,7 @@ mod tests {
         let black = ExposureRange::of(&white_with(10_000, 0.0));
         assert_eq!(black.start, black.stop);
         assert!(black.start.is_finite());
-        // More than half of the pixels are black; the others still decide the range.
+        // More than half of the pixels are black, and the other pixels still decide the range.
         let half = ExposureRange::of(&white_with(6_000, 0.0));
         assert_eq!(half, ExposureRange::of(&white_with(0, 0.0)));
     }

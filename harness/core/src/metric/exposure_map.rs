@@ -1,11 +1,11 @@
-//! The exposures at which errors are largest.
+//! The exposures at which the errors of pixels are largest.
 
 use std::ops::RangeInclusive;
 
 use super::mask::Rect;
 use super::pair::Pair;
 
-/// For each pixel of a part of a frame, the exposure at which its error is largest.
+/// For each pixel of a rectangle of a frame, the exposure at which the pixel's error is largest.
 ///
 /// ```
 /// use karat::Image;
@@ -15,18 +15,18 @@ use super::pair::Pair;
 /// let grey = |light: f32| Image::new(32, 32, vec![[light, light, light, 1.0]; 1024]);
 /// let (golden, actual) = (grey(0.5), grey(0.6));
 /// let exposures = Flip::MEAN.exposures(&Pair::new(&golden, &actual)?)?;
-/// assert!(exposures.at(16, 16).is_some(), "its error is largest at some exposure");
+/// assert!(exposures.at(16, 16).is_some(), "the pixel has an error");
 /// # Ok::<(), Box<dyn std::error::Error>>(())
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExposureMap {
     rect: Rect,
-    /// In stops; NaN without an error.
+    /// The exposures in stops. NaN for pixels without an error.
     values: Vec<f32>,
 }
 
 impl ExposureMap {
-    /// The exposures of a rectangle, row by row; NaN without an error.
+    /// Makes a map from the exposures of a rectangle, row by row. NaN marks a pixel without an error.
     pub(super) fn new(rect: Rect, mut values: Vec<f32>, pair: &Pair<'_>) -> Self {
         for (index, value) in (0..).zip(&mut values) {
             let (x, y) = (rect.left + index % rect.width, rect.top + index / rect.width);
@@ -37,7 +37,7 @@ impl ExposureMap {
         Self { rect, values }
     }
 
-    /// The part of the frame that was examined.
+    /// The rectangle of the frame that was examined.
     ///
     /// ```
     /// # use karat::Image;
@@ -55,7 +55,8 @@ impl ExposureMap {
         self.rect
     }
 
-    /// The exposure of a pixel of the frame, in stops; `None` if it has no error, wasn't examined, or isn't compared.
+    /// The exposure of one pixel of the frame, in stops. `None` if the pixel has no error, is outside of the rectangle,
+    /// or isn't compared.
     ///
     /// ```
     /// # use karat::Image;
@@ -65,7 +66,7 @@ impl ExposureMap {
     /// # let (golden, actual) = (grey(0.5), grey(0.6));
     /// let exposures = Flip::MEAN.exposures(&Pair::new(&golden, &actual)?)?;
     /// assert!(exposures.at(0, 0).is_some());
-    /// assert_eq!(exposures.at(32, 0), None); // beside the frame
+    /// assert_eq!(exposures.at(32, 0), None); // outside of the frame
     /// # Ok::<(), Box<dyn std::error::Error>>(())
     /// ```
     #[must_use]
@@ -77,7 +78,7 @@ impl ExposureMap {
         Some(self.values[row * self.rect.width as usize + column]).filter(|stops| !stops.is_nan())
     }
 
-    /// The darkest and the brightest exposure of all pixels; `None` if no pixel has an error.
+    /// The darkest and the brightest exposure of all pixels. `None` if no pixel has an error.
     ///
     /// ```
     /// # use karat::Image;

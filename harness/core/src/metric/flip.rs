@@ -1,12 +1,12 @@
 //! HDR-FLIP: the difference that a person sees when a display alternates between two images.
 //!
-//! Andersson et al. 2020, "FLIP: A Difference Evaluator for Alternating Images"; Andersson et al. 2021, "Visualizing
-//! Errors in Rendered High Dynamic Range Images". The images are shown at several exposures, and the largest error of
-//! each pixel counts. `flip-rs` computes it, and `harness/tests/metric.rs` compares the result with NVIDIA's own
-//! implementation.
+//! Sources: Andersson et al. 2020, "FLIP: A Difference Evaluator for Alternating Images"; Andersson et al. 2021,
+//! "Visualizing Errors in Rendered High Dynamic Range Images". HDR-FLIP compares the images at several exposures, and
+//! takes the largest error of each pixel. `flip-rs` computes these errors. `harness/tests/metric.rs` compares them with
+//! those of NVIDIA's implementation.
 //!
-//! HDR-FLIP is made for colours that a display can show, so it ignores alpha and negative light. Here, a difference in
-//! those is a failure, not a small error.
+//! HDR-FLIP is made for colours that a display can show, so it ignores alpha and negative light. If alpha or a negative
+//! value differs, this metric fails.
 
 use flip_rs::{HdrOptions, RgbImage, hdr_flip};
 
@@ -20,7 +20,7 @@ use super::tiles::ErrorMap;
 use super::{Measured, Metric};
 use crate::image::Image;
 
-/// The error of HDR-FLIP, 0 to 1.
+/// The HDR-FLIP error of a frame, from 0 to 1.
 ///
 /// ```
 /// use karat::Image;
@@ -35,13 +35,13 @@ use crate::image::Image;
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Flip {
-    /// Pixels per degree of vision: 67 for a 0.7 m wide display of 3840 pixels, seen from 0.7 m.
+    /// Pixels per degree of vision. A display with 3840 pixels that is 0.7 m wide, seen from 0.7 m, has 67.
     pub pixels_per_degree: f32,
-    /// The way in which the errors of all pixels become one number.
+    /// The method that turns the errors of all pixels into one number.
     pub pool: Pool,
 }
 
-/// The way in which the errors of all pixels become one number.
+/// The method that turns the errors of all pixels into one number.
 ///
 /// ```
 /// use karat::metric::{Flip, Pool};
@@ -56,23 +56,23 @@ pub enum Pool {
     Mean,
 }
 
-/// The reason why FLIP has no map.
+/// The reason why FLIP can't compute a map.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[non_exhaustive]
 pub enum FlipFailure {
-    /// Alpha differs, which FLIP ignores.
-    #[error("alpha is off at ({0}, {1}), which FLIP doesn't see")]
+    /// Alpha differs, and FLIP ignores alpha.
+    #[error("alpha differs at ({0}, {1}), and FLIP ignores alpha")]
     Alpha(u32, u32),
     /// A negative value differs, and displays don't show negative values.
-    #[error("a negative value is off at ({0}, {1}), which FLIP doesn't see")]
+    #[error("a negative value differs at ({0}, {1}), and FLIP ignores negative values")]
     Negative(u32, u32),
-    /// A value differs that is too bright or too dark for the exposures that FLIP can use.
+    /// A value differs, and it is too bright or too dark for all exposures that FLIP can use.
     #[error(
-        "{light:e} at ({x}, {y}) is over 128 stops from what the golden's exposures show, and FLIP \
-         looks no further: have the shader clamp it, or compare by the gate alone"
+        "{light:e} at ({x}, {y}) is more than 128 stops outside of the golden's exposures: \
+         clamp the value in the shader, or compare only by the gate"
     )]
     Exposures {
-        /// The brighter value of golden and frame.
+        /// The brighter of the golden's and the frame's value.
         light: f32,
         /// Column.
         x: u32,
@@ -85,19 +85,20 @@ pub enum FlipFailure {
 }
 
 impl Flip {
-    /// Uses the largest mean of a tile.
+    /// FLIP with the largest mean of a tile.
     pub const LARGEST_TILE: Self = Self::with(Pool::LargestTile);
-    /// Uses the mean.
+    /// FLIP with the mean of all pixels.
     pub const MEAN: Self = Self::with(Pool::Mean);
 
     const fn with(pool: Pool) -> Self {
         Self { pixels_per_degree: flip_rs::DEFAULT_PPD, pool }
     }
 
-    /// The distance at which a pixel's difference is visible: three standard deviations of the widest filter. Andersson
-    /// et al. 2020, sections 4.1 and 4.2.
+    /// The largest distance between two pixels that affect each other's errors: three standard deviations of the widest
+    /// filter. Andersson et al. 2020, sections 4.1 and 4.2.
     pub(super) fn reach(&self) -> u32 {
-        // The widest Gaussian of contrast sensitivity, b = 0.04, and features of 0.082 degrees.
+        // The two candidates are the widest Gaussian of contrast sensitivity (b = 0.04), and the features' size of
+        // 0.082 degrees.
         let widest = (0.04 / (2.0 * std::f32::consts::PI.powi(2))).sqrt();
         let reach = (3.0 * widest.max(0.5 * 0.082) * self.pixels_per_degree).ceil();
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 4096")]
@@ -105,10 +106,10 @@ impl Flip {
         reach
     }
 
-    /// The errors of a part of the frame: the pixels that differ by more than [`Gate::default`] allows, and those close
-    /// enough to be affected. They equal those of the whole frame bit for bit. If a differing pixel is too bright for
-    /// the golden's exposures, darker exposures are added. For one that is too dark, brighter ones are added, down to
-    /// the gate's limit.
+    /// The errors of a rectangle of the frame. It contains the pixels that differ by more than [`Gate::default`]
+    /// allows, and all pixels that they affect. The errors are equal, bit for bit, to those of the whole frame. If a
+    /// differing pixel is too bright for the golden's exposures, FLIP also uses darker exposures. If a differing pixel
+    /// is too dark, FLIP also uses brighter exposures, up to the limit of the gate.
     ///
     /// ```
     /// use karat::Image;
@@ -123,16 +124,17 @@ impl Flip {
     /// ```
     ///
     /// # Errors
-    /// If FLIP ignores the difference, or if it can't be computed.
+    /// If FLIP ignores the difference, or can't compute the errors.
     ///
     /// *Unstable*: for programs around tests.
     pub fn map(&self, pair: &Pair<'_>) -> Result<ErrorMap, FlipFailure> {
         self.worst(pair).map(|worst| worst.errors)
     }
 
-    /// For each pixel, the exposure at which its error in [`map`](Self::map) is largest, in stops: dark for a
-    /// difference in highlights, bright for one in shadows. If several have the same error, it is the darkest of them.
-    /// The exposures are [`Pair::exposures`], one a stop, and those that `map` adds.
+    /// For each pixel, the exposure at which its error in [`map`](Self::map) is largest, in stops. The exposure is low
+    /// for a difference in highlights, and high for a difference in shadows. If several exposures have the largest
+    /// error, the darkest one is taken. The exposures are those of [`Pair::exposures`], one for each stop, and those
+    /// that `map` adds.
     ///
     /// ```
     /// use karat::Image;
@@ -154,7 +156,7 @@ impl Flip {
         self.worst(pair).map(|worst| worst.exposures)
     }
 
-    /// The worst errors; computed once for the default viewing distance.
+    /// The errors of the differing pixels. For the default viewing distance, they are computed only once.
     fn worst(&self, pair: &Pair<'_>) -> Result<Worst, FlipFailure> {
         if self.pixels_per_degree == flip_rs::DEFAULT_PPD {
             return pair.memo(|| self.compute(pair));
@@ -186,7 +188,7 @@ impl Flip {
         Ok(Worst { errors: ErrorMap::new(rect, errors), exposures })
     }
 
-    /// The errors of all pixels, as published: only at the pair's exposures.
+    /// The errors of all pixels at the exposures of the pair only, as published.
     ///
     /// ```
     /// use karat::Image;
@@ -200,7 +202,7 @@ impl Flip {
     /// ```
     ///
     /// # Errors
-    /// If they can't be computed.
+    /// If FLIP can't compute the errors.
     ///
     /// *Unstable*: for programs around tests.
     pub fn whole(&self, pair: &Pair<'_>) -> Result<ErrorMap, FlipFailure> {
@@ -209,8 +211,8 @@ impl Flip {
         Ok(ErrorMap::new(whole, found.into_iter().map(|(error, _)| error).collect()))
     }
 
-    /// The errors of a rectangle, from everything that affects its pixels, and the exposures at which the errors are
-    /// largest.
+    /// The errors of a rectangle, and the exposures at which they are largest. All pixels that affect the rectangle's
+    /// errors are taken into account.
     fn part(
         &self,
         pair: &Pair<'_>,
@@ -232,7 +234,7 @@ impl Flip {
         let found = hdr_flip(&golden.map_err(failed)?, &actual.map_err(failed)?, options);
         let found = found.map_err(failed)?;
         let (errors, worst) = (found.error_map, found.exposure_map.expect("it was asked for"));
-        // Exposures are given as positions in the range, 0 to 1.
+        // `flip-rs` gives exposures as positions in the range, from 0 to 1.
         let last = (exposures.count() - 1) as f32;
         let step = (stop - start) / last;
         let pixel = |(error, place): (&f32, &f32)| (*error, start + (place * last).round() * step);
@@ -248,7 +250,7 @@ impl Flip {
     }
 }
 
-/// FLIP's errors in the part of the frame that the differing pixels affect.
+/// FLIP's errors in the rectangle that the differing pixels affect.
 #[derive(Clone, Debug)]
 pub(super) struct Worst {
     errors: ErrorMap,
@@ -257,16 +259,16 @@ pub(super) struct Worst {
 
 /// The pixels that the default gate rejects.
 struct Off {
-    /// The first and the last column and row.
+    /// The first column, the first row, the last column and the last row.
     bounds: [u32; 4],
-    /// The brightest pixel's largest value, with the pixel's index.
+    /// The largest value of the brightest pixel, and the pixel's index.
     brightest: (f32, usize),
-    /// The dimmest pixel's largest value, with the pixel's index.
+    /// The largest value of the dimmest pixel, and the pixel's index.
     dimmest: (f32, usize),
 }
 
 impl Off {
-    /// `None` if no pixel differs.
+    /// Finds the pixels that differ. `None` if no pixel differs.
     fn of(pair: &Pair<'_>) -> Result<Option<Self>, FlipFailure> {
         let (mut off, mut unseen): (Option<Self>, _) = (None, None);
         Gate::default().each(pair, |index, golden, actual, ratio| {
@@ -293,7 +295,7 @@ impl Off {
         unseen.map_or(Ok(off), Err)
     }
 
-    /// The pair's exposures, and those that show differing pixels beyond them.
+    /// The exposures of the pair, and those that are needed to show darker and brighter differing pixels.
     fn exposures(&self, pair: &Pair<'_>) -> Result<Vec<ExposureRange>, FlipFailure> {
         let exposures = pair.exposures();
         let dark = self.dimmest.0.max(DARK * pair.key());
@@ -304,12 +306,12 @@ impl Off {
         };
         let below = exposures.below(self.brightest.0).map(|range| visible(range, self.brightest));
         let above = exposures.above(dark).map(|range| visible(range, self.dimmest));
-        // Dark ones first: of equal errors, the first counts.
+        // Dark exposures come first, because the first of several equal errors counts.
         [below, Some(Ok(exposures)), above].into_iter().flatten().collect()
     }
 }
 
-/// The colours of a rectangle; `value` converts each from linear light.
+/// The colours of a rectangle. `value` converts each component of linear light.
 pub(super) fn crop(
     image: &Image,
     rect: Rect,

@@ -1,4 +1,4 @@
-//! The gate: the difference of each channel of each pixel, without outliers.
+//! The gate: a metric of the difference of each channel of each pixel, without outliers.
 
 use glam::{BVec4A, Vec4};
 
@@ -9,16 +9,16 @@ use super::{Measured, Metric};
 use crate::image::{Image, Precision};
 use crate::tolerance::power;
 
-/// The largest relative difference of a channel, unless a frame sets another: twice the step of half floats, in which
-/// goldens are stored.
+/// The largest relative difference of a channel, unless a frame sets another. It is twice the step of half floats, the
+/// format of goldens.
 pub const DEFAULT_RELATIVE: f32 = 1e-3;
 
-/// A smaller alpha is compared as if it were this value: an opacity of one per cent is invisible, and `1 -
+/// A smaller alpha is compared as if it were this value. An opacity of one per cent is invisible, and `1 -
 /// transmittance` has rounding errors there.
 const CLEAR: f32 = 0.01;
 
-/// Each channel may differ by `relative` times the golden's value, or by `absolute`, whichever is larger. The metric's
-/// value is the largest difference divided by the allowed one, so its bound is 1.
+/// A metric that allows each channel to differ by `relative` times the golden's value, or by `absolute`, whichever is
+/// larger. The metric's value is the largest difference divided by the allowed difference, so its bound is 1.
 ///
 /// ```
 /// use karat::Image;
@@ -35,12 +35,12 @@ const CLEAR: f32 = 0.01;
 pub struct Gate {
     /// The largest difference relative to the golden's value.
     pub relative: f32,
-    /// The difference that is always allowed, even for a dark golden. `None`: `relative` times 1e-4 of the golden's
-    /// key; for alpha, which isn't light, `relative` times 0.01.
+    /// The difference that is always allowed, even for a dark golden. If `None`, it is `relative` times 1e-4 of the
+    /// golden's key. For alpha, which isn't light, it is then `relative` times 0.01.
     pub absolute: Option<f32>,
 }
 
-/// Pixels that differ by more than the gate allows.
+/// The pixels that differ by more than the gate allows.
 ///
 /// ```
 /// use karat::Image;
@@ -53,17 +53,18 @@ pub struct Gate {
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub struct Outliers {
-    /// Their number.
+    /// The number of outliers.
     pub count: usize,
-    /// The smallest rectangle that contains them.
+    /// The smallest rectangle that contains all outliers.
     pub rect: Rect,
-    /// The worst pixel.
+    /// The pixel with the largest ratio.
     pub worst: WorstPixel,
-    /// The share of outliers among the compared pixels, in per cent, at 1, 10, 100 and 1000 times the tolerance.
+    /// The shares of outliers among the compared pixels, in per cent, if the tolerance is multiplied by 1, 10, 100
+    /// and 1000.
     pub sweep: [f32; 4],
 }
 
-/// A pixel that differs.
+/// An outlier.
 ///
 /// ```
 /// # use karat::Image;
@@ -86,7 +87,7 @@ pub struct WorstPixel {
     pub golden: f32,
     /// The frame's value.
     pub actual: f32,
-    /// The difference divided by the allowed one.
+    /// The difference divided by the allowed difference.
     pub ratio: f32,
 }
 
@@ -97,8 +98,8 @@ impl Default for Gate {
 }
 
 impl Gate {
-    /// The allowed difference relative to the golden's value, and the allowed difference of each channel in the dark.
-    /// An invalid bound becomes NaN, which nothing passes.
+    /// The allowed relative difference of each channel, and the allowed absolute difference of each channel. An invalid
+    /// bound becomes NaN, and fails every pixel.
     fn bounds(&self, pair: &Pair<'_>) -> (Vec4, Vec4) {
         let floor = self.absolute.unwrap_or_else(|| self.relative * DARK * pair.key());
         let alpha = self.absolute.unwrap_or(self.relative * CLEAR);
@@ -108,9 +109,9 @@ impl Gate {
         (Vec4::splat(self.relative), Vec4::new(floor, floor, floor, alpha))
     }
 
-    /// The largest difference divided by the allowed one; `None` if a pixel exceeds it. The allowance in the dark needs
-    /// another pass over the golden. If every pixel passes without it, it isn't computed, and the result is the one
-    /// without it.
+    /// The largest difference divided by the allowed difference. `None` if a pixel differs by more than is allowed.
+    /// Computing `absolute` for a dark golden needs another pass over the golden. If every pixel passes by `relative`
+    /// alone, this pass is skipped, and the result only depends on `relative`.
     ///
     /// ```
     /// use karat::Image;
@@ -126,7 +127,7 @@ impl Gate {
             return Some(0.0);
         }
         let ratio = pair.largest_relative() / self.relative;
-        // Close to the bound, the exact ratio is computed, as in the other functions.
+        // If the ratio is close to the bound, the exact ratio is computed, as in the other functions.
         if self.absolute.is_none() && (0.0..0.9999).contains(&ratio) {
             return Some(ratio);
         }
@@ -134,10 +135,10 @@ impl Gate {
     }
 
     /// The precision that a file needs to store an image for this gate. Half floats are enough if rounding to them
-    /// takes at most half of the allowed difference in each compared channel: then two almost equal frames still pass
+    /// takes at most half of the allowed difference in each compared channel. Then two almost equal frames still pass
     /// if they are rounded to different neighbours. Floats are needed for values above 65504, for small values in a
-    /// dark image, and for a `relative` below 2^-10. They are also used if the image can't be compared: it contains
-    /// NaN, or the mask has another size.
+    /// dark image, and for a `relative` below 2^-10. Floats are also used if the image can't be compared, because it
+    /// contains NaN, or because the mask has another size.
     ///
     /// ```
     /// use karat::Image;
@@ -197,7 +198,8 @@ impl Gate {
         Some(Outliers { count, rect: rect?, worst: worst?, sweep })
     }
 
-    /// Calls `out` with each outlier: its index, both values, and the ratio of each channel.
+    /// Calls `out` for each outlier with its index, the golden's pixel, the frame's pixel, and the ratio of each
+    /// channel.
     pub(super) fn each(
         &self,
         pair: &Pair<'_>,
@@ -208,7 +210,7 @@ impl Gate {
             for (index, (golden, actual)) in (start..).zip(golden.iter().zip(actual)) {
                 let ratio = ratio(*golden, *actual, relative, floor);
                 if !ratio.cmple(Vec4::ONE).all() {
-                    // An invalid tolerance gives a NaN ratio, and the pixel fails.
+                    // An invalid tolerance gives a ratio of NaN, which fails the pixel.
                     let sound = |r: f32| if r >= 0.0 { r } else { f32::INFINITY };
                     out(index, *golden, *actual, ratio.to_array().map(sound));
                 }
@@ -217,7 +219,7 @@ impl Gate {
     }
 }
 
-/// The largest ratio, if there are no outliers: one pass over the differing strips, with four channels at once, which
+/// The largest ratio, or `None` if there is an outlier. The function compares the four channels of a pixel at once, and
 /// stops at the first outlier.
 fn largest(pair: &Pair<'_>, (relative, floor): (Vec4, Vec4)) -> Option<f32> {
     let (mut largest, mut all) = (Vec4::ZERO, BVec4A::TRUE);

@@ -1,5 +1,5 @@
-//! LDR-FLIP: the predecessor of HDR-FLIP, for images as a display shows them (Andersson et al. 2020). Other tools
-//! report this number for PNGs. No tolerance uses it, because it ignores differences that a display clips.
+//! LDR-FLIP, the predecessor of HDR-FLIP, compares images as a display shows them (Andersson et al. 2020). Other tools
+//! report LDR-FLIP for PNGs. No tolerance of Karat uses it, because it ignores differences above a display's white.
 
 use flip_rs::{FlipError, ldr_flip};
 
@@ -10,15 +10,15 @@ use super::tiles::ErrorMap;
 use crate::image::encode_srgb;
 
 impl Flip {
-    /// LDR-FLIP of the pixels that a difference affects. Colours are clipped to 0..1 and encoded as sRGB. Alpha is
-    /// ignored.
+    /// LDR-FLIP of the pixels that a difference can affect. Colours are clipped to 0..1 and encoded as sRGB. LDR-FLIP
+    /// ignores alpha.
     ///
     /// ```
     /// use karat::Image;
     /// use karat::metric::Flip;
     /// use karat::unstable::metric::Pair;
     ///
-    /// // On a display both are white.
+    /// // A display shows both values as white.
     /// let grey = |light: f32| Image::new(32, 32, vec![[light, light, light, 1.0]; 1024]);
     /// let (golden, actual) = (grey(2.0), grey(3.0));
     /// let map = Flip::MEAN.displayed(&Pair::new(&golden, &actual)?)?;
@@ -27,7 +27,7 @@ impl Flip {
     /// ```
     ///
     /// # Errors
-    /// If it can't be computed.
+    /// If FLIP can't compute the errors.
     ///
     /// *Unstable*: for programs around tests.
     pub fn displayed(&self, pair: &Pair<'_>) -> Result<ErrorMap, FlipFailure> {
@@ -36,7 +36,7 @@ impl Flip {
             return Ok(ErrorMap::new(Rect::new(0, 0, 0, 0), Vec::new()));
         };
         let (width, height) = (pair.golden().width(), pair.golden().height());
-        // As in HDR-FLIP, the pixels within reach decide a pixel's error, bit for bit.
+        // As in HDR-FLIP, only the pixels within reach affect a pixel's error. The results are equal bit for bit.
         let rect = bounds.grown(self.reach(), width, height);
         let read = rect.grown(self.reach(), width, height);
         let golden = crop(pair.golden(), read, displayed).map_err(failed)?;
@@ -64,7 +64,6 @@ fn bounds(pair: &Pair<'_>) -> Option<Rect> {
     bounds.map(Rect::spanning)
 }
 
-/// The value that a display gets for linear light.
 fn displayed(linear: f32) -> f32 {
     #[expect(clippy::cast_possible_truncation, reason = "what FLIP computes with")]
     let encoded = encode_srgb(f64::from(linear).clamp(0.0, 1.0)) as f32;

@@ -1,4 +1,4 @@
-//! Masks: the pixels that are compared.
+//! Masks: the pixels of a frame that are compared.
 
 use std::fmt;
 use std::sync::Arc;
@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 use crate::diagnostic::FileRead;
 use crate::image::{ExrFile, Image};
 
-/// The name of the file's part that is 1 where pixels are compared, and 0 elsewhere.
+/// The name of the part of a file that is 1 for compared pixels, and 0 for all others.
 pub const MASK: &str = "mask";
 
 /// A rectangle of pixels.
@@ -32,13 +32,14 @@ pub struct Rect {
 }
 
 impl ExrFile {
-    /// The mask that a frame or golden of Karat's was compared with, if its test declared one: the file's part `mask`.
+    /// The mask that was used to compare this frame or golden, if its test declared one. Karat stores it as the file's
+    /// part `mask`.
     ///
     /// ```no_run
     /// use karat::unstable::image::ExrFile;
     ///
     /// let golden = ExrFile::read("golden/dusk.exr".as_ref())?;
-    /// println!("all of it is compared: {}", golden.mask().is_none());
+    /// println!("all pixels are compared: {}", golden.mask().is_none());
     /// # Ok::<(), karat::image::ImageError>(())
     /// ```
     #[must_use]
@@ -61,7 +62,7 @@ impl Rect {
         Self { left, top, width, height }
     }
 
-    /// Returns `true` if a pixel is in the rectangle.
+    /// Checks if a pixel is in the rectangle.
     ///
     /// ```
     /// use karat::metric::Rect;
@@ -73,7 +74,7 @@ impl Rect {
         x.wrapping_sub(self.left) < self.width && y.wrapping_sub(self.top) < self.height
     }
 
-    /// Returns `true` if the rectangle has pixels, and all of them are in an image of this size.
+    /// Checks if the rectangle has pixels, and all of them are in an image of this size.
     #[doc(hidden)]
     pub fn fits(&self, width: u32, height: u32) -> bool {
         let inside = |start: u32, length: u32, side: u32| {
@@ -82,13 +83,13 @@ impl Rect {
         inside(self.left, self.width, width) && inside(self.top, self.height, height)
     }
 
-    /// The rectangle from one pixel to another, including both.
+    /// The rectangle from the pixel at `left`, `top` to the pixel at `right`, `bottom`, including both.
     #[doc(hidden)]
     pub fn spanning([left, top, right, bottom]: [u32; 4]) -> Self {
         Self { left, top, width: right - left + 1, height: bottom - top + 1 }
     }
 
-    /// The rectangle, extended by `reach` on each side, within an image of this size.
+    /// The rectangle, extended by `reach` pixels on each side, but not beyond an image of this size.
     #[doc(hidden)]
     pub fn grown(&self, reach: u32, width: u32, height: u32) -> Self {
         let (left, top) = (self.left.saturating_sub(reach), self.top.saturating_sub(reach));
@@ -98,7 +99,7 @@ impl Rect {
     }
 }
 
-/// `(3, 4) to (10, 12)`; the rectangle includes both corners.
+/// Writes the first and the last pixel: `(3, 4) to (10, 12)`.
 impl fmt::Display for Rect {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let last = |start: u32, length: u32| start + length.max(1) - 1;
@@ -107,7 +108,7 @@ impl fmt::Display for Rect {
     }
 }
 
-/// The pixels of a frame that are compared. No metric sees the others.
+/// The pixels of a frame that are compared. Metrics ignore all other pixels.
 ///
 /// ```
 /// use karat::metric::{Mask, Rect};
@@ -129,8 +130,8 @@ enum Kind {
 }
 
 impl Mask {
-    /// The pixels whose red is above 0.5. The image must have the frame's size. Read a painted mask with
-    /// [`Image::read_stored`].
+    /// Compares the pixels whose red channel is above 0.5. The image must have the frame's size. Read a painted mask
+    /// with [`Image::read_stored`].
     ///
     /// ```
     /// use karat::Image;
@@ -146,7 +147,7 @@ impl Mask {
         Self(Kind::Image(image))
     }
 
-    /// The pixels of any of these rectangles.
+    /// Compares the pixels of these rectangles.
     ///
     /// ```
     /// use karat::metric::{Mask, Rect};
@@ -160,7 +161,7 @@ impl Mask {
         Self(Kind::Only(rects.to_vec()))
     }
 
-    /// All pixels except those of these rectangles.
+    /// Compares all pixels except those of these rectangles.
     ///
     /// ```
     /// use karat::metric::{Mask, Rect};
@@ -174,7 +175,7 @@ impl Mask {
         Self(Kind::Except(rects.to_vec()))
     }
 
-    /// The pixels for which `compared`, a function of column and row, returns true.
+    /// Compares the pixels for which `compared`, a function of column and row, returns `true`.
     ///
     /// ```
     /// use karat::metric::Mask;
@@ -187,7 +188,7 @@ impl Mask {
         Self(Kind::Where(Arc::new(compared)))
     }
 
-    /// The file that it was painted in.
+    /// The file from which the mask's image was read.
     #[doc(hidden)]
     pub fn origin(&self) -> Option<&FileRead> {
         match &self.0 {
@@ -196,7 +197,7 @@ impl Mask {
         }
     }
 
-    /// The mask of a frame of this size as an image: 1 where pixels are compared, and 0 elsewhere.
+    /// The mask as an image for a frame of this size: 1 for compared pixels, and 0 for all others.
     ///
     /// ```
     /// use karat::metric::Mask;
@@ -207,7 +208,7 @@ impl Mask {
     /// ```
     ///
     /// # Errors
-    /// If it can't be used for this size, or if it has no pixels.
+    /// If the mask can't be used for this size, or if no pixel is compared.
     ///
     /// *Unstable*: for programs around tests.
     pub fn to_image(&self, width: u32, height: u32) -> Result<Image, MaskError> {
@@ -216,7 +217,7 @@ impl Mask {
         Ok(Image::new(width, height, flags.map(|value| [value, value, value, 1.0]).collect()))
     }
 
-    /// One flag for each pixel of a frame of this size.
+    /// One flag for each pixel of a frame of this size: `true` if the pixel is compared.
     pub(super) fn flags(&self, width: u32, height: u32) -> Result<Vec<bool>, MaskError> {
         let rects: &[Rect] = match &self.0 {
             Kind::Only(rects) | Kind::Except(rects) => rects,
@@ -273,7 +274,7 @@ pub enum MaskError {
         /// Row.
         y: usize,
     },
-    /// It has no pixels.
+    /// The mask excludes all pixels.
     #[error("the mask leaves no pixel to compare")]
     Nothing,
     /// The mask has another size than the frame.
@@ -284,7 +285,7 @@ pub enum MaskError {
         /// Width and height of the frame.
         frame: (u32, u32),
     },
-    /// A rectangle is empty, or outside the frame.
+    /// A rectangle is empty, or outside of the frame.
     #[error("the rectangle {rect} isn't a part of a frame of {width} x {height}")]
     Outside {
         /// The rectangle.

@@ -1,25 +1,26 @@
-//! Tests whether two noisy images have the same expectation.
+//! Tests if two noisy images have the same expected value.
 //!
-//! The pixels of a path tracer differ between runs by their noise. Means of tiles differ much less, and the variances
-//! of both images say by how much: Welch's z. Tiles have several sizes, from 16 pixels to the whole frame, so they
-//! reveal both small and faint faults. They overlap by half, so that no fault is divided among four tiles. Sidak's
-//! correction divides the significance among all of them.
+//! Two runs of a path tracer give different pixels, because of noise. The means of tiles differ much less, and the
+//! variances of both images say how much they may differ: Welch's z. Tiles have several sizes, from 16 pixels to the
+//! whole frame, so they show small faults and faint faults. Neighbouring tiles overlap by half, so no fault is divided
+//! among four tiles. Sidak's correction divides the significance among all tiles.
 //!
-//! An error of some per cent in the light matters as much in dark places as in bright ones, but most of the noise is in
-//! bright ones. So each pixel is weighted by the brightness of its neighbours. Its own brightness is left out: a weight
-//! with the pixel's own noise in it would favour one image if golden and frame have different numbers of samples.
+//! A light error of some per cent matters as much in dark regions as in bright regions, but most of the noise is in
+//! bright regions. So each pixel is weighted by the brightness of its neighbours. The pixel's own brightness isn't
+//! used: its noise would be in the weight, and would favour one of the images if golden and frame have different
+//! numbers of samples.
 //!
-//! Pixels that only change places, as under a shifted texture, keep their mean. So the squared differences of a tile
-//! are compared with the variances, too: a chi-square, with as many degrees of freedom as there are pixels that matter
-//! in the sum.
+//! If pixels only change places, as with a shifted texture, the means of tiles don't change. So the squared differences
+//! in a tile are also compared with the variances. This is a chi-square test. Its degrees of freedom are the number of
+//! pixels that contribute most of the sum.
 //!
-//! Measured on a scene of three decades of light, with 640 x 360 pixels of 64 samples: if 2 % of the frame is 5 % too
-//! bright, 199 of 200 renderings fail; with noise alone, none of 200 fails. Without the weights and the overlap, only
-//! 43 % of the faulty ones would fail. If pixels were judged one by one, with 0.25 % of outliers allowed, none would
-//! fail.
+//! Measured with a scene of three decades of light, with 640 x 360 pixels and 64 samples per pixel: if 2 % of the frame
+//! is 5 % too bright, 199 of 200 renderings fail. With only noise, none of 200 fails. Without the weights and the
+//! overlap, only 43 % of the faulty renderings would fail. If each pixel were tested separately, with 0.25 % of
+//! outliers allowed, no faulty rendering would fail.
 //!
-//! The noise of different pixels is assumed to be independent. Each channel is judged separately, because a wrong hue
-//! may have the right luminance.
+//! The test assumes that the noise of different pixels is independent. Each channel is tested separately, because a
+//! wrong hue may have the right luminance.
 
 use glam::{DVec3, DVec4, Vec4};
 
@@ -31,26 +32,28 @@ use super::{Measured, Metric};
 use crate::image::Image;
 use crate::stats::{chi_square_critical, normal_critical, sidak};
 
-/// The side of the cells that tiles consist of, in pixels: half of the smallest tile.
+/// The side of the cells of which tiles consist, in pixels: half of the smallest tile.
 const CELL: u32 = 8;
 
-/// The sides of the tiles, in cells: 16, 48 and 144 pixels. The whole frame is one more tile.
+/// The sides of the tiles, in cells. In pixels, they are 16, 48 and 144. The whole frame is also a tile.
 const SIDES: [u32; 3] = [2, 6, 18];
 
-/// The probability that noise alone fails a frame.
+/// The probability that a frame fails because of noise only.
 const SIGNIFICANCE: f64 = 0.01;
 
-/// The factor by which the squared differences may exceed a chi-square's limit: the variances are estimates from few
-/// samples that aren't normally distributed.
+/// The factor by which the squared differences may exceed the limit of a chi-square. The variances are estimated from
+/// few samples, which aren't normally distributed.
 const SCATTER: f64 = 2.0;
 
-/// Light below this share of the golden's key has the weight of this share. With the key at middle grey it is 6 of the
-/// 255 steps of a screen: noise below it hardly shows, and must not outweigh the rest.
+/// Neighbours that are darker than this share of the golden's key give the weight of this share. If the key is middle
+/// grey, this is 6 of a screen's 255 steps. Noise below that is hardly visible, and must not outweigh other
+/// differences.
 const BLACK: f64 = 0.01;
 
-/// The larger of two ratios; its bound is 1. The first is the largest z of a tile's mean in any channel, divided by the
-/// z that noise alone reaches in one frame of a hundred. The second is the scatter of a tile's pixels, divided by twice
-/// the scatter of noise alone. Differences within the default [`Gate`] don't count: rounding isn't noise.
+/// The larger of two ratios, with the bound 1. The first ratio is the largest z of a tile's mean in any channel,
+/// divided by the z that noise alone reaches in one of a hundred frames. The second ratio is the scatter of a tile's
+/// pixels, divided by twice the scatter of noise alone. Differences within the default [`Gate`] don't count, because
+/// rounding isn't noise.
 ///
 /// ```
 /// use karat::Image;
@@ -67,19 +70,19 @@ const BLACK: f64 = 0.01;
 pub struct Noise<'a> {
     /// The variance of each pixel's mean in the golden, in linear RGB.
     pub golden: &'a Image,
-    /// The same for the frame.
+    /// The variance of each pixel's mean in the frame, in linear RGB.
     pub actual: &'a Image,
 }
 
-/// The brightness difference of a cell or tile, with the quantities to judge it by.
+/// The sum of the weighted differences in a cell or tile, with the sums that are needed to judge it.
 #[derive(Clone, Copy, Default)]
 struct Sum {
     difference: DVec3,
     slack: DVec3,
     variance: DVec3,
-    /// The squares of each pixel's difference beyond the slack.
+    /// The sum of the squares of each pixel's difference beyond the slack.
     squares: DVec3,
-    /// The squares of the variances.
+    /// The sum of the squares of the variances.
     variances: DVec3,
     pixels: u32,
 }
@@ -94,7 +97,7 @@ impl Sum {
         self.pixels += other.pixels;
     }
 
-    /// The largest z of a channel.
+    /// The largest z of the three channels.
     fn z(&self) -> f64 {
         let z = (0..3).map(|channel| {
             let beyond = (self.difference[channel].abs() - self.slack[channel]).max(0.0);
@@ -103,15 +106,16 @@ impl Sum {
         z.fold(0.0, larger)
     }
 
-    /// The largest scatter of a channel's pixels, divided by the allowed one.
+    /// The largest scatter of a channel's pixels, divided by the allowed scatter.
     fn scatter(&self, significance: f64) -> f64 {
         let scatter = (0..3).map(|channel| {
             let (squares, variance) = (self.squares[channel], self.variance[channel]);
             let ratio = if squares == 0.0 { 0.0 } else { squares / variance };
             if ratio <= SCATTER {
-                return ratio / SCATTER; // the critical value is above 1
+                return ratio / SCATTER; // the critical value divided by the degrees of freedom is above 1
             }
-            // If the variances differ, only the pixels with the larger ones matter.
+            // If the variances of pixels differ, mostly the pixels with large variances determine the degrees of
+            // freedom.
             let freedom = (variance * variance / self.variances[channel]).max(1.0);
             if !freedom.is_finite() {
                 return f64::INFINITY;
@@ -122,13 +126,13 @@ impl Sum {
     }
 }
 
-/// The larger number. Unlike `f64::max`, it keeps NaN.
+/// The larger number. Unlike `f64::max`, this keeps NaN.
 fn larger(worst: f64, value: f64) -> f64 {
     if value <= worst { worst } else { value }
 }
 
 impl Noise<'_> {
-    /// The problem with the variances, if there is one.
+    /// The problem that makes the variances unusable, if there is one.
     fn unusable(&self, pair: &Pair<'_>) -> Option<String> {
         let size = (pair.golden().width(), pair.golden().height());
         for (name, image) in [("golden", self.golden), ("frame", self.actual)] {
@@ -141,7 +145,7 @@ impl Noise<'_> {
             let mut unsound = places.filter(|((x, y), p)| pair.is_compared(*x, *y) && !sound(p));
             if let Some(((x, y), [red, green, blue, _])) = unsound.next() {
                 return Some(format!(
-                    "the variance of the {name} is {red}, {green}, {blue} at ({x}, {y}); each is a \
+                    "the variance of the {name} is {red}, {green}, {blue} at ({x}, {y}); each must be a \
                      finite number of at least 0"
                 ));
             }
@@ -149,7 +153,7 @@ impl Noise<'_> {
         None
     }
 
-    /// The sums over the cells, row by row.
+    /// The sums of the cells, row by row.
     fn cells(&self, pair: &Pair<'_>) -> Vec<Sum> {
         let (width, height) = (pair.golden().width(), pair.golden().height());
         let columns = width.div_ceil(CELL);
@@ -181,8 +185,8 @@ impl Noise<'_> {
         cells
     }
 
-    /// All tiles with compared pixels, and the sums over them. Tiles begin at each half of their side, except where the
-    /// previous tile would contain them.
+    /// All tiles with compared pixels, with their sums. Tiles begin at each half of their side. A tile that is a part
+    /// of the tile before it is left out.
     fn tiles(&self, pair: &Pair<'_>) -> Vec<(Rect, Sum)> {
         let (width, height) = (pair.golden().width(), pair.golden().height());
         let (columns, rows) = (width.div_ceil(CELL), height.div_ceil(CELL));
@@ -216,10 +220,10 @@ impl Noise<'_> {
     }
 }
 
-/// The brightness around the pixels of both images.
+/// The mean brightness of the two images at each pixel.
 struct Surroundings {
     width: usize,
-    /// The last lane is 1, or 0 for a pixel that isn't compared.
+    /// The fourth lane is 1 for a compared pixel, and 0 for all others.
     lights: Vec<Vec4>,
     key: f64,
 }
@@ -239,12 +243,12 @@ impl Surroundings {
         }
     }
 
-    /// The inverse mean of a pixel's neighbours, for each channel.
+    /// For each channel, the inverse of the mean brightness of a pixel's neighbours.
     fn weight(&self, index: usize) -> DVec3 {
         let (x, y) = (index % self.width, index / self.width);
         let rows = y.saturating_sub(1)..(y + 2).min(self.lights.len() / self.width);
         let columns = x.saturating_sub(1)..(x + 2).min(self.width);
-        let mut sum = DVec4::ZERO; // as there may be several of the largest floats
+        let mut sum = DVec4::ZERO; // a sum of several large floats would overflow `f32`
         for y in rows {
             for neighbour in y * self.width + columns.start..y * self.width + columns.end {
                 if neighbour != index {
@@ -276,11 +280,11 @@ impl Metric for Noise<'_> {
             off
         };
         if let Some((x, y)) = alpha_is_off {
-            let note = Some(format!("alpha is off at ({x}, {y}), which has no noise"));
+            let note = Some(format!("alpha differs at ({x}, {y}), and alpha has no noise"));
             return Measured { note, ..Measured::of(f64::INFINITY) };
         }
         let tiles = self.tiles(pair);
-        // Three channels, each with a mean and a scatter.
+        // There are six tests for each tile: three channels, each with a mean and a scatter.
         let significance = sidak(SIGNIFICANCE, 6 * tiles.len() as u64);
         let critical = normal_critical(significance);
         let largest = |value: &dyn Fn(&Sum) -> f64| {
@@ -294,10 +298,10 @@ impl Metric for Noise<'_> {
         };
         let mean = z / critical;
         if scatter > mean {
-            let note = Some("single pixels are off by more than their noise".to_owned());
+            let note = Some("single pixels differ by more than their noise".to_owned());
             return Measured { place: Some(scattered), note, ..Measured::of(scatter) };
         }
-        let note = format!("z {z:.2}, noise alone has {critical:.2} in a frame of a hundred");
+        let note = format!("z {z:.2}, noise alone has {critical:.2} in one frame of 100");
         Measured { place: (z > 0.0).then_some(place), note: Some(note), ..Measured::of(mean) }
     }
 }

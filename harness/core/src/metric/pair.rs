@@ -1,4 +1,4 @@
-//! A golden and a frame that can be measured.
+//! A golden and a frame that metrics can measure.
 
 use std::any::Any;
 use std::borrow::Cow;
@@ -13,10 +13,11 @@ use super::relative;
 use crate::image::{Image, NonFinite};
 use crate::output::counted;
 
-/// The number of pixels that are processed at once: those of both images fit in the smallest cache.
+/// The number of pixels that are processed at once. This many pixels of both images fit in the smallest cache.
 pub(super) const STRIP: usize = 512;
 
-/// A golden and a frame, of the same size, finite, and made equal outside the mask.
+/// A golden and a frame. They have the same size, all compared values are finite, and pixels outside of the mask are
+/// equal.
 ///
 /// ```
 /// use karat::Image;
@@ -31,24 +32,24 @@ pub(super) const STRIP: usize = 512;
 pub struct Pair<'a> {
     golden: Cow<'a, Image>,
     actual: Cow<'a, Image>,
-    /// One flag for each pixel; `None` if all are compared.
+    /// One flag for each pixel: `true` if it is compared. `None` if all pixels are compared.
     mask: Option<Vec<bool>>,
     compared: usize,
-    /// Strips with pixels that differ in any bit.
+    /// The strips of pixels that differ in any bit.
     different: Vec<Range<usize>>,
     /// The largest difference of a channel relative to the golden's value.
     largest_relative: f32,
     exposures: OnceLock<ExposureRange>,
     key: OnceLock<f32>,
-    /// A metric's result, for another metric that needs the same one.
+    /// A result that several metrics need.
     memo: OnceLock<Arc<dyn Any + Send + Sync>>,
 }
 
 /// The reason why a pair can't be measured.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PairError {
-    /// The sizes differ.
-    #[error("it is {} x {}, the golden {} x {}", actual.0, actual.1, golden.0, golden.1)]
+    /// The images have different sizes.
+    #[error("its size is {} x {}, and the size of the golden {} x {}", actual.0, actual.1, golden.0, golden.1)]
     Size {
         /// Width and height of the golden.
         golden: (u32, u32),
@@ -58,7 +59,7 @@ pub enum PairError {
     /// The frame has NaN or infinities.
     #[error("it has {0}")]
     NonFinite(NonFinite),
-    /// The golden has NaN or infinities: nothing can agree with it.
+    /// The golden has NaN or infinities, so no frame can match it.
     #[error("the golden itself has {0}")]
     GoldenNonFinite(NonFinite),
     /// The mask can't be used.
@@ -74,7 +75,7 @@ impl std::fmt::Display for NonFinite {
 }
 
 impl<'a> Pair<'a> {
-    /// A pair with all pixels of both images.
+    /// Makes a pair in which all pixels are compared.
     ///
     /// ```
     /// use karat::Image;
@@ -85,14 +86,14 @@ impl<'a> Pair<'a> {
     /// ```
     ///
     /// # Errors
-    /// If their sizes differ, or if a value isn't finite.
+    /// If the images have different sizes, or if a value isn't finite.
     pub fn new(golden: &'a Image, actual: &'a Image) -> Result<Self, PairError> {
         same_size(golden, actual)?;
         Self::scan(Cow::Borrowed(golden), Cow::Borrowed(actual), None)
     }
 
-    /// A pair with the pixels of a mask. The other pixels are made equal, so metrics that use a pixel's neighbours
-    /// don't see them.
+    /// Makes a pair in which the pixels of a mask are compared. All other pixels are made equal, so they don't affect
+    /// metrics that use a pixel's neighbours.
     ///
     /// ```
     /// use karat::Image;
@@ -127,7 +128,7 @@ impl<'a> Pair<'a> {
         mask: Option<Vec<bool>>,
     ) -> Result<Self, PairError> {
         let mut different: Vec<Range<usize>> = Vec::new();
-        // The first non-finite value stays NaN: 0 times infinity.
+        // These sums stay 0 if all values are finite. A NaN or an infinity times 0 is NaN.
         let (mut nothing, mut nothing_golden) = (Vec4::ZERO, Vec4::ZERO);
         let mut largest = Vec4::ZERO;
         let pixels = golden.pixels().chunks(STRIP).zip(actual.pixels().chunks(STRIP));
@@ -173,7 +174,7 @@ impl<'a> Pair<'a> {
         })
     }
 
-    /// Sets the exposures for HDR-FLIP. By default they depend on the golden.
+    /// Sets the exposures for HDR-FLIP. The default exposures depend on the golden.
     ///
     /// ```
     /// use karat::Image;
@@ -223,7 +224,7 @@ impl<'a> Pair<'a> {
         &self.actual
     }
 
-    /// Returns `true` if all compared bits are equal.
+    /// Checks if all compared pixels are equal in each bit.
     ///
     /// ```
     /// use karat::Image;
@@ -239,7 +240,7 @@ impl<'a> Pair<'a> {
         self.different.is_empty()
     }
 
-    /// Returns `true` if a pixel is compared.
+    /// Checks if a pixel is compared.
     ///
     /// ```
     /// use karat::Image;
@@ -247,7 +248,7 @@ impl<'a> Pair<'a> {
     ///
     /// let (golden, actual) = (Image::new(2, 1, vec![[1.0; 4]; 2]), Image::new(2, 1, vec![[0.5; 4]; 2]));
     /// let pair = Pair::new(&golden, &actual)?;
-    /// assert!(pair.is_compared(1, 0)); // no mask leaves it out
+    /// assert!(pair.is_compared(1, 0)); // there is no mask
     /// # Ok::<(), karat::unstable::metric::PairError>(())
     /// ```
     #[must_use]
@@ -256,7 +257,7 @@ impl<'a> Pair<'a> {
         self.mask.as_ref().is_none_or(|flags| flags[index])
     }
 
-    /// The number of compared pixels; at least one, unless the images are empty.
+    /// The number of compared pixels. It is 0 only if the images are empty.
     ///
     /// ```
     /// use karat::Image;
@@ -293,7 +294,8 @@ impl<'a> Pair<'a> {
         all.filter(|(x, y)| self.is_compared(*x, *y)).count()
     }
 
-    /// Caches the result of `compute` for the pair. If the cache has another type, `compute` runs each time.
+    /// Caches the result of `compute` for the pair. If the cache already has a result of another type, `compute` runs
+    /// each time.
     pub(super) fn memo<T: Any + Clone + Send + Sync>(&self, compute: impl Fn() -> T) -> T {
         let kept = self.memo.get_or_init(|| Arc::new(compute()));
         kept.downcast_ref::<T>().map_or_else(&compute, T::clone)
@@ -315,7 +317,6 @@ impl<'a> Pair<'a> {
         *self.exposures.get_or_init(|| ExposureRange::of_pixels(&self.compared_pixels()))
     }
 
-    /// The golden's compared pixels.
     fn compared_pixels(&self) -> Cow<'_, [[f32; 4]]> {
         let pixels = self.golden.pixels();
         match &self.mask {
@@ -327,17 +328,18 @@ impl<'a> Pair<'a> {
         }
     }
 
-    /// The largest difference of a channel relative to the golden's value, even for dark values.
+    /// The largest difference of a channel relative to the golden's value. The relative difference of dark values isn't
+    /// limited.
     pub(super) fn largest_relative(&self) -> f32 {
         self.largest_relative
     }
 
-    /// See [`relative::key`].
+    /// The golden's key, computed once. See [`relative::key`].
     pub(super) fn key(&self) -> f32 {
         *self.key.get_or_init(|| relative::key(&self.compared_pixels()))
     }
 
-    /// Strips of both images that differ in any bit, with the index of their first pixel.
+    /// The strips of both images that differ in any bit. Each has the index of its first pixel.
     pub(super) fn different(&self) -> impl Iterator<Item = (usize, &[[f32; 4]], &[[f32; 4]])> {
         let (golden, actual) = (self.golden.pixels(), self.actual.pixels());
         let strip = move |range: &Range<usize>| {
@@ -346,7 +348,6 @@ impl<'a> Pair<'a> {
         self.different.iter().map(strip)
     }
 
-    /// Column and row of a pixel.
     pub(super) fn place(&self, index: usize) -> (u32, u32) {
         let width = self.golden.width() as usize;
         #[expect(clippy::cast_possible_truncation, reason = "both are sides of an image")]
@@ -363,7 +364,7 @@ fn same_size(golden: &Image, actual: &Image) -> Result<(), PairError> {
     Err(PairError::Size { golden: size(golden), actual: size(actual) })
 }
 
-/// 0 in each lane, or NaN if a value isn't finite. Processes four channels at once, without branches.
+/// Returns 0 in each lane, or NaN if a value isn't finite. It processes four channels at once, without branches.
 fn vanishing(pixels: &[[f32; 4]], start: Vec4) -> Vec4 {
     pixels.iter().fold(start, |sum, pixel| sum + Vec4::from_array(*pixel) * 0.0)
 }

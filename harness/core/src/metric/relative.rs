@@ -1,16 +1,16 @@
-//! Ratios of differences to the allowed ones, and the brightness that they are relative to.
+//! Compares a difference with the allowed difference, which is relative to a brightness.
 
 use glam::Vec4;
 
 use crate::image::luminance;
 
-/// Values below this share of the golden's key are compared as if they were that bright. With the key at middle grey on
-/// a screen, this is 1/180 of an 8-bit step: black pixels with rounding noise pass, and dark regions of a frame with
-/// bright ones are still compared.
+/// A channel is compared as if it were at least this share of the golden's key. If the key is middle grey on a screen,
+/// this value is 1/180 of an 8-bit step. So black pixels with rounding noise pass. Dark regions of a frame with bright
+/// regions are still compared.
 pub(super) const DARK: f32 = 1e-4;
 
-/// The difference of each channel, divided by the allowed one. Equal values have the ratio 0, even with a tolerance of
-/// 0.
+/// The difference of each channel divided by the allowed difference. Equal values have the ratio 0, even if the
+/// tolerance is 0.
 pub(super) fn ratio(golden: [f32; 4], actual: [f32; 4], relative: Vec4, floor: Vec4) -> Vec4 {
     let (golden, actual) = (Vec4::from_array(golden), Vec4::from_array(actual));
     let difference = (actual - golden).abs();
@@ -18,12 +18,13 @@ pub(super) fn ratio(golden: [f32; 4], actual: [f32; 4], relative: Vec4, floor: V
     Vec4::select(difference.cmpeq(Vec4::ZERO), Vec4::ZERO, ratio)
 }
 
-/// The logarithmic mean of luminance, as in [`Image::key`](crate::Image::key). It takes the logarithm of products of
-/// eight values, which fit in the exponent of an `f64`, because the logarithm takes as long as everything else.
+/// The logarithmic mean of luminance, as in [`Image::key`](crate::Image::key). The logarithm takes as long as all other
+/// steps together. So the function multiplies eight values, and takes the logarithm of the product. The product's
+/// exponent fits in an `f64`.
 pub(super) fn key(pixels: &[[f32; 4]]) -> f32 {
     let (mut sum, mut count) = (0.0, 0_u32);
     for pixels in pixels.chunks(8) {
-        // 2^-126 to the eighth power is 2^-1008. Black and non-finite pixels are left out.
+        // The smallest product is 2^-126 to the eighth power, 2^-1008. Black and non-finite pixels don't count.
         let factor = |pixel: Option<&[f32; 4]>| {
             let luminance = pixel.map_or(0.0, luminance);
             let counts = (f32::MIN_POSITIVE..=f32::MAX).contains(&luminance);

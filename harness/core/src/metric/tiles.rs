@@ -1,16 +1,16 @@
-//! Means of tiles, which show a fault in one place that the rest of the frame would dilute.
+//! Means of tiles. A small fault shows in the mean of a tile, but not in the mean of the frame.
 
 use super::mask::Rect;
 use super::pair::Pair;
 
-/// The side of a tile, in pixels. A tile is a quarter of a degree of vision wide, about as far as FLIP's filters reach,
-/// so a small fault fills a tile.
+/// The side of a tile, in pixels. It is a quarter of a degree of vision, about the reach of FLIP's filters, so a small
+/// fault fills a tile.
 pub const TILE: u32 = 16;
 
-/// The side of the cells that tiles consist of, in pixels, and the distance from one tile to the next.
+/// The side of a cell, in pixels. A tile consists of four cells, and the next tile begins one cell further.
 const CELL: u32 = TILE / 2;
 
-/// An error for each pixel in a part of a frame; outside the part it is 0.
+/// The error of each pixel in a rectangle of a frame. Outside of the rectangle the error is 0.
 ///
 /// ```
 /// use karat::metric::Rect;
@@ -25,12 +25,13 @@ pub struct ErrorMap {
     values: Vec<f32>,
 }
 
-/// The ends of scales. Other tools use 1, so pictures of large errors are comparable with theirs, but small errors
-/// would all be black. Errors below a thousandth are invisible, and a smaller scale would make everything look wrong.
+/// The possible ends of the scale in a picture of errors. Other tools always end at 1. Their pictures of large errors
+/// are comparable with Karat's, but show small errors as black. Errors below 0.001 are invisible to people, so a
+/// smaller end would make invisible errors look bright.
 const STEPS: [f32; 10] = [0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2, 0.5, 1.0];
 
 impl ErrorMap {
-    /// The errors of a rectangle, row by row.
+    /// A map of the errors of a rectangle, row by row.
     ///
     /// ```
     /// use karat::metric::Rect;
@@ -49,7 +50,7 @@ impl ErrorMap {
         Self { rect, values }
     }
 
-    /// The part of the frame with errors.
+    /// The rectangle of the frame that has errors.
     ///
     /// ```
     /// use karat::metric::Rect;
@@ -63,7 +64,7 @@ impl ErrorMap {
         self.rect
     }
 
-    /// The errors of that part, row by row.
+    /// The errors of the rectangle, row by row.
     ///
     /// ```
     /// use karat::metric::Rect;
@@ -77,8 +78,8 @@ impl ErrorMap {
         &self.values
     }
 
-    /// The error that the brightest colour represents in a picture of these errors: the smallest of 1, 0.5, 0.2, 0.1
-    /// and so on down to 0.001 that no error exceeds; 1 without any error.
+    /// The error that has the brightest colour in a picture of these errors: the smallest of 1, 0.5, 0.2, 0.1 and so on
+    /// down to 0.001 that is at least as large as every error. 1 if there is no error.
     ///
     /// ```
     /// use karat::unstable::metric::ErrorMap;
@@ -92,8 +93,8 @@ impl ErrorMap {
         if largest == 0.0 { 1.0 } else { end }
     }
 
-    /// The colour of an error from 0 to 1 in pictures, as 8-bit sRGB: matplotlib's magma (Smith and van der Walt 2015,
-    /// CC0), as in the pictures of NVIDIA's FLIP.
+    /// The colour of an error from 0 to 1 in pictures, as 8-bit sRGB. The scale is matplotlib's magma (Smith and van
+    /// der Walt 2015, CC0), which the pictures of NVIDIA's FLIP also use.
     ///
     /// ```
     /// use karat::unstable::metric::ErrorMap;
@@ -104,13 +105,13 @@ impl ErrorMap {
     #[must_use]
     pub fn colour(error: f32) -> [u8; 3] {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
-        let index = (error.clamp(0.0, 1.0) * 255.0).round() as usize; // NaN is 0
+        let index = (error.clamp(0.0, 1.0) * 255.0).round() as usize; // NaN becomes 0
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
         let bytes = flip_rs::MAGMA[index].map(|value| (value * 255.0).round() as u8);
         bytes
     }
 
-    /// The error of a pixel of the frame.
+    /// The error of one pixel of the frame.
     ///
     /// ```
     /// use karat::metric::Rect;
@@ -137,7 +138,7 @@ impl ErrorMap {
         })
     }
 
-    /// The mean over all compared pixels.
+    /// The mean error of all compared pixels.
     ///
     /// ```
     /// use karat::Image;
@@ -153,13 +154,13 @@ impl ErrorMap {
     #[must_use]
     pub fn mean(&self, pair: &Pair<'_>) -> f64 {
         let counted = self.pixels().filter(|(x, y, _)| pair.is_compared(*x, *y));
-        // An empty sum is -0.
+        // The empty sum is -0, and adding 0.0 makes it 0.
         (0.0 + counted.map(|(_, _, value)| value).sum::<f64>()) / pair.compared_count() as f64
     }
 
-    /// The [`TILE`] with the largest mean over its compared pixels, and that mean. Tiles overlap by half, so that no
-    /// spot is divided among four tiles. A tile at the edge of the frame has fewer pixels. A NaN mean counts as the
-    /// largest.
+    /// The [`TILE`] with the largest mean error of its compared pixels, and this mean. Neighbouring tiles overlap by
+    /// half, so no spot is divided among four tiles. A tile at the edge of the frame has fewer pixels. A mean of NaN
+    /// counts as the largest.
     ///
     /// ```
     /// use karat::Image;
@@ -185,7 +186,8 @@ impl ErrorMap {
             let inside = column < columns && row < rows;
             if inside { cells[(row * columns + column) as usize] } else { 0.0 }
         };
-        // The last tile between two others would be a part of the previous one.
+        // Tiles begin at every second cell, and at the cells between. The last tile must not be a part of the tile
+        // before it.
         let starts = |cells: u32| (0..cells).filter(move |at| at % 2 == 0 || at + 1 < cells);
         let mut largest = (0.0, Rect::new(0, 0, TILE.min(width), TILE.min(height)));
         for (column, row) in starts(rows).flat_map(|row| starts(columns).map(move |c| (c, row))) {
@@ -197,7 +199,7 @@ impl ErrorMap {
             let (left, top) = (column * CELL, row * CELL);
             let tile = Rect::new(left, top, TILE.min(width - left), TILE.min(height - top));
             let mean = sum / pair.compared_in(tile) as f64;
-            // NaN is the largest, and stays.
+            // NaN counts as the largest, so no later mean replaces it.
             if !(mean <= largest.0) && !largest.0.is_nan() {
                 largest = (mean, tile);
             }
@@ -210,7 +212,8 @@ impl ErrorMap {
 mod tests {
     use super::*;
 
-    /// At any place, some tile contains at least nine sixteenths of a spot of 8 x 8 pixels.
+    /// Wherever a spot of 8 x 8 pixels is, some tile contains at least nine sixteenths of it.
+    // Lesson 20
     #[test]
     fn a_spot_counts_wherever_it_lies() {
         let image = crate::image::Image::new(50, 40, vec![[0.5; 4]; 2000]);
@@ -228,7 +231,7 @@ mod tests {
             assert!(mean >= whole * 9.0 / 16.0, "({left}, {top}): {mean} in {tile}");
         }
         assert_eq!(largest(8, 8), (whole, Rect::new(0, 0, 16, 16)));
-        assert_eq!(largest(12, 12).1, Rect::new(8, 8, 16, 16), "in the middle of a tile between");
+        assert_eq!(largest(12, 12).1, Rect::new(8, 8, 16, 16), "an overlapping tile contains it");
     }
 
     #[test]

@@ -1,16 +1,16 @@
-//! Lays the cells of a histogram.
+//! Divides a support into the cells of a histogram.
 
 use super::{Rectangle, Support};
 
-/// A partition of a support into rows of the first coordinate, and of each row into columns of the second, with about
-/// the same number of samples in each cell.
+/// A partition of a support into cells, with about the same number of samples in each cell. The first coordinate is
+/// divided into rows, and in each row the second coordinate is divided into columns.
 ///
-/// With cells of equal size, a single cell could contain a narrow lobe. So the quantiles of a pilot run decide the
-/// cells. The pilot's samples aren't judged, so the cells don't depend on the judged samples.
+/// If all cells had the same size, a single cell could contain a narrow lobe. So the quantiles of a pilot run decide
+/// the bounds of the cells. The pilot's samples aren't tested, so the cells don't depend on the tested samples.
 ///
-/// Many samples may coincide, for example if a sampler has lost a dimension. Then the cell around them is narrower than
-/// the distance to its neighbours. The density expects fewer samples in this cell, and some in the empty cells beside
-/// it, so the sampler is rejected.
+/// Many samples may be equal, for example if a sampler has lost a dimension. Then the cell around them is narrower than
+/// the distance to its neighbours. The density predicts fewer samples in this cell, and some samples in the empty cells
+/// beside it, so the test rejects the sampler.
 #[derive(Clone, Debug)]
 pub struct Cells {
     support: Support,
@@ -18,15 +18,15 @@ pub struct Cells {
     rows: Vec<f64>,
     /// The bounds between the columns of each row.
     columns: Vec<Vec<f64>>,
-    /// Index of the first cell of each row, and one past the last.
+    /// The index of the first cell of each row, followed by the number of cells.
     offsets: Vec<usize>,
-    /// The smallest rectangle around the pilot samples of each cell.
+    /// For each cell, the smallest rectangle around the pilot samples in it.
     occupied: Vec<Option<Rectangle>>,
 }
 
 impl Cells {
-    /// Lays at most `rows` rows of `columns` columns (one column on a line), from the coordinates of pilot samples. If
-    /// samples coincide, there are up to twice as many.
+    /// Makes at most `rows` rows of at most `columns` columns from the coordinates of pilot samples. A line has one
+    /// column. If samples are equal, there may be up to twice as many rows and columns.
     #[must_use]
     pub fn new(support: Support, pilot: &[[f64; 2]], rows: usize, columns: usize) -> Self {
         let columns = if support.is_line() { 1 } else { columns };
@@ -66,7 +66,8 @@ impl Cells {
         self.occupied.is_empty()
     }
 
-    /// The cell at these coordinates. If rounding has moved them beyond an end, it is the last cell before that end.
+    /// The index of the cell with these coordinates. If rounding has moved the coordinates beyond an end, this is the
+    /// last cell before that end.
     #[must_use]
     pub fn index(&self, at: [f64; 2]) -> usize {
         let row = index(&self.rows, at[0]);
@@ -79,7 +80,7 @@ impl Cells {
         self.columns.iter().map(|row| row.len() + 1).collect()
     }
 
-    /// The bounds of a cell.
+    /// The rectangle of a cell.
     ///
     /// # Panics
     /// If there is no such cell.
@@ -92,9 +93,9 @@ impl Cells {
         Rectangle { low: [a0, b0], high: [a1, b1] }
     }
 
-    /// Divides a cell into parts, so that a quadrature rule of moderate order samples the density well in each: one
-    /// part around the pilot samples, and others beside it in steps that double. A tail may fall off quickly next to
-    /// the samples, and a rule over a whole wide cell would miss it.
+    /// Divides a cell into parts, so that a quadrature rule of moderate order samples the density well in each part.
+    /// One part is around the pilot samples. The other parts lie beside it, and each is twice as wide as the one
+    /// before. A density may fall quickly next to the samples, and a rule over a whole wide cell would miss this fall.
     ///
     /// # Panics
     /// If there is no such cell.
@@ -119,12 +120,12 @@ impl Cells {
     }
 }
 
-/// Gaps of at most this share of the range may be steps between neighbouring `f32`: there, the samples of a correct
-/// sampler coincide.
+/// The share of the range up to which a gap between values may be one step between neighbouring `f32`. Across such
+/// gaps, even the samples of a correct sampler are equal.
 const RESOLUTION: f64 = 4.0 * f32::EPSILON as f64;
 
-/// Bounds that divide values into `parts` of about equal number. Equal values stay together, and are separated from the
-/// others.
+/// The bounds that divide values into `parts` parts with about the same number of values. Equal values stay together,
+/// apart from the others.
 fn quantiles(mut values: Vec<f64>, parts: usize, ends: (f64, f64)) -> Vec<f64> {
     values.sort_unstable_by(f64::total_cmp);
     let smallest = RESOLUTION * (ends.1 - ends.0);
@@ -143,7 +144,7 @@ fn quantiles(mut values: Vec<f64>, parts: usize, ends: (f64, f64)) -> Vec<f64> {
         let next = values.partition_point(|value| *value <= after);
         let below = after - first.checked_sub(1).map_or(ends.0, |index| values[index]);
         let above = values.get(next).copied().unwrap_or(ends.1) - after;
-        // A quarter of a gap that is wider than an `f32` step, or else its middle.
+        // A quarter of the gap if it is wider than an `f32` step, or else half of it.
         let share = |gap: f64| if gap > smallest { 0.25 * gap } else { 0.5 * gap };
         bounds.extend((below > 0.0).then(|| after - share(below)));
         bounds.extend((above > 0.0).then(|| after + share(above)));
@@ -163,16 +164,16 @@ fn bounds(inner: &[f64], part: usize, ends: (f64, f64)) -> (f64, f64) {
     (low, inner.get(part).copied().unwrap_or(ends.1))
 }
 
-/// Cuts of `low..high`: around `start..end`, and from there outwards in steps that double.
+/// The bounds of the parts of `low..high`. The first part is `start..end`, and the steps double from there outwards.
 fn graded((low, high): (f64, f64), (start, end): (f64, f64)) -> Vec<f64> {
-    // One sample has no width; 30 steps reach the end of any support.
+    // A single sample has the width 0. At most 30 doublings of the smallest width reach the end of any support.
     let width = (end - start).max(1e-9 * (high - low));
     let steps = |gap: f64| {
         let mut step = width;
         std::iter::from_fn(move || {
             let at = step - width;
             step *= 2.0;
-            // The last step would leave less than half of itself.
+            // Another cut would leave less than half a step to the end.
             (at + 0.5 * step <= gap).then_some(at)
         })
     };
@@ -196,7 +197,7 @@ mod tests {
         let mut source = Source::new(1, 1);
         (0..count)
             .map(|_| {
-                // Crowded near the first end, as in a lobe.
+                // The samples are dense near the first end, as in a lobe.
                 let a = first.0 + 1e-3 * (first.1 - first.0) * source.unit() * source.unit();
                 [a, second.0 + (second.1 - second.0) * source.unit()]
             })
@@ -239,7 +240,7 @@ mod tests {
         assert_eq!((cells.row_lengths(), cells.is_empty()), (vec![1, 3, 1], false));
         let own = cells.rectangle(cells.index([0.5, 0.5]));
         assert_eq!((own.low, own.high[1]), ([0.375, 0.375], 0.5 + 0.25 * (TAU - 0.5)));
-        // 64 values have a cell each, and each gap between them has two cells.
+        // Each of the 64 values has a cell, and each gap between two values has two cells.
         let value = |i: u32| [f64::from(i % 64) / 64.0 + 1.0 / 128.0, 0.5];
         let steps: Vec<_> = (0..16_384).map(value).collect();
         let cells = Cells::new(Support::Interval(0.0, 1.0), &steps, 512, 1);

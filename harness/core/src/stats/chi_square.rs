@@ -1,34 +1,34 @@
-//! Pearson's chi-square test of a histogram against expected counts.
+//! Pearson's chi-square test: compares a histogram with the expected counts.
 
 use super::tail::chi_square_tail;
 use super::{NoVerdict, probability};
 
-/// Cells that expect fewer samples are pooled: their distribution isn't close to the normal one that the test assumes.
-/// Cochran 1952's rule of thumb.
+/// Cells with fewer expected samples are pooled, because their counts aren't close to the normal distribution that the
+/// test assumes. Cochran 1952's rule of thumb.
 pub const POOLED: f64 = 5.0;
 
-/// The difference between a histogram and the expected one.
+/// The difference between a histogram and the expected histogram.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ChiSquare {
-    /// The sum of (observed - expected)^2 / expected; infinite if an impossible sample occurred.
+    /// The sum of (observed - expected)^2 / expected. Infinite if a sample is in a cell with the expected count 0.
     pub statistic: f64,
-    /// The degrees of freedom: one less than the number of cells, where the pool counts as one cell.
+    /// The degrees of freedom: the number of cells minus 1. The pool counts as one cell.
     pub dof: usize,
-    /// The probability of such a large sum by chance.
+    /// The probability that chance causes such a large sum.
     pub p: f64,
     /// The number of pooled cells.
     pub pooled: usize,
-    /// The number of samples in cells that expect none.
+    /// The number of samples in cells with the expected count 0.
     pub impossible: u64,
 }
 
 impl ChiSquare {
-    /// Compares counts with expected counts. Their sums should be equal. Cells that expect fewer than [`POOLED`] are
-    /// pooled into one; if the pool expects fewer, too, the smallest of the other cells joins it. A cell with the
-    /// expectation 0 is left out of the sum, but any sample in it makes the p-value 0.
+    /// Compares counts with expected counts. Their sums should be equal. Cells with an expected count below [`POOLED`]
+    /// are pooled into one. If the pool's expected count is also below [`POOLED`], the smallest other cell joins the
+    /// pool. A cell with the expected count 0 isn't in the sum, but a sample in it makes the p-value 0.
     ///
     /// # Errors
-    /// If nothing was observed, if an expectation is negative or not a number, or if only one cell is left.
+    /// If there are no samples, if an expected count is negative or not a number, or if only one cell is left.
     pub fn of(observed: &[u64], expected: &[f64]) -> Result<Self, NoVerdict> {
         if observed.len() != expected.len() {
             let (observed, expected) = (observed.len(), expected.len());
@@ -42,7 +42,7 @@ impl ChiSquare {
         }
         let mut cells: Vec<(f64, u64)> =
             expected.iter().copied().zip(observed.iter().copied()).collect();
-        // A stable sort, so that equal expectations are always pooled in the same order.
+        // The sort is stable, so cells with equal expected counts are always pooled in the same order.
         cells.sort_by(|a, b| a.0.total_cmp(&b.0));
         let impossible = cells.iter().filter(|cell| cell.0 == 0.0).map(|cell| cell.1).sum();
         let (mut statistic, mut groups, mut pooled) = (0.0, 0, 0);
@@ -79,7 +79,7 @@ impl ChiSquare {
 mod tests {
     use super::*;
 
-    /// Mendel's peas: 315, 108, 101, 32 of 556 against 9 : 3 : 3 : 1.
+    /// Mendel counted 315, 108, 101 and 32 of 556 peas. His theory expects 9 : 3 : 3 : 1.
     #[test]
     fn peas_are_as_mendel_says() {
         let expected = [9.0, 3.0, 3.0, 1.0].map(|share| 556.0 * share / 16.0);
@@ -90,7 +90,8 @@ mod tests {
 
     #[test]
     fn small_cells_are_pooled_until_they_expect_five() {
-        // The cells that expect 1 and 2 make 3, and are pooled with the 6: 9 against 8 samples, and 10 against 11.
+        // The cells with the expected counts 1, 2 and 6 are pooled: 8 samples, 9 expected. The other cell has 11
+        // samples, 10 expected.
         let test = ChiSquare::of(&[1, 2, 5, 11], &[1.0, 2.0, 6.0, 10.0]).expect("two cells");
         assert_eq!((test.dof, test.pooled), (1, 3));
         assert!((test.statistic - (1.0 / 9.0 + 0.1)).abs() < 1e-12);
@@ -111,7 +112,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_impossible_has_probability_zero() {
+    fn an_impossible_sample_has_probability_zero() {
         let test = ChiSquare::of(&[10, 10, 1], &[10.0, 11.0, 0.0]).expect("two cells");
         assert_eq!((test.p, test.impossible), (0.0, 1));
     }

@@ -3,17 +3,19 @@
 use super::gauss::gauss_legendre;
 use super::{Cells, Support};
 
-/// The number of nodes along each side: Gauss-Legendre's of degree 13. The other rule is Lobatto's of degree 7, which
-/// has nodes on the sides: otherwise both rules would miss an edge between the inner nodes and a side.
+/// The number of Gauss-Legendre nodes along each side; the rule has degree 13. The other rule is Lobatto's, of
+/// degree 7. It has nodes on the sides, because the Gauss-Legendre rule alone would miss an edge between its outer nodes and
+/// the sides.
 const ORDER: u32 = 7;
 
-/// The most nodes in one integral over all cells: as many as a software device evaluates in about ten seconds.
+/// The largest number of nodes in one integral over all cells. A software device evaluates this many in about ten
+/// seconds.
 const MOST: usize = 1 << 24;
 
 /// The number of rectangles whose nodes are evaluated at once.
-const BATCH: usize = 880; // times 74 nodes, within 65,536
+const BATCH: usize = 880; // with 74 nodes each, less than 65,536 nodes
 
-/// A rectangle of a support's coordinates.
+/// A rectangle in a support's coordinates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Rectangle {
     /// The lower ends.
@@ -23,7 +25,7 @@ pub struct Rectangle {
 }
 
 impl Rectangle {
-    /// The smallest rectangle that contains both.
+    /// The smallest rectangle that contains both rectangles.
     #[must_use]
     pub fn union(self, other: Self) -> Self {
         let low = [self.low[0].min(other.low[0]), self.low[1].min(other.low[1])];
@@ -48,8 +50,8 @@ impl Rectangle {
 pub struct CellIntegral {
     /// The integral of each component.
     pub value: Vec<f64>,
-    /// The estimated error of the worst component: the difference between rules of two orders. The differences of a
-    /// cell's parts are added as independent errors.
+    /// The estimated error of the component with the largest error: the difference between two quadrature rules. The
+    /// errors of a cell's parts are added like independent errors.
     pub error: f64,
 }
 
@@ -59,7 +61,7 @@ pub enum CubatureError<E> {
     /// The function can't be evaluated.
     #[error(transparent)]
     Evaluation(E),
-    /// Rules of two orders disagree, even on small parts.
+    /// Two quadrature rules differ too much, even on small parts.
     #[error("two quadrature rules still disagree after {nodes} nodes")]
     Diverges {
         /// The number of evaluated nodes.
@@ -75,17 +77,17 @@ struct Part {
     depth: u32,
 }
 
-/// Integrates a function of `components` components over each cell.
+/// Integrates a function with `components` components over each cell.
 ///
-/// Rules of two orders are applied to each part of a cell, and a part is divided until they agree within `tolerance`, a
-/// function of the cell's integral as it is known so far. A part's tolerance is proportional to the square root of its
-/// share of the cell, because the errors of parts add up like independent ones, for example along an edge of the
-/// density.
+/// The function applies two quadrature rules to each part of a cell. It divides a part until the rules agree within
+/// `tolerance`, which gets the current estimate of the cell's integral. The tolerance of a part is proportional to the
+/// square root of the part's share of the cell, because the errors of parts add up like independent errors, for example
+/// along an edge of the density.
 ///
-/// `evaluate` gets points and returns the components of each.
+/// `evaluate` receives points and returns the components at each point.
 ///
 /// # Errors
-/// If `evaluate` fails, or if the rules never agree.
+/// If `evaluate` fails, or if the two rules still disagree after the largest number of nodes.
 pub fn integrate<E>(
     support: Support,
     cells: &Cells,
@@ -136,7 +138,7 @@ pub fn integrate<E>(
                 results.push(sums);
             }
         }
-        // The integral of each cell as known so far, before any of its parts is judged.
+        // The current estimate of each cell's integral, before any part is divided.
         let mut known: Vec<Vec<f64>> = sums.iter().map(|sum| sum.value.clone()).collect();
         for (part, [_, higher]) in pending.iter().zip(&results) {
             add(&mut known[part.cell], higher);
@@ -168,7 +170,7 @@ fn add(sum: &mut [f64], values: &[f64]) {
     }
 }
 
-/// The nodes in the unit square, with their weights. On a line the second coordinate is 1/2.
+/// The nodes in the unit square, with their weights. On a line, the second coordinate is 1/2.
 fn rule(nodes: &[(f64, f64)], line: bool) -> Vec<([f64; 2], f64)> {
     let second = if line { &[(0.5, 1.0)] } else { nodes };
     let row = |(a, weight): &(f64, f64)| {
@@ -178,7 +180,7 @@ fn rule(nodes: &[(f64, f64)], line: bool) -> Vec<([f64; 2], f64)> {
     nodes.iter().flat_map(row).collect()
 }
 
-/// The nodes and weights on 0..1 including both ends. Abramowitz and Stegun 25.4.32, with five nodes.
+/// The five nodes in 0..1, including both ends, with their weights. Abramowitz and Stegun 25.4.32.
 fn lobatto() -> Vec<(f64, f64)> {
     let inner = 0.5 * (3.0_f64 / 7.0).sqrt();
     let (end, side, middle) = (1.0 / 20.0, 49.0 / 180.0, 16.0 / 45.0);
@@ -250,7 +252,7 @@ mod tests {
     }
 
     #[test]
-    fn what_never_converges_is_an_error() {
+    fn an_integral_that_never_converges_is_an_error() {
         let count = std::cell::Cell::new(0_u32);
         let noise = |_| {
             count.set(count.get().wrapping_add(1));
@@ -258,7 +260,7 @@ mod tests {
         };
         let diverged = total(Support::Disk, 1e-12, noise);
         assert!(matches!(diverged, Err(CubatureError::Diverges { .. })));
-        // NaN agrees with nothing.
+        // A NaN never agrees with another value.
         assert!(total(Support::Interval(0.0, 1.0), 1.0, |_| f64::NAN).is_err());
     }
 }

@@ -1,8 +1,8 @@
 //! Gauss-Legendre quadrature.
 
-/// The nodes in 0..1, ascending, and the weights that integrate polynomials of degree `2 count - 1` exactly. The nodes
-/// are the roots of Legendre's polynomial, found by Newton's method from Tricomi's approximation. Abramowitz and
-/// Stegun, 25.4.29 and 22.16.6.
+/// The nodes in 0..1, ascending, with the weights that integrate polynomials of degree `2 count - 1` exactly. The nodes
+/// are the roots of Legendre's polynomial. Newton's method finds them from Tricomi's approximation. Abramowitz and
+/// Stegun 25.4.29 and 22.16.6.
 ///
 /// ```
 /// let area: f64 = karat::stats::gauss_legendre(3).iter().map(|(x, weight)| weight * x * x).sum();
@@ -14,7 +14,7 @@ pub fn gauss_legendre(count: u32) -> Vec<(f64, f64)> {
     let node = |index: u32| {
         let mut x = (std::f64::consts::PI * (f64::from(index) + 0.75) / (degree + 0.5)).cos();
         let mut slope = 1.0;
-        // Each step squares the error from there: four steps leave none.
+        // Each step squares the error. After four steps, rounding is the only error.
         for _ in 0..6 {
             let (mut before, mut value) = (1.0, x);
             for k in 2..=count {

@@ -1,30 +1,30 @@
-//! Kolmogorov's test of one-dimensional samples against a distribution function.
+//! Kolmogorov's test: compares one-dimensional samples with a distribution function.
 
 use super::tail::kolmogorov_tail;
 use super::{NoVerdict, probability};
 
-/// With fewer samples, Stephens' approximation of the tail isn't close enough.
+/// The smallest number of samples for which Stephens' approximation of the tail is close enough.
 const FEWEST: u64 = 40;
 
-/// The difference between the distribution function of samples and the expected one.
+/// The difference between the distribution function of the samples and the expected distribution function.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Kolmogorov {
-    /// The largest difference of the two functions.
+    /// The largest difference between the two functions.
     pub distance: f64,
-    /// The sample with this difference.
+    /// The sample at which the difference is largest.
     pub at: f64,
-    /// The probability of such a large distance by chance.
+    /// The probability that chance causes such a large distance.
     pub p: f64,
 }
 
 impl Kolmogorov {
-    /// Sorts the samples and compares them with a distribution function. A distance of up to `slack` doesn't count: it
-    /// covers the errors of the samples and of the function. If the function has steps, the p-value may be too large,
-    /// but not too small (Conover 1972).
+    /// Sorts the samples and compares them with a distribution function. A distance up to `slack` doesn't count:
+    /// `slack` covers the errors of the samples and of the function. If the function has steps, the p-value may be too
+    /// large, but not too small (Conover 1972).
     ///
     /// # Errors
-    /// If there are fewer than 40 samples, if a sample or the function isn't a number in range, or if the slack isn't a
-    /// number in [0, 1).
+    /// If there are fewer than 40 samples, if a sample isn't a number, if a value of the function isn't in 0 to 1, or
+    /// if `slack` isn't in [0, 1).
     pub fn of(
         samples: &mut [f64],
         distribution: impl Fn(f64) -> f64,
@@ -46,7 +46,7 @@ impl Kolmogorov {
         let mut before = 0;
         for ties in samples.chunk_by(|a, b| a == b) {
             let sample = ties[0];
-            // Just before the sample and at it, because both functions may have a step there.
+            // Both functions may have a step at the sample, so they are compared just before the sample and at it.
             let own = [distribution(sample.next_down()), distribution(sample)];
             let counted = [before, before + ties.len()].map(|index| index as f64 / count);
             for (value, share) in own.into_iter().zip(counted) {
@@ -71,7 +71,8 @@ mod tests {
 
     #[test]
     fn the_distance_is_taken_on_both_sides_of_a_step() {
-        // 100 samples at the middles of cells are 1/200 off everywhere; one is moved up.
+        // Each of the 100 samples is in the middle of a cell, so the distance is 1/200 everywhere. Then one sample is
+        // moved up.
         let middles = || (0..100).map(|i| (f64::from(i) + 0.5) / 100.0).collect::<Vec<_>>();
         let test = Kolmogorov::of(&mut middles(), |x| x, 0.0).expect("100 samples");
         assert!((test.distance - 0.005).abs() < 1e-12 && test.p > 0.999);

@@ -1,16 +1,17 @@
-//! Tests a mean against the expected one, with the standard error of the samples.
+//! Compares the mean of samples with the expected mean, by the standard error of the samples.
 
 use super::tail::normal_tail;
 use super::{NoVerdict, probability};
 
-/// With fewer samples, the mean isn't close to normally distributed.
+/// The smallest number of samples for which the mean is close to normally distributed.
 const FEWEST: u64 = 100;
 
-/// The number of samples that each unit of squared skewness needs. Cochran 1977, section 2.15.
+/// The number of samples that are needed per unit of squared skewness. Cochran 1977, section 2.15.
 const PER_SKEWNESS: f64 = 25.0;
 
-/// The count, mean, variance and skewness of a stream of numbers (Welford 1962). Parts of a stream can be merged (Chan
-/// et al. 1983, Pebay 2008). Except for rounding, the result doesn't depend on how the stream was divided.
+/// The count, mean, variance and skewness of a stream of numbers (Welford 1962). The moments of parts of a stream can
+/// be merged (Chan et al. 1983, Pebay 2008). Except for rounding, the result doesn't depend on how the stream was
+/// divided.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Moments {
     count: u64,
@@ -31,7 +32,7 @@ impl Moments {
         self.squares += square;
     }
 
-    /// The moments of both streams together.
+    /// The moments of the two streams together.
     #[must_use]
     pub fn merge(self, other: Self) -> Self {
         let count = self.count + other.count;
@@ -49,25 +50,25 @@ impl Moments {
         Self { count, mean, squares, cubes }
     }
 
-    /// The number of values.
+    /// The number of values in the stream.
     #[must_use]
     pub fn count(&self) -> u64 {
         self.count
     }
 
-    /// Their mean.
+    /// The mean of the values.
     #[must_use]
     pub fn mean(&self) -> f64 {
         self.mean
     }
 
-    /// Their variance, as an estimate for the distribution that they come from.
+    /// The estimated variance of the distribution from which the values come.
     #[must_use]
     pub fn variance(&self) -> f64 {
         self.squares / (self.count.max(2) - 1) as f64
     }
 
-    /// Their skewness; 0 if all numbers are equal.
+    /// The skewness of the values. It is 0 if all values are equal.
     #[must_use]
     pub fn skewness(&self) -> f64 {
         if self.squares == 0.0 {
@@ -77,27 +78,28 @@ impl Moments {
     }
 }
 
-/// The difference between a mean and the expected one.
+/// The difference between a mean and the expected mean.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Mean {
-    /// The mean.
+    /// The mean of the samples.
     pub mean: f64,
-    /// Its standard error.
+    /// The standard error of the mean.
     pub error: f64,
-    /// The difference beyond the slack, in standard errors.
+    /// The difference minus the slack, in standard errors.
     pub z: f64,
-    /// The probability of such a large difference by chance.
+    /// The probability that chance causes such a large difference.
     pub p: f64,
 }
 
 impl Mean {
-    /// Compares the mean with the expected one. A difference of up to `slack` doesn't count: it covers the rounding of
-    /// the samples and the error of the expectation. Without it, samples that differ only by rounding would be judged
-    /// by their rounding.
+    /// Compares the mean with the expected mean. A difference up to `slack` doesn't count: `slack` covers the rounding
+    /// of the samples and the error of the expected mean. Without it, a mean of samples that differ only by rounding
+    /// could fail because of this rounding.
     ///
     /// # Errors
-    /// If there are fewer than 100 samples, or if a number isn't finite. Also if the mean differs from the expected one
-    /// and its error is unknown: because few of the samples make up the mean, or because all are 0.
+    /// If there are fewer than 100 samples, or if a number isn't finite. Also if the mean differs from the expected
+    /// mean and its standard error is unknown, because few of the samples decide the mean, or because all samples
+    /// are 0.
     pub fn of(moments: &Moments, expected: f64, slack: f64) -> Result<Self, NoVerdict> {
         let found = moments.count;
         if found < FEWEST {
@@ -148,24 +150,25 @@ mod tests {
         assert_eq!(whole.count(), merged.count());
         assert!((whole.mean() - merged.mean()).abs() < 1e-6);
         assert!((whole.variance() - merged.variance()).abs() < 1e-6 * whole.variance());
-        let variance = |n: f64| (n * n - 1.0) / 12.0; // of 0..n, uniform
+        let variance = |n: f64| (n * n - 1.0) / 12.0; // of the uniform distribution of 0..n
         assert!((merged.variance() / variance(37.0) - 1.0).abs() < 0.01);
     }
 
+    // Lesson 72
     #[test]
     fn a_mean_is_judged_by_its_error() {
-        // 10,000 tosses of a coin: an error of 0.005.
+        // 10,000 coin tosses have a standard error of 0.005.
         let coin = moments((0..10_000).map(|i| f64::from(i % 2)));
         let at = |expected| Mean::of(&coin, expected, 0.0).expect("10,000 samples");
         assert_eq!(at(0.5).p, 1.0);
         assert!((at(0.51).z - 2.0).abs() < 1e-3 && (at(0.51).p - 0.0455).abs() < 1e-4);
         assert!(Mean::of(&coin, 0.51, 0.01).expect("10,000 samples").p > 0.999);
-        // A difference beyond the slack counts.
+        // Only the difference beyond the slack counts.
         let beyond = Mean::of(&coin, 0.53, 0.01).expect("10,000 samples");
         assert!((beyond.z - 4.0).abs() < 1e-3 && beyond.p < 1e-4, "{beyond:?}");
     }
 
-    /// Samples may contain a rare event or not, so they don't show the error of the mean.
+    /// The samples may or may not contain a rare event, so they don't show the error of the mean.
     #[test]
     fn the_mean_of_a_rare_event_has_no_verdict() {
         let rare = |hits: u32| moments((0..65_536).map(|i| f64::from(u8::from(i < hits))));

@@ -1,4 +1,5 @@
-//! Computes the power of a test against a given fault, and how often the test rejects wrongly.
+//! Computes the power of a test: the probability that it finds a given fault. Also measures how often a test fails by
+//! chance.
 
 use super::chi_square::POOLED;
 use super::tail::{
@@ -6,11 +7,11 @@ use super::tail::{
 };
 use super::{NoVerdict, probability};
 
-/// The probability that a chi-square test of `samples` samples against cells of mass `claimed` rejects at
-/// `significance` if their mass is `actual`. Both lists should have the same sum.
+/// The probability that a chi-square test rejects at `significance`. The test gets `samples` samples, whose cells have
+/// the masses `actual`, and expects the masses `claimed`. The two lists of masses should have the same sum.
 ///
 /// # Errors
-/// If a mass is negative or not a number, or if fewer than two cells expect enough samples.
+/// If a mass is negative or not a number, or if fewer than two cells have enough expected samples.
 pub fn chi_square_power(
     claimed: &[f64],
     actual: &[f64],
@@ -20,7 +21,7 @@ pub fn chi_square_power(
     if claimed.len() != actual.len() {
         return Err(NoVerdict::Length { observed: actual.len(), expected: claimed.len() });
     }
-    // The same order as in `ChiSquare`, so that the same cells are pooled.
+    // The order is the same as in `ChiSquare`, so the same cells are pooled.
     let mut cells: Vec<(f64, f64)> = claimed.iter().copied().zip(actual.iter().copied()).collect();
     cells.sort_by(|a, b| a.0.total_cmp(&b.0));
     let (mut lambda, mut groups, mut impossible) = (0.0, 0_usize, 0.0);
@@ -52,12 +53,12 @@ pub fn chi_square_power(
     }
     let dof = (groups - 1) as f64;
     let accepted = 1.0 - noncentral_tail(chi_square_critical(dof, significance), dof, lambda);
-    // One sample in an impossible cell also rejects.
+    // A sample in a cell with the expected mass 0 also makes the test reject.
     probability(1.0 - accepted * (-samples * impossible).exp())
 }
 
-/// The probability that the test of a mean rejects at `significance` if the true mean differs from the expected one by
-/// `difference`, and the mean of the samples has the standard error `error`.
+/// The probability that the test of a mean rejects at `significance`, if the true mean differs from the expected mean
+/// by `difference`, and the standard error of the samples' mean is `error`.
 ///
 /// # Errors
 /// If an argument isn't a number, if the error or the slack is negative, or if the significance isn't between 0 and 1.
@@ -82,10 +83,10 @@ pub fn mean_power(
     probability(beyond(shift) + beyond(-shift))
 }
 
-/// A lower bound for the probability that Kolmogorov's test of `samples` samples rejects at `significance` if their
-/// distribution function is another one. Each of `points` has the values of the claimed and of the other function at
-/// one place. More points give a better bound. Massey 1950: at one place, the number of samples below it is binomial,
-/// approximated here as normal.
+/// A lower bound for the probability that Kolmogorov's test rejects at `significance`, if the test gets `samples`
+/// samples of a distribution that differs from the claimed one. Each of `points` has the values of the claimed and of
+/// the actual distribution function at one position. More points give a better bound. At one position, the number of
+/// samples below it is binomial (Massey 1950). The function approximates this by a normal distribution.
 ///
 /// # Errors
 /// If a value isn't a probability, if there are no points, if the slack is negative, or if the significance isn't
@@ -128,7 +129,7 @@ fn expect_significance(value: f64) -> Result<(), NoVerdict> {
     if between { Ok(()) } else { Err(NoVerdict::NotANumber { what: "the significance", value }) }
 }
 
-/// How often a test rejected.
+/// The share of runs in which a test rejected.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Rate {
     /// The number of runs that rejected.
@@ -138,20 +139,20 @@ pub struct Rate {
 }
 
 impl Rate {
-    /// Runs a test with many seeds; `rejects` returns whether it rejected.
+    /// Runs a test with many seeds. `rejects` returns `true` if the test rejected.
     pub fn over(seeds: std::ops::Range<u64>, mut rejects: impl FnMut(u64) -> bool) -> Self {
         let runs = seeds.end.saturating_sub(seeds.start);
         Self { rejected: seeds.filter(|seed| rejects(*seed)).count() as u64, runs }
     }
 
-    /// The share of runs that rejected; NaN if there were no runs.
+    /// The number of rejecting runs divided by the number of runs. NaN if there were no runs.
     #[must_use]
     pub fn share(&self) -> f64 {
         self.rejected as f64 / self.runs as f64
     }
 
-    /// Returns `true` if rejections are no more frequent than `significance` allows: the probability of that many or
-    /// more is at least one in a thousand. Without runs, it returns `false`.
+    /// Checks if rejections are no more frequent than `significance` allows: the probability of at least this many
+    /// rejections must be at least 0.001. Returns `false` if there were no runs.
     #[must_use]
     pub fn is_within(&self, significance: f64) -> bool {
         let fewer = (self.rejected as f64) < significance * self.runs as f64;
@@ -179,7 +180,7 @@ mod tests {
     fn the_power_of_a_mean_is_that_of_a_normal_number() {
         let power = |difference, slack| mean_power(difference, 0.1, slack, 0.05).expect("a power");
         assert!((power(0.0, 0.0) - 0.05).abs() < 1e-9);
-        // Cohen 1988, table 2.3: a shift of 1.96 standard deviations is detected in half of the runs.
+        // Cohen 1988, table 2.3: the test detects a shift of 1.96 standard deviations in half of the runs.
         assert!((power(0.196, 0.0) - 0.5).abs() < 1e-3 && (power(-0.196, 0.0) - 0.5).abs() < 1e-3);
         assert!((power(0.296, 0.1) - power(0.196, 0.0)).abs() < 1e-3);
         assert_eq!(mean_power(1.0, 0.0, 0.5, 0.05), Ok(1.0));
@@ -205,9 +206,10 @@ mod tests {
         assert!(kolmogorov_power(&[(0.5, f64::NAN)], 10.0, 0.0, 0.1).is_err());
     }
 
-    /// With an impossible share of one per cent, a fraction e^-1 of runs with 100 samples has no impossible sample.
+    /// If one per cent of the samples are impossible, a share of 1/e of the runs with 100 samples has no impossible
+    /// sample.
     #[test]
-    fn what_is_impossible_is_seen_once_it_happens() {
+    fn one_impossible_sample_is_detected() {
         let power = chi_square_power(&[0.5, 0.5, 0.0], &[0.495, 0.495, 0.01], 100.0, 1e-6);
         assert!((power.expect("two cells") - (1.0 - (-1.0_f64).exp())).abs() < 1e-4);
     }

@@ -1,13 +1,13 @@
-//! Supports of samples, and their coordinates.
+//! Supports: the sets from which samples come, with their coordinates.
 
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::fmt;
 
-/// The largest error of a direction's length, and of a disk's radius: WGSL promises 2^-11 for sin and cos, and the
-/// squares of two are added.
+/// The largest error of a direction's length, and of a disk's radius. WGSL allows sin and cos an error of 2^-11, and a
+/// length adds the squares of two such values.
 const LENGTH: f64 = 1e-3;
 
-/// The set on which a density is defined, with its measure.
+/// The set on which a density is defined, with the measure that the density refers to.
 ///
 /// ```
 /// use karat::Support;
@@ -17,24 +17,24 @@ const LENGTH: f64 = 1e-3;
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Support {
-    /// Directions, by solid angle.
+    /// Directions. The measure is the solid angle.
     Sphere,
-    /// Directions with z >= 0, by solid angle.
+    /// Directions with z >= 0. The measure is the solid angle.
     Hemisphere,
-    /// Points of the unit disk, by area.
+    /// Points of the unit disk. The measure is the area.
     Disk,
-    /// Numbers from the first to the second. A density is also evaluated at both ends, and must be finite there.
+    /// Numbers from the first value to the second. A density is also evaluated at both ends, and must be finite there.
     Interval(f64, f64),
 }
 
-/// The place of a sample.
+/// The position of a sample.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Place {
-    /// On the support, at these coordinates.
+    /// The sample is on the support, at these coordinates.
     Inside([f64; 2]),
-    /// Outside the support: below the horizon, outside the disk, or beyond an end.
+    /// The sample is outside of the support: below the horizon, outside of the disk, or beyond an end.
     Outside,
-    /// Not a direction: its length isn't 1.
+    /// The sample isn't a direction: its length isn't 1.
     NotUnit,
 }
 
@@ -50,14 +50,15 @@ impl Support {
         }
     }
 
-    /// Returns `true` if there is only one coordinate.
+    /// Checks if the support has only one coordinate.
     #[doc(hidden)]
     #[must_use]
     pub fn is_line(self) -> bool {
         matches!(self, Self::Interval(..))
     }
 
-    /// The ranges of the coordinates: angle from +Z or radius, then azimuth. An interval's second coordinate is unused.
+    /// The ranges of the two coordinates. The first is the angle from +Z, or the radius; the second is the azimuth. An
+    /// interval's second coordinate is unused.
     #[doc(hidden)]
     #[must_use]
     pub fn extent(self) -> [(f64, f64); 2] {
@@ -69,7 +70,7 @@ impl Support {
         }
     }
 
-    /// The coordinates of a sample. Its first [`components`](Self::components) numbers count.
+    /// The coordinates of a sample. Only the first [`components`](Self::components) numbers count.
     #[doc(hidden)]
     #[must_use]
     pub fn locate(self, point: [f64; 3]) -> Place {
@@ -83,7 +84,7 @@ impl Support {
                 } else if self == Self::Hemisphere && z < 0.0 {
                     Place::Outside
                 } else {
-                    // Exact near +Z, unlike the arc cosine of z.
+                    // Unlike the arc cosine of z, this is exact near +Z.
                     Place::Inside([across.atan2(z), azimuth()])
                 }
             }
@@ -93,7 +94,7 @@ impl Support {
         }
     }
 
-    /// The point at these coordinates, and the measure per unit of both coordinates there.
+    /// The point at these coordinates, and the measure per unit of both coordinates at this point.
     #[doc(hidden)]
     #[must_use]
     pub fn point(self, [a, b]: [f64; 2]) -> ([f64; 3], f64) {
@@ -139,7 +140,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_beside_the_support_is_told_from_what_is_no_direction() {
+    fn directions_outside_the_support_differ_from_invalid_ones() {
         let down = [0.0, 0.6, -0.8];
         assert!(matches!(Support::Sphere.locate(down), Place::Inside(_)));
         assert_eq!(Support::Hemisphere.locate(down), Place::Outside);

@@ -1,10 +1,10 @@
-//! Tails of distributions: the probability of a value at least as extreme.
+//! Tails of distributions: the probability that a value is at least as extreme as a given value.
 
 use statrs::function::erf::erfc;
 use statrs::function::gamma::{checked_gamma_ur, ln_gamma};
 
-/// The probability that chi-square with `dof` degrees of freedom is at least `x`; NaN if that isn't defined. Abramowitz
-/// and Stegun 26.4.19.
+/// The probability that a chi-square variable with `dof` degrees of freedom is at least `x`. NaN if that isn't defined.
+/// Abramowitz and Stegun 26.4.19.
 #[must_use]
 pub fn chi_square_tail(x: f64, dof: f64) -> f64 {
     if x.is_nan() || !(dof > 0.0) || x < 0.0 {
@@ -18,7 +18,7 @@ pub fn chi_square_tail(x: f64, dof: f64) -> f64 {
     }
 }
 
-/// The value that chi-square exceeds with probability `significance`.
+/// The value that a chi-square variable exceeds with the probability `significance`.
 #[must_use]
 pub fn chi_square_critical(dof: f64, significance: f64) -> f64 {
     let (mut low, mut high) = (0.0, dof.max(1.0));
@@ -32,8 +32,9 @@ pub fn chi_square_critical(dof: f64, significance: f64) -> f64 {
     high
 }
 
-/// The probability that non-central chi-square is at least `x`: a mixture of central ones with `dof + 2 j` degrees of
-/// freedom, where j has Poisson's distribution of mean `lambda / 2`. Abramowitz and Stegun 26.4.25.
+/// The probability that a non-central chi-square variable is at least `x`. Its distribution is a mixture of central
+/// ones with `dof + 2 j` degrees of freedom, where j has a Poisson distribution with the mean `lambda / 2`. Abramowitz
+/// and Stegun 26.4.25.
 #[must_use]
 pub fn noncentral_tail(x: f64, dof: f64, lambda: f64) -> f64 {
     if lambda == 0.0 {
@@ -43,10 +44,11 @@ pub fn noncentral_tail(x: f64, dof: f64, lambda: f64) -> f64 {
         return f64::NAN;
     }
     let mean = lambda / 2.0;
-    // Terms further than 12 standard deviations from the mean are below 1e-30.
+    // Terms that are more than 12 standard deviations from the mean are below 1e-30.
     let width = 12.0 * mean.sqrt() + 12.0;
     let (first, last) = ((mean - width).max(0.0).floor(), (mean + width).ceil());
-    // A wide mixture is sampled at regular steps: neighbouring terms are equal to 1e-3.
+    // A wide mixture has too many terms, so only every `step`-th is computed. The relative difference of neighbouring
+    // terms is at most 1e-3.
     let step = ((last - first) / 2000.0).floor().max(1.0);
     let (mut sum, mut weights, mut j) = (0.0, 0.0, first);
     while j <= last {
@@ -58,16 +60,16 @@ pub fn noncentral_tail(x: f64, dof: f64, lambda: f64) -> f64 {
     sum / weights
 }
 
-/// The probability that a standard normal number is at least as far from 0 as `z`, on either side.
+/// The probability that a standard normal number is at least as far from 0 as `z`, in either direction.
 #[must_use]
 pub fn normal_tail(z: f64) -> f64 {
     erfc(z.abs() / std::f64::consts::SQRT_2)
 }
 
-/// The distance from 0 that a standard normal number exceeds, on either side, with probability `significance`.
+/// The distance from 0 that a standard normal number exceeds, in either direction, with the probability `significance`.
 #[must_use]
 pub fn normal_critical(significance: f64) -> f64 {
-    // 40 standard deviations are beyond the smallest double.
+    // Beyond 40 standard deviations, the tail is below the smallest double.
     critical(40.0, significance, normal_tail)
 }
 
@@ -79,7 +81,7 @@ pub(super) fn normal_upper(z: f64) -> f64 {
 /// The argument, between 0 and `most`, at which a falling tail equals `significance`.
 pub(super) fn critical(most: f64, significance: f64, tail: impl Fn(f64) -> f64) -> f64 {
     let (mut low, mut high) = (0.0, most);
-    // Each step adds a bit.
+    // Each step adds one bit to the result.
     for _ in 0..60 {
         let middle = 0.5 * (low + high);
         if tail(middle) > significance { low = middle } else { high = middle }
@@ -87,8 +89,8 @@ pub(super) fn critical(most: f64, significance: f64, tail: impl Fn(f64) -> f64) 
     high
 }
 
-/// The probability of a number of successes at least as extreme as `successes` out of `trials`: twice the smaller tail,
-/// summed exactly.
+/// The probability of a number of successes at least as extreme as `successes` in `trials` trials. It is twice the
+/// smaller tail, whose terms are summed exactly.
 #[must_use]
 pub fn binomial_tail(successes: u64, trials: u64, probability: f64) -> f64 {
     if successes > trials || !(0.0..=1.0).contains(&probability) {
@@ -104,7 +106,7 @@ pub fn binomial_tail(successes: u64, trials: u64, probability: f64) -> f64 {
     let odds = probability / (1.0 - probability);
     let upwards = k >= mean;
     let mut tail = 0.0;
-    // Away from the mean, each term is smaller than the previous one, by a falling ratio.
+    // Away from the mean, each term is smaller than the one before, by a ratio that falls from term to term.
     while term > tail * 1e-17 && term > 0.0 {
         tail += term;
         if upwards {
@@ -118,9 +120,8 @@ pub fn binomial_tail(successes: u64, trials: u64, probability: f64) -> f64 {
     (2.0 * tail).min(1.0)
 }
 
-/// The probability that the Kolmogorov-Smirnov distance of so many random samples to their distribution is at least
-/// `distance`. Stephens 1970, with
-/// Kolmogorov's series.
+/// The probability that the Kolmogorov-Smirnov distance between random samples and their distribution is at least
+/// `distance`, for `samples` samples. Stephens 1970, with Kolmogorov's series.
 #[must_use]
 pub fn kolmogorov_tail(distance: f64, samples: f64) -> f64 {
     let root = samples.sqrt();
@@ -129,7 +130,7 @@ pub fn kolmogorov_tail(distance: f64, samples: f64) -> f64 {
         return f64::NAN;
     }
     if x < 0.2 {
-        return 1.0; // the tail differs from 1 by 5e-13, and the series converges slowly
+        return 1.0; // here the tail differs from 1 by at most 5e-13, and the series would converge slowly
     }
     let mut sum = 0.0;
     for k in 1..=100 {
@@ -151,7 +152,7 @@ mod tests {
         (a - b).abs() <= relative * b.abs()
     }
 
-    /// Even degrees of freedom have a finite sum: Abramowitz and Stegun 26.4.5.
+    /// For even degrees of freedom, the tail is a finite sum: Abramowitz and Stegun 26.4.5.
     #[test]
     fn chi_square_is_a_sum_of_poisson_terms() {
         for (dof, x) in [(2_u32, 3.0), (4, 0.5), (10, 30.0), (100, 150.0), (500, 430.0)] {
@@ -165,7 +166,7 @@ mod tests {
     }
 
     #[test]
-    fn what_has_no_tail_is_nan() {
+    fn invalid_arguments_of_a_tail_give_nan() {
         assert!(chi_square_tail(1.0, 0.0).is_nan() && chi_square_tail(f64::NAN, 3.0).is_nan());
         assert!(chi_square_tail(-1.0, 3.0).is_nan() && noncentral_tail(1.0, 2.0, -1.0).is_nan());
         assert!(binomial_tail(3, 2, 0.5).is_nan() && binomial_tail(1, 2, f64::NAN).is_nan());
@@ -182,7 +183,7 @@ mod tests {
         assert!(close(chi_square_critical(1.0, 0.05), 3.841_458_821, 1e-8)); // 1.96^2
     }
 
-    /// With one degree of freedom, it is the square of a normal number with mean sqrt(lambda).
+    /// With one degree of freedom, the variable is the square of a normal number with the mean sqrt(lambda).
     #[test]
     fn the_noncentral_tail_of_one_degree_is_normal() {
         for (x, lambda) in [(3.84, 1.0), (3.84, 10.0), (1.0, 4.0), (10.0, 1000.0)] {
@@ -191,7 +192,7 @@ mod tests {
             let expected = upper(root - shift) + upper(root + shift);
             assert!(close(noncentral_tail(x, 1.0, lambda), expected, 1e-6), "{x} {lambda}");
         }
-        // A wide mixture, in which only some terms are summed: approximately normal.
+        // A wide mixture, in which only some terms are summed. The result is approximately normal.
         let (dof, lambda) = (511.0_f64, 1e6_f64);
         let (mean, deviation) = (dof + lambda, (2.0 * (dof + 2.0 * lambda)).sqrt());
         let tail = noncentral_tail(mean + deviation, dof, lambda);
@@ -200,17 +201,18 @@ mod tests {
 
     #[test]
     fn binomial_tails_are_exact() {
-        // 10 tosses of a coin: 8 or more heads have 56/1024, doubled.
+        // In 10 coin tosses, 8 or more heads have the probability 56/1024. The tail doubles it.
         assert!(close(binomial_tail(8, 10, 0.5), 112.0 / 1024.0, 1e-12));
         assert!(close(binomial_tail(2, 10, 0.5), 112.0 / 1024.0, 1e-12));
         assert_eq!(binomial_tail(5, 10, 0.5), 1.0);
         assert_eq!((binomial_tail(0, 9, 0.0), binomial_tail(1, 9, 0.0)), (1.0, 0.0));
-        // A million trials, three standard deviations of 500 off: 0.0027, minus the continuity correction.
+        // With a million trials, the standard deviation is 500. Three standard deviations have the tail 0.0027, minus
+        // the continuity correction.
         let tail = binomial_tail(501_500, 1_000_000, 0.5);
         assert!(close(tail, normal_tail(1499.5 / 500.0), 1e-4), "{tail}");
     }
 
-    /// The tables of Stephens 1970: 1.358 and 1.628 are the 5 % and 1 % points.
+    /// The tables of Stephens 1970 have 1.358 for 5 % and 1.628 for 1 %.
     #[test]
     fn kolmogorov_has_its_tabled_points() {
         assert!(close(kolmogorov_tail(1.358_1e-3, 1e6), 0.05, 2e-3));

@@ -1,8 +1,8 @@
-//! The line of all `f32`, in steps.
+//! The ordered line of all `f32`, measured in steps.
 
-/// The number of `f32` steps between two values: `None` if either is NaN.
+/// The number of `f32` steps between two values. `None` if one of them is NaN.
 ///
-/// `-0` and `+0` are the same point, and the line has no gap at zero or at a binade's end.
+/// `-0` and `+0` are the same point. The line has no gap at zero or at a power of two.
 ///
 /// ```
 /// assert_eq!(karat::unstable::tolerance::ulp_distance(-0.0, 0.0), Some(0));
@@ -19,8 +19,8 @@ pub fn ulp_distance(a: f32, b: f32) -> Option<u64> {
     (!a.is_nan() && !b.is_nan()).then(|| ordered(a).abs_diff(ordered(b)))
 }
 
-/// The position of a real number on the ordered line of `f32`: the index of the `f32` at or below it (by magnitude),
-/// plus the fraction of the step to the next one. Values beyond `f32::MAX` continue with the last spacing.
+/// The position of a real number on the ordered line of `f32`: the index of the `f32` at or below its magnitude, plus
+/// the fraction of the step to the next `f32`. Beyond `f32::MAX`, the line continues with the last step's size.
 pub(super) fn ordinal(value: f64) -> f64 {
     let magnitude = value.abs();
     #[expect(clippy::cast_possible_truncation, reason = "rounds to the nearest f32, by design")]
@@ -37,17 +37,18 @@ pub(super) fn ordinal(value: f64) -> f64 {
 pub(super) fn spacing(magnitude: f64) -> f64 {
     #[expect(clippy::cast_possible_truncation, reason = "the binade of the nearest f32 is meant")]
     let value = (magnitude.abs() as f32).min(f32::MAX);
-    // The exponent field holds e + 127; a normal's step is 2^(e - 23), a denormal's 2^-149. As an `f64`, whose field
-    // holds e + 1023, the exponent is set directly; `exp2` would take as long as everything else.
+    // The exponent field of an `f32` is e + 127. The step of a normal number is 2^(e - 23), that of a denormal 2^-149.
+    // The exponent field of an `f64` is e + 1023, and is set directly, because `exp2` would take as long as all the
+    // rest.
     let exponent = (value.to_bits() >> 23).max(1);
     f64::from_bits(u64::from(exponent + 1023 - 150) << 52)
 }
 
-/// The smallest distance between two neighbouring `f32` from `magnitude` on: the one in its binade. Unlike [`spacing`],
-/// it doesn't round first, and it has no minimum.
+/// The distance between two neighbouring `f32` in the binade of `magnitude`. All larger `f32` have at least this
+/// distance. Unlike [`spacing`], the function doesn't round first, and it has no minimum.
 #[inline]
 pub(super) fn least_spacing(magnitude: f64) -> f64 {
-    // Without its 52 fraction bits, a number is its binade's power of two.
+    // A number without its 52 fraction bits is its binade's power of two.
     let binade = magnitude.min(f64::from(f32::MAX)).to_bits() >> 52 << 52;
     f64::from_bits(binade) * f64::from(f32::EPSILON)
 }

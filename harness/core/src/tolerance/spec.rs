@@ -1,24 +1,24 @@
-//! Tolerances from the WGSL specification, and from an adapter's measured accuracy.
+//! Tolerances from the WGSL specification, and from the measured accuracy of an adapter.
 
 use std::fmt;
 
 use super::{Abs, Rel, Tolerance, Ulp};
 use crate::value::Scalar;
 
-/// The largest width of the range that WGSL allows, unless a check sets another: three decimal digits, as many as the
-/// eye and 8 bits a channel need, and a quarter of the digits of `f32`.
+/// The largest width of the range that WGSL allows, unless a check sets another. It leaves three decimal digits, which
+/// the eye and 8-bit channels need. It allows a quarter of the digits of `f32` to be lost.
 const NEED: f64 = 1.0 / 1024.0;
 
-/// The same for `f16`, whose last digit is 2^-10: half of its digits, so that a quotient passes.
+/// The same for `f16`, whose last digit is 2^-10. It leaves half of the digits, so that a quotient passes.
 const NEED_HALF: f64 = 1.0 / 32.0;
 
-/// The range of values that the WGSL specification allows this code to return for these arguments. It is computed by
-/// interval arithmetic, from the accuracy of each operation ("Floating Point Accuracy").
+/// The range of values that the WGSL specification allows a function to return for the case's arguments. Karat computes
+/// it by interval arithmetic, from the accuracy of each operation ("Floating Point Accuracy").
 ///
-/// A case passes if both result and reference are inside the range, and if the range is narrow: at most 2^-10 relative
-/// (2^-5 for `f16`), or the tolerance of [`needing`](Self::needing). So a first test needs no number, and its verdict
-/// doesn't depend on the driver. Cases in which WGSL allows a wider range, or any value, fail: set the tolerance for
-/// them with [`or`](Self::or).
+/// A case passes if both the result and the reference are inside of the range, and if the range is narrow: its width is
+/// at most 2^-10 relative (2^-5 for `f16`), or the tolerance of [`needing`](Self::needing). So a first test needs no
+/// number, and its verdict doesn't depend on the driver. Cases in which WGSL allows a wider range, or any value, fail.
+/// Set a tolerance for them with [`or`](Self::or).
 ///
 /// ```no_run
 /// # use karat::prelude::*;
@@ -32,7 +32,7 @@ const NEED_HALF: f64 = 1.0 / 32.0;
 pub struct Spec;
 
 impl Spec {
-    /// [`Spec`] with more or fewer required digits.
+    /// [`Spec`] that requires more or fewer digits.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -46,7 +46,7 @@ impl Spec {
         SpecTolerance { need: tolerance.into(), otherwise: None, measured: false }
     }
 
-    /// [`Spec`], or this tolerance in cases where WGSL's range is too wide.
+    /// [`Spec`], with another tolerance for cases in which WGSL's range is too wide.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -61,16 +61,16 @@ impl Spec {
     }
 }
 
-/// The range of values that each path's adapter may return for these arguments, from the measured accuracy of its
-/// builtin functions.
+/// The range of values that each path's adapter may return for the case's arguments, computed from the measured
+/// accuracy of the adapter's builtin functions.
 ///
-/// It works like [`Spec`], and is never wider where that is finite. WGSL bounds the error of a sine to 2^-11, and only
-/// between -pi and pi; most adapters are thousands of times more precise, for all arguments. Karat measures each
-/// builtin function once on an adapter, and allows twice the largest error. It keeps the results in cargo's home, by
-/// adapter and driver.
+/// It works like [`Spec`], and its range is never wider than a finite range of [`Spec`]. WGSL allows the error 2^-11
+/// for a sine, and only between -pi and pi. Most adapters are thousands of times more precise, for all arguments. Karat
+/// measures each builtin function once on an adapter, and allows twice the largest error. It stores the results in
+/// cargo's home, by adapter and driver.
 ///
-/// A test that passes here shows nothing about other adapters. Use it to test your shader's own rounding, and [`Spec`]
-/// for a test that should pass everywhere.
+/// A test that passes with `DeviceSpec` shows nothing about other adapters. Use it to test your shader's own rounding.
+/// Use [`Spec`] for a test that should pass everywhere.
 ///
 /// ```no_run
 /// # use karat::prelude::*;
@@ -84,7 +84,7 @@ impl Spec {
 pub struct DeviceSpec;
 
 impl DeviceSpec {
-    /// [`DeviceSpec`] with more or fewer required digits.
+    /// [`DeviceSpec`] that requires more or fewer digits.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -98,7 +98,7 @@ impl DeviceSpec {
         SpecTolerance { measured: true, ..Spec.needing(tolerance) }
     }
 
-    /// [`DeviceSpec`], or this tolerance in cases where the adapter's range is too wide.
+    /// [`DeviceSpec`], with another tolerance for cases in which the adapter's range is too wide.
     ///
     /// ```no_run
     /// # use karat::prelude::*;
@@ -113,7 +113,7 @@ impl DeviceSpec {
     }
 }
 
-/// [`Spec`] or [`DeviceSpec`] with the author's requirements.
+/// [`Spec`] or [`DeviceSpec`] with the digits that the author requires.
 ///
 /// ```
 /// use karat::{Abs, Rel, Spec};
@@ -124,19 +124,19 @@ impl DeviceSpec {
 #[derive(Clone, Debug, PartialEq)]
 #[must_use]
 pub struct SpecTolerance {
-    /// The largest distance between results that WGSL allows.
+    /// The largest width of the range that WGSL allows.
     #[doc(hidden)]
     pub need: Tolerance,
     /// The tolerance for cases with a wider range.
     #[doc(hidden)]
     pub otherwise: Option<Tolerance>,
-    /// Set if the bounds are the adapter's measured ones.
+    /// `true` if the range comes from the adapter's measured accuracy.
     #[doc(hidden)]
     pub measured: bool,
 }
 
 impl SpecTolerance {
-    /// Judges by this tolerance in cases where WGSL allows a wider range than needed, or any value.
+    /// Sets a tolerance for cases in which WGSL allows a range that is too wide, or any value.
     ///
     /// ```
     /// use karat::{Abs, Rel, Spec};
@@ -148,7 +148,7 @@ impl SpecTolerance {
         Self { otherwise: Some(tolerance.into()), ..self }
     }
 
-    /// The largest distance between allowed results of a type: the author's, or the default for the type's digits.
+    /// The largest width of the range for a type: the author's, or the default for the type's digits.
     #[doc(hidden)]
     pub fn need_of(&self, scalar: Scalar) -> Tolerance {
         match (&self.need, scalar) {
@@ -172,7 +172,7 @@ impl From<DeviceSpec> for SpecTolerance {
 
 impl fmt::Display for SpecTolerance {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(if self.measured { "what this adapter keeps to" } else { "what WGSL allows" })?;
+        f.write_str(if self.measured { "what this adapter allows" } else { "what WGSL allows" })?;
         match &self.need {
             Tolerance::Rel(need) if *need == NEED => {}
             need => write!(f, " if that is within {need}")?,
@@ -184,7 +184,7 @@ impl fmt::Display for SpecTolerance {
     }
 }
 
-/// The criterion that a result is judged by.
+/// The criterion by which Karat judges a result.
 ///
 /// ```
 /// use karat::unstable::tolerance::Criterion;
@@ -195,9 +195,9 @@ impl fmt::Display for SpecTolerance {
 /// ```
 #[derive(Clone, Debug, PartialEq)]
 pub enum Criterion {
-    /// Its distance from the reference.
+    /// The result must be within this tolerance of the reference.
     Within(Tolerance),
-    /// The range that WGSL allows, or the adapter's measured one.
+    /// The result must be in the range that WGSL allows, or in the adapter's measured range.
     Allowed(SpecTolerance),
 }
 

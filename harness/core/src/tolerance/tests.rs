@@ -4,6 +4,7 @@ fn passes(tolerance: impl Into<Tolerance>, actual: f32, expected: f64) -> bool {
     tolerance.into().measure(0, actual, expected).passes()
 }
 
+// Lesson 11
 #[test]
 fn distance_is_ordered_across_zero_denormals_and_infinity() {
     let tiny = f32::from_bits(1);
@@ -17,6 +18,7 @@ fn distance_is_ordered_across_zero_denormals_and_infinity() {
     assert_eq!(ulp_distance(f32::NAN, 1.0), None);
 }
 
+// Lesson 11
 #[test]
 fn real_references_lie_between_floats() {
     let half_step = 1.0 + f64::from(f32::EPSILON) / 2.0;
@@ -27,8 +29,9 @@ fn real_references_lie_between_floats() {
     assert!(!passes(Ulp(1.0), 1.0 + 2.0 * f32::EPSILON, 1.0));
 }
 
+// Lesson 5
 #[test]
-fn nothing_that_is_not_a_number_passes() {
+fn nan_and_infinity_never_pass() {
     let everything = Abs(f64::INFINITY).or(Rel(f64::INFINITY)).or(Ulp(f64::INFINITY));
     for actual in [f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
         for expected in [0.0, 1.0, f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
@@ -41,6 +44,9 @@ fn nothing_that_is_not_a_number_passes() {
     assert!(!passes(Tolerance::Any(vec![]), 1.0, 1.0));
 }
 
+// Lesson 12
+// Lesson 26
+// Lesson 48
 #[test]
 fn flushed_denormals_are_equal_and_cancellation_has_its_band() {
     assert!(passes(Ulp(0.0), 0.0, 1e-39));
@@ -60,6 +66,7 @@ fn a_value_too_large_for_f32_fails() {
     assert!(!passes(Ulp(4.0), f32::MAX, 1e39));
 }
 
+// Lesson 14
 #[test]
 fn the_last_component_has_its_own_bound() {
     let tolerance = Tolerance::per_lane([Abs(1.0).into(), Abs(1.0).into(), Abs(0.0).into()]);
@@ -91,8 +98,9 @@ fn numbers() -> Vec<f64> {
     [numbers, opposite].concat()
 }
 
+// Lesson 118
 #[test]
-fn what_is_within_a_ratio_is_so_exactly() {
+fn a_ratio_below_one_means_within_the_bound() {
     let (wide, narrow) = (Tolerance::from(Ulp(1e8)), Tolerance::from(Ulp(3.0)));
     let tolerances = [
         narrow.clone(),
@@ -117,7 +125,7 @@ fn what_is_within_a_ratio_is_so_exactly() {
     for tolerance in &tolerances {
         for (value, expected) in numbers.iter().flat_map(|a| numbers.iter().map(move |b| (*a, *b)))
         {
-            // A result is an `f32`.
+            // Results are `f32`.
             #[expect(clippy::cast_possible_truncation, reason = "of the numbers that are one")]
             let actual = value as f32;
             let exact = tolerance.measure(0, actual, expected).ratio;
@@ -131,6 +139,6 @@ fn what_is_within_a_ratio_is_so_exactly() {
             }
         }
     }
-    // If fewer were recognised, the estimate would gain nothing.
+    // The estimate is useful only if it recognises most results that pass.
     assert!(within > passing / 2, "{within} of {passing} were recognised");
 }

@@ -2,27 +2,29 @@
 
 use super::{Shape, several};
 
-/// The first member that differs between two structures: `m.roughness: f32`; a side without such a member has `None`.
+/// The first member that differs between a host's structure and a WGSL structure, such as `m.roughness: f32`. A
+/// structure without this member has `None`.
 #[derive(Debug, PartialEq, Eq)]
 #[doc(hidden)]
 pub struct Differing {
-    /// The structure in WGSL that has the member, or lacks it.
+    /// The WGSL structure that has the member, or should have it.
     #[doc(hidden)]
     pub structure: String,
-    /// The member's position, from 1.
+    /// The member's position, counted from 1.
     #[doc(hidden)]
     pub place: usize,
-    /// WGSL's member at that position.
+    /// The WGSL structure's member at that position.
     #[doc(hidden)]
     pub wgsl: Option<String>,
-    /// The host's member at that position.
+    /// The host structure's member at that position.
     #[doc(hidden)]
     pub host: Option<String>,
 }
 
 impl Shape {
-    /// The first member in which a host's structure can't stand for WGSL's, innermost first; `None` if they agree, or
-    /// aren't structures. `result` is the same as in [`stands_for`](Self::stands_for).
+    /// The first member of a host's structure that can't stand for WGSL's member. If that member is a structure, the
+    /// search continues inside of it. `None` if the structures match, or if the types aren't structures. `result` means
+    /// the same as in [`stands_for`](Self::stands_for).
     #[doc(hidden)]
     pub fn differing(&self, wgsl: &Self, result: bool) -> Option<Differing> {
         let (structure, members, others) = match (self, wgsl) {
@@ -36,7 +38,7 @@ impl Shape {
             }
             _ => return None,
         };
-        // A tuple's members have no names, and its types are shown completely.
+        // A tuple's members have no names, and messages show a tuple's types completely.
         let is_tuple = matches!(self, Self::Struct { name, .. } if name == several::NAME);
         for place in 0..members.len().max(others.len()) {
             let (own, other) = (members.get(place), others.get(place));

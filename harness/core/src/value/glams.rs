@@ -1,5 +1,5 @@
-//! The vectors and matrices of other versions of glam, and of mint, for engines with another glam than this crate's.
-//! Each is a feature, so projects compile only the ones that they need.
+//! Support for mint, and for the vectors and matrices of other glam versions than this crate's. Each version is a cargo
+//! feature, so projects compile only the versions that they need.
 
 #[cfg(feature = "mint")]
 mod of_mint {

@@ -25,14 +25,14 @@ use super::{Scalar, Shape};
             and their vectors stay as they are"
 )]
 pub trait Mirror: Clone + std::fmt::Debug + Send + 'static {
-    /// The WGSL type that the value is compared with.
+    /// The WGSL type whose values Karat compares with this type's values.
     fn shape() -> Shape;
 
     /// Appends the value of each lane. Integers and booleans are exact in `f64`.
     fn lanes(&self, lanes: &mut Vec<f64>);
 }
 
-// As in `shareable.rs`: code that runs for each case is compiled here, not in tests.
+// Code that runs for each case is compiled in this crate, not in tests, as in `shareable.rs`.
 
 macro_rules! scalar {
     ($($mirror:ty, $scalar:ident, |$v:ident| $lane:expr;)*) => {$(
@@ -89,7 +89,7 @@ macro_rules! matrix {
     )*};
 }
 
-/// Implements the `f64` mirrors for a version of glam, whose names and these macros must be in scope.
+/// Implements the `f64` mirrors for one version of glam. The version's types and these macros must be in scope.
 macro_rules! mirrored {
     () => {
         mirror_vector! {

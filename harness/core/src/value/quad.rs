@@ -2,11 +2,11 @@
 
 use super::{Mirror, Shape, Shareable};
 
-/// A value over a quad of two by two pixels: the value at the upper left pixel, and its change from there to the right
-/// (`dx`) and downwards (`dy`). It is an argument of functions that take derivatives or sample with implicit level of
-/// detail. Their result at the upper left pixel is judged.
+/// A value on a quad of two by two pixels: the value at the upper left pixel, its change to the pixel on the right
+/// (`dx`), and its change to the pixel below (`dy`). Functions that take derivatives, or sample with an implicit level
+/// of detail, have such arguments. Karat checks their result at the upper left pixel.
 ///
-/// `T` is `f32`, a vector or a matrix of it; the reference gets a `Quad` of its mirror.
+/// `T` is `f32`, or a vector or matrix of `f32`. The reference receives a `Quad` of the mirror of `T`.
 ///
 /// ```
 /// use karat::prelude::*;
@@ -20,14 +20,14 @@ use super::{Mirror, Shape, Shareable};
 pub struct Quad<T> {
     /// The value at the upper left pixel.
     pub value: T,
-    /// The difference at the pixel to the right: `dpdx(value)`.
+    /// The value at the pixel on the right, minus `value`: `dpdx(value)`.
     pub dx: T,
-    /// The difference at the pixel below: `dpdy(value)`.
+    /// The value at the pixel below, minus `value`: `dpdy(value)`.
     pub dy: T,
 }
 
 impl<T> Quad<T> {
-    /// The name of the shape, which WGSL doesn't have.
+    /// The name of a quad's shape. No WGSL structure can have this name.
     #[doc(hidden)]
     pub const NAME: &str = "Quad<>";
 

@@ -2,13 +2,13 @@
 
 use crate::value::{Arguments, Mirror, Shape, Shareable};
 
-/// A reference for arguments `A`: a function of their `f64` mirrors.
+/// A reference for arguments of type `A`: a function that takes the arguments' `f64` mirrors.
 ///
 /// `fn(DVec3, f64) -> DVec3` is a reference for a domain of `(Vec3, f32)`.
 ///
 /// ```
 /// # use karat::prelude::*;
-/// // A closure of as many arguments as the function has, each in `f64`.
+/// // The closure has the function's parameters, with `f64` for `f32`.
 /// let package = Package::from_source("m", "fn sum(x: f32, n: u32) -> f32 { return x + f32(n); }");
 /// let sum = package.function("sum").over((0.0..=1.0, Integers(0..=9_u32)));
 /// sum.agrees_with(|x: f64, n: u32| x + f64::from(n), Ulp(1.0));
@@ -40,7 +40,7 @@ where
     }
 }
 
-/// A function without parameters has one case; its resources decide the result.
+/// A function without parameters has one case. Its resources decide the result.
 impl<F, R> Reference<()> for F
 where
     F: Fn() -> R + Sync,

@@ -2,12 +2,12 @@
 
 use super::{Mirror, Shape};
 
-/// The name of a tuple's shape, which WGSL doesn't have.
+/// The name of a tuple's shape. No WGSL structure can have this name.
 pub(super) const NAME: &str = "()";
 
 macro_rules! tuples {
     ($(($($name:ident $index:tt),+))*) => {$(
-        /// The result, then the values behind pointers, then the written resources.
+        /// The result first, then the values behind pointers, then the resources that the function wrote.
         impl<$($name: Mirror),+> Mirror for ($($name,)+) {
             fn shape() -> Shape {
                 let members = vec![$((stringify!($index).to_owned(), $name::shape())),+];

@@ -10,7 +10,7 @@ use half::f16;
 
 use super::{Mirror, Scalar, Shape};
 
-/// A type that crosses the CPU/GPU boundary: scalars, glam's vectors and matrices, arrays, and
+/// A type whose values can travel between the CPU and the GPU: scalars, glam's vectors and matrices, arrays, and
 /// structures declared with [`shareable!`](crate::shareable).
 ///
 /// ```
@@ -39,10 +39,10 @@ pub trait Shareable: Clone + Debug + PartialEq + Send + Sync + 'static {
     /// Appends the lanes of the value.
     fn store(&self, lanes: &mut Vec<u32>);
 
-    /// Reads the value from its lanes, in the order of [`store`](Self::store). Missing lanes count as zero bits.
+    /// Reads the value from its lanes, in the order of [`store`](Self::store). Missing lanes count as 0.
     fn load(lanes: &mut std::slice::Iter<'_, u32>) -> Self;
 
-    /// The value in `f64`, exactly.
+    /// Converts the value to `f64`, without rounding.
     fn widen(&self) -> Self::Mirror;
 }
 
@@ -54,10 +54,10 @@ pub(super) fn next(lanes: &mut std::slice::Iter<'_, u32>) -> u32 {
     }
 }
 
-// These functions run for each case. This library is compiled with more optimisation than tests, so they are compiled
-// here completely, and not in the tests that call them.
+// These functions run for each case. This crate is compiled with more optimisations than tests, so the functions must
+// be compiled here, and not in the tests that call them.
 
-/// A scalar as a word: the components of vectors.
+/// A scalar type that fits into one 32-bit lane, for the components of vectors.
 pub(super) trait Word: Copy {
     fn word(self) -> u32;
     fn of(word: u32) -> Self;
@@ -162,7 +162,7 @@ macro_rules! matrix {
     )*};
 }
 
-/// Implements sharing for the vectors and matrices of a version of glam, whose names and these macros must be in scope.
+/// Implements [`Shareable`] for one version of glam. The version's types and these macros must be in scope.
 macro_rules! shared {
     () => {
         shareable_vector! {
@@ -219,8 +219,8 @@ impl<T: Shareable, const N: usize> Shareable for [T; N] {
     }
 }
 
-/// The arguments of one case: a [`Shareable`] value, or a tuple of up to twelve; `()` if there are
-/// none.
+/// The arguments of one case: a [`Shareable`] value, or a tuple of up to twelve such values. `()` if the function has
+/// no parameters.
 ///
 /// ```
 /// use karat::unstable::value::{Arguments, Scalar, Shape};
@@ -294,8 +294,9 @@ arguments! {
     (A 0, B 1, C 2, D 3, E 4, F 5, G 6, H 7, I 8, J 9, K 10, L 11)
 }
 
-/// Lets a type of your own act as one of glam's vectors in WGSL. The type must convert into an array of floats or
-/// integers, and from one. Functions, buffers, meshes and textures accept it; references get glam's vector in `f64`.
+/// Makes a type of your own stand for one of glam's vectors in WGSL. The type must convert from and into an array of
+/// floats or integers. Functions, buffers, meshes and textures accept the type. References receive glam's vector in
+/// `f64`.
 ///
 /// ```
 /// use karat::prelude::*;
@@ -342,10 +343,10 @@ macro_rules! vector {
     };
 }
 
-/// Declares a structure that crosses the CPU/GPU boundary, with its `f64` mirror.
+/// Declares a structure whose values can travel between the CPU and the GPU, with its `f64` mirror.
 ///
-/// Member names and types must be those of the WGSL structure; the type's name may differ. Both types implement
-/// `Clone`, `Copy`, `Debug`, `PartialEq` and `Default`, which is all zeros.
+/// The members must have the names and types of the WGSL structure's members. The structure itself may have another
+/// name. Both types implement `Clone`, `Copy`, `Debug`, `PartialEq` and `Default`. The default value is all zeros.
 ///
 /// ```
 /// karat::shareable! {
@@ -403,7 +404,7 @@ macro_rules! shareable {
         }
 
         impl Default for $name {
-            /// All zeros, like a shader's memory at the beginning.
+            /// All zeros, like a shader's memory at the start.
             fn default() -> Self {
                 let shape = <Self as $crate::value::Shareable>::shape();
                 let zeros = vec![0; shape.lanes().len()];

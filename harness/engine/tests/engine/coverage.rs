@@ -38,6 +38,7 @@ fn of<'a>(
     found.map(|one| &one.3).unwrap_or_else(|| panic!("no {kind:?} `{text}` in {all:#?}"))
 }
 
+// Lesson 28: lines, branches and results that no test compares
 #[test]
 fn lanes_are_counted_on_every_way() {
     let text = "fn side(x: f32) -> f32 { if (x > 0.0) { return 2.0 * x; } return -x; }\n\
@@ -64,8 +65,9 @@ fn lanes_are_counted_on_every_way() {
     assert_eq!(of(&all, plain, "side(x)").lanes, 700);
 }
 
+// Lesson 28: lines, branches and results that no test compares
 #[test]
-fn rounds_are_told_apart() {
+fn rounds_of_loops_are_counted_separately() {
     let text = "fn f(x: f32) -> f32 {\n    var y = 0.0;\n    for (var i = 0.0; i < x; i += 1.0) {\n        \
                 if (i > 5.0) { break; }\n        y += 2.0;\n    }\n    loop {\n        y += 1.0;\n        continuing { break if y > 3.0; }\n    }\n    return y;\n}\n";
     let all = counted(text, &[0.0, 0.0, 0.0, 1.0, 9.0, 2.0]);
@@ -78,8 +80,9 @@ fn rounds_are_told_apart() {
 }
 
 /// A statement is needed if something that leaves the function is computed from its value.
+// Lesson 28: lines, branches and results that no test compares
 #[test]
-fn what_no_result_depends_on_is_not_needed() {
+fn expressions_without_influence_are_not_needed() {
     let text = "fn f(x: f32) -> f32 {\n    let used = x * 2.0;\n    let unused = x * 3.0;\n    var a = array<f32, 3>(1.0, 2.0, 3.0);\n    var dead = 0.0;\n    \
                 if (x > 4.0) { dead = unused; }\n    if (x > 5.0) { a[u32(x) % 3u] = x * 6.0; }\n    a[1] = x * 9.0;\n    var b = array<f32, 3>();\n    b[u32(x) % 3u] = x * 11.0;\n    if (x > 7.0) { return x * 8.0; }\n    \
                 for (var i = 0; i < 9; i += 1) { dead += x * 10.0; }\n    return used + a[u32(x) % 2u] + b[2];\n}\n";

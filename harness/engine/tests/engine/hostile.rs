@@ -71,7 +71,7 @@ fn functions_of_nothing_and_to_nothing() {
 }
 
 #[test]
-fn what_is_not_there_is_refused_by_name_and_line() {
+fn missing_features_are_refused_by_name_and_line() {
     let source = "fn g(x: f32) -> f32 {\n return dpdx(x);\n}\nfn f(x: f32) -> f32 { return g(x); }";
     let refusal = refused(source);
     assert_eq!(

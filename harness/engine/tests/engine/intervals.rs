@@ -136,7 +136,7 @@ fn the_cause_of_what_is_unbounded_has_a_line() {
 
 /// An index outside its array reads anything in intervals, though `f32` clamps it.
 #[test]
-fn what_is_read_out_of_range_is_unbounded() {
+fn reads_out_of_bounds_are_unbounded() {
     let source = "fn f(x: f32) -> f32 { var a = array(1.0, 2.0, 3.0); return a[i32(x)]; }";
     let found = intervals(source, &[1.0, 5.0, -2.0]);
     assert_eq!((found[0].lo(), found[0].hi()), (2.0, 2.0));

@@ -56,6 +56,7 @@ impl Observer<F32> for Outside {
     }
 }
 
+// Lesson 140
 #[test]
 fn indices_are_clamped_and_reported() {
     let source = "
@@ -87,7 +88,7 @@ impl Observer<F32> for Wrapped {
 }
 
 #[test]
-fn an_index_that_wraps_is_told() {
+fn a_wrapping_index_is_reported() {
     const QUARTER: u32 = 1 << 30;
     // An index into an array of 8, and the arguments (0, 1, 2, 2^30, `u32::MAX`) for which it wraps.
     for (index, expected) in [
@@ -314,7 +315,7 @@ fn flushed(body: &str) -> Vec<u32> {
 }
 
 #[test]
-fn what_is_moved_keeps_its_subnormals() {
+fn moves_keep_subnormals() {
     let x = 1e-40f32.to_bits();
     for (body, expected) in [
         ("return vec2u(bitcast<u32>(x), 1u);", [x, 1]),
@@ -339,7 +340,7 @@ fn what_is_moved_keeps_its_subnormals() {
 }
 
 #[test]
-fn what_is_computed_flushes_operands_and_results() {
+fn operations_flush_operands_and_results() {
     for expression in [
         "x * 1e10",
         "x + x",

@@ -54,7 +54,7 @@ fn races(body: &str, groups: u32) -> Vec<String> {
 }
 
 #[test]
-fn what_nothing_orders_is_a_race() {
+fn unordered_accesses_are_a_race() {
     for (body, expected) in [
         // The barrier between is missing.
         ("w[i] = d[g.x]; d[g.x] = w[63u - i];", &["w[63] w63 r0"][..]),
@@ -124,7 +124,7 @@ fn equal_writes_hide_no_other_race() {
 
 /// Each workgroup has its own memory, zero at the start.
 #[test]
-fn what_another_workgroup_has_written_is_unwritten() {
+fn each_workgroup_has_its_own_unwritten_memory() {
     let unwritten = |body: &str, groups: u32| {
         let observed = observe(&format!("{HEAD}{body}\n}}\n"), groups, 64 * groups as usize);
         let all = observed.unwritten.iter();
@@ -167,7 +167,7 @@ fn indices_outside_say_whether_they_write() {
 
 /// The detector lists each word and texel that a program writes, and none that it only reads.
 #[test]
-fn written_elements_are_told() {
+fn written_elements_are_listed() {
     let observed = observe(&format!("{HEAD}w[i] = d[i]; if i == 3u {{ d[5] = 1u; }}\n}}\n"), 1, 64);
     let written = &observed.written[&(0, 0)];
     let bytes: Vec<usize> = (0..256).filter(|byte| written.contains(*byte)).collect();
@@ -232,7 +232,7 @@ fn texels_are_elements_too() {
 }
 
 #[test]
-fn barriers_that_some_miss_are_told() {
+fn barriers_that_some_miss_are_reported() {
     let of = |body: &str| {
         let observed = observe(&format!("{HEAD}{body}\n}}\n"), 1, 64);
         observed.divergences.iter().map(|d| (d.reached, d.missing, d.count)).collect::<Vec<_>>()
@@ -415,6 +415,7 @@ fn naive(kernel: &[Statement], groups: u32) -> [Races; 2] {
 
 /// On each variable, the detector finds a race if and only if the naive detector does, and each race that it finds is
 /// one of the naive detector's. That holds for any order of invocations, since the accesses here don't depend on it.
+// Lesson 215
 #[test]
 fn generated_kernels_are_judged_as_a_naive_detector_judges_them() {
     let mut random = Random(0x7261_6365);

@@ -356,6 +356,7 @@ const CASES: usize = 16;
 
 /// Runs four orders of each of 2,000 programs in `f32`, and again with each operation rounded up or down. Almost as
 /// many cases have bounds as in the written order.
+// Lesson 168: each order of terms lies within the bound
 #[test]
 fn every_order_of_a_random_program_is_within_the_bounds() {
     // 93.5 % and 91.7 % if bounds covered only the written order.
@@ -431,6 +432,7 @@ fn an_order_that_overflows_has_no_bound() {
 
 /// Subnormal results of operations may be flushed to zero (WGSL, 15.7.2 "Differences from IEEE-754"). So may a partial
 /// sum, before the other terms are added.
+// Lesson 164
 #[test]
 fn a_sum_of_some_terms_may_be_flushed() {
     let m = f32::MIN_POSITIVE;

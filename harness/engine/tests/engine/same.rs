@@ -42,6 +42,7 @@ fn identities_hold_for_every_number() {
 }
 
 /// A caller sees the private variables that a function writes.
+// Lesson 29
 #[test]
 fn private_variables_are_results() {
     let lowered = |value: &str| {
@@ -57,8 +58,9 @@ fn private_variables_are_results() {
 }
 
 /// Two programs that differ for a single number, for a zero or for NaN aren't the same.
+// Lesson 29
 #[test]
-fn what_differs_somewhere_is_not_the_same() {
+fn expressions_with_one_different_result_are_not_equal() {
     for (a, b) in [
         ("return x + 0.0;", "return x;"),
         ("return x * 0.0;", "return 0.0;"),

@@ -15,6 +15,7 @@ type Case = (Vec<f32>, Option<(f32, f32)>);
 
 /// The engine's bounds contain those of the table. At each end they are at most one step wider, because it computes in
 /// `f64`.
+// Lesson 91
 #[test]
 fn bounds_are_those_of_exact_arithmetic() {
     let mut builtins: BTreeMap<&str, Vec<Case>> = BTreeMap::new();

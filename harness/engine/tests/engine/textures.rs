@@ -329,6 +329,7 @@ fn bounds(source: &str, texture: Texture) -> Vec<(f32, f32)> {
 }
 
 /// Even if all texels are equal, a filter adds rounded weights.
+// Lesson 169
 #[test]
 fn a_filter_of_equal_texels_is_near_to_them() {
     let source = "
@@ -346,6 +347,7 @@ fn a_filter_of_equal_texels_is_near_to_them() {
 }
 
 /// A channel of 8 bits is divided by 255, which may round; one of 32 bits isn't divided.
+// Lesson 169
 #[test]
 fn normalised_channels_are_near_to_their_quotients() {
     let read = "fn f(i: u32) -> vec4f { return textureLoad(t, vec2u(i, 0u)); }";

@@ -400,7 +400,7 @@ mod tests {
 
     /// On its own each pixel does what it did before; side by side, pixels use one place.
     #[test]
-    fn what_an_edit_brings_between_pixels_is_told() {
+    fn a_new_race_between_pixels_is_reported() {
         let text = "@group(0) @binding(0) var<storage, read_write> count: atomic<u32>;
             @group(0) @binding(1) var<storage, read_write> list: array<u32>;
             @fragment fn collect(@builtin(position) at: vec4f) -> @location(0) vec4f {
@@ -428,7 +428,7 @@ mod tests {
 
     /// The numbers of elements repeat in only one content. They are positions in a list.
     #[test]
-    fn what_an_edit_brings_over_one_content_is_told() {
+    fn a_violation_with_one_content_is_reported() {
         let pass = "@group(0) @binding(0) var<storage, read> place: array<u32>;
             @group(0) @binding(1) var<storage, read_write> list: array<u32>;
             @compute @workgroup_size(64) fn put(@builtin(global_invocation_id) g: vec3u) {
@@ -459,7 +459,7 @@ mod tests {
 
     /// Words that only one side writes aren't a change of words.
     #[test]
-    fn a_resource_that_one_side_writes_is_told() {
+    fn a_resource_that_only_one_side_writes_is_reported() {
         let text = "@group(0) @binding(0) var<storage, read_write> a: array<u32>;
             @group(0) @binding(1) var<storage, read_write> b: array<u32>;
             @compute @workgroup_size(64) fn f(@builtin(global_invocation_id) g: vec3u) {
@@ -511,7 +511,7 @@ mod tests {
 
     /// A loop that ended before the edit, and one that didn't.
     #[test]
-    fn a_loop_that_an_edit_makes_endless_is_told() {
+    fn a_loop_that_becomes_endless_is_reported() {
         let text = "@group(0) @binding(0) var<storage, read_write> d: array<u32>;
             @compute @workgroup_size(4) fn f(@builtin(global_invocation_id) g: vec3u) {
                 var sum = 0u;
@@ -544,7 +544,7 @@ mod tests {
     /// An index over arbitrary numbers is reported only if nothing else is. A pass of one workgroup that races with
     /// itself in several workgroups is made for one.
     #[test]
-    fn what_a_host_may_not_give_is_told_last() {
+    fn findings_with_arbitrary_numbers_come_last() {
         let text = GATHER;
         let bare = text.replace("min(column[id.x], arrayLength(&x) - 1u)", "column[id.x]");
         assert_eq!(compared(text, &bare).violations.len(), 1);
@@ -554,7 +554,7 @@ mod tests {
     }
 
     #[test]
-    fn each_resource_that_changes_is_told() {
+    fn each_changed_resource_is_reported() {
         let text = "@group(0) @binding(0) var<storage, read_write> a: array<u32>;
             @group(0) @binding(1) var<storage, read_write> b: array<vec2f>;
             @compute @workgroup_size(64) fn f(@builtin(global_invocation_id) g: vec3u) {
@@ -571,7 +571,7 @@ mod tests {
 
     /// If a host's numbers stay inside, an edit that drops a guard changes nothing else.
     #[test]
-    fn a_guard_that_is_gone_is_told() {
+    fn a_removed_guard_is_reported() {
         let text = GATHER;
         let brought = |before: &str, after: &str| {
             let [before, after] = [before, after].map(|text| Package::from_source("m", text));
@@ -590,7 +590,7 @@ mod tests {
 
     /// Atomics don't race, and statements that run side by side count correctly without a barrier.
     #[test]
-    fn what_an_edit_leaves_to_the_order_is_a_change() {
+    fn a_result_that_becomes_dependent_on_order_is_a_change() {
         let change = |texts: [&str; 2]| {
             let [before, after] = texts.map(|text| Package::from_source("counts", text));
             let all = Request::new(before, after).run().expect("both are valid");
@@ -612,7 +612,7 @@ mod tests {
 
     /// A row or a mode that the host gives decides where a pass writes; their names don't say so.
     #[test]
-    fn lines_that_no_invocation_comes_to_are_told() {
+    fn lines_that_no_invocation_reaches_are_listed() {
         let text = "struct P { width: u32, mode: u32 }
             @group(0) @binding(0) var<storage, read_write> d: array<f32>;
             @group(0) @binding(1) var<uniform> p: P;
@@ -719,7 +719,7 @@ mod tests {
 
     /// Edits that only some rows show, or twice as many elements as invocations, or a colour below 0.
     #[test]
-    fn edits_that_few_contents_show_are_told() {
+    fn edits_that_few_inputs_reveal_are_reported() {
         for (text, from, to) in [
             (LIFE, "n == 2u || n == 3u", "n == 2u || n == 4u"),
             (LIFE, "u32(n == 3u),", "u32(n == 2u),"),

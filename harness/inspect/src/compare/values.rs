@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn what_people_see_comes_first() {
+    fn visible_changes_come_first() {
         let of = |was: f32, is: f32| clarity(Scalar::F32, was.to_bits(), is.to_bits());
         assert_eq!([of(1.0, 1.0), of(f32::NAN, f32::NAN)], [None; 2]);
         assert_eq!([of(1.0, 1.002), of(0.0, 1e-9), of(1.0, -1.0)], [Some(Clarity::Plain); 3]);

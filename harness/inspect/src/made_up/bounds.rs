@@ -47,6 +47,7 @@ fn share(package: &Package, name: &str) -> Option<(usize, usize)> {
 
 /// Before bounds covered each order of operations, 99.0 % of the cases had bounds, and 80.4 % had tight ones. These may
 /// drop by 3 %.
+// Lesson 168: most functions have a bound
 #[test]
 fn most_of_the_library_is_bounded() {
     let library = Package::relative(env!("CARGO_MANIFEST_DIR"), "../../shaders");

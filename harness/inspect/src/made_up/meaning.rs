@@ -352,6 +352,7 @@ impl Meaning {
 mod tests {
     use super::*;
 
+    // Lesson 148
     #[test]
     fn names_say_what_arguments_mean() {
         let vec3 = Shape::Vector { size: 3, scalar: Scalar::F32 };
@@ -400,6 +401,7 @@ mod tests {
         assert!(missing.is_empty(), "{missing:?}");
     }
 
+    // Lesson 146
     #[test]
     fn a_range_has_the_whole_numbers_between_its_ends() {
         let part = |range: (f64, f64), scalar| Meaning::Range(range.0, range.1).part(scalar);

@@ -898,7 +898,7 @@ mod tests {
 
     /// Whole numbers after an array in a buffer aren't numbered like elements, and neither are declared ones.
     #[test]
-    fn whole_numbers_of_elements_are_their_own() {
+    fn integers_after_an_array_are_not_numbered() {
         let text =
             "struct Item { id: u32, next: i32 } struct S { items: array<Item, 4>, mode: u32 }
             @group(0) @binding(0) var<storage, read> s: S;
@@ -926,6 +926,7 @@ mod tests {
     }
 
     /// A mixed-in input has the value of the other content; all others keep theirs.
+    // Lesson 99
     #[test]
     fn contents_are_mixed_by_inputs() {
         let probed = probed(
@@ -1007,8 +1008,9 @@ mod tests {
         assert_eq!(positive("roughness"), [0, 1, 2, 3, 4, 5, 6, 7, 8], "its name says what it is");
     }
 
+    // Lesson 132
     #[test]
-    fn what_is_differentiated_varies() {
+    fn differentiated_arguments_vary() {
         let text = "fn f(a: f32, k: u32, v: vec2f) -> f32 { return dpdx(a) + dpdy(v.x) + f32(k); }";
         let probed = Probed::new(&karat::Package::from_source("p", text), "f").and_then(fitted);
         let rows = crate::work::rows(

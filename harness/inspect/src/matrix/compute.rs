@@ -355,7 +355,7 @@ mod tests {
 
     /// Each driver has its own order in which invocations take their places.
     #[test]
-    fn what_an_order_decides_is_open() {
+    fn results_that_depend_on_the_order_are_open() {
         let text = "@group(0) @binding(0) var<storage, read_write> next: atomic<u32>;
             @group(0) @binding(1) var<storage, read_write> found: array<u32, 64>;
             @group(0) @binding(2) var<storage, read_write> twice: array<u32, 64>;

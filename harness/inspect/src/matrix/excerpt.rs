@@ -68,6 +68,7 @@ mod tests {
                        float f0_(\n    float x_1\n) {\n    float d = x_1;\n    bool e = d == x_1;\n    \
                        return d;\n}\n";
 
+    // Lesson 84
     #[test]
     fn functions_and_their_variables_are_found() {
         assert_eq!(function_lines(MSL, "f0", false), Some((5, 11)));
@@ -83,7 +84,7 @@ mod tests {
     }
 
     #[test]
-    fn variables_of_one_name_are_told_apart_by_their_order() {
+    fn variables_with_the_same_name_are_found_by_their_order() {
         let wgsl = "fn f(x: f32) -> f32 {\n    let q = (x * 2f);\n    if true {\n        \
                     let q_1 = (q * x);\n        q_2 = 1f;\n        return q_1;\n    }\n}\n";
         let line = |which| definition_line(wgsl, (1, 8), "q", which);

@@ -189,6 +189,7 @@ mod tests {
     use super::*;
     use karat_core::tolerance::{Abs, Rel};
 
+    // Lesson 82
     #[test]
     fn one_other_bit_in_many_words_is_seen() {
         let scalars = [Scalar::F32, Scalar::U32];
@@ -208,7 +209,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_not_finite_is_left_out_and_never_agrees() {
+    fn nan_and_infinity_are_left_out_and_never_agree() {
         let (scalars, within) = ([Scalar::F32, Scalar::I32], Tolerance::from(Abs(1.0)));
         let words = |values: [f32; 3], number: u32| values.map(|v| [v.to_bits(), number]).concat();
         let expected = words([f32::NAN, 1.0, f32::INFINITY], 7);

@@ -220,6 +220,7 @@ mod tests {
     }
 
     /// The row that was recorded first may have waited for the row that hung.
+    // Lesson 161
     #[test]
     fn a_row_is_given_up_when_it_ends_the_process_alone() {
         let columns = ["gl", "vulkan", "msl"].map(|name| name.parse().expect("a column"));
@@ -285,6 +286,7 @@ mod tests {
     }
 
     /// If a process ends while no row runs, no row is blamed.
+    // Lesson 162
     #[test]
     fn a_process_that_ends_between_rows_has_no_culprit() {
         let row = at("p", "r", None);

@@ -121,8 +121,9 @@ mod tests {
     use super::*;
     use karat::Package;
 
+    // Lesson 155
     #[test]
-    fn what_an_index_reads_outside_is_open_and_nothing_beside_it() {
+    fn a_read_out_of_bounds_is_open_and_other_results_are_not() {
         let text = "fn f(i: u32, x: f32) -> vec2f {
                         var a = array<f32, 3>(1.0, 2.0, 3.0);
                         return vec2f(a[i], x / 3.0);
@@ -152,8 +153,9 @@ mod tests {
     }
 
     /// An atomic operation outside its array may change another element, or none.
+    // Lesson 163
     #[test]
-    fn what_an_atomic_does_outside_is_open_in_what_it_returns_and_leaves() {
+    fn an_atomic_out_of_bounds_has_open_results() {
         let text = "@group(0) @binding(0) var<storage, read_write> b: array<atomic<u32>, 4>;
                     fn f(i: u32) -> u32 { return atomicAdd(&b[i], 1u); }";
         let package = Package::from_source("p", text);
@@ -170,8 +172,9 @@ mod tests {
         }
     }
 
+    // Lesson 155
     #[test]
-    fn what_is_not_a_number_is_open() {
+    fn nan_is_open() {
         let package = Package::from_source("p", "fn f(x: f32) -> f32 { return sqrt(x) / x; }");
         let probed = Probed::new(&package, "f").expect("it is called");
         let leeway = Leeway::of(&probed, &Fixtures::new());

@@ -209,6 +209,7 @@ mod tests {
         text.split('`').step_by(2).collect()
     }
 
+    // Lesson 182
     #[test]
     fn names_and_reasons_bring_no_html() {
         assert_eq!(code("brdf::f (function)"), "`brdf::f (function)`");

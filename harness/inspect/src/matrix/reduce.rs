@@ -140,8 +140,9 @@ mod tests {
     }
 
     /// Some drivers use one invocation's value for all that run together.
+    // Lesson 156
     #[test]
-    fn what_differs_among_others_alone_is_not_made_simpler() {
+    fn a_difference_that_needs_other_invocations_is_not_simplified() {
         let squares = |all: &[u32]| all.iter().map(|own| own * own).collect();
         let mixed = |all: &[u32]| vec![all[0] * all[0]; all.len()];
         let wrong = |all: &[u32]| all.iter().map(|own| own * own + 100).collect();
@@ -172,7 +173,7 @@ mod tests {
 
     /// A column that treats a subnormal as 0 is right; one that returns something else isn't.
     #[test]
-    fn what_is_flushed_is_open_and_nothing_else() {
+    fn only_flushed_results_are_open() {
         let kept = |all: &[u32]| {
             all.iter().map(|x| if f32::from_bits(*x) > 0.0 { 3 } else { 7 }).collect()
         };

@@ -316,7 +316,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_subnormal_decides_is_open() {
+    fn branches_on_a_subnormal_are_open() {
         let text = "
             @group(0) @binding(0) var image: texture_2d<f32>;
             @group(0) @binding(1) var linear: sampler;
@@ -345,7 +345,7 @@ mod tests {
     }
 
     #[test]
-    fn what_wgsl_allows_agrees() {
+    fn results_within_the_wgsl_bound_agree() {
         // GL's `mix` cancels, and so does the distance to a near point.
         let text = "
             fn blend(p: f32, q: f32, h: f32) -> f32 { return mix(p, q, clamp(h, 0.0, 1.0)); }
@@ -361,6 +361,7 @@ mod tests {
     }
 
     /// naga's GLSL doesn't clamp coordinates before a sampler repeats.
+    // Lesson 86
     #[test]
     fn samplers_clamp_repeat_and_mirror() {
         let sampled = |name: &str, call: &str| {

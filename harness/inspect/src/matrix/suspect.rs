@@ -44,6 +44,7 @@ fn and(names: &[String]) -> String {
 mod tests {
     use super::*;
 
+    // Lesson 86
     #[test]
     fn one_against_two_is_the_suspect() {
         use Side::{First, Neither, Other};

@@ -436,7 +436,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn each_row_is_told_once_and_in_order() {
+    fn each_row_is_reported_once_and_in_order() {
         let functions = |at: usize| format!("fn f{at}(x: f32) -> f32 {{ return x * {at}.0; }}\n");
         // More rows than run together.
         let text: String = (0..TOGETHER + 3).map(functions).collect();

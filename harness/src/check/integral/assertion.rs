@@ -1,4 +1,4 @@
-//! The assertions about integrals, and their judgement.
+//! The assertions about integrals. They judge the integrals.
 
 use super::sum::Sum;
 use crate::check::called::Called;
@@ -11,14 +11,13 @@ use crate::path::Selected;
 use crate::tolerance::{LaneError, Tolerance};
 use crate::value::{Scalar, Shape};
 
-/// An assertion about integrals.
 pub(in crate::check) enum Assertion {
     AgreesWith(Tolerances),
-    /// The integral is at most a bound plus this slack.
+    /// Asserts that the integral is at most a bound plus this slack.
     IsAtMost(f64),
 }
 
-/// An assertion on one path, with the path's tolerance.
+/// An assertion on one path, with that path's tolerance.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Bound<'t> {
     AgreesWith(&'t Tolerance),
@@ -33,7 +32,7 @@ impl Assertion {
         }
     }
 
-    /// The relation between the caller's number and the integral.
+    /// The relation between the integral and the number that the caller supplies.
     pub(super) fn expectation(&self) -> Expectation {
         match self {
             Self::AgreesWith(_) => Expectation::Equal,
@@ -41,7 +40,7 @@ impl Assertion {
         }
     }
 
-    /// The name of the caller's number in an error of the reference.
+    /// The name of the caller's number in an error about the reference.
     pub(super) fn what(&self) -> &'static str {
         match self {
             Self::AgreesWith(_) => "integral",
@@ -57,7 +56,7 @@ impl Assertion {
         }
     }
 
-    /// Compares the result's type with that of the expected integral or the bound.
+    /// Returns an error if the function's result type doesn't fit the expected integral or the bound.
     pub(super) fn expect_result(
         &self,
         session: &Session<'_>,
@@ -85,7 +84,6 @@ impl Assertion {
         }
     }
 
-    /// The assertion on one path, which may have its own tolerance.
     pub(super) fn on(&self, called: &Called<'_>) -> Bound<'_> {
         match self {
             Self::AgreesWith(tolerances) => Bound::AgreesWith(tolerances.of(called)),
@@ -96,7 +94,7 @@ impl Assertion {
 
 impl Bound<'_> {
     pub(super) fn measure(&self, lane: usize, value: f64, expected: f64) -> LaneError {
-        // Minus infinity is below every bound, and has to fail, too.
+        // An integral of minus infinity must fail, although it is below every bound.
         let value = if value.is_finite() { value } else { f64::NAN };
         match self {
             Self::AgreesWith(tolerance) => tolerance.measure_sum(lane, value, expected),
@@ -104,7 +102,7 @@ impl Bound<'_> {
         }
     }
 
-    /// The difference between the integrals of both rules, over the tolerance or slack of the assertion.
+    /// The difference between the integrals by both rules, divided by the tolerance or the slack.
     pub(super) fn doubt(&self, lane: usize, value: f64, control: f64) -> LaneError {
         match self {
             Self::AgreesWith(tolerance) => tolerance.measure_sum(lane, control, value),
@@ -112,8 +110,9 @@ impl Bound<'_> {
         }
     }
 
-    /// True if the integral fails by either rule: both integrals lie on the same side of the expected value, and
-    /// both would still fail if they were closer to it by the difference between them.
+    /// Checks if the integral fails by both rules. Both integrals must lie above the expected value, or both
+    /// below it. Both must still fail when the difference between them brings each closer to the expected
+    /// value.
     pub(super) fn refuses_both(&self, lane: usize, sums: [f64; 2], expected: f64) -> bool {
         let doubt = (sums[0] - sums[1]).abs();
         let above = sums[0] > expected;
@@ -124,7 +123,7 @@ impl Bound<'_> {
         })
     }
 
-    /// Judges an integral by its worst component.
+    /// Judges an integral. The worst component decides.
     pub(super) fn judge(&self, sum: &Sum, expected: &[f64]) -> Judged {
         if let Some(bad) = &sum.bad {
             let Judged { lane, class, .. } = bad.judged;
@@ -185,9 +184,11 @@ mod tests {
         }
     }
 
-    /// If both rules are far off, the check fails. If one rule may be right and passes, there is no verdict.
+    /// If the integrals by both rules are far off, the check fails. If one rule may be right and passes, there
+    /// is no verdict.
+    // Lesson 67
     #[test]
-    fn what_both_rules_refuse_is_refused() {
+    fn a_bound_fails_if_both_rules_refuse_it() {
         let tolerance = Abs(0.1).into();
         let equal = Bound::AgreesWith(&tolerance);
         let refuses = |assertion: &Bound<'_>, sums| {
@@ -199,7 +200,8 @@ mod tests {
         for sums in [[630.0, 480.0], [1.5, 1.35], [0.5, 0.6], [-40.0, -30.0]] {
             assert!(refuses(&equal, sums), "{sums:?}");
         }
-        // In the last two pairs, one would pass if closer by the difference; or they lie on both sides.
+        // Each pair either lies on both sides of the expected value, or would pass if its difference brought an
+        // integral closer.
         for sums in [[1.05, 0.9], [1.3, 1.05], [0.7, 1.3], [1.4, 1.21], [0.6, 0.78], [-8.0, 9.0]] {
             assert!(!refuses(&equal, sums), "{sums:?}");
         }

@@ -1,4 +1,5 @@
-//! Groups of integrals whose nodes are in memory together, with their sums and verdicts.
+//! Groups of integrals. Karat keeps the nodes of one group in memory, sums the results at these nodes, and
+//! judges the sums.
 
 use super::assertion::Assertion;
 use super::sum::Sum;
@@ -13,7 +14,6 @@ use crate::parallel;
 use crate::reflect::Function;
 use crate::tolerance::LaneError;
 
-/// Cases whose nodes are in memory together.
 pub(super) struct Group {
     pub(super) first: u64,
     pub(super) cases: Vec<Case>,
@@ -21,17 +21,17 @@ pub(super) struct Group {
 
 pub(super) struct Case {
     pub(super) value: Held,
-    /// The nodes of the rule, and behind them the nodes of the second rule.
+    /// The nodes of the rule, followed by the nodes of the second rule.
     nodes: Nodes,
-    /// The number of the first rule's nodes.
+    /// The number of nodes of the first rule.
     own: usize,
-    /// The lanes of the expected integral, or of the bound.
+    /// The components of the expected integral, or of the bound.
     expected: Vec<f64>,
 }
 
 impl Group {
-    /// Makes the rules of the cases and the expected integrals. Returns an error if a rule is empty, or if a
-    /// weight or an expected value isn't finite.
+    /// Computes the quadrature rule and the expected integral of each case. Returns an error if a rule has no
+    /// nodes, or if a weight or an expected value isn't finite.
     pub(super) fn of(
         session: &Session<'_>,
         first: u64,
@@ -43,7 +43,7 @@ impl Group {
             let value = &values[index];
             let mut lanes = Vec::with_capacity(words);
             (integrals.expected)(value, &mut lanes);
-            // One bound applies to all components. `expect_result` has checked all other shapes.
+            // A single bound applies to all components. `expect_result` has checked all other types.
             let last = lanes.last().copied().unwrap_or(f64::NAN);
             lanes.resize(words, last);
             let mut nodes = Nodes::default();
@@ -56,7 +56,7 @@ impl Group {
         });
         let case = |(value, (nodes, own, expected))| Case { value, nodes, own, expected };
         let cases: Vec<Case> = values.into_iter().zip(made).map(case).collect();
-        // In the order of the cases, so that every run reports the same error.
+        // Checks the cases in their order, so that every run reports the same error.
         let mut checked = Vec::with_capacity(cases.len());
         for (index, case) in (first..).zip(cases) {
             if let Some(reason) = case.unusable() {
@@ -76,8 +76,9 @@ impl Group {
         self.cases.iter().map(|case| case.nodes.weights.len()).sum()
     }
 
-    /// Evaluates all nodes and judges the sums. If the two rules leave an integral in doubt, it isn't counted as
-    /// failing. The second result is the first doubtful integral.
+    /// Evaluates all nodes and judges the sums. An integral is doubtful if the results of its two rules give no
+    /// verdict. Doubtful integrals don't count as failing. Returns the error about the first doubtful integral
+    /// as the second value.
     pub(super) fn integrate(
         &self,
         session: &Session<'_>,
@@ -134,8 +135,9 @@ impl Group {
         Ok((tally, undecided))
     }
 
-    /// The reason why an integral has no verdict: the two rules differ by more than the assertion allows, and one
-    /// rule may be right and passes. An integral with a node that isn't finite fails, which is a verdict.
+    /// The reason why an integral has no verdict, if it has none: the integrals by the two rules differ by more
+    /// than the assertion allows, but one of them may be right and passes. If the result at a node isn't
+    /// finite, the integral fails.
     fn doubt(
         &self,
         session: &Session<'_>,
@@ -161,9 +163,9 @@ impl Group {
             (!doubt.passes()).then(|| {
                 let expected = case.expected[lane];
                 let reason = format!(
-                    "gives {value} with {} nodes and {control} with {nodes}, {doubt} \
-                     apart, where {expected} is {}, so there is no verdict: use more rings, or a \
-                     rule of your own with `.integral(...)`,",
+                    "gives {value} with {} nodes and {control} with {nodes} nodes (a difference of \
+                     {doubt}, and {expected} is {}), so there is no verdict: use more rings, or your \
+                     own rule with `.integral(...)`,",
                     case.own,
                     assertion.stated(),
                 );
@@ -193,7 +195,8 @@ impl Group {
 }
 
 impl Case {
-    /// The names and values of the arguments that are the same at each node: the parameters of the integral.
+    /// The names and values of the arguments that have the same value at each node: the parameters of the
+    /// integral.
     fn shared(&self, function: &Function, words: usize) -> Vec<(String, String)> {
         let all = |node: usize| function.arguments(self.nodes.row(node, words));
         let mut shared = all(0);
@@ -210,10 +213,10 @@ impl Case {
         shared
     }
 
-    /// The reason why the rule can't be summed.
+    /// The reason why the rule can't be used, if it can't.
     fn unusable(&self) -> Option<String> {
         if self.own == 0 {
-            return Some("has no nodes, so nothing would be integrated,".to_owned());
+            return Some("has no nodes, so there is nothing to integrate,".to_owned());
         }
         let bad = self.nodes.weights.iter().position(|weight| !weight.is_finite())?;
         Some(format!("has the weight {} at node {bad}", self.nodes.weights[bad]))

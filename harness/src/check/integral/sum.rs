@@ -3,7 +3,7 @@
 use crate::judge::{Judged, finite};
 use crate::value::Scalar;
 
-/// The partial integral of one case on one path.
+/// The sum of weighted results for one case on one path.
 #[derive(Clone, Debug)]
 pub(super) struct Sum {
     lanes: Vec<Compensated>,
@@ -40,7 +40,8 @@ impl Sum {
     }
 }
 
-/// Neumaier's sum (1974). It collects the rounding errors of all additions and adds them at the end.
+/// A sum by Neumaier's method (1974). The method collects the rounding errors of all additions and adds them at
+/// the end.
 #[derive(Clone, Copy, Debug, Default)]
 struct Compensated {
     sum: f64,
@@ -56,8 +57,8 @@ impl Compensated {
         self.sum = sum;
     }
 
-    /// The sum with the collected errors. If the plain sum is NaN or infinite, returns it alone, because `lost`
-    /// is NaN then.
+    /// Returns the sum plus the collected rounding errors. If the plain sum is NaN or infinite, `lost` is NaN,
+    /// so the function returns the plain sum.
     fn total(&self) -> f64 {
         if self.sum.is_finite() { self.sum + self.lost } else { self.sum }
     }
@@ -65,7 +66,7 @@ impl Compensated {
 
 #[cfg(test)]
 impl Sum {
-    /// The sum of terms with one component: weights and values.
+    /// Sums scalar terms, each a weight and a value.
     pub(super) fn of_scalars(terms: &[(f64, f32)]) -> Self {
         let mut sum = Self::new(1);
         for (node, (weight, value)) in terms.iter().enumerate() {
@@ -80,7 +81,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_cancels_is_not_lost() {
+    fn cancelling_terms_lose_no_small_terms() {
         let terms = [(1.0, 1.0), (1e100, 1.0), (1.0, 1.0), (-1e100, 1.0)];
         assert_eq!(Sum::of_scalars(&terms).totals(), [2.0]);
         let tenths = Sum::of_scalars(&[(0.1, 1.0); 1_000_000]).totals()[0];

@@ -1,4 +1,4 @@
-//! Calls of a function on one path, for any number of samples, and the random numbers for them.
+//! Calls a function on one path for any number of samples, and makes the random numbers for the calls.
 
 use crate::check::called::Called;
 use crate::check::{Failure, Mismatch};
@@ -9,18 +9,19 @@ use crate::value::{Arguments, Scalar, Shape, Shareable};
 /// The number of samples that share a stream of random numbers.
 const BLOCK: usize = 2048;
 
-/// The number of samples whose arguments are in memory together.
+/// The number of samples that are in memory at a time.
 pub(super) const STRIDE: usize = 65_536;
 
-/// A function on one path.
+/// A function that is ready to be called on one path.
 pub(super) struct Calls<'s> {
     pub(super) called: &'s Called<'s>,
 }
 
-/// A function that appends arguments for some points or random numbers, which are words, one after the other.
+/// A function that appends arguments for some points or random numbers. The points or numbers are `u32` words,
+/// one point or number after the other.
 pub(super) type Given<'g> = &'g (dyn Fn(&[u32], &mut Vec<u32>) + Sync);
 
-/// The arguments that `of` makes from each point or random number.
+/// Turns `of` into a function that appends the words of the arguments that `of` returns.
 pub(super) fn given<X: Shareable, A: Arguments>(
     of: impl Fn(X) -> A + Sync,
 ) -> impl Fn(&[u32], &mut Vec<u32>) + Sync {
@@ -33,12 +34,12 @@ pub(super) fn given<X: Shareable, A: Arguments>(
 }
 
 impl Calls<'_> {
-    /// The number of words of a result.
+    /// The number of `u32` words in one result.
     pub(super) fn words(&self) -> usize {
         self.called.scalars().len()
     }
 
-    /// The results of calls. `lanes` has the arguments of one call after the other.
+    /// Calls the function `calls` times. `lanes` contains the arguments of all calls, one call after the other.
     pub(super) fn call(&self, lanes: &[u32], calls: usize) -> Result<Vec<u32>, Failure> {
         let words = self.words();
         let mut results = Vec::with_capacity(calls * words);
@@ -55,7 +56,7 @@ impl Calls<'_> {
         Ok(results)
     }
 
-    /// A call's arguments and result, as text for a message.
+    /// Describes a call's arguments and result in a message.
     pub(super) fn shown(&self, lanes: &[u32], result: &[u32]) -> String {
         let function = self.called.function();
         let list: Vec<String> = function
@@ -75,7 +76,8 @@ impl Calls<'_> {
         Err(Mismatch::Random(random.clone()).of(self.called.function()))
     }
 
-    /// The results at points, and the lanes of the arguments. The points are words, one point after the other.
+    /// Returns the words of the arguments for some points, and the results of the function. The points are
+    /// `u32` words, one point after the other.
     pub(super) fn at(
         &self,
         points: &[u32],
@@ -94,9 +96,9 @@ impl Calls<'_> {
     }
 }
 
-/// The arguments of `count` calls, made from random numbers of these types. The calls begin at sample `first`, which
-/// must be a multiple of the block's length. An `f32` is a multiple of 2^-24 in [0, 1), as in most generators on
-/// devices.
+/// Makes the arguments of `count` calls from random numbers of these types. The calls begin at sample `first`,
+/// which must be a multiple of the block's length. A random `f32` is a multiple of 2^-24 in [0, 1), as in most
+/// generators on GPUs.
 pub(super) fn draw(
     seed: u64,
     first: usize,
@@ -112,7 +114,7 @@ pub(super) fn draw(
         for _ in 0..calls {
             numbers.extend(random.iter().map(|scalar| match scalar {
                 Scalar::U32 => source.bits(),
-                // The division is exact: 24 bits over a power of two.
+                // The division is exact, because it divides 24 bits by a power of two.
                 _ => ((source.bits() >> 8) as f32 / 16_777_216.0).to_bits(),
             }));
         }

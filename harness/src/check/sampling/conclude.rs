@@ -1,4 +1,5 @@
-//! Runs a check of samples: prepares its functions, runs each configuration on each path, makes the verdict.
+//! Runs a check of a sampler: prepares its functions, runs each configuration on each path, and gives the
+//! verdict.
 
 use super::calls::Calls;
 use super::judgement::Judgement;
@@ -33,7 +34,6 @@ impl Functions<'_> {
     }
 }
 
-/// The results of one path.
 struct Outcome {
     function: Function,
     configurations: u64,
@@ -41,7 +41,8 @@ struct Outcome {
     rejection: Option<PathRejection>,
 }
 
-/// Runs a check. `expect` compares signatures. `judge` judges each configuration on each path.
+/// Runs a check of a sampler. `expect` compares the functions' signatures. `judge` judges one configuration on
+/// one path.
 pub(super) fn conclude(
     sampler: Sampled<'_, '_>,
     hypothesis: &Hypothesis,
@@ -105,7 +106,8 @@ pub(super) fn conclude(
                 if !probe.executors.is_empty() {
                     return Err(Mismatch::Executor.of(fitting.function()));
                 }
-                // The other functions run on the sampler's path, for comparison with its samples.
+                // The other functions run on the same path as the sampler, because the check compares their
+                // results.
                 let called = fitting.on(executor, &probe.fixtures, BATCH)?;
                 read.extend(called.files(&probe.fixtures));
                 opened.push(called);
@@ -176,7 +178,8 @@ pub(super) fn conclude(
             vec![Failure::Rejection(Box::new(rejection))]
         };
         let (agreeing, known_issues) = all.verdict(differ)?;
-        // A path that refuses the sampler has no configurations. Known issues count only if no path agrees.
+        // A path that can't run the sampler has no configurations. The known issues' configurations count only
+        // if no path agrees.
         let least = match agreeing.is_empty() {
             true => known_issues.iter().map(|issue| issue.cases).min(),
             false => agreeing.iter().map(|(_, one)| one.configurations).min(),
@@ -200,11 +203,10 @@ fn configuration_seed(seed: u64, index: u64) -> u64 {
     u64::from(source.bits()) << 32 | u64::from(source.bits())
 }
 
-/// The configurations of one path.
+/// The summed judgements of one path's configurations.
 struct Sum {
     configurations: u64,
     rejected: u64,
-    /// The smallest p-value.
     p: f64,
     worst: Option<rejection::Worst>,
 }

@@ -1,4 +1,4 @@
-//! Compares samples with their density, and with the integral that they estimate.
+//! Compares samples with their density, and with the integral that the samples estimate.
 
 mod masses;
 mod parts;
@@ -20,18 +20,18 @@ where
     A: Arguments,
     F: Fn(&V, U) -> A + Sync,
 {
-    /// Checks that samples follow a density. Pearson's chi-square test compares the number of
-    /// samples in each cell of the support with the integral of the density over that cell.
-    /// `arguments` makes the density's arguments from a configuration and a point of the support: a
-    /// `Vec3`, a `Vec2` of the disk, an `f32`.
+    /// Checks that samples follow a density. Pearson's chi-square test compares the number of samples in each
+    /// cell of the support with the integral of the density over that cell. `arguments` makes the density's
+    /// arguments from a configuration and a point of the support. The point is a `Vec3` for directions, a
+    /// `Vec2` for the disk, or an `f32` for an interval.
     ///
-    /// There are about 512 cells, which are smaller where samples are dense. The test misses an error that averages
-    /// out within a cell. It also misses a spike of the density that lies between all samples and all quadrature
-    /// nodes. So compare the density itself with a reference, too.
+    /// There are about 512 cells. They are smaller where samples are dense. The test misses errors that cancel
+    /// each other within a cell. It also misses a spike of the density that no sample and no quadrature node
+    /// hits. So also compare the density with a reference.
     ///
-    /// The density's integral must be 1. With [`may_leave_support`](Self::may_leave_support) it may be less; the
-    /// share of samples outside the support must then be 1 minus the integral. A single sample whose density is 0
-    /// fails the check.
+    /// The density's integral must be 1. With [`may_leave_support`](Self::may_leave_support) the integral may
+    /// be less than 1. Then the share of samples outside the support must be 1 minus the integral. If the
+    /// density of a single sample is 0, the check fails.
     ///
     /// ```no_run
     /// use glam::{Vec2, Vec3};
@@ -44,8 +44,8 @@ where
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if a configuration is rejected or has no verdict. A picture of the
-    /// worst is written below `target/karat/samples`.
+    /// With the [`Failure`], if the check rejects a configuration, or can't judge one. Karat writes a picture
+    /// of the worst configuration below `target/karat/samples`.
     #[track_caller]
     pub fn follows<X: Shareable, B: Arguments>(
         self,
@@ -58,7 +58,7 @@ where
     /// [`follows`](Self::follows) without the panic.
     ///
     /// # Errors
-    /// If a configuration is rejected or has no verdict.
+    /// If the check rejects a configuration, or can't judge one.
     pub fn try_follows<X: Shareable, B: Arguments>(
         self,
         density: Probe<'_>,
@@ -70,12 +70,12 @@ where
     }
 
     /// Checks a sampler together with the function whose integral it estimates, such as a BRDF. Samples must
-    /// follow the density, and the mean of eval cos / pdf must be the integral of eval cos, component by
-    /// component. So the sampler covers all directions where `eval` isn't 0, with weights of finite variance. The
-    /// check doesn't show that `eval` is right: mean and integral also agree for a wrong `eval`.
+    /// follow the density. For each component, the mean of eval cos / pdf must equal the integral of eval cos.
+    /// If they are equal, the sampler covers all directions where `eval` isn't 0, with weights of finite
+    /// variance. The check doesn't test `eval`: the mean and the integral also agree for a wrong `eval`.
     ///
-    /// `eval` and `density` each have a closure that makes their arguments from a configuration and a direction.
-    /// cos is the absolute value of the direction's z.
+    /// `eval` and `density` are pairs of a function and a closure. The closure makes the function's arguments
+    /// from a configuration and a direction. "cos" is the absolute value of the direction's z.
     ///
     /// ```no_run
     /// use glam::{Vec2, Vec3};
@@ -90,7 +90,7 @@ where
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if a configuration is rejected or has no verdict.
+    /// With the [`Failure`], if the check rejects a configuration, or can't judge one.
     #[track_caller]
     pub fn estimates<X: Shareable, B: Arguments, E: Arguments>(
         self,
@@ -103,7 +103,7 @@ where
     /// [`estimates`](Self::estimates) without the panic.
     ///
     /// # Errors
-    /// If a configuration is rejected or has no verdict.
+    /// If the check rejects a configuration, or can't judge one.
     pub fn try_estimates<X: Shareable, B: Arguments, E: Arguments>(
         self,
         eval: (Probe<'_>, impl Fn(&V, X) -> E + Sync),
@@ -112,8 +112,8 @@ where
         self.check_estimate(eval, density, None::<Unweighted<'_, V, X>>)
     }
 
-    /// Checks the same as [`estimates`](Self::estimates). Also checks that a third function, `weight`,
-    /// returns eval cos / pdf of each sample, with a relative error of at most 1e-4.
+    /// Checks a sampler like [`estimates`](Self::estimates). Also checks that a third function, `weight`,
+    /// returns eval cos / pdf for each sample, with a relative error of at most 1e-4.
     ///
     /// ```no_run
     /// use glam::{Vec2, Vec3};
@@ -128,7 +128,7 @@ where
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if a configuration is rejected or has no verdict.
+    /// With the [`Failure`], if the check rejects a configuration, or can't judge one.
     #[track_caller]
     pub fn estimates_with_weight<X: Shareable, B: Arguments, E: Arguments, W: Arguments>(
         self,
@@ -142,7 +142,7 @@ where
     /// [`estimates_with_weight`](Self::estimates_with_weight) without the panic.
     ///
     /// # Errors
-    /// If a configuration is rejected or has no verdict.
+    /// If the check rejects a configuration, or can't judge one.
     pub fn try_estimates_with_weight<X: Shareable, B: Arguments, E: Arguments, W: Arguments>(
         self,
         eval: (Probe<'_>, impl Fn(&V, X) -> E + Sync),
@@ -171,10 +171,11 @@ where
         self.with_sampler(|sampler| sampler.estimates(&others, &X::shape()))
     }
 
-    /// Returns the probability that [`follows`](Self::follows) rejects a sampler whose samples have the density
-    /// `alternative`, which takes the same arguments. Asserts nothing.
+    /// Returns the probability that [`follows`](Self::follows) rejects samples with the density `alternative`.
+    /// `alternative` takes the same arguments as `density`. This method asserts nothing.
     ///
-    /// The cells come from the sampler's own samples. The power is that of a non-central chi-square distribution.
+    /// The sampler's own samples determine the cells. Karat computes the probability from a non-central
+    /// chi-square distribution.
     ///
     /// ```no_run
     /// use glam::{Vec2, Vec3};
@@ -190,7 +191,7 @@ where
     /// ```
     ///
     /// # Errors
-    /// If the densities give no verdict.
+    /// If Karat can't judge the densities.
     pub fn power_against<X: Shareable, B: Arguments>(
         &self,
         density: Probe<'_>,
@@ -204,7 +205,7 @@ where
 }
 
 impl Sampled<'_, '_> {
-    /// Checks that samples have the density of the first function in `others`.
+    /// Checks that samples follow the first function in `others`, the density.
     fn follows(self, others: &[Other<'_>], point: &Shape) -> Result<Fit, Failure> {
         let settings = self.settings;
         let text = format!("{} on {}", others[0].probe.name, settings.support);
@@ -215,13 +216,13 @@ impl Sampled<'_, '_> {
         })
     }
 
-    /// Checks that samples have the density of the first function in `others`, and estimate the integral of the
-    /// second function. The third function, if there is one, must return the weights of the samples.
+    /// Checks that samples follow the first function in `others`, the density, and that they estimate the
+    /// integral of the second function. If there is a third function, it must return the samples' weights.
     fn estimates(self, others: &[Other<'_>], point: &Shape) -> Result<Fit, Failure> {
         let settings = self.settings;
         let (density, eval) = (&others[0].probe.name, &others[1].probe.name);
         let text = format!("{eval} by {density} on {}", settings.support);
-        // A reflectance has up to three components. The mean of each is a separate test.
+        // A reflectance has up to three components. The mean of each component is a separate statistical test.
         let hypothesis = Hypothesis { check: "estimates", text, tests: settings.tests() + 3 };
         let expect = |functions: &Functions<'_>| {
             self.expect_density(functions, point)?;
@@ -243,7 +244,8 @@ impl Sampled<'_, '_> {
         })
     }
 
-    /// The smallest power of [`follows`](Self::follows) against the density of the second function in `others`.
+    /// Returns the smallest power of [`follows`](Self::follows) against the second function in `others`, the
+    /// alternative density.
     fn power(self, others: &[Other<'_>], point: &Shape) -> Result<Power, Failure> {
         let (density, alternative) = (&others[0].probe.name, &others[1].probe.name);
         let text = format!("{density} against {alternative}");
@@ -273,8 +275,8 @@ impl Sampled<'_, '_> {
         Ok(power)
     }
 
-    /// Compares the signatures of sampler and density with the support. `given` is the type of the
-    /// points for the density.
+    /// Compares the signatures of the sampler and the density with the support. `given` is the type of the
+    /// points that the density takes.
     fn expect_density(self, functions: &Functions<'_>, given: &Shape) -> Result<(), Failure> {
         functions.sampler().expect_random(self.random)?;
         let support = self.settings.support;
@@ -295,5 +297,5 @@ fn expect_scalar(functions: &Functions<'_>, which: usize) -> Result<(), Failure>
     functions.others[which].expect_result(&Shape::Scalar(Scalar::F32), "a density is")
 }
 
-/// The type of a missing function for weights.
+/// A type for `None`, if there is no function for weights.
 type Unweighted<'a, V, X> = (Probe<'a>, fn(&V, X) -> f32);

@@ -1,14 +1,13 @@
-//! The judgement of one configuration, and the calls that offend.
+//! The judgement of one configuration, and the calls with wrong results.
 
 use super::picture::Histogram;
 use super::rejection::Finding;
 use crate::stats::accepts;
 
-/// The judgement of one configuration.
 pub(super) struct Judgement {
-    /// The findings. Empty if the samples fit.
+    /// The reasons to reject the configuration. Empty if the samples fit.
     pub(super) findings: Vec<Finding>,
-    /// The smallest p-value. 0 if a finding needs no statistics.
+    /// The smallest p-value. 0 if there is a finding that doesn't depend on statistics.
     pub(super) p: f64,
     /// Additional facts for the message.
     pub(super) notes: Vec<(&'static str, String)>,
@@ -16,7 +15,6 @@ pub(super) struct Judgement {
 }
 
 impl Judgement {
-    /// A judgement without findings.
     pub(super) fn fitting() -> Self {
         Self { findings: Vec::new(), p: 1.0, notes: Vec::new(), histogram: None }
     }
@@ -25,7 +23,7 @@ impl Judgement {
         Self { findings: vec![finding], p: 0.0, ..Self::fitting() }
     }
 
-    /// Adds a test's result.
+    /// Adds the result of a statistical test, and its finding if the test fails.
     pub(super) fn test(&mut self, p: f64, threshold: f64, finding: impl FnOnce() -> Finding) {
         self.p = self.p.min(p);
         if !accepts(p, threshold) {
@@ -34,7 +32,7 @@ impl Judgement {
     }
 }
 
-/// The number of offending calls, and the first offending call.
+/// The number of calls with one kind of wrong result, and the first of them as text.
 #[derive(Default)]
 pub(super) struct Offence {
     count: u64,

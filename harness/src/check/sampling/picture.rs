@@ -1,4 +1,4 @@
-//! Pictures of a histogram: the observed counts, the expected counts and the differences.
+//! Draws pictures of a histogram: the observed counts, the expected counts and the differences.
 
 use std::path::PathBuf;
 
@@ -13,7 +13,7 @@ const SIDE: u32 = 8;
 /// The number of cells that a message names.
 const NAMED: usize = 3;
 
-/// The difference, in standard deviations, that is as bright as the mean count.
+/// The difference, in standard deviations, that the picture shows as bright as the mean count.
 const BRIGHT: f64 = 4.0;
 
 /// The observed and the expected count of each cell.
@@ -23,7 +23,7 @@ pub(super) struct Histogram {
     pub(super) expected: Vec<f64>,
 }
 
-/// The quantities along the rows and columns of cells.
+/// The names of the coordinates that vary with the row and with the column of cells.
 fn axes(support: Support) -> [&'static str; 2] {
     match support {
         Support::Sphere | Support::Hemisphere => ["theta", "phi"],
@@ -33,13 +33,12 @@ fn axes(support: Support) -> [&'static str; 2] {
 }
 
 impl Histogram {
-    /// The difference of a cell in standard deviations.
+    /// The difference between a cell's observed and expected count, in standard deviations.
     fn difference(&self, cell: usize) -> f64 {
         let (observed, expected) = (self.observed[cell] as f64, self.expected[cell]);
         if observed == expected { 0.0 } else { (observed - expected) / expected.sqrt() }
     }
 
-    /// The counts for a report.
     pub(super) fn record(&self, support: Support) -> record::Histogram {
         record::Histogram {
             axes: axes(support).map(str::to_owned),
@@ -49,7 +48,7 @@ impl Histogram {
         }
     }
 
-    /// The cells that differ most.
+    /// Describes the cells with the largest differences.
     pub(super) fn worst_cells(&self, support: Support) -> String {
         let mut cells: Vec<usize> = (0..self.cells.len()).collect();
         cells.sort_by(|a, b| self.difference(*b).abs().total_cmp(&self.difference(*a).abs()));
@@ -78,14 +77,14 @@ impl Histogram {
         Ok(vec![exr, png])
     }
 
-    /// Draws three panels of cells with the first row on top. The first two panels show the observed and the expected
-    /// counts, divided by the mean count. The third panel shows their difference, divided by its standard
-    /// deviation: red for too many samples, blue for too few. All cells have the same size, so a narrow lobe fills
-    /// the picture.
+    /// Draws three panels of cells with the first row at the top. The first panel shows the observed counts,
+    /// the second panel the expected counts, both divided by the mean count. The third panel shows the
+    /// difference, divided by its standard deviation: red for too many samples, blue for too few. All cells
+    /// have the same size, so a narrow lobe fills the picture.
     fn image(&self) -> Image {
         let rows = self.cells.row_lengths();
         let columns = rows.iter().copied().max().unwrap_or(1);
-        // A single column of cells is drawn as a row.
+        // The picture shows a single column of cells as a row.
         let (rows, columns) =
             if columns == 1 { (vec![rows.len()], rows.len()) } else { (rows, columns) };
         let [columns, height] =

@@ -1,4 +1,4 @@
-//! The power of checks of samples: the probability to reject a sampler with a given error.
+//! The power of checks of samplers: the probability that a check rejects a sampler with a given error.
 
 use super::statistic::{Numbers, number_of};
 use super::{Sampled, Sampling};
@@ -7,8 +7,7 @@ use crate::domain::Held;
 use crate::stats::{Mean, Moments, kolmogorov_power, mean_power};
 use crate::value::{Arguments, Shareable};
 
-/// The power of a check against an alternative: the probability that the check rejects samples of the
-/// alternative.
+/// The power of a check: the probability that the check rejects samples of an alternative distribution.
 ///
 /// ```
 /// # use karat::prelude::*;
@@ -27,12 +26,11 @@ pub struct Power {
 }
 
 impl Power {
-    /// The power before the first configuration.
     pub(super) fn none() -> Self {
         Self { least: f64::INFINITY, configuration: String::new() }
     }
 
-    /// Adds one configuration. NaN counts as the smallest power.
+    /// Adds the power for one configuration. NaN counts as the smallest power.
     pub(super) fn add(&mut self, power: f64, configuration: &Held) {
         if !(power >= self.least) {
             *self = Self { least: power, configuration: configuration.shown() };
@@ -48,20 +46,20 @@ where
     F: Fn(&V, U) -> A + Sync,
 {
     /// Returns the probability that [`has_mean`](Self::has_mean) rejects a sampler with the mean `alternative`
-    /// and the same variance as this sampler. Asserts nothing.
+    /// and the same variance as this sampler. This method asserts nothing.
     ///
     /// ```
     /// # use karat::prelude::*;
     /// let package = Package::from_source("m", "fn uniform(u: f32) -> f32 { return u; }");
     /// let sampler = package.function("uniform").sampled_over(Just(()), |(), u: f32| u);
-    /// // Would a mean of 0.51 in place of 0.5 be found?
+    /// // Would the check find a mean of 0.51 instead of 0.5?
     /// let power = sampler.mean_power_against(|x: f32| x.into(), |()| 0.5, |()| 0.51, 1e-6)?;
     /// assert!(power.least > 0.99);
     /// # Ok::<(), karat::check::Failure>(())
     /// ```
     ///
     /// # Errors
-    /// If the samples can't be judged.
+    /// If Karat can't judge the samples.
     pub fn mean_power_against<X: Shareable>(
         &self,
         of: impl Fn(X) -> f64 + Sync,
@@ -93,9 +91,9 @@ where
         Ok(power.into_inner())
     }
 
-    /// Returns a lower bound of the probability that [`has_distribution`](Self::has_distribution) rejects samples
-    /// with the distribution function `alternative`. Asserts nothing. Karat compares the distribution functions at
-    /// the sampler's own samples.
+    /// Returns a lower bound of the probability that [`has_distribution`](Self::has_distribution) rejects
+    /// samples with the distribution function `alternative`. This method asserts nothing. Karat compares the
+    /// two distribution functions at the sampler's own samples.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -109,7 +107,7 @@ where
     /// ```
     ///
     /// # Errors
-    /// If the samples can't be judged, or a function returns something that isn't a probability.
+    /// If Karat can't judge the samples, or a function returns something that isn't a probability.
     pub fn distribution_power_against<X: Shareable>(
         &self,
         of: impl Fn(X) -> f64 + Sync,

@@ -10,7 +10,7 @@ use crate::record::{CaseDetails, Details, PathDetails, Replay};
 use crate::reflect::Function;
 use crate::stats::Support;
 
-/// A failed check of samples: the sampler is rejected on at least one path.
+/// A failed check of a sampler: at least one path rejects the sampler.
 ///
 /// ```
 /// use karat::check::Failure;
@@ -20,33 +20,32 @@ use crate::stats::Support;
 /// let sampler = package.function("uniform").sampled_over(Just(()), |(), u: f32| u);
 /// let wrong = sampler.unrecorded().try_has_mean("u", |x: f32| x.into(), |()| 0.6, 1e-6);
 /// let Err(Failure::Rejection(found)) = wrong else { panic!("it is 0.5") };
-/// println!("each p-value has to reach {}", found.threshold);
+/// println!("each p-value must be at least {}", found.threshold);
 /// for path in &found.paths {
 ///     println!("{} of {} fail on {}", path.rejected, path.configurations, path.adapter);
 /// }
 /// ```
 #[derive(Clone, Debug)]
 pub struct Rejection {
-    /// The sampler.
+    /// The sampler's function.
     pub function: Function,
-    /// The verb: `follows`.
+    /// The verb, such as `follows`.
     pub check: &'static str,
-    /// The assertion.
+    /// The assertion, as text.
     pub assertion: String,
     /// The probability that the check rejects a correct sampler.
     pub significance: f64,
     /// The smallest p-value that passes.
     pub threshold: f64,
-    /// Each path that rejects.
+    /// The paths that reject the sampler.
     pub paths: Vec<PathRejection>,
-    /// Each path that doesn't reject.
+    /// The paths that don't reject the sampler.
     pub agreeing: Vec<Adapter>,
     /// The seed of configurations and random numbers.
     pub seed: u64,
 }
 
 impl Rejection {
-    /// The rejection as data.
     pub(crate) fn details(&self) -> Details {
         Details {
             headline: failed(&self.function, self.check, &self.assertion).message,
@@ -72,7 +71,7 @@ impl PathRejection {
     }
 }
 
-/// The rejections of one path.
+/// The rejected configurations on one path.
 ///
 /// ```
 /// # use karat::check::Failure;
@@ -86,7 +85,7 @@ impl PathRejection {
 /// ```
 #[derive(Clone, Debug)]
 pub struct PathRejection {
-    /// Path, adapter and driver.
+    /// The path, its adapter and its driver.
     pub adapter: Adapter,
     /// The number of tested configurations.
     pub configurations: u64,
@@ -98,7 +97,8 @@ pub struct PathRejection {
     pub replay: Replay,
 }
 
-/// One rejected configuration.
+/// A configuration that the check rejects. A configuration is a value of the sampler's arguments that aren't
+/// random.
 ///
 /// ```
 /// # use karat::check::Failure;
@@ -116,15 +116,15 @@ pub struct ConfigurationRejection {
     pub case: u64,
     /// The configuration's value, as `Debug` shows it.
     pub configuration: String,
-    /// The findings about the configuration's samples.
+    /// The reasons to reject the configuration's samples.
     pub findings: Vec<Finding>,
     /// Additional facts: the density's integral, the worst cells.
     pub notes: Vec<(&'static str, String)>,
-    /// The picture files, which show observed and expected counts and their difference.
+    /// The files of the pictures. They show the observed counts, the expected counts and their difference.
     pub pictures: Vec<PathBuf>,
 }
 
-/// A finding about samples.
+/// A reason to reject samples.
 ///
 /// ```
 /// use karat::check::Failure;
@@ -142,47 +142,47 @@ pub struct ConfigurationRejection {
 pub enum Finding {
     /// A call returned NaN or an infinity.
     NotFinite {
-        /// Such calls.
+        /// The number of such calls.
         count: u64,
-        /// The first one.
+        /// The first such call, as text.
         call: String,
     },
-    /// A sample must be a direction, and isn't a unit vector.
+    /// A sample isn't a unit vector, although the support contains directions.
     NotUnit {
-        /// Such samples.
+        /// The number of such samples.
         count: u64,
-        /// The first one.
+        /// The first such call, as text.
         call: String,
     },
-    /// Samples are outside the support, and no declaration allows that.
+    /// Samples are outside the support, and the check doesn't allow that.
     Outside {
-        /// Such samples.
+        /// The number of such samples.
         count: u64,
-        /// The first one.
+        /// The first such call, as text.
         call: String,
     },
-    /// A sample has density 0, so it is impossible.
+    /// A sample has density 0, so the sampler can't return it.
     Impossible {
-        /// Such samples.
+        /// The number of such samples.
         count: u64,
-        /// The first one's density.
+        /// The call of the density for the first such sample, as text.
         call: String,
     },
     /// A density or a reflectance is negative.
     Negative {
-        /// Such calls.
+        /// The number of such calls.
         count: u64,
-        /// The first one.
+        /// The first such call, as text.
         call: String,
     },
     /// A weight isn't eval cos / pdf.
     Weight {
-        /// Such samples.
+        /// The number of such samples.
         count: u64,
-        /// The first weight, and the expected weight.
+        /// The first wrong weight, and the expected weight, as text.
         call: String,
     },
-    /// The integral of a density isn't 1. If samples may leave the support: the integral is more than 1.
+    /// The integral of a density isn't 1. If samples may leave the support, the integral is more than 1.
     Mass {
         /// The integral.
         integral: f64,
@@ -195,45 +195,45 @@ pub enum Finding {
         left: u64,
         /// The expected number of samples outside the support.
         expected: f64,
-        /// The probability of such a number by chance.
+        /// The probability that a correct sampler gives such a number.
         p: f64,
     },
     /// Samples don't follow the density.
     ChiSquare {
-        /// Chi-square: the sum over the cells.
+        /// Chi-square, summed over the cells.
         statistic: f64,
-        /// Degrees of freedom.
+        /// The number of degrees of freedom.
         dof: usize,
-        /// Probability of such a sum by chance.
+        /// The probability that a correct sampler gives such a sum.
         p: f64,
     },
     /// A mean differs from the expected mean.
     Mean {
-        /// Of what.
+        /// The name of the quantity.
         of: String,
-        /// The mean.
+        /// The mean of the samples.
         mean: f64,
-        /// Its standard error.
+        /// The standard error of the mean.
         error: f64,
         /// The expected mean.
         expected: f64,
-        /// Probability of such a difference by chance.
+        /// The probability that a correct sampler gives such a difference.
         p: f64,
     },
     /// A distribution differs from the expected distribution function.
     Distribution {
-        /// Of what.
+        /// The name of the quantity.
         of: String,
-        /// The largest distance.
+        /// The largest distance between the two distribution functions.
         distance: f64,
         /// The number at which the distance is largest.
         at: f64,
-        /// Probability of such a distance by chance.
+        /// The probability that a correct sampler gives such a distance.
         p: f64,
     },
 }
 
-/// A count with a verb in the singular or the plural.
+/// Joins a count with the singular or the plural text.
 fn told(count: u64, one: &str, several: &str) -> String {
     format!("{count} {}", if count == 1 { one } else { several })
 }
@@ -292,7 +292,7 @@ impl fmt::Display for Finding {
             }
             Self::Left { left, expected, p } => write!(
                 f,
-                "{left} samples are outside the support, the density puts {expected:.1} there: \
+                "{left} samples are outside the support, but the density predicts {expected:.1}: \
                  p = {p:.2e}"
             ),
             Self::ChiSquare { statistic, dof, p } => {
@@ -302,13 +302,13 @@ impl fmt::Display for Finding {
                 write!(f, "{of} is {mean:.7} +- {error:.1e}, expected {expected:.7}: p = {p:.2e}")
             }
             Self::Distribution { of, distance, at, p } => {
-                write!(f, "the distribution of {of} is {distance:.2e} off at {at}: p = {p:.2e}")
+                write!(f, "the distribution of {of} differs by {distance:.2e} at {at}: p = {p:.2e}")
             }
         }
     }
 }
 
-/// A rejected configuration before its pictures are written.
+/// A rejected configuration, before Karat writes its pictures.
 pub(super) struct Worst {
     pub(super) configuration: u64,
     pub(super) shown: String,
@@ -318,7 +318,7 @@ pub(super) struct Worst {
 }
 
 impl Worst {
-    /// Writes the pictures. The names of the files come from the check and the path.
+    /// Writes the pictures. The check's name and the path's name form the file names.
     pub(super) fn reported(
         self,
         support: Support,
@@ -351,15 +351,15 @@ impl fmt::Display for Rejection {
             let PathRejection { configurations, rejected, worst, replay, .. } = path;
             writeln!(
                 f,
-                "  {rejected} of {configurations} configurations are rejected (p below \
-                 {threshold:.2e}, for {significance} in all)"
+                "  {rejected} of {configurations} configurations fail (p below \
+                 {threshold:.2e}; the significance of the check is {significance})"
             )?;
             writeln!(f, "  worst (case {}): {}", worst.case, worst.configuration)?;
             for finding in &worst.findings {
                 writeln!(f, "    {finding}")?;
             }
             for (name, note) in &worst.notes {
-                // A note of several lines begins with a line break.
+                // A note that has several lines begins with a line break.
                 let space = if note.starts_with('\n') { "" } else { " " };
                 writeln!(f, "    {name}:{space}{note}")?;
             }
@@ -369,7 +369,7 @@ impl fmt::Display for Rejection {
             writeln!(f, "  replay: {replay}")?;
         }
         for adapter in &self.agreeing {
-            writeln!(f, "\non {adapter}\n  all configurations fit")?;
+            writeln!(f, "\non {adapter}\n  all configurations pass")?;
         }
         Ok(())
     }

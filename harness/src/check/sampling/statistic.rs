@@ -1,4 +1,5 @@
-//! Checks of a number that is computed from each sample: its mean, and its distribution.
+//! Verbs that compute a number from each sample: `has_mean` checks the mean of the numbers, `has_distribution`
+//! their distribution.
 
 use super::calls::{STRIDE, draw};
 use super::conclude::{Functions, conclude};
@@ -10,28 +11,28 @@ use crate::run::or_panic;
 use crate::stats::{Kolmogorov, Mean, Moments, NoVerdict};
 use crate::value::{Arguments, Shape, Shareable};
 
-/// A function that judges the numbers of a configuration.
+/// A function that judges the numbers from a configuration's samples.
 type Verdict<'v> = &'v mut dyn FnMut(&[f64], &mut Judgement, f64) -> Result<(), NoVerdict>;
 
-/// A function that judges a configuration. Its second argument computes the numbers and applies a verdict to them.
+/// A function that judges a configuration. Its second argument is a function that computes the numbers and
+/// passes them to a verdict.
 type JudgeNumbers<'j> = &'j dyn Fn(
     &Held,
     &mut dyn FnMut(Verdict<'_>) -> Result<Judgement, Failure>,
 ) -> Result<Judgement, Failure>;
 
-/// A number that is computed from each sample.
+/// A verb that computes a number from each sample.
 pub(super) struct Numbers<'n> {
-    /// The verb.
     pub(super) check: &'static str,
-    /// The assertion.
+    /// The assertion, as text.
     pub(super) text: String,
     /// The type of a sample.
     pub(super) shape: Shape,
-    /// Computes the number from the words of a sample.
+    /// A function that computes the number from the words of a sample.
     pub(super) of: &'n (dyn Fn(&[u32]) -> f64 + Sync),
 }
 
-/// Makes a function of a sample's words from a function of a sample.
+/// Turns a function that takes a sample into a function that takes the sample's words.
 pub(super) fn number_of<X: Shareable>(
     of: impl Fn(X) -> f64 + Sync,
 ) -> impl Fn(&[u32]) -> f64 + Sync {
@@ -45,8 +46,8 @@ where
     A: Arguments,
     F: Fn(&V, U) -> A + Sync,
 {
-    /// Computes a number from each sample, and checks the mean of these numbers by its standard
-    /// error. The check ignores a difference of up to `slack`, which covers the rounding of the samples
+    /// Computes a number from each sample, and compares the mean of these numbers with the expected mean by the
+    /// standard error. The check ignores a difference of up to `slack`, which allows for the samples' rounding
     /// and the error of the expected mean.
     ///
     /// ```no_run
@@ -60,7 +61,7 @@ where
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if a configuration is rejected or has no verdict.
+    /// With the [`Failure`], if the check rejects a configuration, or can't judge one.
     #[track_caller]
     pub fn has_mean<X: Shareable>(
         self,
@@ -75,7 +76,7 @@ where
     /// [`has_mean`](Self::has_mean) without the panic.
     ///
     /// # Errors
-    /// If a configuration is rejected or has no verdict.
+    /// If the check rejects a configuration, or can't judge one.
     pub fn try_has_mean<X: Shareable>(
         self,
         name: &str,
@@ -90,10 +91,10 @@ where
         self.with_sampler(|sampler| numbers.mean(sampler, name, &expected, slack))
     }
 
-    /// Computes a number from each sample, and checks the distribution of these numbers by its
-    /// Kolmogorov distance from a distribution function. The distribution function takes a configuration and a
-    /// number, and returns the probability of a value up to that number. The check ignores a distance of up to
-    /// `slack`, which covers the errors of the samples and of the distribution function.
+    /// Computes a number from each sample, and checks the Kolmogorov distance between the distribution of these
+    /// numbers and a distribution function. The distribution function takes a configuration and a number, and
+    /// returns the probability of a value up to that number. The check ignores a distance of up to `slack`,
+    /// which allows for the errors of the samples and of the distribution function.
     ///
     /// ```
     /// # use karat::prelude::*;
@@ -103,7 +104,7 @@ where
     /// ```
     ///
     /// # Panics
-    /// With the [`Failure`], if a configuration is rejected or has no verdict.
+    /// With the [`Failure`], if the check rejects a configuration, or can't judge one.
     #[track_caller]
     pub fn has_distribution<X: Shareable>(
         self,
@@ -118,7 +119,7 @@ where
     /// [`has_distribution`](Self::has_distribution) without the panic.
     ///
     /// # Errors
-    /// If a configuration is rejected or has no verdict.
+    /// If the check rejects a configuration, or can't judge one.
     pub fn try_has_distribution<X: Shareable>(
         self,
         name: &str,
@@ -183,7 +184,7 @@ impl Numbers<'_> {
         let hypothesis = Hypothesis { check: self.check, text: self.text.clone(), tests: 1 };
         let expect = |functions: &Functions<'_>| {
             functions.sampler().expect_random(sampler.random)?;
-            functions.sampler.expect_result(&self.shape, "the number is made of")
+            functions.sampler.expect_result(&self.shape, "the test's closure takes")
         };
         conclude(sampler, &hypothesis, &[], &expect, &mut |functions, configuration| {
             let Configuration { value, index, threshold, .. } = *configuration;
@@ -205,7 +206,8 @@ impl Numbers<'_> {
         })
     }
 
-    /// The numbers of a configuration's samples, and the calls without a number.
+    /// Computes the numbers from a configuration's samples. Also returns the calls for which the number isn't
+    /// finite.
     fn of_samples(
         &self,
         Sampled { settings, random, arguments, .. }: Sampled<'_, '_>,

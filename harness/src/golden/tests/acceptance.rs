@@ -1,4 +1,4 @@
-//! From a pending frame to a golden.
+//! Acceptance: a pending frame becomes a golden.
 
 use super::*;
 use crate::diagnostic::text_hash;
@@ -14,11 +14,11 @@ fn the_exposures_are_pinned_when_a_golden_is_accepted() {
     assert_eq!(facts.exposures, Some(expected));
     let lit = with(&[(1, 1), (2, 1)], 400.0);
     let failed = project.check("vulkan", &lit, None, None).expect_err("two lights");
-    assert!(failed.to_string().contains(&format!("FLIP looked at {expected}")), "{failed}");
+    assert!(failed.to_string().contains(&format!("FLIP used exposures of {expected}")), "{failed}");
 }
 
-/// The hashes explain a difference. A frame with other modules, or a golden without these hashes, is compared
-/// as before.
+/// The hashes of modules explain a difference, and don't affect the comparison. A golden without these hashes is
+/// compared as before.
 #[test]
 fn a_golden_has_the_hash_of_each_of_its_modules() {
     let project = Project::with_golden();
@@ -102,7 +102,7 @@ fn a_golden_that_would_not_change_is_not_written() {
     let accepted = project.accept(&same, "again", None).expect("nothing speaks against it");
     assert!(!accepted.written && accepted.warnings[0].contains("has these pixels and facts"));
     assert_eq!(std::fs::read(&golden_file).expect("there"), before);
-    // Accepting replaces facts that were edited by hand.
+    // Accepting replaces facts that somebody edited by hand.
     let sidecar = golden_file.with_extension("toml");
     let facts = std::fs::read_to_string(&sidecar).expect("there");
     std::fs::write(&sidecar, facts.replace("first", "edited")).expect("written");
@@ -161,6 +161,7 @@ fn a_preview_waits_no_longer_than_its_frame() {
     assert!(!preview().exists() && file(".png").exists(), "accepted");
 }
 
+// Lesson 42: acceptance under interruption
 #[test]
 fn one_of_two_acceptances_is_carried_out() {
     let project = Project::with_golden();
@@ -189,6 +190,7 @@ fn one_of_two_acceptances_is_carried_out() {
 }
 
 /// A frame may be accepted only if the golden that it was compared with hasn't changed.
+// Lesson 61
 #[test]
 fn a_stale_acceptance_is_refused() {
     let golden = |project: &Project| project.folder.path().join("room/ramp.exr");
@@ -198,7 +200,7 @@ fn a_stale_acceptance_is_refused() {
     let waiting = |project: &Project, path: &str| {
         project.check(path, &spot(2.0), None, None).expect_err("it differs")
     };
-    // The golden was replaced, then removed; and a golden appeared where there was none.
+    // Case 1: another process replaced, and then removed the golden. Case 2: the first golden appeared.
     let project = Project::with_golden();
     let failed = waiting(&project, "vulkan");
     replace(&golden(&project), &spot(3.0));
@@ -215,7 +217,7 @@ fn a_stale_acceptance_is_refused() {
     let failed = waiting(&new, "vulkan");
     replace(&golden(&new), &spot(3.0));
     stale(new.accept(&failed, "why", None));
-    // A profile got its own golden, and a profile's own golden was replaced.
+    // Case 3: a profile got its own golden. Case 4: a profile's own golden was replaced.
     let project = Project::with_golden();
     let failed = waiting(&project, "gl");
     let own = project.folder.path().join("@gl-llvmpipe/room/ramp.exr");
@@ -227,8 +229,9 @@ fn a_stale_acceptance_is_refused() {
     stale(project.accept(&failed, "why", Some("gl-llvmpipe")));
 }
 
-/// An acceptance was killed before it removed the pending frame. Accepting again keeps the golden and removes
-/// the frame.
+/// An acceptance was killed before it removed the pending frame. Accepting again keeps the golden and removes the
+/// frame.
+// Lesson 60
 #[test]
 fn an_acceptance_may_be_repeated() {
     let project = Project::with_golden();
@@ -246,7 +249,7 @@ fn an_acceptance_may_be_repeated() {
         let again = project.accept(&failed, "again", profile).expect("accepted");
         assert!(!again.written && !waiting.exists(), "{path}: {again:?}");
         assert!(read() == before, "{path}: as it was accepted first");
-        // Edited facts aren't those of the first acceptance.
+        // Edited facts differ from the facts of the first acceptance.
         std::fs::write(&waiting, &frame).expect("written");
         std::fs::write(&files[1], "edited").expect("written");
         let stale = project.accept(&failed, "again", profile);
@@ -254,8 +257,9 @@ fn an_acceptance_may_be_repeated() {
     }
 }
 
+// Lesson 60
 #[test]
-fn what_was_interrupted_is_tidied_up_by_the_next_decision() {
+fn leftovers_are_removed_by_the_next_decision() {
     let project = Project::with_golden();
     let left = ["room/ramp.exr.4194999-0.tmp", "@gl-llvmpipe/room/ramp.toml.4194999-1.tmp"];
     let left = left.map(|file| project.folder.path().join(file));
@@ -279,6 +283,7 @@ fn what_was_interrupted_is_tidied_up_by_the_next_decision() {
 }
 
 /// Accepting writes both files of a golden, or neither.
+// Lesson 42: acceptance under interruption
 #[test]
 fn a_golden_without_its_facts_is_not_written() {
     let project = Project::with_golden();
@@ -311,7 +316,8 @@ fn a_golden_without_its_facts_is_not_written() {
     assert_eq!(files.count(), 3, "no temporary file stays");
 }
 
-/// A frame is accepted only in the folder of goldens that it was compared with.
+/// Karat accepts a frame only in its own folder of goldens.
+// Lesson 42: acceptance under interruption
 #[test]
 fn a_frame_of_another_folder_is_refused() {
     let project = Project::with_golden();
@@ -330,7 +336,7 @@ fn a_frame_of_another_folder_is_refused() {
     assert_eq!((found, all.unusable.len()), (vec!["a/golden", "b/golden"], 0));
     let acceptance = Acceptance { because: "why".to_owned(), ..Acceptance::default() };
     let error = other.accept(&all.frames[0], &acceptance).expect_err("it is the other's");
-    let text = "`logo` was compared with goldens of `a/golden`: name them with --goldens a/golden";
+    let text = "`logo` was compared with the goldens in `a/golden`: pass --goldens a/golden";
     assert_eq!(error.to_string(), text);
     let accepted = one.accept(&all.frames[0], &acceptance).expect("it is its own");
     let golden = pending_at(&accepted.golden).provenance;

@@ -24,14 +24,18 @@ fn large_goldens_are_warned_of_and_refused() {
     };
     assert_eq!(accept(&noise(80, 60)).expect("small"), Vec::<String>::new());
     let warnings = accept(&noise(200, 200)).expect("large").join("\n");
-    assert!(warnings.contains("above 128 KiB, a smaller frame is worth a thought"), "{warnings}");
+    assert!(warnings.contains("consider a smaller frame, below 128 KiB"), "{warnings}");
     let warnings = accept(&Image::new(700, 20, vec![[0.5; 4]; 14_000])).expect("wide").join("\n");
-    assert!(warnings.contains("is 700 x 20; 640 x 360 shows most faults"), "{warnings}");
+    assert!(
+        warnings.contains("is 700 x 20 pixels; 640 x 360 pixels show most faults"),
+        "{warnings}"
+    );
     let error = accept(&noise(640, 360)).expect_err("too large");
-    assert!(error.to_string().contains("and at most 1024 are accepted"), "{error}");
+    assert!(error.to_string().contains("and Karat accepts at most 1024 KiB"), "{error}");
 }
 
 /// Pixels that differ by their noise pass; a tile that differs by more than its noise fails.
+// Lesson 46
 #[test]
 fn noise_is_kept_with_the_golden() {
     let project = Project::new();
@@ -41,7 +45,7 @@ fn noise_is_kept_with_the_golden() {
         let frame = Rendered { variance: Some(variance), ..rendered(image, adapter) };
         project.goldens.check("room/ramp", &frame)
     };
-    // The signs alternate, so that the mean of a tile stays the same.
+    // The signs alternate, so the mean of each tile stays the same.
     let noisy = |amplitude: f32, bias: f32| {
         let mut image = ramp();
         for (index, pixel) in (0_u32..).zip(image.pixels_mut()) {
@@ -72,7 +76,7 @@ fn noise_is_kept_with_the_golden() {
 }
 
 #[test]
-fn what_the_test_found_waits_with_the_frame() {
+fn a_pending_frame_keeps_its_verdict() {
     let project = Project::with_golden();
     let tolerance = FrameTolerance::All(vec![
         FrameTolerance::gate(2e-3),
@@ -107,7 +111,7 @@ fn what_the_test_found_waits_with_the_frame() {
     assert_eq!(finding.margins[0].place, Some(Rect::new(6, 1, 1, 1)));
 }
 
-/// A frame that half floats can't hold is stored and compared in 32-bit floats.
+/// A frame that doesn't fit into half floats is stored and compared in 32-bit floats.
 #[test]
 fn frames_are_stored_as_precisely_as_they_are_compared() {
     for (light, precision) in
@@ -127,7 +131,7 @@ fn frames_are_stored_as_precisely_as_they_are_compared() {
         image.pixels_mut()[64 * 8..][..64 * 8].iter_mut().for_each(|pixel| pixel[0] *= 2.0);
         project.check("vulkan", &image, None, None).expect_err("rows are off");
     }
-    // The golden has half floats, and the frame doesn't fit into them.
+    // The golden has half floats, and the frame has values that are too large for half floats.
     let project = Project::with_golden();
     let mut bright = ramp();
     bright.pixels_mut()[70][0] = 7e4;
@@ -154,7 +158,8 @@ fn a_pending_frame_stays_until_its_own_profile_agrees() {
     assert!(!file.exists(), "nobody decides about a known issue");
 }
 
-/// The message names a profile's own golden that can be deleted, because the golden for all profiles passes.
+/// The message names a profile's own golden that you can delete because the frame passes with the golden for all
+/// profiles.
 #[test]
 fn a_golden_of_a_profile_that_is_not_needed_any_more_is_named() {
     let project = Project::with_golden();
@@ -170,7 +175,7 @@ fn a_golden_of_a_profile_that_is_not_needed_any_more_is_named() {
     assert!(
         text.ends_with(
             "look at `golden/room/ramp.new.exr`, then delete `golden/@gl-llvmpipe/room/ramp.exr` \
-             with its `.toml` and run the test again: the golden for all passes"
+             with its `.toml` and run the test again: the frame passes with the golden for all profiles"
         ),
         "{text}"
     );
@@ -179,7 +184,7 @@ fn a_golden_of_a_profile_that_is_not_needed_any_more_is_named() {
 }
 
 #[test]
-fn what_an_author_says_is_kept_and_aovs_are_drawn_when_they_are_needed() {
+fn facts_are_kept_and_aovs_are_drawn_only_if_needed() {
     let project = Project::with_golden();
     let facts = BTreeMap::from([("seed".to_owned(), "7".to_owned())]);
     let drawn = std::cell::Cell::new(0);
@@ -202,7 +207,7 @@ fn what_an_author_says_is_kept_and_aovs_are_drawn_when_they_are_needed() {
     assert_eq!(golden.provenance.facts, facts);
 }
 
-/// Facts that can't be used are an error: Karat doesn't compare without them.
+/// Karat reports unusable facts as an error, and doesn't compare without facts.
 #[test]
 fn facts_that_cannot_be_used_are_errors() {
     let project = Project::with_golden();
@@ -219,7 +224,7 @@ fn facts_that_cannot_be_used_are_errors() {
     project.check("vulkan", &ramp(), None, None).expect("another tool's");
 }
 
-/// Karat enters a linked folder, once.
+/// Karat enters a linked folder only once.
 #[cfg(unix)]
 #[test]
 fn frames_behind_a_link_to_a_folder_are_found() {
@@ -236,6 +241,7 @@ fn frames_behind_a_link_to_a_folder_are_found() {
 }
 
 /// One unusable file doesn't hide the usable ones.
+// Lesson 42: acceptance under interruption
 #[test]
 fn files_that_cannot_be_used_are_named_beside_the_others() {
     let project = Project::new();
@@ -289,7 +295,7 @@ fn files_that_cannot_be_used_are_named_beside_the_others() {
 
 #[cfg(unix)]
 #[test]
-fn what_is_no_file_is_told_and_not_waited_for() {
+fn a_golden_that_is_no_file_is_an_error_at_once() {
     let project = Project::with_golden();
     let golden = project.folder.path().join("room/ramp.exr");
     std::fs::remove_file(&golden).expect("removed");

@@ -3,7 +3,7 @@
 use super::*;
 use crate::golden::tolerance::FrameCriterion;
 
-/// The message names some pixels of an edge, a hole, and the next steps.
+/// The message names the wrong pixels and the next steps.
 #[test]
 fn a_frame_that_differs_says_what_and_where() {
     let project = Project::with_golden();
@@ -15,7 +15,7 @@ fn a_frame_that_differs_says_what_and_where() {
       fails  gate rel 1e-3: 750 times what is allowed, at (24, 8)
       fails  largest FLIP tile 0.256 of 0.01, in (24, 0) to (39, 15)
       fails  mean FLIP 0.0272 of 0.005
-      FLIP looked at -0.44 to -0.31 stops, as the golden has it
+      FLIP used exposures of -0.44 to -0.31 stops, pinned in the golden
       pixels off at a tolerance of 0.001: 2.083%, 0.01: 2.083%, 0.1: 2.083%, 1: 0.000%
       would pass: a gate of rel 0.76, largest FLIP tile of 0.26, mean FLIP of 0.028
       look at `golden/room/ramp.new.exr`, then `karat accept room/ramp --because "..."` or `karat reject room/ramp`
@@ -38,7 +38,7 @@ fn a_frame_that_differs_says_what_and_where() {
     let failed = project.check("vulkan", &broken, None, None).expect_err("NaN");
     insta::assert_snapshot!(project.text(&failed), @r#"
     frame `room/ramp` differs from its golden `golden/room/ramp.exr`: it has 1 pixel with NaN and 1 with infinities, first at (6, 1)
-      look at `golden/room/ramp.new.exr`, and mend the shader: nothing could ever agree with such a frame
+      look at `golden/room/ramp.new.exr`, and fix the shader: no golden could ever agree with such a frame
     "#);
     let mut alpha = ramp();
     alpha.pixels_mut()[70][3] = 0.5;
@@ -47,9 +47,9 @@ fn a_frame_that_differs_says_what_and_where() {
     frame `room/ramp` differs from its golden `golden/room/ramp.exr`: 1 of 3072 pixels are off by more than rel 1e-3, within (6, 1) to (6, 1)
       worst: pixel (6, 1) alpha: 0.5 instead of 1, 500 times what is allowed
       fails  gate rel 1e-3: 500 times what is allowed, at (6, 1)
-      fails  largest FLIP tile inf of 0.03 (alpha is off at (6, 1), which FLIP doesn't see)
-      fails  mean FLIP inf of 0.005 (alpha is off at (6, 1), which FLIP doesn't see)
-      FLIP looked at -0.44 to -0.31 stops, as the golden has it
+      fails  largest FLIP tile inf of 0.03 (alpha differs at (6, 1), and FLIP ignores alpha)
+      fails  mean FLIP inf of 0.005 (alpha differs at (6, 1), and FLIP ignores alpha)
+      FLIP used exposures of -0.44 to -0.31 stops, pinned in the golden
       pixels off at a tolerance of 0.001: 0.033%, 0.01: 0.033%, 0.1: 0.033%, 1: 0.000%
       would pass: a gate of rel 0.5
       look at `golden/room/ramp.new.exr`, then `karat accept room/ramp --profile gl-llvmpipe --because "..."` or `karat reject room/ramp`
@@ -57,7 +57,7 @@ fn a_frame_that_differs_says_what_and_where() {
 }
 
 #[test]
-fn what_is_relative_to_nothing_is_told_in_absolute_numbers() {
+fn with_a_tolerance_of_zero_errors_are_absolute() {
     let project = Project::with_golden();
     let exact = FrameTolerance::gate(0.0);
     let failed = project.check("vulkan", &spot(1.5), Some(&exact), None).expect_err("it differs");
@@ -80,7 +80,7 @@ fn what_is_relative_to_nothing_is_told_in_absolute_numbers() {
 }
 
 #[test]
-fn what_passes_says_what_decided() {
+fn a_passing_frame_names_the_criterion() {
     let project = Project::with_golden();
     let margin = project.check("vulkan", &ramp(), None, None).expect("equal");
     assert_eq!((margin.decided_by, margin.to_string().as_str()), (FrameCriterion::Bits, "equal"));
@@ -102,6 +102,7 @@ fn what_passes_says_what_decided() {
     project.check("vulkan", &edge, Some(&strict), None).expect_err("the gate alone");
 }
 
+// Lesson 199
 #[test]
 fn tolerances_are_trees() {
     use FrameTolerance::{All, Any, FlipMean, FlipTile};
@@ -129,23 +130,26 @@ fn tolerances_are_trees() {
     assert_eq!((decided.decided_by, decided.ratio), (FrameCriterion::Metric, 0.98));
     assert_eq!(decided.tolerance, "rel 1e-3 or (FLIP tile 0.01 and red 0.5)");
     for (useless, reason) in [
-        (FrameTolerance::gate(f32::NAN), "NaN; it is a relative difference from 0 to below 1"),
-        (FrameTolerance::gate(-1.0), "-1; it is a relative difference from 0 to below 1"),
-        (FrameTolerance::gate(1.0), "1; it is a relative difference from 0 to below 1"),
+        (
+            FrameTolerance::gate(f32::NAN),
+            "NaN; a relative difference must be at least 0 and below 1",
+        ),
+        (FrameTolerance::gate(-1.0), "-1; a relative difference must be at least 0 and below 1"),
+        (FrameTolerance::gate(1.0), "1; a relative difference must be at least 0 and below 1"),
         (
             Any(vec![gate(), FlipTile(f64::INFINITY)]),
-            "inf; errors of FLIP are from 0 to 1, and a bound is below 1",
+            "inf; FLIP errors are from 0 to 1, so a bound must be below 1",
         ),
         (
             All(vec![gate(), FlipMean(1.0)]),
-            "1; errors of FLIP are from 0 to 1, and a bound is below 1",
+            "1; FLIP errors are from 0 to 1, so a bound must be below 1",
         ),
         (
             FrameTolerance::metric(crate::metric::Flip::MEAN, 1.0),
-            "1; the mean FLIP is 1 at most, and a bound is below that",
+            "1; the mean FLIP is 1 at most, so a bound must be smaller",
         ),
-        (FrameTolerance::metric(Red(0.0), -1.0), "-1; a bound is a number of at least 0"),
-        (All(vec![]), "a list of no bounds; name at least one"),
+        (FrameTolerance::metric(Red(0.0), -1.0), "-1; a bound must be a number of at least 0"),
+        (All(vec![]), "an empty list of bounds; name at least one bound"),
         (red(1.0), ""),
     ] {
         assert_eq!(useless.unusable().unwrap_or_default(), reason);
@@ -155,7 +159,7 @@ fn tolerances_are_trees() {
     assert_eq!(error, "frame `room/ramp` can't be compared: the mask leaves no pixel to compare");
 }
 
-/// Only a profile itself uses its own golden, and it is accepted only if the profile needs it.
+/// Only the profile itself uses its own golden. Karat accepts such a golden only if the profile needs it.
 #[test]
 fn profiles_have_goldens_of_their_own() {
     let project = Project::with_golden();
@@ -176,20 +180,20 @@ fn profiles_have_goldens_of_their_own() {
     project.check("vulkan", &on_gl, Some(strict), None).expect_err("the golden of GL isn't used");
     project.check("metal", &on_gl, Some(strict), None).expect_err("the golden of GL isn't used");
 
-    // A profile that passes with the golden for all profiles needs no golden of its own.
+    // A frame that passes with the golden for all profiles needs no golden for its profile.
     let failed = project.check("gl", &ramp(), Some(strict), None).expect_err("GL has its own");
     assert!(project.text(&failed).contains("from its golden `golden/@gl-llvmpipe/room/ramp.exr`"));
     let error = project.accept(&failed, "why", None).expect_err("it is GL's");
     assert!(matches!(error, AcceptError::Own { .. }), "{error}");
     let error = project.accept(&failed, "why", Some("gl-llvmpipe")).expect_err("not needed");
-    insta::assert_snapshot!(error, @"`room/ramp` needs no golden of profile gl-llvmpipe: the golden for all passes there");
+    insta::assert_snapshot!(error, @"`room/ramp` needs no golden for profile gl-llvmpipe: it passes with the golden for all profiles");
     let new = Project::new();
     let failed = new.check("gl", &on_gl, None, None).expect_err("no golden");
     let error = new.accept(&failed, "why", Some("gl-llvmpipe")).expect_err("none for all");
-    insta::assert_snapshot!(error, @"`room/ramp` needs no golden of profile gl-llvmpipe: there is no golden for all yet; accept one first");
+    insta::assert_snapshot!(error, @"`room/ramp` needs no golden for profile gl-llvmpipe: there is no golden for all profiles yet; accept that golden first");
 }
 
-/// The bounds of FLIP are wider for a frame of another profile than the golden's.
+/// The FLIP bounds are wider if another profile made the golden.
 #[test]
 fn another_profile_has_the_wider_bound() {
     let project = Project::with_golden();
@@ -202,7 +206,8 @@ fn another_profile_has_the_wider_bound() {
     assert_eq!((bound("vulkan"), bound("gl"), bound("metal")), (0.01, 0.03, 0.03));
 }
 
-/// A frame isn't rounded to half floats if its tolerance is smaller than this rounding.
+/// Karat doesn't round a frame to half floats if the tolerance is smaller than this rounding.
+// Lesson 20
 #[test]
 fn a_tolerance_that_is_tightened_holds() {
     let project = Project::with_golden();
@@ -248,12 +253,12 @@ fn a_frame_with_nan_and_no_golden_says_so() {
     let failed = project.check("vulkan", &broken, None, None).expect_err("NaN");
     insta::assert_snapshot!(project.text(&failed), @r"
     frame `room/ramp` has no golden and can't become one: it has 1 pixel with NaN and 0 with infinities, first at (6, 1)
-      look at `golden/room/ramp.new.exr`, and mend the shader
+      look at `golden/room/ramp.new.exr`, and fix the shader
     ");
     assert!(matches!(failed, GoldenError::Unacceptable { .. }));
 }
 
-/// A known issue covers differences of values only: other errors still fail.
+/// A known issue covers only differences of values. Other errors still fail.
 #[test]
 fn a_known_issue_hides_no_other() {
     let project = Project::with_golden();

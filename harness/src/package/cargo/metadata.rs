@@ -1,4 +1,4 @@
-//! Reads `cargo metadata`, and finds where the shaders of crates are.
+//! Reads `cargo metadata`, and finds the folders of crates' shaders.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 use std::path::{Path, PathBuf};
@@ -10,7 +10,6 @@ use super::{ASKING, Crate, DEEPEST, Graph, hash_of};
 use crate::lines;
 use crate::package::EXTENSIONS;
 
-/// The parts of `cargo metadata` that Karat reads.
 #[derive(Deserialize)]
 pub(super) struct Metadata {
     packages: Vec<CargoPackage>,
@@ -23,7 +22,7 @@ struct CargoPackage {
     version: String,
     id: String,
     manifest_path: PathBuf,
-    /// `None` for a crate beside the project.
+    /// `None` for a crate that isn't from a registry or repository, such as a crate of the project.
     source: Option<String>,
     targets: Vec<Target>,
     #[serde(default)]
@@ -53,7 +52,7 @@ struct Dependency {
     pkg: String,
 }
 
-/// The platform that `rustc` compiles for, by `rustc`'s name.
+/// The platform for which `rustc` compiles, by `rustc`'s name.
 fn host() -> Option<String> {
     let rustc = std::env::var_os("RUSTC").unwrap_or_else(|| "rustc".into());
     let mut rustc = Command::new(rustc);
@@ -70,12 +69,12 @@ impl Metadata {
         if base.is_dir() {
             command.current_dir(base); // where its registries are configured
         }
-        // Crates of other platforms aren't needed.
+        // Karat doesn't need the crates of other platforms.
         if let Some(host) = host() {
             command.args(["--filter-platform", &host]);
         }
         if fetches {
-            // A crate may declare a newer Rust: it isn't compiled.
+            // A crate may declare a newer Rust, because Karat doesn't compile the crate.
             command.env("CARGO_RESOLVER_INCOMPATIBLE_RUST_VERSIONS", "allow");
         }
         let output = command.output();
@@ -83,7 +82,7 @@ impl Metadata {
             output.map_err(|error| format!("`{}` doesn't run: {error}", cargo.display()))?;
         if !output.status.success() {
             let said = String::from_utf8_lossy(&output.stderr);
-            // The temporary project would only confuse a reader.
+            // Lines about the temporary project would only confuse a reader.
             let lines = said.lines().filter(|line| !line.contains(ASKING));
             return Err(format!("cargo says:\n{}", lines.collect::<Vec<_>>().join("\n")));
         }
@@ -127,7 +126,7 @@ impl Metadata {
 }
 
 impl CargoPackage {
-    /// The crate's name in code.
+    /// The crate's name in Rust code.
     fn library(&self) -> String {
         let is_library = |kind: &String| kind.contains("lib") || kind == "proc-macro";
         let library = self.targets.iter().find(|target| target.kind.iter().any(is_library));
@@ -137,7 +136,7 @@ impl CargoPackage {
     fn imports(&self) -> BTreeSet<String> {
         let declared = self.metadata["wgsl-analyzer"]["dependencies"].as_object();
         let path = |value: &serde_json::Value| Some(value.get("path")?.as_str()?.to_owned());
-        // `../bevy_render` is beside it, where its repository keeps its crates.
+        // The repository has `../bevy_render` beside this crate.
         let beside = |(name, value): &(&String, &serde_json::Value)| {
             path(value).is_some_and(|path| path == format!("../{name}"))
         };
@@ -145,7 +144,8 @@ impl CargoPackage {
         named.map(|(name, _)| name.clone()).collect()
     }
 
-    /// The folder of its modules: the one that it declares, or `src`, or the innermost one with all of its shaders.
+    /// The folder of the crate's modules: the declared folder, or `src`, or the innermost folder with all
+    /// shaders.
     fn root_of_modules(&self, folder: &Path) -> Option<PathBuf> {
         let declared = ["karat", "wgsl-analyzer"].map(|tool| self.metadata[tool]["root"].as_str());
         let wesl = std::fs::read_to_string(folder.join("wesl.toml")).ok();
@@ -158,7 +158,6 @@ impl CargoPackage {
     }
 }
 
-/// The innermost folder that contains all shaders below a folder.
 pub(super) fn common(folder: &Path) -> Option<PathBuf> {
     let files = shaders(folder, 0);
     let mut folders = files.iter().filter_map(|file| file.parent());
@@ -169,7 +168,6 @@ pub(super) fn common(folder: &Path) -> Option<PathBuf> {
     Some(folders.fold(first.to_owned(), |one, other| of_both(&one, other)))
 }
 
-/// All shaders below a folder.
 pub(super) fn shaders(folder: &Path, depth: usize) -> Vec<PathBuf> {
     let mut found = Vec::new();
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {

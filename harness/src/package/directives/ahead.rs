@@ -1,4 +1,4 @@
-//! Reads names, paths and definitions of a text before its directives.
+//! Reads names, paths and definitions of a text before Karat processes its directives.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -7,7 +7,7 @@ use crate::package::CONSTANTS;
 use crate::package::feature::{Feature, Features};
 use crate::package::lexer::{Kind, Token, lex};
 
-/// The directives of a text in order, each as its word and the rest of its line.
+/// The directives of a text in order. Each has its word and the rest of its line.
 fn lines(text: &str) -> impl Iterator<Item = (&str, &str)> {
     let tokens = if text.contains('#') { lex(text) } else { Vec::new() };
     let marks = tokens.into_iter().filter(|token| is_mark(text, token));
@@ -20,20 +20,21 @@ fn lines(text: &str) -> impl Iterator<Item = (&str, &str)> {
     })
 }
 
-/// The path that a module gives itself.
+/// The path that the module declares for itself.
 pub(in crate::package) fn path(text: &str) -> Option<String> {
     let (_, path) = lines(text).find(|(word, _)| *word == "define_import_path")?;
     Some(path.trim_end_matches(';').trim_end().to_owned())
 }
 
-/// The names that a text defines anywhere in it: `naga_oil` reads them first, and only in the module that is linked. A
-/// value that can't be read becomes an error when the module is read. [Guards](guards) don't count.
+/// The names that a text defines anywhere. `naga_oil` reads these definitions first, and only in the linked
+/// module. An unreadable value becomes an error later, when Karat reads the module. The list doesn't contain
+/// [guards](guards).
 pub(in crate::package) fn defined(text: &str) -> Features {
     defines(text).filter(|(_, _, is_guard)| !is_guard).filter_map(valued).collect()
 }
 
-/// Names that a text defines only if nothing else has, as an include guard does: a `#define` of a name under `#ifndef`
-/// of the same name. The condition is evaluated before the name is defined.
+/// Names that a text defines only if nothing else defines them, as in an include guard: a `#define` of a name
+/// under `#ifndef` of the same name. The condition is evaluated before the definition of the name.
 pub(in crate::package) fn guards(text: &str) -> Features {
     defines(text).filter(|(_, _, is_guard)| *is_guard).filter_map(valued).collect()
 }
@@ -42,9 +43,9 @@ fn valued((name, value, _): (&str, &str, bool)) -> Option<(String, Feature)> {
     Some((name.to_owned(), value_of(value)?))
 }
 
-/// Each `#define` of a text: its name, its value, and whether it is a guard.
+/// Each `#define` of a text: its name, its value, and a flag that is true for a guard.
 fn defines(text: &str) -> impl Iterator<Item = (&str, &str, bool)> {
-    // For each condition around a line: the name that it requires to be undefined, if it does.
+    // For each condition around a line, the name that must be undefined, if there is such a name.
     let mut open: Vec<Option<&str>> = Vec::new();
     lines(text).filter_map(move |(word, rest)| {
         match word {
@@ -65,13 +66,13 @@ fn defines(text: &str) -> impl Iterator<Item = (&str, &str, bool)> {
     })
 }
 
-/// Returns `true` for a name that `naga_oil` also replaces behind a `#`: one in capitals.
+/// Checks if `naga_oil` also replaces this name behind a `#`: a name in capitals.
 pub(super) fn is_named(word: &str) -> bool {
     let is_capital = |c: char| c.is_ascii_uppercase() || c.is_ascii_digit() || c == '_';
     word.len() > 1 && word.chars().all(is_capital)
 }
 
-/// A directive's value; without one, the feature is on.
+/// The value of a directive. A feature without a value is on.
 pub(super) fn value_of(value: &str) -> Option<Feature> {
     match value {
         "" | "true" => Some(Feature::Flag(true)),
@@ -80,10 +81,10 @@ pub(super) fn value_of(value: &str) -> Option<Feature> {
     }
 }
 
-/// The values that a text compares features with, each with its two neighbours, for which another branch holds. A
-/// feature whose value is used as a number gets a usual number.
+/// The values with which a text compares features, each with its two neighbours, for which other branches are
+/// active. If a text uses a feature as a number, the values are usual numbers.
 pub(in crate::package) fn values(text: &str) -> BTreeMap<String, Vec<Feature>> {
-    // Three isn't a power of two, so a shift and a division by it differ.
+    // Three isn't a power of two, so shifting by 3 and dividing by 3 give different results.
     const USUAL: [Feature; 2] = [Feature::Number(4), Feature::Number(3)];
     let is_composed = text.contains("#import ") || text.contains("#define_import_path ");
     let mut all = BTreeMap::<String, Vec<Feature>>::new();
@@ -117,24 +118,24 @@ pub(in crate::package) fn values(text: &str) -> BTreeMap<String, Vec<Feature>> {
     all
 }
 
-/// The features that a text asks about in conditions of either kind, or uses as values.
+/// The features that a text uses in conditions of both kinds, or as values.
 pub(in crate::package) fn asked(text: &str) -> BTreeSet<String> {
     let tokens = lex(text);
     let word = |index: usize| tokens.get(index).map_or("", |t: &Token| &text[t.range()]);
     let mut found = BTreeSet::new();
     for index in 0..tokens.len() {
         let (first, second, third) = (word(index), word(index + 1), word(index + 2));
-        // The token before the names, and the tokens that end them.
+        // The token before the names, and the tokens that end the list of names.
         let (before, ends): (usize, &[&str]) = match (first, second, third) {
             ("@", "if" | "elif", "(") => (index + 2, &[")"]),
             ("#", "{", _) => (index + 1, &["}"]),
             ("#", "if" | "ifdef" | "ifndef" | "else", _) => (index + 1, &[]),
-            // `#NAME`
+            // The form `#NAME`.
             ("#", name, _) if is_named(name) => {
                 found.insert(name.to_owned());
                 continue;
             }
-            // `constants::NAME`, `import constants::{A, B};`
+            // The forms `constants::NAME` and `import constants::{A, B};`.
             (CONSTANTS, ":", ":") if word(index + 3) == "{" => (index + 3, &["}"]),
             (CONSTANTS, ":", ":") => {
                 found.insert(word(index + 3).to_owned());

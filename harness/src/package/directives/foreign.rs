@@ -7,7 +7,7 @@ use crate::diagnostic::{Diagnostic, Mend, SourceFile, Span};
 use crate::package::PackageError;
 use crate::package::lexer::{Kind, Token};
 
-/// A place that only a template has: `{% if %}`, `{{ name }}`.
+/// The range of a text that only a template has: `{% if %}`, `{{ name }}`.
 pub(super) fn template(text: &str, tokens: &[Token]) -> Option<Range<usize>> {
     let touching = |pair: &[Token], first: u8, second: u8| {
         pair[0].is(first) && pair[1].is(second) && pair[0].range().end == pair[1].range().start
@@ -15,7 +15,7 @@ pub(super) fn template(text: &str, tokens: &[Token]) -> Option<Range<usize>> {
     let block = tokens.windows(2).find(|pair| touching(pair, b'{', b'%'));
     let placeholder = tokens.windows(2).find(|pair| {
         let line = text[pair[0].range().start..].lines().next().unwrap_or_default();
-        // WGSL has nested blocks, too, but with statements in them.
+        // WGSL also has nested blocks, but they contain statements.
         let inner = line.strip_prefix("{{").and_then(|line| line.split_once("}}"));
         let is_placeholder =
             |(inside, _): (&str, &str)| !inside.trim().is_empty() && !inside.contains([';', '{']);
@@ -25,7 +25,7 @@ pub(super) fn template(text: &str, tokens: &[Token]) -> Option<Range<usize>> {
     pair.or_else(|| one_brace(text, tokens))
 }
 
-/// Returns `true` if a text has bytes of a placeholder, in a comment or elsewhere.
+/// Checks if a text has characters of a placeholder, in a comment or elsewhere.
 pub(super) fn may_be_template(text: &str) -> bool {
     let is_part = |c: char| c == '_' || c.is_alphanumeric();
     text.split('{').skip(1).any(|after| {
@@ -36,8 +36,8 @@ pub(super) fn may_be_template(text: &str) -> bool {
     })
 }
 
-/// Finds `{name}`. It can't be a block of WGSL, which ends its statements with `;`. An import lists names in this way
-/// after `::`, and `#{name}` is a value of `naga_oil`'s.
+/// Finds `{name}`. This can't be a block of WGSL, because statements end with `;`. An import has such a list of
+/// names after `::`, and `#{name}` is a value of `naga_oil`.
 fn one_brace(text: &str, tokens: &[Token]) -> Option<Range<usize>> {
     let found = tokens.windows(3).enumerate().find(|(at, three)| {
         let before =
@@ -51,7 +51,7 @@ fn one_brace(text: &str, tokens: &[Token]) -> Option<Range<usize>> {
     found.map(|(_, three)| three[0].range().start..three[2].range().end)
 }
 
-/// An error that says what Karat doesn't expand, and what to do.
+/// An error about text that another tool expands, with a remedy.
 pub(super) fn unknown(
     file: &Arc<SourceFile>,
     range: Range<usize>,
@@ -81,7 +81,6 @@ pub(super) fn unknown(
     PackageError::Shader(Box::new(diagnostic))
 }
 
-/// The name of `{name}` and of `{{ name }}`.
 fn placeholder(text: &str) -> Option<&str> {
     let (name, _) = text.strip_prefix('{')?.split_once('}')?;
     let name = name.trim_start_matches('{').trim();

@@ -1,20 +1,19 @@
-//! The ways in which a file includes others.
+//! The ways in which a file includes other files.
 
 use crate::package::EXTENSIONS;
 
-/// A file that another one includes.
+/// A file that another file includes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(in crate::package) enum Include {
-    /// By a path relative to the file: `./plane.wgsl`.
+    /// A path relative to the including file: `./plane.wgsl`.
     File(String),
-    /// By a name: `bbox`.
+    /// A name: `bbox`.
     Name(String),
-    /// By a module's path, in `[join]` of `karat.toml`: the host concatenates both texts.
+    /// A module's path, in `[join]` of `karat.toml`: the host concatenates the two texts.
     Joined(String),
 }
 
 impl Include {
-    /// The name of the module, without folders.
     pub(in crate::package) fn name(&self) -> &str {
         match self {
             Self::Name(name) | Self::Joined(name) => name,
@@ -26,7 +25,6 @@ impl Include {
     }
 }
 
-/// A file's name without its module extension.
 pub(in crate::package) fn without_extension(file: &str) -> &str {
     let stem = EXTENSIONS.iter().find_map(|known| file.strip_suffix(known)?.strip_suffix('.'));
     stem.unwrap_or(file)

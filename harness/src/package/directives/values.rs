@@ -1,4 +1,4 @@
-//! Values of features: in directives that ask about one, and for `#{NAME}`.
+//! Values of features, in conditions and for `#{NAME}`.
 
 use std::ops::Range;
 use std::sync::Arc;
@@ -20,7 +20,7 @@ impl Reader<'_> {
         self.value(at..at + length + 1, name)
     }
 
-    /// Puts the value of a feature in place of a range.
+    /// Replaces a range by the value of a feature.
     pub(super) fn value(&mut self, range: Range<usize>, name: String) -> Result<(), PackageError> {
         let Some(value) = self.features.get(&name).copied() else {
             return Err(self.no_value(&name, range));
@@ -37,7 +37,7 @@ impl Reader<'_> {
             return Err(self.error(range, "a value can't be a part of a name"));
         }
         self.mask(range.start..range.end + suffix);
-        // Code that looks at tokens sees as much of the value as fits; the text gets all of it.
+        // Code that reads tokens sees the part of the value that fits. The text gets the whole value.
         for (byte, new) in self.bytes[range.clone()].iter_mut().zip(value.bytes()) {
             *byte = new;
         }
@@ -54,7 +54,6 @@ impl Reader<'_> {
         PackageError::Shader(Box::new(diagnostic))
     }
 
-    /// Evaluates a condition.
     pub(super) fn holds(
         &self,
         word: &str,
@@ -63,7 +62,9 @@ impl Reader<'_> {
     ) -> Result<bool, PackageError> {
         if word != "if" {
             if rest.is_empty() || rest.contains(char::is_whitespace) {
-                return Err(self.error(whole.clone(), &format!("`#{word}` names one feature")));
+                return Err(
+                    self.error(whole.clone(), &format!("`#{word}` needs exactly one feature"))
+                );
             }
             return Ok(is_on(&self.features, rest) == (word == "ifdef"));
         }
@@ -93,20 +94,20 @@ impl Reader<'_> {
             (Feature::Flag(own), Feature::Flag(value)) if equality => own.cmp(&value),
             (own, value) => {
                 let message =
-                    format!("`{name}` is {own}, which `{operator} {value}` can't be asked of");
+                    format!("`{name}` is {own}, which can't be compared by `{operator} {value}`");
                 return Err(self.error(whole.clone(), &message));
             }
         };
         Ok(holds(order))
     }
 
-    /// A directive's value; without one, the feature is on.
+    /// The value of a directive. A feature without a value is on.
     pub(super) fn parsed(
         &self,
         value: &str,
         whole: &Range<usize>,
     ) -> Result<Feature, PackageError> {
-        let wrong = || self.error(whole.clone(), "values are whole numbers, `true` and `false`");
+        let wrong = || self.error(whole.clone(), "values must be whole numbers, `true` or `false`");
         value_of(value).ok_or_else(wrong)
     }
 }

@@ -1,4 +1,4 @@
-//! Finds modules by the paths that they give themselves.
+//! Finds modules by the paths that they declare for themselves.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -11,12 +11,13 @@ use crate::package::overlay::Overlay;
 use crate::package::workspace::{self, Kind};
 use crate::package::{Origin, Package, PackageError, directives};
 
-/// The paths that modules give themselves, each with its module's path in the package.
+/// The paths that modules declare for themselves, each with the module's path in the package.
 type Composed = Vec<(String, Vec<String>)>;
 
 impl Library {
-    /// The module with the longest path that begins with these words, and the number of its words. Of several in one
-    /// package the nearest folder wins, and of several there the only one that declares the next word.
+    /// The module with the longest path that begins with these words, and the number of the path's words. If one
+    /// package has several such modules, the module in the nearest folder is chosen. If several are in that
+    /// folder, the module that declares the next word is chosen.
     pub(in crate::package) fn composed(
         &self,
         from: &ModulePath,
@@ -27,7 +28,8 @@ impl Library {
             .rev()
             .find_map(|count| Some((&**known.get(&words[..count].join("::"))?, count)));
         let Some((modules, count)) = found else { return Ok(None) };
-        // The package's own modules come first, then the others in the order in which they are reached.
+        // The package's own modules come first, and then the other modules in the order in which imports reach
+        // them.
         let own = modules.iter().find(|module| module.package == from.package);
         let package = own.or(modules.first()).map(|module| module.package);
         let shared = |module: &ModulePath| {
@@ -59,7 +61,6 @@ impl Library {
         }
     }
 
-    /// The error that no module gives itself this path.
     pub(in crate::package) fn not_composed(&self, path: &str) -> PackageError {
         let near = nearest(path, self.all_composed().keys().map(String::as_str));
         PackageError::NotComposed { path: path.to_owned(), nearest: near.map(str::to_owned) }
@@ -79,7 +80,7 @@ impl Library {
     }
 }
 
-/// The paths that modules of crates give themselves, by the crates' folders.
+/// The paths that modules of crates declare for themselves, by the crates' folders.
 struct OfCrates;
 
 impl Kind for OfCrates {
@@ -90,7 +91,7 @@ impl Kind for OfCrates {
 }
 
 impl Package {
-    /// The paths that modules give themselves, each with its place in the package.
+    /// The paths that the package's modules declare for themselves.
     fn composed(&self) -> Arc<Composed> {
         // Files of a crate don't change.
         let fixed = matches!(self.origin, Origin::Found(_)).then(|| self.root());
@@ -98,7 +99,7 @@ impl Package {
             return known;
         }
         let mut found = Vec::new();
-        // An error in the file was reported when it was first read.
+        // The first read of the file reported its errors.
         let manifest = Manifest::of(self).unwrap_or_default();
         for module in self.modules().unwrap_or_default() {
             let components = ModulePath::root(&module).components;

@@ -1,4 +1,4 @@
-//! Checks that conditions ask about the features that are set.
+//! Checks that conditions use the features that are set.
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
@@ -10,7 +10,7 @@ use crate::package::values::{self, Values};
 use crate::package::workspace::{self, Kind};
 use crate::package::{PackageError, directives};
 
-/// Features that modules of a package ask about. A feature that was found isn't searched again.
+/// Features that conditions of a package use. Karat doesn't search again for a feature that it has found.
 struct Asked;
 
 impl Kind for Asked {
@@ -20,7 +20,7 @@ impl Kind for Asked {
     const MOST: usize = 10_000;
 }
 
-/// An attribute that is almost a condition's name, with one of these features in its brackets.
+/// An attribute with one of these features in its brackets, and a name that is almost the name of a condition.
 fn misspelt(text: &str, features: &[&String]) -> Option<Box<str>> {
     const CONDITIONS: [&str; 2] = ["if", "elif"];
     /// Attributes that differ from a condition by one letter (WGSL, 12; WESL).
@@ -40,7 +40,7 @@ fn misspelt(text: &str, features: &[&String]) -> Option<Box<str>> {
 }
 
 impl Library {
-    /// Checks that a condition asks about each feature that is set.
+    /// Checks that a condition uses each feature that is set.
     pub(super) fn expect_features(&self) -> Result<(), PackageError> {
         let package = self.package(0);
         let root = package.root();
@@ -55,7 +55,7 @@ impl Library {
         if names.is_empty() {
             return Ok(());
         }
-        // A module that can't be read may ask about any feature.
+        // A module that can't be read may use any feature.
         let mut unreadable = None;
         let mut asked_in = |of: usize| {
             let (package, mut found) = (self.package(of), BTreeSet::new());
@@ -97,7 +97,7 @@ impl Library {
                 known: own.iter().cloned().collect::<Vec<_>>().join(", ").into(),
             }));
         }
-        // A text in memory has no place of its own.
+        // A text in memory has no path for the key.
         if !root.as_os_str().is_empty() {
             workspace::with_room::<Asked, _>(|asked| {
                 asked.extend(names.into_iter().map(|name| ((root.clone(), name.clone()), ())));

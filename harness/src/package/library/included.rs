@@ -9,7 +9,8 @@ use crate::package::directives::{self, Include};
 use crate::package::feature::Feature;
 
 impl Library {
-    /// The modules that share a name space with this one: those that it includes, and those that they include.
+    /// The modules that share a name space with this module: the modules that it includes, and the modules that
+    /// they include.
     pub(in crate::package) fn included(
         &self,
         root: &ModulePath,
@@ -18,7 +19,8 @@ impl Library {
         while let Some(path) = queue.pop() {
             let module = self.module(&path)?;
             for (include, range) in &module.includes {
-                // `naga_oil` imports a whole module in this way; its names keep the module's name before them.
+                // `naga_oil` imports a whole module in this way. The module's name stays in front of the imported
+                // names.
                 if let Include::Name(name) = include
                     && self.composed(&path, std::slice::from_ref(name))?.is_some()
                 {
@@ -49,7 +51,7 @@ impl Library {
                     return Err(PackageError::Shader(Box::new(diagnostic)));
                 };
                 let text = &self.module(&included)?.file.text;
-                // A guard applies to its own file; other files may ask about a name with a value.
+                // A guard applies to its own file. Other files may compare the name with a value.
                 let guards = directives::guards(text);
                 let is_asked = guards.values().any(|value| matches!(value, Feature::Number(_)));
                 let defines = is_asked || !directives::defined(text).is_empty();
@@ -78,7 +80,7 @@ impl Library {
         Ok(match include {
             Include::File(file) => {
                 let folder = &from.components[..from.components.len().saturating_sub(1)];
-                // Relative to the file, or else to the root.
+                // The path is relative to the file, or else to the root.
                 [folder, &[]].into_iter().find_map(|folder| {
                     let mut components = folder.to_vec();
                     for part in directives::without_extension(file).split('/') {

@@ -1,6 +1,6 @@
 use super::*;
 
-/// The middle of an edge between two faces: half of each face's texel.
+/// A kernel that samples the middle of an edge between two faces. The result is half of each face's texel.
 const EDGE: &str = "
 @group(0) @binding(0) var cube: texture_cube<f32>;
 @group(0) @binding(1) var cube_sampler: sampler;
@@ -13,7 +13,7 @@ const EDGE: &str = "
 /// Each face has 4 x 4 texels.
 const SIZE: wgpu::Extent3d = wgpu::Extent3d { width: 4, height: 4, depth_or_array_layers: 6 };
 
-/// A cube map of one colour, and a kernel that samples it across an edge.
+/// A cube map of one colour, and a kernel that samples the cube map across an edge.
 struct Sampled<'d> {
     device: &'d Device,
     texture: wgpu::Texture,
@@ -111,9 +111,9 @@ fn view(texture: &wgpu::Texture) -> wgpu::TextureView {
     })
 }
 
-/// The test fills a cube map with one colour, draws with it, and fills it with another colour. On drivers
-/// that are listed as needing a draw, and on no others, a dispatch then finds half of the old colour across
-/// an edge. The next draw corrects this.
+/// The test fills a cube map with one colour, draws with the cube map, and fills it with another colour. A dispatch
+/// then reads half of the old colour across an edge, on exactly the drivers that need a draw. The next draw corrects
+/// the border.
 #[test]
 fn borders_are_those_of_the_last_draw_on_swiftshader() {
     for device in crate::path::chosen()

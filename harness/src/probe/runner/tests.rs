@@ -26,6 +26,7 @@ fn run(probed: &Probed, cases: usize) -> Vec<Result<usize, ProbeError>> {
     devices.into_iter().map(run).collect()
 }
 
+// Lesson 13
 #[test]
 fn each_case_of_a_batch_is_computed_at_any_size() {
     for cases in [1, 63, 64, 65, 1000, BATCH] {
@@ -35,7 +36,8 @@ fn each_case_of_a_batch_is_computed_at_any_size() {
     }
 }
 
-/// The kernel returns before it writes, so the results are poison, which is an error and no verdict.
+/// The kernel returns before it writes, so the results are poison. This is an error and not a verdict.
+// Lesson 6
 #[test]
 fn a_kernel_that_never_writes_is_an_error() {
     let guard = "if karat_case >= karat_batch.x { return; }";
@@ -48,6 +50,7 @@ fn a_kernel_that_never_writes_is_an_error() {
 }
 
 /// The kernel skips one case of many.
+// Lesson 6
 #[test]
 fn one_unwritten_case_is_an_error() {
     let guard = "if karat_case >= karat_batch.x { return; }";
@@ -58,8 +61,9 @@ fn one_unwritten_case_is_an_error() {
     }
 }
 
-/// The kernel writes the canary and not the results, as one driver did: all results are missing, or one
-/// component of one case.
+/// The kernel writes the canary but not the results, as one driver did. All results are missing, or one component of
+/// one case.
+// Lesson 69
 #[test]
 fn a_kernel_that_writes_only_its_canary_is_an_error() {
     let result = "karat_out[karat_to + 0u] = bitcast<u32>(karat_r);";
@@ -80,6 +84,7 @@ fn a_kernel_that_writes_only_its_canary_is_an_error() {
 }
 
 /// A function may return exactly the poison word.
+// Lesson 69
 #[test]
 fn a_result_that_equals_the_poison_is_a_result() {
     let wgsl = format!("fn f(x: u32) -> u32 {{ return x ^ {}u; }}", evidence::WORD);
@@ -104,7 +109,8 @@ fn a_result_that_equals_the_poison_is_a_result() {
     }
 }
 
-/// The results of another dispatch have the right shape and the wrong canary.
+/// The results of another dispatch have the right length but the wrong canary.
+// Lesson 6
 #[test]
 fn a_stale_canary_is_an_error() {
     let stale = probed(|text| text.replace("karat_batch.y ^ karat_case", "karat_case"));
@@ -113,8 +119,8 @@ fn a_stale_canary_is_an_error() {
     }
 }
 
-/// While another thread has its turn, a probe doesn't call GL's driver, up to and including its release.
-/// Other drivers serve several threads at once.
+/// While another thread has its turn, a probe doesn't call GL's driver, not even to release resources. Other drivers
+/// serve several threads at once.
 #[test]
 fn threads_take_turns_on_gl() {
     use std::sync::mpsc::channel;

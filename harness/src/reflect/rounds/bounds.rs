@@ -1,4 +1,4 @@
-//! Finds bounds of loops in naga's IR.
+//! Finds the largest numbers of rounds of loops in naga's IR.
 
 use std::ops::Range;
 
@@ -11,11 +11,12 @@ use super::{blocks, walk};
 use crate::reflect::Program;
 
 impl Program {
-    /// The most rounds of all loops together in one call of any function; `None` if the IR shows no bound.
+    /// The largest number of rounds that all loops of a call can have together, for any function. `None` if the
+    /// IR shows no such bound.
     pub fn most_rounds(&self) -> Option<u64> {
         let entry_points = self.checked.module.entry_points.iter().map(|entry| &entry.function);
         let mut calls = vec![None; self.checked.module.functions.len()];
-        // In naga's IR, functions come after those that they call.
+        // naga's IR has each function after the functions that it calls.
         for (handle, function) in self.checked.module.functions.iter() {
             calls[handle.index()] =
                 Rounds { module: &self.checked.module, function, calls: &calls }.of_function();
@@ -29,7 +30,7 @@ impl Program {
 }
 
 impl Program {
-    /// The loops with the same constant number of rounds in each call, and with no other exit.
+    /// The ranges of loops that have the same constant number of rounds in each call, and no other exit.
     pub(crate) fn fixed_loops(&self) -> Vec<Range<usize>> {
         let module = &self.checked.module;
         let entries = module.entry_points.iter().map(|entry| &entry.function);
@@ -43,11 +44,11 @@ impl Program {
     }
 }
 
-/// Looks for bounds in one function.
+/// Finds the bounds of one function's loops.
 struct Rounds<'a> {
     module: &'a Module,
     function: &'a Function,
-    /// The rounds of functions, by their index.
+    /// The rounds of functions, by the index of the function.
     calls: &'a [Option<u64>],
 }
 
@@ -79,8 +80,8 @@ impl Rounds<'_> {
         Some(sum)
     }
 
-    /// The rounds of the loop at `index` of `block`, if it counts a variable of its own between two constants, in
-    /// constant steps.
+    /// The rounds of the loop at `index` of `block`. `None` unless the loop counts one variable between two
+    /// constants in constant steps.
     fn rounds(&self, block: &Block, index: usize, in_loop: bool) -> Option<u64> {
         let Statement::Loop { body, continuing, .. } = &block[index] else { return None };
         let condition = body.iter().find_map(|statement| match statement {
@@ -151,7 +152,6 @@ impl Rounds<'_> {
         self.module.types[ty].inner == unsigned
     }
 
-    /// The variable that an expression loads.
     fn loaded(&self, expression: Handle<Expression>) -> Option<Handle<LocalVariable>> {
         let Expression::Load { pointer } = self.function.expressions[expression] else {
             return None;
@@ -166,7 +166,7 @@ impl Rounds<'_> {
         }
     }
 
-    /// The value of an integer that is equal in all calls.
+    /// The value of an integer that is constant in all calls.
     fn constant(&self, expression: Handle<Expression>) -> Option<i128> {
         let literal = |expression: &Expression| match expression {
             Expression::Literal(Literal::U32(value)) => Some(i128::from(*value)),
@@ -181,7 +181,8 @@ impl Rounds<'_> {
         }
     }
 
-    /// The step by which a `continuing` block changes a variable, if it makes no other change to it.
+    /// The step by which a `continuing` block changes a variable. `None` if the block changes the variable in
+    /// another way.
     fn step(&self, continuing: &Block, variable: Handle<LocalVariable>) -> Option<i128> {
         let mut stores = continuing.iter().filter_map(|statement| match statement {
             Statement::Store { pointer, value } if self.variable(*pointer) == Some(variable) => {
@@ -204,7 +205,7 @@ impl Rounds<'_> {
         (step != 0).then_some(step)
     }
 
-    /// The number of times that a statement itself may write a variable.
+    /// The number of times that a statement writes a variable, without the statements inside of it.
     fn writes(&self, statement: &Statement, variable: Handle<LocalVariable>) -> u32 {
         let touches = |pointer: &Handle<Expression>| self.variable(*pointer) == Some(variable);
         match statement {
@@ -218,8 +219,8 @@ impl Rounds<'_> {
         }
     }
 
-    /// The value of a variable at the beginning of a loop: the last one that the same block stores, or its initial
-    /// value if no statement writes it.
+    /// The value of a variable at the beginning of a loop: the last value that the same block stores, or the
+    /// variable's initial value if no other statement writes the variable.
     fn start(
         &self,
         block: &Block,
@@ -252,12 +253,12 @@ impl Rounds<'_> {
     }
 }
 
-/// Returns `true` if a block only leaves the loop.
+/// Checks if a block only leaves the loop.
 fn leaves(block: &Block) -> bool {
     matches!(block.first(), Some(Statement::Break)) && block.len() == 1
 }
 
-/// The operator with its sides swapped.
+/// The operator for swapped operands.
 fn flipped(op: BinaryOperator) -> Option<BinaryOperator> {
     Some(match op {
         BinaryOperator::Less => BinaryOperator::Greater,
@@ -268,7 +269,6 @@ fn flipped(op: BinaryOperator) -> Option<BinaryOperator> {
     })
 }
 
-/// The operator for the opposite result.
 fn negated(op: BinaryOperator) -> Option<BinaryOperator> {
     Some(match op {
         BinaryOperator::Less => BinaryOperator::GreaterEqual,
@@ -278,7 +278,7 @@ fn negated(op: BinaryOperator) -> Option<BinaryOperator> {
         _ => return None,
     })
 }
-/// The exits from a loop with this body, counting those from inner loops.
+/// The number of exits from a loop with this body. Exits from inner loops count, too.
 fn exits(body: &Block) -> usize {
     let mut count = 0;
     walk(body, true, &mut |statement, _, _| {

@@ -1,4 +1,4 @@
-//! Counts the rounds of loops in frames, where pixels can't be told apart.
+//! Counts the rounds of loops in frames, where the pixels of a driver have no separate counters.
 
 use naga::{
     AtomicFunction, BinaryOperator, Block, Expression, Function, GlobalVariable, Literal, Scalar,
@@ -9,25 +9,26 @@ use super::{NOWHERE, Nesting, instrument, loops_of};
 use crate::diagnostic::Span;
 use crate::reflect::Program;
 
-/// The variable with the rounds of one invocation of a frame's shader.
+/// The private variable with the rounds of one invocation of a frame's shader.
 const OWN: &str = "karat_rounds";
 
-/// A frame's program whose invocations report which loop took too many rounds.
+/// A frame's program whose invocations report loops that took too many rounds.
 pub struct Watched {
     /// The program that counts.
     pub program: Program,
-    /// The author's place of each loop.
+    /// The location of each loop in the author's file.
     pub loops: Vec<Option<Span>>,
 }
 
 impl Watched {
-    /// The buffer in which invocations leave their rounds, with one element for each loop.
+    /// The name of the buffer in which invocations store their rounds. The buffer has one element for each loop.
     pub(crate) const VARIABLE: &str = "karat_most";
 }
 
 impl Program {
-    /// A copy in which an invocation with `limit` rounds in all its loops writes their number to the storage buffer at
-    /// this binding of group 0, at the index of the loop. If `leave` is set, it also leaves the loop.
+    /// A copy of the program. If an invocation reaches `limit` rounds in all its loops together, it writes the
+    /// number of rounds to the storage buffer at `binding` of group 0, at the index of the current loop. If
+    /// `leave` is set, the invocation also leaves the loop.
     pub fn watching_rounds(&self, binding: u32, limit: u32, leave: bool) -> Watched {
         let loops: Vec<_> = self
             .bodies()
@@ -58,7 +59,7 @@ impl Program {
             variable(Watched::VARIABLE, naga::AddressSpace::Storage { access }, place, array);
         let most = module.global_variables.append(most, NOWHERE);
 
-        // A driver goes once through loops that no invocation enters, in each round of the code around them.
+        // A driver runs a loop that no invocation enters once, in each round of the code around the loop.
         let weights = Nesting::of(&module).weights();
         let mut index = 0;
         let mut watch = |function: &mut Function| {
@@ -111,7 +112,6 @@ impl Program {
         Watched { program, loops }
     }
 
-    /// The bodies of functions, then of entry points.
     fn bodies(&self) -> impl Iterator<Item = &Block> {
         let functions = self.checked.module.functions.iter().map(|(_, function)| &function.body);
         functions.chain(self.checked.module.entry_points.iter().map(|entry| &entry.function.body))

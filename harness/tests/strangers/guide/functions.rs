@@ -1,4 +1,4 @@
-//! Samples of the chapters on functions, over the shaders that the guide shows.
+//! Samples of the chapters on functions. They test the shaders that the guide shows.
 
 use std::f64::consts::PI;
 
@@ -16,7 +16,8 @@ fn lambert() {
         .agrees_with(|albedo: f64, n_dot_l: f64| albedo / PI * n_dot_l, Ulp(4.0));
 }
 
-/// `d` is a difference of numbers near 1. It loses 6e-8 / alpha^2: 2.4e-5 of it at the narrowest.
+/// `d` is a difference of numbers near 1, so its relative error is 6e-8 / alpha^2: at most 2.4e-5 for the narrowest
+/// lobe.
 #[test]
 fn ggx() {
     let reference = |n_dot_h: f64, alpha: f64| {
@@ -86,7 +87,7 @@ fn grading() {
 
 #[test]
 fn wrapped() {
-    // `next` takes a pointer to a structure that is the module's own.
+    // `next` has a parameter that points to a structure of the module.
     let glue = Package::from_source(
         "glue",
         "import shaders::hash::{Stream, next};
@@ -112,9 +113,9 @@ fn random_numbers() {
 #[test]
 fn reinhard() {
     let reinhard = |x: f64| x / (1.0 + x);
-    // The files, read at run time: an edit needs no build.
+    // The package reads its files when the test runs, so an edit needs no build.
     SHADERS.function("tonemap::reinhard").over(0.0..=100.0).agrees_with(reinhard, Ulp(4.0));
-    // The text that the engine was built with.
+    // The text that was compiled into the engine.
     let built = Package::from_source("tonemap", include_str!("../shaders/tonemap.wgsl"));
     built.function("reinhard").over(0.0..=100.0).agrees_with(reinhard, Ulp(4.0));
 }
@@ -133,7 +134,7 @@ fn all_modules_are_valid() {
     SHADERS.is_valid();
 }
 
-/// It passes only where OpenGL's driver has the fault, so it is compiled alone.
+/// This test passes only with an OpenGL driver that has the fault, so it is compiled, and not run.
 #[expect(dead_code, reason = "it would have to fail on GL")]
 fn a_known_issue() {
     let mix = SHADERS.function("layering::masked").over((0.0..=1.0, 0.0..=1.0));

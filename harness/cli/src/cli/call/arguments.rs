@@ -241,7 +241,7 @@ mod tests {
     use karat::unstable::value::hexfloat;
 
     #[test]
-    fn what_hexfloat_writes_is_read() {
+    fn hexfloats_are_parsed() {
         for value in [0.1_f32, 1.0, -0.0, f32::MAX, f32::MIN_POSITIVE, f32::from_bits(1), 1e-40] {
             let text = hexfloat(value);
             assert_eq!(parse(&text, Scalar::F32).expect("it is one"), value.to_bits(), "{text}");

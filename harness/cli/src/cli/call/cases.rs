@@ -422,6 +422,7 @@ mod tests {
     use karat::{Abs, Package};
 
     /// The rows of each path are compared, and not only the rows of the first path.
+    // Lesson 172
     #[test]
     fn rows_that_differ_on_the_second_path_alone_are_bad() {
         let package = Package::from_source("m", "fn twice(x: f32) -> f32 { return 2.0 * x; }");
@@ -459,6 +460,7 @@ mod tests {
     }
 
     /// A path without results makes the command fail, even if other paths have results.
+    // Lesson 172
     #[test]
     fn a_path_without_results_is_bad() {
         let (path, expected, found) = (Path::VULKAN, 1, 0);

@@ -60,7 +60,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_compiled_with_less_is_told() {
+    fn crates_below_the_wanted_opt_level_are_listed() {
         assert_eq!(found("[package]"), [("karat-core", 0), ("karat-engine", 0), ("naga", 0)]);
         assert_eq!(found("[profile.dev]\nopt-level = 1"), [("karat-core", 1), ("karat-engine", 1)]);
         assert_eq!(found("[profile.dev.package.\"*\"]\nopt-level = 3"), []);

@@ -176,7 +176,7 @@ mod tests {
     }
 
     #[test]
-    fn what_isnt_plain_is_left_as_it_is() {
+    fn an_unusual_package_json_is_not_edited() {
         for (text, expected) in [
             ("{ \"scripts\"", "is no JSON"),
             ("[]", "isn't npm's"),

@@ -176,6 +176,7 @@ mod tests {
     }
 
     /// The time to find a place doesn't depend on the length of the text before it.
+    // Lesson 166
     #[test]
     fn places_of_a_long_text_take_as_little_as_those_of_a_short_one() {
         let many = 20_000;

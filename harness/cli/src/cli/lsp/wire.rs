@@ -182,7 +182,7 @@ mod tests {
     }
 
     #[test]
-    fn what_follows_garbage_is_heard() {
+    fn messages_after_garbage_are_read() {
         let good = framed(r#"{"jsonrpc":"2.0","method":"initialized","params":{}}"#);
         let heard = |text: &str| {
             let found = all(text);

@@ -78,6 +78,7 @@ fn clean(path: &Path) -> PathBuf {
 mod tests {
     use super::*;
 
+    // Lesson 186
     #[test]
     fn members_are_listed_or_depended_on() {
         let folder = tempfile::tempdir().expect("a folder");

@@ -115,6 +115,7 @@ mod tests {
     use super::*;
     use karat::unstable::record::Verdict;
 
+    // Lesson 179: in reports
     #[test]
     fn frames_of_one_name_have_their_crates() {
         let frame = |golden: &str, folder: &str, krate: &str| {

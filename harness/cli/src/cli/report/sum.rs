@@ -236,7 +236,7 @@ mod tests {
 
     /// The remark after the line counts the checks that the sanitizer didn't check, with the first reason.
     #[test]
-    fn what_was_not_looked_through_is_counted() {
+    fn unchecked_checks_are_counted() {
         let with = |reason: &str| {
             let mut record = record(Verdict::Pass, 0, None);
             let watched = karat::unstable::record::Watched {
@@ -275,6 +275,7 @@ mod tests {
         assert_eq!(remarks(&[accepting.clone(), accepting]), "; 1 accepted race");
     }
 
+    // Lesson 183
     #[test]
     fn a_line_contradicts_neither_its_run_nor_itself() {
         let [pass, known, fail] = [
@@ -333,6 +334,7 @@ mod tests {
         assert!(text.contains("300 cases compared"), "{text}");
     }
 
+    // Lesson 183
     #[test]
     fn many_names_are_cut() {
         let failed = names(&["a", "b", "c", "d", "e", "f", "g"]);

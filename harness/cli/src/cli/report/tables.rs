@@ -317,8 +317,9 @@ pub(super) mod tests {
         assert!(failed == 1 && text.contains("m::f") && text.contains("ERROR"), "{text}");
     }
 
+    // Lesson 171
     #[test]
-    fn tolerances_below_what_wgsl_allows_are_told() {
+    fn tolerances_below_the_wgsl_bound_are_reported() {
         let allowance =
             |wider, worst| allowance(&Allowance { cases: 200, wider, worst, unbounded: wider });
         assert_eq!(allowance(0, Some(0.4)), "40%");
@@ -458,6 +459,7 @@ pub(super) mod tests {
         assert_eq!(slowest(&records).as_deref(), Some(expected));
     }
 
+    // Lesson 4
     #[test]
     fn a_run_without_a_record_is_no_success() {
         for filter in [None, Some("x")] {

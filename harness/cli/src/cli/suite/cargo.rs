@@ -302,8 +302,9 @@ mod tests {
 
     use super::*;
 
+    // Lesson 192
     #[test]
-    fn what_each_run_writes_is_its_own() {
+    fn each_run_owns_the_files_that_it_wrote() {
         let at = |second: u64| Some(SystemTime::UNIX_EPOCH + Duration::from_secs(second));
         let run = |from: u64| Some(at(from).expect("a time")..=at(from + 5).expect("a time"));
         let mut written = Written { ran: run(10), ..Written::default() };

@@ -164,6 +164,7 @@ fn harness() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("a folder").to_owned()
 }
 
+// Lesson 211
 #[test]
 fn pages_are_those_of_the_code() {
     // A published package has no pages beside it.

@@ -207,7 +207,7 @@ mod tests {
 
     /// The tests read their own files. If reading counted as a change, they would run forever.
     #[test]
-    fn who_only_reads_changes_nothing() {
+    fn reading_a_file_is_not_a_change() {
         let folder = tempfile::tempdir().expect("a folder");
         let file = folder.path().join("a.wgsl");
         std::fs::write(&file, "").expect("a file");
@@ -239,8 +239,10 @@ mod tests {
         }
     }
 
+    // Lesson 101
+    // Lesson 192
     #[test]
-    fn what_is_ours_is_below_the_root() {
+    fn only_our_files_below_the_root_are_ignored() {
         let folder = tempfile::tempdir().expect("a folder");
         let root = folder.path().join("target").join("x.new.1");
         std::fs::create_dir_all(root.join("cargo")).expect("a folder");

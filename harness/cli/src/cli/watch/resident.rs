@@ -95,7 +95,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_asked_meanwhile_waits_together() {
+    fn requests_during_a_run_are_merged() {
         let folder = PathBuf::from("shaders");
         let mut tests = Resident::new("cpu", Source::Shaders(folder.clone()), folder);
         tests.busy = true;

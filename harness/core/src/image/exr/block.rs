@@ -1,4 +1,4 @@
-//! A rectangle of pixels that is compressed by itself.
+//! Rectangles of pixels that are compressed separately.
 
 use super::header::PartHeader;
 
@@ -12,7 +12,7 @@ pub(super) struct Block {
 }
 
 impl Block {
-    /// The size of its pixels in bytes without compression.
+    /// The size of the block's uncompressed pixels, in bytes.
     pub(super) fn bytes(self, part: &PartHeader) -> usize {
         let pixel: usize = part.channels.iter().map(|channel| channel.sample.bytes()).sum();
         self.width * self.height * pixel

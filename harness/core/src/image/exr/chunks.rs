@@ -1,7 +1,7 @@
-//! Finds the chunks of a part in its table, checks them, and decompresses them one by one.
+//! Finds the chunks of a part by the part's table, checks them, and decompresses them one by one.
 //!
-//! The codecs are from the `exr` crate. They get only whole chunks at the expected place whose sizes have been checked,
-//! so they reserve at most a small multiple of a block.
+//! The `exr` crate has the codecs. They get only complete chunks that are at the expected position and have a checked
+//! size. So they reserve at most a small multiple of a block's memory.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
@@ -17,8 +17,8 @@ use super::block::Block;
 use super::guard;
 use super::header::{Blocks, Bytes, FileHeader, PartHeader, Sample};
 
-/// Calls `each` with the samples of each block in a part's largest level: row by row, and channel by channel in each
-/// row.
+/// Calls `each` with the samples of each block in the largest level of a part. The samples are in rows, and each row
+/// has one channel after another.
 pub(super) fn decode(
     bytes: &[u8],
     file: &FileHeader,
@@ -29,7 +29,7 @@ pub(super) fn decode(
     let header = codec_header(part);
     let before: usize = file.parts[..index].iter().map(|part| part.chunks).sum();
     let table = &bytes[file.tables + before * 8..];
-    // The chunks of the largest level come first.
+    // The chunks of the largest level come first in the table.
     for (number, (block, place)) in blocks(part).enumerate() {
         let of = |problem: String| format!("{problem} (chunk {} of {})", number + 1, part.chunks);
         let offset = table[number * 8..][..8].try_into().expect("the table is within the file");
@@ -46,14 +46,14 @@ pub(super) fn decode(
     Ok(())
 }
 
-/// The place that a chunk claims.
+/// The position of a block that its chunk states.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Place {
     Row(i64),
     Tile(i32, i32),
 }
 
-/// The blocks of the largest level in the order of the table; the file may have them in another order.
+/// The blocks of the largest level in the order of the table. In the file, the blocks may have another order.
 fn blocks(part: &PartHeader) -> impl Iterator<Item = (Block, Place)> {
     let (width, height) = (part.width, part.height);
     let (across, down) = match part.blocks {
@@ -63,7 +63,7 @@ fn blocks(part: &PartHeader) -> impl Iterator<Item = (Block, Place)> {
     let (top, blocks) = (part.top, part.blocks);
     (0..height.div_ceil(down)).flat_map(move |row| {
         (0..width.div_ceil(across)).map(move |column| {
-            // A tile may extend beyond the image, and is stored only inside it.
+            // A tile may extend beyond the image. The file has only the pixels inside the image.
             let (x, y) = (column * across, row * down);
             let block = Block {
                 x: x as usize,
@@ -81,7 +81,7 @@ fn blocks(part: &PartHeader) -> impl Iterator<Item = (Block, Place)> {
 }
 
 /// The data of a chunk, if the chunk matches the table's entry. A chunk that compression wouldn't make smaller is
-/// stored uncompressed, so no chunk is longer than its pixels.
+/// stored uncompressed, so a chunk is never longer than its pixels.
 fn found<'a>(
     chunk: &mut Bytes<'a>,
     part: Option<usize>,
@@ -96,7 +96,7 @@ fn found<'a>(
     let here = match place {
         Place::Row(row) => i64::from(number()?) == row,
         Place::Tile(column, row) => {
-            // The last two are the level.
+            // The last two numbers are the level.
             [number()?, number()?, number()?, number()?] == [column, row, 0, 0]
         }
     };
@@ -113,7 +113,7 @@ fn found<'a>(
         })
 }
 
-/// The facts about a part that the codecs need.
+/// The header of a part, reduced to what the codecs need.
 fn codec_header(part: &PartHeader) -> Header {
     let channels = part.channels.iter().map(|channel| ChannelDescription {
         name: Text::from_slice_unchecked(channel.name.as_bytes()),
@@ -161,8 +161,8 @@ fn decompress(
     let (x, y) = (i32::try_from(block.x), i32::try_from(block.y));
     let position = Vec2(x.expect("within the limits"), y.expect("within the limits"));
     let section = IntegerBounds { position, size: Vec2(block.width, block.height) };
-    // No known data passes the checks and makes a codec panic. But the codecs' assertions assume sound files, and a
-    // damaged file must not end a whole test run.
+    // No known file passes the checks and makes a codec panic. But the codecs have assertions about valid files, and a
+    // damaged file mustn't end a whole test run.
     let decoded = catch_unwind(AssertUnwindSafe(|| {
         header.compression.decompress_image_section_from_le(header, data.to_vec(), section, false)
     }));
@@ -176,17 +176,17 @@ fn decompress(
     }
 }
 
-/// A codec's message without the words that the crate adds around it. Some messages contain no reason.
+/// A codec's message without the words that the crate adds. Some messages contain no reason, and are replaced by one.
 fn unwrapped(message: &str) -> &str {
     let inside = message.split_once("(invalid: ").and_then(|(_, inside)| inside.strip_suffix(')'));
     match inside.unwrap_or(message) {
         "compressed data" | "compression data" => "the data are damaged",
-        "decompressed data" => "they have another length",
+        "decompressed data" => "their length is wrong",
         reason => reason,
     }
 }
 
-/// The names that OpenEXR uses.
+/// The name of a compression in OpenEXR's documents.
 fn name(compression: Compression) -> &'static str {
     match compression {
         Compression::Uncompressed => "none",
@@ -199,6 +199,6 @@ fn name(compression: Compression) -> &'static str {
         Compression::B44A => "B44A",
         Compression::DWAA(_) => "DWAA",
         Compression::DWAB(_) => "DWAB",
-        _ => "a codec that isn't read",
+        _ => "an unknown codec",
     }
 }

@@ -1,10 +1,10 @@
-//! Checks a chunk's data before a codec of the `exr` crate gets it.
+//! Checks a chunk's data before the `exr` crate decompresses them.
 
 use super::block::Block;
 use super::header::{PartHeader, Sample};
 
-/// The counters at the beginning of a DWA chunk are lengths. The codec reserves that much memory, even if little data
-/// follows.
+/// Checks the lengths at the beginning of a DWA chunk. The codec reserves this much memory, even if the chunk has few
+/// data.
 pub(super) fn check_dwa(data: &[u8], part: &PartHeader, block: Block) -> Result<(), String> {
     let pixels = block.bytes(part);
     let counter = |index: usize| {
@@ -13,9 +13,9 @@ pub(super) fn check_dwa(data: &[u8], part: &PartHeader, block: Block) -> Result<
     };
     let squares = block.width.div_ceil(8) * block.height.div_ceil(8) * part.channels.len();
     let most = [
-        (1, pixels),         // of channels that are deflated only
-        (6, 2 * pixels + 2), // of runs; a code is at worst a byte longer for each 127
-        (7, pixels),         // of channels in runs
+        (1, pixels),         // the data of channels that are only deflated
+        (6, 2 * pixels + 2), // the runs; in the worst case, each 127 bytes need one more
+        (7, pixels),         // the data of channels that are stored as runs
         (8, squares * 64),   // coefficients
         (9, squares),        // means
     ];
@@ -27,8 +27,8 @@ pub(super) fn check_dwa(data: &[u8], part: &PartHeader, block: Block) -> Result<
     Ok(())
 }
 
-/// B44 stores differences. If a value goes below zero, the codec panics with overflow checks, and returns wrong values
-/// without them.
+/// Checks the differences in a B44 chunk. If a value goes below zero, the codec panics with overflow checks, and
+/// returns wrong values without them.
 pub(super) fn check_b44(data: &[u8], part: &PartHeader, block: Block) -> Result<(), String> {
     let mut rest = data;
     let squares = block.width.div_ceil(4) * block.height.div_ceil(4);
@@ -38,7 +38,7 @@ pub(super) fn check_b44(data: &[u8], part: &PartHeader, block: Block) -> Result<
             Sample::Uint | Sample::Float => (1, Some(block.width * block.height * 4)),
         };
         for _ in 0..lengths {
-            // A shift of 13 or more marks a square with one value.
+            // A shift of 13 or more marks a square in which all values are equal.
             let uniform = rest.get(2).is_some_and(|byte| byte >> 2 >= 13);
             let length = length.unwrap_or(if uniform { 3 } else { 14 });
             let (taken, left) = rest.split_at_checked(length).ok_or("it has too little data")?;
@@ -51,8 +51,9 @@ pub(super) fn check_b44(data: &[u8], part: &PartHeader, block: Block) -> Result<
     Ok(())
 }
 
-/// A square of 4 by 4 values: the first value in 16 bits, a shift in 6, and 15 differences in 6 bits each: down the
-/// first column, then from each column to the next.
+/// Checks if a value in a square of 4 by 4 values goes below zero. A square has the first value in 16 bits, a shift in
+/// 6 bits, and 15 differences in 6 bits each. The differences go down the first column, and then from each column to
+/// the next.
 fn leads_below_zero(square: &[u8; 14]) -> bool {
     let field = |bit: usize| {
         let two = u16::from_be_bytes([square[bit / 8], *square.get(bit / 8 + 1).unwrap_or(&0)]);
@@ -79,12 +80,13 @@ mod tests {
 
     #[test]
     fn squares_of_b44_are_followed_to_their_last_value() {
-        // All differences are 0. With the bias of 32, they are 0b100000 fifteen times, after a shift of 0.
+        // All differences are 0. A difference is stored plus 32, as 0b100000. Before the 15 differences is a shift of
+        // 0.
         let mut square =
             [0x80, 0x00, 0x02, 0x08, 0x20, 0x82, 0x08, 0x20, 0x82, 0x08, 0x20, 0x82, 0x08, 0x20];
         assert!(!leads_below_zero(&square));
         square[..2].copy_from_slice(&[0, 0]);
-        assert!(!leads_below_zero(&square), "zero itself isn't below");
+        assert!(!leads_below_zero(&square), "0 isn't below zero");
         // The last difference is -1.
         square[13] = 0x1f;
         assert!(leads_below_zero(&square));

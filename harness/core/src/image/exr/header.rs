@@ -1,7 +1,7 @@
-//! Reads the header of an OpenEXR file, and checks it against the file's length and our limits.
+//! Reads the header of an OpenEXR file, and checks it against the file's length and Karat's limits.
 //!
-//! The `exr` crate's own reader isn't used: it reserves the memory that a header claims before it checks the rest, and
-//! doesn't return where the tables of chunks begin.
+//! Karat doesn't use the reader of the `exr` crate. That reader reserves the memory that a header announces before it
+//! checks the rest of the header, and doesn't return where the tables of chunks begin.
 
 mod bytes;
 
@@ -11,12 +11,13 @@ pub(super) use bytes::Bytes;
 
 use crate::image::bytes::{LARGEST_DECODED, LARGEST_RATIO, LONGEST_SIDE, found};
 
-/// The most channels of a part that are read; no renderer's beauty part has more.
+/// The largest number of channels in a part. The colour parts of renderers don't have more.
 const MOST_CHANNELS: usize = 32;
-/// The single attribute that contains all metadata: the encoder writes several attributes in random order.
+/// The attribute that contains all metadata. There is only one, because the encoder writes several attributes in random
+/// order.
 pub(super) const ATTRIBUTE: &str = "karat";
 
-/// Bits of the version field.
+/// The bits of the version field.
 const TILED: u32 = 0x200;
 const LONG_NAMES: u32 = 0x400;
 const DEEP: u32 = 0x800;
@@ -42,49 +43,49 @@ impl Sample {
 pub(super) struct Channel {
     pub(super) name: String,
     pub(super) sample: Sample,
-    /// A flag that tells lossy codecs how to quantise.
+    /// A flag of the format that tells lossy codecs how to quantise.
     pub(super) linear: bool,
 }
 
-/// The division of a part into chunks. Only the largest level is ever decoded.
+/// The division of a part into chunks. Karat decodes only the largest level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Blocks {
     Rows(u32),
     Tiles { width: u32, height: u32 },
 }
 
-/// One part of a file.
+/// The header of one part of a file.
 #[derive(Clone, Debug)]
 pub(super) struct PartHeader {
-    /// Empty if the file gives no name.
+    /// The part's name. Empty if the file doesn't have one.
     pub(super) name: String,
     pub(super) width: u32,
     pub(super) height: u32,
-    /// The first row in the file's coordinates, from which chunks of rows are numbered.
+    /// The first row in the file's coordinates. The numbers of chunks of rows begin there.
     pub(super) top: i32,
     pub(super) channels: Vec<Channel>,
     pub(super) compression: Compression,
     pub(super) blocks: Blocks,
-    /// The number of entries in its table, for chunks of all levels.
+    /// The number of entries in the part's table. The table has the chunks of all levels.
     pub(super) chunks: usize,
     pub(super) metadata: Option<String>,
-    /// CIE x and y of red, green, blue and white.
+    /// The CIE x and y of red, green, blue and white.
     pub(super) chromaticities: Option<[f32; 8]>,
 }
 
-/// All parts of a file.
+/// The headers of all parts of a file.
 #[derive(Debug)]
 pub(super) struct FileHeader {
     pub(super) parts: Vec<PartHeader>,
-    /// Set if chunks begin with the number of their part.
+    /// `true` if each chunk begins with the number of its part.
     pub(super) numbered: bool,
-    /// The place where the tables of chunks begin, with the first part's table.
+    /// The byte at which the tables of chunks begin. The first part's table is the first.
     pub(super) tables: usize,
 }
 
 impl FileHeader {
-    /// Reads the headers of all parts. Their claims are within the limits, and the tables of chunks are within the
-    /// file.
+    /// Reads the headers of all parts. Fails if a header exceeds the limits, or if the file is too short for the tables
+    /// of chunks.
     pub(super) fn parse(bytes: &[u8]) -> Result<Self, String> {
         let mut rest = Bytes { rest: bytes };
         if bytes.is_empty() {
@@ -97,13 +98,16 @@ impl FileHeader {
         let version = rest.u32()?;
         let flags = version & !0xff;
         if version & 0xff != 2 {
-            return Err(format!("it is of version {}, only 2 is read", version & 0xff));
+            return Err(format!(
+                "it has version {}, but Karat reads only version 2",
+                version & 0xff
+            ));
         }
         if flags & !(TILED | LONG_NAMES | DEEP | MULTI_PART) != 0 {
-            return Err(format!("its version has flags that aren't known: {flags:#x}"));
+            return Err(format!("its version field has unknown flags: {flags:#x}"));
         }
         if flags & DEEP != 0 {
-            return Err("it holds deep data, which isn't read".to_owned());
+            return Err("it has deep data, which Karat can't read".to_owned());
         }
         let numbered = flags & MULTI_PART != 0;
         let mut parts = Vec::new();
@@ -129,24 +133,26 @@ impl FileHeader {
         }
         if decoded > LARGEST_DECODED {
             return Err(format!(
-                "its header announces {} MB of pixels, {} MB are read",
+                "its header announces {} MB of pixels, but Karat reads at most {} MB",
                 decoded >> 20,
                 LARGEST_DECODED >> 20
             ));
         }
         if stored > (length as u64).saturating_mul(LARGEST_RATIO) {
             return Err(format!(
-                "its header announces {stored} bytes of pixels in a file of {length}"
+                "its header announces {stored} bytes of pixels, but the file has {length} bytes"
             ));
         }
         if entries > rest / 8 {
-            return Err(format!("its header announces {entries} chunks, but the file ends before"));
+            return Err(format!(
+                "its header announces {entries} chunks, but the file is too short for them"
+            ));
         }
         Ok(())
     }
 }
 
-/// The attributes that Karat uses, as they are found.
+/// The attributes that Karat uses.
 #[derive(Default)]
 struct Attributes {
     channels: Option<Vec<Channel>>,
@@ -207,15 +213,15 @@ impl Attributes {
         let sound = |side: i64| u32::try_from(side).ok().filter(|s| (1..=LONGEST_SIDE).contains(s));
         let (Some(width), Some(height)) = (sound(width), sound(height)) else {
             return Err(format!(
-                "its header announces {width} x {height} pixels, sides of 1 to {LONGEST_SIDE} are \
-                 read"
+                "its header announces {width} x {height} pixels, but Karat reads sides of 1 to \
+                 {LONGEST_SIDE}"
             ));
         };
         let tiled = match self.kind.as_deref() {
             Some("tiledimage") => true,
             Some("scanlineimage") => false,
             Some("deepscanline" | "deeptile") => {
-                return Err("it holds deep data, which isn't read".to_owned());
+                return Err("it has deep data, which Karat can't read".to_owned());
             }
             Some(kind) => return Err(format!("it has a part of unknown type `{}`", shown(kind))),
             None => tiled,
@@ -261,7 +267,7 @@ fn channels(value: &mut Bytes<'_>) -> Result<Vec<Channel>, String> {
         };
         let linear = value.take(4)?[0] != 0;
         if (value.i32()?, value.i32()?) != (1, 1) {
-            return Err(of("has fewer pixels than the image, which isn't read".to_owned()));
+            return Err(of("has fewer pixels than the image, which Karat can't read".to_owned()));
         }
         if channels.iter().any(|channel| channel.name == name) {
             return Err(of("is there twice".to_owned()));
@@ -292,7 +298,7 @@ fn compression(code: u8) -> Result<Compression, String> {
         13 => "ZSTD",
         other => return Err(format!("its compression is of unknown type {other}")),
     };
-    Err(format!("it is compressed by {name}, which isn't read; convert it to ZIP"))
+    Err(format!("it is compressed by {name}, which Karat can't read: convert it to ZIP"))
 }
 
 struct Tiles {
@@ -323,7 +329,7 @@ impl Tiles {
         Ok(Self { width, height, levels, round_up: mode >> 4 != 0 })
     }
 
-    /// The number of tiles in all levels of an image whose sides are within the limits.
+    /// The number of tiles in all levels of an image. The image's sides must be within the limits.
     fn count(&self, width: u32, height: u32) -> u64 {
         let size = |side: u32, level: u32| {
             let divided = if self.round_up { side.div_ceil(1 << level) } else { side >> level };
@@ -346,13 +352,12 @@ impl Tiles {
     }
 }
 
-/// A text in UTF-8, or else in Latin-1, which some writers use.
+/// Decodes a text as UTF-8, or as Latin-1 if it isn't valid UTF-8. Some writers use Latin-1.
 fn text(bytes: &[u8]) -> String {
     String::from_utf8(bytes.to_vec())
         .unwrap_or_else(|_| bytes.iter().copied().map(char::from).collect())
 }
 
-/// A name in a printable form.
 pub(super) fn shown(name: &str) -> String {
     name.chars().take(64).flat_map(char::escape_debug).collect()
 }

@@ -1,20 +1,21 @@
-//! Selects the channels of a part that are its colours.
+//! Selects the channels of a part that have its colours.
 
 use super::header::{Channel, PartHeader, Sample};
 use crate::image::Precision;
 
-/// The channels of a part that make up an image.
+/// The channels of a part that form an image.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Selection {
     /// For each channel of the part, the channels of a pixel that it fills.
     pub(super) fills: Vec<&'static [usize]>,
     /// The precision of the most precise channel.
     pub(super) precision: Precision,
-    /// Set if there are three colours instead of a grey.
+    /// `true` if there are three colours, `false` if there is one grey.
     pub(super) coloured: bool,
 }
 
-/// Selects channels: colours before greys, then the layer without a name before named ones, and these in their order.
+/// Selects the channels. Colours come before greys. The layer without a name comes before layers with names, and these
+/// come in the order of the file.
 pub(super) fn select(part: &PartHeader) -> Option<Selection> {
     let layers = || {
         let names = part.channels.iter().map(|channel| split(channel).0);
@@ -25,7 +26,7 @@ pub(super) fn select(part: &PartHeader) -> Option<Selection> {
         part.channels.iter().any(|channel| split(channel) == (layer, name))
     };
     let coloured = |layer: &str| ["R", "G", "B"].iter().all(|name| has(layer, name));
-    // X, Y and Z are a vector; Y with RY and BY are colours in another encoding.
+    // X, Y and Z are a vector. Y with RY and BY are colours in another encoding.
     let grey =
         |layer: &str| has(layer, "Y") && !["X", "Z", "RY", "BY"].iter().any(|n| has(layer, n));
     let (layer, coloured) = pick(&coloured)
@@ -54,7 +55,7 @@ pub(super) fn select(part: &PartHeader) -> Option<Selection> {
     Some(Selection { fills, precision, coloured })
 }
 
-/// The layer of a channel, and the channel's name in it.
+/// The name of a channel's layer, and the channel's name in this layer.
 fn split(channel: &Channel) -> (&str, &str) {
     channel.name.rsplit_once('.').unwrap_or(("", &channel.name))
 }

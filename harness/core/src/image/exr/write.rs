@@ -1,4 +1,4 @@
-//! Writes scan lines in blocks of 16 rows, deflated. Such files are small, and every tool reads them.
+//! Writes compressed blocks of 16 rows. Such files are small, and every tool can read them.
 
 use std::io::{Cursor, Error, ErrorKind};
 use std::path::Path;
@@ -22,14 +22,14 @@ use crate::image::bytes::LONGEST_SIDE;
 use crate::image::whole::write_whole;
 use crate::image::{Image, ImageError};
 
-/// A part to write.
+/// A part that is to be written.
 pub(super) struct Layer<'a> {
     pub(super) name: &'a str,
     pub(super) precision: Precision,
     pub(super) image: &'a Image,
 }
 
-/// The channels in the file's order, by the bytes of their names; each with its index in a pixel.
+/// The channels in the file's order, which is that of their names' bytes. Each has its index in a pixel.
 const CHANNELS: [(&str, usize); 4] = [("A", 3), ("B", 2), ("G", 1), ("R", 0)];
 
 pub(super) fn write(
@@ -41,7 +41,7 @@ pub(super) fn write(
     write_whole(path, &bytes).map_err(|cause| ImageError::Write { path: shown(path), cause })
 }
 
-/// The bytes of a file for this path.
+/// Checks the parts and returns the bytes of the file. `path` is for errors.
 pub(super) fn bytes(
     path: &Path,
     layers: &[Layer<'_>],
@@ -57,13 +57,13 @@ fn check_names(layers: &[Layer<'_>]) -> Result<(), ImageError> {
     let sound = |c: char| c.is_ascii_alphanumeric() || matches!(c, '-' | '_' | '.');
     for (index, Layer { name, .. }) in layers.iter().enumerate() {
         let reason = if name.is_empty() && layers.len() > 1 {
-            "of several parts each needs a name"
+            "each of several parts needs a name"
         } else if !name.chars().all(sound) {
             "use letters, digits, `-`, `_` and `.`"
         } else if name.len() > 255 {
             "it is longer than 255 letters"
         } else if layers[..index].iter().any(|layer| layer.name == *name) {
-            "another part has it"
+            "another part has this name"
         } else {
             continue;
         };
@@ -82,14 +82,13 @@ fn check_sizes(layers: &[Layer<'_>]) -> std::io::Result<()> {
         if !sides.contains(&image.width) || !sides.contains(&image.height) {
             let (width, height) = (image.width, image.height);
             return Err(invalid(format!(
-                "it has {width} x {height} pixels, sides of 1 to {LONGEST_SIDE} can be read"
+                "it has {width} x {height} pixels, but Karat reads sides of 1 to {LONGEST_SIDE}"
             )));
         }
     }
     Ok(())
 }
 
-/// The bytes of the file.
 pub(super) fn encode(
     layers: &[Layer<'_>],
     metadata: Option<&str>,
@@ -133,7 +132,7 @@ fn header(layer: &Layer<'_>, window: Vec2<usize>) -> Header {
         .with_attributes(LayerAttributes { layer_name: name, ..LayerAttributes::default() })
 }
 
-/// Compresses a block of rows; in each row, channel by channel.
+/// Compresses a block of rows. Each row has one channel after another.
 fn compress(
     header: &Header,
     layer: &Layer<'_>,

@@ -8,7 +8,7 @@ use super::Samples;
 use crate::image::Image;
 use crate::image::bytes::{LARGEST_DECODED, LARGEST_RATIO, LONGEST_SIDE};
 
-/// The most memory that the decoder may reserve besides the pixels: a row, and chunks that aren't ignored.
+/// The largest memory that the decoder may reserve in addition to the pixels: for a row, and for chunks.
 const BESIDE_PIXELS: usize = 1 << 20;
 
 pub(in crate::image) fn decode(bytes: &[u8], kind: Samples) -> Result<Image, String> {
@@ -26,7 +26,7 @@ pub(in crate::image) fn decode(bytes: &[u8], kind: Samples) -> Result<Image, Str
     let length = reader.output_buffer_size().ok_or("its pixels don't fit in memory")?;
     let mut samples = vec![0; length];
     let frame = reader.next_frame(&mut samples).map_err(|error| error.to_string())?;
-    // Reads to the end: a file that was cut off after its pixels is damaged, too.
+    // Reads to the end of the file. A file that was cut off after its pixels is damaged, too.
     reader.finish().map_err(|error| error.to_string())?;
     let pixels = match frame.bit_depth {
         BitDepth::Sixteen => {
@@ -45,31 +45,33 @@ pub(in crate::image) fn decode(bytes: &[u8], kind: Samples) -> Result<Image, Str
     Ok(Image::new(frame.width, frame.height, pixels))
 }
 
-/// Applies the limits of OpenEXR files; the ratio uses the stored pixels.
+/// Applies the limits of OpenEXR files. The ratio uses the pixels' stored size.
 fn check(info: &Info<'_>, length: usize) -> Result<(), String> {
     let Info { width, height, .. } = *info;
     if width.max(height) > LONGEST_SIDE {
         return Err(format!(
-            "its header announces {width} x {height} pixels, sides of 1 to {LONGEST_SIDE} are read"
+            "its header announces {width} x {height} pixels, but Karat reads sides of 1 to {LONGEST_SIDE}"
         ));
     }
     let area = u64::from(width) * u64::from(height);
     let decoded = area * size_of::<[f32; 4]>() as u64;
     if decoded > LARGEST_DECODED {
         return Err(format!(
-            "its header announces {} MB of pixels, {} MB are read",
+            "its header announces {} MB of pixels, but Karat reads at most {} MB",
             decoded >> 20,
             LARGEST_DECODED >> 20
         ));
     }
     let stored = area * info.bits_per_pixel() as u64 / 8;
     if stored > (length as u64).saturating_mul(LARGEST_RATIO) {
-        return Err(format!("its header announces {stored} bytes of pixels in a file of {length}"));
+        return Err(format!(
+            "its header announces {stored} bytes of pixels, but the file has {length} bytes"
+        ));
     }
     Ok(())
 }
 
-/// The pixels of some samples; alpha isn't encoded.
+/// Converts samples to pixels. Alpha isn't encoded, so it is only scaled.
 fn gather<T: Copy + Into<usize> + Into<f32>>(
     samples: &[T],
     color: ColorType,
@@ -98,22 +100,22 @@ fn gather<T: Copy + Into<usize> + Into<f32>>(
     }
 }
 
-/// The conversion of samples to linear values.
+/// The function that converts samples to linear values.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Linear {
-    /// IEC 61966-2-1.
+    /// The curve of sRGB, IEC 61966-2-1.
     Srgb,
     /// A power with this exponent.
     Power(f64),
 }
 
 impl Linear {
-    /// The conversion for a file (PNG, third edition, section 4.3): an sRGB chunk overrides a gAMA chunk.
+    /// The conversion that a file needs (PNG, third edition, section 4.3). An sRGB chunk overrides a gAMA chunk.
     fn of(info: &Info<'_>) -> Result<Self, String> {
         match info.gama_chunk {
             Some(gamma) if info.srgb.is_none() => {
                 let gamma = f64::from(gamma.into_scaled()) / 100_000.0;
-                // Outside this range, no image is left in 8 bits.
+                // With an exponent outside of this range, almost all 8-bit samples would become 0 or 1.
                 if !(0.01..=100.0).contains(&gamma) {
                     return Err(format!("its gAMA chunk says {gamma}"));
                 }
@@ -123,7 +125,7 @@ impl Linear {
         }
     }
 
-    /// The linear value for each sample.
+    /// The linear value of each possible sample.
     fn table(self, samples: u32) -> Vec<f32> {
         let linear = |sample: u32| {
             let encoded = f64::from(sample) / f64::from(samples - 1);

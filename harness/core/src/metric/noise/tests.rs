@@ -8,7 +8,7 @@ use crate::stats::Rate;
 const WIDTH: u32 = 640;
 const HEIGHT: u32 = 360;
 
-/// Light over more than three decades: a texture, spheres, and a highlight on each.
+/// Light over more than three decades: a texture, and spheres with highlights.
 fn light(x: u32, y: u32) -> f32 {
     let across = x as f32 / WIDTH as f32;
     let texture = [1.0, 0.3, 0.1, 2.0, 0.05][((x / 5 * 7 + y / 5 * 13) % 5) as usize];
@@ -28,8 +28,8 @@ fn expectation(index: u32) -> [f32; 4] {
     [light, light, light, 1.0]
 }
 
-/// The mean of 64 samples a pixel, and its variance. Half of the samples are in shadow; the others are exponentially
-/// distributed, and the standard deviation is 1.7 times the mean.
+/// An image with the mean of 64 samples in each pixel, and an image with the variance of this mean. Half of the samples
+/// are in shadow. The other samples are exponentially distributed, and their standard deviation is 1.7 times the mean.
 fn rendered(seed: u64) -> (Image, Image) {
     let sample = |byte: usize| if byte < 128 { 0.0 } else { -((255.5 - byte as f32) / 128.0).ln() };
     let samples: [f32; 256] = std::array::from_fn(sample);
@@ -53,7 +53,7 @@ fn rendered(seed: u64) -> (Image, Image) {
     (Image::new(WIDTH, HEIGHT, means), Image::new(WIDTH, HEIGHT, variances))
 }
 
-/// The same rendering with a square of 2 % of the frame made 5 % brighter, at a place that depends on the seed.
+/// Makes a square with 2 % of the frame's pixels 5 % brighter. The square's position depends on the seed.
 fn brighter((mut mean, mut variance): (Image, Image), seed: u64) -> (Image, Image) {
     let mut random = Pcg32::new(seed, 9);
     let (left, top) = (random.next_u32() % (WIDTH - 68), random.next_u32() % (HEIGHT - 68));
@@ -72,7 +72,8 @@ fn measured(golden: &(Image, Image), actual: &(Image, Image)) -> Measured {
     Noise { golden: &golden.1, actual: &actual.1 }.measure(&pair)
 }
 
-/// Per-pixel z with Sidak's correction over the pixels, with 0.25 % of outliers allowed, as in renderers' tests.
+/// A test of each pixel's z with Sidak's correction over the pixels. It allows 0.25 % of outliers, as the tests of
+/// renderers do.
 fn passes_by_pixels(golden: &(Image, Image), actual: &(Image, Image)) -> bool {
     let critical = normal_critical(sidak(SIGNIFICANCE, u64::from(WIDTH * HEIGHT)));
     let means = golden.0.pixels().iter().zip(actual.0.pixels());
@@ -83,7 +84,8 @@ fn passes_by_pixels(golden: &(Image, Image), actual: &(Image, Image)) -> bool {
     off.count() as f64 <= 0.0025 * f64::from(WIDTH * HEIGHT)
 }
 
-/// The module's figures, with fewer runs.
+/// Checks the numbers in the module's documentation, with fewer runs.
+// Lesson 46
 #[test]
 fn noise_alone_passes_and_a_faint_fault_is_seen() {
     const RUNS: u64 = 20;
@@ -110,10 +112,11 @@ fn noise_alone_passes_and_a_faint_fault_is_seen() {
     assert!(alarms.is_within(SIGNIFICANCE), "{alarms:?}");
     assert!(alarms_of_exact.is_within(SIGNIFICANCE), "{alarms_of_exact:?}");
     assert!(missed.is_within(0.01), "{missed:?}");
-    assert_eq!(seen_by_pixels.rejected, 0, "pixels alone don't show the fault");
+    assert_eq!(seen_by_pixels.rejected, 0, "a test of single pixels doesn't find the fault");
 }
 
-/// For patterns that changed places, each tile keeps its mean.
+/// If the pixels of a pattern change places, the mean of each tile stays the same.
+// Lesson 46
 #[test]
 fn pixels_that_changed_places_are_seen() {
     let image = |value: &dyn Fn(u32, u32) -> f32| {
@@ -131,12 +134,12 @@ fn pixels_that_changed_places_are_seen() {
     ] {
         let found = measured(&(golden, variance.clone()), &(actual, variance.clone()));
         assert!(found.value > 10.0, "{found:?}");
-        let note = found.note.expect("it says why");
-        assert_eq!(note, "single pixels are off by more than their noise");
+        let note = found.note.expect("the failure has a reason");
+        assert_eq!(note, "single pixels differ by more than their noise");
     }
 }
 
-/// The brightest floats and a pixel without neighbours count, too.
+/// Pixels with the largest floats, and a pixel without neighbours, count, too.
 #[test]
 fn every_pixel_has_a_weight() {
     let flat = |size: (u32, u32), value: f32| {
@@ -152,18 +155,18 @@ fn every_pixel_has_a_weight() {
 }
 
 #[test]
-fn what_is_no_variance_passes_nothing() {
+fn an_invalid_variance_never_passes() {
     let (golden, actual) = (rendered(1), rendered(2));
     let mut broken = actual.clone();
     broken.1.pixels_mut()[3][1] = f32::NAN;
     let found = measured(&golden, &broken);
     assert!(found.value.is_nan());
-    let note = found.note.expect("it says why");
+    let note = found.note.expect("the failure has a reason");
     assert!(note.starts_with("the variance of the frame is") && note.contains("NaN"), "{note}");
     assert!(note.contains("at (3, 0)"), "{note}");
     broken.1 = Image::new(1, 1, vec![[0.0; 4]]);
     assert!(measured(&golden, &broken).value.is_nan());
-    // Without any noise, every difference is a fault.
+    // Without noise, every difference is a fault.
     let still = Image::new(WIDTH, HEIGHT, vec![[0.0; 4]; (WIDTH * HEIGHT) as usize]);
     let found = measured(&(golden.0.clone(), still.clone()), &(actual.0, still.clone()));
     assert_eq!(found.value, f64::INFINITY);

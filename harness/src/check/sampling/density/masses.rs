@@ -1,4 +1,4 @@
-//! The cells of a configuration, and the integrals of densities over them.
+//! The cells of a configuration, and the integrals of the densities over the cells.
 
 use super::parts::{Masses, ROUNDING, Stop, point};
 use super::run::Run;
@@ -6,29 +6,31 @@ use crate::check::sampling::judgement::Offence;
 use crate::check::sampling::{Finding, Settings};
 use crate::stats::{CellIntegral, Cells, CubatureError, NoVerdict, Place, integrate};
 
-/// The number of samples that determine the cells: about thirty for each of 512 cells.
+/// The number of pilot samples, which determine the cells: about thirty for each of 512 cells.
 const PILOT: usize = 16_384;
 
-/// The seed of these samples, so that their random numbers differ from those of the judged samples.
+/// The seed for the pilot samples. With this seed, their random numbers differ from those of the judged
+/// samples.
 const PILOT_SEED: u64 = 0x5bf0_3635_dcf8_e1a7;
 
-/// The fewest samples per cell, on average. There are at most 512 cells.
+/// The smallest average number of samples per cell. There are at most 512 cells.
 const PER_CELL: u64 = 64;
 
-/// The fewest samples. With fewer samples there are too few cells to distinguish densities.
+/// The smallest number of samples. With fewer samples, there are too few cells to distinguish densities.
 const FEWEST: u64 = 1024;
 
-/// The largest error of a cell's integral, divided by the standard deviation of the cell's count. The errors of all
-/// cells together shift chi-square by at most a thousandth of its degrees of freedom.
+/// The largest allowed error of a cell's integral, divided by the standard deviation of the cell's count. With
+/// this limit, the errors of all cells shift chi-square by at most a thousandth of its degrees of freedom.
 const QUADRATURE: f64 = 0.03;
 
-/// The largest error of a cell's integral of eval cos. The errors of 512 cells together are at most 2e-5. For large
-/// values this is the relative error: a tenth of the possible rounding.
+/// The largest allowed error of the integral of eval cos over a cell. With this limit, the errors of 512 cells
+/// are together at most 2e-5. For large integrals, `ESTIMATE_RELATIVE` limits the relative error to a tenth of
+/// the rounding error.
 const ESTIMATE: f64 = 1e-6;
 const ESTIMATE_RELATIVE: f64 = 0.1 * ROUNDING;
 
 impl Run<'_> {
-    /// The cells, determined by samples that aren't judged.
+    /// Determines the cells from pilot samples. The check doesn't judge these samples.
     pub(super) fn cells(&self) -> Result<Cells, Stop> {
         let settings = self.settings();
         if settings.samples < FEWEST {
@@ -52,8 +54,8 @@ impl Run<'_> {
     pub(super) fn masses(&self, cells: Cells, which: usize) -> Result<Masses, Stop> {
         let settings = self.settings();
         let samples = settings.samples as f64;
-        // Expected counts below 0.1 need no more accuracy. For any number of samples, the error of the
-        // sum of all cells is at most a quarter of its tolerance.
+        // For expected counts below 0.1, the accuracy for 0.1 is enough. For any number of samples, the error
+        // of the sum over all cells is at most a quarter of the tolerance for the sum.
         let per_root = (QUADRATURE / samples.sqrt()).min(settings.mass.max(1e-6) / 4.0);
         let tolerance = |mass: &[f64]| per_root * mass[0].max(0.1 / samples).sqrt();
         let evaluate = |points: &[[f64; 3]]| self.evaluate(which, points);
@@ -69,7 +71,7 @@ impl Run<'_> {
         Ok(Masses { cells, mass, total, error })
     }
 
-    /// Integrates eval cos over the support.
+    /// Integrates eval cos, component by component, over the support.
     pub(super) fn estimate(&self, cells: &Cells) -> Result<CellIntegral, Stop> {
         let components = self.other(1).words();
         let support = self.settings().support;
@@ -103,14 +105,14 @@ impl Run<'_> {
             CubatureError::Diverges { nodes } => {
                 let function = &self.functions.others[which].function().name;
                 Stop::Failure(self.evidence(format!(
-                    "of `{function}` two quadrature rules disagree after {nodes} nodes: it jumps along too many \
+                    "two quadrature rules for `{function}` disagree after {nodes} nodes: it jumps along too many \
                      edges, or its results are noisy"
                 )))
             }
         }
     }
 
-    /// The results of a function at points. Returns an error if a result is negative or isn't finite.
+    /// Evaluates a function at points. Returns an error if a result is negative or isn't finite.
     pub(super) fn evaluate(&self, which: usize, points: &[[f64; 3]]) -> Result<Vec<f64>, Stop> {
         let (calls, components) = (self.other(which), self.settings().support.components());
         let mut flat = Vec::with_capacity(points.len() * components);
@@ -141,18 +143,19 @@ impl Run<'_> {
 }
 
 impl Settings {
-    /// The number of tests per configuration: one for the histogram, and one for the samples outside of it.
+    /// The number of statistical tests per configuration: one for the histogram, and one for the samples
+    /// outside of the support.
     pub(super) fn tests(&self) -> u64 {
         if self.may_leave_support { 2 } else { 1 }
     }
 
-    /// The numbers of rows and columns of cells.
+    /// The numbers of rows and columns of the cells.
     fn grid(&self) -> (usize, usize) {
         let cells = (self.samples / PER_CELL).clamp(2, 512) as usize;
         if self.support.is_line() {
             return (cells, 1);
         }
-        // Twice as many columns as rows, because azimuths cover the full circle.
+        // There are twice as many columns as rows, because azimuths cover the full circle.
         let rows = ((cells as f64 / 2.0).sqrt() as usize).clamp(1, 16);
         (rows, cells / rows)
     }

@@ -1,13 +1,13 @@
-//! The parts of a configuration's judgement.
+//! Types for the judgement of a configuration.
 
 use crate::check::Failure;
 use crate::check::sampling::Finding;
 use crate::stats::Cells;
 
-/// The relative rounding error of eval cos / pdf: a few hundred ulp of eval and pdf.
+/// The allowed relative rounding error of eval cos / pdf: a few hundred ulp of eval and pdf.
 pub(super) const ROUNDING: f64 = 1e-4;
 
-/// The density's integrals.
+/// The density's integrals over the cells, their total, and its error.
 pub(super) struct Masses {
     pub(super) cells: Cells,
     pub(super) mass: Vec<f64>,
@@ -27,7 +27,7 @@ impl From<Failure> for Stop {
     }
 }
 
-/// The point that a sampler returned.
+/// Decodes the point that a sampler returned.
 pub(super) fn point(result: &[u32]) -> [f64; 3] {
     let mut point = [0.0; 3];
     for (value, word) in point.iter_mut().zip(result) {

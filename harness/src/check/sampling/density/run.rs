@@ -1,4 +1,4 @@
-//! One configuration on one path: its cells, their integrals, the counts of its samples.
+//! Judges one configuration on one path: computes its cells and their integrals, and counts its samples.
 
 use super::parts::{Masses, ROUNDING, Stop, point};
 use crate::check::Failure;
@@ -12,10 +12,11 @@ use crate::stats::{
     mean_power,
 };
 
-/// The relative rounding error of a texel in half floats, which have eleven significant bits.
+/// The relative rounding error of a texel in half-float format, which has eleven significant bits.
 const HALF: f64 = 1.0 / 2048.0;
 
-/// Weights up to this count as equal, because eval and pdf at the end of a lobe may be flushed to 0.
+/// The largest difference between weights that count as equal. At the end of a lobe, drivers may flush eval and
+/// pdf to 0.
 const VANISHED: f64 = 1e-6;
 
 /// One configuration on one path.
@@ -38,7 +39,7 @@ struct Counts {
     impossible: Offence,
     negative: Offence,
     weight: Offence,
-    /// The moments of eval cos / pdf, by component.
+    /// The moments of each component of eval cos / pdf.
     weights: Vec<Moments>,
 }
 
@@ -55,14 +56,14 @@ impl Run<'_> {
         self.functions.other(which)
     }
 
-    /// The results of another function at points, with the lanes of its arguments.
+    /// Evaluates another function at points. Also returns the words of its arguments.
     pub(super) fn at(&self, which: usize, points: &[u32]) -> Result<(Vec<u32>, Vec<u32>), Failure> {
         let (value, made) = (self.configuration.value, self.others[which].made);
         let width = self.settings().support.components();
         self.other(which).at(points, width, &|points, lanes| made(value, points, lanes))
     }
 
-    /// The arguments of the sampler for some samples of a stream of random numbers.
+    /// Makes the sampler's arguments for some samples of a stream of random numbers.
     pub(super) fn draw(&self, seed: u64, first: usize, count: usize) -> Vec<u32> {
         let Sampled { random, arguments, .. } = self.sampler;
         let value = self.configuration.value;
@@ -70,8 +71,8 @@ impl Run<'_> {
         draw(seed, first, count, &random.lanes(), &given)
     }
 
-    /// The relative error of a function's values if it reads textures that the path stores as half floats. A single
-    /// texel may determine the peak of a lobe.
+    /// The relative error of a function's values because it reads textures that the path stores as half floats.
+    /// 0 if it reads none. The error isn't averaged, because a single texel may determine the peak of a lobe.
     fn half_rounding(&self, which: usize) -> f64 {
         if self.other(which).called.reads_half_floats() { HALF } else { 0.0 }
     }
@@ -86,7 +87,7 @@ impl Run<'_> {
         }
     }
 
-    /// Judges the samples. `estimates` is true if they must also estimate an integral.
+    /// Judges the samples. If `estimates`, the samples must also estimate an integral.
     pub(super) fn judge(&self, estimates: bool) -> Result<Judgement, Failure> {
         match self.judge_or_stop(estimates) {
             Ok(judgement) => Ok(judgement),
@@ -129,9 +130,10 @@ impl Run<'_> {
         if !judgement.findings.is_empty() {
             judgement.p = 0.0;
         }
-        // If the density's integral is wrong, the expected number of leaving samples is unknown.
+        // If the density's integral is wrong, the expected number of samples outside the support is unknown.
         if settings.may_leave_support && right {
-            // The share nearest to that of the samples, among all shares within the integral's error.
+            // The integral's error allows a range of shares. The test uses the share nearest to the samples'
+            // share.
             let share = left as f64 / samples as f64;
             let nearest =
                 share.clamp((-off - bound).clamp(0.0, 1.0), (bound - off).clamp(0.0, 1.0));
@@ -139,12 +141,12 @@ impl Run<'_> {
             let expected = (-off).max(0.0) * samples as f64;
             judgement.test(p, threshold, || Finding::Left { left, expected, p });
         }
-        // The samples on the support must be distributed over the cells like the density.
+        // The cells' counts of the samples on the support must fit the density.
         let expected: Vec<f64> =
             masses.mass.iter().map(|mass| (mass / total).max(0.0) * inside as f64).collect();
         let test = match ChiSquare::of(&observed, &expected) {
             Ok(test) => test,
-            // Without samples on the support there is no test, and the earlier findings are the result.
+            // If too few samples lie on the support, there is no test, and the earlier findings are the result.
             Err(_) if !judgement.findings.is_empty() => return Ok(judgement),
             Err(none) => return Err(self.evidence(none).into()),
         };
@@ -168,7 +170,8 @@ impl Run<'_> {
         Ok(judgement)
     }
 
-    /// The power of the histogram's test, or of the tests of the integral, against the second density.
+    /// The power of the test of the histogram, or of the test of the density's integral, against the second
+    /// density.
     pub(super) fn power(&self) -> Result<f64, Stop> {
         let claimed = self.masses(self.cells()?, 0)?;
         let actual = self.masses(claimed.cells.clone(), 1)?;
@@ -183,7 +186,7 @@ impl Run<'_> {
         let bound = settings.mass + self.half_rounding(0) + claimed.error;
         let off = claimed.total - 1.0;
         if off > bound || !settings.may_leave_support && off < -bound {
-            return Ok(1.0); // whatever the samples
+            return Ok(1.0); // the check fails for any samples
         }
         if !settings.may_leave_support {
             return Ok(shape);
@@ -194,7 +197,7 @@ impl Run<'_> {
         Ok(shape.max(left))
     }
 
-    /// Runs the sampler, and counts the samples by cell.
+    /// Runs the sampler, and counts the samples in each cell.
     fn count(&self, cells: &Cells, estimates: bool) -> Result<Counts, Failure> {
         let settings = self.settings();
         let (sampler, pdf) = (self.calls(), self.other(0));
@@ -208,7 +211,7 @@ impl Run<'_> {
             let lanes = self.draw(self.configuration.seed, first, count);
             let results = sampler.call(&lanes, count)?;
             let width = lanes.len() / count;
-            // The points on the support, as words, and their cosines.
+            // The points on the support, as `u32` words, and their cosines.
             let mut inside = Vec::with_capacity(results.len());
             let mut cosines = Vec::with_capacity(count);
             for (index, result) in results.chunks_exact(sampler.words()).enumerate() {
@@ -226,7 +229,7 @@ impl Run<'_> {
                     }
                     Place::Outside => {
                         counts.left += 1;
-                        // A sample outside of the support reflects nothing: its weight is 0.
+                        // A sample outside of the support reflects no light, so its weight is 0.
                         counts.weights.iter_mut().for_each(|moments| moments.add(0.0));
                         if !settings.may_leave_support {
                             counts.outside.add(shown);
@@ -261,7 +264,7 @@ impl Run<'_> {
         Ok(counts)
     }
 
-    /// Adds eval cos / pdf of samples on the support.
+    /// Adds eval cos / pdf of the samples on the support to the moments.
     fn weigh(
         &self,
         counts: &mut Counts,
@@ -288,7 +291,7 @@ impl Run<'_> {
                     let returned = f64::from(f32::from_bits(*word));
                     (returned - weight).abs() <= rounding * weight + VANISHED
                 });
-                // A sample with density 0 is counted as impossible already.
+                // Karat has already counted a sample with density 0 as impossible.
                 if !right && density > 0.0 {
                     counts.weight.add(|| {
                         let call = self.other(2).shown(&lanes[index * width..][..width], returned);

@@ -211,7 +211,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn what_is_wrong_is_told_without_what_went_before() {
+    fn only_the_errors_of_a_build_are_shown() {
         let text = "   Compiling a v0.1.0\nwarning: x\nerror[E0425]: cannot find value `y`\n  --> a.rs:1:1";
         assert!(errors(text).starts_with("error[E0425]") && errors(text).ends_with("a.rs:1:1"));
         assert_eq!(errors("no network"), "no network");

@@ -1,6 +1,6 @@
-//! Reads bytes one after another.
+//! Reads a header byte by byte.
 
-/// The remaining bytes.
+/// The bytes that aren't read yet.
 pub(in crate::image::exr) struct Bytes<'a> {
     pub(in crate::image::exr) rest: &'a [u8],
 }
@@ -29,7 +29,7 @@ impl<'a> Bytes<'a> {
         Ok(i32::from_le_bytes(self.array()?))
     }
 
-    /// Returns `true` if a list ends here, and takes the zero that ends it.
+    /// Checks if a list ends here. If so, takes the zero that ends it.
     pub(super) fn ends(&mut self) -> Result<bool, String> {
         let ends = self.rest.first() == Some(&0);
         if ends || self.rest.is_empty() {
@@ -38,9 +38,9 @@ impl<'a> Bytes<'a> {
         Ok(ends)
     }
 
-    /// A name, without the zero after it.
+    /// Reads a name and the zero after it, and returns the name.
     pub(super) fn name(&mut self) -> Result<&'a [u8], String> {
-        // The format allows 255 bytes.
+        // The format allows names of 255 bytes.
         let end = self.rest.iter().take(256).position(|byte| *byte == 0);
         let name = self.take(end.ok_or("it has a name that doesn't end")?)?;
         self.take(1)?;
