@@ -264,7 +264,7 @@ pub(crate) struct BufferSlot {
     pub(crate) binding: Binding,
     pub(crate) name: String,
     pub(crate) span: Span,
-    /// The size of its type, in bytes. The last array counts with one element if its size is known only at run time.
+    /// The least size of its type, in bytes. For an array with a length known only at run time, it is 0.
     pub(crate) least: u32,
     pub(crate) written: bool,
 }
