@@ -219,15 +219,16 @@ impl<'p, 'm, A: Arithmetic> Room<'p, 'm, A> {
 /// An atomic in a run that records the order of its atomics.
 #[derive(Clone, Debug)]
 pub struct Turn {
-    /// The number of the invocation in the dispatch; the first, if several run side by side.
+    /// The number of the invocation in the dispatch. If several run side by side, it is the number of the first.
     pub invocation: usize,
-    /// Its place in the source.
+    /// The atomic's position in the source.
     pub site: Site,
-    /// The word that it returned, or else wrote.
+    /// The word that the atomic returned, or wrote if it returns nothing.
     pub word: u32,
-    /// `true` if it returned a word that something uses.
+    /// `true` if another operation uses the word that the atomic returned.
     pub reads: bool,
-    /// For a store that took effect late: a later atomic of its invocation that others could see earlier.
+    /// For a store that took effect late: a later atomic of the same invocation, if another invocation could see the
+    /// later atomic before the store.
     pub behind: Option<Site>,
 }
 

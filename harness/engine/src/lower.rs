@@ -71,7 +71,7 @@ pub(crate) enum Value {
     Sampler(u32),
 }
 
-/// The expressions of a function, or of the module, and their values.
+/// The expressions of a function or of the module, with their values.
 pub(crate) struct Scope<'m> {
     name: String,
     /// The number of the call that is lowered.
@@ -126,9 +126,9 @@ pub(crate) struct Lower<'m> {
     calls: usize,
     /// The workgroup sizes that are override expressions.
     sizes: Option<[Option<Handle<Expression>>; 3]>,
-    /// `true` if the program is an entry point, whose invocations share memory.
+    /// `true` if the program is an entry point. The invocations of an entry point share memory.
     shared: bool,
-    /// `true` for a fragment entry point, whose invocations are the pixels of quads.
+    /// `true` for a fragment entry point. Its invocations are the pixels of quads.
     drawn: bool,
     site: u32,
     span: Span,

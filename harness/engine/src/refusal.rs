@@ -27,9 +27,9 @@ pub enum Stop {
     Fuel {
         /// The loop.
         span: Span,
-        /// The first case that ran out of rounds.
+        /// The first case that ran too many rounds.
         case: usize,
-        /// The rounds that were allowed.
+        /// The number of rounds that were allowed.
         rounds: u64,
         /// The rounds of the open loop that ran the most rounds. If this number is small, there are many loops, but
         /// none is endless.
