@@ -232,7 +232,7 @@ impl<'m> Lower<'m> {
                     | TypeInner::Array { .. }
                     | TypeInner::Struct { .. }
             ) {
-                return Err(self.refuse(format!("a {} as parameter", crate::scalar::kind(inner))));
+                return Err(self.refuse(format!("a {} as a parameter", crate::scalar::kind(inner))));
             }
             let scalars = self.scalars(inner)?;
             let registers: Rc<[Reg]> =
@@ -384,7 +384,7 @@ impl<'m> Lower<'m> {
             (AddressSpace::WorkGroup, _) => {
                 if !self.shared {
                     return Err(self.refuse(format!(
-                        "a function with the workgroup variable `{name}`, which cases would share"
+                        "a function with the workgroup variable `{name}`, because cases would share it"
                     )));
                 }
                 let place = self.buffer(crate::code::Binding::Workgroup, name, span, inner);
@@ -497,7 +497,7 @@ impl<'m> Lower<'m> {
     fn emit(&mut self, op: Op, outs: &[Reg], ins: &[Reg]) -> Lowered<usize> {
         if self.code.instructions.len() >= MOST_OPERATIONS {
             return Err(self.refuse(format!(
-                "a program of more than {MOST_OPERATIONS} operations, once its calls are inlined"
+                "a program of more than {MOST_OPERATIONS} operations after its calls are inlined"
             )));
         }
         let at = self.code.pool.len() as u32;

@@ -58,7 +58,7 @@ impl Program {
         let Some((handle, function)) = functions.find(|(_, f)| f.name.as_deref() == Some(name))
         else {
             return Err(Refusal::new(
-                format!("`{name}`: there is no such function"),
+                format!("the function `{name}`, which doesn't exist"),
                 Span::UNDEFINED,
             ));
         };
@@ -80,7 +80,7 @@ impl Program {
     ) -> Result<Self, Refusal> {
         let mut points = module.entry_points.iter().enumerate();
         let Some((index, point)) = points.find(|(_, point)| point.name == name) else {
-            let what = format!("`{name}`: there is no such entry point");
+            let what = format!("the entry point `{name}`, which doesn't exist");
             return Err(Refusal::new(what, Span::UNDEFINED));
         };
         if !matches!(point.stage, ShaderStage::Compute | ShaderStage::Fragment) {

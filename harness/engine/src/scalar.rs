@@ -199,7 +199,7 @@ impl<'m> Layouts<'m> {
                     let counts = self.counts_of(member.ty)?;
                     before = std::array::from_fn(|k| before[k] + counts[k]);
                 }
-                let member = members.get(index as usize).ok_or("a member that isn't there")?;
+                let member = members.get(index as usize).ok_or("a member that doesn't exist")?;
                 Ok((self.inner(member.ty).clone(), before))
             }
             _ => {
@@ -234,7 +234,7 @@ impl<'m> Layouts<'m> {
     ) -> Result<(TypeInner, u32), String> {
         match *inner {
             TypeInner::Struct { ref members, .. } => {
-                let member = members.get(index as usize).ok_or("a member that isn't there")?;
+                let member = members.get(index as usize).ok_or("a member that doesn't exist")?;
                 Ok((self.inner(member.ty).clone(), member.offset))
             }
             _ => {

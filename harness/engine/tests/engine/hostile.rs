@@ -76,7 +76,7 @@ fn what_is_not_there_is_refused_by_name_and_line() {
     let refusal = refused(source);
     assert_eq!(
         refusal.to_string(),
-        "the engine doesn't execute a derivative, which only fragments have"
+        "the engine doesn't execute a derivative outside of a fragment shader"
     );
     assert_eq!(line(source, refusal.span), 2);
     let refusal = refused("fn f(x: f32) -> f32 { if x > 0.0 { discard; } return x; }");
