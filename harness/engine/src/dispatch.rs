@@ -123,7 +123,6 @@ fn is_of_subgroups(builtin: BuiltIn) -> bool {
     )
 }
 
-/// The inputs that all invocations of a workgroup share.
 struct Given {
     id: [u32; 3],
     workgroups: [u32; 3],
@@ -131,7 +130,6 @@ struct Given {
 }
 
 impl Entry {
-    /// The word of an input for an invocation of a workgroup.
     fn word(&self, (builtin, k): (BuiltIn, usize), index: usize, given: &Given) -> u32 {
         let Given { id, workgroups, subgroup } = *given;
         let [x, y, z] = self.size;
@@ -169,7 +167,6 @@ struct Room<'p, 'm, A: Arithmetic> {
     /// site.
     open: usize,
     held: Vec<(usize, u32)>,
-    /// The number of stores that haven't taken effect yet.
     stores: usize,
     /// The machines that are at a barrier and have stores that haven't taken effect yet.
     draining: Vec<(usize, u32)>,
@@ -239,7 +236,6 @@ pub(crate) struct Watch<'w> {
     explorer: Option<&'w mut Explorer>,
 }
 
-/// The order of atomics, if it is recorded.
 struct Order {
     /// Each atomic, with its word. A store also has the turn in which its invocation reached it.
     taken: Option<Vec<(Turn, Done)>>,

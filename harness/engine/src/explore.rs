@@ -88,7 +88,6 @@ fn join(to: &mut Clock, from: &[u32]) {
     to.iter_mut().zip(from).for_each(|(own, count)| *own = (*own).max(*count));
 }
 
-/// A turn that was taken.
 #[derive(Debug)]
 struct Taken {
     actor: Actor,
@@ -130,9 +129,7 @@ pub struct Explorer {
     ready: BTreeMap<Actor, Step>,
     waiting: BTreeMap<Actor, Step>,
     clocks: BTreeMap<Actor, Clock>,
-    /// The number of each actor.
     numbers: BTreeMap<Actor, usize>,
-    /// The number of pairs of turns that were compared in all runs.
     work: u64,
     /// A clock with all turns before the current dispatch.
     base: Clock,

@@ -61,7 +61,6 @@ pub struct Settings {
     pub statements: bool,
 }
 
-/// The value of an expression.
 #[derive(Clone, Debug)]
 pub(crate) enum Value {
     /// The registers of the value's scalars, in order.
@@ -74,7 +73,6 @@ pub(crate) enum Value {
 /// The expressions of a function or of the module, with their values.
 pub(crate) struct Scope<'m> {
     name: String,
-    /// The number of the call that is lowered.
     call: usize,
     expressions: &'m Arena<Expression>,
     types: Types<'m>,

@@ -62,7 +62,6 @@ impl Spent {
     }
 }
 
-/// The state of a thread that runs a program.
 pub(crate) struct Machine<'p, A: Rules> {
     code: &'p Code,
     options: &'p Options,
@@ -92,9 +91,7 @@ pub(crate) struct Machine<'p, A: Rules> {
     open: Vec<u64>,
     /// If an index wraps: its value without wrapping, in the first lane in which it wraps.
     meant: i64,
-    /// The index of the next operation.
     at: usize,
-    /// The site of the current operation.
     site: u32,
     width: usize,
     /// The elements that the lanes of a load access, for the detector. The list is kept here, so that loads needn't
@@ -117,7 +114,6 @@ pub(crate) struct Machine<'p, A: Rules> {
     pub(crate) issued: Vec<u32>,
     numbered: u32,
     pub(crate) turn: usize,
-    /// The atomics that ran in the current turn.
     pub(crate) done: Vec<Done>,
     /// The words that atomics have read since the last change of a word, each with the number of reads.
     seen: HashMap<u64, u32>,
@@ -788,7 +784,6 @@ impl<'p, A: Rules> Machine<'p, A> {
         });
     }
 
-    /// Runs an operation with a boolean result.
     fn decide(&mut self, op: Op, registers: &[u32]) {
         match op {
             Op::CompareFloat(compare) => self.flushing(&registers[1..], 0, |machine| {

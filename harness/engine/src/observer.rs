@@ -85,7 +85,6 @@ impl<A: Arithmetic> std::fmt::Debug for Here<'_, A> {
 /// crate's optimisations, because a run calls it for each operation.
 #[derive(Debug, Default)]
 pub struct Reach {
-    /// For each site number, one bit for each case.
     by_site: Mutex<Vec<Vec<u64>>>,
 }
 

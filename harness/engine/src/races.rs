@@ -167,7 +167,6 @@ pub struct Outside {
     pub number: u32,
 }
 
-/// An index of an operation that is outside of its array.
 #[derive(Clone, Copy)]
 pub(crate) struct Beyond<'c> {
     pub(crate) writes: bool,
@@ -274,7 +273,6 @@ struct Cell {
     earlier_write: Who,
     /// Reads by two invocations since the last barrier.
     reads: [Who; 2],
-    /// A read by an earlier workgroup.
     earlier_read: Who,
     /// The number of reads in `reads` since the last write that didn't race with a write.
     clean: u8,
@@ -309,10 +307,8 @@ impl Touched {
     }
 }
 
-/// The elements of one variable.
 #[derive(Debug, Default)]
 struct Shadow {
-    /// `true` if an instruction writes the variable.
     written: bool,
     /// `true` for a variable in workgroup memory.
     own: bool,
@@ -334,7 +330,6 @@ pub(crate) struct OfGroup {
     first: u32,
     epochs: [u32; 3],
     waiting: [bool; 3],
-    /// The variables in workgroup memory.
     own: Vec<Shadow>,
 }
 
@@ -342,10 +337,8 @@ pub(crate) struct OfGroup {
 /// workgroup.
 type Key = (u32, bool, (u32, u32), bool);
 
-/// Finds races while a dispatch runs.
 #[derive(Debug)]
 pub(crate) struct Detector {
-    /// The number of invocations of a workgroup.
     width: u32,
     /// The first invocation of each workgroup that has run. Some workgroups may not run.
     starts: Vec<usize>,
@@ -364,14 +357,12 @@ pub(crate) struct Detector {
     divergences: BTreeMap<u32, Divergence>,
     outside: BTreeMap<u32, Outside>,
     unwritten: BTreeMap<u32, Unwritten>,
-    /// The channels of texels, by hash.
     texels: HashMap<u32, [u32; 4]>,
     /// For each site of an operation with an index, the number of times that it ran.
     ran: Vec<u64>,
     atomics: Atomics,
 }
 
-/// An access that the machine makes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Accessed {
     pub(crate) lane: usize,
@@ -422,7 +413,6 @@ impl Detector {
         }
     }
 
-    /// Counts the lanes that run an operation with an index.
     pub(crate) fn run(&mut self, site: u32, lanes: usize) {
         self.ran[site as usize] += lanes as u64;
     }
@@ -575,7 +565,6 @@ impl Detector {
         }
     }
 
-    /// Notes an atomic of a lane at an offset of a buffer.
     pub(crate) fn atomic(&mut self, lane: usize, (slot, at): (u32, usize), kind: Touch) {
         let group = if self.buffers[slot as usize].own { self.first + 1 } else { 0 };
         self.atomics.add(self.of_lane(lane), (slot, group, at as u32), kind);
@@ -705,7 +694,6 @@ impl Detector {
         is_written
     }
 
-    /// Notes a race between an access and an earlier access.
     #[cold]
     fn raced(
         &mut self,
@@ -772,7 +760,6 @@ impl Detector {
         self.races.insert(key, (race, HashSet::from([(plane, index)])));
     }
 
-    /// Ends the run and returns the findings.
     pub(crate) fn end(self, code: &Code) -> Observed {
         let slots = code.buffers.iter().zip(self.buffers);
         let written = slots.filter_map(|(slot, shadow)| match slot.binding {

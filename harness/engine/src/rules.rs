@@ -53,7 +53,6 @@ macro_rules! float_rules {
         })*
 
         impl $family {
-            /// All rules of the family.
             #[cfg(test)]
             pub(crate) const ALL: &[Self] = &[$(Self::$name,)*];
 
@@ -69,7 +68,6 @@ macro_rules! float_rules {
                 None
             }
 
-            /// Applies the rule to all lanes.
             pub(crate) fn run<A: crate::arithmetic::sealed::Rules>(
                 self,
                 floats: &mut crate::columns::Columns<A::Float>,
@@ -118,7 +116,6 @@ macro_rules! integer_rules {
         })*
 
         impl $family {
-            /// The number of integers that the rule takes.
             pub(crate) fn arity(self) -> usize {
                 match self { $(Self::$name => $i,)* }
             }
@@ -131,7 +128,6 @@ macro_rules! integer_rules {
                 None
             }
 
-            /// Applies the rule to all lanes.
             pub(crate) fn run<A: crate::arithmetic::sealed::Rules>(
                 self,
                 ints: &mut crate::columns::Columns<A::Int>,
@@ -148,7 +144,6 @@ macro_rules! integer_rules {
 }
 pub(crate) use integer_rules;
 
-/// A rule from floats to floats, of any family.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum FloatRule {
     Basic(Basic),
@@ -259,7 +254,6 @@ mod tests {
         }
     }
 
-    /// The rank of a float among all floats.
     fn place(x: f32) -> i64 {
         let bits = i64::from(x.to_bits() & 0x7fff_ffff);
         if x.is_sign_negative() { -bits } else { bits }
@@ -270,7 +264,6 @@ mod tests {
         f32::from_bits(bits | if at < 0 { 1 << 31 } else { 0 })
     }
 
-    /// The results of a rule for one lane.
     fn apply(rule: FloatRule, x: &[Interval]) -> Vec<Interval> {
         let (ins, outs) = rule.arity();
         let mut columns = Columns::new(ins + outs, 1);

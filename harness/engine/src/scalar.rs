@@ -69,7 +69,6 @@ type Wide = Result<[u64; 3], String>;
 /// limits all variables of a function to 2^11 scalars in total.
 pub(crate) const MOST_SCALARS: u64 = 1 << 14;
 
-/// The types of a module, as scalars.
 #[derive(Debug)]
 pub(crate) struct Layouts<'m> {
     pub(crate) module: &'m Module,
@@ -150,7 +149,6 @@ impl<'m> Layouts<'m> {
         self.counts(self.inner(ty))
     }
 
-    /// The scalars of a value, in order.
     pub(crate) fn scalars(&self, inner: &TypeInner) -> Result<Vec<Scalar>, String> {
         self.counts(inner)?;
         let mut scalars = Vec::new();
@@ -261,7 +259,6 @@ pub(crate) fn stride_bytes(inner: &TypeInner) -> u32 {
     }
 }
 
-/// The name of a type in a refusal.
 pub(crate) fn kind(inner: &TypeInner) -> &'static str {
     match inner {
         TypeInner::Scalar(_) => "scalar",

@@ -116,7 +116,6 @@ pub(crate) trait Turns {
 /// noticed.
 const MOST_IN_A_ROW: u32 = 1 << 12;
 
-/// Chooses turns by priorities.
 pub(crate) struct ByPriority<'s> {
     schedule: &'s Schedule,
     /// The units that stall, each with the number of the atomic before which it stalls.
@@ -180,7 +179,6 @@ impl<'s> ByPriority<'s> {
         }
     }
 
-    /// Returns a priority that is lower than all others.
     fn below_all(&mut self) -> i64 {
         self.lowest -= 1;
         self.lowest
@@ -251,7 +249,6 @@ pub(crate) fn shuffled(count: usize, seed: u64) -> Vec<usize> {
     all
 }
 
-/// A random number for an actor, from a seed.
 fn chance(seed: u64, actor: Actor) -> u64 {
     let mut state = seed ^ (u64::from(actor.unit) << 32 | u64::from(actor.store)).rotate_left(17);
     next(&mut state);

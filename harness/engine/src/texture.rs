@@ -219,7 +219,6 @@ impl Texture {
         ((z * h + y) * w + x) * self.samples as usize + sample as usize
     }
 
-    /// The channels of a texel, as words.
     #[inline(always)]
     pub(crate) fn texel(&self, level: u32, at: [u32; 3], sample: u32) -> [u32; 4] {
         let index = self.index(level, at, sample);
@@ -232,7 +231,6 @@ impl Texture {
         }
     }
 
-    /// Overwrites a texel of the largest level.
     pub(crate) fn put(&mut self, at: [u32; 3], words: [u32; 4]) {
         let index = self.index(0, at, 0);
         match self.levels.first_mut() {

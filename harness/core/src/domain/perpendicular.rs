@@ -84,7 +84,6 @@ impl Perpendicular {
         })
     }
 
-    /// The complexity of the vector: the sum of the complexities of its components.
     pub(super) fn weight(&self, row: &[u32]) -> u64 {
         let lanes = row[self.lanes.clone()].iter();
         lanes.map(|word| shrink::float_complexity(f32::from_bits(*word))).sum()

@@ -86,7 +86,6 @@ impl Source {
     }
 }
 
-/// Converts 32 bits to a fraction in `[0, 1)`.
 #[inline]
 pub(super) fn unit(bits: u32) -> f64 {
     f64::from(bits) / 4_294_967_296.0

@@ -118,7 +118,6 @@ fn to_srgb(linear: f32) -> u8 {
 mod tests {
     use super::*;
 
-    /// The red channel of each pixel in the preview of a grey image.
     fn reds(values: &[f32], stops: f32) -> Vec<u8> {
         let pixels: Vec<_> = values.iter().map(|value| [*value, *value, *value, 1.0]).collect();
         let image = Image::new(u32::try_from(pixels.len()).expect("few"), 1, pixels);

@@ -82,7 +82,6 @@ struct Sum {
     variance: DVec3,
     /// The sum of the squares of each pixel's difference beyond the slack.
     squares: DVec3,
-    /// The sum of the squares of the variances.
     variances: DVec3,
     pixels: u32,
 }
@@ -97,7 +96,6 @@ impl Sum {
         self.pixels += other.pixels;
     }
 
-    /// The largest z of the three channels.
     fn z(&self) -> f64 {
         let z = (0..3).map(|channel| {
             let beyond = (self.difference[channel].abs() - self.slack[channel]).max(0.0);
@@ -153,7 +151,6 @@ impl Noise<'_> {
         None
     }
 
-    /// The sums of the cells, row by row.
     fn cells(&self, pair: &Pair<'_>) -> Vec<Sum> {
         let (width, height) = (pair.golden().width(), pair.golden().height());
         let columns = width.div_ceil(CELL);

@@ -35,7 +35,6 @@ pub struct Pair<'a> {
     /// One flag for each pixel: `true` if it is compared. `None` if all pixels are compared.
     mask: Option<Vec<bool>>,
     compared: usize,
-    /// The strips of pixels that differ in any bit.
     different: Vec<Range<usize>>,
     /// The largest difference of a channel relative to the golden's value.
     largest_relative: f32,

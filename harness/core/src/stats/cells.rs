@@ -14,9 +14,7 @@ use super::{Rectangle, Support};
 #[derive(Clone, Debug)]
 pub struct Cells {
     support: Support,
-    /// The bounds between rows.
     rows: Vec<f64>,
-    /// The bounds between the columns of each row.
     columns: Vec<Vec<f64>>,
     /// The index of the first cell of each row, followed by the number of cells.
     offsets: Vec<usize>,

@@ -69,7 +69,6 @@ pub enum CubatureError<E> {
     },
 }
 
-/// A part of a cell.
 #[derive(Clone, Copy)]
 struct Part {
     cell: usize,

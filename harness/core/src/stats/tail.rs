@@ -73,7 +73,6 @@ pub fn normal_critical(significance: f64) -> f64 {
     critical(40.0, significance, normal_tail)
 }
 
-/// The probability that a standard normal number is at least `z`.
 pub(super) fn normal_upper(z: f64) -> f64 {
     0.5 * erfc(z / std::f64::consts::SQRT_2)
 }

@@ -30,7 +30,6 @@ pub(super) enum Chain {
 }
 
 impl Chain {
-    /// The chain of the negated value.
     pub(super) fn neg(self) -> Self {
         match self {
             Self::Single => Self::Single,
@@ -121,12 +120,10 @@ fn size((lo, hi): Ends) -> Ends {
     (if lo <= 0.0 && hi >= 0.0 { 0.0 } else { a.min(b) }, a.max(b))
 }
 
-/// The sum of two values, rounded outwards.
 fn added(a: Ends, b: Ends) -> Interval {
     Interval::outwards(lower_sum(a.0, b.0), upper_sum(a.1, b.1))
 }
 
-/// The sum of two values.
 pub(super) fn add(x: (Ends, Chain), y: (Ends, Chain)) -> Interval {
     let ((a, of_a), (b, of_b)) = (x, y);
     let written = added(a, b);
@@ -187,10 +184,8 @@ pub(super) fn divide(x: (Ends, Chain), y: (Ends, Chain), written: Interval) -> I
     }
 }
 
-/// Terms of a sum.
 #[derive(Clone, Copy)]
 pub(super) struct Sum {
-    /// The exact sum of the terms.
     exact: Ends,
     /// `least` and `most` are bounds of all partial sums.
     least: f32,
@@ -203,10 +198,8 @@ pub(super) struct Sum {
 /// The step of zero, because zero is a multiple of each power of two.
 const ANY_STEP: i16 = i16::MAX;
 
-/// The exponent of the least subnormal `f32`.
 const LEAST_STEP: i16 = -149;
 
-/// A format of floats.
 struct Format {
     digits: i16,
     greatest: f64,
@@ -323,7 +316,6 @@ fn significand(x: f64) -> (u32, i16) {
 /// Factors of a product, some of which may be divisors.
 #[derive(Clone, Copy)]
 pub(super) struct Product {
-    /// The exact product of the factors.
     exact: Ends,
     /// `least` and `most` are bounds of the magnitudes of all partial products.
     least: f32,

@@ -4,7 +4,6 @@ use super::chain::{exponent, power};
 use super::{Interval, REORDERED};
 use crate::rules::Half;
 
-/// The greatest `f16`.
 pub(super) const GREATEST: f64 = 65_504.0;
 
 /// The exponents of the least normal and the least subnormal `f16`.

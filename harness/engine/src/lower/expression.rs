@@ -270,7 +270,6 @@ impl<'m> Lower<'m> {
         }
     }
 
-    /// The element of a value that is selected at run time.
     fn element(
         &mut self,
         registers: &[Reg],

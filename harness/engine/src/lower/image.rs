@@ -10,7 +10,6 @@ use crate::code::{Detail, ImageKind, ImageOp, Op, Reg};
 use crate::rules::{Basic, Exponential, FloatRule, FromInt};
 use crate::scalar::File;
 
-/// The slot and the type of a texture.
 struct Image {
     slot: u32,
     dimension: ImageDimension,
@@ -27,7 +26,6 @@ impl Image {
         }
     }
 
-    /// The scalar kind of the texels.
     fn kind(&self) -> ScalarKind {
         match self.class {
             ImageClass::Sampled { kind, .. } => kind,

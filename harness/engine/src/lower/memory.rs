@@ -77,7 +77,6 @@ impl Place {
 }
 
 impl<'m> Lower<'m> {
-    /// The target for component `index`.
     pub(super) fn component_place(&mut self, place: &Place, index: u32) -> Lowered<Rc<Place>> {
         let mut part = place.clone();
         match place.root {
@@ -276,7 +275,6 @@ impl<'m> Lower<'m> {
         Ok(())
     }
 
-    /// The number of elements of a runtime-sized array.
     pub(super) fn array_length(&mut self, place: &Place) -> Lowered<Value> {
         let Root::Buffer(buffer) = place.root else {
             return Err(self.refuse("the length of an array in a variable"));
@@ -291,7 +289,6 @@ impl<'m> Lower<'m> {
         Ok(Value::Flat(Rc::new([to])))
     }
 
-    /// Lowers an atomic operation on a word of a buffer.
     pub(super) fn atomic(
         &mut self,
         scope: &mut Scope<'m>,

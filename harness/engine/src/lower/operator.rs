@@ -75,7 +75,6 @@ impl<'m> Lower<'m> {
         Ok(out)
     }
 
-    /// The type of the scalars of a scalar, vector or matrix.
     pub(super) fn scalar_of(&self, inner: &TypeInner) -> Lowered<Scalar> {
         match *inner {
             TypeInner::Scalar(scalar)
@@ -308,7 +307,6 @@ impl<'m> Lower<'m> {
         Ok(None)
     }
 
-    /// Products that don't work component by component.
     fn matrix_product(
         &mut self,
         left: &TypeInner,
@@ -345,7 +343,6 @@ impl<'m> Lower<'m> {
         Ok(Some(values))
     }
 
-    /// The sum of the products of two vectors' components.
     pub(super) fn dot(&mut self, x: &[Reg], y: &[Reg], half: bool) -> Lowered<Reg> {
         let rule = match x.len() {
             1 => return self.basic(Basic::Multiply, &[x[0], y[0]], half),

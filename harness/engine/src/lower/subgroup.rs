@@ -27,7 +27,6 @@ impl<'m> Lower<'m> {
         Ok(())
     }
 
-    /// An operation on the values of all active lanes of a subgroup.
     pub(super) fn collective(
         &mut self,
         scope: &mut Scope<'m>,
@@ -39,7 +38,6 @@ impl<'m> Lower<'m> {
         self.over_subgroup(scope, kind, argument, None, result)
     }
 
-    /// The value of another lane.
     pub(super) fn gather_of(
         &mut self,
         scope: &mut Scope<'m>,

@@ -101,7 +101,6 @@ impl<A: Rules> Machine<'_, A> {
         }
     }
 
-    /// Begins another round of a loop.
     pub(super) fn round(&mut self, instruction: &Instruction) -> Result<(), Spent> {
         let span = self.site(instruction).span;
         if let Some(own) = self.open.last_mut() {

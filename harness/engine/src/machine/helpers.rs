@@ -14,7 +14,6 @@ impl<A: Rules> Machine<'_, A> {
         self.helpers.extend(helpers);
     }
 
-    /// Makes the active lanes helpers.
     pub(super) fn discard(&mut self) {
         for lane in 0..self.helpers.len() {
             self.helpers[lane] |= A::possible(self.active()[lane]);
@@ -26,13 +25,11 @@ impl<A: Rules> Machine<'_, A> {
         self.helpers.get(lane).is_some_and(|helper| *helper)
     }
 
-    /// Checks if a lane is active and isn't a helper.
     #[inline]
     pub(super) fn acts(&self, lane: usize) -> bool {
         A::possible(self.active()[lane]) && !self.is_helper(lane)
     }
 
-    /// The mask of the active lanes that aren't helpers.
     pub(super) fn acting(&self) -> Cow<'_, [A::Bool]> {
         if self.helpers.is_empty() {
             return Cow::Borrowed(self.active());

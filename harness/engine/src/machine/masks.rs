@@ -54,7 +54,6 @@ impl<A: Rules> Masks<A> {
         self.changed();
     }
 
-    /// Checks if a lane may be active.
     #[inline]
     pub(crate) fn any(&self) -> bool {
         self.any
@@ -139,7 +138,6 @@ impl<A: Rules> Masks<A> {
         self.any
     }
 
-    /// Closes a branch or a loop.
     pub(crate) fn leave(&mut self) -> bool {
         if let Some(frame) = self.frames.pop() {
             for ((mask, &saved), &left) in
@@ -183,7 +181,6 @@ impl<A: Rules> Masks<A> {
         self.changed();
     }
 
-    /// Removes lanes from all open constructs.
     pub(crate) fn drop_lanes(&mut self, lanes: &[usize]) {
         for lane in lanes {
             self.current[*lane] = A::bool(false);

@@ -32,7 +32,6 @@ impl<'a, A: Rules> Buffer<'a, A> {
         Self { bytes, floats: vec![None; words] }
     }
 
-    /// Sets all bytes to zero.
     pub(crate) fn clear(&mut self) {
         self.bytes.to_mut().fill(0);
         self.floats.fill(None);
@@ -76,7 +75,6 @@ pub(crate) struct Memory<'a, A: Rules> {
 }
 
 impl Step {
-    /// The number of elements in a buffer of `bytes` bytes.
     pub(super) fn length(&self, bytes: usize) -> u64 {
         match self.count {
             Count::Fixed(count) => u64::from(count),
@@ -306,7 +304,6 @@ impl<'p, A: Rules> Machine<'p, A> {
         }
     }
 
-    /// The candidate that an index selects in a lane.
     fn chosen(&self, index: u32, signed: bool, count: usize, lane: usize) -> (usize, usize, bool) {
         let last = count.saturating_sub(1) as i64;
         let (lo, hi) = A::bounds(self.ints.get(index)[lane], signed);
@@ -462,7 +459,6 @@ impl<'p, A: Rules> Machine<'p, A> {
         self.places = places;
     }
 
-    /// Checks if a detector needs the accesses through a walk.
     fn notes(&self, walk: &Walk) -> bool {
         let watches = |detector: &Detector| detector.watches_buffer(walk.buffer);
         self.detector.as_deref().is_some_and(watches)

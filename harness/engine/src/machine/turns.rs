@@ -31,7 +31,6 @@ pub(crate) struct Late {
     pub(crate) turn: usize,
 }
 
-/// An atomic that has taken effect.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Done {
     pub(crate) lane: usize,
@@ -80,7 +79,6 @@ impl Code {
         }
     }
 
-    /// The registers of an operation's indices, and of the value that it stores.
     fn operands_of<'r>(&self, op: Op, walk: &Walk, registers: &'r [u32]) -> (&'r [u32], u32) {
         let shape = self.shape(op);
         let all = shape.outs.iter().chain(&shape.ins).sum::<u32>() as usize;
@@ -158,7 +156,6 @@ impl<A: Rules> Machine<'_, A> {
         Step::atomic(touches.collect())
     }
 
-    /// The accesses of a pending store.
     pub(crate) fn step_of_store(&self, number: u32, group: u32) -> Step {
         let store = self.stores.iter().find(|store| store.number == number);
         let touches = store.iter().map(|store| {
@@ -204,7 +201,6 @@ impl<A: Rules> Machine<'_, A> {
         }
     }
 
-    /// Makes a pending store take effect.
     pub(crate) fn settle(&mut self, number: u32, memory: &mut Memory<'_, A>) -> Option<Done> {
         let at = self.stores.iter().position(|store| store.number == number)?;
         let Late { lane, slot, at, function, signed, word, site, turn, .. } =
@@ -252,7 +248,6 @@ impl<A: Rules> Machine<'_, A> {
         self.waits |= reads && *seen > PATIENCE;
     }
 
-    /// The values of the words that an atomic accesses, before it takes effect.
     pub(super) fn words_at(&self, op: Op, registers: &[u32], memory: &Memory<'_, A>) -> Vec<u32> {
         let Some(walk) = self.code.walk_of(op) else { return Vec::new() };
         let buffer = &memory.buffers[walk.buffer as usize];

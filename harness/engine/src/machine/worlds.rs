@@ -82,7 +82,6 @@ impl<A: Rules> State<A> {
 }
 
 struct Frame<A: Rules> {
-    /// The mask at the entry of the construct.
     saved: Box<[bool]>,
     /// The lanes that have reached the end of the construct, and have their variables in the registers.
     ended: Box<[bool]>,
@@ -258,7 +257,6 @@ impl<'p, A: Rules> Worlds<'p, A> {
         self.any
     }
 
-    /// Closes a branch, a switch or a call.
     pub(crate) fn leave(&mut self, files: &mut Files<'_, A>, is_if: bool) -> bool {
         let Some(mut frame) = self.frames.pop() else { return self.any };
         for lane in 0..self.width {
@@ -279,7 +277,6 @@ impl<'p, A: Rules> Worlds<'p, A> {
         self.any
     }
 
-    /// Ends a loop's body.
     pub(crate) fn continuing(&mut self, files: &mut Files<'_, A>) {
         let Some(frame) = self.frames.last_mut() else { return };
         for lane in 0..self.width {
@@ -316,7 +313,6 @@ impl<'p, A: Rules> Worlds<'p, A> {
         self.current[lane] && self.frames.last().is_some_and(|frame| frame.waiting.here[lane])
     }
 
-    /// Removes a lane from the innermost loop.
     pub(crate) fn drop_from_loop(&mut self, files: &Files<'_, A>, lane: usize) {
         if let Some(frame) = self.frames.last_mut() {
             frame.waiting.add(files, self.mutable, lane);

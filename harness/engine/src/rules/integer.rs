@@ -3,7 +3,6 @@
 use super::integer_rules;
 use crate::interval::Range;
 
-/// Reads each word as a signed integer.
 fn signed<const N: usize>(x: [u32; N]) -> [i32; N] {
     x.map(u32::cast_signed)
 }

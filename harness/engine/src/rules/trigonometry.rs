@@ -103,7 +103,6 @@ fn inside(x: Interval) -> Interval {
     if x.lo() >= -1.0 && x.hi() <= 1.0 { x } else { Interval::UNBOUNDED }
 }
 
-/// Computes `sqrt(1 - x x)`.
 fn opposite(x: Interval) -> Interval {
     Interval::point(1.0).sub(x.mul(x)).sqrt()
 }

@@ -3,7 +3,6 @@
 use super::{Address, Comparison, Dimension, Filter, Sampler, Texels, Texture, cube};
 use crate::arithmetic::sealed::Rules;
 
-/// The level of detail of a sample.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Level {
     /// The level is given.
@@ -30,7 +29,6 @@ fn floor(x: f64) -> (f64, i64) {
     (index as f64, index)
 }
 
-/// The position of a sample.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Place {
     pub(crate) at: [f64; 3],
@@ -412,7 +410,6 @@ impl Plane<'_> {
     }
 }
 
-/// The weighted mean of texels, or of their comparisons with a reference.
 pub(crate) struct Mean {
     compare: Option<(Comparison, f64)>,
     sum: [f64; 4],
@@ -458,7 +455,6 @@ impl Mean {
     }
 }
 
-/// The texel that an address mode selects.
 fn addressed(index: i64, size: u32, mode: Address) -> u32 {
     let n = i64::from(size);
     let found = match mode {

@@ -30,7 +30,6 @@ fn branches_differ_by_lane() {
     assert_eq!(words(source, &rows), expected);
 }
 
-/// The result of the loops below.
 fn walked(n: u32) -> u32 {
     let mut sum = 0u32;
     let mut i = 0u32;

@@ -7,7 +7,6 @@ use karat_engine::{Explorer, Options, Program, Resources, Schedule, Settings, St
 
 use crate::common::module;
 
-/// An atomic of a generated program.
 #[derive(Clone, Copy, Debug)]
 enum Atomic {
     Load(usize),

@@ -257,10 +257,8 @@ const INDICES: [Index; 7] = [
 
 const WIDTH: u32 = 8;
 
-/// An index as WGSL, and its value for an invocation.
 type Index = (&'static str, fn(u32) -> u32);
 
-/// A statement of a generated kernel.
 #[derive(Clone, Copy)]
 enum Statement {
     /// A barrier for workgroup memory, or for storage if `storage` is set.
@@ -341,7 +339,6 @@ fn text(kernel: &[Statement]) -> String {
     text + "}\n"
 }
 
-/// An access, for the naive detector.
 struct Naive {
     /// The index of the access's statement in the kernel.
     statement: usize,

@@ -7,7 +7,6 @@ use karat_engine::{F32, Intervals, Lane, Options, Resources};
 
 use crate::common::{call, program};
 
-/// The number of variables of a program.
 const VARIABLES: usize = 5;
 
 enum Expression {

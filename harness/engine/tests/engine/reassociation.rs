@@ -28,7 +28,6 @@ struct Random {
     format: Format,
 }
 
-/// The format of a program's floats.
 #[derive(Clone, Copy, PartialEq)]
 enum Format {
     Single,

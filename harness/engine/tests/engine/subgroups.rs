@@ -34,7 +34,6 @@ fn run(body: &str, schedule: Schedule) -> Vec<u32> {
     words.map(u32::from_le_bytes).collect()
 }
 
-/// The `x` of a lane, as in the shader.
 fn x(i: u32) -> u32 {
     (i * 7 + 3) % 13
 }
