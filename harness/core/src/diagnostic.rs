@@ -139,7 +139,7 @@ impl Span {
 }
 
 impl fmt::Display for Span {
-    /// Writes `file:line:column`. Terminals and editors can open such a position.
+    /// Writes `file:line:column`. Terminals and editors can open the file at such a position.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (line, column) = self.file.line_column(self.range.start);
         write!(f, "{}:{line}:{column}", self.file.name)

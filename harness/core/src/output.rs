@@ -17,17 +17,17 @@ use std::sync::LazyLock;
 pub struct Style(&'static str);
 
 impl Style {
-    /// For success.
+    /// The style for success.
     pub const GOOD: Self = Self("\u{1b}[32m");
-    /// For known issues.
+    /// The style for known issues.
     pub const KNOWN: Self = Self("\u{1b}[33m");
-    /// For failures.
+    /// The style for failures.
     pub const BAD: Self = Self("\u{1b}[1m\u{1b}[31m");
-    /// For the text that the reader looks for first.
+    /// The style for the text that the reader looks for first.
     pub const HEAD: Self = Self("\u{1b}[1m");
-    /// For the text that the reader looks for last.
+    /// The style for the text that the reader looks for last.
     pub const DIM: Self = Self("\u{1b}[2m");
-    /// Text without a style.
+    /// No style.
     pub const PLAIN: Self = Self("");
 }
 

@@ -311,7 +311,7 @@ impl Tolerance {
         Self::PerLane(lanes.into_iter().collect())
     }
 
-    /// Passes if this or `other` passes.
+    /// A tolerance that passes if `self` or `other` passes.
     ///
     /// ```
     /// use karat::{Abs, Rel, Ulp};
@@ -329,7 +329,7 @@ impl Tolerance {
         }
     }
 
-    /// Passes if this and `other` pass.
+    /// A tolerance that passes if both `self` and `other` pass.
     ///
     /// ```
     /// use karat::{Abs, Rel, Ulp};
@@ -607,12 +607,12 @@ macro_rules! leaf {
         }
 
         impl $leaf {
-            /// Passes if this or `other` passes.
+            /// A tolerance that passes if `self` or `other` passes.
             pub fn or(self, other: impl Into<Tolerance>) -> Tolerance {
                 Tolerance::from(self).or(other)
             }
 
-            /// Passes if this and `other` pass.
+            /// A tolerance that passes if both `self` and `other` pass.
             pub fn and(self, other: impl Into<Tolerance>) -> Tolerance {
                 Tolerance::from(self).and(other)
             }

@@ -170,7 +170,7 @@ impl Numbering {
     }
 }
 
-/// A domain of Rust values as a stream.
+/// A [`Stream`] of the values of a Rust domain.
 #[derive(Debug)]
 #[doc(hidden)]
 pub struct Typed<D: Domain> {
