@@ -61,7 +61,8 @@ float_rules! {
             double: |[x]| [libm::frexp(x).0],
             interval: |[x]| [mantissa(x)],
         }
-        /// Rounds to half precision: to the nearest number, and ties to even. A number outside of the range becomes infinite.
+        /// Rounds to half precision: to the nearest number, and ties to even. A number outside of the range becomes
+        /// infinite.
         Quantize[1, 1] = QuantizeToF16 {
             single: |[x]| [half::f16::from_f32(x).to_f32()],
             double: |[x]| [half::f16::from_f64(x).to_f64()],
