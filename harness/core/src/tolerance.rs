@@ -145,9 +145,9 @@ impl Unit {
             Self::Abs => "abs",
             Self::Exact => "different",
             Self::Statement => "doesn't hold",
-            Self::Shader => "from what this code may return to the reference",
-            Self::Driver => "outside of what WGSL allows",
-            Self::Measured => "outside of what was measured",
+            Self::Shader => "from the range that this code may return to the reference",
+            Self::Driver => "outside of the range that WGSL allows",
+            Self::Measured => "outside of the measured range",
             Self::Conditioning => "wide",
             Self::Unbounded => "unbounded",
         }

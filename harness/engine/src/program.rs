@@ -315,7 +315,7 @@ impl Program {
     pub(crate) fn has_rules<A: Arithmetic>(&self) -> Result<(), Stop> {
         match (self.code.half, self.code.subgroup) {
             (Some(span), _) if A::UNDECIDED => {
-                Err(Stop::NoRule { what: "this in half precision", span })
+                Err(Stop::NoRule { what: "this operation in half precision", span })
             }
             (_, Some(span)) if A::UNDECIDED => Err(Stop::NoRule { what: "subgroups", span }),
             _ => Ok(()),

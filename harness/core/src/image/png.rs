@@ -54,7 +54,7 @@ impl Image {
     /// # Panics
     /// If `stops` isn't finite.
     pub fn write_png_exposed(&self, path: &Path, stops: f32) -> Result<(), ImageError> {
-        assert!(stops.is_finite(), "an exposure of {stops} stops");
+        assert!(stops.is_finite(), "the exposure of {stops} stops isn't finite");
         written(path, (self.width, self.height), png::ColorType::Rgb, &self.exposed(stops))
     }
 

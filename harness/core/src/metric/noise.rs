@@ -136,7 +136,9 @@ impl Noise<'_> {
         for (name, image) in [("golden", self.golden), ("frame", self.actual)] {
             let (width, height) = (image.width(), image.height());
             if (width, height) != size {
-                return Some(format!("the variance of the {name} is {width} x {height}"));
+                return Some(format!(
+                    "the variance of the {name} is {width} x {height}, which isn't the size of the frame"
+                ));
             }
             let sound = |pixel: &[f32; 4]| pixel[..3].iter().all(|v| *v >= 0.0 && v.is_finite());
             let places = (0..).map(|index| pair.place(index)).zip(image.pixels());
