@@ -92,7 +92,7 @@ impl SourceFile {
         written + (offset - text)
     }
 
-    /// The file with its hash. `None` for a text in memory, whose name begins with `<`.
+    /// The file with its hash. `None` for a text in memory: its name begins with `<`.
     #[doc(hidden)]
     pub fn read(&self) -> Option<FileRead> {
         let file = Path::new(&self.name);

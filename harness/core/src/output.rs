@@ -45,7 +45,7 @@ impl fmt::Display for Style {
     }
 }
 
-/// Marks a text whose terminal commands come from Karat, so that an [`Output`] writes them unchanged.
+/// Marks the terminal commands in a text as Karat's own, so that an [`Output`] writes them unchanged.
 #[must_use]
 pub fn trusted(text: &str) -> String {
     text.replace('\u{1b}', &MARK)
@@ -67,7 +67,7 @@ pub fn with_colours(text: &str) -> String {
     marked
 }
 
-/// A count with its noun, whose plural ends in `s`: `1 check`, `12 checks`.
+/// A count with its noun: `1 check`, `12 checks`. The plural of the noun must end in `s`.
 #[must_use]
 pub fn counted(count: impl TryInto<u64>, one: &str) -> String {
     // A count that doesn't fit into `u64` gets the plural.

@@ -217,7 +217,7 @@ fn set(name: &str) -> Option<OsString> {
     std::env::var_os(name).filter(|value| !value.is_empty())
 }
 
-/// The folder whose files replace modules.
+/// The folder with the files that replace modules.
 #[doc(hidden)]
 pub fn overlay() -> Option<PathBuf> {
     set(OVERLAY).map(PathBuf::from)

@@ -302,7 +302,7 @@ pub(crate) struct Code {
     pub(crate) results: Vec<(Reg, Scalar)>,
     /// The number of registers of each file that a named value has.
     pub(crate) marks: Vec<[u32; 3]>,
-    /// The source position of the first operation of half precision whose error WGSL doesn't limit.
+    /// The source position of the first operation in half precision for which WGSL doesn't limit the error.
     pub(crate) half: Option<Span>,
     /// Registers that operations store to. Only these can differ between the worlds of a lane.
     pub(crate) mutable: [Vec<u32>; 3],
@@ -384,13 +384,13 @@ pub(crate) enum From {
     First,
     /// The lane with this index.
     Lane,
-    /// The lane whose index is higher by the operand. `Below` is the lane whose index is lower.
+    /// The lane with an index that is higher by the operand. For `Below`, it is lower.
     Above,
     Below,
     Xor,
     /// The lane with this index in the quad.
     OfQuad,
-    /// The lane whose number differs in these bits.
+    /// The lane with a number that differs in these bits.
     Swap(u32),
 }
 

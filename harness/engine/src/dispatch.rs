@@ -381,7 +381,7 @@ impl Program {
         self.entry.as_ref().map(|entry| if entry.drawn { [1; 3] } else { entry.size })
     }
 
-    /// Checks if this is an entry point whose results may depend on the size of subgroups.
+    /// Checks if this is an entry point, and its results may depend on the size of subgroups.
     #[must_use]
     pub fn has_subgroups(&self) -> bool {
         let given = |entry: &Entry| entry.inputs.iter().any(|(one, _)| is_of_subgroups(*one));

@@ -113,7 +113,7 @@ struct Node {
     chosen: Actor,
     /// The actors that must go next at this point in some order.
     wanted: BTreeSet<Actor>,
-    /// The actors whose turn at this point leads to an order that has already run.
+    /// The actors that needn't get a turn at this point: the turn leads to an order that has already run.
     asleep: BTreeMap<Actor, Step>,
 }
 

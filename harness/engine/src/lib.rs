@@ -78,7 +78,6 @@
 //!   [`Schedule`] may run them one by one, or some of them together. Then each such unit has its own machine, which
 //!   stops before atomics and at barriers. Workgroups run one after another, unless one waits for another.
 //! - A subgroup has 32 successive lanes, unless a [`Schedule`] sets another number.
-//! - Subgroups are lanes in a row, 32 of them unless a [`Schedule`] says otherwise.
 
 mod accuracy;
 mod allocate;

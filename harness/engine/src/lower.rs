@@ -541,7 +541,7 @@ fn image_of(inner: &TypeInner) -> Option<(naga::ImageDimension, naga::ScalarKind
     Some((dim, kind))
 }
 
-/// The word of an override whose value is given as `f64`.
+/// Converts an override's value, which is given as `f64`, to a word.
 fn override_word(scalar: Scalar, given: f64) -> u32 {
     match scalar {
         Scalar::F32 => (given as f32).to_bits(),

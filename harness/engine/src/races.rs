@@ -216,7 +216,7 @@ pub struct Atomics {
 }
 
 impl Atomics {
-    /// The largest number of atomics whose orders are counted. More atomics have too many orders to try.
+    /// The largest number of atomics for which orders are counted. More atomics have too many orders to try.
     const COUNTED: usize = 1 << 12;
 
     fn add(&mut self, invocation: usize, word: Word, kind: Touch) {

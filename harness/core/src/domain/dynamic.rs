@@ -365,7 +365,7 @@ impl Part {
         })
     }
 
-    /// Unit vectors whose `z` is at least `least`, a cosine: see [`Hemisphere::above`].
+    /// Unit vectors with `z` of at least `least`, a cosine: see [`Hemisphere::above`].
     ///
     /// ```
     /// use karat::unstable::domain::Part;

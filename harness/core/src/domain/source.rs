@@ -71,7 +71,7 @@ impl Source {
         u64::try_from(scaled).expect("a 64-bit fraction of a u64 is a u64")
     }
 
-    /// A distance from 2^-24 to 1 whose logarithm is approximately uniform. Use it for points close to an edge, down to
+    /// A distance from 2^-24 to 1 with an approximately uniform logarithm. Use it for points close to an edge, down to
     /// the last bit of an `f32` near 1.
     ///
     /// ```

@@ -126,7 +126,7 @@ mod tests {
 
     #[test]
     fn a_stop_is_a_factor_of_two() {
-        // The expected values are 0.18 / 1.18 and the like, encoded as sRGB.
+        // The expected value is 0.18 / 1.18, encoded as sRGB.
         assert_eq!(reds(&[5.0], 0.0), [109]);
         assert_eq!(reds(&[5.0], 1.0), reds(&[10.0, 2.5], 0.0)[..1]);
         assert_eq!(reds(&[5.0], -1.0), reds(&[10.0, 2.5], 0.0)[1..]);

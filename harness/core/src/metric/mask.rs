@@ -130,8 +130,8 @@ enum Kind {
 }
 
 impl Mask {
-    /// Compares the pixels whose red channel is above 0.5. The image must have the frame's size. Read a painted mask
-    /// with [`Image::read_stored`].
+    /// Compares the pixels with a red channel above 0.5. The image must have the frame's size. Read a painted mask with
+    /// [`Image::read_stored`].
     ///
     /// ```
     /// use karat::Image;

@@ -69,7 +69,8 @@ impl Code {
         }
     }
 
-    /// The change by an atomic whose result nothing uses. Its invocation needn't wait until the change takes effect.
+    /// The change that an atomic makes, if nothing uses its result. Its invocation needn't wait until the change takes
+    /// effect.
     fn stored(&self, op: Op) -> Option<Option<AtomicFunction>> {
         let walk = self.walk_of(op)?;
         match (op, walk.atomic) {
