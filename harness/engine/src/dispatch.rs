@@ -141,7 +141,7 @@ impl Entry {
         let global = |k: usize| id[k].wrapping_mul(self.size[k]).wrapping_add(local[k]);
         match builtin {
             BuiltIn::Position { .. } if k < 2 => (global(k) as f32 + 0.5).to_bits(),
-            // The z of a position is the depth of the near plane, and the w is 1.
+            // The third component is the depth of the near plane, and the fourth is 1/w.
             BuiltIn::Position { .. } => [0.0_f32, 1.0][k - 2].to_bits(),
             BuiltIn::GlobalInvocationId => global(k),
             BuiltIn::LocalInvocationId => local[k],

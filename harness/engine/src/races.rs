@@ -459,8 +459,8 @@ impl Detector {
         self.base = base as u32;
     }
 
-    /// Releases all invocations of the workgroup from a barrier. `held` has the first invocation of each machine at a
-    /// barrier, with the barrier's site. Each machine has `lanes` invocations.
+    /// Releases all invocations of the workgroup that haven't ended from a barrier. `held` has the first invocation of
+    /// each machine at a barrier, with the barrier's site. Each machine has `lanes` invocations.
     pub(crate) fn release(&mut self, code: &Code, held: &[(usize, u32)], lanes: usize) {
         for (epoch, waiting) in self.epochs.iter_mut().zip(&mut self.waiting) {
             *epoch += u32::from(std::mem::take(waiting));

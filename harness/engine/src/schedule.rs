@@ -216,7 +216,8 @@ impl Turns for ByPriority<'_> {
             self.last = actor;
             return Some(actor);
         }
-        // The explored order may name an actor that isn't ready, because its order ended before this atomic.
+        // After the last turn of the explored order, priorities decide. They also decide if the order's next actor
+        // isn't ready.
         if let Some(wanted) = self.turns.next()
             && self.heap.iter().any(|(_, actor)| actor.0 == *wanted)
         {

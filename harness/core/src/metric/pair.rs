@@ -327,8 +327,7 @@ impl<'a> Pair<'a> {
         }
     }
 
-    /// The largest difference of a channel relative to the golden's value. The relative difference of dark values isn't
-    /// limited.
+    /// The largest difference of a channel relative to the golden's value. Dark values count, too.
     pub(super) fn largest_relative(&self) -> f32 {
         self.largest_relative
     }
