@@ -404,7 +404,7 @@ fn masks_leave_out_what_they_say() {
     assert_eq!(refused(&Mask::wherever(|_, _| false)), PairError::Mask(MaskError::Nothing));
     assert_eq!(refused(&Mask::only(&[])).to_string(), "the mask leaves no pixel to compare");
     let error = refused(&Mask::image(image(8, 8, |_, _, _| 1.0)));
-    assert_eq!(error.to_string(), "the mask is 8 x 8, the frame 64 x 48");
+    assert_eq!(error.to_string(), "the mask has 8 x 8 pixels, but the frame 64 x 48");
     for rect in [Rect::new(60, 0, 5, 5), Rect::new(3, 3, 0, 4), Rect::new(u32::MAX, 0, 2, 2)] {
         assert!(matches!(
             refused(&Mask::except(&[rect])),

@@ -92,7 +92,7 @@ impl SourceFile {
         written + (offset - text)
     }
 
-    /// The file with its hash. `None` for a text in memory, whose name begins with `<`.
+    /// The file with its hash. `None` for a text in memory: its name begins with `<`.
     #[doc(hidden)]
     pub fn read(&self) -> Option<FileRead> {
         let file = Path::new(&self.name);
@@ -139,7 +139,7 @@ impl Span {
 }
 
 impl fmt::Display for Span {
-    /// Writes `file:line:column`. Terminals and editors can open such a position.
+    /// Writes `file:line:column`. Terminals and editors can open the file at such a position.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let (line, column) = self.file.line_column(self.range.start);
         write!(f, "{}:{line}:{column}", self.file.name)

@@ -42,7 +42,7 @@ pub enum Kind {
 }
 
 impl Kind {
-    /// The kind's name. `karat.toml` and JSON use the same name, with `_` for blanks.
+    /// The kind's name. `karat.toml` and JSON use it in lower case, with `_` for blanks.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {

@@ -80,7 +80,7 @@ impl Image {
     #[must_use]
     pub fn new(width: u32, height: u32, pixels: Vec<[f32; 4]>) -> Self {
         let expected = width as usize * height as usize;
-        assert_eq!(pixels.len(), expected, "a {width} x {height} image has {expected} pixels");
+        assert_eq!(pixels.len(), expected, "a {width} x {height} image needs {expected} pixels");
         Self { width, height, pixels, origin: None }
     }
 

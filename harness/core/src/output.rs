@@ -17,17 +17,17 @@ use std::sync::LazyLock;
 pub struct Style(&'static str);
 
 impl Style {
-    /// For success.
+    /// The style for success.
     pub const GOOD: Self = Self("\u{1b}[32m");
-    /// For known issues.
+    /// The style for known issues.
     pub const KNOWN: Self = Self("\u{1b}[33m");
-    /// For failures.
+    /// The style for failures.
     pub const BAD: Self = Self("\u{1b}[1m\u{1b}[31m");
-    /// For the text that the reader looks for first.
+    /// The style for the text that the reader looks for first.
     pub const HEAD: Self = Self("\u{1b}[1m");
-    /// For the text that the reader looks for last.
+    /// The style for the text that the reader looks for last.
     pub const DIM: Self = Self("\u{1b}[2m");
-    /// Text without a style.
+    /// No style.
     pub const PLAIN: Self = Self("");
 }
 
@@ -45,7 +45,7 @@ impl fmt::Display for Style {
     }
 }
 
-/// Marks a text whose terminal commands come from Karat, so that an [`Output`] writes them unchanged.
+/// Marks the terminal commands in a text as Karat's own, so that an [`Output`] writes them unchanged.
 #[must_use]
 pub fn trusted(text: &str) -> String {
     text.replace('\u{1b}', &MARK)
@@ -67,7 +67,7 @@ pub fn with_colours(text: &str) -> String {
     marked
 }
 
-/// A count with its noun, whose plural ends in `s`: `1 check`, `12 checks`.
+/// A count with its noun: `1 check`, `12 checks`. The plural of the noun must end in `s`.
 #[must_use]
 pub fn counted(count: impl TryInto<u64>, one: &str) -> String {
     // A count that doesn't fit into `u64` gets the plural.

@@ -49,7 +49,6 @@ impl fmt::Display for Panicked {
 thread_local! {
     /// `true` while panics of this thread are caught.
     static CAUGHT: Cell<bool> = const { Cell::new(false) };
-    /// The file and line of the last caught panic.
     static PLACE: RefCell<String> = const { RefCell::new(String::new()) };
 }
 

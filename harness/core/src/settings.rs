@@ -11,7 +11,6 @@ use std::time::Duration;
 
 use crate::diagnostic::nearest;
 
-/// The prefix of Karat's variables.
 const PREFIX: &str = "KARAT_";
 
 /// Every variable that Karat reads, with its purpose and its default.
@@ -53,7 +52,6 @@ const VARIABLES: [(&str, &str); 17] = [
     (BROWSER, "Chromium for Karat's own tests of the review page (the first that Karat finds)"),
 ];
 
-/// The names of the variables.
 const NAMES: [&str; VARIABLES.len()] = {
     let mut names = [""; VARIABLES.len()];
     let mut index = 0;
@@ -219,7 +217,7 @@ fn set(name: &str) -> Option<OsString> {
     std::env::var_os(name).filter(|value| !value.is_empty())
 }
 
-/// The folder whose files replace modules.
+/// The folder with the files that replace modules.
 #[doc(hidden)]
 pub fn overlay() -> Option<PathBuf> {
     set(OVERLAY).map(PathBuf::from)

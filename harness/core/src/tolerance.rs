@@ -145,9 +145,9 @@ impl Unit {
             Self::Abs => "abs",
             Self::Exact => "different",
             Self::Statement => "doesn't hold",
-            Self::Shader => "from what this code may return to the reference",
-            Self::Driver => "outside of what WGSL allows",
-            Self::Measured => "outside of what was measured",
+            Self::Shader => "from the range that this code may return to the reference",
+            Self::Driver => "outside of the range that WGSL allows",
+            Self::Measured => "outside of the measured range",
             Self::Conditioning => "wide",
             Self::Unbounded => "unbounded",
         }
@@ -311,7 +311,7 @@ impl Tolerance {
         Self::PerLane(lanes.into_iter().collect())
     }
 
-    /// Passes if this or `other` passes.
+    /// A tolerance that passes if `self` or `other` passes.
     ///
     /// ```
     /// use karat::{Abs, Rel, Ulp};
@@ -329,7 +329,7 @@ impl Tolerance {
         }
     }
 
-    /// Passes if this and `other` pass.
+    /// A tolerance that passes if both `self` and `other` pass.
     ///
     /// ```
     /// use karat::{Abs, Rel, Ulp};
@@ -607,12 +607,12 @@ macro_rules! leaf {
         }
 
         impl $leaf {
-            /// Passes if this or `other` passes.
+            /// A tolerance that passes if `self` or `other` passes.
             pub fn or(self, other: impl Into<Tolerance>) -> Tolerance {
                 Tolerance::from(self).or(other)
             }
 
-            /// Passes if this and `other` pass.
+            /// A tolerance that passes if both `self` and `other` pass.
             pub fn and(self, other: impl Into<Tolerance>) -> Tolerance {
                 Tolerance::from(self).and(other)
             }

@@ -144,25 +144,25 @@ pub enum Shape {
     Scalar(Scalar),
     /// `vecN<T>`
     Vector {
-        /// Number of components, 2 to 4.
+        /// The number of components, from 2 to 4.
         size: u8,
-        /// Type of a component.
+        /// The type of a component.
         scalar: Scalar,
     },
     /// `matCxR<T>`, stored by columns.
     Matrix {
-        /// Number of columns, 2 to 4.
+        /// The number of columns, from 2 to 4.
         columns: u8,
-        /// Number of rows, 2 to 4.
+        /// The number of rows, from 2 to 4.
         rows: u8,
-        /// Type of a component.
+        /// The type of a component.
         scalar: Scalar,
     },
     /// `array<T, N>`
     Array {
-        /// Type of an element.
+        /// The type of an element.
         element: Box<Shape>,
-        /// Number of elements, at least 1.
+        /// The number of elements. It is at least 1.
         length: u32,
     },
     /// A structure in WGSL.

@@ -1,4 +1,4 @@
-//! Cases per second of two functions, in each arithmetic.
+//! Measures how many cases per second two functions run, in each arithmetic.
 //!
 //! `cargo run --release --example speed`
 #![expect(clippy::print_stdout, reason = "a program for the terminal")]

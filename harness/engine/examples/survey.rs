@@ -1,7 +1,8 @@
-//! The functions of a WGSL file that the engine executes, and the reason why it refuses each other one.
+//! Lists the functions of a WGSL file that the engine can execute. For each other function, prints why the engine
+//! refuses it.
 //!
-//! `cargo run --example survey -- file.wgsl` calls each function that lowers with 64 rows of generated arguments, in
-//! each arithmetic, and lowers each compute entry point.
+//! `cargo run --example survey -- file.wgsl` calls each function that can be lowered with 64 rows of generated
+//! arguments, in each arithmetic. It only lowers compute entry points.
 #![expect(clippy::print_stdout, reason = "a program for the terminal")]
 
 use karat_engine::{F32, F64, Intervals, Options, Program, Resources, Scalar, Settings, Stop};
@@ -43,7 +44,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             }
         }
     }
-    println!("{good} of {all} functions lower, {ran} run without resources");
+    println!("{good} of {all} functions can be lowered, {ran} run without resources");
     Ok(())
 }
 

@@ -38,14 +38,12 @@ enum Shape {
     Tangent,
 }
 
-/// A function of one number that Karat measures.
 #[derive(Debug)]
 struct Function {
     text: &'static str,
     rule: FloatRule,
     exact: fn(f64) -> f64,
     shape: Shape,
-    /// The range of arguments for which the function is defined.
     domain: (f64, f64),
 }
 
@@ -367,7 +365,6 @@ fn multiple(of: f64, bucket: u32, nth: u32) -> Option<f32> {
     (first >= 1.0 && turn <= last && x.is_finite()).then(|| x.copysign(least))
 }
 
-/// The buckets of all numbers from `lo` to `hi`.
 fn buckets(lo: f32, hi: f32) -> impl Iterator<Item = usize> {
     const NEGATIVE: usize = BUCKETS / 2;
     let negative = if lo < 0.0 {

@@ -12,9 +12,7 @@ use crate::scalar::File;
 struct Life {
     first: u32,
     last: u32,
-    /// The number of writes to the register.
     writes: u32,
-    /// The number of reads of the register.
     reads: u32,
 }
 

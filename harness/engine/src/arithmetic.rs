@@ -162,7 +162,7 @@ pub(crate) mod sealed {
         ) -> Self::Float;
         /// `true` if `note` has an effect.
         const NOTES: bool;
-        /// An unbounded float whose cause is operation `site`. `None` if the arithmetic has no such values.
+        /// An unbounded float with operation `site` as its cause. `None` if the arithmetic has no such values.
         fn unknown_float(site: u32) -> Option<Self::Float>;
         /// The range of all integers of the type. `None` if the arithmetic has no ranges.
         fn unknown_int(signed: bool) -> Option<Self::Int>;

@@ -152,7 +152,6 @@ impl Op {
     }
 }
 
-/// An operation with its registers, its jump target and its origin.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Instruction {
     pub(crate) op: Op,
@@ -172,7 +171,6 @@ pub(crate) struct Step {
     pub(crate) signed: bool,
 }
 
-/// The number of elements of an array.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Count {
     Fixed(u32),
@@ -186,7 +184,6 @@ pub(crate) enum Count {
 /// A computed integer that may wrap around: an index, or a difference that becomes a float.
 #[derive(Clone, Debug)]
 pub(crate) struct Wrap {
-    /// The buffer with the elements, if there is one.
     pub(crate) buffer: Option<u32>,
     /// The array that is indexed. `None` for a difference that becomes a float.
     pub(crate) step: Option<Step>,
@@ -217,7 +214,6 @@ pub(crate) struct Walk {
     pub(crate) plain: bool,
 }
 
-/// The effect of an atomic on a word of memory.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct AtomicOp {
     pub(crate) function: AtomicFunction,
@@ -244,7 +240,6 @@ pub struct Site {
     pub half: bool,
 }
 
-/// A constant that fills a register.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) struct Constant {
     pub(crate) scalar: Scalar,
@@ -258,13 +253,12 @@ pub(crate) struct Shape {
     pub(crate) ins: [u32; 3],
 }
 
-/// A buffer, or a variable in workgroup memory.
 #[derive(Clone, Debug)]
 pub(crate) struct BufferSlot {
     pub(crate) binding: Binding,
     pub(crate) name: String,
     pub(crate) span: Span,
-    /// The size of its type, in bytes. The last array counts with one element if its size is known only at run time.
+    /// The least size of its type, in bytes. For an array with a length known only at run time, it is 0.
     pub(crate) least: u32,
     pub(crate) written: bool,
 }
@@ -276,7 +270,6 @@ impl BufferSlot {
     }
 }
 
-/// The owner of a buffer's bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Binding {
     /// A resource of the caller.
@@ -309,11 +302,10 @@ pub(crate) struct Code {
     pub(crate) results: Vec<(Reg, Scalar)>,
     /// The number of registers of each file that a named value has.
     pub(crate) marks: Vec<[u32; 3]>,
-    /// The source position of the first operation of half precision whose error WGSL doesn't limit.
+    /// The source position of the first operation in half precision for which WGSL doesn't limit the error.
     pub(crate) half: Option<Span>,
     /// Registers that operations store to. Only these can differ between the worlds of a lane.
     pub(crate) mutable: [Vec<u32>; 3],
-    /// The statements of the program, if they are listed.
     pub(crate) statements: Vec<Statement>,
     /// Ranges of registers that are selected by an index, so they must stay together.
     pub(crate) pinned: Vec<(File, u32, u32)>,
@@ -328,7 +320,6 @@ impl Code {
     }
 }
 
-/// A texture or a sampler.
 #[derive(Clone, Debug)]
 pub(crate) struct HandleSlot {
     pub(crate) written: bool,
@@ -359,7 +350,6 @@ pub(crate) struct ImageOp {
     pub(crate) ins: [u32; 3],
 }
 
-/// The kind of an operation on a texture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum ImageKind {
     Sample { detail: Detail, compare: bool, gather: Option<u8>, clamp: bool },
@@ -394,13 +384,13 @@ pub(crate) enum From {
     First,
     /// The lane with this index.
     Lane,
-    /// The lane whose index is higher by the operand. `Below` is the lane whose index is lower.
+    /// The lane with an index that is higher by the operand. For `Below`, it is lower.
     Above,
     Below,
     Xor,
     /// The lane with this index in the quad.
     OfQuad,
-    /// The lane whose number differs in these bits.
+    /// The lane with a number that differs in these bits.
     Swap(u32),
 }
 
@@ -427,7 +417,6 @@ impl Code {
         self.instructions.iter().any(|one| matches!(one.op, Op::Neighbour(_)))
     }
 
-    /// The number of registers of an operation.
     pub(crate) fn shape(&self, op: Op) -> Shape {
         let one = |file: File| {
             let mut counts = [0; 3];

@@ -52,7 +52,6 @@ pub enum StatementKind {
     Exit,
 }
 
-/// The largest number of ways of a statement.
 const WAYS: usize = 3;
 
 /// The counters of a program's operations. All runs of the program add to them.
@@ -61,7 +60,6 @@ pub struct Counts(Vec<Counter>);
 
 #[derive(Debug, Default)]
 struct Counter {
-    /// The number of lanes that reached the operation.
     lanes: AtomicU64,
     /// The index of the first case that reached the operation, plus 1. It is 0 if no case did.
     first: AtomicU64,

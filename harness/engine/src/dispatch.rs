@@ -123,7 +123,6 @@ fn is_of_subgroups(builtin: BuiltIn) -> bool {
     )
 }
 
-/// The inputs that all invocations of a workgroup share.
 struct Given {
     id: [u32; 3],
     workgroups: [u32; 3],
@@ -131,7 +130,6 @@ struct Given {
 }
 
 impl Entry {
-    /// The word of an input for an invocation of a workgroup.
     fn word(&self, (builtin, k): (BuiltIn, usize), index: usize, given: &Given) -> u32 {
         let Given { id, workgroups, subgroup } = *given;
         let [x, y, z] = self.size;
@@ -143,7 +141,7 @@ impl Entry {
         let global = |k: usize| id[k].wrapping_mul(self.size[k]).wrapping_add(local[k]);
         match builtin {
             BuiltIn::Position { .. } if k < 2 => (global(k) as f32 + 0.5).to_bits(),
-            // The z of a position is the depth of the near plane, and the w is 1.
+            // The third component is the depth of the near plane, and the fourth is 1/w.
             BuiltIn::Position { .. } => [0.0_f32, 1.0][k - 2].to_bits(),
             BuiltIn::GlobalInvocationId => global(k),
             BuiltIn::LocalInvocationId => local[k],
@@ -169,7 +167,6 @@ struct Room<'p, 'm, A: Arithmetic> {
     /// site.
     open: usize,
     held: Vec<(usize, u32)>,
-    /// The number of stores that haven't taken effect yet.
     stores: usize,
     /// The machines that are at a barrier and have stores that haven't taken effect yet.
     draining: Vec<(usize, u32)>,
@@ -219,15 +216,16 @@ impl<'p, 'm, A: Arithmetic> Room<'p, 'm, A> {
 /// An atomic in a run that records the order of its atomics.
 #[derive(Clone, Debug)]
 pub struct Turn {
-    /// The number of the invocation in the dispatch; the first, if several run side by side.
+    /// The number of the invocation in the dispatch. If several run side by side, it is the number of the first.
     pub invocation: usize,
-    /// Its place in the source.
+    /// The atomic's position in the source.
     pub site: Site,
-    /// The word that it returned, or else wrote.
+    /// The word that the atomic returned, or wrote if it returns nothing.
     pub word: u32,
-    /// `true` if it returned a word that something uses.
+    /// `true` if another operation uses the word that the atomic returned.
     pub reads: bool,
-    /// For a store that took effect late: a later atomic of its invocation that others could see earlier.
+    /// For a store that took effect late: a later atomic of the same invocation, if another invocation could see the
+    /// later atomic before the store.
     pub behind: Option<Site>,
 }
 
@@ -238,7 +236,6 @@ pub(crate) struct Watch<'w> {
     explorer: Option<&'w mut Explorer>,
 }
 
-/// The order of atomics, if it is recorded.
 struct Order {
     /// Each atomic, with its word. A store also has the turn in which its invocation reached it.
     taken: Option<Vec<(Turn, Done)>>,
@@ -384,7 +381,7 @@ impl Program {
         self.entry.as_ref().map(|entry| if entry.drawn { [1; 3] } else { entry.size })
     }
 
-    /// Checks if this is an entry point whose results may depend on the size of subgroups.
+    /// Checks if this is an entry point, and its results may depend on the size of subgroups.
     #[must_use]
     pub fn has_subgroups(&self) -> bool {
         let given = |entry: &Entry| entry.inputs.iter().any(|(one, _)| is_of_subgroups(*one));

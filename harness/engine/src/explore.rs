@@ -88,7 +88,6 @@ fn join(to: &mut Clock, from: &[u32]) {
     to.iter_mut().zip(from).for_each(|(own, count)| *own = (*own).max(*count));
 }
 
-/// A turn that was taken.
 #[derive(Debug)]
 struct Taken {
     actor: Actor,
@@ -114,7 +113,7 @@ struct Node {
     chosen: Actor,
     /// The actors that must go next at this point in some order.
     wanted: BTreeSet<Actor>,
-    /// The actors whose turn at this point leads to an order that has already run.
+    /// The actors that needn't get a turn at this point: the turn leads to an order that has already run.
     asleep: BTreeMap<Actor, Step>,
 }
 
@@ -130,9 +129,7 @@ pub struct Explorer {
     ready: BTreeMap<Actor, Step>,
     waiting: BTreeMap<Actor, Step>,
     clocks: BTreeMap<Actor, Clock>,
-    /// The number of each actor.
     numbers: BTreeMap<Actor, usize>,
-    /// The number of pairs of turns that were compared in all runs.
     work: u64,
     /// A clock with all turns before the current dispatch.
     base: Clock,

@@ -109,7 +109,6 @@ impl Interval {
         Self { cause: (self.cause & REORDERED) | (site + 1), ..self }
     }
 
-    /// This interval with the cause of `other`.
     pub(crate) fn caused_as(self, other: Self) -> Self {
         Self { cause: other.cause, ..self }
     }
@@ -176,7 +175,6 @@ impl Interval {
         flushed
     }
 
-    /// The smallest interval that contains both intervals.
     pub(crate) fn join(self, other: Self) -> Self {
         if let (Some(ends), Some(others)) = (self.bounds(), other.bounds()) {
             let chain = self.chain.join(ends, other.chain, others);
@@ -239,7 +237,6 @@ impl Interval {
         }
     }
 
-    /// `x * x`, which is never negative.
     pub(crate) fn square(self) -> Self {
         match self.chained() {
             Some(x) => chain::multiply(x, x, true),
@@ -416,7 +413,6 @@ pub(crate) fn ulp(x: f64) -> f64 {
     f64::from_bits((exponent.max(LEAST) - 23) << 52)
 }
 
-/// An end of a range.
 #[derive(Clone, Copy, PartialEq)]
 enum End {
     Least,

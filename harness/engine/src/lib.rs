@@ -1,9 +1,9 @@
-//! WGSL on the CPU, over many cases at once, in three arithmetics.
+//! Runs WGSL on the CPU, for many cases at the same time, in three arithmetics.
 //!
-//! A [`Program`] is a function, a compute or a fragment entry point of a valid [`naga::Module`]. It is lowered
-//! once and then runs as often as wanted, with no driver and no adapter: in [`F32`], as a
-//! conforming GPU computes; in [`F64`], the shadow, which shows what rounding costs; and in
-//! [`Intervals`], which hold every result that the WGSL specification allows.
+//! A [`Program`] is a function, a compute entry point or a fragment entry point of a valid [`naga::Module`]. It is
+//! lowered once, and can then run many times without a driver or an adapter. In [`F32`] it computes as a conforming
+//! GPU. [`F64`] is the shadow, which shows how large rounding errors are. [`Intervals`] contain all results that the
+//! WGSL specification allows.
 //!
 //! ```
 //! use karat_engine::{F32, Options, Program, Resources, Settings};
@@ -16,66 +16,68 @@
 //! )
 //! .validate(&module)?;
 //! let program = Program::function(&module, &info, "double", &Settings::default())?;
-//! let rows = [1.5f32, -4.0].map(f32::to_bits); // one word a scalar, one row a case
+//! let rows = [1.5f32, -4.0].map(f32::to_bits); // one word for each scalar, one row for each case
 //! let results = program.call::<F32>(2, &rows, &Resources::new(), &Options::default(), &())?;
 //! assert_eq!(results.words(), [3f32, -8.0].map(f32::to_bits));
 //! # Ok(())
 //! # }
 //! ```
 //!
-//! # How it is cut
+//! # Parts of the engine
 //!
-//! **Lowering** (`lower`) turns expressions into operations over scalar registers: a `vec3f` is three of them, a
-//! matrix, a struct or an array as many as it has scalars. Calls are inlined, so that pointers, textures and samplers
-//! are known while lowering and don't exist at run time. Swizzles, composites and constant indices cost nothing.
-//! Lowering finds what the engine can't execute, and returns a [`Refusal`] with its place: run time has no such errors.
-//! Each operation keeps its [`Site`].
+//! **Lowering** (`lower`) turns expressions into operations on scalar registers. A `vec3f` has three registers. A
+//! matrix, a struct or an array has as many as it has scalars. Calls are inlined, so pointers, textures and samplers
+//! are known during lowering and don't exist at run time. Swizzles, composites and constant indices cost nothing.
+//! Lowering finds constructs that the engine can't execute, and returns a [`Refusal`] with the construct's position.
+//! There are no such errors at run time. Each operation keeps its [`Site`].
 //!
-//! **Allocation** (`allocate`) forwards copies, removes unused operations, and lets values that aren't alive at the
+//! **Allocation** (`allocate`) forwards copies, removes unused operations, and lets values that aren't needed at the
 //! same time share a register.
 //!
-//! **Domains** (`arithmetic`). An [`Arithmetic`] defines floats, integers and booleans. In intervals an integer is a
-//! [`Range`] and a boolean a [`Truth`], which may be undecided.
+//! **Arithmetics** (`arithmetic`). An [`Arithmetic`] defines floats, integers and booleans. In intervals, an integer is
+//! a [`Range`], and a boolean is a [`Truth`], which may be undecided.
 //!
-//! **The machine** (`machine`) runs a chunk of 256 cases: a register is a column of lanes (`columns`), and an operation
-//! one loop over them. Chunks run on all cores. Finding the operation costs once a chunk; each value costs its
-//! arithmetic.
+//! **The machine** (`machine`) runs a chunk of 256 cases. A register is a column of lanes (`columns`), and an operation
+//! is a loop over them. Chunks run on all cores. The cost of finding an operation occurs once for each chunk. The cost
+//! of the arithmetic occurs once for each value.
 //!
-//! **Control flow.** A mask says which lanes are active (`machine/masks`). Operations without effects run in all lanes,
-//! stores blend by the mask, and a loop goes round until no lane is active. Where a condition is undecided
-//! (`machine/worlds`), a lane takes both ways, each with its own copy of the variables, and joins the values where the
-//! ways meet. If the exit of a loop stays undecided for too long, the lane's results become unbounded.
+//! **Control flow.** A mask marks the active lanes (`machine/masks`). Operations without effects run in all lanes,
+//! stores change only active lanes, and a loop runs until no lane is active. If a condition is undecided
+//! (`machine/worlds`), a lane takes both ways, each with its own copy of the variables. Where the ways meet, the values
+//! are joined. If the exit of a loop stays undecided too long, the lane's results become unbounded.
 //!
-//! **Memory** (`machine/memory`). Variables are registers; those that are indexed at run time are ranges of registers.
-//! Buffers are bytes in naga's layout; in a written buffer, a float that isn't an `f32` is kept beside its rounded
-//! word. An index outside its array is clamped, and reported to the [`Observer`].
+//! **Memory** (`machine/memory`). Variables are registers, and variables that are indexed at run time are ranges of
+//! registers. Buffers are bytes in naga's layout. In a written buffer, a float that isn't an `f32` is kept in addition
+//! to its rounded word. An index outside of its array is clamped, and reported to the [`Observer`].
 //!
-//! **Textures** (`texture`) are data. The specification doesn't bound filters, so the interval of a sample goes from
-//! the least texel to the greatest, and a little further: any weighted mean lies in it.
+//! **Textures** (`texture`) are data. The specification doesn't limit the errors of filters. So the interval of a
+//! sample goes from slightly below the least texel to slightly above the greatest texel, and contains each weighted
+//! mean.
 //!
-//! **Accuracy** (`accuracy`). Where the specification is loose or silent, [`Options::accuracy`] narrows
-//! the bounds of built-in functions to twice what was measured on an adapter.
+//! **Accuracy** (`accuracy`). The specification allows large errors for some built-in functions, or any error. There,
+//! [`Options::accuracy`] narrows the bounds to twice the error that was measured on an adapter.
 //!
 //! # Adding a builtin
 //!
-//! A rule stands in one place, in the file of its family in `rules`: its name, the number of its arguments and results,
-//! naga's name of the builtin, and its computation in `f32`, in `f64` and in intervals. A builtin that works by
-//! component needs nothing else. Others also need a line in `lower/math.rs` that says which registers they take.
+//! A rule is defined in one place, in the file of its family in `rules`: its name, the number of its arguments and
+//! results, naga's name of the builtin, and its computation in `f32`, in `f64` and in intervals. A builtin that works
+//! component by component needs nothing else. All others also need a line in `lower/math.rs` that says which registers
+//! they take.
 //!
-//! # What to know about the numbers
+//! # Properties of the numbers
 //!
-//! - naga rounds literals to `f32` and folds constants before the engine sees them, so the shadow
-//!   computes with the rounded ones: `0.1` is the nearest `f32` in each arithmetic.
-//! - In the shadow a bitcast of a float rounds it to `f32` first, and half precision isn't rounded.
-//! - `pow(x, y)` is NaN for each x below zero, as `exp2(y * log2(x))` is.
-//! - Integers wrap, division by zero gives the dividend and remainder 0, shifts count modulo 32, and conversions from
-//!   floats to integers saturate, as in naga's back ends.
-//! - In intervals a subnormal may be flushed, and what overflows is unbounded, and so is all that is
-//!   computed from it. [`Program::cause`] says which operation made it so.
-//! - The invocations of a workgroup are the lanes of one chunk, so all of them are at a barrier at once, unless a
-//!   [`Schedule`] has them run one by one, or some of them together: each such unit has a machine of its own, which stops
-//!   before atomics and at barriers. Workgroups run one after the other, as far as none waits for another one.
-//! - Subgroups are lanes in a row, 32 of them unless a [`Schedule`] says otherwise.
+//! - naga rounds literals to `f32` and folds constants before the engine sees them. So the shadow computes with rounded
+//!   literals: `0.1` is the nearest `f32` in each arithmetic.
+//! - In the shadow, a bitcast of a float first rounds it to `f32`, and half precision isn't rounded.
+//! - `pow(x, y)` is NaN for each x below zero, like `exp2(y * log2(x))`.
+//! - Integers wrap. Division by zero returns the dividend, and the remainder is then 0. Shifts count modulo 32.
+//!   Conversions from floats to integers saturate. naga's back ends do the same.
+//! - In intervals, a subnormal may be flushed. A result that overflows is unbounded, and everything that is computed
+//!   from it is unbounded, too. [`Program::cause`] returns the operation that made it unbounded.
+//! - The invocations of a workgroup are the lanes of one chunk, so all of them are at a barrier at the same time. A
+//!   [`Schedule`] may run them one by one, or some of them together. Then each such unit has its own machine, which
+//!   stops before atomics and at barriers. Workgroups run one after another, unless one waits for another.
+//! - A subgroup has 32 successive lanes, unless a [`Schedule`] sets another number.
 
 mod accuracy;
 mod allocate;

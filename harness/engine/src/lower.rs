@@ -1,7 +1,7 @@
-//! From naga's IR to a [`Code`]: calls are inlined, values become registers.
+//! Lowers naga's IR to a [`Code`]: calls are inlined, and values become registers.
 //!
-//! After inlining, pointers, textures and samplers that are passed to functions are known, so they don't exist at run
-//! time. [`MOST_OPERATIONS`] bounds its cost.
+//! After calls are inlined, the pointers, textures and samplers that functions receive are known. So they don't exist
+//! at run time. [`MOST_OPERATIONS`] limits the size of the result.
 
 mod control;
 mod derivative;
@@ -28,52 +28,51 @@ use crate::refusal::Refusal;
 use crate::scalar::{Counts, File, Layouts, Scalar};
 use memory::Place;
 
-/// The most operations of a program with inlined calls: about ten times those of the largest shaders of engines, and
-/// few enough to lower in a second.
+/// The largest number of operations of a program with inlined calls. It is about ten times the number in the largest
+/// shaders of engines. Lowering this many takes a second.
 const MOST_OPERATIONS: usize = 1 << 20;
 
-/// The most bytes of workgroup memory. WebGPU's limit is 16 KiB; devices have a few times as much.
+/// The largest size of workgroup memory, in bytes. The limit of WebGPU is 16 KiB, and devices have a few times as much.
 const MOST_WORKGROUP_BYTES: u64 = 1 << 20;
 
-/// The bytes of stack that each level of nesting needs free, and the bytes to add if fewer are.
+/// The stack that each level of nesting needs, and the stack that is added if less is free, in bytes.
 pub(crate) const STACK: (usize, usize) = (128 << 10, 2 << 20);
 
-/// Values of overrides, by name or by id in decimal.
+/// The values of overrides, by name, or by the override's id in decimal.
 pub type Overrides = HashMap<String, f64>;
 
 /// Settings for lowering a program.
 #[derive(Clone, Debug, Default)]
 pub struct Settings {
-    /// Values of overrides, by name, or by id in decimal where they have one.
+    /// The values of overrides, by name, or by the id in decimal if the override has one.
     pub overrides: Overrides,
-    /// `true` if `a * b + c` is rounded once, as many GPUs do.
+    /// `true` if `a * b + c` is rounded only once, as on many GPUs.
     pub contract: bool,
-    /// Observers are shown the let-bindings whose names begin with one of these. Tests look at them, as they do at results.
+    /// Prefixes of names. Let-bindings whose names begin with one of these are shown to observers. Tests see their
+    /// values as they see results.
     pub named: &'static [&'static str],
-    /// Whether four cases after one another are a quad of pixels: the upper left one, the one to its
-    /// right, and the two below. Only then are there derivatives.
+    /// `true` if four successive cases are a quad of pixels: the upper left pixel, the pixel on its right, and the two
+    /// pixels below. Derivatives need this.
     pub quads: bool,
-    /// `true` for programs that are compared: operations that an identity makes equal become one (`x * 2` is `x + x`),
-    /// and private variables are results.
+    /// `true` for programs that are compared. Then operations that are equal by an identity become one operation (`x *
+    /// 2` is `x + x`), and private variables are results.
     pub identities: bool,
     /// `true` to list the statements, so that their runs can be counted.
     pub statements: bool,
 }
 
-/// The value of an expression.
 #[derive(Clone, Debug)]
 pub(crate) enum Value {
-    /// One register for each scalar, in order.
+    /// The registers of the value's scalars, in order.
     Flat(Rc<[Reg]>),
     Place(Rc<Place>),
     Texture(u32, Handle<naga::Type>),
     Sampler(u32),
 }
 
-/// The expressions of a function, or of the module, and their values.
+/// The expressions of a function or of the module, with their values.
 pub(crate) struct Scope<'m> {
     name: String,
-    /// The number of the call.
     call: usize,
     expressions: &'m Arena<Expression>,
     types: Types<'m>,
@@ -81,10 +80,10 @@ pub(crate) struct Scope<'m> {
     values: Vec<Option<Value>>,
     arguments: Vec<Value>,
     locals: HashMap<Handle<naga::LocalVariable>, Rc<Place>>,
-    /// The registers that returns store into; `None` if the only return is at the end.
+    /// The registers to which returns store the result. `None` if the function returns only at its end.
     result: Option<Rc<[Reg]>>,
     returned: Option<Value>,
-    /// `true` if it returns elsewhere than at its end, which needs a frame.
+    /// `true` if the function also returns before its end. Then its call needs a frame.
     early: bool,
 }
 
@@ -104,7 +103,7 @@ enum Frame {
 
 struct Open {
     frame: Frame,
-    /// Operations that jump to the end of the open construct if no lane is left.
+    /// The operations that jump to the end of the construct if no lane is active.
     skips: Vec<usize>,
 }
 
@@ -116,19 +115,18 @@ pub(crate) struct Lower<'m> {
     code: Code,
     constants: HashMap<(Constant, File), Reg>,
     words: HashMap<Reg, Constant>,
-    /// The computations of integer registers whose results may wrap.
+    /// How integer registers were computed, for results that may wrap.
     computed: HashMap<Reg, wrap::Computed>,
     globals: HashMap<Handle<naga::GlobalVariable>, Value>,
     overrides: HashMap<Handle<Override>, Value>,
     constant_values: HashMap<Handle<naga::Constant>, Value>,
     open: Vec<Open>,
-    /// The number of calls so far.
     calls: usize,
-    /// The dimensions of a workgroup that are override expressions.
+    /// The workgroup sizes that are override expressions.
     sizes: Option<[Option<Handle<Expression>>; 3]>,
-    /// `true` if the program is an entry point, whose invocations share memory.
+    /// `true` if the program is an entry point. The invocations of an entry point share memory.
     shared: bool,
-    /// `true` for a fragment entry point, whose invocations are the pixels of quads.
+    /// `true` for a fragment entry point. Its invocations are the pixels of quads.
     drawn: bool,
     site: u32,
     span: Span,
@@ -174,7 +172,7 @@ impl<'m> Lower<'m> {
         }
     }
 
-    /// Lowers a compute or a fragment entry point, as the whole program.
+    /// Lowers a compute or fragment entry point as the whole program.
     pub(crate) fn entry_point(
         mut self,
         point: &'m naga::EntryPoint,
@@ -186,12 +184,12 @@ impl<'m> Lower<'m> {
         self.program(&point.function, info, &point.name)
     }
 
-    /// The word of an expression of the module, which may depend on overrides.
+    /// The value of an expression of the module, as a word. It may depend on overrides.
     fn evaluated(&mut self, register: Reg) -> Lowered<Constant> {
         if let Some(constant) = self.words.get(&register) {
             return Ok(*constant);
         }
-        // Its operations have been lowered, so run them.
+        // The expression's operations are lowered already, so they only have to run.
         let scalar = match register.file {
             File::Float => Scalar::F32,
             File::Int => Scalar::U32,
@@ -212,7 +210,7 @@ impl<'m> Lower<'m> {
         }
     }
 
-    /// Lowers `function` with `parameters` for arguments, as the whole program.
+    /// Lowers `function` as the whole program. Its arguments are `parameters`.
     pub(crate) fn program(
         mut self,
         function: &'m Function,
@@ -232,7 +230,7 @@ impl<'m> Lower<'m> {
                     | TypeInner::Array { .. }
                     | TypeInner::Struct { .. }
             ) {
-                return Err(self.refuse(format!("a {} as parameter", crate::scalar::kind(inner))));
+                return Err(self.refuse(format!("a {} as a parameter", crate::scalar::kind(inner))));
             }
             let scalars = self.scalars(inner)?;
             let registers: Rc<[Reg]> =
@@ -243,7 +241,7 @@ impl<'m> Lower<'m> {
         let result = self.inline(function, info, name, arguments)?;
         if let (Some(Value::Flat(registers)), Some(result)) = (result, &function.result) {
             let scalars = self.scalars(self.layouts.inner(result.ty))?;
-            // Results are registers of their own, so that an operation writes each.
+            // Results have registers of their own, so each is written by an operation.
             for (register, scalar) in registers.iter().zip(scalars) {
                 let own = self.fresh(register.file);
                 self.emit(Op::Move(register.file), &[own], &[*register])?;
@@ -257,7 +255,7 @@ impl<'m> Lower<'m> {
         Ok(self.code)
     }
 
-    /// Makes private variables results: the caller of the function sees the values that it leaves in them.
+    /// Makes private variables results, because the caller of a function sees the values that it leaves in them.
     fn private_results(&mut self) -> Lowered<()> {
         let module = self.module;
         for (handle, variable) in module.global_variables.iter() {
@@ -281,7 +279,7 @@ impl<'m> Lower<'m> {
         Ok(())
     }
 
-    /// Overrides and private variables that the function uses, before anything else.
+    /// Lowers the overrides and private variables that the function uses. They come before all other operations.
     fn prologue(&mut self, info: &FunctionInfo) -> Lowered<()> {
         let mut scope = self.module_scope();
         for (handle, declared) in self.module.overrides.iter() {
@@ -329,7 +327,7 @@ impl<'m> Lower<'m> {
         variable: &'m naga::GlobalVariable,
         scope: &mut Scope<'m>,
     ) -> Lowered<Value> {
-        // A variable that replaces a pointer of a caller has no name.
+        // A variable that replaces a pointer parameter has no name.
         let name = variable.name.clone().unwrap_or_default();
         let span = self.module.global_variables.get_span(handle);
         let inner = self.layouts.inner(variable.ty);
@@ -384,7 +382,7 @@ impl<'m> Lower<'m> {
             (AddressSpace::WorkGroup, _) => {
                 if !self.shared {
                     return Err(self.refuse(format!(
-                        "a function with the workgroup variable `{name}`, which cases would share"
+                        "a function with the workgroup variable `{name}`, because cases would share it"
                     )));
                 }
                 let place = self.buffer(crate::code::Binding::Workgroup, name, span, inner);
@@ -406,7 +404,7 @@ impl<'m> Lower<'m> {
         inner: &TypeInner,
     ) -> Value {
         let least = match *inner {
-            // An override may give its length, which naga doesn't know here.
+            // An override may give the array's length, which naga doesn't know here.
             TypeInner::Array { size, stride, .. } => match self.layouts.length(size) {
                 Ok(Some(length)) => length.saturating_mul(stride),
                 _ => 0,
@@ -418,7 +416,7 @@ impl<'m> Lower<'m> {
         Value::Place(Rc::new(Place::buffer(slot, inner.clone())))
     }
 
-    /// A variable of the function or the invocation, zero or `init` at its start.
+    /// A variable of a function or an invocation. At the start it is `init`, or zero.
     fn variable(&mut self, inner: &TypeInner, init: Option<Value>) -> Lowered<Value> {
         let scalars = self.scalars(inner)?;
         let counts = self.counts(inner)?;
@@ -475,7 +473,7 @@ impl<'m> Lower<'m> {
         Reg { file, index: *index - 1 }
     }
 
-    /// The register of a constant. A float of half precision is given as an `f32`.
+    /// The register of a constant. `word` has a float of half precision as an `f32`.
     fn constant(&mut self, scalar: Scalar, word: u32) -> Reg {
         let constant = Constant { scalar, word };
         let key = (constant, scalar.file());
@@ -493,11 +491,11 @@ impl<'m> Lower<'m> {
         self.constant(Scalar::F32, x.to_bits())
     }
 
-    /// Appends an operation. The registers are ordered by file, as in `Code::shape`.
+    /// Appends an operation. The registers are in the order of files, as in `Code::shape`.
     fn emit(&mut self, op: Op, outs: &[Reg], ins: &[Reg]) -> Lowered<usize> {
         if self.code.instructions.len() >= MOST_OPERATIONS {
             return Err(self.refuse(format!(
-                "a program of more than {MOST_OPERATIONS} operations, once its calls are inlined"
+                "a program of more than {MOST_OPERATIONS} operations after its calls are inlined"
             )));
         }
         let at = self.code.pool.len() as u32;
@@ -512,7 +510,7 @@ impl<'m> Lower<'m> {
         Ok(self.code.instructions.len() - 1)
     }
 
-    /// Lists a statement: its operations go from `start` to the last one so far.
+    /// Lists a statement. Its operations are those from `start` to the last one so far.
     fn list(&mut self, scope: &Scope<'m>, span: Span, kind: StatementKind, start: usize) {
         if self.settings.statements && span.is_defined() {
             let end = self.code.instructions.len() as u32;
@@ -532,7 +530,7 @@ impl<'m> Lower<'m> {
     }
 }
 
-/// The dimension and the kind that a texture's type requires.
+/// The dimension and the scalar kind that a texture's type requires.
 fn image_of(inner: &TypeInner) -> Option<(naga::ImageDimension, naga::ScalarKind)> {
     let TypeInner::Image { dim, class, .. } = *inner else { return None };
     let kind = match class {
@@ -543,7 +541,7 @@ fn image_of(inner: &TypeInner) -> Option<(naga::ImageDimension, naga::ScalarKind
     Some((dim, kind))
 }
 
-/// The word of an override's value, given as `f64`.
+/// Converts an override's value, which is given as `f64`, to a word.
 fn override_word(scalar: Scalar, given: f64) -> u32 {
     match scalar {
         Scalar::F32 => (given as f32).to_bits(),

@@ -1,4 +1,4 @@
-//! Runs a program for one chunk of lanes, one operation after the other.
+//! Runs a program for a chunk of lanes, one operation after another.
 
 mod control;
 mod helpers;
@@ -33,17 +33,17 @@ pub(crate) use turns::Done;
 use turns::Late;
 use worlds::Worlds;
 
-/// A loop that ran for too long, and its lane.
+/// A loop that ran too long, and a lane in it.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Spent {
     pub(crate) span: Span,
     pub(crate) lane: usize,
     pub(crate) by: Limit,
-    /// The most rounds of any open loop.
+    /// The rounds of the open loop that has run the most rounds.
     pub(crate) own: u64,
 }
 
-/// A limit of loops.
+/// The limit that a loop reached.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Limit {
     Fuel,
@@ -62,74 +62,71 @@ impl Spent {
     }
 }
 
-/// The registers and masks of a thread.
 pub(crate) struct Machine<'p, A: Rules> {
     code: &'p Code,
     options: &'p Options,
     pub(crate) floats: Columns<A::Float>,
     pub(crate) ints: Columns<A::Int>,
     pub(crate) bools: Columns<A::Bool>,
-    /// The masks of an arithmetic in which each condition is decided.
+    /// The masks for arithmetics in which all conditions are decided.
     masks: Masks<A>,
-    /// The masks of an arithmetic in which conditions may be undecided.
+    /// The masks for arithmetics in which conditions may be undecided.
     worlds: Worlds<'p, A>,
-    /// The loop rounds that each lane has left.
+    /// The number of loop rounds that each lane may still run.
     fuel: Vec<u64>,
-    /// The rounds that all lanes together have left.
+    /// The number of loop rounds that all lanes together may still run.
     pub(crate) work: u64,
-    /// Rounds of loops since the clock was read.
+    /// The number of loop rounds since the clock was last read.
     rounds: u64,
-    /// The rounds for which each lane's exit has been undecided.
+    /// For each lane, the number of rounds for which the exit of a loop has been undecided.
     undecided: Vec<u64>,
-    /// The site at which a lane's results became unbounded: a loop whose exit stayed undecided, or an index outside its
-    /// array.
+    /// For each lane, the site at which its results became unbounded: a loop whose exit stayed undecided, or an index
+    /// outside of its array.
     lost: Vec<Option<u32>>,
-    /// The lanes whose index is outside its array in the current operation.
+    /// The lanes in which the current operation's index is outside of its array.
     strayed: Vec<usize>,
-    /// The lanes that were removed because they spent their fuel, with their loops.
+    /// The lanes that were removed because they ran too many rounds, each with its loop.
     pub(crate) long: Vec<(usize, Span)>,
-    /// The rounds of the open loops, the outermost first.
+    /// The number of rounds of each open loop, the outermost loop first.
     open: Vec<u64>,
-    /// The value without wrapping of an index that wraps, in the first such lane.
+    /// If an index wraps: its value without wrapping, in the first lane in which it wraps.
     meant: i64,
-    /// The next operation.
     at: usize,
-    /// The site of the current operation.
     site: u32,
     width: usize,
-    /// The places that the lanes of one load access, for the detector. Kept here, so that loads don't allocate.
+    /// The elements that the lanes of a load access, for the detector. The list is kept here, so that loads needn't
+    /// allocate memory.
     places: Vec<(usize, bool)>,
-    /// For each lane, the site at which it last became inactive. Kept for the detector, and for derivatives.
+    /// For each lane, the site at which it last became inactive. The detector and derivatives need it.
     parted: Vec<Option<u32>>,
-    /// In a draw, the helper lanes, whose effects are invisible; otherwise empty.
+    /// In a draw, the helper lanes, whose effects are invisible. Otherwise empty.
     helpers: Vec<bool>,
-    /// Finds races between the invocations of a workgroup, if asked to.
+    /// Finds races between the invocations of a workgroup, if that is requested.
     pub(crate) detector: Option<Box<Detector>>,
-    /// `true` if it stops before each atomic, too, and whether it has stopped before one.
+    /// `true` if the machine also stops before each atomic. `paused` is `true` if it has just stopped before one.
     pub(crate) yields: bool,
     paused: bool,
-    /// `true` if stores of atomics wait for a turn of their own to take effect.
+    /// `true` if an atomic store takes effect only in a later turn.
     pub(crate) relaxes: bool,
     pub(crate) stores: Vec<Late>,
-    /// The stores that it reached since the last request, and their number.
+    /// The numbers of the stores that the machine has reached since the last request. `numbered` is the number of all
+    /// its stores.
     pub(crate) issued: Vec<u32>,
     numbered: u32,
-    /// The number of the turn.
     pub(crate) turn: usize,
-    /// The atomics of the turn.
     pub(crate) done: Vec<Done>,
-    /// The words that atomics have read since one of them changed a word, and how often.
+    /// The words that atomics have read since the last change of a word, each with the number of reads.
     seen: HashMap<u64, u32>,
-    /// `true` if it loops until another invocation changes the word that it reads.
+    /// `true` if the machine loops until another invocation changes the word that it reads.
     pub(crate) waits: bool,
 }
 
-/// The places where a machine stops.
+/// The reasons why a machine stops.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Pause {
-    /// Before an atomic, if it stops at atomics.
+    /// It is before an atomic, and stops at atomics.
     Atomic,
-    /// At a barrier, with its site.
+    /// It is at a barrier, with this site.
     Barrier(u32),
     End,
 }
@@ -191,7 +188,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         machine
     }
 
-    /// The float of a word of an argument.
+    /// The float for one word of an argument.
     fn argument(scalar: Scalar, word: u32) -> A::Float {
         match scalar {
             Scalar::F16 => {
@@ -202,7 +199,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         }
     }
 
-    /// Widens a register, so that it holds its values, those of other words, and all between.
+    /// Widens the intervals of a register, so that they also contain the values of `words`.
     pub(crate) fn widen(
         &mut self,
         register: u32,
@@ -229,7 +226,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         }
     }
 
-    /// Sets one scalar of a parameter, for the lanes that `words` gives a word for.
+    /// Sets one scalar of a parameter in the lanes for which `words` has a word.
     pub(crate) fn set(&mut self, register: u32, scalar: Scalar, words: impl Iterator<Item = u32>) {
         match scalar {
             Scalar::F32 | Scalar::F16 => {
@@ -253,7 +250,7 @@ impl<'p, A: Rules> Machine<'p, A> {
     /// Runs an operation, and narrows its result to the measured bounds.
     fn run_measured(&mut self, accuracy: &Accuracy, rule: FloatRule, registers: &[u32]) {
         let (outs, ins) = registers.split_at(rule.arity().1);
-        // The result may take the register of an argument.
+        // The arguments are copied, because the result may overwrite one of them.
         let columns: Vec<Box<[A::Float]>> =
             ins.iter().map(|x| self.floats.get(*x).into()).collect();
         rule.run::<A>(&mut self.floats, registers);
@@ -265,7 +262,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         }
     }
 
-    /// Runs the program to its end for the first `active` lanes, of which the first is `case`.
+    /// Runs the whole program for the first `active` lanes. `case` is the case of the first lane.
     pub(crate) fn run<const SEEN: bool>(
         &mut self,
         active: usize,
@@ -281,7 +278,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         Ok(())
     }
 
-    /// Begins the program for the first `active` lanes.
+    /// Prepares to run the program for the first `active` lanes.
     pub(crate) fn start(&mut self, active: usize) {
         self.at = 0;
         self.open.clear();
@@ -300,7 +297,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         self.lost.fill(None);
     }
 
-    /// Runs on to the next stop, or to the end. The first lane is `case`.
+    /// Runs to the next stop, or to the end. `case` is the case of the first lane.
     pub(crate) fn resume<const SEEN: bool>(
         &mut self,
         case: usize,
@@ -514,7 +511,7 @@ impl<'p, A: Rules> Machine<'p, A> {
                 }
                 Op::Image(image) => {
                     self.image(image, registers, memory);
-                    // For a sample, a layer outside becomes the last one.
+                    // In a sample, the last layer replaces a layer that doesn't exist.
                     if !matches!(code.images[image as usize].kind, ImageKind::Sample { .. }) {
                         self.estrange(instruction, registers);
                     }
@@ -624,14 +621,14 @@ impl<'p, A: Rules> Machine<'p, A> {
         Ok(Pause::End)
     }
 
-    /// The number of lanes that reach an operation that parts them, if that is counted.
+    /// The number of lanes that reach an operation which may change the active lanes. `None` if lanes aren't counted.
     #[inline]
     fn counted(&self, op: Op) -> Option<u64> {
         self.options.counts.as_ref()?;
         Some(if op == Op::If { count::<A>(&self.acting()) } else { 0 })
     }
 
-    /// Counts the lanes that continue behind an operation that `came` lanes reached.
+    /// Counts the lanes that continue after an operation. `came` lanes reached the operation.
     fn count(&self, came: u64, (op, next): (Op, usize), case: usize, target: Option<u32>) {
         let Some(counts) = &self.options.counts else { return };
         let lanes = self.acting();
@@ -647,7 +644,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         counts.come::<A>(target.map_or(next, |target| target as usize), case, &lanes);
     }
 
-    /// Notes where lanes went that were active before and aren't any more.
+    /// For lanes that were active before and aren't any more, notes the site where they became inactive.
     fn note_parting(&mut self, before: &[A::Bool]) {
         let now = if A::UNDECIDED { self.worlds.active() } else { self.masks.active() };
         for (parted, (before, now)) in self.parted.iter_mut().zip(before.iter().zip(now)) {
@@ -662,9 +659,9 @@ impl<'p, A: Rules> Machine<'p, A> {
         if A::UNDECIDED { self.worlds.active() } else { self.masks.active() }
     }
 
-    /// Runs an operation on floats with `outs` result registers, and flushes what WGSL lets it flush: "Any inputs or
+    /// Runs an operation on floats with `outs` result registers, and flushes what WGSL allows to flush: "Any inputs or
     /// outputs of operations listed in 15.7.4 Floating Point Accuracy may be flushed to zero", and "other operations
-    /// are required to preserve subnormal numbers" (15.7.2). So computed results are flushed; values that are loaded,
+    /// are required to preserve subnormal numbers" (15.7.2). So it flushes computed results. Values that are loaded,
     /// stored, selected, swizzled, passed, returned or reinterpreted keep their bits.
     fn flushing(&mut self, registers: &[u32], outs: usize, run: impl FnOnce(&mut Self)) {
         if !self.options.flush {
@@ -691,7 +688,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         self.floats.get_mut(register).iter_mut().for_each(|x| *x = A::flush(*x));
     }
 
-    /// Notes results that became unbounded.
+    /// Notes the cause of results that became unbounded.
     #[inline]
     fn note_unbounded(
         &mut self,
@@ -701,7 +698,7 @@ impl<'p, A: Rules> Machine<'p, A> {
     ) {
         let (ins, outs) = arity;
         if A::NOTES {
-            // No result has the register of an argument: allocation keeps them apart.
+            // A result never has the register of an argument, because `allocate` gives them different registers.
             let (results, args) = registers.split_at(outs);
             for (&out, lane) in
                 results.iter().flat_map(|out| (0..self.width).map(move |k| (out, k)))
@@ -716,7 +713,8 @@ impl<'p, A: Rules> Machine<'p, A> {
         }
     }
 
-    /// Shows the floats that the instruction before `next` computed; rounded to half precision, if that comes next.
+    /// Shows the observer the floats that the instruction before `next` computed. If the next operation rounds them to
+    /// half precision, shows the rounded floats.
     fn show(
         &self,
         observer: &dyn Observer<A>,
@@ -756,7 +754,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         });
     }
 
-    /// Shows a result that isn't a new float, with the floats that it comes from.
+    /// Shows the observer a result that isn't a new float, with the floats from which it is computed.
     #[inline]
     fn show_other<const SEEN: bool>(
         &self,
@@ -786,7 +784,6 @@ impl<'p, A: Rules> Machine<'p, A> {
         });
     }
 
-    /// Runs operations with a boolean result.
     fn decide(&mut self, op: Op, registers: &[u32]) {
         match op {
             Op::CompareFloat(compare) => self.flushing(&registers[1..], 0, |machine| {
@@ -820,7 +817,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         &self.code.sites[instruction.site as usize]
     }
 
-    /// Reports each lane whose index is outside its array.
+    /// Reports each lane whose index is outside of its array.
     #[inline]
     fn report<const SEEN: bool>(
         &mut self,
@@ -865,7 +862,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         self.strayed.clear();
     }
 
-    /// The kind of array that an operation indexes. A fixed-size array inside a runtime-sized one counts as fixed.
+    /// The kind of array that an operation indexes. A fixed-size array inside a runtime-sized array counts as fixed.
     fn bounds(&self, op: Op) -> Bounds {
         let is_runtime = |walk: u32| {
             let steps = &self.code.walks[walk as usize].steps;
@@ -883,7 +880,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         }
     }
 
-    /// Returns `true` for operations on textures with a defined result for an index outside: a store writes nothing,
+    /// Checks if WGSL defines the result of a texture operation for an index that is too large: a store writes nothing,
     /// and a sample takes the nearest layer.
     fn defines_outside(&self, op: Op) -> bool {
         match op {
@@ -895,7 +892,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         }
     }
 
-    /// Reports each active lane in which something may go wrong.
+    /// Reports each active lane in which an operation may go wrong.
     fn report_where(
         &self,
         observer: &dyn Observer<A>,
@@ -936,7 +933,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         }
     }
 
-    /// Reports lanes in which an operation on floats, such as `clamp`, gets its edges in the wrong order.
+    /// Reports the lanes in which the low edge of an operation such as `clamp` is above its high edge.
     fn report_order(
         &self,
         observer: &dyn Observer<A>,
@@ -957,7 +954,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         });
     }
 
-    /// Reports lanes with a float outside the range of the integer type.
+    /// Reports the lanes with a float outside of the range of the integer type.
     fn report_conversion(
         &self,
         observer: &dyn Observer<A>,
@@ -976,7 +973,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         });
     }
 
-    /// Replaces values read outside an array or a texture with the number that stands for them, if there is one.
+    /// If reads outside of an array or a texture return a number, writes this number into the results of such reads.
     #[inline]
     fn estrange(&mut self, instruction: &Instruction, registers: &[u32]) {
         if self.strayed.is_empty() {

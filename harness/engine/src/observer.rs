@@ -1,4 +1,4 @@
-//! Observers of a run.
+//! Observers, which see the values that a run computes.
 
 use std::borrow::Cow;
 use std::sync::{Mutex, PoisonError};
@@ -10,19 +10,19 @@ use karat_core::hazard::Kind;
 /// The values of all lanes at one operation.
 #[derive(Debug)]
 pub struct Lanes<'a, A: Arithmetic> {
-    /// The place of the operation in the source.
+    /// The operation's site.
     pub site: &'a Site,
     /// The case of the first lane.
     pub case: usize,
-    /// Its floats: a slice of lanes for each.
+    /// The operation's floats. Each has a slice with one value for each lane.
     pub floats: &'a [&'a [A::Float]],
-    /// The floats that an operation computed them from; empty for let-bindings, texels and conversions.
+    /// The floats from which the operation computed its floats. Empty for let-bindings, texels and conversions.
     pub operands: &'a [&'a [A::Float]],
-    /// Its integers.
+    /// The operation's integers.
     pub ints: &'a [&'a [A::Int]],
-    /// Its booleans.
+    /// The operation's booleans.
     pub bools: &'a [&'a [A::Bool]],
-    /// The active lanes. Values of the others don't matter.
+    /// The active lanes. The values of other lanes have no meaning.
     pub active: &'a [A::Bool],
 }
 
@@ -34,35 +34,36 @@ impl<A: Arithmetic> Lanes<'_, A> {
     }
 }
 
-/// An operation that goes wrong in a case.
+/// A case in which an operation goes wrong.
 #[derive(Debug)]
 pub struct Wrong<'a> {
-    /// Its kind.
+    /// The kind of hazard.
     pub kind: Kind,
-    /// The place of the operation in the source.
+    /// The operation's site.
     pub site: &'a Site,
     /// The case.
     pub case: usize,
-    /// For a derivative, the pixel that is missing. WGSL leaves the result open (15.2, *derivative_uniformity*).
+    /// For a derivative, the pixel that doesn't reach it. WGSL leaves the result of such a derivative open (15.2,
+    /// *derivative_uniformity*).
     pub missing: Option<Missing<'a>>,
 }
 
 /// A pixel that doesn't reach a derivative.
 #[derive(Clone, Copy, Debug)]
 pub struct Missing<'a> {
-    /// Its case.
+    /// The pixel's case.
     pub case: usize,
-    /// The condition or the jump at which it went another way.
+    /// The site of the condition or the jump at which the pixel left the other pixels.
     pub parted: Option<&'a Site>,
 }
 
 /// The lanes that reach an operation.
 pub struct Here<'a, A: Arithmetic> {
-    /// The place of the operation in the source.
+    /// The operation's site.
     pub site: &'a Site,
     /// The case of the first lane.
     pub case: usize,
-    /// Computes the lanes; few observers need them.
+    /// Computes the lanes. It is a function because few observers need the lanes.
     pub(crate) lanes: &'a dyn Fn() -> Cow<'a, [A::Bool]>,
 }
 
@@ -80,11 +81,10 @@ impl<A: Arithmetic> std::fmt::Debug for Here<'_, A> {
     }
 }
 
-/// The lanes that reach each operation of a program. It stands here so that it is compiled with this crate's
-/// optimisation: a run adds each of its operations.
+/// For each operation of a program, the cases that reach it. It is in this crate so that it is compiled with the
+/// crate's optimisations, because a run calls it for each operation.
 #[derive(Debug, Default)]
 pub struct Reach {
-    /// One bit for each case, by the number of the site.
     by_site: Mutex<Vec<Vec<u64>>>,
 }
 
@@ -101,7 +101,7 @@ impl Reach {
         if own.len() < words {
             own.resize(words, 0);
         }
-        // A run begins at a multiple of its width, so most words are whole.
+        // A run begins at a multiple of its width, so most words are complete.
         let mut at = here.case;
         let mut rest = &*lanes;
         while !rest.is_empty() {
@@ -116,7 +116,7 @@ impl Reach {
         }
     }
 
-    /// The cases that reached each operation, by the number of its site. Leaves out operations that no case reached.
+    /// For each operation that a case reached, its site number and the cases.
     #[must_use]
     pub fn cases(self) -> Vec<(usize, Vec<usize>)> {
         let all = self.by_site.into_inner().unwrap_or_else(PoisonError::into_inner);
@@ -131,13 +131,13 @@ impl Reach {
     }
 }
 
-/// Observes the values that a run computes. All methods do nothing by default, and `()` observes nothing at no cost.
-/// Chunks run on several threads at once.
+/// Observes the values that a run computes. By default, all methods do nothing. `()` observes nothing and costs no
+/// time. Chunks run on several threads at the same time.
 ///
-/// Runs take it as `dyn`, so that the machine is compiled here, with this crate's optimisation, and not in each crate
-/// with an observer.
+/// Runs receive the observer as `dyn`. So the machine is compiled in this crate, with the crate's optimisations, and
+/// not in each crate that has an observer.
 pub trait Observer<A: Arithmetic>: Sync {
-    /// Returns `true` if the observer wants calls.
+    /// Checks if the observer wants calls.
     fn is_active(&self) -> bool {
         true
     }
@@ -152,13 +152,13 @@ pub trait Observer<A: Arithmetic>: Sync {
         let _ = lanes;
     }
 
-    /// Receives the value of a let-binding, in programs lowered with [`named`](crate::Settings::named). Scalars are
-    /// sorted: floats, integers, booleans.
+    /// Receives the value of a let-binding, if the program was lowered with [`named`](crate::Settings::named). The
+    /// value's floats come first, then its integers, then its booleans.
     fn named(&self, lanes: &Lanes<'_, A>) {
         let _ = lanes;
     }
 
-    /// Receives an operation that some lane reaches.
+    /// Receives an operation that at least one lane reaches.
     fn reached(&self, here: &Here<'_, A>) {
         let _ = here;
     }

@@ -7,23 +7,23 @@ use crate::accuracy::Accuracy;
 use crate::coverage::Counts;
 use crate::schedule::Schedule;
 
-/// The element that a read with an index outside its array gives. WGSL allows any element, or zero (6.4.4, *Out of
-/// Bounds Access*).
+/// The element that a read returns if its index is outside of the array. WGSL allows any element, or zero (6.4.4, *Out
+/// of Bounds Access*).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Elsewhere {
-    /// The nearest.
+    /// The element nearest to the index.
     #[default]
     Clamped,
-    /// The element with this number, modulo the number of elements.
+    /// The element with this index, modulo the number of elements.
     Nth(u32),
-    /// The element at the index modulo the number of elements.
+    /// The element with the read's own index, modulo the number of elements.
     Wrapped,
-    /// No element: the read gives this number. WGSL allows zero, and any value that an element may have.
+    /// This number, which is no element. WGSL allows zero, and any value that an element may have.
     Number(u8),
 }
 
 impl Elsewhere {
-    /// The element for an index, if `last` is the last one.
+    /// The index of the element that replaces an index. `last` is the last valid index.
     pub(crate) fn find(self, index: i64, last: i64) -> i64 {
         match self {
             _ if (0..=last).contains(&index) => index,
@@ -34,57 +34,57 @@ impl Elsewhere {
     }
 }
 
-/// The effect of reads and writes with an index outside their array.
+/// The effect of reads and writes whose index is outside of the array.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Choice {
     /// The effect of a read.
     pub reads: Elsewhere,
-    /// `true` if such a write has no effect; otherwise it goes to the nearest element.
+    /// `true` if such a write has no effect. Otherwise it goes to the nearest element.
     pub drops: bool,
 }
 
 /// Options of a run.
 #[derive(Clone, Debug)]
 pub struct Options {
-    /// The rounds of all its loops together that a case may run: 2^20 by default. That is far more than a pixel can
-    /// afford, and finds an endless loop within seconds.
+    /// The number of rounds that all loops of a case may run in total. The default is 2^20, which is far more than a
+    /// fast pixel runs. An endless loop reaches it within seconds.
     pub fuel: u64,
-    /// `true` if a call leaves out a case that spends its fuel, and the results list it; otherwise the call stops.
-    /// Intervals always stop.
+    /// `true` if a call removes a case that runs too many rounds, and the results list this case. Otherwise the call
+    /// stops. In intervals a call always stops.
     pub leaves: bool,
-    /// The rounds of all loops that all cases of a dispatch may run together; unlimited by default.
+    /// The number of rounds that all loops of all cases of a dispatch may run in total. Unlimited by default.
     pub work: u64,
-    /// The time at which a run that is still in a loop ends; `None` for no limit.
+    /// The time at which a run ends if it is still in a loop. `None` if there is no limit.
     pub deadline: Option<Instant>,
-    /// In intervals, the rounds for which the exit of a loop may stay undecided before its results become unbounded:
-    /// 256 by default. Bounds that haven't converged by then rarely do.
+    /// In intervals, the number of rounds for which the exit of a loop may stay undecided before the results become
+    /// unbounded. The default is 256. Bounds that haven't converged by then rarely do.
     pub undecided: u64,
-    /// `true` to flush subnormals to zero, in `f32`: operands and results of each operation for which WGSL allows it
-    /// (15.7.2), but no value that is only moved.
+    /// In `f32`, `true` to flush subnormals to zero: the operands and results of each operation for which WGSL allows
+    /// it (15.7.2). Values that are only moved aren't flushed.
     pub flush: bool,
-    /// In intervals, `true` if a constant stands for each decimal that rounds to it. `0.1` is then the interval between
-    /// its neighbours, because 0.1 in another type is another number. Integers and short binary fractions such as 0.75
-    /// are exact.
+    /// In intervals, `true` if a constant stands for each decimal that rounds to it. The interval of `0.1` then reaches
+    /// from one neighbour of this float to the other, because other types have other numbers for 0.1. Integers and
+    /// short binary fractions such as 0.75 are exact.
     pub decimals: bool,
-    /// In intervals, the measurements of an adapter. They narrow the specification's bounds.
+    /// In intervals, the measured accuracy of an adapter. It narrows the bounds of the specification.
     pub accuracy: Option<Arc<Accuracy>>,
-    /// The effect of indices outside their arrays. If two runs with different choices differ, the result depends on
-    /// something that WGSL leaves open.
+    /// The effect of indices outside of their arrays. If two runs with different choices have different results, the
+    /// result depends on something that WGSL leaves open.
     pub outside: Choice,
-    /// An operation, by its site, that reads another element than `outside` says.
+    /// The site of one operation, with the element that this operation reads instead of the one that `outside` says.
     pub outside_at: Option<(u32, Elsewhere)>,
-    /// The order in which workgroups and invocations of a dispatch run.
+    /// The order in which the workgroups and invocations of a dispatch run.
     pub schedule: Schedule,
-    /// The turns that a dispatch may have; unlimited by default.
+    /// The number of turns that a dispatch may have. Unlimited by default.
     pub most_turns: usize,
     /// `true` to return the order of a dispatch's atomics.
     pub shows_order: bool,
-    /// Counters of statements and branches, in `f32`.
+    /// In `f32`, the counters of statements and branches.
     pub counts: Option<Arc<Counts>>,
 }
 
 impl Options {
-    /// The invocations of a subgroup, at most 128: a ballot has that many bits.
+    /// The number of invocations of a subgroup. It is at most 128, because a ballot has 128 bits.
     pub(crate) fn subgroup(&self) -> u32 {
         self.schedule.subgroup.clamp(1, 128)
     }

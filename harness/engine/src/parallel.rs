@@ -4,13 +4,13 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 
 use karat_core::panics;
 
-/// The next task; `None` when all are taken.
+/// Returns the next task, or `None` if all tasks are taken.
 pub(crate) type Next<'n> = &'n (dyn Fn() -> Option<usize> + Sync);
 
-/// Runs workers, here and on other cores, until all tasks are taken. A worker may get none.
+/// Runs workers on this thread and on other threads, until all tasks are taken. A worker may get no task.
 ///
-/// The calling thread works, too. If it only waited for one worker per core, the system's scheduler would often wake
-/// two of them on one core while another core idles.
+/// The calling thread works, too. If it only waited for one worker per core, the system's scheduler would often run two
+/// workers on one core while another core idles.
 pub(crate) fn run(tasks: usize, worker: &(dyn Fn(Next<'_>) + Sync)) {
     let taken = AtomicUsize::new(0);
     let next = || Some(taken.fetch_add(1, Ordering::Relaxed)).filter(|task| *task < tasks);

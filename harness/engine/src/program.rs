@@ -1,4 +1,4 @@
-//! A program: lowered once from a module, run often.
+//! Programs. A program is lowered once from a module, and can run many times.
 
 use std::borrow::Cow;
 use std::sync::OnceLock;
@@ -20,19 +20,19 @@ use crate::results::Results;
 use crate::runs::Runs;
 use crate::scalar::{File, Scalar};
 
-/// The lanes of a chunk. A column of floats is then 1 KiB: about thirty columns fit into a first-level cache, and 256
-/// cases share the cost of finding an operation.
+/// The number of lanes of a chunk. A column of floats then has 1 KiB, so about thirty columns fit into a first-level
+/// cache. The cost of finding an operation is shared by 256 cases.
 const LANES: usize = 256;
 
-/// From this many cases on, chunks are twice as wide: more cases share the cost of finding an operation, and all cores
-/// are still busy.
+/// From this number of cases on, chunks are twice as wide. More cases then share the cost of finding an operation, and
+/// all cores are still busy.
 const MANY: usize = 16_384;
 
-/// The most registers of a program: twice those of the largest variable. That is 32 MiB of floats a thread, and twice
-/// that for many cases.
+/// The largest number of registers of a program: twice the number for the largest variable. With this many, a thread
+/// needs 32 MiB for floats, and twice as much for many cases.
 const MOST_REGISTERS: u32 = 1 << 15;
 
-/// Columns are as wide as the cases need, in steps of this many lanes: two AVX vectors.
+/// Columns are as wide as the cases need, in steps of this many lanes. This is two AVX vectors.
 const STEP: usize = 16;
 
 /// A lowered function or entry point.
@@ -47,7 +47,7 @@ impl Program {
     ///
     /// # Errors
     ///
-    /// Names the first thing in it that the engine doesn't execute.
+    /// If the engine can't execute the function. The error names the first construct that it can't execute.
     pub fn function(
         module: &Module,
         info: &ModuleInfo,
@@ -58,7 +58,7 @@ impl Program {
         let Some((handle, function)) = functions.find(|(_, f)| f.name.as_deref() == Some(name))
         else {
             return Err(Refusal::new(
-                format!("`{name}`: there is no such function"),
+                format!("the function `{name}`, which doesn't exist"),
                 Span::UNDEFINED,
             ));
         };
@@ -71,7 +71,7 @@ impl Program {
     ///
     /// # Errors
     ///
-    /// Names the first thing in it that the engine doesn't execute.
+    /// If the engine can't execute the entry point. The error names the first construct that it can't execute.
     pub fn entry_point(
         module: &Module,
         info: &ModuleInfo,
@@ -80,7 +80,7 @@ impl Program {
     ) -> Result<Self, Refusal> {
         let mut points = module.entry_points.iter().enumerate();
         let Some((index, point)) = points.find(|(_, point)| point.name == name) else {
-            let what = format!("`{name}`: there is no such entry point");
+            let what = format!("the entry point `{name}`, which doesn't exist");
             return Err(Refusal::new(what, Span::UNDEFINED));
         };
         if !matches!(point.stage, ShaderStage::Compute | ShaderStage::Fragment) {
@@ -117,27 +117,27 @@ impl Program {
         self.code.results.iter().map(|(_, scalar)| *scalar).collect()
     }
 
-    /// The sites of its operations. The cause of an unbounded interval is one of them.
+    /// The sites of the program's operations. They include the causes of unbounded intervals.
     #[must_use]
     pub fn sites(&self) -> &[Site] {
         &self.code.sites
     }
 
-    /// The sites of the operations that [`Observer::reached`](crate::Observer::reached) may report; a site may occur
-    /// twice. The other sites are those of constants.
+    /// The sites of the operations that [`Observer::reached`](crate::Observer::reached) may report. A site may occur
+    /// twice. All other sites are those of constants.
     pub fn operations(&self) -> impl Iterator<Item = &Site> {
         let all = self.code.instructions.iter().filter(|one| !one.op.is_an_end());
         all.map(|one| &self.code.sites[one.site as usize])
     }
 
-    /// The site at which an interval became unbounded that this program computed.
+    /// The site at which an interval that this program computed became unbounded.
     #[must_use]
     pub fn cause(&self, interval: crate::Interval) -> Option<&Site> {
         self.code.sites.get(interval.cause()? as usize)
     }
 
-    /// Returns `true` if both programs compute the same with the same operations, wherever these stand. Ignores unused
-    /// code.
+    /// Checks if both programs compute the same with the same operations. The positions of the operations in the source
+    /// may differ. Unused code is ignored.
     #[must_use]
     pub fn is_same(&self, other: &Self) -> bool {
         let without_places = |code: &Code| {
@@ -163,7 +163,7 @@ impl Program {
         without_places(&self.code) == without_places(&other.code)
     }
 
-    /// The number of its operations, and of its registers of floats, integers and booleans.
+    /// The number of the program's operations, and the numbers of its registers of floats, integers and booleans.
     #[must_use]
     pub fn size(&self) -> (usize, [u32; 3]) {
         (self.code.instructions.len(), self.code.registers)
@@ -177,7 +177,7 @@ impl Program {
     ///
     /// # Errors
     ///
-    /// Incomplete rows, a missing resource, or a case that spends its fuel.
+    /// If the rows are incomplete, if a resource is missing, or if a case runs too many loop rounds.
     pub fn call<A: Runs>(
         &self,
         cases: usize,
@@ -189,11 +189,12 @@ impl Program {
         A::call(self, &Call { cases, rows, to: None, resources, options }, observer)
     }
 
-    /// Calls the function in intervals, each from the arguments of one row to those of another row.
+    /// Calls the function in intervals. Each interval goes from an argument of one row to the same argument of another
+    /// row.
     ///
     /// # Errors
     ///
-    /// As [`call`](Self::call).
+    /// The same as for [`call`](Self::call).
     pub fn call_between(
         &self,
         cases: usize,
@@ -209,7 +210,7 @@ impl Program {
         Intervals::call(self, &Call { cases, rows, to: Some(to), resources, options }, observer)
     }
 
-    /// Implements [`call`](Self::call), compiled once for each arithmetic.
+    /// Implements [`call`](Self::call). It is compiled once for each arithmetic.
     pub(crate) fn run<A: Arithmetic, const SEEN: bool>(
         &self,
         call: &Call<'_>,
@@ -228,7 +229,8 @@ impl Program {
         let scalars = self.results();
         let most = if cases < MANY { LANES } else { 2 * LANES };
         let chunks = cases.div_ceil(most);
-        // After a failed chunk, later chunks needn't run; an earlier one may still fail, which counts first.
+        // After a chunk fails, later chunks needn't run. An earlier chunk may still fail, and then its error is
+        // returned.
         let failed = AtomicUsize::new(usize::MAX);
         let lanes = most.min(cases.next_multiple_of(STEP));
         let run = |state: &mut (Machine<'_, A>, Memory<'_, A>), chunk: usize| {
@@ -313,7 +315,7 @@ impl Program {
     pub(crate) fn has_rules<A: Arithmetic>(&self) -> Result<(), Stop> {
         match (self.code.half, self.code.subgroup) {
             (Some(span), _) if A::UNDECIDED => {
-                Err(Stop::NoRule { what: "this in half precision", span })
+                Err(Stop::NoRule { what: "this operation in half precision", span })
             }
             (_, Some(span)) if A::UNDECIDED => Err(Stop::NoRule { what: "subgroups", span }),
             _ => Ok(()),
@@ -372,7 +374,7 @@ pub struct Call<'c> {
     pub(crate) options: &'c Options,
 }
 
-/// The only result of a program without parameters or resources.
+/// The only result of a program without parameters and resources.
 pub(crate) fn evaluated(code: Code) -> Option<u32> {
     let program = Program { code, entry: None };
     let (resources, options) = (Resources::new(), Options::default());
@@ -387,7 +389,7 @@ impl crate::code::HandleSlot {
     }
 }
 
-/// The rows of the first `active` lanes, from columns.
+/// Converts columns to the rows of the first `active` lanes.
 fn interleaved<T: Copy>(columns: &[&[T]], active: usize) -> Vec<T> {
     let mut rows = Vec::with_capacity(columns.len() * active);
     for lane in 0..active {

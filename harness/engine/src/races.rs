@@ -1,17 +1,18 @@
-//! Finds races: two invocations access one element, at least one of them writes, and nothing orders the accesses.
+//! Finds races. In a race, two invocations access one element, at least one of them writes, and nothing orders the two
+//! accesses.
 //!
 //! WGSL orders few accesses (15.4 *Memory model*, 17.11 *Synchronization built-in functions*). A barrier orders the
-//! invocations of its workgroup, for the address spaces that its name says. Nothing orders two workgroups of a
+//! invocations of its workgroup, for the address spaces in the barrier's name. Nothing orders two workgroups of a
 //! dispatch. Atomic accesses don't race with each other, and WGSL has no other way to access an atomic.
 //!
-//! The machine runs invocations in lockstep, so a race doesn't show in the results. Instead each element remembers
-//! accesses that a later one could race with:
+//! The machine runs invocations in lockstep, so a race doesn't show in the results. Instead, each element remembers the
+//! accesses with which a later access could race:
 //!
-//! - the last write, and the last write by another invocation. If the current epoch has a write by an invocation other
-//!   than the current one, it is one of these two;
+//! - the last write, and the last write by another invocation. If an invocation other than the current one has written
+//!   in the current epoch, that write is one of these two;
 //! - the last write by an earlier workgroup;
-//! - the last write of another word, which tells equal writes from unequal ones;
-//! - two reads of different invocations since the last barrier, and one by an earlier workgroup.
+//! - the last write of another word, to distinguish equal writes from unequal writes;
+//! - two reads by different invocations since the last barrier, and one read by an earlier workgroup.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
@@ -22,93 +23,95 @@ use crate::dispatch::Turn;
 use crate::explore::{Access as Touch, Word};
 use crate::refusal::Stop;
 
-/// The bytes, or texels, whose elements are allocated together. Most of a large buffer may never be accessed.
+/// The number of bytes or texels whose elements are allocated together. A dispatch may never access most of a large
+/// buffer.
 const PAGE: usize = 1024;
 
-/// The most elements that a dispatch remembers, at 116 bytes each: 116 MiB. Accesses of further elements are only
-/// counted.
+/// The largest number of elements that a dispatch remembers. Each needs 116 bytes, so all need 116 MiB. Accesses to
+/// more elements are only counted.
 const MOST_CELLS: usize = 1 << 20;
 const _: () = assert!(size_of::<Cell>() == 116);
 
-/// The most races to keep for a variable, each with another pair of lines; equal writes and other races count apart. A
-/// loop over a buffer may have a race for each element, all with the same lines.
+/// The largest number of races that are kept for a variable. Each has another pair of lines. Equal writes and other
+/// races are counted separately. A loop over a buffer may have a race for each element, all with the same lines.
 const MOST_RACES: usize = 64;
 
-/// No invocation.
+/// Stands for no invocation.
 const NONE: u32 = u32::MAX;
 
-/// The place of an element, a scalar, in its variable.
+/// The position of an element in its variable. An element is a scalar or a texel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Place {
-    /// The offset in bytes in its variable.
+    /// The offset in bytes from the beginning of the variable.
     Byte(u32),
-    /// The texel.
+    /// The coordinates of the texel.
     Texel([u32; 3]),
 }
 
-/// An access of an element.
+/// An access to an element.
 #[derive(Clone, Debug)]
 pub struct Access {
-    /// The place of the access in the source.
+    /// The site of the access in the source.
     pub site: Site,
-    /// The number of the invocation in the dispatch: workgroup after workgroup, and within one by
-    /// `local_invocation_index`.
+    /// The number of the invocation in the dispatch. Invocations are numbered workgroup after workgroup, and in each
+    /// workgroup by `local_invocation_index`.
     pub invocation: usize,
-    /// `true` for a write.
+    /// `true` for a write, `false` for a read.
     pub writes: bool,
-    /// The word that it writes or reads.
+    /// The word that the access writes or reads.
     pub word: u32,
     /// For a texel, its channels, if they were kept.
     pub texel: Option<[u32; 4]>,
 }
 
-/// Two accesses of an element that nothing orders.
+/// Two accesses to one element that nothing orders.
 #[derive(Clone, Debug)]
 pub struct Race {
     /// The name of the variable in the module.
     pub variable: String,
-    /// The group and binding of the variable; `None` for workgroup memory.
+    /// The group and binding of the variable. `None` for workgroup memory.
     pub binding: Option<(u32, u32)>,
     /// The element.
     pub place: Place,
     /// The access that came first in the machine's order.
     pub first: Access,
-    /// The other one.
+    /// The other access.
     pub second: Access,
-    /// `true` if their invocations are in one workgroup, so that a barrier could order them.
+    /// `true` if both invocations are in one workgroup. Then a barrier could order them.
     pub one_workgroup: bool,
-    /// The number of elements with a race between these two accesses, this one included.
+    /// The number of elements with a race between the same two accesses, including this element.
     pub elements: u64,
 }
 
 impl Race {
-    /// Returns `true` if both write, and write the same.
+    /// Checks if both accesses write, and write the same word.
     #[must_use]
     pub fn writes_equally(&self) -> bool {
         self.first.writes && self.second.writes && self.first.word == self.second.word
     }
 }
 
-/// A barrier that not all invocations of a workgroup reached together, or such an operation of a subgroup.
+/// A barrier that only some invocations of a workgroup reached together, or an operation that only some invocations of
+/// a subgroup reached together.
 #[derive(Clone, Debug)]
 pub struct Divergence {
-    /// The barrier.
+    /// The barrier or the operation.
     pub site: Site,
     /// An invocation that reached it.
     pub reached: usize,
-    /// The first invocation that didn't.
+    /// The first invocation that didn't reach it.
     pub missing: usize,
-    /// The number of invocations that didn't.
+    /// The number of invocations that didn't reach it.
     pub count: usize,
     /// `true` for a subgroup operation.
     pub subgroup: bool,
-    /// The condition or the jump at which that invocation went another way; `None` if it never reached a part of the
-    /// code that leads to the barrier.
+    /// The condition or the jump at which the missing invocation went another way. `None` if the invocation never
+    /// reached the code that leads to the barrier.
     pub parted: Option<Site>,
 }
 
-/// Reads of an element that nothing has written: of workgroup memory, which WGSL initializes to zero, or of a blank
-/// buffer.
+/// Reads of elements that no invocation has written: elements of workgroup memory, which WGSL initializes to zero, or
+/// of a blank buffer.
 #[derive(Clone, Debug)]
 pub struct Unwritten {
     /// The first of these reads.
@@ -117,13 +120,13 @@ pub struct Unwritten {
     pub variable: String,
     /// `true` for workgroup memory.
     pub own: bool,
-    /// The offset in bytes of the first such element in its variable.
+    /// The offset in bytes of the first such element, from the beginning of the variable.
     pub byte: u32,
-    /// The number of reads of such elements by the same line.
+    /// The number of such reads at the same site.
     pub count: u64,
 }
 
-/// The kind of object that an index is outside of.
+/// The object that an index is outside of.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub enum Bounds {
     /// An array with a fixed length.
@@ -132,13 +135,13 @@ pub enum Bounds {
     Runtime,
     /// A texture.
     Texture,
-    /// A subgroup without such an invocation, or in which it isn't active.
+    /// A subgroup. It has no invocation with this index, or that invocation isn't active.
     Subgroup,
-    /// None: the index is inside the array, but only because a sum or a product has wrapped around.
+    /// No object: the index is inside of the array, but only because a sum or a product has wrapped around.
     Wrapped,
 }
 
-/// Indices of an operation that are outside their array.
+/// The indices of one operation that are outside of their array.
 #[derive(Clone, Debug)]
 pub struct Outside {
     /// The operation.
@@ -149,22 +152,21 @@ pub struct Outside {
     pub count: u64,
     /// `true` for a write or an atomic.
     pub writes: bool,
-    /// The kind of object that it is outside of.
+    /// The object that the indices are outside of.
     pub bounds: Bounds,
-    /// The buffer, workgroup variable or texture with the array; `None` for a variable of the invocation.
+    /// The buffer, workgroup variable or texture with the array. `None` for a variable of the invocation.
     pub variable: Option<String>,
-    /// `true` for an array inside another array or a structure.
+    /// `true` if the array is inside another array or a structure.
     pub nested: bool,
-    /// The index in that invocation, and the number of elements, if the array is in a buffer. For an index that wraps:
-    /// its value without wrapping, and its value.
+    /// If the array is in a buffer: the index in the first invocation, and the number of elements. For an index that
+    /// wraps: its value without wrapping, and its value with wrapping.
     pub index: Option<(i64, u64)>,
     /// The number of times that the operation ran.
     pub of: u64,
-    /// The number that [`Options::outside_at`](crate::Options::outside_at) takes for the operation.
+    /// The number of the operation for [`Options::outside_at`](crate::Options::outside_at).
     pub number: u32,
 }
 
-/// An index of an operation that is outside its array.
 #[derive(Clone, Copy)]
 pub(crate) struct Beyond<'c> {
     pub(crate) writes: bool,
@@ -177,45 +179,44 @@ pub(crate) struct Beyond<'c> {
 /// The findings of a dispatch.
 #[derive(Clone, Debug, Default)]
 pub struct Observed {
-    /// Races, the first of each pair of lines. Races of reads or unequal writes come before equal writes.
+    /// The races: the first race of each pair of lines. Equal writes come after all other races.
     pub races: Vec<Race>,
-    /// Barriers that not all invocations reached, each once.
+    /// The barriers that only some invocations reached. Each barrier occurs once.
     pub divergences: Vec<Divergence>,
-    /// Operations with indices outside their arrays or textures, each once.
+    /// The operations with indices outside of their arrays or textures. Each operation occurs once.
     pub outside: Vec<Outside>,
-    /// Reads of unwritten workgroup memory and blank buffers, one for each line.
+    /// The reads of unwritten workgroup memory and of blank buffers, one for each site.
     pub unwritten: Vec<Unwritten>,
-    /// The words, or texels, that the program wrote in each storage buffer or storage texture that it may write, by
-    /// group and binding.
+    /// For each storage buffer or storage texture, by group and binding: the words or texels that the program wrote.
     pub written: BTreeMap<(u32, u32), Touched>,
     /// The reason why the dispatch ended early.
     pub stopped: Option<Stop>,
     /// The number of invocations that ran.
     pub invocations: usize,
-    /// The rounds of all loops in all invocations.
+    /// The number of rounds of all loops in all invocations.
     pub rounds: u64,
-    /// The turns of all invocations.
+    /// The number of turns of all invocations.
     pub turns: u64,
-    /// Its atomics.
+    /// The atomics of the dispatch.
     pub atomics: Atomics,
     /// The order of the atomics, if it was requested.
     pub order: Vec<Turn>,
-    /// The number of accesses of elements that aren't remembered.
+    /// The number of accesses to elements that aren't remembered.
     pub unwatched: u64,
 }
 
-/// The atomics of a dispatch, as needed to estimate the number of their orders.
+/// The numbers of atomics of a dispatch, to estimate the number of their orders.
 #[derive(Clone, Debug, Default)]
 pub struct Atomics {
     /// The number of atomics of each invocation.
     pub of_invocation: Vec<u32>,
-    /// For each word, the kinds of its atomics as bits, and their number by invocation.
+    /// For each word: the kinds of its atomics, as bits, and the number of its atomics by invocation.
     words: HashMap<Word, (u32, BTreeMap<usize, u32>)>,
     count: usize,
 }
 
 impl Atomics {
-    /// The most atomics whose orders are counted. More than this have too many orders to try.
+    /// The largest number of atomics for which orders are counted. More atomics have too many orders to try.
     const COUNTED: usize = 1 << 12;
 
     fn add(&mut self, invocation: usize, word: Word, kind: Touch) {
@@ -231,8 +232,8 @@ impl Atomics {
         }
     }
 
-    /// The binary logarithm of an upper bound of the number of orders, equivalent ones counted once. Treats words as
-    /// independent of each other.
+    /// The binary logarithm of an upper bound of the number of orders. Equivalent orders count as one. The function
+    /// treats words as independent of each other.
     #[must_use]
     pub fn most_orders(&self) -> f64 {
         let commute = |kinds: u32| kinds.count_ones() == 1 && kinds != 1 << Touch::Changes as u32;
@@ -249,8 +250,8 @@ impl Atomics {
     }
 }
 
-/// An access that an element remembers: its invocation, the number of barriers of the element's address space that its
-/// workgroup had passed, its site, and the word.
+/// An access that an element remembers. It has the invocation, the site and the word. `epoch` is the number of barriers
+/// for the element's address space that the workgroup had passed.
 #[derive(Clone, Copy, Debug)]
 struct Who {
     invocation: u32,
@@ -264,17 +265,16 @@ const NONE_YET: Who = Who { invocation: NONE, epoch: 0, site: 0, word: 0 };
 #[derive(Clone, Copy, Debug)]
 struct Cell {
     write: Who,
-    /// The last write by another invocation than the one of `write`.
+    /// The last write by an invocation other than that of `write`.
     other: Who,
-    /// The last write of another word than the one of `write`.
+    /// The last write of a word other than that of `write`.
     unequal: Who,
-    /// The last write by a workgroup before the one of `write`.
+    /// The last write by a workgroup before that of `write`.
     earlier_write: Who,
-    /// Two invocations that read it since the last barrier.
+    /// Reads by two invocations since the last barrier.
     reads: [Who; 2],
-    /// A read by an earlier workgroup.
     earlier_read: Who,
-    /// The number of `reads` since the last write that raced with no write.
+    /// The number of reads in `reads` since the last write that didn't race with a write.
     clean: u8,
 }
 
@@ -288,12 +288,12 @@ const EMPTY: Cell = Cell {
     clean: 0,
 };
 
-/// A set of elements of a variable, by offset in bytes; for a texture, by number of the texel, row after row.
+/// A set of elements of a variable. Elements are numbered by their offset in bytes, texels row by row.
 #[derive(Clone, Debug, Default)]
 pub struct Touched(Vec<u64>);
 
 impl Touched {
-    /// Returns `true` if the set has the element at this offset, or the texel with this number.
+    /// Checks if the set has the element at this offset, or the texel with this number.
     #[must_use]
     pub fn contains(&self, at: usize) -> bool {
         self.0.get(at / 64).is_some_and(|bits| bits >> (at % 64) & 1 == 1)
@@ -307,22 +307,20 @@ impl Touched {
     }
 }
 
-/// The elements of a variable.
 #[derive(Debug, Default)]
 struct Shadow {
-    /// `true` if some instruction writes it.
     written: bool,
     /// `true` for a variable in workgroup memory.
     own: bool,
-    /// `true` for a buffer with unknown contents until it is written.
+    /// `true` for a buffer whose contents are unknown until they are written.
     blank: bool,
-    /// The words of a variable in workgroup memory, which each workgroup begins anew.
+    /// The number of words of a variable in workgroup memory. Each workgroup begins with new words.
     words: usize,
-    /// Elements by the byte of a word at which they begin: 16-bit floats also begin at the third byte, booleans at
-    /// each.
+    /// The elements, by the byte of a word at which they begin. Most elements begin at byte 0. 16-bit floats may also
+    /// begin at byte 2, and booleans at each byte.
     pages: [Vec<Option<Box<[Cell]>>>; 4],
-    /// The written elements: in workgroup memory those of this workgroup; in blank buffers those of earlier passes,
-    /// too.
+    /// The written elements. In workgroup memory, they are those that this workgroup wrote. In blank buffers, they
+    /// include those that earlier passes wrote.
     touched: Touched,
 }
 
@@ -332,25 +330,23 @@ pub(crate) struct OfGroup {
     first: u32,
     epochs: [u32; 3],
     waiting: [bool; 3],
-    /// Variables in workgroup memory.
     own: Vec<Shadow>,
 }
 
-/// A variable, `true` for a race of equal writes, both sites, and `true` if both are in one workgroup.
+/// The variable of a race, `true` if it is a race of equal writes, both sites, and `true` if both accesses are in one
+/// workgroup.
 type Key = (u32, bool, (u32, u32), bool);
 
-/// Finds races while a dispatch runs.
 #[derive(Debug)]
 pub(crate) struct Detector {
-    /// The number of invocations of a workgroup.
     width: u32,
-    /// The first invocation of each workgroup that has run; others may have been left out.
+    /// The first invocation of each workgroup that has run. Some workgroups may not run.
     starts: Vec<usize>,
-    /// The number of the current workgroup's first invocation, among those that run.
+    /// The number of the current workgroup's first invocation, counting only workgroups that run.
     first: u32,
-    /// The barriers that the workgroup has passed, for workgroup memory, storage and textures.
+    /// The number of barriers that the workgroup has passed: for workgroup memory, for storage and for textures.
     epochs: [u32; 3],
-    /// The first current lane, and the address spaces of the barriers at which the others wait.
+    /// The first current lane. `waiting` has the address spaces of the barriers at which other invocations wait.
     base: u32,
     waiting: [bool; 3],
     buffers: Vec<Shadow>,
@@ -361,26 +357,24 @@ pub(crate) struct Detector {
     divergences: BTreeMap<u32, Divergence>,
     outside: BTreeMap<u32, Outside>,
     unwritten: BTreeMap<u32, Unwritten>,
-    /// The channels of texels, by their hashes.
     texels: HashMap<u32, [u32; 4]>,
-    /// The number of times that the operations with an index ran, by site.
+    /// For each site of an operation with an index, the number of times that it ran.
     ran: Vec<u64>,
     atomics: Atomics,
 }
 
-/// An access that the machine makes.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Accessed {
     pub(crate) lane: usize,
     pub(crate) site: u32,
     pub(crate) place: Place,
-    /// The number of the element among those that begin at the same byte of a word.
+    /// The number of the element among the elements that begin at the same byte of a word.
     pub(crate) index: usize,
     pub(crate) word: u32,
 }
 
 impl Detector {
-    /// A detector for workgroups of so many invocations, with the written elements of blank buffers.
+    /// A detector for workgroups of `invocations`. `blank` has the written elements of blank buffers.
     pub(crate) fn new(
         code: &Code,
         invocations: usize,
@@ -419,12 +413,11 @@ impl Detector {
         }
     }
 
-    /// Counts the lanes that run an operation with an index.
     pub(crate) fn run(&mut self, site: u32, lanes: usize) {
         self.ran[site as usize] += lanes as u64;
     }
 
-    /// Begins the workgroup with this first invocation.
+    /// Begins the workgroup whose first invocation is `first`.
     pub(crate) fn begin(&mut self, first: usize) {
         self.first = self.starts.len() as u32 * self.width;
         self.starts.push(first);
@@ -435,7 +428,7 @@ impl Detector {
         }
     }
 
-    /// Continues another workgroup: exchanges the state of the two.
+    /// Exchanges the state with that of another workgroup, which then continues.
     pub(crate) fn exchange(&mut self, of: &mut OfGroup) {
         std::mem::swap(&mut self.first, &mut of.first);
         std::mem::swap(&mut self.epochs, &mut of.epochs);
@@ -450,24 +443,24 @@ impl Detector {
         }
     }
 
-    /// The number of an invocation in the whole dispatch.
+    /// The number in the whole dispatch of an invocation that is numbered among those that run.
     fn invocation(&self, number: u32) -> usize {
         let (group, lane) = (number / self.width, number % self.width);
         self.starts[group as usize] + lane as usize
     }
 
-    /// The number of a current lane in the whole dispatch.
+    /// The number in the whole dispatch of a current lane.
     fn of_lane(&self, lane: usize) -> usize {
         self.invocation(self.first + self.base + lane as u32)
     }
 
-    /// Continues lanes of the workgroup, beginning with this one.
+    /// Continues the lanes of the workgroup that begin with lane `base`.
     pub(crate) fn goes_on(&mut self, base: usize) {
         self.base = base as u32;
     }
 
     /// Releases all invocations of the workgroup that haven't ended from a barrier. `held` has the first invocation of
-    /// each machine with the site of its barrier; `lanes` invocations share a machine.
+    /// each machine at a barrier, with the barrier's site. Each machine has `lanes` invocations.
     pub(crate) fn release(&mut self, code: &Code, held: &[(usize, u32)], lanes: usize) {
         for (epoch, waiting) in self.epochs.iter_mut().zip(&mut self.waiting) {
             *epoch += u32::from(std::mem::take(waiting));
@@ -489,18 +482,19 @@ impl Detector {
         });
     }
 
-    /// Returns `true` if accesses of a buffer can race, or can read unwritten elements.
+    /// Checks if accesses to a buffer can race, or can read unwritten elements.
     pub(crate) fn watches_buffer(&self, slot: u32) -> bool {
         let Shadow { written, own, blank, .. } = self.buffers[slot as usize];
         written || own || blank
     }
 
-    /// Returns `true` if accesses of a texture can race.
+    /// Checks if accesses to a texture can race.
     pub(crate) fn watches_texture(&self, slot: u32) -> bool {
         self.textures[slot as usize].written
     }
 
-    /// Notes a barrier that the invocations of `active` reach. `parted` says where the others went another way.
+    /// Notes a barrier that the `active` invocations reach. `parted` has the sites at which other invocations went
+    /// another way.
     pub(crate) fn barrier(
         &mut self,
         code: &Code,
@@ -515,8 +509,9 @@ impl Detector {
         self.meet(code, site, (0, false), (parted, active));
     }
 
-    /// Notes an operation that all invocations should reach together: the first of these lanes, whether they are a
-    /// subgroup, where other lanes went another way, and the lanes that reach it.
+    /// Notes an operation that all invocations should reach together. `first` is the first of its lanes, `subgroup` is
+    /// `true` if the lanes are a subgroup, `parted` has the sites at which other lanes went another way, and `active`
+    /// marks the lanes that reach the operation.
     pub(crate) fn meet(
         &mut self,
         code: &Code,
@@ -539,7 +534,7 @@ impl Detector {
         }
     }
 
-    /// Notes an access of an element of a buffer: a read, a write or both, atomic or not.
+    /// Notes that an access reads an element of a buffer, writes it, or both. The access may be atomic.
     #[inline]
     pub(crate) fn touch(
         &mut self,
@@ -570,13 +565,12 @@ impl Detector {
         }
     }
 
-    /// Notes an atomic of a lane at an offset of a buffer.
     pub(crate) fn atomic(&mut self, lane: usize, (slot, at): (u32, usize), kind: Touch) {
         let group = if self.buffers[slot as usize].own { self.first + 1 } else { 0 };
         self.atomics.add(self.of_lane(lane), (slot, group, at as u32), kind);
     }
 
-    /// Notes an index of a lane that is outside its array.
+    /// Notes that an index of a lane is outside of its array.
     pub(crate) fn leaves(&mut self, code: &Code, site: u32, lane: usize, beyond: Beyond<'_>) {
         let Beyond { writes, bounds, variable, nested, index } = beyond;
         let invocation = self.of_lane(lane);
@@ -595,7 +589,7 @@ impl Detector {
         self.outside.entry(site).or_insert_with(new).count += 1;
     }
 
-    /// Notes a read or a write of an element. Returns `true` if its workgroup has written it.
+    /// Notes a read or a write of an element of a buffer. Returns `true` if the element's workgroup has written it.
     #[inline]
     pub(crate) fn buffer(
         &mut self,
@@ -616,7 +610,7 @@ impl Detector {
         accessed: Accessed,
         (texel, writes): ([u32; 4], bool),
     ) {
-        /// The most texels to keep for messages: a megabyte of them.
+        /// The largest number of texels to keep for messages. They need one megabyte.
         const MOST: usize = 1 << 16;
         if self.texels.len() < MOST {
             self.texels.insert(accessed.word, texel);
@@ -659,8 +653,8 @@ impl Detector {
                 && (!here(*other) || other.epoch == who.epoch)
         };
         let is_read_now = here(cell.reads[0]) && cell.reads[0].epoch == who.epoch;
-        // A write in this epoch would have raced with one of the two readers, so a third reader can't race with it
-        // either.
+        // If there was a write in this epoch, it would have raced with one of the two readers. So a third reader can't
+        // race with a write either.
         if !writes && is_read_now && cell.clean == 2 {
             return here(cell.write);
         }
@@ -700,7 +694,6 @@ impl Detector {
         is_written
     }
 
-    /// Notes a race between an access and an earlier one.
     #[cold]
     fn raced(
         &mut self,
@@ -718,7 +711,7 @@ impl Detector {
                 && other.invocation != who.invocation
                 && (!here(**other) || other.epoch == who.epoch)
         };
-        // Two writes of one word are weaker evidence than a read beside a write, or writes of different words.
+        // Two writes of the same word are weaker evidence than a read and a write, or than writes of different words.
         let differs = |other: &&Who| !writes || other.word != word;
         let racing = || before.iter().filter(races);
         let found = racing().find(differs).map(|other| (*other, true));
@@ -767,7 +760,6 @@ impl Detector {
         self.races.insert(key, (race, HashSet::from([(plane, index)])));
     }
 
-    /// Ends the run and returns the findings.
     pub(crate) fn end(self, code: &Code) -> Observed {
         let slots = code.buffers.iter().zip(self.buffers);
         let written = slots.filter_map(|(slot, shadow)| match slot.binding {
@@ -805,7 +797,7 @@ impl Detector {
 }
 
 impl Shadow {
-    /// The state of an element; `None` if there are too many.
+    /// The state of an element. `None` if too many elements are remembered.
     fn cell(&mut self, plane: usize, index: usize, cells: &mut usize) -> Option<&mut Cell> {
         let pages = &mut self.pages[plane];
         let page = index / PAGE;

@@ -3,13 +3,13 @@
 use naga::Span;
 use thiserror::Error;
 
-/// A construct that the engine doesn't execute, and its place.
+/// A construct that the engine can't execute, and its position.
 #[derive(Clone, Debug, PartialEq, Error)]
 #[error("the engine doesn't execute {what}")]
 pub struct Refusal {
     /// The construct.
     pub what: String,
-    /// Its bytes in the source, undefined if naga has none.
+    /// The construct's bytes in the source. Undefined if naga has no position for it.
     pub span: Span,
 }
 
@@ -19,7 +19,7 @@ impl Refusal {
     }
 }
 
-/// The reason why a run ended before all results were there.
+/// The reason why a run ended before all its results were computed.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum Stop {
     /// A loop ran for more rounds than the options allow.
@@ -27,11 +27,12 @@ pub enum Stop {
     Fuel {
         /// The loop.
         span: Span,
-        /// The first case that ran out of rounds.
+        /// The first case that ran too many rounds.
         case: usize,
-        /// The rounds that were allowed.
+        /// The number of rounds that were allowed.
         rounds: u64,
-        /// The rounds of the open loop with the most rounds. A small number means many loops, but no endless one.
+        /// The rounds of the open loop that ran the most rounds. If this number is small, there are many loops, but
+        /// none is endless.
         own: u64,
     },
     /// A loop was still running at the deadline.
@@ -42,7 +43,8 @@ pub enum Stop {
         /// A case in that loop.
         case: usize,
     },
-    /// Each running invocation reads the same words in a loop, and none of them changes a word.
+    /// All running invocations wait in loops: they read the same words again and again, and none of them changes a
+    /// word.
     #[error("case {case} waits in a loop for a word that nothing changes")]
     Waits {
         /// A read in such a loop.
@@ -50,57 +52,57 @@ pub enum Stop {
         /// A case in that loop.
         case: usize,
     },
-    /// The loops of all cases together ran for more rounds than the options allow.
+    /// The loops of all cases ran more rounds in total than the options allow.
     #[error("its loops run more than {rounds} rounds in total")]
     Work {
         /// A loop that was running.
         span: Span,
-        /// The rounds that the options allow.
+        /// The number of rounds that the options allow.
         rounds: u64,
     },
-    /// The words aren't whole rows.
+    /// The words don't fill complete rows.
     #[error("{found} words don't make {cases} rows of {width} words")]
     Rows {
         /// The number of words.
         found: usize,
-        /// Words a row.
+        /// The number of words in a row.
         width: usize,
         /// The number of rows that were expected.
         cases: usize,
     },
-    /// A resource of the caller is missing, or has another kind.
+    /// A resource of the caller is missing, or has a wrong kind.
     #[error("no {kind} `{name}` in group {group}, binding {binding}")]
     Missing {
-        /// `buffer`, `texture` or `sampler`, or the property of it that doesn't fit.
+        /// `buffer`, `texture` or `sampler`, or a property that the resource doesn't have.
         kind: &'static str,
-        /// Its name in the module.
+        /// The resource's name in the module.
         name: String,
-        /// Its group.
+        /// The resource's group.
         group: u32,
-        /// Its binding.
+        /// The resource's binding.
         binding: u32,
-        /// Its declaration.
+        /// The resource's declaration in the source.
         span: Span,
     },
     /// A buffer is smaller than its type.
     #[error("buffer `{name}` has {found} bytes, but its type needs {needed}")]
     Short {
-        /// Its name in the module.
+        /// The buffer's name in the module.
         name: String,
-        /// Its size in bytes.
+        /// The buffer's size in bytes.
         found: usize,
         /// The size that its type needs, in bytes.
         needed: usize,
     },
-    /// This arithmetic has no rule for something.
+    /// The arithmetic has no rule for an operation or a type.
     #[error("{what} has no rule in intervals")]
     NoRule {
         /// The operation or type without a rule.
         what: &'static str,
-        /// Its place in the source.
+        /// The position in the source.
         span: Span,
     },
-    /// An attempt to dispatch a function, or to call an entry point.
+    /// The caller dispatched a function, or called an entry point.
     #[error("{0}")]
     Misuse(&'static str),
 }

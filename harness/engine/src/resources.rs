@@ -1,4 +1,4 @@
-//! Resources that the caller binds.
+//! The resources that the caller binds.
 
 use std::collections::BTreeMap;
 
@@ -11,7 +11,7 @@ pub struct Resources {
     pub(crate) buffers: BTreeMap<(u32, u32), Vec<u8>>,
     pub(crate) textures: BTreeMap<(u32, u32), Texture>,
     pub(crate) samplers: BTreeMap<(u32, u32), Sampler>,
-    /// For buffers with unknown contents until they are written: the written elements.
+    /// The written elements of each buffer whose contents are unknown until they are written.
     pub(crate) blank: BTreeMap<(u32, u32), Touched>,
 }
 
@@ -22,7 +22,8 @@ impl Resources {
         Self::default()
     }
 
-    /// Binds a resource of `others` from one group and binding to another group and binding.
+    /// Binds a resource of `others`. It is at the group and binding `from` in `others`, and gets the group and binding
+    /// `to`.
     pub fn take_from(&mut self, others: &Self, from: [u32; 2], to: [u32; 2]) {
         let (from, to) = ((from[0], from[1]), (to[0], to[1]));
         if let Some(bytes) = others.buffers.get(&from) {
@@ -39,32 +40,32 @@ impl Resources {
         }
     }
 
-    /// The group and the binding that stand for `var<immediate>`, which has neither.
+    /// The group and binding for `var<immediate>`, which has no group and binding in WGSL.
     pub const IMMEDIATE: [u32; 2] = [u32::MAX; 2];
 
-    /// Binds a buffer: bytes in the layout of its type, little-endian.
+    /// Binds a buffer. `bytes` have the layout of its type, in little-endian order.
     pub fn set_buffer(&mut self, group: u32, binding: u32, bytes: impl Into<Vec<u8>>) {
         self.buffers.insert((group, binding), bytes.into());
     }
 
-    /// The bytes of a buffer, which a dispatch may have written.
+    /// The bytes of a buffer. A dispatch may have changed them.
     #[must_use]
     pub fn buffer(&self, group: u32, binding: u32) -> Option<&[u8]> {
         self.buffers.get(&(group, binding)).map(Vec::as_slice)
     }
 
-    /// Declares that the contents of a buffer are unknown until it is written.
+    /// Declares that the contents of a buffer are unknown until they are written.
     pub fn set_blank(&mut self, group: u32, binding: u32) {
         self.blank.insert((group, binding), Touched::default());
     }
 
-    /// The written elements of such a buffer.
+    /// The written elements of a buffer with unknown contents.
     #[must_use]
     pub fn blank(&self, group: u32, binding: u32) -> Option<&Touched> {
         self.blank.get(&(group, binding))
     }
 
-    /// The bytes of all such buffers.
+    /// The bytes of all buffers with unknown contents.
     pub fn blank_mut(&mut self) -> impl Iterator<Item = &mut Vec<u8>> {
         let Self { buffers, blank, .. } = self;
         let is_blank = |(at, _): &(&(u32, u32), &mut Vec<u8>)| blank.contains_key(at);
@@ -76,7 +77,7 @@ impl Resources {
         self.textures.insert((group, binding), texture);
     }
 
-    /// A texture, which a dispatch may have written.
+    /// A texture. A dispatch may have changed it.
     #[must_use]
     pub fn texture(&self, group: u32, binding: u32) -> Option<&Texture> {
         self.textures.get(&(group, binding))

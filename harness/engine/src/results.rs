@@ -1,4 +1,4 @@
-//! Results of a call.
+//! The results of a call.
 
 use naga::Span;
 
@@ -20,7 +20,7 @@ pub enum Lane<F, I, B> {
 /// A scalar of a result in arithmetic `A`.
 pub type LaneOf<A> = Lane<<A as Rules>::Float, <A as Rules>::Int, <A as Rules>::Bool>;
 
-/// The results of all cases, one row a case.
+/// The results of all cases, one row for each case.
 #[derive(Debug)]
 pub struct Results<A: Arithmetic> {
     pub(crate) scalars: Vec<Scalar>,
@@ -32,8 +32,8 @@ pub struct Results<A: Arithmetic> {
 }
 
 impl<A: Arithmetic> Results<A> {
-    /// The cases that [`Options::leaves`](crate::Options::leaves) left out, each with the loop in which it spent its
-    /// fuel. Their rows are meaningless.
+    /// The cases that were removed because of [`Options::leaves`](crate::Options::leaves), each with the loop that ran
+    /// too many rounds. The rows of these cases have no meaning.
     #[must_use]
     pub fn long(&self) -> &[(usize, Span)] {
         &self.long
@@ -45,13 +45,13 @@ impl<A: Arithmetic> Results<A> {
         self.cases
     }
 
-    /// `true` for each scalar of a row that has half precision.
+    /// For each scalar of a row, `true` if it has half precision.
     #[must_use]
     pub fn halves(&self) -> Vec<bool> {
         self.scalars.iter().map(|scalar| *scalar == Scalar::F16).collect()
     }
 
-    /// The number of scalars of a row.
+    /// The number of scalars in a row.
     #[must_use]
     pub fn width(&self) -> usize {
         self.scalars.len()
@@ -87,7 +87,7 @@ impl<A: Arithmetic> Results<A> {
         self.scalars.iter().map(lane).collect()
     }
 
-    /// All rows as words, in the format of parameters. Floats are rounded to `f32` or `f16`; an interval becomes its
+    /// All rows as words, in the format of arguments. Floats are rounded to `f32` or `f16`. An interval becomes its
     /// middle.
     #[must_use]
     pub fn words(&self) -> Vec<u32> {

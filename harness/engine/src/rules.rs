@@ -1,8 +1,8 @@
-//! The computation of each operation in each arithmetic, one file for each family.
+//! The rules: how each operation is computed in each arithmetic. Each family of rules has one file.
 //!
-//! A rule stands in one place: its name, the number of its arguments and results, naga's name of the builtin, and its
-//! computation in `f32`, in `f64` and in intervals. The macros below turn a family into an enum, which programs hold,
-//! and a function that selects the loop for each rule.
+//! A rule is defined in one place: its name, the number of its arguments and results, naga's name of the builtin, and
+//! its computation in `f32`, in `f64` and in intervals. The macros below make an enum of each family, which programs
+//! contain, and a function that selects the loop for each rule.
 
 mod arithmetic;
 mod conversion;
@@ -53,11 +53,10 @@ macro_rules! float_rules {
         })*
 
         impl $family {
-            /// All rules of the family.
             #[cfg(test)]
             pub(crate) const ALL: &[Self] = &[$(Self::$name,)*];
 
-            /// The number of floats that it takes, and that it gives.
+            /// The number of floats that the rule takes, and the number that it returns.
             pub(crate) fn arity(self) -> (usize, usize) {
                 match self { $(Self::$name => ($i, $o),)* }
             }
@@ -69,7 +68,6 @@ macro_rules! float_rules {
                 None
             }
 
-            /// Runs it over all lanes.
             pub(crate) fn run<A: crate::arithmetic::sealed::Rules>(
                 self,
                 floats: &mut crate::columns::Columns<A::Float>,
@@ -84,8 +82,8 @@ macro_rules! float_rules {
 }
 pub(crate) use float_rules;
 
-/// A family of rules from integers to an integer. The signedness is that of the result, and also of the arguments if a
-/// range depends on it.
+/// A family of rules from integers to an integer. The sign in a rule's name is that of the result. If a range depends
+/// on the sign of the arguments, they have the same sign.
 macro_rules! integer_rules {
     ($(#[$meta:meta])* $family:ident {
         $($(#[$doc:meta])* $name:ident [$i:literal] $signed:literal $(= $math:ident)? {
@@ -106,7 +104,7 @@ macro_rules! integer_rules {
             #[inline(always)]
             fn exact($x: [u32; $i]) -> u32 { $exact }
             fn range(x: [crate::interval::Range; $i]) -> crate::interval::Range {
-                // If each argument is a single integer, so is the result, for any rule.
+                // If each argument is a single integer, the result is a single integer, too.
                 let words = x.map(|x| x.word());
                 if words.iter().all(|word| word.is_some()) {
                     let word = Self::exact(words.map(|word| word.expect("each has one")));
@@ -118,7 +116,6 @@ macro_rules! integer_rules {
         })*
 
         impl $family {
-            /// The number of integers that it takes.
             pub(crate) fn arity(self) -> usize {
                 match self { $(Self::$name => $i,)* }
             }
@@ -131,7 +128,6 @@ macro_rules! integer_rules {
                 None
             }
 
-            /// Runs it over all lanes.
             pub(crate) fn run<A: crate::arithmetic::sealed::Rules>(
                 self,
                 ints: &mut crate::columns::Columns<A::Int>,
@@ -148,7 +144,6 @@ macro_rules! integer_rules {
 }
 pub(crate) use integer_rules;
 
-/// A rule from floats to floats, of any family.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum FloatRule {
     Basic(Basic),
@@ -158,18 +153,18 @@ pub(crate) enum FloatRule {
     Trigonometry(Trigonometry),
 }
 
-/// The operands of an operation that are its edges, the low one first.
+/// The operands of an operation that are its edges, the low edge first.
 pub(crate) struct Edges {
     pub(crate) low: usize,
     pub(crate) high: usize,
-    /// `true` if equal edges are a fault, too.
+    /// `true` if equal edges are a hazard, too.
     pub(crate) distinct: bool,
 }
 
 impl FloatRule {
-    /// The operands of an operation that have to be in order, if it has any. WGSL 17.5 lets `clamp` of floats be
-    /// "either min(max(e, low), high), or the median of the three values", which differ if low is above high.
-    /// `smoothstep` divides by high - low, and the languages below WGSL leave it undefined unless low is below high.
+    /// The operands of an operation that must be in order, if it has such operands. WGSL 17.5 lets `clamp` of floats be
+    /// "either min(max(e, low), high), or the median of the three values". The two differ if low is above high.
+    /// `smoothstep` divides by high - low, and the languages below WGSL define it only if low is below high.
     pub(crate) fn edges(self) -> Option<Edges> {
         match self {
             Self::Basic(Basic::Clamp) => Some(Edges { low: 1, high: 2, distinct: false }),
@@ -231,13 +226,13 @@ mod tests {
             self.next() % end
         }
 
-        /// A float between two floats, chosen by rank, not by size.
+        /// A random float between two floats. All floats between them are equally likely.
         fn between(&mut self, lo: f32, hi: f32) -> f32 {
             let (lo, hi) = (place(lo), place(hi));
             from_place(lo + i64::try_from(self.below((hi - lo + 1) as u64)).expect("32 bits"))
         }
 
-        /// An interval near a power of two, near one, or anywhere: a point, narrow or wide.
+        /// A random interval: near a power of two, near 1, or anywhere. It is a point, narrow or wide.
         fn interval(&mut self) -> Interval {
             let power = (self.below(9) as f32 - 4.0).exp2();
             let size = match self.below(4) {
@@ -259,7 +254,6 @@ mod tests {
         }
     }
 
-    /// The rank of a float among all floats.
     fn place(x: f32) -> i64 {
         let bits = i64::from(x.to_bits() & 0x7fff_ffff);
         if x.is_sign_negative() { -bits } else { bits }
@@ -270,7 +264,6 @@ mod tests {
         f32::from_bits(bits | if at < 0 { 1 << 31 } else { 0 })
     }
 
-    /// The results of a rule for one lane.
     fn apply(rule: FloatRule, x: &[Interval]) -> Vec<Interval> {
         let (ins, outs) = rule.arity();
         let mut columns = Columns::new(ins + outs, 1);
@@ -282,8 +275,8 @@ mod tests {
         (0..outs as u32).map(|out| columns.get(out)[0]).collect()
     }
 
-    /// For any numbers in the argument intervals, the bounds of their result lie within the bounds for the intervals.
-    /// Otherwise an allowed result could lie outside.
+    /// For all numbers in the argument intervals, the bounds of the numbers' result must be within the bounds of the
+    /// intervals' result. Otherwise a result that WGSL allows could be outside of the bounds.
     // Lesson 109
     #[test]
     fn wider_arguments_have_wider_results() {

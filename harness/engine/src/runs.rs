@@ -1,4 +1,4 @@
-//! Instantiates the machine in each arithmetic, so that it is compiled in this crate and not in its callers.
+//! Compiles the machine for each arithmetic in this crate, so that callers needn't compile it.
 
 use crate::arithmetic::{Arithmetic, F32, F64, Intervals};
 use crate::observer::Observer;
@@ -8,9 +8,9 @@ use crate::refusal::Stop;
 use crate::resources::Resources;
 use crate::results::Results;
 
-/// Any of the arithmetics that programs run in. Sealed, like [`Arithmetic`].
+/// An arithmetic in which programs can run. The trait is sealed, like [`Arithmetic`].
 pub trait Runs: Arithmetic {
-    /// [`Program::call`] in this arithmetic.
+    /// Implements [`Program::call`] in this arithmetic.
     #[doc(hidden)]
     fn call(
         program: &Program,
@@ -18,7 +18,7 @@ pub trait Runs: Arithmetic {
         observer: &dyn Observer<Self>,
     ) -> Result<Results<Self>, Stop>;
 
-    /// [`Program::dispatch`] in this arithmetic.
+    /// Implements [`Program::dispatch`] in this arithmetic.
     #[doc(hidden)]
     fn dispatch(
         program: &Program,

@@ -1,26 +1,26 @@
-//! Scalars, and the scalars of types.
+//! Scalars, and the types that consist of them.
 
 use std::cell::RefCell;
 use std::collections::HashMap;
 
 use naga::{ArraySize, Handle, Module, ScalarKind, Type, TypeInner, VectorSize};
 
-/// The contents of one word of a row.
+/// The type of one word in a row.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Scalar {
-    /// An `f32`, as its bits.
+    /// The bits of an `f32`.
     F32,
-    /// An `f16`, as its 16 bits.
+    /// The 16 bits of an `f16`.
     F16,
-    /// An `i32`, as its bits.
+    /// The bits of an `i32`.
     I32,
     /// A `u32`.
     U32,
-    /// A `bool`: 0 or 1. Any other word is true, too.
+    /// A `bool`: 0 is false, and all other words are true.
     Bool,
 }
 
-/// The file of registers that holds a scalar.
+/// The file of registers that has a scalar.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub(crate) enum File {
     Float = 0,
@@ -41,7 +41,7 @@ impl Scalar {
         self == Self::I32
     }
 
-    /// The scalar for naga's scalar, or the name of one that the engine lacks.
+    /// Converts naga's scalar. The error names a scalar that the engine can't execute.
     pub(crate) fn of(scalar: naga::Scalar) -> Result<Self, String> {
         match (scalar.kind, scalar.width) {
             (ScalarKind::Float, 4) => Ok(Self::F32),
@@ -59,21 +59,20 @@ impl Scalar {
     }
 }
 
-/// The number of registers of each file that a type takes.
+/// The number of registers of each file that a type needs.
 pub(crate) type Counts = [u32; 3];
 
-/// The same, before it is checked to be small enough.
+/// The number of registers of each file, before it is checked to be small enough.
 type Wide = Result<[u64; 3], String>;
 
-/// The most scalars of a value or a variable: 2^14 columns of 256 lanes are 16 MiB a thread. WGSL limits all variables
-/// of a function together to 2^11 scalars.
+/// The largest number of scalars in a value or a variable. For 2^14 columns of 256 lanes, a thread needs 16 MiB. WGSL
+/// limits all variables of a function to 2^11 scalars in total.
 pub(crate) const MOST_SCALARS: u64 = 1 << 14;
 
-/// Types of a module as scalars.
 #[derive(Debug)]
 pub(crate) struct Layouts<'m> {
     pub(crate) module: &'m Module,
-    /// The lengths of arrays that overrides give.
+    /// The lengths of arrays that depend on overrides.
     pub(crate) lengths: HashMap<Handle<naga::Override>, u32>,
     cache: RefCell<HashMap<Handle<Type>, Wide>>,
 }
@@ -87,7 +86,7 @@ impl<'m> Layouts<'m> {
         &self.module.types[ty].inner
     }
 
-    /// The number of elements; `None` for a runtime-sized array.
+    /// The number of elements. `None` for a runtime-sized array.
     pub(crate) fn length(&self, size: ArraySize) -> Result<Option<u32>, String> {
         match size {
             ArraySize::Constant(count) => Ok(Some(count.get())),
@@ -136,7 +135,7 @@ impl<'m> Layouts<'m> {
         counts
     }
 
-    /// The number of registers that a value of this type takes.
+    /// The number of registers that a value of this type needs.
     pub(crate) fn counts(&self, inner: &TypeInner) -> Result<Counts, String> {
         let counts = self.wide(inner)?;
         let total = counts.iter().fold(0u64, |sum, n| sum.saturating_add(*n));
@@ -150,7 +149,6 @@ impl<'m> Layouts<'m> {
         self.counts(self.inner(ty))
     }
 
-    /// The scalars of a value, in order.
     pub(crate) fn scalars(&self, inner: &TypeInner) -> Result<Vec<Scalar>, String> {
         self.counts(inner)?;
         let mut scalars = Vec::new();
@@ -199,7 +197,7 @@ impl<'m> Layouts<'m> {
                     let counts = self.counts_of(member.ty)?;
                     before = std::array::from_fn(|k| before[k] + counts[k]);
                 }
-                let member = members.get(index as usize).ok_or("a member that isn't there")?;
+                let member = members.get(index as usize).ok_or("a member that doesn't exist")?;
                 Ok((self.inner(member.ty).clone(), before))
             }
             _ => {
@@ -210,7 +208,7 @@ impl<'m> Layouts<'m> {
         }
     }
 
-    /// The type of each element, and the number of elements (`None` for a runtime-sized array).
+    /// The type of each element, and the number of elements. The number is `None` for a runtime-sized array.
     pub(crate) fn element(&self, inner: &TypeInner) -> Result<(TypeInner, Option<u32>), String> {
         match *inner {
             TypeInner::Vector { size, scalar } => {
@@ -226,7 +224,7 @@ impl<'m> Layouts<'m> {
         }
     }
 
-    /// The same in bytes, for buffers: the type of component `index`, and its offset.
+    /// For buffers, the type of component `index`, and its offset in bytes.
     pub(crate) fn component_bytes(
         &self,
         inner: &TypeInner,
@@ -234,7 +232,7 @@ impl<'m> Layouts<'m> {
     ) -> Result<(TypeInner, u32), String> {
         match *inner {
             TypeInner::Struct { ref members, .. } => {
-                let member = members.get(index as usize).ok_or("a member that isn't there")?;
+                let member = members.get(index as usize).ok_or("a member that doesn't exist")?;
                 Ok((self.inner(member.ty).clone(), member.offset))
             }
             _ => {
@@ -247,11 +245,11 @@ impl<'m> Layouts<'m> {
     }
 }
 
-/// Bytes between neighbouring elements in a buffer.
+/// The distance between neighbouring elements in a buffer, in bytes.
 pub(crate) fn stride_bytes(inner: &TypeInner) -> u32 {
     match *inner {
         TypeInner::Vector { scalar, .. } => u32::from(scalar.width),
-        // A column of three takes the space of four.
+        // A column of three scalars needs the space of four.
         TypeInner::Matrix { rows, scalar, .. } => {
             let rows = if rows == VectorSize::Tri { 4 } else { rows as u32 };
             rows * u32::from(scalar.width)
@@ -261,7 +259,6 @@ pub(crate) fn stride_bytes(inner: &TypeInner) -> u32 {
     }
 }
 
-/// The name of a type in a refusal.
 pub(crate) fn kind(inner: &TypeInner) -> &'static str {
     match inner {
         TypeInner::Scalar(_) => "scalar",

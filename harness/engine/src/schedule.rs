@@ -1,74 +1,75 @@
-//! Orders of the invocations of a dispatch. WGSL guarantees no order.
+//! The orders in which the invocations of a dispatch run. WGSL guarantees no order.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeSet, BinaryHeap, HashMap};
 
 use crate::explore::Step;
 
-/// Invocations of a workgroup that run side by side, operation by operation; or one of their pending stores.
+/// Invocations of a workgroup that run side by side, operation by operation, or one of their pending stores.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Actor {
-    /// The number of the unit, workgroup after workgroup.
+    /// The number of the unit. Units are numbered workgroup after workgroup.
     pub(crate) unit: u32,
-    /// 0 for the invocations themselves, otherwise the number of their store, counted from 1.
+    /// 0 for the invocations themselves. For a store, its number, counted from 1.
     pub(crate) store: u32,
 }
 
-/// The rule that chooses which actor goes on, up to its next atomic.
+/// The rule that chooses the actor of the next turn. A turn goes to the actor's next atomic.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Priorities {
-    /// The one with the lowest number.
+    /// Chooses the actor with the lowest number.
     #[default]
     ByNumber,
-    /// The one with the highest number.
+    /// Chooses the actor with the highest number.
     Backwards,
-    /// The one that has waited longest, so that each goes on once all others have.
+    /// Chooses the actor that has waited longest, so all actors take turns.
     InTurn,
-    /// A random one, by a seed.
+    /// Chooses a random actor, by a seed.
     Shuffled(u64),
 }
 
-/// The time at which atomic stores take effect. WGSL's atomics are relaxed: only a barrier orders two of them that
-/// access different words (15.4, *Memory model*).
+/// The time at which atomic stores take effect. WGSL's atomics are relaxed: if two atomics access different words, only
+/// a barrier orders them (15.4, *Memory model*).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Stores {
-    /// At once.
+    /// All stores take effect at once.
     #[default]
     AtOnce,
-    /// Some of them, chosen by a seed, after everything else has ended or waits. A store never takes effect after a
-    /// later barrier of its invocation, or after its later access of the same word.
+    /// Some stores, chosen by a seed, take effect only when all other actors have ended or wait. A store never takes
+    /// effect after a later barrier of its invocation, or after a later access to the same word by its invocation.
     Late(u64),
 }
 
 /// An order of the invocations of a dispatch.
 ///
-/// Each invocation runs to its next atomic; then the one with the highest priority goes on. An invocation gets the
-/// lowest priority when it waits in a loop for others, or reaches an atomic at which it is to stall. Such orders find
-/// each failure that needs few changes of turn, with a known probability (Burckhardt et al. 2010, *A randomized
+/// Each invocation runs to its next atomic. Then the invocation with the highest priority goes on. An invocation gets
+/// the lowest priority if it waits for others in a loop, or if it reaches an atomic at which it must stall. Such orders
+/// find each failure that needs few changes of turn, with a known probability (Burckhardt et al. 2010, *A randomized
 /// scheduler with probabilistic guarantees of finding bugs*).
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Schedule {
-    /// The rule that chooses the next one.
+    /// The rule that chooses the actor of the next turn.
     pub priorities: Priorities,
-    /// The turns of an invocation that waits in a loop before it gets the lowest priority: the loop may end by itself.
+    /// The number of turns that invocations may wait in loops before a waiting invocation gets the lowest priority. The
+    /// loop may end without a change.
     pub patience: u32,
-    /// Invocations that stall before their n-th atomic; n counts from 1.
+    /// The invocations that stall, each with the number of the atomic before which it stalls, counted from 1.
     pub stalls: Vec<(usize, u32)>,
-    /// Turns of an explored order. They come before priorities decide.
+    /// The turns of an explored order. They come first, and after them priorities decide.
     pub turns: Vec<Actor>,
     /// The time at which atomic stores take effect.
     pub stores: Stores,
     /// The number of neighbours in a workgroup that run side by side, operation by operation.
     pub together: usize,
-    /// The invocations of a subgroup. WebGPU has devices with 4 to 128 (*subgroupMinSize*).
+    /// The number of invocations of a subgroup. WebGPU's devices have 4 to 128 (*subgroupMinSize*).
     pub subgroup: u32,
 }
 
 impl Schedule {
-    /// The invocations of a subgroup without a schedule's own number: most GPUs have 32.
+    /// The default number of invocations of a subgroup. Most GPUs have 32.
     pub const SUBGROUP: u32 = 32;
 
-    /// The order in which the invocations of a workgroup run one by one, by number.
+    /// The order in which the invocations of a workgroup run one after another, by number.
     #[must_use]
     pub fn one_by_one() -> Self {
         Self { together: 1, ..Self::default() }
@@ -76,7 +77,7 @@ impl Schedule {
 }
 
 impl Default for Schedule {
-    /// The usual order: workgroup after workgroup, with the invocations of each side by side.
+    /// The usual order: workgroup after workgroup, and the invocations of a workgroup side by side.
     fn default() -> Self {
         Self {
             priorities: Priorities::ByNumber,
@@ -90,52 +91,53 @@ impl Default for Schedule {
     }
 }
 
-/// Decides whose turn it is.
+/// Decides which actor gets the next turn.
 pub(crate) trait Turns {
-    /// Announces an actor that can go on. `step` has its next accesses of shared words.
+    /// Announces an actor that can go on. `step` has the actor's next accesses to shared words.
     fn ready(&mut self, actor: Actor, step: Step);
 
-    /// Chooses the actor for the next turn, which then isn't ready any more. `None` if none is ready, or the run isn't
-    /// worth finishing.
+    /// Chooses the actor of the next turn, which then isn't ready any more. `None` if no actor is ready, or if the run
+    /// needn't be finished.
     fn next(&mut self) -> Option<Actor>;
 
-    /// Announces that the last actor waits for another one to change the word that it reads.
+    /// Announces that the last actor waits until another actor changes the word that it reads.
     fn waits(&mut self);
 
-    /// Orders everything that these actors have done before everything that they do from now on.
+    /// Announces that everything that these units did comes before everything that they do from now on.
     fn joined(&mut self, units: std::ops::Range<u32>);
 
-    /// Returns `true` if it needs the next step of each actor.
+    /// Checks if `ready` needs the next step of each actor.
     fn asks(&self) -> bool {
         false
     }
 }
 
-/// The most turns in a row. Then others run: a loop may wait for them although it looks like work.
+/// The largest number of turns in a row. Then other actors get a turn, because a loop may wait for them without being
+/// noticed.
 const MOST_IN_A_ROW: u32 = 1 << 12;
 
-/// Turns by priorities.
 pub(crate) struct ByPriority<'s> {
     schedule: &'s Schedule,
-    /// The units that stall, each with the number of the atomic before which it does.
+    /// The units that stall, each with the number of the atomic before which it stalls.
     stalls: Vec<(u32, u32)>,
     heap: BinaryHeap<(i64, Reverse<Actor>)>,
-    /// In an explored order: actors whose next step changes nothing that others see. That isn't a turn there.
+    /// In an explored order, the actors whose next step changes nothing that others see. Such a step isn't a turn of
+    /// that order.
     eager: BTreeSet<Actor>,
-    /// The changed priorities of units.
+    /// The priorities of units whose priority has changed.
     changed: HashMap<u32, i64>,
     atomics: HashMap<u32, u32>,
     lowest: i64,
-    /// The turns left to units that wait.
+    /// The number of turns that units may still wait.
     patience: u32,
     last: Actor,
-    /// The turns that the current unit has had in a row.
+    /// The number of turns in a row that the current unit has had.
     row: u32,
     turns: std::slice::Iter<'s, Actor>,
 }
 
 impl<'s> ByPriority<'s> {
-    /// Turns for workgroups of so many `invocations`, with so many `lanes` in a unit.
+    /// Turns for workgroups of `invocations`, with `lanes` invocations in each unit.
     pub(crate) fn new(schedule: &'s Schedule, invocations: usize, lanes: usize) -> Self {
         let units = invocations.div_ceil(lanes);
         let unit_of = |invocation: usize| {
@@ -150,7 +152,7 @@ impl<'s> ByPriority<'s> {
             eager: BTreeSet::new(),
             changed: HashMap::new(),
             atomics: HashMap::new(),
-            // Lower than the number of any unit.
+            // This is lower than the number of any unit.
             lowest: -(1 << 62),
             patience: schedule.patience,
             last: Actor::default(),
@@ -177,7 +179,6 @@ impl<'s> ByPriority<'s> {
         }
     }
 
-    /// A priority lower than all others.
     fn below_all(&mut self) -> i64 {
         self.lowest -= 1;
         self.lowest
@@ -215,7 +216,8 @@ impl Turns for ByPriority<'_> {
             self.last = actor;
             return Some(actor);
         }
-        // An atomic that the explored order didn't reach has no turn in it.
+        // After the last turn of the explored order, priorities decide. They also decide if the order's next actor
+        // isn't ready.
         if let Some(wanted) = self.turns.next()
             && self.heap.iter().any(|(_, actor)| actor.0 == *wanted)
         {
@@ -239,7 +241,7 @@ impl Turns for ByPriority<'_> {
     fn joined(&mut self, _: std::ops::Range<u32>) {}
 }
 
-/// The numbers below a count, shuffled (Fisher and Yates).
+/// The numbers from 0 to `count - 1` in random order (Fisher and Yates).
 pub(crate) fn shuffled(count: usize, seed: u64) -> Vec<usize> {
     let (mut all, mut state): (Vec<usize>, u64) = ((0..count).collect(), seed);
     for at in (1..count).rev() {
@@ -248,7 +250,6 @@ pub(crate) fn shuffled(count: usize, seed: u64) -> Vec<usize> {
     all
 }
 
-/// A random number for an actor, by a seed.
 fn chance(seed: u64, actor: Actor) -> u64 {
     let mut state = seed ^ (u64::from(actor.unit) << 32 | u64::from(actor.store)).rotate_left(17);
     next(&mut state);

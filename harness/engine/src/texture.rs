@@ -1,4 +1,4 @@
-//! Textures and samplers as data, and WebGPU's filters.
+//! Textures and samplers as data, with WebGPU's filters.
 
 mod cube;
 mod format;
@@ -11,7 +11,7 @@ use thiserror::Error;
 pub(crate) use format::stored;
 pub(crate) use sample::{Level, Many, Mean, Place, TOGETHER};
 
-/// The coordinates that find a texel.
+/// The coordinates that select a texel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Dimension {
     /// One coordinate.
@@ -24,10 +24,10 @@ pub enum Dimension {
     Cube,
 }
 
-/// The texels of one mip level: rows, then slices or layers. Samples of a texel are neighbours.
+/// The texels of one mip level. Rows come first, then slices or layers. The samples of a texel are neighbours.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Texels {
-    /// Four channels of `f32`. A format with fewer channels reads 0, 0, 0, 1 for those that it lacks.
+    /// Four channels of `f32`. If the format has fewer channels, the missing ones are read as 0, 0, 0, 1.
     Float(Vec<[f32; 4]>),
     /// Four channels of `i32`.
     Sint(Vec<[i32; 4]>),
@@ -48,11 +48,11 @@ impl Texels {
     }
 }
 
-/// The reason why texels can't be a texture.
+/// The reason why texels can't form a texture.
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum TextureError {
-    /// A level has too few texels, or too many.
-    #[error("level {level} has {found} texels, its size needs {needed}")]
+    /// A mip level has too few or too many texels.
+    #[error("level {level} has {found} texels, but its size needs {needed}")]
     Level {
         /// The level.
         level: usize,
@@ -61,7 +61,7 @@ pub enum TextureError {
         /// The number of texels that it needs.
         needed: u64,
     },
-    /// A size of zero, no level, faces that aren't square, or a number of faces other than six.
+    /// A size is zero, there is no level, the faces of a cube aren't square, or their number isn't six.
     #[error("{0}")]
     Shape(&'static str),
 }
@@ -73,17 +73,18 @@ pub struct Texture {
     size: [u32; 3],
     samples: u32,
     levels: Vec<Texels>,
-    /// For a cube of floats, once it is filtered: its levels, with the texels beyond the edges of each face.
+    /// For a cube of floats: its levels, with the texels beyond the edges of each face. Computed when the cube is first
+    /// filtered.
     framed: OnceLock<Vec<Vec<[f32; 4]>>>,
     /// The least and the greatest value of each channel.
     hull: [(f32, f32); 4],
-    /// `true` if the channels are integers that read as numbers from -1 to 1.
+    /// `true` if the channels are integers that are read as numbers from -1 to 1.
     normalized: bool,
 }
 
 impl Texture {
-    /// A texture of `size` texels (width, height, and depth or layers; a cube has six layers), with its mip levels, the
-    /// largest first. `samples` is 1 unless it is multisampled.
+    /// Makes a texture of `size` texels: width, height, and depth or layers. A cube has six layers. `texels` are the
+    /// mip levels, the largest first. `samples` is 1 unless the texture is multisampled.
     ///
     /// # Errors
     ///
@@ -98,7 +99,7 @@ impl Texture {
             return Err(TextureError::Shape("a texture without texels"));
         }
         if dimension == Dimension::Cube && (size[0] != size[1] || !size[2].is_multiple_of(6)) {
-            return Err(TextureError::Shape("a cube has six square faces a layer"));
+            return Err(TextureError::Shape("each layer of a cube needs six square faces"));
         }
         if samples > 1 && levels.len() > 1 {
             return Err(TextureError::Shape("a multisampled texture has one level"));
@@ -125,14 +126,14 @@ impl Texture {
         Ok(texture)
     }
 
-    /// The same texture in a format such as `rgba8unorm`. WGSL defines its value as `v / 255` (6.5.1), without an
-    /// accuracy. The bounds are those of `unpack4x8unorm`, which computes the same.
+    /// The same texture with a normalised format such as `rgba8unorm`. WGSL defines the value as `v / 255` (6.5.1), but
+    /// doesn't say how exact it is. Karat uses the bounds of `unpack4x8unorm`, which computes the same value.
     #[must_use]
     pub fn normalized(self) -> Self {
         Self { normalized: true, ..self }
     }
 
-    /// A channel, from its word.
+    /// The float of a channel, from its word.
     pub(crate) fn channel<A: crate::arithmetic::sealed::Rules>(&self, word: u32) -> A::Float {
         let x = f32::from_bits(word);
         if self.normalized { A::normalized(x) } else { A::float(x) }
@@ -154,7 +155,7 @@ impl Texture {
         hull
     }
 
-    /// Returns `true` if it fits the type of a variable.
+    /// Checks if the texture fits the type of a variable.
     pub(crate) fn is(&self, (dimension, kind): (naga::ImageDimension, naga::ScalarKind)) -> bool {
         let dimension = match dimension {
             naga::ImageDimension::D1 => Dimension::D1,
@@ -174,7 +175,7 @@ impl Texture {
         self.hull[channel]
     }
 
-    /// The coordinates that find its texels.
+    /// The coordinates that select a texel.
     #[must_use]
     pub fn dimension(&self) -> Dimension {
         self.dimension
@@ -218,7 +219,6 @@ impl Texture {
         ((z * h + y) * w + x) * self.samples as usize + sample as usize
     }
 
-    /// A texel's channels as words.
     #[inline(always)]
     pub(crate) fn texel(&self, level: u32, at: [u32; 3], sample: u32) -> [u32; 4] {
         let index = self.index(level, at, sample);
@@ -231,7 +231,6 @@ impl Texture {
         }
     }
 
-    /// Overwrites a texel of the largest level.
     pub(crate) fn put(&mut self, at: [u32; 3], words: [u32; 4]) {
         let index = self.index(0, at, 0);
         match self.levels.first_mut() {
@@ -242,29 +241,29 @@ impl Texture {
         }
     }
 
-    /// Its texels, level by level.
+    /// The texels, level by level.
     #[must_use]
     pub fn texels(&self) -> &[Texels] {
         &self.levels
     }
 }
 
-/// The texel for coordinates beyond the edge.
+/// The texel that is read if the coordinates are outside of the texture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Address {
     /// The nearest texel at the edge.
     #[default]
     ClampToEdge,
-    /// The texture, repeated.
+    /// The texture is repeated.
     Repeat,
-    /// The texture, repeated and mirrored every second time.
+    /// The texture is repeated, and every second copy is mirrored.
     MirrorRepeat,
 }
 
 /// The texels that a filter reads.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Filter {
-    /// The nearest.
+    /// The nearest texel.
     #[default]
     Nearest,
     /// The texels around the coordinates, weighted by distance.
@@ -274,21 +273,21 @@ pub enum Filter {
 /// The comparison of a reference with a depth.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Comparison {
-    /// Never.
+    /// The comparison is never true.
     Never,
-    /// reference < depth.
+    /// The comparison is `reference < depth`.
     Less,
-    /// reference == depth.
+    /// The comparison is `reference == depth`.
     Equal,
-    /// reference <= depth.
+    /// The comparison is `reference <= depth`.
     LessEqual,
-    /// reference > depth.
+    /// The comparison is `reference > depth`.
     Greater,
-    /// reference != depth.
+    /// The comparison is `reference != depth`.
     NotEqual,
-    /// reference >= depth.
+    /// The comparison is `reference >= depth`.
     GreaterEqual,
-    /// Always.
+    /// The comparison is always true.
     Always,
 }
 
@@ -312,9 +311,9 @@ impl Comparison {
 pub struct Sampler {
     /// The address mode of each coordinate.
     pub address: [Address; 3],
-    /// The filter if a texel is larger than a pixel.
+    /// The filter for pixels that are smaller than a texel.
     pub mag: Filter,
-    /// The filter if a texel is smaller than a pixel.
+    /// The filter for pixels that are larger than a texel.
     pub min: Filter,
     /// The filter between mip levels.
     pub mip: Filter,
@@ -322,7 +321,7 @@ pub struct Sampler {
     pub lod_min: f32,
     /// The greatest level of detail.
     pub lod_max: f32,
-    /// The comparison of a comparison sampler.
+    /// The comparison, if this is a comparison sampler.
     pub compare: Option<Comparison>,
 }
 
@@ -334,7 +333,7 @@ impl Default for Sampler {
             min: Filter::Nearest,
             mip: Filter::Nearest,
             lod_min: 0.0,
-            lod_max: 32.0, // WebGPU's default, above each level that there is
+            lod_max: 32.0, // WebGPU's default, which is above all possible levels
             compare: None,
         }
     }

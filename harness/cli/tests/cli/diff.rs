@@ -469,7 +469,11 @@ fn images_that_cannot_be_compared_are_errors() {
         (&["a.exr", "a.exr", "--mask", "none.png"], 3, "there is no image `none.png`"),
         (&["a.exr", "text.exr"], 2, "`text.exr` is neither an OpenEXR nor a PNG image"),
         (&["half.exr", "a.exr"], 2, "`half.exr` isn't a readable OpenEXR image"),
-        (&["a.exr", "a.exr", "--mask", "small.exr"], 2, "the mask is 8 x 32, the frame 48 x 32"),
+        (
+            &["a.exr", "a.exr", "--mask", "small.exr"],
+            2,
+            "the mask has 8 x 32 pixels, but the frame 48 x 32",
+        ),
         (&["a.exr", "a.exr", "--heatmap", "text.exr/a.png"], 2, "can't write `text.exr/a.png`"),
         (&["a.exr", "a.exr", "--heatmap", "text.exr/a.exr"], 2, "can't write `text.exr/a.exr`"),
         (&["a.exr"], 2, "required arguments were not provided"),

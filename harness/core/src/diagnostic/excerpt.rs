@@ -13,7 +13,6 @@ use crate::output::visible;
 const WIDTH: usize = 100;
 /// The number of these columns before the position, if the line has enough columns after it.
 const BEFORE: usize = 40;
-/// Stands for text that was cut.
 const CUT: &str = "…";
 
 /// A file's text as messages show it. Each byte can be traced to the author's text.
@@ -57,7 +56,6 @@ impl<'a> Excerpt<'a> {
         excerpt
     }
 
-    /// Adds a line without its line end.
     fn push(&mut self, line: Range<usize>, points: &[usize]) {
         let mut at = line.start;
         for kept in kept(&self.file.text, line.clone(), points) {
@@ -199,12 +197,10 @@ fn backward(text: &str, range: Range<usize>, room: usize) -> (usize, usize) {
     (start, room)
 }
 
-/// The excerpts of all files at which a message points.
 #[derive(Debug, Default)]
 pub(super) struct Excerpts<'a>(Vec<Excerpt<'a>>);
 
 impl<'a> Excerpts<'a> {
-    /// Adds a file and returns its index.
     pub(super) fn add(&mut self, excerpt: Excerpt<'a>) -> usize {
         self.0.push(excerpt);
         self.0.len() - 1
@@ -240,7 +236,6 @@ impl<'a, 'b: 'a> Files<'a> for Excerpts<'b> {
         Ok(start..lines.get(line + 1).copied().unwrap_or(text.len()))
     }
 
-    /// The column in the author's text.
     fn column_number(&'a self, file: usize, _: usize, byte: usize) -> Result<usize, Error> {
         let excerpt = self.get(file)?;
         Ok(excerpt.file.line_column(excerpt.author(byte)).1)

@@ -40,7 +40,7 @@ pub struct Hemisphere;
 #[derive(Clone, Copy, Debug)]
 pub struct UnitRgb;
 
-/// The largest error of the length of a unit vector whose three components are rounded to `f32`.
+/// The largest error in the length of a unit vector, if its three components are rounded to `f32`.
 pub(super) const LENGTH: f64 = 2e-7;
 
 const AXES: [Vec3; 6] = [Vec3::Z, Vec3::X, Vec3::Y, Vec3::NEG_Z, Vec3::NEG_X, Vec3::NEG_Y];

@@ -365,7 +365,7 @@ impl Part {
         })
     }
 
-    /// Unit vectors whose `z` is at least `least`, a cosine: see [`Hemisphere::above`].
+    /// Unit vectors with `z` of at least `least`, a cosine: see [`Hemisphere::above`].
     ///
     /// ```
     /// use karat::unstable::domain::Part;
@@ -465,7 +465,6 @@ impl Part {
     }
 }
 
-/// Values in the form that messages show.
 fn lanes_text(scalars: &[Scalar], words: &[u32]) -> String {
     let lanes = scalars.iter().zip(words).map(|(scalar, word)| format_lane(*scalar, *word));
     lanes.collect::<Vec<_>>().join(", ")
@@ -495,7 +494,6 @@ pub struct Dynamic {
     filter: Option<Filter>,
 }
 
-/// A condition that a row satisfies or doesn't.
 type Holds = dyn Fn(&[u32]) -> bool + Send + Sync;
 
 /// Keeps the rows that satisfy a condition.

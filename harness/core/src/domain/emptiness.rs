@@ -38,7 +38,7 @@ impl Emptiness {
         Self { part: Some(part), ..self }
     }
 
-    /// Removes the number of the part, for a domain whose values are made from a tuple.
+    /// Removes the number of the part, for a domain that makes its values from a tuple.
     pub(super) fn apart(self) -> Self {
         Self { part: None, ..self }
     }

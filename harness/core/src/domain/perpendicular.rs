@@ -8,8 +8,8 @@ use super::{direction, shrink};
 /// replaces a unit vector that is nearly parallel to another one.
 const SHORT: f64 = 1e-3;
 
-/// Two vectors whose directions differ by at most this count as parallel, because `f32` rounding causes such
-/// differences.
+/// If the directions of two vectors differ by at most this, the vectors count as parallel, because `f32` rounding
+/// causes such differences.
 const PARALLEL: f64 = 1e-6;
 
 /// Makes a unit vector perpendicular to other vectors of its row.
@@ -84,7 +84,6 @@ impl Perpendicular {
         })
     }
 
-    /// The complexity of the vector: the sum of the complexities of its components.
     pub(super) fn weight(&self, row: &[u32]) -> u64 {
         let lanes = row[self.lanes.clone()].iter();
         lanes.map(|word| shrink::float_complexity(f32::from_bits(*word))).sum()

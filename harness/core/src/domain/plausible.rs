@@ -9,11 +9,11 @@ use crate::value::Scalar;
 #[derive(Clone, Debug)]
 pub(super) struct Plausible<T>(Vec<T>);
 
-/// The largest float. Positions in metres and times in milliseconds are below a million. Squares of larger numbers lose
-/// their digits in sums, and that says nothing about a shader.
+/// The largest unconstrained float. Positions in metres and times in milliseconds are below a million. Squares of
+/// larger numbers lose their digits in sums, and that says nothing about a shader.
 const LARGEST: f32 = 1_048_576.0;
 
-/// The largest number in half precision. Half precision has all integers up to this one.
+/// The largest unconstrained float in half precision, which has all integers up to this one.
 pub(super) const LARGEST_HALF: f32 = 2048.0;
 
 /// Half of the floats are between minus this number and this number.

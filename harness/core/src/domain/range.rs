@@ -87,9 +87,9 @@ impl Domain for RangeInclusive<f32> {
 }
 
 /// A closed range of `i32` or `u32`: `Integers(0..=7_u32)`.
+///
 /// Rust's ranges of integers are iterators. If they were domains, too, they would have two methods `map` and two
 /// methods `filter`.
-/// Rust's ranges of integers are already iterators. As domains they would have two methods `map` and two `filter`.
 ///
 /// ```
 /// use karat::{Domain, Integers};

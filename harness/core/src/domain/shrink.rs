@@ -315,7 +315,6 @@ mod tests {
         panic!("the simplification doesn't end");
     }
 
-    /// Finds a failing case, and simplifies its value.
     fn from_any<D: Domain>(domain: &D, fails: impl Fn(&D::Value) -> bool) -> D::Value {
         let cases = Cases::new(domain, 7, 65_536, 65_536);
         let last = cases.count();

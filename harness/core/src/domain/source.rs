@@ -71,7 +71,7 @@ impl Source {
         u64::try_from(scaled).expect("a 64-bit fraction of a u64 is a u64")
     }
 
-    /// A distance from 2^-24 to 1 whose logarithm is approximately uniform. Use it for points close to an edge, down to
+    /// A distance from 2^-24 to 1 with an approximately uniform logarithm. Use it for points close to an edge, down to
     /// the last bit of an `f32` near 1.
     ///
     /// ```
@@ -86,7 +86,6 @@ impl Source {
     }
 }
 
-/// Converts 32 bits to a fraction in `[0, 1)`.
 #[inline]
 pub(super) fn unit(bits: u32) -> f64 {
     f64::from(bits) / 4_294_967_296.0

@@ -174,7 +174,6 @@ fn length_of(lanes: &[f32]) -> f64 {
     lanes.iter().map(|lane| f64::from(*lane).powi(2)).sum::<f64>().sqrt()
 }
 
-/// A normally distributed number, by the method of Box and Muller.
 fn normal(source: &mut Source) -> f64 {
     let radius = (-2.0 * (1.0 - source.unit()).max(f64::MIN_POSITIVE).ln()).sqrt();
     radius.max(f64::MIN_POSITIVE) * (TAU * source.unit()).cos()

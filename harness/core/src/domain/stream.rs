@@ -1,4 +1,4 @@
-//! Cases without their types: rows of words, and values whose type is known only to the closures of a check.
+//! Cases without their types: rows of words, and values of types that only the closures of a check know.
 //!
 //! The code that samples, runs, compares and simplifies cases is compiled only once. It uses a [`Stream`]. This is a
 //! domain of Rust types ([`Typed`], compiled for each type), or a domain that is made at run time. A row contains the
@@ -170,7 +170,7 @@ impl Numbering {
     }
 }
 
-/// A domain of Rust values as a stream.
+/// A [`Stream`] of the values of a Rust domain.
 #[derive(Debug)]
 #[doc(hidden)]
 pub struct Typed<D: Domain> {

@@ -54,7 +54,7 @@ impl Image {
     /// # Panics
     /// If `stops` isn't finite.
     pub fn write_png_exposed(&self, path: &Path, stops: f32) -> Result<(), ImageError> {
-        assert!(stops.is_finite(), "an exposure of {stops} stops");
+        assert!(stops.is_finite(), "the exposure of {stops} stops isn't finite");
         written(path, (self.width, self.height), png::ColorType::Rgb, &self.exposed(stops))
     }
 
@@ -118,7 +118,6 @@ fn to_srgb(linear: f32) -> u8 {
 mod tests {
     use super::*;
 
-    /// The red channel of each pixel in the preview of a grey image.
     fn reds(values: &[f32], stops: f32) -> Vec<u8> {
         let pixels: Vec<_> = values.iter().map(|value| [*value, *value, *value, 1.0]).collect();
         let image = Image::new(u32::try_from(pixels.len()).expect("few"), 1, pixels);
@@ -127,7 +126,7 @@ mod tests {
 
     #[test]
     fn a_stop_is_a_factor_of_two() {
-        // The expected values are 0.18 / 1.18 and the like, encoded as sRGB.
+        // The expected value is 0.18 / 1.18, encoded as sRGB.
         assert_eq!(reds(&[5.0], 0.0), [109]);
         assert_eq!(reds(&[5.0], 1.0), reds(&[10.0, 2.5], 0.0)[..1]);
         assert_eq!(reds(&[5.0], -1.0), reds(&[10.0, 2.5], 0.0)[1..]);

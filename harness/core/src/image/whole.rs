@@ -112,8 +112,8 @@ fn create_beside(path: &Path) -> std::io::Result<(PathBuf, File)> {
     }
 }
 
-/// Checks if a file is a temporary file of a golden, a frame or their provenance whose process ended before the rename.
-/// Other files don't have such names.
+/// Checks if a file is a temporary file of a golden, a frame or their provenance, and the process that wrote it ended
+/// before the rename. Other files don't have such names.
 ///
 /// ```
 /// # let folder = tempfile::tempdir()?;

@@ -63,7 +63,6 @@ impl ExposureRange {
         Self::of_pixels(golden.pixels())
     }
 
-    /// The range for the compared pixels of a golden.
     pub(super) fn of_pixels(pixels: &[[f32; 4]]) -> Self {
         let bright = |l: &f32| l.is_finite() && *l > 0.0;
         let mut lights: Vec<f32> = pixels.iter().map(luminance).filter(bright).collect();

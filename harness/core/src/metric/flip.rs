@@ -95,7 +95,7 @@ impl Flip {
     }
 
     /// The largest distance between two pixels that affect each other's errors: three standard deviations of the widest
-    /// filter. Andersson et al. 2020, sections 4.1 and 4.2.
+    /// filter. Source: Andersson et al. 2020, sections 4.1 and 4.2.
     pub(super) fn reach(&self) -> u32 {
         // The two candidates are the widest Gaussian of contrast sensitivity (b = 0.04), and the features' size of
         // 0.082 degrees.

@@ -130,8 +130,8 @@ enum Kind {
 }
 
 impl Mask {
-    /// Compares the pixels whose red channel is above 0.5. The image must have the frame's size. Read a painted mask
-    /// with [`Image::read_stored`].
+    /// Compares the pixels with a red channel above 0.5. The image must have the frame's size. Read a painted mask with
+    /// [`Image::read_stored`].
     ///
     /// ```
     /// use karat::Image;
@@ -278,7 +278,7 @@ pub enum MaskError {
     #[error("the mask leaves no pixel to compare")]
     Nothing,
     /// The mask has another size than the frame.
-    #[error("the mask is {} x {}, the frame {} x {}", mask.0, mask.1, frame.0, frame.1)]
+    #[error("the mask has {} x {} pixels, but the frame {} x {}", mask.0, mask.1, frame.0, frame.1)]
     Size {
         /// Width and height of the mask.
         mask: (u32, u32),

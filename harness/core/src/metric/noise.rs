@@ -82,7 +82,6 @@ struct Sum {
     variance: DVec3,
     /// The sum of the squares of each pixel's difference beyond the slack.
     squares: DVec3,
-    /// The sum of the squares of the variances.
     variances: DVec3,
     pixels: u32,
 }
@@ -97,7 +96,6 @@ impl Sum {
         self.pixels += other.pixels;
     }
 
-    /// The largest z of the three channels.
     fn z(&self) -> f64 {
         let z = (0..3).map(|channel| {
             let beyond = (self.difference[channel].abs() - self.slack[channel]).max(0.0);
@@ -138,7 +136,9 @@ impl Noise<'_> {
         for (name, image) in [("golden", self.golden), ("frame", self.actual)] {
             let (width, height) = (image.width(), image.height());
             if (width, height) != size {
-                return Some(format!("the variance of the {name} is {width} x {height}"));
+                return Some(format!(
+                    "the variance of the {name} is {width} x {height}, which isn't the size of the frame"
+                ));
             }
             let sound = |pixel: &[f32; 4]| pixel[..3].iter().all(|v| *v >= 0.0 && v.is_finite());
             let places = (0..).map(|index| pair.place(index)).zip(image.pixels());
@@ -153,7 +153,6 @@ impl Noise<'_> {
         None
     }
 
-    /// The sums of the cells, row by row.
     fn cells(&self, pair: &Pair<'_>) -> Vec<Sum> {
         let (width, height) = (pair.golden().width(), pair.golden().height());
         let columns = width.div_ceil(CELL);

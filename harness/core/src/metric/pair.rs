@@ -35,7 +35,6 @@ pub struct Pair<'a> {
     /// One flag for each pixel: `true` if it is compared. `None` if all pixels are compared.
     mask: Option<Vec<bool>>,
     compared: usize,
-    /// The strips of pixels that differ in any bit.
     different: Vec<Range<usize>>,
     /// The largest difference of a channel relative to the golden's value.
     largest_relative: f32,
@@ -49,7 +48,7 @@ pub struct Pair<'a> {
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 pub enum PairError {
     /// The images have different sizes.
-    #[error("its size is {} x {}, and the size of the golden {} x {}", actual.0, actual.1, golden.0, golden.1)]
+    #[error("its size is {} x {}, but the golden's size is {} x {}", actual.0, actual.1, golden.0, golden.1)]
     Size {
         /// Width and height of the golden.
         golden: (u32, u32),
@@ -328,8 +327,7 @@ impl<'a> Pair<'a> {
         }
     }
 
-    /// The largest difference of a channel relative to the golden's value. The relative difference of dark values isn't
-    /// limited.
+    /// The largest difference of a channel relative to the golden's value. Dark values count, too.
     pub(super) fn largest_relative(&self) -> f32 {
         self.largest_relative
     }

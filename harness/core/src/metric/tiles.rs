@@ -46,7 +46,7 @@ impl ErrorMap {
     #[must_use]
     pub fn new(rect: Rect, values: Vec<f32>) -> Self {
         let expected = rect.width as usize * rect.height as usize;
-        assert_eq!(values.len(), expected, "a map of {rect:?} has {expected} values");
+        assert_eq!(values.len(), expected, "a map of {rect:?} needs {expected} values");
         Self { rect, values }
     }
 

@@ -14,9 +14,7 @@ use super::{Rectangle, Support};
 #[derive(Clone, Debug)]
 pub struct Cells {
     support: Support,
-    /// The bounds between rows.
     rows: Vec<f64>,
-    /// The bounds between the columns of each row.
     columns: Vec<Vec<f64>>,
     /// The index of the first cell of each row, followed by the number of cells.
     offsets: Vec<usize>,
@@ -120,8 +118,8 @@ impl Cells {
     }
 }
 
-/// The share of the range up to which a gap between values may be one step between neighbouring `f32`. Across such
-/// gaps, even the samples of a correct sampler are equal.
+/// A gap of at most this share of the range may be a single step between neighbouring `f32`. There, even a correct
+/// sampler returns equal samples.
 const RESOLUTION: f64 = 4.0 * f32::EPSILON as f64;
 
 /// The bounds that divide values into `parts` parts with about the same number of values. Equal values stay together,

@@ -4,7 +4,7 @@ use super::tail::chi_square_tail;
 use super::{NoVerdict, probability};
 
 /// Cells with fewer expected samples are pooled, because their counts aren't close to the normal distribution that the
-/// test assumes. Cochran 1952's rule of thumb.
+/// test assumes. The limit is a rule of thumb (Cochran 1952).
 pub const POOLED: f64 = 5.0;
 
 /// The difference between a histogram and the expected histogram.

@@ -4,8 +4,8 @@ use super::gauss::gauss_legendre;
 use super::{Cells, Support};
 
 /// The number of Gauss-Legendre nodes along each side; the rule has degree 13. The other rule is Lobatto's, of
-/// degree 7. It has nodes on the sides, because the Gauss-Legendre rule alone would miss an edge between its outer nodes and
-/// the sides.
+/// degree 7. It has nodes on the sides, because the Gauss-Legendre rule alone would miss an edge between its outer
+/// nodes and the sides.
 const ORDER: u32 = 7;
 
 /// The largest number of nodes in one integral over all cells. A software device evaluates this many in about ten
@@ -69,7 +69,6 @@ pub enum CubatureError<E> {
     },
 }
 
-/// A part of a cell.
 #[derive(Clone, Copy)]
 struct Part {
     cell: usize,
@@ -180,7 +179,7 @@ fn rule(nodes: &[(f64, f64)], line: bool) -> Vec<([f64; 2], f64)> {
     nodes.iter().flat_map(row).collect()
 }
 
-/// The five nodes in 0..1, including both ends, with their weights. Abramowitz and Stegun 25.4.32.
+/// The five nodes in 0..1, including both ends, with their weights. Source: Abramowitz and Stegun 25.4.32.
 fn lobatto() -> Vec<(f64, f64)> {
     let inner = 0.5 * (3.0_f64 / 7.0).sqrt();
     let (end, side, middle) = (1.0 / 20.0, 49.0 / 180.0, 16.0 / 45.0);

@@ -6,7 +6,7 @@ use super::{NoVerdict, probability};
 /// The smallest number of samples for which the mean is close to normally distributed.
 const FEWEST: u64 = 100;
 
-/// The number of samples that are needed per unit of squared skewness. Cochran 1977, section 2.15.
+/// The number of samples that are needed per unit of squared skewness. Source: Cochran 1977, section 2.15.
 const PER_SKEWNESS: f64 = 25.0;
 
 /// The count, mean, variance and skewness of a stream of numbers (Welford 1962). The moments of parts of a stream can

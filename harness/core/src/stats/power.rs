@@ -7,8 +7,8 @@ use super::tail::{
 };
 use super::{NoVerdict, probability};
 
-/// The probability that a chi-square test rejects at `significance`. The test gets `samples` samples, whose cells have
-/// the masses `actual`, and expects the masses `claimed`. The two lists of masses should have the same sum.
+/// The probability that a chi-square test rejects at `significance`. The test gets `samples` samples. The cells have
+/// the masses `actual`, and the test expects the masses `claimed`. The two lists of masses should have the same sum.
 ///
 /// # Errors
 /// If a mass is negative or not a number, or if fewer than two cells have enough expected samples.

@@ -4,7 +4,7 @@ use statrs::function::erf::erfc;
 use statrs::function::gamma::{checked_gamma_ur, ln_gamma};
 
 /// The probability that a chi-square variable with `dof` degrees of freedom is at least `x`. NaN if that isn't defined.
-/// Abramowitz and Stegun 26.4.19.
+/// Source: Abramowitz and Stegun 26.4.19.
 #[must_use]
 pub fn chi_square_tail(x: f64, dof: f64) -> f64 {
     if x.is_nan() || !(dof > 0.0) || x < 0.0 {
@@ -73,7 +73,6 @@ pub fn normal_critical(significance: f64) -> f64 {
     critical(40.0, significance, normal_tail)
 }
 
-/// The probability that a standard normal number is at least `z`.
 pub(super) fn normal_upper(z: f64) -> f64 {
     0.5 * erfc(z / std::f64::consts::SQRT_2)
 }
@@ -121,7 +120,7 @@ pub fn binomial_tail(successes: u64, trials: u64, probability: f64) -> f64 {
 }
 
 /// The probability that the Kolmogorov-Smirnov distance between random samples and their distribution is at least
-/// `distance`, for `samples` samples. Stephens 1970, with Kolmogorov's series.
+/// `distance`, for `samples` samples. Source: Stephens 1970, with Kolmogorov's series.
 #[must_use]
 pub fn kolmogorov_tail(distance: f64, samples: f64) -> f64 {
     let root = samples.sqrt();

@@ -1,35 +1,35 @@
-//! Sums and products in any order.
+//! Bounds of sums and products for all orders of their operations.
 //!
 //! WGSL, 15.7.5 "Reassociation and Fusion": "Reassociation is the reordering of operations in an expression such that
 //! the answer is the same if computed exactly." Its examples are sums with differences, and products with quotients.
 //! "However, the result may not be the same when computed in floating point. The reassociated result may be inaccurate
 //! due to approximation, or may trigger an overflow or NaN when computing intermediate results. An implementation may
-//! reassociate operations." No condition follows: only fusing has to be at least as accurate. None of the examples
-//! distributes a product over a sum, so no bound follows that.
+//! reassociate operations." WGSL adds no condition: only fusing must be at least as accurate. None of the examples
+//! distributes a product over a sum, so the bounds don't include that.
 //!
-//! So a value remembers the terms or factors that it was computed from, across bindings, variables and calls. For three
-//! terms Karat tries each order. For more terms, and for factors, it remembers enough to bound all orders at once.
+//! So a value remembers the terms or factors from which it was computed, across let-bindings, variables and calls. For
+//! three terms, Karat tries each order. For more terms, and for factors, a value remembers enough to bound all orders
+//! at once.
 
 use super::{Interval, greatest, half, least, lower_sum, upper_sum};
 
-/// The least and the greatest value of a term or a factor, with zero if it may be flushed.
+/// The least and the greatest value of a term or a factor. They include zero if the value may be flushed.
 pub(super) type Ends = (f64, f64);
 
-/// The operands of a value's last operation.
+/// The operands of the operations that computed a value.
 #[derive(Clone, Copy, Default)]
 pub(super) enum Chain {
-    /// Neither a sum nor a product.
+    /// The value is neither a sum nor a product.
     #[default]
     Single,
-    /// A sum of two terms.
+    /// The value is a sum of two terms.
     Pair([(f32, f32); 2]),
-    /// A sum of more terms, or a join of several sums.
+    /// The value is a sum of more terms, or the join of several sums.
     Sum(Sum),
     Product(Product),
 }
 
 impl Chain {
-    /// The chain with the other sign.
     pub(super) fn neg(self) -> Self {
         match self {
             Self::Single => Self::Single,
@@ -42,7 +42,7 @@ impl Chain {
         }
     }
 
-    /// The terms of a value between these ends.
+    /// The terms of a value. A value that isn't a sum is a single term between these ends.
     fn sum(self, ends: Ends) -> Sum {
         match self {
             Self::Single | Self::Product(_) => Sum::of(ends),
@@ -51,7 +51,7 @@ impl Chain {
         }
     }
 
-    /// The factors of a value between these ends.
+    /// The factors of a value. A value that isn't a product is a single factor between these ends.
     fn product(self, ends: Ends) -> Product {
         match self {
             Self::Product(product) => product,
@@ -59,8 +59,8 @@ impl Chain {
         }
     }
 
-    /// The bounds in half precision of a value between these ends, for any order of its operations. `more` values were
-    /// rounded, besides the results of the chain's operations. `None` if one may overflow.
+    /// The bounds of a value in half precision, for all orders of its operations. In addition to the results of the
+    /// operations, `more` values were rounded. `None` if a value may overflow.
     pub(super) fn in_half(self, ends: Ends, more: u8) -> Option<Ends> {
         match self {
             Self::Single => Some(ends),
@@ -69,8 +69,8 @@ impl Chain {
         }
     }
 
-    /// The largest difference between two orders of a sum. Each addition rounds by less than 2^-23 of the largest
-    /// partial sum. Both orders round, which may double it.
+    /// The largest difference between two orders of a sum. Each addition has a rounding error of less than 2^-23 of the
+    /// largest partial sum. Both orders have this error, so the difference may be twice as large.
     pub(super) fn slack(self, ends: Ends) -> f64 {
         if !self.is_sum() {
             return 0.0;
@@ -88,7 +88,7 @@ impl Chain {
         matches!(self, Self::Product(_))
     }
 
-    /// The chain of a value that is one or the other.
+    /// The chain of a value that is one of two values.
     pub(super) fn join(self, ends: Ends, other: Self, others: Ends) -> Self {
         match self.is_sum() || other.is_sum() {
             true => Self::Sum(self.sum(ends).join(other.sum(others))),
@@ -101,7 +101,6 @@ fn wide((lo, hi): (f32, f32)) -> Ends {
     (f64::from(lo), f64::from(hi))
 }
 
-/// The ends as `f32`.
 fn narrow((lo, hi): Ends) -> (f32, f32) {
     (lo as f32, hi as f32)
 }
@@ -121,12 +120,10 @@ fn size((lo, hi): Ends) -> Ends {
     (if lo <= 0.0 && hi >= 0.0 { 0.0 } else { a.min(b) }, a.max(b))
 }
 
-/// An addition, rounded up or down.
 fn added(a: Ends, b: Ends) -> Interval {
     Interval::outwards(lower_sum(a.0, b.0), upper_sum(a.1, b.1))
 }
 
-/// The sum of two values.
 pub(super) fn add(x: (Ends, Chain), y: (Ends, Chain)) -> Interval {
     let ((a, of_a), (b, of_b)) = (x, y);
     let written = added(a, b);
@@ -154,12 +151,12 @@ pub(super) fn add(x: (Ends, Chain), y: (Ends, Chain)) -> Interval {
     Interval { chain: Chain::Sum(sum), ..any }.unless_written(written)
 }
 
-/// The product of two values. `same` if they are one value, whose square is never negative.
+/// The product of two values. `same` is `true` if both are the same value, because a square is never negative.
 pub(super) fn multiply(x: (Ends, Chain), y: (Ends, Chain), same: bool) -> Interval {
     let ((a, of_a), (b, of_b)) = (x, y);
     let products = [a.0 * b.0, a.0 * b.1, a.1 * b.0, a.1 * b.1];
     let lo = if same { size(a).0 * size(a).0 } else { least(&products) };
-    // Products of two f32 are exact in f64.
+    // The product of two `f32` is exact in `f64`.
     let written = Interval::outwards(lo, greatest(&products));
     let product = of_a.product(a).times(of_b.product(b), same);
     let chain = Chain::Product(product);
@@ -171,7 +168,7 @@ pub(super) fn multiply(x: (Ends, Chain), y: (Ends, Chain), same: bool) -> Interv
     }
 }
 
-/// The quotient of two values in any order; `written` is the one in the written order.
+/// The quotient of two values, for all orders. `written` is the quotient in the written order.
 pub(super) fn divide(x: (Ends, Chain), y: (Ends, Chain), written: Interval) -> Interval {
     let ((a, of_a), (b, of_b)) = (x, y);
     if !written.is_bounded() {
@@ -187,30 +184,26 @@ pub(super) fn divide(x: (Ends, Chain), y: (Ends, Chain), written: Interval) -> I
     }
 }
 
-/// Some terms of a sum.
 #[derive(Clone, Copy)]
 pub(super) struct Sum {
-    /// Their exact sum.
     exact: Ends,
-    /// Any partial sum lies between these.
+    /// `least` and `most` are bounds of all partial sums.
     least: f32,
     most: f32,
     count: u32,
-    /// Each term is a multiple of 2 to this power, and so is each partial sum, rounded or not.
+    /// Each term is a multiple of 2 to this power. So is each partial sum, even if it is rounded.
     step: i16,
 }
 
-/// The step of zero, which is a multiple of each power of two.
+/// The step of zero, because zero is a multiple of each power of two.
 const ANY_STEP: i16 = i16::MAX;
 
-/// The exponent of the least subnormal `f32`.
 const LEAST_STEP: i16 = -149;
 
-/// A format of floats.
 struct Format {
     digits: i16,
     greatest: f64,
-    /// The exponents of the least subnormal and of the least normal number.
+    /// The exponents of the least subnormal and the least normal number.
     least_step: i16,
     least_normal: i16,
 }
@@ -266,10 +259,10 @@ impl Sum {
         }
     }
 
-    /// `count` terms need `count - 1` additions in any order. The last one rounds the result. Each other one rounds a
-    /// partial sum to a neighbour, by less than the distance of floats at the largest partial sum; all results are
-    /// multiples of 2^`step`. Each of `more` terms that were rounded themselves adds as much. `None` if it may
-    /// overflow.
+    /// The bounds for all orders. `count` terms need `count - 1` additions. The last addition rounds the result. Each
+    /// other addition rounds a partial sum to a neighbour, so its error is less than the distance of floats at the
+    /// largest partial sum. All results are multiples of 2^`step`. There are `more` terms that were rounded themselves,
+    /// and each has the same error. `None` if a sum may overflow.
     fn in_any_order(self, format: &Format, more: u8) -> Option<Ends> {
         let reach = f64::from(self.most.max(-self.least));
         let count = f64::from(self.count);
@@ -277,11 +270,11 @@ impl Sum {
         let flushed =
             if self.step < format.least_normal { power(format.least_normal) } else { 0.0 };
         if reach <= power(self.step.saturating_add(format.digits)).min(format.greatest) {
-            // No partial sum is rounded, but a subnormal one may be flushed.
+            // No partial sum is rounded, but subnormal partial sums may be flushed.
             let error = roundings * flushed;
             return Some((self.exact.0 - error, self.exact.1 + error));
         }
-        // Rounding may enlarge a partial sum.
+        // Rounding may make a partial sum larger.
         let reach = reach * ((count + f64::from(more)) * power(2 - format.digits)).exp();
         if !(reach <= format.greatest) {
             return None;
@@ -293,50 +286,50 @@ impl Sum {
     }
 }
 
-/// The bounds of an `f32`.
+/// The interval of an `f32` between these ends.
 fn outwards(ends: Option<Ends>) -> Interval {
     ends.map_or(Interval::UNBOUNDED, |(lo, hi)| Interval::outwards(lo, hi))
 }
 
-/// 2 to this power as an `f32`; infinity above its range, 0 below the range of an `f64`.
+/// 2 to this power, as an `f64`. Infinity above the range of `f32`, and 0 below the range of `f64`.
 pub(super) fn power(exponent: i16) -> f64 {
     match exponent {
         128.. => f64::INFINITY,
-        // Sets the exponent alone.
+        // Only the exponent bits are set.
         -1022.. => f64::from_bits(((i64::from(exponent) + 1023) as u64) << 52),
         _ => 0.0,
     }
 }
 
-/// The exponent of an `f32`, which is a normal `f64` unless it is 0. For 0, an exponent below all others.
+/// The exponent of an `f32`, which is a normal number in `f64` unless it is 0. For 0, an exponent below all others.
 pub(super) fn exponent(x: f64) -> i16 {
     (x.to_bits() >> 52 & 0x7FF) as i16 - 1023
 }
 
-/// The whole number of up to 24 bits, and the exponent of the power of two, whose product is this `f32` above zero.
+/// Divides an `f32` above zero into an integer of up to 24 bits and a power of two. Returns the integer and the
+/// exponent.
 fn significand(x: f64) -> (u32, i16) {
     let exponent = exponent(x).max(-126) - 23;
     ((x / power(exponent)) as u32, exponent)
 }
 
-/// Some factors of a product. Some of them are divisors.
+/// Factors of a product, some of which may be divisors.
 #[derive(Clone, Copy)]
 pub(super) struct Product {
-    /// Their exact product.
     exact: Ends,
-    /// The magnitude of any partial product lies between these.
+    /// `least` and `most` are bounds of the magnitudes of all partial products.
     least: f32,
     most: f32,
-    /// The magnitude of a partial product of divisors, and of the other factors, is at most this.
+    /// The largest magnitude of a partial product of divisors. The next field has that of the other factors.
     divisor: f32,
     dividend: f32,
     divisors: u16,
     dividends: u16,
-    /// The largest number of divisions in any order of evaluation.
+    /// The largest number of divisions in any order.
     divisions: u16,
-    /// The factors that make a product round: those that aren't powers of two.
+    /// The number of factors that may cause rounding errors: those that aren't powers of two.
     rounding: u16,
-    /// The digits of all such factors together. Products of up to 24 digits are exact.
+    /// The number of digits of all these factors together. A product of up to 24 digits is exact.
     digits: u16,
 }
 
@@ -373,7 +366,7 @@ impl Product {
         let lo = if same { size(a).0 * size(a).0 } else { least(&products) };
         let hi = greatest(&products);
         let digits = self.digits.saturating_add(other.digits);
-        // A number of at most 53 digits is exact in an `f64`, and so is zero.
+        // A number of at most 53 digits is exact in an `f64`. Zero is exact, too.
         let is_exact = digits <= 53 && self.divisors == 0 && other.divisors == 0;
         let exact = (
             if is_exact || lo == 0.0 { lo } else { lo.next_down() },
@@ -393,7 +386,7 @@ impl Product {
         }
     }
 
-    /// Divides by a product that isn't zero. `a / (b / c)` is `a c / b`, just as `a - (b - c)` is `a + c - b`.
+    /// Divides by a product that isn't zero. `a / (b / c)` is `a c / b`, as `a - (b - c)` is `a + c - b`.
     fn over(self, other: Self) -> Self {
         let (lo, hi) = other.exact;
         let inverse = Self {
@@ -404,22 +397,23 @@ impl Product {
             dividend: other.divisor,
             divisors: other.dividends,
             dividends: other.divisors,
-            // Each of its factors may become a divisor of its own.
+            // In another order, each factor of `other` may become a separate divisor.
             divisions: other.divisions.saturating_add(other.dividends),
             ..other
         };
         self.times(inverse, false)
     }
 
-    /// `count` factors need `count - 1` operations in any order. Each rounds by less than an ulp of its result, a
-    /// quotient by 2.5 ulp. A multiplication by a power of two doesn't round. `None` if it may overflow.
+    /// The bounds for all orders. `count` factors need `count - 1` operations. The error of a multiplication is less
+    /// than an ulp of its result, that of a division 2.5 ulp. A multiplication by a power of two is exact. `None` if a
+    /// product may overflow.
     fn in_any_order(self, format: &Format) -> Option<Ends> {
-        // The largest ulp relative to a result: that just above a power of two.
+        // The largest ulp relative to a result. It occurs just above a power of two.
         let ulp = power(1 - format.digits);
         let least_divisor = power(format.least_normal);
         let operations = self.dividends.saturating_add(self.divisors).saturating_sub(1);
         if operations >= u16::MAX - 1 {
-            // Too many factors: they are no longer counted.
+            // There are too many factors to count.
             return None;
         }
         let divisions = self.divisions.min(operations);
@@ -434,7 +428,7 @@ impl Product {
         }
         let multiplications = (operations - divisions).min(self.rounding.saturating_sub(1));
         let exponents = match divisions {
-            // The last operation rounds the result.
+            // Only the last operation rounds.
             0 if i32::from(self.digits) <= i32::from(format.digits) => (0, 0),
             0 => (i32::from(multiplications) - 1, 0),
             _ => (i32::from(multiplications), i32::from(divisions)),
@@ -444,14 +438,14 @@ impl Product {
         };
         let (lo, hi) = self.exact;
         let (less, more) = (error(-1.0), error(1.0));
-        // An intermediate result below the least normal number is flushed to 0, or is off by 2.5 of the least steps.
-        // The factors that follow enlarge that error.
+        // An intermediate result below the least normal number is flushed to 0, or has an error of 2.5 of the least
+        // steps. The remaining factors multiply this error.
         let underflows = f64::from(self.least) < least_divisor * rounded && (lo, hi) != (0.0, 0.0);
         let tiny = match underflows {
             true => f64::from(operations) * 2.5 * power(format.least_step) * f64::from(self.most),
             false => 0.0,
         };
-        // Neither rounding nor flushing changes a sign.
+        // Rounding and flushing don't change a sign.
         let below = match lo {
             _ if lo > 0.0 && underflows => 0.0,
             _ if lo >= 0.0 => lo * less,

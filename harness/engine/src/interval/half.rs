@@ -1,22 +1,22 @@
-//! Bounds of half precision.
+//! Bounds of results in half precision.
 
 use super::chain::{exponent, power};
 use super::{Interval, REORDERED};
 use crate::rules::Half;
 
-/// The greatest `f16`.
 pub(super) const GREATEST: f64 = 65_504.0;
 
-/// The exponents of the least normal `f16` and of the least subnormal one.
+/// The exponents of the least normal and the least subnormal `f16`.
 pub(super) const LEAST_NORMAL: i16 = -14;
 pub(super) const LEAST_STEP: i16 = -24;
 
 impl Interval {
-    /// The values of half precision of a result that is `how` exact, if its exact value lies in this interval.
+    /// The half-precision values that a result may have if its exact value is in this interval. `how` says how exact
+    /// the result is.
     pub(crate) fn halved(self, how: Half) -> Self {
         let Some((lo, hi)) = self.bounds() else { return self };
         let normal = power(LEAST_NORMAL);
-        // Beyond the next power of two errors are twice as large, and may reach further than those at the end.
+        // Above the next power of two, errors are twice as large, and may reach further than the error at the end.
         let by = |ulps: f64| Self::rounded(lo - ulps * ulp(2.0 * lo), hi + ulps * ulp(2.0 * hi));
         match how {
             Half::Rounded | Half::Converted | Half::Operand => Self::rounded(lo, hi),
@@ -31,15 +31,16 @@ impl Interval {
             }
             Half::Ulps(ulps) => by(f64::from(ulps)),
             Half::Length(components) => {
-                // Half of the relative error of a sum of rounded squares, and the rounding of the root. A subnormal
-                // square is off by one step.
+                // The steps come from half of the relative error of a sum of rounded squares, and from the rounding of
+                // the root. A subnormal square has an error of one step.
                 let steps = f64::from(components) * power(LEAST_STEP);
                 let hi = (hi * hi + steps).sqrt();
                 let ulps = f64::from(components) + 6.0;
                 // Each square below 2^-14 may be flushed to 0.
                 let lo = (lo * lo - f64::from(components) * normal).max(0.0).sqrt();
                 let bounds = Self::rounded(lo - ulps * ulp(2.0 * lo), hi + ulps * ulp(2.0 * hi));
-                // The sum of squares overflows above the square root of 65504, less what rounding adds.
+                // The sum of squares overflows if the length is above the square root of 65504. Rounding errors make
+                // this limit smaller.
                 if hi > 250.0 { Self::UNBOUNDED } else { bounds }
             }
             Half::Power => {
@@ -60,7 +61,7 @@ impl Interval {
         }
     }
 
-    /// Rounds outwards to `f16`, and includes zero if a subnormal may be flushed.
+    /// Rounds outwards to `f16`. Adds zero if a value may be subnormal, because subnormals may be flushed.
     fn rounded(lo: f64, hi: f64) -> Self {
         let (lo, hi) = (outwards(lo, -1.0), outwards(hi, 1.0));
         if !(lo.abs() <= GREATEST && hi.abs() <= GREATEST) {
@@ -69,17 +70,17 @@ impl Interval {
         let normal = power(LEAST_NORMAL);
         let lo = if lo > 0.0 && lo < normal { 0.0 } else { lo };
         let hi = if hi < 0.0 && hi > -normal { 0.0 } else { hi };
-        // Each `f16` is an `f32`.
+        // Each `f16` is also an `f32`.
         Self::between(lo as f32, hi as f32)
     }
 }
 
-/// The distance between neighbouring `f16` at a number.
+/// The distance between neighbouring `f16` near a number.
 fn ulp(x: f64) -> f64 {
     power(exponent(x).max(LEAST_NORMAL) - 10)
 }
 
-/// The nearest multiple of an ulp that is at least as far out; downwards if `sign` is -1.
+/// The nearest multiple of an ulp that isn't below `x`. If `sign` is -1, the nearest that isn't above `x`.
 fn outwards(x: f64, sign: f64) -> f64 {
     let step = ulp(x);
     sign * (sign * x / step).ceil() * step

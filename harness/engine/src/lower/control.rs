@@ -1,4 +1,4 @@
-//! Statements: control flow, stores and calls.
+//! Lowers statements: control flow, stores and calls.
 
 use std::collections::HashMap;
 
@@ -10,7 +10,7 @@ use crate::coverage::StatementKind;
 use crate::scalar::{File, Scalar};
 
 impl<'m> Lower<'m> {
-    /// Lowers a call of `function`; the result's registers are the value it returns.
+    /// Lowers a call of `function`. The result's registers are the value that the call returns.
     pub(super) fn inline(
         &mut self,
         function: &'m Function,
@@ -60,7 +60,7 @@ impl<'m> Lower<'m> {
         if let Some(result) = &function.result {
             let scalars = self.scalars(self.layouts.inner(result.ty))?;
             scope.result = Some(scalars.iter().map(|s| self.fresh(s.file())).collect());
-            // The first masked store blends with this value.
+            // The first masked store keeps this value in the lanes that aren't active.
             for (scalar, register) in scalars.iter().zip(scope.result.iter().flat_map(|r| r.iter()))
             {
                 let zero = self.constant(*scalar, 0);
@@ -79,7 +79,7 @@ impl<'m> Lower<'m> {
         self.open.push(Open { frame, skips: Vec::new() });
     }
 
-    /// Ends a part of the innermost frame. Lanes that ended earlier jump to the next part.
+    /// Ends a part of the innermost frame. Lanes that left the part earlier jump to the next part.
     fn land(&mut self) {
         let here = self.code.instructions.len() as u32;
         if let Some(open) = self.open.last_mut() {
@@ -89,7 +89,7 @@ impl<'m> Lower<'m> {
         }
     }
 
-    /// Ends the innermost frame. The jumps of lanes that ended go to the enclosing frame.
+    /// Ends the innermost frame. The jumps of lanes that left it go to the enclosing frame.
     fn close(&mut self, op: Op) -> Lowered<usize> {
         self.land();
         self.open.pop();
@@ -128,7 +128,7 @@ impl<'m> Lower<'m> {
         self.site = self.code.sites.len() as u32 - 1;
     }
 
-    /// Records that the current statement gives an expression its value.
+    /// Records that the current statement computes the value of an expression.
     fn gives(&mut self, result: Option<Handle<Expression>>) {
         if let Some(site) = self.code.sites.last_mut() {
             site.expression = result;
@@ -144,7 +144,8 @@ impl<'m> Lower<'m> {
         match *statement {
             Statement::Emit(ref range) => {
                 for handle in range.clone() {
-                    // Each time that control reaches it, it is emitted anew: drop the old value.
+                    // Each time that control reaches the expression, its operations are emitted again, so the old value
+                    // is dropped.
                     scope.values[handle.index()] = None;
                     let value = self.value(scope, handle)?;
                     self.mark(scope, handle, &value)?;
@@ -191,7 +192,7 @@ impl<'m> Lower<'m> {
                 self.site = site;
                 self.span = span;
                 let end = self.close(Op::EndLoop)?;
-                // Its own jump goes back; behind it is the way out.
+                // The jump of the loop's end goes back to the round's beginning. The way out is after it.
                 self.code.instructions[end].target = round as u32;
                 if let Some(outer) = self.open.last_mut() {
                     outer.skips.pop();
@@ -246,7 +247,7 @@ impl<'m> Lower<'m> {
                 }
                 let called = &self.module.functions[function];
                 let name = called.name.clone().expect("WGSL names it");
-                // The first instructions of the call have its site, not that of the statement before.
+                // The first instructions of a call have the site of the call, not that of the statement before.
                 self.enter_statement(scope, span);
                 let value = self.inline(called, &self.info[function], &name, values)?;
                 self.enter_statement(scope, span);
@@ -272,7 +273,7 @@ impl<'m> Lower<'m> {
             }
             Statement::ControlBarrier(barrier) | Statement::MemoryBarrier(barrier) => {
                 if !self.shared {
-                    return Err(self.refuse("a barrier, for which cases would wait"));
+                    return Err(self.refuse("a barrier in a function, where cases can't wait"));
                 }
                 self.enter_statement(scope, span);
                 self.emit(Op::Barrier(barrier), &[], &[])?;
@@ -282,7 +283,7 @@ impl<'m> Lower<'m> {
                 self.enter_statement(scope, span);
                 self.emit(Op::Discard, &[], &[])?;
             }
-            Statement::Kill => return Err(self.refuse("discard, which only fragments have")),
+            Statement::Kill => return Err(self.refuse("`discard` outside of a fragment shader")),
             Statement::ImageAtomic { .. } => return Err(self.refuse("atomics on textures")),
             Statement::RayQuery { .. } | Statement::RayPipelineFunction(_) => {
                 return Err(self.refuse("ray queries"));
@@ -292,7 +293,8 @@ impl<'m> Lower<'m> {
             | Statement::SubgroupCollectiveOperation { .. }
                 if !self.shared =>
             {
-                return Err(self.refuse("a subgroup operation, for which cases would meet"));
+                return Err(self
+                    .refuse("a subgroup operation in a function, where cases aren't a subgroup"));
             }
             Statement::SubgroupBallot { result, predicate } => {
                 self.enter_statement(scope, span);
@@ -314,11 +316,11 @@ impl<'m> Lower<'m> {
         Ok(())
     }
 
-    /// The number of frames above the innermost one that `is` the target.
+    /// The number of frames above the innermost frame that `is` accepts.
     fn depth(&self, is: impl Fn(Frame) -> bool) -> Lowered<u32> {
         match self.open.iter().rev().position(|open| is(open.frame)) {
             Some(depth) => Ok(depth as u32),
-            None => Err(self.refuse("a jump out of nothing")),
+            None => Err(self.refuse("a jump without a target")),
         }
     }
 
@@ -372,7 +374,8 @@ impl<'m> Lower<'m> {
             }
             before = Some(jump);
             self.block(scope, &case.body)?;
-            // A clause with several values is several cases. The last case has the statements.
+            // A clause with several values has several cases in naga. The last of these cases has the clause's
+            // statements.
             falls = case.fall_through;
             if !falls {
                 self.list(scope, span, StatementKind::Clause(clause), jump);
@@ -387,7 +390,7 @@ impl<'m> Lower<'m> {
         Ok(())
     }
 
-    /// Shows a named value to observers, once it is there.
+    /// Shows a named value to observers after it was computed.
     fn mark(
         &mut self,
         scope: &Scope<'m>,
@@ -411,7 +414,7 @@ impl<'m> Lower<'m> {
     }
 }
 
-/// The number of returns in a block, nested ones included.
+/// The number of returns in a block, including nested blocks.
 fn returns(block: &Block) -> usize {
     stacker::maybe_grow(STACK.0, STACK.1, || {
         block

@@ -1,4 +1,4 @@
-//! Derivatives: differences between the lanes of a quad.
+//! Lowers derivatives, which are differences between lanes of a quad.
 
 use naga::DerivativeAxis;
 
@@ -8,8 +8,8 @@ use crate::rules::Basic;
 use crate::scalar::File;
 
 impl Lower<'_> {
-    /// The difference of a float between neighbouring pixels. Each row and column of a quad has its own derivatives, as
-    /// WGSL's fine ones do.
+    /// The difference of a float between neighbouring pixels. As with WGSL's fine derivatives, each row and each column
+    /// of a quad has its own.
     pub(super) fn derivative(&mut self, axis: DerivativeAxis, of: Reg, half: bool) -> Lowered<Reg> {
         let neighbours = match axis {
             DerivativeAxis::X => [Neighbour::Right, Neighbour::Left],
@@ -23,7 +23,7 @@ impl Lower<'_> {
             }
         };
         if !self.settings.quads && !self.drawn {
-            return Err(self.refuse("a derivative, which only fragments have"));
+            return Err(self.refuse("a derivative outside of a fragment shader"));
         }
         let mut values = [of; 2];
         for (value, neighbour) in values.iter_mut().zip(neighbours) {

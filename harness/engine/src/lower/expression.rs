@@ -1,4 +1,4 @@
-//! Expressions: literals, composites, accesses and loads.
+//! Lowers expressions: literals, composites, accesses and loads.
 
 use std::rc::Rc;
 
@@ -11,7 +11,7 @@ use crate::lower::memory::Place;
 use crate::scalar::{File, Scalar};
 
 impl<'m> Lower<'m> {
-    /// The value of an expression. Lowers it if that hasn't happened yet.
+    /// The value of an expression. Lowers the expression if it isn't lowered yet.
     pub(super) fn value(
         &mut self,
         scope: &mut Scope<'m>,
@@ -20,7 +20,7 @@ impl<'m> Lower<'m> {
         if let Some(value) = &scope.values[handle.index()] {
             return Ok(value.clone());
         }
-        // Operations after an operand belong to the expression that uses it.
+        // After an operand is lowered, the next operations belong to the expression that uses it.
         let (site, span) = (self.site, self.span);
         let value = stacker::maybe_grow(STACK.0, STACK.1, || self.lower_expression(scope, handle))?;
         (self.site, self.span) = (site, span);
@@ -28,7 +28,7 @@ impl<'m> Lower<'m> {
         Ok(value)
     }
 
-    /// The registers of an expression that isn't a pointer, texture or sampler.
+    /// The registers of an expression that isn't a pointer, a texture or a sampler.
     pub(super) fn flat(
         &mut self,
         scope: &mut Scope<'m>,
@@ -48,7 +48,7 @@ impl<'m> Lower<'m> {
     ) -> Lowered<Rc<Place>> {
         match self.value(scope, handle)? {
             Value::Place(place) => Ok(place),
-            _ => Err(self.refuse("a value as a pointer")),
+            _ => Err(self.refuse("a pointer that is a value")),
         }
     }
 
@@ -76,7 +76,7 @@ impl<'m> Lower<'m> {
         self.enter_expression(scope, handle);
         let (site, span) = (self.site, self.span);
         let expression = &scope.expressions[handle];
-        // Operands that aren't lowered yet are constants: they emit nothing, but have spans.
+        // Operands that aren't lowered yet are constants. They emit no operations, but they have spans.
         macro_rules! back {
             () => {
                 self.site = site;
@@ -130,11 +130,11 @@ impl<'m> Lower<'m> {
             }
             Expression::FunctionArgument(index) => match scope.arguments.get(index as usize) {
                 Some(value) => Ok(value.clone()),
-                None => Err(self.refuse("an argument that isn't there")),
+                None => Err(self.refuse("an argument that doesn't exist")),
             },
             Expression::LocalVariable(variable) => match scope.locals.get(&variable) {
                 Some(place) => Ok(Value::Place(place.clone())),
-                None => Err(self.refuse("a variable that isn't there")),
+                None => Err(self.refuse("a variable that doesn't exist")),
             },
             Expression::GlobalVariable(variable) => match self.globals.get(&variable) {
                 Some(value) => Ok(value.clone()),
@@ -254,7 +254,7 @@ impl<'m> Lower<'m> {
         })
     }
 
-    /// Returns `true` if an expression is a signed integer, or a vector of them.
+    /// Checks if an expression is a signed integer, or a vector of signed integers.
     pub(super) fn signed(&self, scope: &Scope<'m>, handle: Handle<Expression>) -> bool {
         self.type_of(scope, handle).scalar_kind() == Some(naga::ScalarKind::Sint)
     }
@@ -266,11 +266,10 @@ impl<'m> Lower<'m> {
         let count = self.counts(&part)?.iter().sum::<u32>() as usize;
         match registers.get(start..start + count) {
             Some(registers) => Ok(Value::Flat(registers.into())),
-            None => Err(self.refuse("a component that isn't there")),
+            None => Err(self.refuse("a component that doesn't exist")),
         }
     }
 
-    /// An element of a value, chosen at run time.
     fn element(
         &mut self,
         registers: &[Reg],

@@ -10,7 +10,6 @@ use crate::code::{Detail, ImageKind, ImageOp, Op, Reg};
 use crate::rules::{Basic, Exponential, FloatRule, FromInt};
 use crate::scalar::File;
 
-/// A texture's slot and type.
 struct Image {
     slot: u32,
     dimension: ImageDimension,
@@ -27,7 +26,6 @@ impl Image {
         }
     }
 
-    /// The scalar kind of its texels.
     fn kind(&self) -> ScalarKind {
         match self.class {
             ImageClass::Sampled { kind, .. } => kind,
@@ -40,7 +38,7 @@ impl Image {
 impl<'m> Lower<'m> {
     fn texture(&mut self, scope: &mut Scope<'m>, handle: Handle<Expression>) -> Lowered<Image> {
         let Value::Texture(slot, ty) = self.value(scope, handle)? else {
-            return Err(self.refuse("a texture that isn't one variable's"));
+            return Err(self.refuse("a texture that isn't a variable"));
         };
         match *self.layouts.inner(ty) {
             TypeInner::Image { class: ImageClass::External, .. } => {
@@ -53,7 +51,7 @@ impl<'m> Lower<'m> {
         }
     }
 
-    /// Appends integer operands, and notes the signed ones.
+    /// Appends integer operands, and notes which of them are signed.
     fn indices(
         &mut self,
         scope: &mut Scope<'m>,
@@ -64,7 +62,7 @@ impl<'m> Lower<'m> {
         let is_signed = self.signed(scope, handle);
         for register in self.flat(scope, handle)?.iter() {
             if register.file != File::Int {
-                return Err(self.refuse("a texture index that is no integer"));
+                return Err(self.refuse("a texture index that isn't an integer"));
             }
             *signed |= u32::from(is_signed) << ints.len();
             ints.push(*register);
@@ -93,7 +91,7 @@ impl<'m> Lower<'m> {
             } => {
                 let texture = self.texture(scope, image)?;
                 let Value::Sampler(sampler) = self.value(scope, sampler)? else {
-                    return Err(self.refuse("a sampler that isn't one variable's"));
+                    return Err(self.refuse("a sampler that isn't a variable"));
                 };
                 floats.extend_from_slice(&self.flat(scope, coordinate)?);
                 if let Some(index) = array_index {
@@ -119,7 +117,7 @@ impl<'m> Lower<'m> {
                     }
                     SampleLevel::Auto if gather.is_some() => Detail::Zero,
                     SampleLevel::Auto | SampleLevel::Bias(_) => {
-                        // The level is a logarithm, so a bias is added to it.
+                        // The level is a logarithm, so the bias must be added to it.
                         let scale = match level {
                             SampleLevel::Bias(bias) => {
                                 let bias = self.flat(scope, bias)?[0];
@@ -197,7 +195,7 @@ impl<'m> Lower<'m> {
         Ok(Value::Flat(outs.into()))
     }
 
-    /// A level of detail as a float; depth textures take integers.
+    /// A level of detail as a float. The levels of depth textures are integers.
     fn level(&mut self, scope: &mut Scope<'m>, level: Handle<Expression>) -> Lowered<Reg> {
         let signed = self.signed(scope, level);
         let register = self.flat(scope, level)?[0];
@@ -223,7 +221,9 @@ impl<'m> Lower<'m> {
             return Err(self.refuse("writes to a texture that isn't a storage texture"));
         };
         if !self.shared {
-            return Err(self.refuse("a function that writes a texture, which cases would share"));
+            return Err(
+                self.refuse("a function that writes a texture, because cases would share it")
+            );
         }
         if !is_storable(format) {
             return Err(self.refuse(format!("writes to textures of format {format:?}")));
@@ -259,7 +259,7 @@ impl<'m> Lower<'m> {
     }
 }
 
-/// Returns `true` if the engine knows the rounding of a storage format.
+/// Checks if the engine knows how a storage format rounds.
 fn is_storable(format: naga::StorageFormat) -> bool {
     crate::texture::stored(format, [0; 4]).is_some()
 }

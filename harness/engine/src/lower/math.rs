@@ -49,7 +49,7 @@ impl<'m> Lower<'m> {
             return self.by_component(args, |lower, args| lower.float_op(rule, args, half));
         }
         if scalar.file() == File::Int {
-            // The result of `dot4I8Packed` is signed; its arguments aren't.
+            // The result of `dot4I8Packed` is signed, but its arguments aren't.
             let signed = self.scalar_of(result)?.signed();
             if let Some(rule) = Integer::builtin(function, signed) {
                 return self.by_component(args, |lower, args| lower.integer(rule, args));
@@ -141,7 +141,7 @@ impl<'m> Lower<'m> {
             }
             M::Transpose => {
                 let TypeInner::Matrix { rows, .. } = *first else {
-                    return Err(self.refuse("transpose of what is no matrix"));
+                    return Err(self.refuse("`transpose` of a value that isn't a matrix"));
                 };
                 let rows = rows as usize;
                 Ok((0..rows)
@@ -153,7 +153,11 @@ impl<'m> Lower<'m> {
                     4 => Geometry::Determinant2,
                     9 => Geometry::Determinant3,
                     16 => Geometry::Determinant4,
-                    _ => return Err(self.refuse("determinant of what is no square matrix")),
+                    _ => {
+                        return Err(
+                            self.refuse("`determinant` of a value that isn't a square matrix")
+                        );
+                    }
                 };
                 self.float_ops(FloatRule::Geometry(rule), &args[0], half)
             }
@@ -183,7 +187,7 @@ impl<'m> Lower<'m> {
         }
     }
 
-    /// Applies `f` to each component. A scalar among vectors is used for all of them.
+    /// Applies `f` to each component. A scalar argument beside vectors is used for all components.
     fn by_component(
         &mut self,
         args: &[Rc<[Reg]>],

@@ -1,4 +1,4 @@
-//! The targets of pointers: registers of variables, bytes of buffers.
+//! The targets of pointers: registers of variables, or bytes of buffers.
 
 use std::rc::Rc;
 
@@ -13,16 +13,16 @@ use crate::scalar::{Counts, File, Scalar, stride_bytes};
 pub(crate) struct Place {
     root: Root,
     inner: TypeInner,
-    /// The registers of each file before it, in a variable.
+    /// In a variable, the number of registers of each file before the target.
     offset: Counts,
-    /// The bytes before it, in a buffer.
+    /// In a buffer, the number of bytes before the target.
     bytes: u32,
     indices: Vec<Index>,
 }
 
 #[derive(Clone, Copy, Debug)]
 enum Root {
-    /// The first registers of a variable, and their number.
+    /// The first registers of a variable, and the number of its registers.
     Local {
         base: Counts,
         extent: Counts,
@@ -40,7 +40,7 @@ pub(super) struct Index {
 }
 
 impl Index {
-    /// The step of one byte of a buffer.
+    /// A step to a single byte of a buffer.
     pub(super) fn step(&self) -> Step {
         Step { stride: self.bytes, count: self.count, signed: self.signed }
     }
@@ -56,12 +56,12 @@ impl Place {
         Self { root: Root::Buffer(slot), inner, offset: [0; 3], bytes: 0, indices: Vec::new() }
     }
 
-    /// Returns `true` for a runtime-sized array: even a constant index may be outside it.
+    /// Checks if the target is a runtime-sized array. Even a constant index may be outside of such an array.
     pub(super) fn has_no_length(&self) -> bool {
         matches!(self.inner, TypeInner::Array { size: naga::ArraySize::Dynamic, .. })
     }
 
-    /// The registers of a variable's scalars, if no index moves them.
+    /// The registers of a variable's scalars, if no index is known only at run time.
     pub(super) fn registers(&self, scalars: &[Scalar], extra: Counts) -> Rc<[Reg]> {
         let Root::Local { base, .. } = self.root else { return Rc::new([]) };
         let mut next: Counts = std::array::from_fn(|k| base[k] + self.offset[k] + extra[k]);
@@ -77,7 +77,6 @@ impl Place {
 }
 
 impl<'m> Lower<'m> {
-    /// The place of component `index`.
     pub(super) fn component_place(&mut self, place: &Place, index: u32) -> Lowered<Rc<Place>> {
         let mut part = place.clone();
         match place.root {
@@ -104,7 +103,7 @@ impl<'m> Lower<'m> {
         Ok(Rc::new(part))
     }
 
-    /// The place of the element that `index` chooses at run time.
+    /// The target for the element that `index` selects at run time.
     pub(super) fn element_place(
         &mut self,
         place: &Place,
@@ -114,7 +113,7 @@ impl<'m> Lower<'m> {
         let (inner, length) =
             self.layouts.element(&place.inner).map_err(|what| self.refuse(what))?;
         if let (Some(constant), Some(length)) = (self.words.get(&index), length) {
-            // A constant index that passed validation is in range; others are clamped.
+            // A constant index that passed validation is in range. Other constant indices are clamped.
             let negative = signed && constant.word.cast_signed() < 0;
             let word = if negative { 0 } else { constant.word.min(length.saturating_sub(1)) };
             return self.component_place(place, word);
@@ -201,12 +200,12 @@ impl<'m> Lower<'m> {
         Ok(())
     }
 
-    /// Notes a write to a buffer. Cases of a function mustn't see each other's writes.
+    /// Notes a write to a buffer. Fails in a function, because its cases mustn't see each other's writes.
     fn writes(&mut self, slot: u32) -> Lowered<()> {
         let buffer = &mut self.code.buffers[slot as usize];
         if !self.shared {
             let what = format!(
-                "a function that writes the buffer `{}`, which cases would share",
+                "a function that writes the buffer `{}`, because cases would share it",
                 buffer.name
             );
             return Err(self.refuse(what));
@@ -276,7 +275,6 @@ impl<'m> Lower<'m> {
         Ok(())
     }
 
-    /// The number of elements of a runtime-sized array.
     pub(super) fn array_length(&mut self, place: &Place) -> Lowered<Value> {
         let Root::Buffer(buffer) = place.root else {
             return Err(self.refuse("the length of an array in a variable"));
@@ -291,7 +289,6 @@ impl<'m> Lower<'m> {
         Ok(Value::Flat(Rc::new([to])))
     }
 
-    /// Lowers an atomic operation on a word of a buffer.
     pub(super) fn atomic(
         &mut self,
         scope: &mut Scope<'m>,

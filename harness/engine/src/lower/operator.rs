@@ -1,4 +1,4 @@
-//! Operators, selections and conversions.
+//! Lowers operators, selections and conversions.
 
 use std::rc::Rc;
 
@@ -12,7 +12,7 @@ use crate::rules::{Basic, FloatRule, FromInt, Geometry, Half, Integer, ToInt};
 use crate::scalar::{File, Scalar};
 
 impl<'m> Lower<'m> {
-    /// Emits a rule with one result, rounded to half precision if `half`.
+    /// Emits a rule with one result. If `half` is set, the result is rounded to half precision.
     pub(super) fn float_op(&mut self, rule: FloatRule, ins: &[Reg], half: bool) -> Lowered<Reg> {
         Ok(self.float_ops(rule, ins, half)?[0])
     }
@@ -24,7 +24,7 @@ impl<'m> Lower<'m> {
         half: bool,
     ) -> Lowered<Vec<Reg>> {
         let outs: Vec<Reg> = (0..rule.arity().1).map(|_| self.fresh(File::Float)).collect();
-        // The operands were rounded. The rule for halves knows that if they become terms of a sum.
+        // The operands were rounded to half precision. The rule must know this if the operands become terms of a sum.
         let mut ins = ins.to_vec();
         if half && !rule.is_one_of_a_chain() {
             let addend = (rule == FloatRule::Basic(Basic::Fma)).then_some(2);
@@ -75,7 +75,6 @@ impl<'m> Lower<'m> {
         Ok(out)
     }
 
-    /// The scalar of a scalar, vector or matrix.
     pub(super) fn scalar_of(&self, inner: &TypeInner) -> Lowered<Scalar> {
         match *inner {
             TypeInner::Scalar(scalar)
@@ -160,8 +159,8 @@ impl<'m> Lower<'m> {
         Ok(Value::Flat(values.into()))
     }
 
-    /// The same number by another operation, or by none. Each identity holds for NaN, infinities and both zeros, and
-    /// rounds as the original does: both are the same real number before rounding.
+    /// Replaces an operation by another one with the same result, or by none. Each identity also holds for NaN,
+    /// infinities and both zeros. The rounded results are equal, because the exact results are.
     fn identical(&mut self, op: BinaryOperator, a: Reg, b: Reg) -> Lowered<Option<Reg>> {
         use BinaryOperator as B;
         let value = |of: &Self, register: Reg| {
@@ -169,7 +168,7 @@ impl<'m> Lower<'m> {
             (constant.scalar == Scalar::F32).then(|| f32::from_bits(constant.word))
         };
         let (x, y) = match (op, value(self, a), value(self, b)) {
-            // The order of operands doesn't matter for a sum or a product, so a constant comes last.
+            // The order of the operands of a sum or a product doesn't matter, so constants come last.
             (B::Multiply | B::Add, Some(_), None) => {
                 return self.binary_scalar(op, Scalar::F32, b, a).map(Some);
             }
@@ -180,11 +179,11 @@ impl<'m> Lower<'m> {
             _ => return Ok(None),
         };
         Ok(match op {
-            // -0 - 0 is -0, but -0 + 0 is 0.
+            // -0 - 0 is -0, but -0 + 0 is 0. So the subtraction of 0 can be left out, but not the addition.
             B::Multiply | B::Divide if y == 1.0 => Some(x),
             B::Subtract if y.to_bits() == 0 => Some(x),
             B::Multiply if y == 2.0 => Some(self.basic(Basic::Add, &[x, x], false)?),
-            // The inverse of a power of two is exact if it is a normal number.
+            // The inverse of a power of two is exact if the inverse is a normal number.
             B::Divide if y.to_bits() << 9 == 0 && y.is_normal() && y.recip().is_normal() => {
                 let inverse = self.constant(Scalar::F32, y.recip().to_bits());
                 Some(self.binary_scalar(B::Multiply, Scalar::F32, x, inverse)?)
@@ -267,7 +266,7 @@ impl<'m> Lower<'m> {
         }
     }
 
-    /// A sum with a product as one term, fused if the settings say so.
+    /// A sum with a product as a term. It is fused if the settings ask for this.
     fn fused(
         &mut self,
         scope: &mut Scope<'m>,
@@ -289,7 +288,7 @@ impl<'m> Lower<'m> {
             else {
                 continue;
             };
-            // Products of matrices already are sums.
+            // Products of matrices are already sums.
             let matrix = |lower: &Self, scope: &Scope<'m>, handle| {
                 matches!(lower.type_of(scope, handle), TypeInner::Matrix { .. })
             };
@@ -308,7 +307,6 @@ impl<'m> Lower<'m> {
         Ok(None)
     }
 
-    /// Products that don't work by component.
     fn matrix_product(
         &mut self,
         left: &TypeInner,
@@ -345,7 +343,6 @@ impl<'m> Lower<'m> {
         Ok(Some(values))
     }
 
-    /// The sum of products of two vectors of floats.
     pub(super) fn dot(&mut self, x: &[Reg], y: &[Reg], half: bool) -> Lowered<Reg> {
         let rule = match x.len() {
             1 => return self.basic(Basic::Multiply, &[x[0], y[0]], half),
@@ -413,7 +410,7 @@ impl<'m> Lower<'m> {
         let half = to == Scalar::F16;
         Ok(match (from, to) {
             (Scalar::F32, Scalar::F16) => self.halved(x, Some(Half::Converted))?,
-            // A sum that follows starts a new chain, with terms of single precision.
+            // A sum that uses the result starts a new chain, with terms of single precision.
             (Scalar::F16, Scalar::F32) => self.halved(x, Some(Half::Operand))?,
             (Scalar::F32 | Scalar::F16, Scalar::F32 | Scalar::F16) => x,
             (Scalar::F32 | Scalar::F16, Scalar::I32) => self.integer_of(ToInt::Signed, &[x])?,
@@ -476,7 +473,7 @@ impl<'m> Lower<'m> {
     }
 }
 
-/// `p q + rest`, with signs.
+/// The terms of `p q + rest`, with signs.
 struct Fused {
     factors: [Rc<[Reg]>; 2],
     negate: bool,

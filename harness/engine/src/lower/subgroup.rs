@@ -1,4 +1,4 @@
-//! Lowers subgroup operations: each scalar of a value has an operation of its own.
+//! Lowers subgroup operations. Each scalar of a value gets its own operation.
 
 use naga::{Direction, Expression, GatherMode, Handle};
 
@@ -7,7 +7,7 @@ use crate::code::{From, Op, Reg, SubgroupKind, SubgroupOp};
 use crate::scalar::{File, Scalar};
 
 impl<'m> Lower<'m> {
-    /// The active lanes for which a predicate holds: one bit each, in four words.
+    /// The active lanes for which a predicate holds. Four words have one bit for each lane.
     pub(super) fn ballot(
         &mut self,
         scope: &mut Scope<'m>,
@@ -27,7 +27,6 @@ impl<'m> Lower<'m> {
         Ok(())
     }
 
-    /// An operation over the values of all active lanes of a subgroup.
     pub(super) fn collective(
         &mut self,
         scope: &mut Scope<'m>,
@@ -39,7 +38,6 @@ impl<'m> Lower<'m> {
         self.over_subgroup(scope, kind, argument, None, result)
     }
 
-    /// The value of another lane.
     pub(super) fn gather_of(
         &mut self,
         scope: &mut Scope<'m>,

@@ -1,18 +1,18 @@
-//! Finds indices that are computed from sums and products, and differences that become floats: both wrap around at 32
-//! bits.
+//! Finds indices that are computed from sums and products, and differences that become floats. Both may wrap around at
+//! 32 bits.
 
 use super::memory::Index;
 use super::{Lower, Lowered};
 use crate::code::{Op, Reg, Term, Wrap};
 use crate::rules::Integer;
 
-/// The most terms of an index that are followed. Parts of a longer one count as plain registers.
+/// The largest number of terms of an index. The other parts of a longer index count as single registers.
 const MOST_TERMS: usize = 64;
 
-/// The largest odd stride. A hash multiplies by larger odd numbers, and is meant to wrap.
+/// The largest odd stride. A hash multiplies by larger odd numbers, and may wrap.
 const MOST_ODD: u32 = 1 << 16;
 
-/// The operation and the registers that compute an integer register whose result may wrap.
+/// The operation and the operands that compute an integer register whose result may wrap.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Computed {
     rule: Integer,
@@ -20,7 +20,7 @@ pub(super) struct Computed {
 }
 
 impl<'m> Lower<'m> {
-    /// Notes the computation of a register, if its result may wrap.
+    /// Notes how a register is computed, if its result may wrap.
     pub(super) fn note_computed(&mut self, rule: Integer, out: Reg, ins: &[Reg]) {
         use Integer as I;
         let ins = match (rule, ins) {
@@ -43,7 +43,7 @@ impl<'m> Lower<'m> {
         self.computed.insert(out, Computed { rule, ins });
     }
 
-    /// Appends the operation that reports an index that has wrapped, if it may.
+    /// Appends the operation that reports an index that has wrapped, if the index may wrap.
     pub(super) fn tell_wrapped(&mut self, buffer: Option<u32>, index: &Index) -> Lowered<()> {
         let mut terms = Vec::new();
         let mut ins = vec![index.register];
@@ -68,7 +68,7 @@ impl<'m> Lower<'m> {
         Ok(())
     }
 
-    /// Appends the terms of a register, operands first, and the registers at their leaves.
+    /// Appends the terms of a register to `terms`, operands first, and the registers of the single terms to `ins`.
     fn terms(&self, register: Reg, terms: &mut Vec<Term>, ins: &mut Vec<Reg>) {
         use Integer as I;
         let computed = self.computed.get(&register).filter(|_| terms.len() < MOST_TERMS);
@@ -79,7 +79,7 @@ impl<'m> Lower<'m> {
         };
         self.terms(x, terms, ins);
         let term = match rule {
-            // The same number, if both types have it.
+            // A conversion keeps the number, if both types have it.
             I::ToI | I::ToU => return,
             I::NegateI => Term::Negate,
             I::AddI | I::AddU => Term::Add,

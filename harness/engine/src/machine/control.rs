@@ -1,4 +1,4 @@
-//! Control flow: the operations that change the mask, and the fuel of loops.
+//! Control flow: operations that change the mask, and the rounds of loops.
 
 use std::time::Instant;
 
@@ -7,10 +7,10 @@ use super::{Limit, Machine, Spent};
 use crate::arithmetic::sealed::Rules;
 use crate::code::{Instruction, Op};
 
-/// Rounds between two looks at the clock.
+/// The number of rounds after which the clock is read again.
 const ROUNDS: u64 = 1024;
 
-/// The registers, borrowed apart from the masks.
+/// Borrows the registers without the masks.
 macro_rules! files {
     ($machine:expr) => {
         Files { floats: &mut $machine.floats, ints: &mut $machine.ints, bools: &mut $machine.bools }
@@ -18,7 +18,7 @@ macro_rules! files {
 }
 
 impl<A: Rules> Machine<'_, A> {
-    /// Changes the mask. Returns whether control jumps to the operation's target.
+    /// Changes the mask. Returns `true` if control jumps to the operation's target.
     pub(super) fn control(&mut self, op: Op, registers: &[u32]) -> bool {
         if A::UNDECIDED {
             self.control_worlds(op, registers)
@@ -101,7 +101,6 @@ impl<A: Rules> Machine<'_, A> {
         }
     }
 
-    /// Begins another round of a loop.
     pub(super) fn round(&mut self, instruction: &Instruction) -> Result<(), Spent> {
         let span = self.site(instruction).span;
         if let Some(own) = self.open.last_mut() {
@@ -114,7 +113,7 @@ impl<A: Rules> Machine<'_, A> {
             let cost = u64::from(A::possible(mask));
             spent |= *fuel < cost;
             all += cost;
-            // One more than the last round: this tells a lane that spent its fuel from one that has just none left.
+            // `u64::MAX` marks a lane that ran too many rounds. A lane with 0 has none left, but didn't run too many.
             *fuel = if *fuel < cost { u64::MAX } else { *fuel - cost };
         }
         if spent && self.options.leaves && !A::UNDECIDED {
@@ -131,7 +130,7 @@ impl<A: Rules> Machine<'_, A> {
             return Err(Spent { span, lane: 0, by: Limit::Work, own });
         };
         self.work = left;
-        // Reading the clock costs more than a round.
+        // Reading the clock takes more time than a round, so it isn't read in each round.
         self.rounds += 1;
         if self.rounds.is_multiple_of(ROUNDS)
             && self.options.deadline.is_some_and(|deadline| Instant::now() >= deadline)

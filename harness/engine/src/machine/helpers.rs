@@ -1,7 +1,7 @@
-//! Helper invocations: pixels that a draw doesn't cover, and pixels that are discarded.
+//! Helper invocations: pixels that a draw doesn't cover, and pixels that were discarded.
 //!
-//! They run so that their neighbours have derivatives. They perform "no write accesses", their atomics return anything,
-//! and their results are dropped (WGSL, *Fragment Shaders and Helper Invocations*).
+//! Helpers run so that their neighbours have derivatives. They perform "no write accesses", their atomics may return
+//! any value, and their results are dropped (WGSL, *Fragment Shaders and Helper Invocations*).
 
 use std::borrow::Cow;
 
@@ -14,26 +14,22 @@ impl<A: Rules> Machine<'_, A> {
         self.helpers.extend(helpers);
     }
 
-    /// The active lanes become helpers.
     pub(super) fn discard(&mut self) {
         for lane in 0..self.helpers.len() {
             self.helpers[lane] |= A::possible(self.active()[lane]);
         }
     }
 
-    /// Returns `true` for a helper.
     #[inline]
     pub(super) fn is_helper(&self, lane: usize) -> bool {
         self.helpers.get(lane).is_some_and(|helper| *helper)
     }
 
-    /// Returns `true` if a lane is active and not a helper.
     #[inline]
     pub(super) fn acts(&self, lane: usize) -> bool {
         A::possible(self.active()[lane]) && !self.is_helper(lane)
     }
 
-    /// The mask of the active lanes that aren't helpers.
     pub(super) fn acting(&self) -> Cow<'_, [A::Bool]> {
         if self.helpers.is_empty() {
             return Cow::Borrowed(self.active());

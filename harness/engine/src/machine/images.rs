@@ -39,7 +39,7 @@ impl<A: Rules> Machine<'_, A> {
         }
     }
 
-    /// Writes texels. Leaves out those outside the texture, as WebGPU requires.
+    /// Writes texels. Texels outside of the texture aren't written, as WebGPU requires.
     pub(super) fn image_store(
         &mut self,
         image: u32,
@@ -82,7 +82,7 @@ impl<A: Rules> Machine<'_, A> {
         }
     }
 
-    /// Reports the texel that a lane accesses to the detector, if there is one.
+    /// Reports to the detector, if there is one, the texel that a lane accesses.
     fn note_texel(
         &mut self,
         texture: u32,
@@ -91,7 +91,7 @@ impl<A: Rules> Machine<'_, A> {
         words: [u32; 4],
         writes: bool,
     ) {
-        // A hash of all channels, for comparison (FNV-1a, by words).
+        // The word is a hash of all channels, for comparisons (FNV-1a, by words).
         let word =
             words.iter().fold(0x811C_9DC5_u32, |all, word| (all ^ word).wrapping_mul(0x0100_0193));
         let Some(detector) = &mut self.detector else { return };
@@ -108,7 +108,7 @@ impl<A: Rules> Machine<'_, A> {
         self.ints.get_mut(out).fill(A::int(word, false));
     }
 
-    /// Integer operand `k` of a lane, clamped to 0 to `last`.
+    /// Integer operand `k` of a lane, clamped to the range from 0 to `last`.
     fn index(&self, op: &ImageOp, register: u32, k: usize, lane: usize, last: u32) -> Index {
         let (lo, hi) = A::bounds(self.ints.get(register)[lane], op.signed >> k & 1 == 1);
         let clamped = lo < 0 || hi > i64::from(last);
@@ -136,8 +136,8 @@ impl<A: Rules> Machine<'_, A> {
         }
     }
 
-    /// The first coordinate of a loaded texel, layer included, that is outside the texture, and the size in that
-    /// direction.
+    /// The first coordinate of a loaded texel, or its layer, that is outside of the texture, and the texture's size in
+    /// this direction.
     pub(super) fn texel_beyond(
         &self,
         image: u32,
@@ -166,7 +166,7 @@ impl<A: Rules> Machine<'_, A> {
     fn load_texels(&mut self, op: &ImageOp, texture: &Texture, operands: &Operands<'_>) {
         let ImageKind::Load { level, sample, signed } = op.kind else { return };
         for lane in 0..self.width {
-            // In order: coordinates, layer, sample, level.
+            // The operands have this order: coordinates, layer, sample, level.
             let n = operands.ints.len();
             let mut clamped = false;
             let mut one = true;
@@ -231,7 +231,8 @@ impl<A: Rules> Machine<'_, A> {
             return;
         }
         for lane in 0..self.width {
-            // In their last rounds loops have few active lanes, and a sample is expensive.
+            // In the last rounds of a loop, few lanes are active. A sample takes much time, so inactive lanes are
+            // skipped.
             if !A::possible(self.active()[lane]) {
                 continue;
             }
@@ -298,7 +299,7 @@ impl<A: Rules> Machine<'_, A> {
                 }
                 continue;
             }
-            // Intervals cover all texels, whatever the coordinates.
+            // Intervals include all texels, so the coordinates don't matter.
             let mean = match A::NOTES {
                 true => Mean::of(sampler, reference),
                 false => texture.mean(sampler, place, level, reference),
@@ -324,7 +325,7 @@ impl<A: Rules> Machine<'_, A> {
             for (wanted, mask) in wanted.iter_mut().zip(&self.active()[lanes.clone()]) {
                 *wanted = A::possible(*mask);
             }
-            // In their last rounds loops have few active lanes.
+            // In the last rounds of a loop, few lanes are active.
             if !wanted.contains(&true) {
                 continue;
             }
@@ -337,7 +338,7 @@ impl<A: Rules> Machine<'_, A> {
             for (channel, &out) in outs.iter().enumerate() {
                 let hull = texture.hull(channel);
                 let column = &mut self.floats.get_mut(out)[lanes.clone()];
-                // Values of inactive lanes don't matter.
+                // The values of inactive lanes have no meaning.
                 column
                     .iter_mut()
                     .zip(&sums)

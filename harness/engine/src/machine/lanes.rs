@@ -1,4 +1,4 @@
-//! Comparisons, selections and stores, lane by lane.
+//! Comparisons, selections and stores, which work lane by lane.
 
 use super::Machine;
 use crate::arithmetic::sealed::Rules;

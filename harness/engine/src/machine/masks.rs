@@ -1,7 +1,7 @@
-//! Masks of active lanes, for divergent control flow.
+//! Masks of active lanes, for control flow in which lanes go different ways.
 //!
-//! Each open construct has a frame: the mask at its entry, and the lanes that have left it for good by a jump out of
-//! it. At its end the mask is the one at its entry without those lanes.
+//! Each open construct has a frame. The frame has the mask at the construct's entry, and the lanes that have left the
+//! construct by a jump. At the end of the construct, the mask is that at the entry without these lanes.
 //!
 //! `worlds` does the same for arithmetics with undecided conditions.
 
@@ -17,15 +17,15 @@ struct Frame<A: Rules> {
     kind: Kind,
     saved: Box<[A::Bool]>,
     left: Box<[A::Bool]>,
-    /// For a loop: the lanes that broke out of it.
+    /// The lanes that left a loop by `break`.
     broken: Box<[A::Bool]>,
 }
 
-/// The mask, and the frames of open constructs.
+/// The current mask, and the frames of open constructs.
 pub(crate) struct Masks<A: Rules> {
     current: Box<[A::Bool]>,
     frames: Vec<Frame<A>>,
-    /// Frames for reuse.
+    /// Unused frames, which are kept for reuse.
     spare: Vec<Frame<A>>,
     any: bool,
     all: bool,
@@ -45,7 +45,7 @@ impl<A: Rules> Masks<A> {
         }
     }
 
-    /// Begins with the first `active` lanes, outside any construct.
+    /// Makes the first `active` lanes active, with no open construct.
     pub(crate) fn start(&mut self, active: usize) {
         self.spare.append(&mut self.frames);
         for (lane, mask) in self.current.iter_mut().enumerate() {
@@ -54,19 +54,17 @@ impl<A: Rules> Masks<A> {
         self.changed();
     }
 
-    /// Returns `true` if some lane may be active.
     #[inline]
     pub(crate) fn any(&self) -> bool {
         self.any
     }
 
-    /// Returns `true` if all lanes are certainly active.
+    /// Checks if all lanes are certainly active.
     #[inline]
     pub(crate) fn all(&self) -> bool {
         self.all
     }
 
-    /// The mask.
     #[inline]
     pub(crate) fn active(&self) -> &[A::Bool] {
         &self.current
@@ -100,7 +98,7 @@ impl<A: Rules> Masks<A> {
         self.frames.push(frame);
     }
 
-    /// Opens a branch. This and the next functions return `true` if a lane is active afterwards.
+    /// Opens a branch. This function and the next ones return `true` if a lane is active afterwards.
     pub(crate) fn enter(&mut self) -> bool {
         self.push(Kind::Branch);
         self.any
@@ -140,7 +138,6 @@ impl<A: Rules> Masks<A> {
         self.any
     }
 
-    /// Closes a branch or a loop.
     pub(crate) fn leave(&mut self) -> bool {
         if let Some(frame) = self.frames.pop() {
             for ((mask, &saved), &left) in
@@ -159,7 +156,7 @@ impl<A: Rules> Masks<A> {
         self.any
     }
 
-    /// Reactivates the lanes that continued.
+    /// Makes the lanes active again that left the round by `continue`.
     pub(crate) fn continuing(&mut self) {
         if let Some(frame) = self.frames.last() {
             let gone = frame.broken.iter().zip(&frame.left);
@@ -184,7 +181,6 @@ impl<A: Rules> Masks<A> {
         self.changed();
     }
 
-    /// Removes lanes from all open constructs, for good.
     pub(crate) fn drop_lanes(&mut self, lanes: &[usize]) {
         for lane in lanes {
             self.current[*lane] = A::bool(false);
@@ -193,7 +189,8 @@ impl<A: Rules> Masks<A> {
         self.changed();
     }
 
-    /// Active lanes jump to the end of the frame below the `depth` innermost ones; if `breaks`, out of a loop.
+    /// Active lanes jump to the end of a frame, which is below the `depth` innermost frames. `breaks` is `true` if they
+    /// jump out of a loop.
     pub(crate) fn exit(&mut self, depth: u32, breaks: bool) {
         let target = self.frames.len().saturating_sub(1 + depth as usize);
         for frame in self.frames[target + 1..].iter_mut().rev() {

@@ -13,16 +13,16 @@ use crate::races::{Accessed, Detector, Place};
 use crate::rules::Half;
 use crate::scalar::{File, Scalar};
 
-/// The kind of an access: it reads, it writes.
+/// The kind of an access: `true` if it reads, and `true` if it writes.
 const READS: (bool, bool) = (true, false);
 const WRITES: (bool, bool) = (false, true);
 const READS_AND_WRITES: (bool, bool) = (true, true);
 
-/// The bytes of a buffer. If it is written, floats that an `f32` can't hold are kept beside them.
+/// The bytes of a buffer. If a program writes the buffer, floats that aren't an `f32` are kept in addition.
 #[derive(Clone, Debug)]
 pub(crate) struct Buffer<'a, A: Rules> {
     pub(crate) bytes: Cow<'a, [u8]>,
-    /// For each word, the float that was written there, as long as the word is unchanged.
+    /// For each word, the float that was written there. It counts only while the word is unchanged.
     floats: Vec<Option<A::Float>>,
 }
 
@@ -32,7 +32,6 @@ impl<'a, A: Rules> Buffer<'a, A> {
         Self { bytes, floats: vec![None; words] }
     }
 
-    /// Sets all bytes to zero.
     pub(crate) fn clear(&mut self) {
         self.bytes.to_mut().fill(0);
         self.floats.fill(None);
@@ -76,7 +75,6 @@ pub(crate) struct Memory<'a, A: Rules> {
 }
 
 impl Step {
-    /// The number of elements, for a buffer of so many bytes.
     pub(super) fn length(&self, bytes: usize) -> u64 {
         match self.count {
             Count::Fixed(count) => u64::from(count),
@@ -87,7 +85,7 @@ impl Step {
     }
 }
 
-/// The offset that the indices of a lane lead to, and `true` if one was clamped.
+/// Visits the offsets to which the indices of a lane lead. Returns `true` if an index was clamped.
 pub(super) fn walk_lane<A: Rules>(
     (walk, elsewhere): (&Walk, Elsewhere),
     indices: &[u32],
@@ -121,7 +119,7 @@ pub(super) fn walk_lane<A: Rules>(
     clamped
 }
 
-/// Gathers from `columns` into a register.
+/// Copies the elements that indices select from `columns` into a register.
 macro_rules! gathered {
     ($self:ident, $columns:ident, $select:path, $registers:ident, $base:expr, $indices:expr, $walk:ident) => {{
         let (base, indices) = ($base, $indices);
@@ -173,8 +171,8 @@ macro_rules! scattered {
 }
 
 impl<'p, A: Rules> Machine<'p, A> {
-    /// Notes that the index of a lane is outside its array. In intervals the result is unbounded: the specification
-    /// lets an implementation read any element, or zero, and write any element.
+    /// Notes that the index of a lane is outside of its array. In intervals the result is unbounded, because the
+    /// specification lets an implementation read any element or zero, and write any element.
     pub(super) fn leave(&mut self, lane: usize) {
         if self.is_helper(lane) {
             return;
@@ -185,8 +183,8 @@ impl<'p, A: Rules> Machine<'p, A> {
         }
     }
 
-    /// The index of a lane that is outside an array in a buffer, or a coordinate outside a texture, and the number of
-    /// elements there. For an index that wraps: its value without wrapping, and its value.
+    /// The index of a lane that is outside of an array in a buffer, or a coordinate outside of a texture, and the
+    /// number of elements there. For an index that wraps: its value without wrapping, and its value with wrapping.
     pub(super) fn beyond(
         &self,
         instruction: &Instruction,
@@ -206,7 +204,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         };
         let walk = &self.code.walks[walk as usize];
         let bytes = memory.buffers[walk.buffer as usize].bytes.len();
-        // The indices come last.
+        // The registers of the indices come last.
         let shape = self.code.shape(instruction.op);
         let all = shape.outs.iter().chain(&shape.ins).sum::<u32>() as usize;
         let indices = &registers[..all][all - walk.steps.len()..];
@@ -217,7 +215,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         })
     }
 
-    /// The variable that an operation indexes, and `true` if the array is a part of it.
+    /// The variable that an operation indexes, and `true` if the array is only a part of it.
     pub(super) fn array_of(&self, op: Op) -> (Option<&'p str>, bool) {
         let code = self.code;
         let (slot, nested) = match op {
@@ -235,7 +233,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         (slot.map(|slot| &*code.buffers[slot as usize].name), nested)
     }
 
-    /// The element that the current operation accesses if an index is outside its array.
+    /// The element that the current operation accesses if an index is outside of its array.
     pub(super) fn elsewhere(&self) -> Elsewhere {
         match self.options.outside_at {
             Some((site, elsewhere)) if site == self.site => elsewhere,
@@ -243,7 +241,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         }
     }
 
-    /// Notes the same for a write. Returns `true` if the write is left out.
+    /// Notes that the index of a write is outside of its array. Returns `true` if the write has no effect.
     fn leave_unwritten(&mut self, lane: usize) -> bool {
         self.leave(lane);
         self.options.outside.drops
@@ -306,7 +304,6 @@ impl<'p, A: Rules> Machine<'p, A> {
         }
     }
 
-    /// The candidate that an index chooses, for a lane.
     fn chosen(&self, index: u32, signed: bool, count: usize, lane: usize) -> (usize, usize, bool) {
         let last = count.saturating_sub(1) as i64;
         let (lo, hi) = A::bounds(self.ints.get(index)[lane], signed);
@@ -388,11 +385,11 @@ impl<'p, A: Rules> Machine<'p, A> {
         let walk = &self.code.walks[walk as usize];
         let buffer = &memory.buffers[walk.buffer as usize];
         let length = buffer.bytes.len();
-        // Without an index all lanes load the same.
+        // Without an index, all lanes load the same element.
         let lanes = if walk.steps.is_empty() { 1 } else { self.width };
         let join = A::undecided();
         let notes = self.notes(walk);
-        // The place that each lane loads from, for the detector.
+        // The element that each lane loads, for the detector.
         let mut places = std::mem::take(&mut self.places);
         places.clear();
         for lane in 0..lanes {
@@ -462,13 +459,12 @@ impl<'p, A: Rules> Machine<'p, A> {
         self.places = places;
     }
 
-    /// Returns `true` if a detector needs the accesses through a walk.
     fn notes(&self, walk: &Walk) -> bool {
         let watches = |detector: &Detector| detector.watches_buffer(walk.buffer);
         self.detector.as_deref().is_some_and(watches)
     }
 
-    /// The place of a lane's access, and `true` if it is outside its array.
+    /// The offset of a lane's access, and `true` if its index is outside of its array.
     fn place_of(&self, walk: &Walk, indices: &[u32], lane: usize, length: usize) -> (usize, bool) {
         let mut at = 0;
         let found = (walk, Elsewhere::Clamped);
@@ -476,7 +472,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         (at, strays)
     }
 
-    /// Reports the accessed elements of the lanes, and their words, to the detector, if there is one.
+    /// Reports to the detector, if there is one, the elements that the lanes accessed, and their words.
     fn note_accesses(
         &mut self,
         walk: &Walk,
@@ -490,7 +486,7 @@ impl<'p, A: Rules> Machine<'p, A> {
                 continue;
             }
             let (at, strays) = place_of(self, lane);
-            // An access outside the array may go anywhere; that is reported as a fault of its own.
+            // An access outside of the array may go anywhere. It is reported as such, and not as a race.
             if strays {
                 continue;
             }
@@ -572,7 +568,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         self.ints.get_mut(out).fill(A::int(u32::try_from(length).unwrap_or(u32::MAX), false));
     }
 
-    /// Runs an atomic lane after lane: one of the orders that the specification allows.
+    /// Runs an atomic, one lane after another. This is one of the orders that the specification allows.
     pub(super) fn atomic(&mut self, walk: u32, registers: &[u32], memory: &mut Memory<'_, A>) {
         let walk = &self.code.walks[walk as usize];
         let Some(atomic) = walk.atomic else { return };
@@ -583,7 +579,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         let buffer = &mut memory.buffers[walk.buffer as usize];
         let length = buffer.bytes.len();
         let signed = atomic.scalar.signed();
-        // A comparison that fails writes nothing.
+        // A compare-exchange whose comparison fails writes nothing.
         let noted = if compared { READS } else { READS_AND_WRITES };
         if self.notes(walk) {
             let found = |own: &Self, lane| own.place_of(walk, indices, lane, length);
@@ -591,7 +587,7 @@ impl<'p, A: Rules> Machine<'p, A> {
         }
         for lane in 0..self.width {
             if self.is_helper(lane) && atomic.result {
-                // Any result is allowed; a successful one ends a loop that waits for it.
+                // WGSL allows any result for a helper. A success ends a loop that waits for a success.
                 let seen = if compared {
                     self.ints.get(registers[outs + 1])[lane]
                 } else {
@@ -648,7 +644,7 @@ impl<'p, A: Rules> Machine<'p, A> {
     }
 }
 
-/// The word that an atomic stores in place of `old`; for a comparing exchange, if the comparison holds.
+/// The word that an atomic stores in place of `old`. For a compare-exchange, the comparison has succeeded.
 pub(super) fn changed_by(function: AtomicFunction, old: u32, x: u32, signed: bool) -> u32 {
     let order = |less: bool| {
         let x_is_less = if signed { x.cast_signed() < old.cast_signed() } else { x < old };

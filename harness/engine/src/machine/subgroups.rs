@@ -1,4 +1,4 @@
-//! Subgroup operations: lanes see each other's values.
+//! Subgroup operations, in which lanes see each other's values.
 
 use naga::{CollectiveOperation, SubgroupOperation};
 
@@ -9,7 +9,6 @@ use crate::options::Elsewhere;
 use crate::scalar::{File, Scalar};
 
 impl<A: Rules> Machine<'_, A> {
-    /// The number of lanes of a subgroup.
     fn subgroup_size(&self) -> usize {
         self.options.subgroup() as usize
     }
@@ -39,7 +38,7 @@ impl<A: Rules> Machine<'_, A> {
         }
     }
 
-    /// Reports the subgroups that only partly meet an operation to the detector, if there is one.
+    /// Reports to the detector, if there is one, the subgroups of which only a part reaches an operation.
     fn note_subgroups(&mut self) {
         let Some(mut detector) = self.detector.take() else { return };
         let active: Vec<bool> = self.active().iter().map(|mask| A::possible(*mask)).collect();
@@ -66,8 +65,8 @@ impl<A: Rules> Machine<'_, A> {
         }
     }
 
-    /// Gives each lane the value of another one. A lane that doesn't exist, or isn't active, gives any value, like an
-    /// index outside an array.
+    /// Gives each lane the value of another lane. If the other lane doesn't exist, or isn't active, the result may be
+    /// any value, as for an index outside of an array.
     fn gather_of(
         &mut self,
         operation: SubgroupOp,
@@ -83,7 +82,7 @@ impl<A: Rules> Machine<'_, A> {
         let is_float = operation.scalar.file() == File::Float;
         let words: Vec<u32> =
             here.iter().map(|lane| self.word(operation.scalar, value, *lane)).collect();
-        // A float is moved unchanged.
+        // A float is moved without a change.
         let floats: Vec<A::Float> = match is_float {
             true => here.iter().map(|lane| self.floats.get(value)[*lane]).collect(),
             false => Vec::new(),
@@ -136,7 +135,7 @@ impl<A: Rules> Machine<'_, A> {
     }
 }
 
-/// The results of an operation over the words of lanes, in the lanes' order.
+/// The results of an operation on the words of lanes, in the order of the lanes.
 fn collected(
     scalar: Scalar,
     function: SubgroupOperation,
@@ -162,7 +161,7 @@ fn collected(
     }
 }
 
-/// The result over no lanes. WGSL scans only sums and products.
+/// The result of an operation on no lanes. WGSL scans only sums and products.
 fn identity(scalar: Scalar, function: SubgroupOperation) -> u32 {
     match (function, scalar.file()) {
         (SubgroupOperation::Mul, File::Float) => 1.0_f32.to_bits(),

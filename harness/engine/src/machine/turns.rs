@@ -11,31 +11,31 @@ use crate::code::{Code, Instruction, Op, Walk};
 use crate::explore::{Access, Step, Word};
 use crate::options::Elsewhere;
 
-/// The number of equal reads in a loop, without a change, after which an invocation counts as waiting for another.
+/// The number of equal reads in a loop after which an invocation counts as waiting for another invocation. A change of
+/// a word sets the count to 0.
 const PATIENCE: u32 = 3;
 
-/// A store that hasn't taken effect yet.
+/// An atomic store that hasn't taken effect yet.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Late {
     pub(crate) number: u32,
     lane: usize,
     slot: u32,
     at: usize,
-    /// The atomic function that it applies; `None` if it replaces the word.
+    /// The atomic function that the store applies. `None` if the store replaces the word.
     function: Option<AtomicFunction>,
     signed: bool,
     word: u32,
     site: u32,
-    /// The turn in which its invocation reached it.
+    /// The turn in which the store's invocation reached it.
     pub(crate) turn: usize,
 }
 
-/// An atomic that took effect.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Done {
     pub(crate) lane: usize,
     pub(crate) site: u32,
-    /// The word that it returned, or else wrote, and `true` if it returned one.
+    /// The word that the atomic returned, or wrote if it returns nothing. `reads` is `true` if it returned the word.
     pub(crate) word: u32,
     pub(crate) reads: bool,
     pub(crate) place: (u32, usize),
@@ -44,7 +44,7 @@ pub(crate) struct Done {
 }
 
 impl Walk {
-    /// The kind of access that an atomic is. `writes` tells a store from a load.
+    /// The kind of access of an atomic. `writes` is `true` for a store, and `false` for a load.
     pub(super) fn access(&self, writes: bool) -> Access {
         match self.atomic {
             Some(atomic) => Access::of(atomic.function, atomic.used),
@@ -55,7 +55,7 @@ impl Walk {
 }
 
 impl Code {
-    /// Returns `true` for an operation on an atomic, a load and a store included.
+    /// Checks if an operation is an atomic access. Atomic loads and stores are included.
     pub(crate) fn is_atomic(&self, op: Op) -> bool {
         self.walk_of(op).is_some()
     }
@@ -69,7 +69,8 @@ impl Code {
         }
     }
 
-    /// The change by an atomic whose result nothing uses: its invocation doesn't have to wait for it.
+    /// The change that an atomic makes, if nothing uses its result. Its invocation needn't wait until the change takes
+    /// effect.
     fn stored(&self, op: Op) -> Option<Option<AtomicFunction>> {
         let walk = self.walk_of(op)?;
         match (op, walk.atomic) {
@@ -79,7 +80,6 @@ impl Code {
         }
     }
 
-    /// The registers of an operation's indices, and of the value that it stores.
     fn operands_of<'r>(&self, op: Op, walk: &Walk, registers: &'r [u32]) -> (&'r [u32], u32) {
         let shape = self.shape(op);
         let all = shape.outs.iter().chain(&shape.ins).sum::<u32>() as usize;
@@ -95,8 +95,8 @@ impl<A: Rules> Machine<'_, A> {
         (instruction, &self.code.pool[start..start + instruction.count as usize])
     }
 
-    /// The words that an operation on an atomic accesses, for the lanes that act. An index outside its array goes to
-    /// the nearest element.
+    /// The words that an atomic operation accesses, for the lanes that are active and aren't helpers. An index outside
+    /// of its array selects the nearest element.
     fn places(&self, op: Op, registers: &[u32], memory: &Memory<'_, A>) -> Vec<(usize, usize)> {
         let Some(walk) = self.code.walk_of(op) else { return Vec::new() };
         let (indices, _) = self.code.operands_of(op, walk, registers);
@@ -115,7 +115,7 @@ impl<A: Rules> Machine<'_, A> {
         self.stores.iter().find(|one| (one.slot, one.lane, one.at) == (slot, lane, at))
     }
 
-    /// Returns `true` if other invocations may run before this atomic.
+    /// Checks if other invocations may run before this atomic.
     pub(super) fn pauses(&self, op: Op, registers: &[u32], memory: &Memory<'_, A>) -> bool {
         if !self.relaxes {
             return (0..self.width).any(|lane| self.acts(lane));
@@ -129,25 +129,25 @@ impl<A: Rules> Machine<'_, A> {
         }
     }
 
-    /// Returns `true` if it stands before an access of a word that a pending store of its own will change.
+    /// Checks if the machine is before an access to a word that one of its own pending stores will change.
     pub(crate) fn is_blocked(&self, memory: &Memory<'_, A>) -> bool {
         let (instruction, registers) = self.here();
         let Some(walk) = self.code.walk_of(instruction.op) else { return false };
-        // A load sees the pending stores of its own invocation.
+        // A load sees the pending stores of its own invocation, so they don't block it.
         let is_load = matches!(instruction.op, Op::Load(..));
         let blocks = |one: &Late| !is_load || one.function.is_some();
         let places = self.places(instruction.op, registers, memory);
         places.iter().any(|place| self.waiting_at(walk.buffer, *place).is_some_and(blocks))
     }
 
-    /// The operation at which it stands, and the first lane there.
+    /// The source position of the machine's next operation, and the first lane that runs it.
     pub(crate) fn place(&self) -> (naga::Span, usize) {
         let site = self.code.instructions[self.at].site;
         let lane = (0..self.width).find(|lane| self.acts(*lane)).unwrap_or_default();
         (self.code.sites[site as usize].span, lane)
     }
 
-    /// The accesses of its next turn, at an atomic.
+    /// The accesses of the machine's next turn, at an atomic.
     pub(crate) fn next_step(&self, memory: &Memory<'_, A>, group: u32) -> Step {
         let (instruction, registers) = self.here();
         let Some(walk) = self.code.walk_of(instruction.op) else { return Step::default() };
@@ -157,7 +157,6 @@ impl<A: Rules> Machine<'_, A> {
         Step::atomic(touches.collect())
     }
 
-    /// The same for a pending store.
     pub(crate) fn step_of_store(&self, number: u32, group: u32) -> Step {
         let store = self.stores.iter().find(|store| store.number == number);
         let touches = store.iter().map(|store| {
@@ -172,8 +171,8 @@ impl<A: Rules> Machine<'_, A> {
         (slot, if own { group + 1 } else { 0 }, at as u32)
     }
 
-    /// Makes the store of the next atomic wait. Returns `false` if the atomic is no store, or all stores take effect at
-    /// once.
+    /// Delays the stores of the next atomic. Returns `false` if the atomic isn't a store, or if all stores take effect
+    /// at once.
     pub(super) fn postpones(&mut self, op: Op, registers: &[u32], memory: &Memory<'_, A>) -> bool {
         let (true, Some(function)) = (self.relaxes, self.code.stored(op)) else { return false };
         let Some(walk) = self.code.walk_of(op) else { return false };
@@ -192,7 +191,7 @@ impl<A: Rules> Machine<'_, A> {
         true
     }
 
-    /// Makes a load see the pending stores of its own invocation.
+    /// Makes a load return the value of a pending store of its own invocation.
     pub(super) fn forward(&mut self, op: Op, registers: &[u32], memory: &Memory<'_, A>) {
         let Op::Load(scalar, walk) = op else { return };
         let slot = self.code.walks[walk as usize].buffer;
@@ -203,7 +202,6 @@ impl<A: Rules> Machine<'_, A> {
         }
     }
 
-    /// Lets a store take effect.
     pub(crate) fn settle(&mut self, number: u32, memory: &mut Memory<'_, A>) -> Option<Done> {
         let at = self.stores.iter().position(|store| store.number == number)?;
         let Late { lane, slot, at, function, signed, word, site, turn, .. } =
@@ -218,7 +216,8 @@ impl<A: Rules> Machine<'_, A> {
         Some(Done { lane, site, word: new, reads: false, place: (slot, at), late })
     }
 
-    /// Notes an atomic that took effect, and whether its invocation now waits for another one to change the word.
+    /// Notes an atomic that took effect. Also notes if its invocation now waits until another invocation changes the
+    /// word.
     pub(super) fn note_turn(
         &mut self,
         op: Op,
@@ -250,7 +249,6 @@ impl<A: Rules> Machine<'_, A> {
         self.waits |= reads && *seen > PATIENCE;
     }
 
-    /// The words that an atomic accesses, before it takes effect.
     pub(super) fn words_at(&self, op: Op, registers: &[u32], memory: &Memory<'_, A>) -> Vec<u32> {
         let Some(walk) = self.code.walk_of(op) else { return Vec::new() };
         let buffer = &memory.buffers[walk.buffer as usize];

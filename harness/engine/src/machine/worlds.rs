@@ -1,26 +1,25 @@
-//! Masks of active lanes for conditions that may be undecided: both ways run, then their values are joined.
+//! Masks of active lanes for conditions that may be undecided. Both ways run, and then their values are joined.
 //!
-//! A lane whose condition is undecided forks into two *worlds*, a copy of its variables for each branch. The world of
-//! the first branch runs first. Then the lane's variables get their earlier values, and the world of the other branch
-//! runs. Where control meets again (at the end of a branch, of a loop's
-//! body, of a loop, of a call), the worlds that have arrived are joined. So every store is a plain one, and a loop
-//! still ends in a branch that may not be taken.
+//! A lane whose condition is undecided forks into two *worlds*. Each is a copy of the lane's variables for one branch.
+//! The world of the first branch runs first. Then the lane's variables get back their values from before the branch,
+//! and the world of the other branch runs. The worlds are joined where control meets again: at the end of a branch, of
+//! a loop's body, of a loop, or of a call. So a store can simply overwrite a variable, and a loop ends in a branch that
+//! may not be taken.
 //!
-//! A world that jumps out of a construct waits at its target, in `waiting`, if another world of its lane goes on.
-//! Otherwise its variables stay in the registers.
+//! If a world jumps out of a construct, and another world of its lane goes on, the first world waits at the jump's
+//! target, in `waiting`. Otherwise its variables stay in the registers.
 
 use crate::arithmetic::sealed::Rules;
 use crate::code::Code;
 use crate::columns::Columns;
 
-/// The registers of a machine.
 pub(crate) struct Files<'a, A: Rules> {
     pub(crate) floats: &'a mut Columns<A::Float>,
     pub(crate) ints: &'a mut Columns<A::Int>,
     pub(crate) bools: &'a mut Columns<A::Bool>,
 }
 
-/// The variables of all lanes at a place, and the lanes that are there.
+/// The variables of all lanes at one point of the program, and the lanes that are at this point.
 struct State<A: Rules> {
     floats: Vec<Box<[A::Float]>>,
     ints: Vec<Box<[A::Int]>>,
@@ -39,7 +38,7 @@ impl<A: Rules> State<A> {
         }
     }
 
-    /// Adds a lane's variables, joined with those that are there already.
+    /// Adds a lane's variables. They are joined with those that are already there.
     fn add(&mut self, files: &Files<'_, A>, mutable: &[Vec<u32>; 3], lane: usize) {
         let joins = std::mem::replace(&mut self.here[lane], true);
         for (kept, &register) in self.floats.iter_mut().zip(&mutable[0]) {
@@ -56,7 +55,7 @@ impl<A: Rules> State<A> {
         }
     }
 
-    /// Writes a lane's variables back. Joins them with the registers if `joins`.
+    /// Writes a lane's variables back. If `joins` is set, joins them with the registers.
     fn take(
         &mut self,
         files: &mut Files<'_, A>,
@@ -83,29 +82,28 @@ impl<A: Rules> State<A> {
 }
 
 struct Frame<A: Rules> {
-    /// The mask at the entry.
     saved: Box<[bool]>,
-    /// Lanes that have reached the end, with their variables in the registers.
+    /// The lanes that have reached the end of the construct, and have their variables in the registers.
     ended: Box<[bool]>,
-    /// Lanes that wait for the end of a loop's body, with their variables in the registers.
+    /// The lanes that wait for the end of a loop's body, and have their variables in the registers.
     continued: Box<[bool]>,
-    /// The variables at the entry of lanes that fork.
+    /// For the lanes that fork, their variables at the entry.
     start: State<A>,
-    /// Worlds that wait for the end.
+    /// The worlds that wait for the end of the construct.
     waiting: State<A>,
-    /// Worlds that wait for the end of a loop's body.
+    /// The worlds that wait for the end of a loop's body.
     round: State<A>,
     has_else: bool,
 }
 
 impl<A: Rules> Frame<A> {
-    /// Returns `true` if another world of the lane goes on in this frame.
+    /// Checks if another world of the lane goes on in this frame.
     fn forks(&self, lane: usize) -> bool {
         self.start.here[lane] || self.waiting.here[lane] || self.round.here[lane]
     }
 }
 
-/// The mask, and the frames of open constructs.
+/// The current mask, and the frames of open constructs.
 pub(crate) struct Worlds<'p, A: Rules> {
     mutable: &'p [Vec<u32>; 3],
     current: Box<[bool]>,
@@ -213,7 +211,7 @@ impl<'p, A: Rules> Worlds<'p, A> {
                     frame.waiting.add(files, self.mutable, lane);
                 }
                 frame.start.take(files, self.mutable, lane, false);
-                // It still forks: worlds that jump out of here have to wait.
+                // The lane still forks, so worlds that jump out of this construct must wait.
                 frame.start.here[lane] = true;
                 self.current[lane] = true;
             } else {
@@ -226,7 +224,7 @@ impl<'p, A: Rules> Worlds<'p, A> {
         self.any
     }
 
-    /// Begins a case. The first one starts with the variables at the entry; each next one restores them.
+    /// Begins a case. The first case begins with the variables at the entry. Each later case restores them.
     pub(crate) fn enter_case(
         &mut self,
         files: &mut Files<'_, A>,
@@ -235,7 +233,7 @@ impl<'p, A: Rules> Worlds<'p, A> {
     ) -> bool {
         let Some(frame) = self.frames.last_mut() else { return self.any };
         if !frame.has_else {
-            // The first case: each lane in it may need its variables again.
+            // After the first case, each of its lanes may need its variables again.
             frame.has_else = true;
             for lane in (0..self.width).filter(|&lane| frame.saved[lane]) {
                 frame.start.add(files, self.mutable, lane);
@@ -259,13 +257,12 @@ impl<'p, A: Rules> Worlds<'p, A> {
         self.any
     }
 
-    /// Closes a branch, a switch or a call.
     pub(crate) fn leave(&mut self, files: &mut Files<'_, A>, is_if: bool) -> bool {
         let Some(mut frame) = self.frames.pop() else { return self.any };
         for lane in 0..self.width {
             let mut here = self.current[lane] || frame.ended[lane];
             if is_if && !frame.has_else && frame.start.here[lane] {
-                // The branch that isn't taken changes nothing.
+                // The branch that isn't taken changes no variable.
                 frame.start.take(files, self.mutable, lane, self.current[lane]);
                 here = true;
             }
@@ -280,7 +277,6 @@ impl<'p, A: Rules> Worlds<'p, A> {
         self.any
     }
 
-    /// Ends a loop's body.
     pub(crate) fn continuing(&mut self, files: &mut Files<'_, A>) {
         let Some(frame) = self.frames.last_mut() else { return };
         for lane in 0..self.width {
@@ -312,12 +308,11 @@ impl<'p, A: Rules> Worlds<'p, A> {
         self.changed();
     }
 
-    /// Returns `true` if one world of the lane has left the innermost loop, and another one is still in it.
+    /// Checks if one world of the lane has left the innermost loop, and another world is still in the loop.
     pub(crate) fn is_divided(&self, lane: usize) -> bool {
         self.current[lane] && self.frames.last().is_some_and(|frame| frame.waiting.here[lane])
     }
 
-    /// Removes a lane from the innermost loop.
     pub(crate) fn drop_from_loop(&mut self, files: &Files<'_, A>, lane: usize) {
         if let Some(frame) = self.frames.last_mut() {
             frame.waiting.add(files, self.mutable, lane);
@@ -326,8 +321,8 @@ impl<'p, A: Rules> Worlds<'p, A> {
         self.changed();
     }
 
-    /// Active lanes jump to the end of the frame below the `depth` innermost ones, or if `continues` to the end of its
-    /// body.
+    /// Active lanes jump to the end of a frame, which is below the `depth` innermost frames. If `continues` is set,
+    /// they jump to the end of its body.
     pub(crate) fn exit(&mut self, files: &Files<'_, A>, depth: u32, continues: bool) {
         let target = self.frames.len().saturating_sub(1 + depth as usize);
         for lane in (0..self.width).filter(|&lane| self.current[lane]) {

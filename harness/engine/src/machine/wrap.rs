@@ -5,10 +5,10 @@ use crate::arithmetic::sealed::Rules;
 use crate::code::Term;
 
 impl<A: Rules> Machine<'_, A> {
-    /// Notes the lanes whose index has wrapped and is inside the array all the same; the access itself reports an index
-    /// outside. For a float, notes the lanes whose difference is below 0.
+    /// Notes the lanes whose index has wrapped and is still inside of the array. If the index is outside, the access
+    /// itself reports this. For a float, notes the lanes whose difference is below 0.
     pub(super) fn wrapped(&mut self, wrap: u32, registers: &[u32], memory: &Memory<'_, A>) {
-        // In intervals, an index that wraps has all values, and so is outside.
+        // In intervals, an index that wraps may have any value, so it may be outside.
         if A::UNDECIDED {
             return;
         }
@@ -28,7 +28,7 @@ impl<A: Rules> Machine<'_, A> {
             if length.is_some_and(|length| index < 0 || index >= i128::from(length)) {
                 continue;
             }
-            // A term may be `u32(-1)` or a hash above 2^31, and no type tells the two apart.
+            // A term may be `u32(-1)`, or a hash above 2^31. The type doesn't tell which, so both readings are tried.
             let meant = [true, false].map(|signed| {
                 let leaves = registers[1..].iter().map(|register| value(*register, signed));
                 whole(&wrap.terms, leaves, &mut stack)
@@ -47,7 +47,7 @@ impl<A: Rules> Machine<'_, A> {
     }
 }
 
-/// The value of the terms without wrapping.
+/// The value of the terms, computed without wrapping.
 fn whole(terms: &[Term], mut leaves: impl Iterator<Item = i128>, stack: &mut Vec<i128>) -> i128 {
     stack.clear();
     for term in terms {

@@ -1,10 +1,10 @@
-//! The arithmetic of nearly all programs: the four operations, roots, ordering.
+//! Rules that nearly all programs use: the four operations, roots and comparisons.
 
 use super::float_rules;
 use crate::interval::Interval;
 
 float_rules! {
-    /// Operators, and the builtins that combine a few of them.
+    /// Operators, and builtins that combine a few operators.
     Basic {
         Add[2, 1] {
             single: |[x, y]| [x + y],
@@ -21,7 +21,7 @@ float_rules! {
             double: |[x, y]| [x * y],
             interval: |[x, y]| [x.mul(y)],
         }
-        /// A number times itself, which is never negative, even in intervals.
+        /// A number times itself. It is never negative, also in intervals.
         Square[1, 1] {
             single: |[x]| [x * x],
             double: |[x]| [x * x],
@@ -32,7 +32,7 @@ float_rules! {
             double: |[x, y]| [x / y],
             interval: |[x, y]| [x.div(y)],
         }
-        /// x - y trunc(x / y): the sign is that of x.
+        /// `x - y trunc(x / y)`. It has the sign of x.
         Remainder[2, 1] {
             single: |[x, y]| [x % y],
             double: |[x, y]| [x % y],
@@ -48,7 +48,7 @@ float_rules! {
             double: |[x]| [x.abs()],
             interval: |[x]| [absolute(x).flushed()],
         }
-        /// If one argument is NaN, the other one, as in IEEE's minNum.
+        /// If one argument is NaN, the result is the other argument, as in IEEE's minNum.
         Min[2, 1] = Min {
             single: |[x, y]| [if y < x || x.is_nan() { y } else { x }],
             double: |[x, y]| [if y < x || x.is_nan() { y } else { x }],
@@ -59,7 +59,7 @@ float_rules! {
             double: |[x, y]| [if y > x || x.is_nan() { y } else { x }],
             interval: |[x, y]| [x.max(y)],
         }
-        /// min(max(x, low), high); the specification also accepts the median of the three.
+        /// `min(max(x, low), high)`. The specification also accepts the median of the three.
         Clamp[3, 1] = Clamp {
             single: |[x, low, high]| {
                 let above = if low > x || x.is_nan() { low } else { x };
@@ -90,13 +90,13 @@ float_rules! {
             double: |[x]| [1.0 / x.sqrt()],
             interval: |[x]| [x.inverse_sqrt()],
         }
-        /// x y + z, rounded once. The specification also allows two roundings.
+        /// `x y + z`, rounded once. The specification also allows two roundings.
         Fma[3, 1] = Fma {
             single: |[x, y, z]| [x.mul_add(y, z)],
             double: |[x, y, z]| [x.mul_add(y, z)],
             interval: |[x, y, z]| [x.mul(y).add(z)],
         }
-        /// x (1 - t) + y t; the specification's conformance suite also accepts x + (y - x) t.
+        /// `x (1 - t) + y t`. The conformance suite also accepts `x + (y - x) t`.
         Mix[3, 1] = Mix {
             single: |[x, y, t]| [x * (1.0 - t) + y * t],
             double: |[x, y, t]| [x * (1.0 - t) + y * t],
@@ -106,7 +106,7 @@ float_rules! {
                 [weighted.join(x.add(y.sub(x).mul(t)))]
             },
         }
-        /// 0 below the edge, which is the first argument.
+        /// 0 if `x` is below the edge, and otherwise 1. The edge is the first argument.
         Step[2, 1] = Step {
             single: |[edge, x]| [if edge <= x { 1.0 } else { 0.0 }],
             double: |[edge, x]| [if edge <= x { 1.0 } else { 0.0 }],
@@ -120,7 +120,7 @@ float_rules! {
                 }]
             },
         }
-        /// t t (3 - 2 t) of t = saturate((x - low) / (high - low)).
+        /// `t t (3 - 2 t)`, where `t` is `saturate((x - low) / (high - low))`.
         SmoothStep[3, 1] = SmoothStep {
             single: |[low, high, x]| {
                 let t = ((x - low) / (high - low)).clamp(0.0, 1.0);
@@ -137,7 +137,7 @@ float_rules! {
                 [t.mul(t).mul(Interval::point(3.0).sub(two_t))]
             },
         }
-        /// -1, 0 or 1. NaN has no sign; it gives 0.
+        /// -1, 0 or 1. For NaN it is 0.
         Sign[1, 1] = Sign {
             single: |[x]| [if x > 0.0 { 1.0 } else if x < 0.0 { -1.0 } else { 0.0 }],
             double: |[x]| [if x > 0.0 { 1.0 } else if x < 0.0 { -1.0 } else { 0.0 }],

@@ -1,4 +1,4 @@
-//! Conversions between floats and integers, their bits and exponents.
+//! Rules for conversions between floats and integers, and for their bits and exponents.
 
 use crate::arithmetic::{FromIntRule, MixedRule, ToIntRule, sealed::Rules};
 use crate::columns::Columns;
@@ -9,7 +9,7 @@ macro_rules! to_int_rules {
     ($family:ident { $($(#[$doc:meta])* $name:ident [$i:literal] $signed:literal {
         single: $single:expr, double: $double:expr, interval: $interval:expr $(,)?
     })* }) => {
-        /// From floats to an integer.
+        /// Functions from floats to an integer.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub(crate) enum $family { $($(#[$doc])* $name,)* }
 
@@ -31,7 +31,7 @@ macro_rules! to_int_rules {
                 match self { $(Self::$name => $i,)* }
             }
 
-            /// Runs it over all lanes. `registers` has the integer first, then the floats.
+            /// Applies the rule to all lanes. `registers` has the integer first, then the floats.
             pub(crate) fn run<A: Rules>(
                 self,
                 floats: &Columns<A::Float>,
@@ -57,7 +57,7 @@ macro_rules! from_int_rules {
     ($family:ident { $($(#[$doc:meta])* $name:ident [$o:literal] {
         single: $single:expr, double: $double:expr, interval: $interval:expr $(,)?
     })* }) => {
-        /// From an integer to floats.
+        /// Functions from an integer to floats.
         #[derive(Clone, Copy, Debug, PartialEq, Eq)]
         pub(crate) enum $family { $($(#[$doc])* $name,)* }
 
@@ -78,7 +78,7 @@ macro_rules! from_int_rules {
                 match self { $(Self::$name => $o,)* }
             }
 
-            /// Runs it over all lanes. `registers` has the floats first, then the integer.
+            /// Applies the rule to all lanes. `registers` has the floats first, then the integer.
             pub(crate) fn run<A: Rules>(
                 self,
                 floats: &mut Columns<A::Float>,
@@ -103,7 +103,7 @@ macro_rules! from_int_rules {
 
 to_int_rules! {
     ToInt {
-        /// Towards zero. A float outside the range becomes the nearest end of it; NaN becomes 0.
+        /// Rounds towards zero. A float outside of the type's range becomes the type's nearest end, and NaN becomes 0.
         Signed[1] true {
             single: |[x]: [f32; 1]| saturate_signed(f64::from(x)).cast_unsigned(),
             double: |[x]: [f64; 1]| saturate_signed(x).cast_unsigned(),
@@ -114,7 +114,7 @@ to_int_rules! {
             double: |[x]: [f64; 1]| saturate_unsigned(x),
             interval: |[x]: [Interval; 1]| whole(x, |x| i64::from(saturate_unsigned(x)), false),
         }
-        /// The bits of the float. The shadow rounds it to `f32` first.
+        /// The bits of the float. The shadow first rounds it to `f32`.
         BitsSigned[1] true {
             single: |[x]: [f32; 1]| x.to_bits(),
             double: |[x]: [f64; 1]| (x as f32).to_bits(),
@@ -134,18 +134,18 @@ to_int_rules! {
                     Range::between(i64::from(exponent(lo)), i64::from(exponent(hi)))
                 }
                 Some((lo, hi)) if lo == 0.0 && hi == 0.0 => Range::between(0, 0),
-                // From the exponent of the least subnormal to that of the greatest float.
+                // The range is from the exponent of the least subnormal to that of the greatest float.
                 Some(_) => Range::between(-148, 128),
                 None => Range::full(true),
             },
         }
-        /// Four bytes of [-1, 1].
+        /// Packs four floats of [-1, 1] into bytes.
         Snorm8[4] false {
             single: |x: [f32; 4]| u32::from_le_bytes(x.map(|x| snorm(f64::from(x), 127.0) as u8)),
             double: |x: [f64; 4]| u32::from_le_bytes(x.map(|x| snorm(x, 127.0) as u8)),
             interval: packed,
         }
-        /// Four bytes of [0, 1].
+        /// Packs four floats of [0, 1] into bytes.
         Unorm8[4] false {
             single: |x: [f32; 4]| u32::from_le_bytes(x.map(|x| unorm(f64::from(x), 255.0) as u8)),
             double: |x: [f64; 4]| u32::from_le_bytes(x.map(|x| unorm(x, 255.0) as u8)),
@@ -161,7 +161,7 @@ to_int_rules! {
             double: |x: [f64; 2]| halves(x.map(|x| unorm(x, 65535.0) as u16)),
             interval: packed,
         }
-        /// Two floats of half precision.
+        /// Packs two floats in half precision.
         Half2[2] false {
             single: |x: [f32; 2]| halves(x.map(|x| half::f16::from_f32(x).to_bits())),
             double: |x: [f64; 2]| halves(x.map(|x| half::f16::from_f64(x).to_bits())),
@@ -172,7 +172,7 @@ to_int_rules! {
 
 from_int_rules! {
     FromInt {
-        /// The nearest float. In the shadow the result is exact; an interval has the exact result or both neighbours.
+        /// The nearest float. In the shadow, the result is exact. An interval has the exact result, or both neighbours.
         Signed[1] {
             single: |x: u32| [x.cast_signed() as f32],
             double: |x: u32| [f64::from(x.cast_signed())],
@@ -234,7 +234,7 @@ from_int_rules! {
 /// Rules from a float and an integer to a float.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Scale {
-    /// x 2^i.
+    /// `x 2^i`.
     Ldexp,
 }
 
@@ -255,7 +255,7 @@ impl MixedRule for scale::Ldexp {
             return Interval::UNBOUNDED;
         };
         let exponent = word.cast_signed();
-        // Above 128 the specification leaves the result open.
+        // Above 128, the specification leaves the result open.
         if exponent > 128 {
             return Interval::UNBOUNDED;
         }
@@ -264,7 +264,7 @@ impl MixedRule for scale::Ldexp {
 }
 
 impl Scale {
-    /// Runs it over all lanes. `registers` has the result, the float and the integer.
+    /// Applies the rule to all lanes. `registers` has the result, then the float, then the integer.
     pub(crate) fn run<A: Rules>(
         self,
         floats: &mut Columns<A::Float>,
@@ -283,7 +283,7 @@ impl Scale {
 }
 
 impl ToInt {
-    /// The least and the greatest number that the integer can hold, for conversions by value.
+    /// The least and the greatest number of the integer type, for conversions of values.
     pub(crate) fn holds(self) -> Option<(f64, f64)> {
         match self {
             Self::Signed => Some((f64::from(i32::MIN), f64::from(i32::MAX))),
@@ -293,8 +293,8 @@ impl ToInt {
     }
 }
 
-/// WGSL converts to the nearest value that is both in the integer type and in `f32`. So 2^31 becomes 2147483520, the
-/// greatest `f32` below it. naga's back ends clamp to the same number.
+/// WGSL converts to the nearest value that is in the integer type and also in `f32`. So 2^31 becomes 2147483520, the
+/// greatest `f32` below 2^31. naga's back ends clamp to the same number.
 fn saturate_signed(x: f64) -> i32 {
     x.clamp(-2_147_483_648.0, 2_147_483_520.0) as i32
 }
@@ -322,7 +322,7 @@ fn exponent(x: f64) -> i32 {
     if x == 0.0 || !x.is_finite() { 0 } else { libm::frexp(x).1 }
 }
 
-/// floor(0.5 + s clamp(x, -1, 1)), as the specification has it. NaN gives 0.
+/// `floor(0.5 + s clamp(x, -1, 1))`, as in the specification. NaN becomes 0.
 fn snorm(x: f64, scale: f64) -> i32 {
     (0.5 + scale * x.clamp(-1.0, 1.0)).floor() as i32
 }
@@ -339,12 +339,12 @@ fn words(x: u32) -> [u16; 2] {
     [x as u16, (x >> 16) as u16]
 }
 
-/// Rounding may go up or down, so packed intervals may have any bits.
+/// Rounding may go up or down, so the bits of a packed interval are unknown.
 fn packed<const N: usize>(_: [Interval; N]) -> Range {
     Range::full(false)
 }
 
-/// Each component within 3 ulp.
+/// WGSL allows each component an error of 3 ulp.
 fn unpacked<const N: usize>(x: Range, f: impl Fn(u32) -> [f64; N]) -> [Interval; N] {
     let Some(word) = x.word() else {
         let most = Interval::normalized(1.0);

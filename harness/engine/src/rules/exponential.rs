@@ -1,4 +1,4 @@
-//! Powers and logarithms. Bounds: WGSL, "Floating Point Accuracy".
+//! Rules for powers and logarithms. The bounds are from WGSL, "Floating Point Accuracy".
 
 use super::float_rules;
 use crate::interval::Interval;
@@ -26,7 +26,7 @@ float_rules! {
             double: |[x]| [libm::log2(x)],
             interval: |[x]| [x.logarithm(libm::log2)],
         }
-        /// exp2(y log2(x)), which is NaN for each x below zero, for any y.
+        /// `exp2(y log2(x))`. For each x below zero it is NaN.
         Pow[2, 1] = Pow {
             single: |[x, y]| [if x < 0.0 { f32::NAN } else { libm::powf(x, y) }],
             double: |[x, y]| [if x < 0.0 { f64::NAN } else { libm::pow(x, y) }],
@@ -42,13 +42,13 @@ float_rules! {
             double: |[x]| [libm::cosh(x)],
             interval: |[x]| [cosh(x)],
         }
-        /// The larger of an absolute 1e-5 and the bound of sinh / cosh.
+        /// The bound is an absolute 1e-5, or that of `sinh(x) / cosh(x)`, whichever is larger.
         Tanh[1, 1] = Tanh {
             single: |[x]| [libm::tanhf(x)],
             double: |[x]| [libm::tanh(x)],
             interval: |[x]| [x.monotonic(libm::tanh, |_, _| 1e-5).join(sinh(x).div(cosh(x)))],
         }
-        /// log(x + sqrt(x x + 1)).
+        /// `log(x + sqrt(x x + 1))`.
         Asinh[1, 1] = Asinh {
             single: |[x]| [libm::asinhf(x)],
             double: |[x]| [libm::asinh(x)],
@@ -57,7 +57,7 @@ float_rules! {
                 [x.add(root).logarithm(libm::log)]
             },
         }
-        /// log(x + sqrt(x x - 1)).
+        /// `log(x + sqrt(x x - 1))`.
         Acosh[1, 1] = Acosh {
             single: |[x]| [libm::acoshf(x)],
             double: |[x]| [libm::acosh(x)],
@@ -66,7 +66,7 @@ float_rules! {
                 [x.add(root).logarithm(libm::log)]
             },
         }
-        /// log((1 + x) / (1 - x)) / 2.
+        /// `log((1 + x) / (1 - x)) / 2`.
         Atanh[1, 1] = Atanh {
             single: |[x]| [libm::atanhf(x)],
             double: |[x]| [libm::atanh(x)],

@@ -1,11 +1,11 @@
-//! Vectors and matrices: operations that don't work by component.
+//! Rules for vectors and matrices that don't work component by component.
 //!
-//! Each size has a rule of its own, so that each rule is one loop over all lanes.
+//! Each size has its own rule, so each rule is one loop over all lanes.
 
 use super::float_rules;
 use crate::interval::Interval;
 
-/// The sum of products, in the order of components.
+/// The sum of products, in the order of the components.
 macro_rules! dot {
     ($zero:expr, $x:expr, $y:expr) => {{
         let mut sum = $x[0] * $y[0];
@@ -27,7 +27,7 @@ macro_rules! refract {
 }
 
 float_rules! {
-    /// Vectors and matrices.
+    /// Functions of vectors and matrices.
     Geometry {
         Dot2[4, 1] {
             single: |x| [dot!(0.0, x[..2], x[2..])],
@@ -89,7 +89,7 @@ float_rules! {
                 a.mul(y).sub(b.mul(x)),
             ],
         }
-        /// x - 2 dot(n, x) n; the arguments are x, then n.
+        /// `x - 2 dot(n, x) n`. The arguments are x, then n.
         Reflect2[4, 2] {
             single: |x| {
                 let twice = 2.0 * dot!(0.0, x[2..], x[..2]);
@@ -123,7 +123,7 @@ float_rules! {
             },
             interval: |x| reflect(&x),
         }
-        /// The arguments are x, n and the ratio of refractive indices. Zero for total reflection.
+        /// The arguments are x, n and the ratio of refractive indices. The result is zero for total reflection.
         Refract2[5, 2] {
             single: |x| refract!(x, 2),
             double: |x| refract!(x, 2),
@@ -139,7 +139,7 @@ float_rules! {
             double: |x| refract!(x, 4),
             interval: |x| refract(&x),
         }
-        /// The specification doesn't bound determinants.
+        /// The specification doesn't limit the error of determinants.
         Determinant2[4, 1] {
             single: |[a, b, c, d]| [a * d - b * c],
             double: |[a, b, c, d]| [a * d - b * c],
@@ -158,7 +158,7 @@ float_rules! {
     }
 }
 
-/// "Inherited from sum of x[i] * y[i]": in any order, like every sum.
+/// The specification says: "Inherited from sum of x[i] * y[i]". As with every sum, the bounds include all orders.
 fn dot(x: &[Interval], y: &[Interval]) -> Interval {
     sum(x.iter().zip(y).map(|(x, y)| x.mul(*y)))
 }
@@ -195,7 +195,7 @@ fn refract<const O: usize>(x: &[Interval]) -> [Interval; O] {
     std::array::from_fn(|i| eta.mul(e[i]).sub(bend.mul(n[i])))
 }
 
-/// Expands by the first column. A matrix is column after column.
+/// Expands the determinant by the first column. The matrix has one column after another.
 fn determinant3<T>(m: [T; 9]) -> T
 where
     T: Copy + std::ops::Mul<Output = T> + std::ops::Sub<Output = T> + std::ops::Add<Output = T>,

@@ -1,45 +1,47 @@
-//! The accuracy of results of half precision. WGSL 15.7.4, the column of `f16`.
+//! The accuracy of results in half precision, from the column `f16` of the tables in WGSL 15.7.4.
 
 use super::{Basic, Exponential, FloatRule, Geometry, Trigonometry};
 
-/// The largest error of a result of half precision.
+/// The largest error of a result in half precision.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Half {
-    /// Correctly rounded, or exact.
+    /// The result is rounded correctly, or exact.
     Rounded,
-    /// Correctly rounded from another type. The conversion is an operation of its own.
+    /// The result of a conversion from another type, which is rounded correctly. The conversion is a separate
+    /// operation.
     Converted,
-    /// An operand that already has half precision. It isn't a term of a sum in another order.
+    /// An operand that already has half precision. It can't be a term of a sum in another order.
     Operand,
-    /// A sum, a product or a quotient, in any order of its operations, with this many more roundings inside.
+    /// A sum, a product or a quotient, with all orders of its operations. The argument is the number of additional
+    /// roundings inside.
     Chained(u8),
-    /// Within so many ulp.
+    /// The error is at most this many ulp.
     Ulps(u8),
-    /// The root of a sum of squares of so many components.
+    /// The root of a sum of the squares of this many components.
     Length(u8),
-    /// Within 1 + 2 |x| ulp at x.
+    /// The error is at most 1 + 2 |x| ulp for the argument x.
     Power,
-    /// Within 2^-7, or 3 ulp outside [0.5, 2].
+    /// The error is at most 2^-7 for arguments in [0.5, 2], and 3 ulp for others.
     Logarithm,
-    /// Within 2^-7.
+    /// The error is at most 2^-7.
     Wave,
 }
 
 impl Half {
-    /// Returns `true` if it rounds the result of an operation, as a part of it.
+    /// Checks if the rounding is a part of the operation that computes the result.
     pub(crate) fn is_of_a_result(self) -> bool {
         !matches!(self, Self::Converted | Self::Operand)
     }
 }
 
 impl FloatRule {
-    /// Returns `true` if its operands may be reordered together with it.
+    /// Checks if the operands may be reordered together with this operation.
     pub(crate) fn is_one_of_a_chain(self) -> bool {
         self.half() == Some(Half::Chained(0))
     }
 
-    /// The accuracy in half precision. `None` if it is computed from intermediate results whose errors its result alone
-    /// doesn't bound.
+    /// The accuracy of the rule in half precision. `None` if the result is computed from intermediate results, and the
+    /// errors of these can't be bounded from the result.
     pub(crate) fn half(self) -> Option<Half> {
         use {Basic as B, Exponential as E, Geometry as G, Trigonometry as T};
         Some(match self {
@@ -55,7 +57,7 @@ impl FloatRule {
                 | B::Saturate
                 | B::Step
                 | B::Sign => Half::Rounded,
-                // The inverse root has 2 ulp, its inverse 2.5 ulp and a rounding.
+                // The inverse root has an error of 2 ulp. Its inverse has an error of 2.5 ulp and a rounding error.
                 B::Sqrt => Half::Ulps(6),
                 B::InverseSqrt => Half::Ulps(2),
                 B::Remainder | B::Mix | B::SmoothStep => return None,
@@ -65,7 +67,7 @@ impl FloatRule {
                 E::Log | E::Log2 => Half::Logarithm,
                 _ => return None,
             },
-            // Each of its products is rounded.
+            // Each of the products is rounded.
             Self::Geometry(G::Dot2) => Half::Chained(2),
             Self::Geometry(G::Dot3) => Half::Chained(3),
             Self::Geometry(G::Dot4) => Half::Chained(4),
@@ -77,7 +79,7 @@ impl FloatRule {
             Self::Rounding(_) => Half::Rounded,
             Self::Trigonometry(T::Sin | T::Cos) => Half::Wave,
             Self::Trigonometry(T::Atan) => Half::Ulps(5),
-            // The factor is rounded, and so is the product.
+            // The factor is rounded, and the product is rounded, too.
             Self::Trigonometry(T::Radians | T::Degrees) => Half::Ulps(3),
             Self::Trigonometry(_) => return None,
         })

@@ -1,15 +1,14 @@
-//! Integers: wrapping arithmetic, bits, packed bytes.
+//! Rules for integers: wrapping arithmetic, bits, packed bytes.
 
 use super::integer_rules;
 use crate::interval::Range;
 
-/// Both words as signed integers.
 fn signed<const N: usize>(x: [u32; N]) -> [i32; N] {
     x.map(u32::cast_signed)
 }
 
 integer_rules! {
-    /// From integers to an integer.
+    /// Functions from integers to an integer.
     Integer {
         AddI[2] true {
             exact: |[x, y]| x.wrapping_add(y),
@@ -35,7 +34,7 @@ integer_rules! {
             exact: |[x, y]| x.wrapping_mul(y),
             range: |[x, y]| Some(product(x, y, false)),
         }
-        /// x if the divisor is 0, or if the quotient overflows.
+        /// `x` if the divisor is 0, or if the quotient overflows.
         DivideI[2] true {
             exact: |x| {
                 let [x, y] = signed(x);
@@ -47,7 +46,7 @@ integer_rules! {
             exact: |[x, y]| x / if y == 0 { 1 } else { y },
             range: |[x, y]| (y.lo() > 0).then(|| Range::between(x.lo() / y.hi(), x.hi() / y.lo())),
         }
-        /// 0 if the divisor is 0, or if the quotient overflows. Otherwise the sign is that of x.
+        /// 0 if the divisor is 0, or if the quotient overflows. Otherwise it has the sign of `x`.
         RemainderI[2] true {
             exact: |x| {
                 let [x, y] = signed(x);
@@ -132,7 +131,7 @@ integer_rules! {
             exact: |[x, by]| x.wrapping_shr(by),
             range: |[x, by]| by.word().map(|by| Range::between(x.lo() >> (by & 31), x.hi() >> (by & 31))),
         }
-        /// The same bits in another type.
+        /// The same bits as another type.
         ToI[1] true {
             exact: |[x]| x,
             range: |[x]| Some(Range::or_full(x.lo(), x.hi(), true)),
@@ -149,14 +148,14 @@ integer_rules! {
         OnesU[1] false = CountOneBits { exact: |[x]| x.count_ones() }
         ReverseI[1] true = ReverseBits { exact: |[x]| x.reverse_bits() }
         ReverseU[1] false = ReverseBits { exact: |[x]| x.reverse_bits() }
-        /// All ones if no bit is set.
+        /// All bits are 1 if `x` has no 1 bit.
         FirstTrailingI[1] true = FirstTrailingBit {
             exact: |[x]| if x == 0 { u32::MAX } else { x.trailing_zeros() },
         }
         FirstTrailingU[1] false = FirstTrailingBit {
             exact: |[x]| if x == 0 { u32::MAX } else { x.trailing_zeros() },
         }
-        /// The highest bit that differs from the sign.
+        /// The highest bit that differs from the sign bit.
         FirstLeadingI[1] true = FirstLeadingBit {
             exact: |[x]| {
                 let bits = if x.cast_signed() < 0 { !x } else { x };
@@ -218,12 +217,12 @@ integer_rules! {
     }
 }
 
-/// The part of a bit field that lies within the word.
+/// The offset and the length of a bit field, limited to the bits of a word.
 #[inline(always)]
 fn field(offset: u32, count: u32) -> (u32, u32) {
     let offset = offset.min(32);
     let count = count.min(32 - offset);
-    // An empty field may start at bit 32, but a shift by 32 is invalid.
+    // An empty field may begin at bit 32, but a shift by 32 is invalid.
     if count == 0 { (0, 0) } else { (offset, count) }
 }
 
@@ -238,7 +237,7 @@ fn insert([x, new, offset, count]: [u32; 4]) -> u32 {
 }
 
 fn product(x: Range, y: Range, signed: bool) -> Range {
-    // Products of two u32 don't fit in i64.
+    // A product of two `u32` may be too large for an `i64`.
     let wide = |a: i64, b: i64| i128::from(a) * i128::from(b);
     let corners =
         [wide(x.lo(), y.lo()), wide(x.lo(), y.hi()), wide(x.hi(), y.lo()), wide(x.hi(), y.hi())];
@@ -252,7 +251,7 @@ fn product(x: Range, y: Range, signed: bool) -> Range {
 }
 
 impl Integer {
-    /// Returns `true` if it divides by its second argument.
+    /// Checks if the rule divides by its second argument.
     pub(crate) fn divides(self) -> bool {
         matches!(self, Self::DivideI | Self::DivideU | Self::RemainderI | Self::RemainderU)
     }

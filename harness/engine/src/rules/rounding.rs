@@ -1,4 +1,4 @@
-//! Whole parts, fractions and exponents of floats.
+//! Rules for whole parts, fractions and exponents of floats.
 
 use super::{Half, float_rules};
 use crate::interval::Interval;
@@ -16,7 +16,7 @@ float_rules! {
             double: |[x]| [x.ceil()],
             interval: |[x]| [stepped(x, f64::ceil)],
         }
-        /// To the nearest, halves to even.
+        /// Rounds to the nearest integer, and halves to the nearest even integer.
         Round[1, 1] = Round {
             single: |[x]| [x.round_ties_even()],
             double: |[x]| [x.round_ties_even()],
@@ -27,12 +27,12 @@ float_rules! {
             double: |[x]| [x.trunc()],
             interval: |[x]| [stepped(x, f64::trunc)],
         }
-        /// x - floor(x), which rounds to 1 just below zero.
+        /// `x - floor(x)`. Just below zero it rounds to 1.
         Fract[1, 1] = Fract {
             single: |[x]| [x - x.floor()],
             double: |[x]| [x - x.floor()],
             interval: |[x]| {
-                // If all values have the same floor, x and floor(x) share it.
+                // If all values have the same floor, the fraction is x minus this floor.
                 let floor = stepped(x, f64::floor);
                 let fraction = x.sub(floor);
                 [if floor.is_bounded() && floor.lo() != floor.hi() {
@@ -42,7 +42,7 @@ float_rules! {
                 }]
             },
         }
-        /// x - trunc(x), the fraction of `modf`.
+        /// `x - trunc(x)`, the fraction of `modf`.
         Fraction[1, 1] {
             single: |[x]| [if x.is_infinite() { 0.0f32.copysign(x) } else { x - x.trunc() }],
             double: |[x]| [if x.is_infinite() { 0.0f64.copysign(x) } else { x - x.trunc() }],
@@ -55,13 +55,14 @@ float_rules! {
                 }]
             },
         }
-        /// The fraction of `frexp`, in [0.5, 1) or zero.
+        /// The fraction of `frexp`. It is in [0.5, 1), or zero.
         Mantissa[1, 1] {
             single: |[x]| [libm::frexpf(x).0],
             double: |[x]| [libm::frexp(x).0],
             interval: |[x]| [mantissa(x)],
         }
-        /// To half precision, nearest even; infinite outside its range.
+        /// Rounds to half precision: to the nearest number, and ties to even. A number outside of the range becomes
+        /// infinite.
         Quantize[1, 1] = QuantizeToF16 {
             single: |[x]| [half::f16::from_f32(x).to_f32()],
             double: |[x]| [half::f16::from_f64(x).to_f64()],

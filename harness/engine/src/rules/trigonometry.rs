@@ -1,10 +1,10 @@
-//! Angles. Bounds: WGSL, "Floating Point Accuracy".
+//! Rules for angles. The bounds are from WGSL, "Floating Point Accuracy".
 
 use super::float_rules;
 use crate::interval::{Interval, ulp};
 
 float_rules! {
-    /// Angles.
+    /// Functions of angles, and their inverses.
     Trigonometry {
         Sin[1, 1] = Sin {
             single: |[x]| [if x.abs() < MEDIUM { wave(x, 0) } else { libm::sinf(x) }],
@@ -21,7 +21,7 @@ float_rules! {
             double: |[x]| [libm::tan(x)],
             interval: |[x]| [x.wave(false).div(x.wave(true))],
         }
-        /// The larger of an absolute 6.77e-5 and the bound of atan2(x, sqrt(1 - x x)).
+        /// The bound is an absolute 6.77e-5, or that of `atan2(x, sqrt(1 - x x))`, whichever is larger.
         Asin[1, 1] = Asin {
             single: |[x]| [libm::asinf(x)],
             double: |[x]| [libm::asin(x)],
@@ -30,7 +30,7 @@ float_rules! {
                 [absolute.join(angle(x, opposite(x)))]
             },
         }
-        /// The larger of an absolute 6.77e-5 and the bound of atan2(sqrt(1 - x x), x).
+        /// The bound is an absolute 6.77e-5, or that of `atan2(sqrt(1 - x x), x)`, whichever is larger.
         Acos[1, 1] = Acos {
             single: |[x]| [libm::acosf(x)],
             double: |[x]| [libm::acos(x)],
@@ -62,16 +62,18 @@ float_rules! {
     }
 }
 
-/// Below this a remainder with two parts of pi / 2 is exact enough: 2^28 pi / 2, as in FreeBSD's `e_rem_pio2f.c`.
+/// The largest number for which a remainder with two parts of pi / 2 is exact enough: 2^28 pi / 2, as in FreeBSD's
+/// `e_rem_pio2f.c`.
 const MEDIUM: f32 = f32::from_bits(0x4DC9_0FDB);
 
-/// The sine of a number plus so many quarter turns, within 0.51 ulp. It uses the remainder and the polynomials of
-/// FreeBSD's `sinf` and `cosf`, as libm does, but without their branches, which random angles would make mispredict.
+/// The sine of a number plus `quarters` quarter turns, within 0.51 ulp. Like libm, it uses the remainder and the
+/// polynomials of FreeBSD's `sinf` and `cosf`. It has no branches, because branch prediction would fail for random
+/// angles.
 #[inline(always)]
 fn wave(x: f32, quarters: u64) -> f32 {
-    // Adding this rounds to a whole number, in the last bits of the sum.
+    // Adding this number rounds to an integer, which is in the last bits of the sum.
     const ROUNDING: f64 = 1.5 * (1u64 << 52) as f64;
-    // The first 25 bits of pi / 2, and the rest.
+    // The first 25 bits of pi / 2, and the remaining bits.
     const HALF_PI: [f64; 2] = [1.570_796_310_901_641_8, 1.589_325_477_352_819_7e-8];
     const SIN: [f64; 4] = [
         -0.166_666_666_416_265_24,
@@ -96,17 +98,17 @@ fn wave(x: f32, quarters: u64) -> f32 {
     f64::from_bits((sin.to_bits() & !odd | cos.to_bits() & odd) ^ sign) as f32
 }
 
-/// `x`, if all of it is in the domain of the arcs; otherwise unbounded.
+/// Returns `x` if the whole interval is in the domain of the arcs, and otherwise an unbounded interval.
 fn inside(x: Interval) -> Interval {
     if x.lo() >= -1.0 && x.hi() <= 1.0 { x } else { Interval::UNBOUNDED }
 }
 
-/// sqrt(1 - x x).
 fn opposite(x: Interval) -> Interval {
     Interval::point(1.0).sub(x.mul(x)).sqrt()
 }
 
-/// Within 4096 ulp, for x of magnitude 2^-126 to 2^126 and normal y.
+/// The angle of a point. WGSL allows an error of 4096 ulp if the magnitude of x is from 2^-126 to 2^126 and y is
+/// normal.
 fn angle(y: Interval, x: Interval) -> Interval {
     let (Some((a, b)), Some((c, d))) = (y.bounds(), x.bounds()) else {
         return Interval::UNBOUNDED;
@@ -116,7 +118,8 @@ fn angle(y: Interval, x: Interval) -> Interval {
         return Interval::UNBOUNDED;
     }
     if a <= 0.0 && b >= 0.0 {
-        // Zero and subnormals have no bound, so an interval that contains zero has none.
+        // WGSL doesn't limit the error for zero and subnormals, so the result is unbounded if the interval contains
+        // zero.
         return Interval::UNBOUNDED;
     }
     let corners = [libm::atan2(a, c), libm::atan2(a, d), libm::atan2(b, c), libm::atan2(b, d)];

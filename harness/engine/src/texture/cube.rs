@@ -1,14 +1,14 @@
-//! The faces of cubes, and the texels beyond their edges.
+//! The faces of cubes, and the texels beyond the edges of faces.
 
 use std::sync::LazyLock;
 
-/// The number of the face that a direction points to, and the place on it: from 0 to 1, from the top left. WebGPU's
-/// table of faces is Vulkan's, "Cube Map Face Selection".
+/// The face to which a direction points, and the position on the face: two numbers from 0 to 1, from the top left.
+/// WebGPU's table of faces is that of Vulkan, "Cube Map Face Selection".
 #[inline(always)]
 pub(super) fn face([x, y, z]: [f64; 3]) -> (f64, f64, f64) {
     let (ax, ay, az) = (x.abs(), y.abs(), z.abs());
-    // At equal magnitudes z comes before y, and y before x. There are no branches, as every second one would be
-    // mispredicted, and only floats, so that one instruction handles several directions.
+    // If magnitudes are equal, z comes before y, and y before x. The code has no branches, because branch prediction
+    // would fail half of the time. It uses only floats, so that one instruction handles several directions.
     let by_z = (az >= ax) & (az >= ay);
     let by_y = !by_z & (ay >= ax);
     let choose = |of_x: f64, of_y: f64, of_z: f64| {
@@ -23,7 +23,7 @@ pub(super) fn face([x, y, z]: [f64; 3]) -> (f64, f64, f64) {
     (face, 0.5 * (s / major + 1.0), 0.5 * (t / major + 1.0))
 }
 
-/// The movement on the face, for a step of the direction: Vulkan's *Cube Map Derivative Transformation*.
+/// The movement on the face that belongs to a step of the direction: Vulkan's *Cube Map Derivative Transformation*.
 pub(super) fn step(at: [f64; 3], step: [f64; 3]) -> [f64; 3] {
     let (face, u, v) = face(at);
     let (axis, negative) = (face as usize / 2, face as usize % 2 == 1);
@@ -31,12 +31,12 @@ pub(super) fn step(at: [f64; 3], step: [f64; 3]) -> [f64; 3] {
     let turned = |x: f64| if negative { -x } else { x };
     let (s, t) = [(-turned(z), -y), (x, turned(z)), (turned(x), -y)][axis];
     let (major, change) = (at[axis].abs(), turned(step[axis]));
-    // The quotients of both are 2 u - 1 and 2 v - 1.
+    // The quotients are 2 u - 1 and 2 v - 1.
     let moved = |own: f64, from: f64| 0.5 * (own - (2.0 * from - 1.0) * change) / major;
     [moved(s, u), moved(t, v), 0.0]
 }
 
-/// The direction to a point of a face. The point may lie beyond its edge.
+/// The direction to a point of a face. The point may be beyond the face's edge.
 pub(super) fn direction(face: usize, u: f64, v: f64) -> [f64; 3] {
     let (s, t) = (2.0 * u - 1.0, 2.0 * v - 1.0);
     match face {
@@ -53,18 +53,18 @@ pub(super) fn direction(face: usize, u: f64, v: f64) -> [f64; 3] {
 #[derive(Clone, Copy, Default)]
 struct Edge {
     face: usize,
-    /// `true` if the edge is a column on the neighbour; otherwise it is a row.
+    /// `true` if the neighbouring texels are a column of the neighbour, `false` if they are a row.
     column: bool,
-    /// `true` if it is the last column or row.
+    /// `true` if they are the last column or row.
     last: bool,
-    /// `true` if the texels along it are in the opposite order.
+    /// `true` if the texels along the edge have the opposite order.
     reversed: bool,
 }
 
-/// For each face its left, right, upper and lower edges.
+/// The left, right, upper and lower edge of each face.
 static EDGES: LazyLock<[[Edge; 4]; 6]> = LazyLock::new(|| {
     let edge = |face: usize, edge: usize| {
-        // On a face with 4 x 4 texels, the second texel along each edge.
+        // The second texel along each edge of a face with 4 x 4 texels.
         let (x, y) = [(-1, 1), (4, 1), (1, -1), (1, 4)][edge];
         let (face, x, y) = found(face, x, y, 4);
         let column = x == 0 || x == 3;
@@ -74,7 +74,7 @@ static EDGES: LazyLock<[[Edge; 4]; 6]> = LazyLock::new(|| {
     std::array::from_fn(|face| std::array::from_fn(|number| edge(face, number)))
 });
 
-/// The texel of the neighbouring face, at most one texel beyond an edge.
+/// The texel of the neighbouring face for a texel that is at most one texel beyond an edge.
 pub(super) fn beyond(face: usize, x: i64, y: i64, size: u32) -> (usize, u32, u32) {
     let last = i64::from(size) - 1;
     let (edge, along) = match () {
@@ -90,18 +90,18 @@ pub(super) fn beyond(face: usize, x: i64, y: i64, size: u32) -> (usize, u32, u32
     if column { (face, across, along) } else { (face, along, across) }
 }
 
-/// The same, computed from the geometry of the cube.
+/// Computes the same texel from the geometry of the cube.
 fn found(face_index: usize, x: i64, y: i64, size: u32) -> (usize, u32, u32) {
     let n = f64::from(size);
-    // The centre of the texel beyond the edge lies half a texel outside the face. Seen from the cube's centre, the
-    // neighbour's first texels are there, a little nearer to the edge. Seen so, it is also moved along the edge, by
-    // less than half a texel towards the middle. So keep its coordinate along the edge, and use the direction only to
-    // find the face.
+    // The centre of the texel beyond the edge is half a texel outside of the face. Seen from the cube's centre, the
+    // first texels of the neighbour are in the same direction, but slightly nearer to the edge. They are also moved
+    // along the edge, by less than half a texel towards the middle. So the code keeps the coordinate along the edge,
+    // and uses the direction only to find the face.
     let (u, v) = ((x as f64 + 0.5) / n, (y as f64 + 0.5) / n);
     let clamped = |w: f64| w.clamp(0.5 / n, 1.0 - 0.5 / n);
     let outside_u = !(0.0..=1.0).contains(&u);
     let (edge_u, edge_v) = if outside_u { (u, clamped(v)) } else { (clamped(u), v) };
-    // Project onto the plane of the neighbour: one step along the edge's normal is one step in depth.
+    // Projects onto the plane of the neighbour: a step along the edge's normal is a step in depth.
     let step = |w: f64| {
         if w < 0.0 {
             (0.0, -w)
@@ -116,7 +116,7 @@ fn found(face_index: usize, x: i64, y: i64, size: u32) -> (usize, u32, u32) {
     let depth = 2.0 * du.max(dv);
     let axis = face_index / 2;
     at[axis] -= depth * at[axis].signum();
-    // The coordinate beyond the edge is the neighbour's major axis, so the face is unambiguous.
+    // The coordinate beyond the edge is the neighbour's major axis, so there is only one possible face.
     let (face_there, u, v) = face(at);
     let texel = |w: f64| ((w * n).floor().max(0.0) as u32).min(size - 1);
     (face_there as usize, texel(u), texel(v))
@@ -126,7 +126,7 @@ fn found(face_index: usize, x: i64, y: i64, size: u32) -> (usize, u32, u32) {
 mod tests {
     use super::*;
 
-    /// A step equals finite differences.
+    /// A step equals a finite difference.
     #[test]
     fn steps_are_those_of_the_face() {
         let directions = [[0.3, -0.2, 1.5], [0.3, -0.2, -1.5], [2.0, 0.4, 0.1], [-2.0, 0.4, 0.1]];

@@ -2,8 +2,8 @@
 
 use naga::StorageFormat as F;
 
-/// The words that a texel reads as after it was written: rounded to the format, with 0, 0, 0, 1 for the channels that
-/// it lacks. `None` for unknown formats.
+/// The words that reading a texel returns after it was written. They are rounded to the format. Channels that the
+/// format doesn't have are read as 0, 0, 0, 1. `None` for unknown formats.
 pub(crate) fn stored(format: F, texel: [u32; 4]) -> Option<[u32; 4]> {
     let float = |word: u32| f64::from(f32::from_bits(word));
     // NaN has no normalised value, so it becomes 0.
@@ -15,7 +15,7 @@ pub(crate) fn stored(format: F, texel: [u32; 4]) -> Option<[u32; 4]> {
     };
     let number = |word: u32| if f32::from_bits(word).is_nan() { 0 } else { word };
     let half = |word: u32| half::f16::from_f32(f32::from_bits(word)).to_f32().to_bits();
-    // Integers outside the range are clamped, as in Vulkan and Metal.
+    // Integers outside of the format's range are clamped, as in Vulkan and Metal.
     let uint = |word: u32, most: u32| word.min(most);
     let sint = |word: u32, most: i32| word.cast_signed().clamp(-most - 1, most).cast_unsigned();
     let one = 1f32.to_bits();

@@ -1,27 +1,27 @@
-//! The texels of a sample, and their weights.
+//! Finds the texels of a sample, and their weights.
 
 use super::{Address, Comparison, Dimension, Filter, Sampler, Texels, Texture, cube};
 use crate::arithmetic::sealed::Rules;
 
-/// The level of detail of a sample.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Level {
-    /// Given.
+    /// The level is given.
     Exact(f64),
-    /// From the change of the coordinates between neighbouring pixels, in both directions.
+    /// The level follows from the changes of the coordinates between neighbouring pixels, in both directions.
     Gradient([f64; 3], [f64; 3]),
 }
 
 /// The number of samples that are computed together.
 pub(crate) const TOGETHER: usize = 64;
 
-/// One number for each of `TOGETHER` samples.
+/// One number for each of [`TOGETHER`] samples.
 pub(crate) type Many = [f64; TOGETHER];
 
-/// Texels and weights. The weights add up to one. At a corner of a cube there are three texels.
+/// Texels with their weights. The sum of the weights is one. At a corner of a cube there are three texels.
 pub(crate) type Footprint = Vec<(f64, [u32; 3])>;
 
-/// The next whole number below, as a float and as an integer. Without a call: before SSE 4.1, `f64::floor` is one.
+/// The largest integer that isn't above `x`, as a float and as an integer. The code avoids `f64::floor`, which is a
+/// function call before SSE 4.1.
 #[inline]
 fn floor(x: f64) -> (f64, i64) {
     let cut = x as i64;
@@ -29,11 +29,10 @@ fn floor(x: f64) -> (f64, i64) {
     (index as f64, index)
 }
 
-/// The place of a sample.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Place {
     pub(crate) at: [f64; 3],
-    /// The layer of an array; for a cube array, the cube.
+    /// The layer of an array. For a cube array, the index of the cube.
     pub(crate) layer: u32,
     pub(crate) offset: [i32; 3],
 }
@@ -47,7 +46,7 @@ impl Texture {
         }
     }
 
-    /// log2 of the longer gradient, in texels.
+    /// The binary logarithm of the longer gradient, in texels.
     fn detail(&self, level: Level) -> f64 {
         match level {
             Level::Exact(level) => level,
@@ -62,7 +61,7 @@ impl Texture {
         }
     }
 
-    /// The mean of the texels that a sampler filters, or of their comparisons with `reference`.
+    /// The mean of the texels that a sampler filters, or the mean of their comparisons with `reference`.
     pub(crate) fn mean(
         &self,
         sampler: &Sampler,
@@ -92,7 +91,7 @@ impl Texture {
         mean
     }
 
-    /// The filter for a level of detail, its first level, and the weight of the next level.
+    /// The filter for a level of detail, the first of its two levels, and the weight of the second level.
     #[inline]
     fn levels_of(&self, sampler: &Sampler, level: Level) -> (Filter, u32, f64) {
         let last = self.levels() - 1;
@@ -100,7 +99,7 @@ impl Texture {
             return (sampler.mag, 0, 0.0);
         }
         let detail = self.detail(level);
-        // NaN has no level; take the largest.
+        // NaN has no level, so the largest level is used.
         let detail = if detail.is_nan() { 0.0 } else { detail };
         let detail = detail.clamp(f64::from(sampler.lod_min), f64::from(sampler.lod_max));
         let filter = if detail <= 0.0 { sampler.mag } else { sampler.min };
@@ -114,8 +113,8 @@ impl Texture {
         }
     }
 
-    /// Returns `true` if [`bilinear_of`](Self::bilinear_of) handles the texture and the sampler: floats without layers,
-    /// and one level for all distances.
+    /// Checks if [`bilinear_of`](Self::bilinear_of) can sample the texture with the sampler: the texels are floats,
+    /// there are no layers, and all distances use the same level.
     pub(crate) fn is_bilinear(&self, sampler: &Sampler) -> bool {
         let is_flat = match self.dimension {
             Dimension::D2 => self.size[2] == 1,
@@ -126,8 +125,8 @@ impl Texture {
         is_flat && is_linear && matches!(*self.levels, [Texels::Float(_)])
     }
 
-    /// The sums of the four channels of samples at these coordinates, and the samples without a sum: those with a texel
-    /// beyond an edge, or with fewer than four texels.
+    /// The sums of the four channels for samples at these coordinates. Also the samples for which there is no sum,
+    /// because a texel is beyond an edge, or there are fewer than four texels.
     pub(crate) fn bilinear_of(
         &self,
         [x, y, z]: &[Many; 3],
@@ -151,8 +150,8 @@ impl Texture {
         (sums, left_out)
     }
 
-    /// Adds four texels of a level. Nearly all samples have four, none beyond an edge. Returns `false` for other
-    /// samples.
+    /// Adds four texels of a level. Nearly all samples have four texels, none of which is beyond an edge. Returns
+    /// `false` for all other samples.
     #[inline]
     fn bilinear(
         &self,
@@ -176,8 +175,8 @@ impl Texture {
         true
     }
 
-    /// The texels of a level, of which samples read four. For a cube, includes those beyond the edges of its faces.
-    /// `None` if they aren't floats.
+    /// The texels of a level, of which each sample reads four. For a cube, they include the texels beyond the edges of
+    /// its faces. `None` if the texels aren't floats.
     #[inline]
     fn plane(&self, level: u32) -> Option<Plane<'_>> {
         let Texels::Float(texels) = &self.levels[level as usize] else { return None };
@@ -189,8 +188,8 @@ impl Texture {
         Some(Plane { texels, size: [width, height].map(f64::from), frame, row })
     }
 
-    /// The levels of a cube, each face inside a frame of its neighbours' texels, so that four neighbours lie together.
-    /// Where three faces meet there is no texel; no sample reads the 0 there.
+    /// The levels of a cube. Each face is inside a frame of its neighbours' texels, so the four texels of a sample are
+    /// next to each other. There is no texel where three faces meet. No sample reads the 0 there.
     fn framed(&self) -> &[Vec<[f32; 4]>] {
         self.framed
             .get_or_init(|| (0..self.levels()).map(|level| self.framed_level(level)).collect())
@@ -237,7 +236,7 @@ impl Texture {
         let mut visit = |weight: f64, at: [u32; 3]| mean.add(weight, self.texel(level, at, 0));
         let n = self.dimensions().min(3);
         let size = self.level_size(level);
-        // Filters can't use coordinates that aren't finite; NaN becomes 0.
+        // Filters can't use infinite coordinates or NaN. NaN becomes 0.
         let texel = |k: usize| {
             let texel = at[k].clamp(-1e9, 1e9) * f64::from(size[k]);
             if texel.is_nan() { 0.0 } else { texel }
@@ -277,7 +276,7 @@ impl Texture {
         }
     }
 
-    /// The four texels that a gather reads, in WGSL's order.
+    /// The four texels that a gather reads, in the order of WGSL.
     pub(crate) fn gathered(&self, sampler: &Sampler, place: Place) -> [Footprint; 4] {
         let size = self.level_size(0);
         let (face, at) = self.on_face(place);
@@ -304,8 +303,8 @@ impl Texture {
         }
     }
 
-    /// The texel at an index that may lie beyond the edge. At the corner of a cube, where three faces meet, it is the
-    /// mean of the three.
+    /// The texel at an index that may be beyond the edge. At the corner of a cube, where three faces meet, it is the
+    /// mean of three texels.
     fn find(
         &self,
         sampler: &Sampler,
@@ -344,21 +343,22 @@ impl Texture {
     }
 }
 
-/// The memory in which four neighbours lie together: the layers of a level, perhaps each in a frame of texels beyond
-/// its edges.
+/// The memory in which four neighbouring texels are next to each other: the layers of a level. Each layer may be inside
+/// a frame of texels beyond its edges.
 #[derive(Clone, Copy)]
 struct Plane<'a> {
     texels: &'a [[f32; 4]],
     /// The size without the frame.
     size: [f64; 2],
-    /// The frame's width in texels: 0 or 1.
+    /// The width of the frame in texels: 0 or 1.
     frame: f64,
-    /// The texels of a row, frame included.
+    /// The number of texels in a row, including the frame.
     row: u32,
 }
 
-/// The number of the first of four texels, counted over all layers, and the distance from its centre. Negative if not
-/// all four exist, or not all four have a weight. Uses only floats, so that one instruction handles several places.
+/// The index of the first of four texels, counted over all layers, and the distances from its centre. The index is
+/// negative if one of the four texels doesn't exist or has no weight. The code uses only floats, so that one
+/// instruction handles several positions.
 #[derive(Clone, Copy, Default)]
 struct Corner {
     first: f64,
@@ -369,8 +369,8 @@ struct Corner {
 impl Plane<'_> {
     #[inline(always)]
     fn corner(&self, at: [f64; 2], offset: [f64; 2], layer: f64) -> Corner {
-        // Adding this rounds numbers with a magnitude below 2^51 to whole ones, as floats have 53 bits. Larger numbers
-        // are outside.
+        // Adding this number rounds numbers with a magnitude below 2^51 to integers, because an `f64` has 53 bits.
+        // Larger numbers are outside of the texture.
         const ROUNDING: f64 = 1.5 * (1u64 << 52) as f64;
         let along = |at: f64, offset: f64, size: f64| {
             let centre = at * size - 0.5;
@@ -386,14 +386,14 @@ impl Plane<'_> {
         // A frame has no corners.
         let is_there =
             there(left, width) & there(up, height) & (within(left, width) | within(up, height));
-        // If its weight is 0, the texel to the right or below is left out. NaN isn't above 0.
+        // A texel on the right or below with the weight 0 is left out. For NaN, both comparisons are false.
         let has_four = is_there & (right > 0.0) & (down > 0.0);
         let line = layer * (height + 2.0 * frame) + up + frame;
         let first = if has_four { line * (width + 2.0 * frame) + left + frame } else { -1.0 };
         Corner { first, right, down }
     }
 
-    /// The mean of the four texels by distance, channel by channel.
+    /// The mean of the four texels, weighted by distance, for each channel.
     #[inline(always)]
     fn blend(&self, Corner { first, right, down }: Corner) -> Option<[f64; 4]> {
         if !(first >= 0.0) {
@@ -410,12 +410,11 @@ impl Plane<'_> {
     }
 }
 
-/// The weighted mean of texels, or of their comparisons with a reference.
 pub(crate) struct Mean {
     compare: Option<(Comparison, f64)>,
     sum: [f64; 4],
     count: u32,
-    /// The first texel. On its own it is exact, infinities included.
+    /// The first texel. If it is the only one, its value is exact, also if it is infinite.
     first: [u32; 4],
 }
 
@@ -456,7 +455,6 @@ impl Mean {
     }
 }
 
-/// The texel that an address mode finds.
 fn addressed(index: i64, size: u32, mode: Address) -> u32 {
     let n = i64::from(size);
     let found = match mode {
@@ -474,7 +472,8 @@ fn addressed(index: i64, size: u32, mode: Address) -> u32 {
 mod tests {
     use super::*;
 
-    /// Four texels together give the same result as one by one, also at the edges and corners of cubes.
+    /// Computing four texels together gives the same result as computing them one by one, also at the edges and corners
+    /// of cubes.
     #[test]
     fn four_together_are_four_apart() {
         let mut state = 1u32;
@@ -504,13 +503,14 @@ mod tests {
                     together += 1;
                     cubes.level((&sampler, Filter::Linear), (place, on_face), level, 1.0, &mut one);
                     for (four, one) in four.sum.iter().zip(one.sum) {
-                        // The sums of four are added in another order.
+                        // The four texels are added in another order.
                         assert!((four - one).abs() <= 1e-15, "{at:?}: {four} and {one} of {size}");
                     }
                 }
             }
         }
-        // All samples except those at a corner where three faces meet: with size 1 all, with size 2 most.
+        // Samples at a corner where three faces meet aren't computed together. With size 1 these are all samples, with
+        // size 2 most of them.
         assert!(together > 3_000, "{together} samples");
     }
 }

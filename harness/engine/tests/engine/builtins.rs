@@ -1,8 +1,8 @@
-//! Compares builtins with Rust's own, and with values computed by hand.
+//! Compares builtins with Rust's own functions, and with values that were computed by hand.
 
 use crate::common::{doubles, floats, words};
 
-/// Floats at the edges of ranges and formats.
+/// Floats at the ends of ranges and formats.
 const EDGES: [f32; 22] = [
     0.0,
     -0.0,
@@ -102,7 +102,7 @@ fn functions_of_one_float_are_close_to_f64() {
             rows.into_iter().filter(|&x| f64::from(x) >= low && f64::from(x) <= high).collect();
         for ((x, y), z) in rows.iter().zip(floats(&source, &rows)).zip(doubles(&source, &rows)) {
             let exact = reference(f64::from(*x));
-            // libm is within 1 ulp. log near 1 and tan near its zero lose a little more.
+            // libm is exact to 1 ulp. `log` near 1 and `tan` near its zero lose a few more digits.
             let bound = 4.0 * f64::from(f32::EPSILON) * exact.abs() + 1e-37;
             assert!((f64::from(y) - exact).abs() <= bound, "{expression} of {x}: {y}, not {exact}");
             let fine = 1e-13 * exact.abs() + 1e-300;
@@ -120,7 +120,7 @@ fn minimum_maximum_and_clamp() {
     let found = floats(source, &rows);
     assert_eq!(found[..4], [2.0, 3.0, 2.0, 1.0]);
     assert_eq!(found[4..8], [-5.0, 2.0, -1.0, 0.0]);
-    // If one argument is NaN, the other one: NaN is hidden.
+    // If one argument is NaN, the result is the other argument.
     assert_eq!(found[8..12], [2.0, 2.0, -1.0, 0.0]);
     assert_eq!(found[12..14], [2.0, 2.0]);
 }
@@ -189,7 +189,7 @@ fn bits_of_integers() {
         let bits = if x < 0 { !x } else { x };
         bits.checked_ilog2().map_or(-1, u32::cast_signed)
     });
-    // One bit after the other, as in the specification's text.
+    // Takes one bit after another, as the specification describes it.
     let extracted = |x: u32, offset: u32, count: u32| {
         let o = offset.min(32);
         let c = count.min(32 - o);
@@ -227,12 +227,13 @@ fn packed_bytes_and_halves() {
         pack4x8snorm(vec4f(x, y, 0.0, 1.0)), pack4x8unorm(vec4f(x, y, 0.0, 1.0)),
         pack2x16snorm(vec2f(x, y)), pack2x16float(vec2f(x, y))); }";
     let rows = [0.5f32, -2.0].map(f32::to_bits);
-    // floor(0.5 + 127 * 0.5) = 64, floor(0.5 + 255 * 0.5) = 128, floor(0.5 + 32767 * 0.5) = 16384
+    // The expected integers are floor(0.5 + 127 * 0.5) = 64, floor(0.5 + 255 * 0.5) = 128 and floor(0.5 + 32767 * 0.5)
+    // = 16384.
     assert_eq!(words(source, &rows), [0x7f00_8140, 0xff00_0080, 0x8001_4000, 0xc000_3800]);
     let source =
         "fn f(x: u32) -> vec4f { return unpack4x8snorm(x) + vec4f(unpack2x16float(x), 0.0, 0.0); }";
     let found: Vec<f32> = words(source, &[0x7f80_3c00]).into_iter().map(f32::from_bits).collect();
-    // Bytes 00, 3c, 80, 7f; halves 3c00 (1) and 7f80 (NaN).
+    // The bytes are 00, 3c, 80, 7f. The halves are 3c00 (1) and 7f80 (NaN).
     assert_eq!((found[0], found[2], found[3]), (1.0, -1.0, 1.0));
     assert!(found[1].is_nan());
 }
@@ -242,7 +243,7 @@ fn conversions_saturate() {
     let source = "fn f(x: f32) -> vec2u { return vec2u(u32(x), bitcast<u32>(i32(x))); }";
     let rows: Vec<u32> = EDGES.iter().map(|x| x.to_bits()).collect();
     for (x, found) in EDGES.iter().zip(words(source, &rows).chunks(2)) {
-        // Above the range, the greatest float in it: each of naga's back ends clamps so.
+        // A float above the range becomes the greatest float in it. All of naga's back ends clamp in this way.
         let unsigned = if *x >= 4_294_967_296.0 { 4_294_967_040 } else { *x as u32 };
         let signed = if *x >= 2_147_483_648.0 { 2_147_483_520 } else { *x as i32 };
         assert_eq!((found[0], found[1].cast_signed()), (unsigned, signed), "{x}");
@@ -280,7 +281,7 @@ fn vectors() {
         return vec4f(reflect(a, n), faceForward(n, a, n));
     }";
     assert_eq!(floats(source, &[1.0, -2.0, 0.0, 1.0]), [1.0, 2.0, 0.0, 1.0]);
-    // Straight through, and total reflection: 1 - 1.5^2 (1 - 0.6^2) < 0.
+    // The first ray goes straight through. The second is totally reflected: 1 - 1.5^2 (1 - 0.6^2) < 0.
     let source = "fn f(a: vec2f, eta: f32) -> vec2f { return refract(a, vec2f(0.0, 1.0), eta); }";
     assert_eq!(floats(source, &[0.0, -1.0, 1.5, 0.8, -0.6, 1.5]), [0.0, -1.0, 0.0, 0.0]);
     let source = "fn f(a: f32, b: f32) -> vec4f {

@@ -39,13 +39,13 @@ pub(crate) fn call<A: Runs>(
     program.call::<A>(cases, rows, &Resources::new(), &Options::default(), &()).expect("it runs")
 }
 
-/// Floats in, floats out, in `f32`.
+/// Calls `f` with floats in `f32`, and returns floats.
 pub(crate) fn floats(source: &str, rows: &[f32]) -> Vec<f32> {
     let rows: Vec<u32> = rows.iter().map(|x| x.to_bits()).collect();
     words(source, &rows).into_iter().map(f32::from_bits).collect()
 }
 
-/// Floats in, floats out, in `f64`.
+/// Calls `f` with floats in `f64`, and returns floats.
 pub(crate) fn doubles(source: &str, rows: &[f32]) -> Vec<f64> {
     let rows: Vec<u32> = rows.iter().map(|x| x.to_bits()).collect();
     let program = program(source, "f");
@@ -60,7 +60,7 @@ pub(crate) fn doubles(source: &str, rows: &[f32]) -> Vec<f64> {
         .collect()
 }
 
-/// Floats in, intervals out.
+/// Calls `f` with floats in intervals, and returns intervals.
 pub(crate) fn intervals(source: &str, rows: &[f32]) -> Vec<Interval> {
     let rows: Vec<u32> = rows.iter().map(|x| x.to_bits()).collect();
     let program = program(source, "f");

@@ -1,4 +1,4 @@
-//! Compares divergent control flow with the same loops in Rust.
+//! Compares control flow in which cases go different ways with the same loops in Rust.
 
 use karat_engine::{F32, Options, Program, Resources, Settings};
 
@@ -30,7 +30,6 @@ fn branches_differ_by_lane() {
     assert_eq!(words(source, &rows), expected);
 }
 
-/// The result of the loops below.
 fn walked(n: u32) -> u32 {
     let mut sum = 0u32;
     let mut i = 0u32;
@@ -185,7 +184,8 @@ fn a_call_in_a_loop_starts_anew_each_time() {
     assert_eq!(words(source, &(0..9).collect::<Vec<_>>()), expected);
 }
 
-/// A case that spends its fuel is left out, in any construct. The other cases run as they do by themselves.
+/// A case that runs too many rounds is removed, whatever construct it is in. The other cases have the same results as
+/// without it.
 #[test]
 fn cases_with_long_loops_are_left_out() {
     let source = "
@@ -216,7 +216,7 @@ fn cases_with_long_loops_are_left_out() {
     let long: Vec<usize> = rows.iter().filter(|n| alone(n)).map(|n| *n as usize).collect();
     assert!(long.len() > 100 && long.len() < 800, "{} are long", long.len());
     let left = program.call::<F32>(rows.len(), &rows, &Resources::new(), &options(true), &());
-    let left = left.expect("it leaves them out");
+    let left = left.expect("the call removes these cases");
     let mut told: Vec<usize> = left.long().iter().map(|(case, _)| *case).collect();
     told.sort_unstable();
     assert_eq!(told, long);
@@ -224,7 +224,7 @@ fn cases_with_long_loops_are_left_out() {
     for n in rows.iter().filter(|n| !alone(n)) {
         assert_eq!(words[*n as usize], plain[*n as usize], "{n}");
     }
-    // Intervals still stop.
+    // In intervals, the call still stops.
     let first = [u32::try_from(long[0]).expect("it is small")];
     let stopped =
         program.call::<karat_engine::Intervals>(1, &first, &Resources::new(), &options(true), &());
@@ -250,7 +250,8 @@ fn pointers_to_variables_are_parameters() {
     );
 }
 
-/// A program may begin with a loop. Its arguments then live through each round, and not only to their last use.
+/// A program may begin with a loop. Then its arguments must stay alive through all rounds, and not only until their
+/// last use.
 #[test]
 fn a_program_may_begin_with_a_loop() {
     let source = "@group(0) @binding(0) var<storage, read_write> b: array<u32, 16>;\n\

@@ -1,4 +1,4 @@
-//! Counts of statements, and of the ways of branches.
+//! Counts how often statements run, and which ways branches take.
 
 use std::sync::Arc;
 
@@ -6,7 +6,7 @@ use karat_engine::{Count, F32, Options, Program, Resources, Settings, StatementK
 
 use crate::common;
 
-/// The statements of `f` with their text, after calls with these arguments.
+/// Calls `f` with these arguments. Returns its statements with their text.
 fn counted(text: &str, x: &[f32]) -> Vec<(String, StatementKind, bool, Count)> {
     let (module, info) = common::module(text);
     let settings = Settings { statements: true, ..Settings::default() };
@@ -45,7 +45,7 @@ fn lanes_are_counted_on_every_way() {
                 fn f(x: f32) -> f32 {\n    var y = side(x);\n    if (x > 10.0 && y < 50.0) {\n        y += 1.0;\n    } else {\n        y -= 1.0;\n    }\n    \
                 switch (i32(x)) { case 1, 2: { y *= 3.0; } case 3: { y *= 4.0; } default: { y *= 5.0; } }\n    \
                 return select(y, x, x > 100.0);\n}\n";
-    // More lanes than a chunk has, so that the first case of a way lies in different chunks.
+    // There are more lanes than a chunk has, so the first cases of the ways are in different chunks.
     let mut x = vec![-1.0; 700];
     (x[300], x[301], x[600], x[601]) = (1.0, 2.0, 20.0, 40.0);
     let all = counted(text, &x);
@@ -71,15 +71,16 @@ fn rounds_of_loops_are_counted_separately() {
     let text = "fn f(x: f32) -> f32 {\n    var y = 0.0;\n    for (var i = 0.0; i < x; i += 1.0) {\n        \
                 if (i > 5.0) { break; }\n        y += 2.0;\n    }\n    loop {\n        y += 1.0;\n        continuing { break if y > 3.0; }\n    }\n    return y;\n}\n";
     let all = counted(text, &[0.0, 0.0, 0.0, 1.0, 9.0, 2.0]);
-    // It is left in its first round if its condition doesn't hold: after 0, 1 or more rounds of the body.
+    // A loop ends in its first round if its condition doesn't hold. The three calls run 0, 1 and more rounds of the
+    // body.
     assert_eq!(of(&all, StatementKind::Loop, "for (").ways, [3, 1, 2]);
-    // 0 -> 4 rounds, 2 -> 2 rounds, 12 -> 1 round, 4 -> 1 round.
+    // For 0 there are 4 rounds, for 2 there are 2, for 12 and for 4 there is 1.
     assert_eq!(of(&all, StatementKind::Loop, "loop {").ways, [2, 1, 3]);
     assert_eq!(of(&all, StatementKind::Plain, "y += 2.0").lanes, 1 + 6 + 2);
     assert_eq!(of(&all, StatementKind::If, "if (i > 5.0)").ways[..2], [1, 9]);
 }
 
-/// A statement is needed if something that leaves the function is computed from its value.
+/// A statement is needed if a result or a buffer is computed from its value.
 // Lesson 28: lines, branches and results that no test compares
 #[test]
 fn expressions_without_influence_are_not_needed() {
@@ -103,14 +104,14 @@ fn expressions_without_influence_are_not_needed() {
     ] {
         assert!(needed(used), "{used} is needed: {all:#?}");
     }
-    // A test sees that a loop ends, but not its sum.
+    // A test sees if the loop ends, but doesn't see its sum.
     assert!(needed("i < 9"), "{all:#?}");
     for unused in ["x * 3.0", "dead = unused", "if (x > 4.0)", "dead += x * 10.0;"] {
         assert!(!needed(unused), "{unused} isn't needed: {all:#?}");
     }
 }
 
-/// Passes count their invocations, workgroup by workgroup. Helpers don't count.
+/// Passes count their invocations, workgroup after workgroup. Helpers don't count.
 #[test]
 fn invocations_are_counted() {
     let text = "@group(0) @binding(0) var<storage, read_write> out: array<u32>;\nvar<workgroup> sum: u32;\nvar<workgroup> lost: u32;\n\
@@ -131,7 +132,7 @@ fn invocations_are_counted() {
         own.map(|(one, count)| (count.lanes, count.first, one.needed)).expect("it is listed")
     };
     assert_eq!(lanes("sum = 7u"), (1, Some(3), true));
-    assert_eq!(lanes("lost = 8u"), (1, Some(4), true), "the sanitizer looks at it");
+    assert_eq!(lanes("lost = 8u"), (1, Some(4), true), "the sanitizer checks it");
     assert_eq!(lanes("id.x * 5u"), (16, Some(0), false), "nothing reads it");
     assert_eq!(lanes("out[id.x] = sum"), (10, Some(0), true));
     assert_eq!(lanes("workgroupBarrier"), (16, Some(0), true));

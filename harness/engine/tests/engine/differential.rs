@@ -1,8 +1,8 @@
-//! Compares expressions as constants, which naga evaluates, with the same expressions of run-time arguments.
+//! Compares expressions of constants, which naga evaluates, with the same expressions of run-time arguments.
 
 use crate::common::words;
 
-/// Each expression is made of literals in one function, and of parameters in the other.
+/// Evaluates each expression in two functions: with literals in one, and with parameters in the other.
 fn agree(scalar: &str, expressions: &[&str], values: &[&str]) {
     for expression in expressions {
         let mut constants = String::new();

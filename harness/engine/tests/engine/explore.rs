@@ -1,4 +1,4 @@
-//! Compares explored orders with all orders.
+//! Compares the results of explored orders with those of all orders.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -7,12 +7,11 @@ use karat_engine::{Explorer, Options, Program, Resources, Schedule, Settings, St
 
 use crate::common::module;
 
-/// An atomic of a generated program.
 #[derive(Clone, Copy, Debug)]
 enum Atomic {
     Load(usize),
     Store(usize, u32),
-    /// An addition. `true` if its result is used.
+    /// An addition. The `bool` is `true` if its result is used.
     Add(usize, u32, bool),
     Max(usize, u32, bool),
     Exchange(usize, u32),
@@ -68,16 +67,17 @@ fn text(atomics: &[Vec<Atomic>]) -> String {
     text + "}\n"
 }
 
-/// The results of a run: the words, and the result of each atomic.
+/// The results of a run: the words, then the result of each atomic.
 type Left = Vec<u32>;
 
-/// The outcomes of all orders, tried one by one. If stores are late, each order also has a set of pending stores.
+/// The results of all orders, which are tried one by one. If stores are late, each order also has a set of pending
+/// stores.
 fn naive(atomics: &[Vec<Atomic>], late: bool) -> BTreeSet<Left> {
     struct State {
         memory: [u32; WORDS],
         at: Vec<usize>,
         results: Vec<u32>,
-        /// Stores that haven't taken effect yet.
+        /// The stores that haven't taken effect yet.
         stores: Vec<(usize, Atomic)>,
     }
     fn word(atomic: Atomic) -> usize {
@@ -142,7 +142,7 @@ fn naive(atomics: &[Vec<Atomic>], late: bool) -> BTreeSet<Left> {
     all
 }
 
-/// The outcomes of the explored orders, and the number of these orders.
+/// The results of the explored orders, and the number of these orders.
 fn explored(source: &str, groups: usize, stores: Stores) -> (BTreeSet<Left>, usize) {
     let (module, info) = module(source);
     let program = Program::entry_point(&module, &info, "main", &Settings::default());
@@ -169,7 +169,7 @@ fn explored(source: &str, groups: usize, stores: Stores) -> (BTreeSet<Left>, usi
         }
         runs += 1;
         let left = words(&resources);
-        // Its recorded turns give the same result again.
+        // Running the recorded turns gives the same result again.
         let turns = explorer.turns().pop().expect("there was a dispatch");
         let again = Schedule { turns, stores, ..Schedule::one_by_one() };
         let mut resources = Resources::new();
@@ -202,7 +202,7 @@ fn generated(state: &mut u64, invocations: usize, atomics: usize) -> Vec<Vec<Ato
     (0..invocations).map(|_| (0..atomics).map(|_| one()).collect()).collect()
 }
 
-/// Exploring finds each outcome of all orders, and no other, in fewer runs than there are orders.
+/// The explorer finds each result that any order has, and no other results, and runs fewer orders than there are.
 // Lesson 216: each outcome is found
 #[test]
 fn all_outcomes_of_all_orders_are_met() {
@@ -221,7 +221,7 @@ fn all_outcomes_of_all_orders_are_met() {
                 assert_eq!(found, expected, "late: {late}\n{source}");
                 let orders: usize = (1..=invocations)
                     .map(|k| {
-                        // A multinomial coefficient, as a product of binomials.
+                        // This is a multinomial coefficient, as a product of binomial coefficients.
                         (1..=atomics).fold(1, |all, j| all * ((k - 1) * atomics + j) / j)
                     })
                     .product();
@@ -231,21 +231,21 @@ fn all_outcomes_of_all_orders_are_met() {
     }
 }
 
-/// Orders of commuting atomics run once.
+/// Orders that only exchange commuting atomics run once.
 // Lesson 216: each outcome is found
 #[test]
 fn equivalent_orders_run_once() {
     for (body, groups, runs) in [
-        // Additions with unused results, and reads.
+        // Additions whose results aren't used, and reads.
         ("atomicAdd(&a[0], 1u); atomicAdd(&a[0], g.x);", 6, 1),
         ("d[g.x] = atomicLoad(&a[0]);", 5, 1),
-        // Each invocation has its own word.
+        // Each invocation has a word of its own.
         ("d[g.x] = atomicAdd(&a[g.x], 1u);", 2, 1),
-        // Additions with used results: as many orders as permutations.
+        // Additions whose results are used. There are as many orders as permutations.
         ("d[g.x] = atomicAdd(&a[0], 1u);", 4, 24),
-        // One invocation writes a word and three read it: each before or after the write.
+        // One invocation writes a word, and three read it. Each reads it before or after the write.
         ("if g.x == 0u { atomicStore(&a[0], 1u); } else { d[g.x] = atomicLoad(&a[0]); }", 4, 8),
-        // An invocation that waits does so until the word has changed.
+        // An invocation that waits for a word has no turn until the word has changed.
         (
             "if g.x == 0u { atomicStore(&a[0], 1u); } else { loop { if atomicLoad(&a[0]) == 1u { break; } } }",
             2,

@@ -1,4 +1,4 @@
-//! Programs and rows that try to break the engine.
+//! Programs and arguments that try to break the engine.
 
 use std::fmt::Write as _;
 
@@ -31,7 +31,7 @@ fn a_loop_without_end_spends_its_fuel() {
     let Stop::Fuel { span, case, rounds, own } = stop else { panic!("{stop:?}") };
     assert_eq!((line(source, span), case, rounds), (3, 300, 5000));
     assert!(own > rounds, "one loop went round {own} times");
-    // Nested loops spend fuel, too, though each of them ends.
+    // Nested loops use up rounds, too, although each of them ends.
     let nested = "fn f(x: u32) -> u32 {
         var n = 0u;
         for (var i = 0u; i < x; i++) { for (var k = 0u; k < x; k++) { n += 1u; } }
@@ -40,7 +40,7 @@ fn a_loop_without_end_spends_its_fuel() {
     let nested = crate::common::program(nested, "f");
     let stop = nested.call::<F32>(1, &[100], &Resources::new(), &options, &()).unwrap_err();
     assert!(matches!(stop, Stop::Fuel { own: 40..=101, .. }), "{stop:?}");
-    // The other cases need less.
+    // The other cases need fewer rounds.
     let rows: Vec<u32> = (0..300).collect();
     let found = program.call::<F32>(300, &rows, &Resources::new(), &options, &()).unwrap();
     assert_eq!(found.words()[299], 300);
@@ -76,7 +76,7 @@ fn missing_features_are_refused_by_name_and_line() {
     let refusal = refused(source);
     assert_eq!(
         refusal.to_string(),
-        "the engine doesn't execute a derivative, which only fragments have"
+        "the engine doesn't execute a derivative outside of a fragment shader"
     );
     assert_eq!(line(source, refusal.span), 2);
     let refusal = refused("fn f(x: f32) -> f32 { if x > 0.0 { discard; } return x; }");
@@ -126,7 +126,7 @@ fn long_and_deep_programs() {
     source += "return y; }";
     let expected = (0..5000u32).fold(5u32, |y, k| y.wrapping_mul(3).wrapping_add(k));
     assert_eq!(words(&source, &[5]), [expected]);
-    // A chain of 2,000 calls, each one level deeper.
+    // A chain of 2,000 calls, each inside a deeper block.
     let mut source = "fn g0(x: u32) -> u32 { return x; }\n".to_owned();
     for k in 1..2000 {
         let before = k - 1;
@@ -138,7 +138,7 @@ fn long_and_deep_programs() {
     }
     source += "fn f(x: u32) -> u32 { return g1999(x); }";
     assert_eq!(words(&source, &[0, 10, 5000]), [1999, 1989, 5000 - 1999]);
-    // As deep as the front end allows blocks to nest.
+    // Blocks are nested as deep as the front end allows.
     let source = format!(
         "fn f(x: u32) -> u32 {{ var y = 0u; {} y = x; {} return y; }}",
         "if x > 1u { ".repeat(100),
@@ -158,7 +158,7 @@ fn an_undecided_loop_ends_and_is_unbounded() {
         return y;
     }";
     let program = program(source, "f");
-    // sin(pi / 6) is 0.5 within the error of sin, so the exit stays undecided.
+    // sin(pi / 6) is 0.5 within the error of the sine, so the exit stays undecided.
     let row = [std::f32::consts::FRAC_PI_3.to_bits()];
     let options = Options::default();
     let found = program.call::<Intervals>(1, &row, &Resources::new(), &options, &()).unwrap();

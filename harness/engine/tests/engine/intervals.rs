@@ -1,4 +1,4 @@
-//! Bounds that follow from the WGSL specification.
+//! Tests bounds that follow from the WGSL specification.
 
 use crate::common::{doubles, floats, intervals, program};
 use karat_engine::{Intervals, Lane, Options, Resources, Truth};
@@ -10,7 +10,7 @@ fn one(expression: &str, x: f32) -> (f32, f32) {
 
 #[test]
 fn sums_and_products_have_both_neighbours() {
-    // 1 + 2^-25 lies between 1 and the next float.
+    // 1 + 2^-25 is between 1 and the next float.
     let next = 1f32.next_up();
     assert_eq!(one("1.0 + x", 2f32.powi(-25)), (1.0, next));
     assert_eq!(one("x + 1.0", 3.0), (4.0, 4.0));
@@ -23,7 +23,7 @@ fn sums_and_products_have_both_neighbours() {
 
 #[test]
 fn quotients_and_roots_have_ulps() {
-    // 2.5 ulp of 1 / 3, whose ulp is 2^-25.
+    // The error is 2.5 ulp of 1 / 3. An ulp of 1 / 3 is 2^-25.
     let third = 1.0 / 3.0f64;
     let (lo, hi) = one("1.0 / x", 3.0);
     let error = 2.5 * 2f64.powi(-25);
@@ -51,7 +51,7 @@ fn waves_and_logarithms_have_absolute_errors() {
     let error = 3.0 * 2f64.powi(-22);
     assert_eq!(one("log2(x)", 10.0), (down(exact - error), up(exact + error)));
     let exact = 3f64.exp2();
-    // 8 is a power of two: its neighbour below is nearer than the one above.
+    // 8 is a power of two, so its neighbour below is nearer than its neighbour above.
     let error = 9.0 * 2f64.powi(-21);
     assert_eq!(one("exp2(x)", 3.0), (down(exact - error), up(exact + error)));
     assert_eq!(one("pow(x, 5.0)", 0.0), (f32::NEG_INFINITY, f32::INFINITY));
@@ -82,7 +82,7 @@ fn undecided_branches_join() {
         if x > 0.0 { y += 10.0; }
         return y;
     }";
-    // sin(pi / 6) may be on either side of 0.5; sin(1) is always above.
+    // sin(pi / 6) may be above or below 0.5. sin(1) is always above 0.5.
     let rows = [std::f32::consts::FRAC_PI_6, 1.0, -1.0];
     let found = intervals(source, &rows);
     let bounds: Vec<(f32, f32)> = found.iter().map(|x| (x.lo(), x.hi())).collect();
@@ -134,7 +134,7 @@ fn the_cause_of_what_is_unbounded_has_a_line() {
     assert_eq!(site.function, "f");
 }
 
-/// An index outside its array reads anything in intervals, though `f32` clamps it.
+/// In intervals, a read with an index outside of its array may return any number, although `f32` clamps the index.
 #[test]
 fn reads_out_of_bounds_are_unbounded() {
     let source = "fn f(x: f32) -> f32 { var a = array(1.0, 2.0, 3.0); return a[i32(x)]; }";
@@ -160,7 +160,7 @@ fn integers_and_booleans_have_bounds() {
     assert_eq!(row[1], Lane::Bool(Truth::Undecided));
 }
 
-/// For each builtin, the engine's own results in `f32` and `f64` lie within the bounds.
+/// For each builtin, the engine's own results in `f32` and `f64` are within the bounds.
 #[test]
 fn results_lie_within_their_bounds() {
     let expressions = [
@@ -240,11 +240,11 @@ fn results_lie_within_their_bounds() {
                 bound.contains(f64::from(single)),
                 "{expression} of {x} {y}: {single} not in {bound:?}"
             );
-            // Discontinuous builtins may differ by a step in the shadow.
+            // In the shadow, the result of a builtin that isn't continuous may be on the other side of a jump.
             let steps =
                 ["step", "floor", "ceil", "round", "trunc", "fract", "%", "quantize", "modf"];
             if !steps.iter().any(|step| expression.contains(step)) {
-                // The shadow isn't rounded to `f32`, but the bounds are those of `f32` results.
+                // The shadow doesn't round to `f32`, but the bounds are those of `f32` results.
                 let slack = f64::from(f32::EPSILON) * double.abs();
                 assert!(
                     bound.contains(double)
@@ -259,8 +259,8 @@ fn results_lie_within_their_bounds() {
     }
 }
 
-/// Wherever another sine would decide otherwise, the result is still within the bounds. The test moves the sine by up
-/// to the error that the specification allows.
+/// If another sine leads to another decision, the result is still within the bounds. The test changes the sine by at
+/// most the error that the specification allows.
 #[test]
 fn every_decision_within_the_bounds_is_followed() {
     let body = "
@@ -288,7 +288,7 @@ fn every_decision_within_the_bounds_is_followed() {
     let xs: Vec<f32> = (0..1500).map(|k| -3.0 + 4.0 * k as f32 / 1500.0).collect();
     let bounds = intervals(&bounded, &xs);
     let mut undecided = 0;
-    // A little less than 2^-11, so that rounding of the sum above stays inside.
+    // The change is slightly less than 2^-11, so that the rounded sum stays within the error.
     for e in [0.0, 4.8e-4, -4.8e-4, 2e-4, -3e-4] {
         let rows: Vec<f32> = xs.iter().flat_map(|&x| [x, e]).collect();
         for ((x, bound), y) in xs.iter().zip(&bounds).zip(floats(&moved, &rows)) {
@@ -300,7 +300,7 @@ fn every_decision_within_the_bounds_is_followed() {
     assert!(undecided > 50, "only {undecided}");
 }
 
-/// In half precision only numbers below 2^-14 are subnormal.
+/// In half precision, only numbers below 2^-14 are subnormal.
 #[test]
 fn roots_of_halves_that_may_be_flushed_may_be_zero() {
     let source = "enable f16; fn f(x: f32) -> f32 { return f32(sqrt(f16(x))); }";
@@ -313,17 +313,17 @@ fn roots_of_halves_that_may_be_flushed_may_be_zero() {
     assert!(four.contains(2.0) && four.lo() > 1.98 && four.hi() < 2.03, "{four:?}");
 }
 
-/// A bound of half precision contains everything that WGSL allows, and little more: from, to, and the excess that is
-/// accepted.
+/// A bound of half precision contains all results that WGSL allows, and few others. Each row has the least and the
+/// greatest result, and the accepted excess.
 #[test]
 fn functions_of_halves_are_as_exact_as_wgsl_says() {
     let tiny = 2f32.powi(-15);
     for (expression, x, [least, most], slack) in [
-        // A subnormal may be flushed, whatever its sign.
+        // A subnormal may be flushed, whatever its sign is.
         ("f16(x)", -tiny, [-tiny, 0.0], 0.0),
-        // Beyond a power of two 6 ulp are twice as large.
+        // Above a power of two, 6 ulp are twice as large.
         ("sqrt(f16(x))", 4.0, [2.0 - 6.0 / 1024.0, 2.0 + 6.0 / 512.0], 0.02),
-        // Squares below 2^-14 may be flushed to 0, and are off by a step of 2^-24.
+        // Squares below 2^-14 may be flushed to 0, and have an error of a step, 2^-24.
         ("length(vec2h(f16(x), 0.0h))", 2f32.powi(-8), [0.0, 2f32.powi(-8)], 1e-4),
         ("length(vec2h(f16(x), 0.0h))", 2f32.powi(-12), [0.0, 1.7 * 2f32.powi(-12)], 1e-4),
         ("exp(f16(x))", 5.0, [148.4 - 11.0 * 0.125, 148.4 + 11.0 * 0.125], 4.0),

@@ -1,4 +1,4 @@
-//! Arrays, structs, buffers and compute entry points.
+//! Tests arrays, structs, buffers and compute entry points.
 
 use std::sync::Mutex;
 
@@ -68,7 +68,7 @@ fn indices_are_clamped_and_reported() {
     let (resources, options) = (Resources::new(), Options::default());
     let found = program.call::<F32>(5, &rows, &resources, &options, &observer).unwrap().words();
     let found: Vec<f32> = found.into_iter().map(f32::from_bits).collect();
-    // The element at `i32::MAX` is never read.
+    // No element at `i32::MAX` is read.
     assert_eq!(found, [2.0, 1.0, 3.0, 0.0, 1.0]);
     let each = [1, 2, 4].map(|case| (case, "look".to_owned()));
     assert_eq!(*observer.0.lock().unwrap(), each, "each lane is reported");
@@ -90,7 +90,8 @@ impl Observer<F32> for Wrapped {
 #[test]
 fn a_wrapping_index_is_reported() {
     const QUARTER: u32 = 1 << 30;
-    // An index into an array of 8, and the arguments (0, 1, 2, 2^30, `u32::MAX`) for which it wraps.
+    // Each row has an index into an array of 8 elements, and the arguments for which it wraps. The arguments are 0, 1,
+    // 2, 2^30 and `u32::MAX`.
     for (index, expected) in [
         ("i * 4u + 1u", &[3][..]),
         ("i << 2u", &[3]),
@@ -98,21 +99,21 @@ fn a_wrapping_index_is_reported() {
         ("i + u32(-1 * i32(i > 1u))", &[]),
         ("i + 0xffffffffu", &[]),
         ("i * 2654435761u - i * 2654435761u / 8u * 8u", &[]),
-        // A number that wraps twice and comes back is fine.
+        // An index may wrap twice if it comes back to the right number.
         ("i - 5u + 5u", &[]),
         ("u32(i32(i) - 1) + 1u", &[]),
         ("i32(i) + 1", &[]),
-        // A hash is meant to wrap; the mask takes a part of it.
+        // A hash may wrap. The mask takes a part of its bits.
         ("(i * 1664525u + 1013904223u) & 7u", &[]),
         ("(i * 4u) % 8u", &[]),
         ("min(i * 4u, 7u)", &[]),
-        // The access reports an index outside.
+        // The index is outside, so the access reports it.
         ("i + 8u", &[]),
         ("i * 4u + 8u", &[]),
-        // A large stride is even; a shift by a variable moves bits.
+        // Only even strides are checked if they are large. A shift by a variable moves bits.
         ("i * 131072u", &[3]),
         ("i << (i >> 28u)", &[]),
-        // Through a call, and a let-binding.
+        // The index is computed through a call, or through a let-binding.
         ("beyond(4u * i)", &[3]),
         ("-i32(i * 4u)", &[3]),
         // Only the lowest five bits of a shift count.
@@ -133,7 +134,7 @@ fn a_wrapping_index_is_reported() {
     }
 }
 
-/// An index that may be any of the array reads the join of all elements.
+/// An index that may have any value in the array reads the join of all elements.
 fn intervals_of(source: &str) -> (f32, f32) {
     let source =
         format!("{source} fn g(x: f32) -> f32 {{ return look(clamp(i32(sin(x) * 1e4), 0, 2)); }}");
@@ -156,7 +157,7 @@ fn buffers_have_the_layout_of_the_host() {
         fn f(i: u32) -> vec4f {
             return vec4f(light.power, light.m[i][2], values[i], f32(light.ids[1].y + arrayLength(&values)));
         }";
-    // Offsets in bytes: colour 0, power 12, m 16 (columns of 16 bytes), ids 64 (16 bytes each).
+    // The offsets in bytes: colour is at 0, power at 12, m at 16 (with columns of 16 bytes), ids at 64 (16 bytes each).
     let mut bytes = vec![0u8; 96];
     let mut put = |at: usize, word: u32| bytes[at..at + 4].copy_from_slice(&word.to_le_bytes());
     put(12, 7f32.to_bits());
@@ -171,7 +172,7 @@ fn buffers_have_the_layout_of_the_host() {
         program.call::<F32>(2, &[1, 9], &resources, &Options::default(), &()).unwrap().words();
     let found: Vec<f32> = results.into_iter().map(f32::from_bits).collect();
     assert_eq!(found[..4], [7.0, 9.0, 2.0, 43.0]);
-    assert_eq!(found[6], 3.0, "an index beyond the end finds the last");
+    assert_eq!(found[6], 3.0, "an index beyond the end selects the last element");
     resources.set_buffer(0, 0, vec![0; 8]);
     let stop = program.call::<F32>(1, &[0], &resources, &Options::default(), &()).unwrap_err();
     assert_eq!(stop, Stop::Short { name: "light".to_owned(), found: 8, needed: 96 });
@@ -207,7 +208,7 @@ fn a_dispatch_shares_memory_within_workgroups() {
         let sum: u32 = if id < 64 { (0..64).sum() } else { (64..128).sum() };
         assert_eq!(word(out, id), sum - id as u32);
     }
-    // Lane by lane; each operation runs in all lanes before the next.
+    // Each operation runs in all lanes before the next operation. An atomic runs lane after lane.
     assert_eq!(word(resources.buffer(0, 1).unwrap(), 0), 1000);
 }
 
@@ -281,7 +282,7 @@ fn half_precision_rounds_each_operation() {
         fn f(x: f16, y: f16) -> f32 { return f32(mix(x, y, 0.5h)); }";
     let (program, options) = (program(blend, "f"), Options::default());
     let stop = program.call::<Intervals>(1, &row, &Resources::new(), &options, &()).unwrap_err();
-    assert!(matches!(stop, Stop::NoRule { what: "this in half precision", .. }));
+    assert!(matches!(stop, Stop::NoRule { what: "this operation in half precision", .. }));
 }
 
 #[test]
@@ -297,8 +298,8 @@ fn subnormals_are_flushed_where_asked() {
     assert!(kept[0] > 0.9e-24 && kept[1] > 0.9e-22);
 }
 
-/// "Any inputs or outputs of operations listed in 15.7.4 Floating Point Accuracy may be flushed to zero", and "other
-/// operations are required to preserve subnormal numbers" (15.7.2).
+/// Tests flushing: "Any inputs or outputs of operations listed in 15.7.4 Floating Point Accuracy may be flushed to
+/// zero", and "other operations are required to preserve subnormal numbers" (15.7.2).
 fn flushed(body: &str) -> Vec<u32> {
     let source = format!(
         "@group(0) @binding(0) var<storage, read> data: array<f32, 3>;
@@ -331,7 +332,7 @@ fn moves_keep_subnormals() {
         ("let s = S(x, vec2f(x)); return bitcast<vec2u>(vec2f(s.a, s.b.y));", [x, x]),
         ("let k = u32(x + 2.0); return bitcast<vec2u>(vec2f(data[k], data[0]));", [x, x]),
         ("return bitcast<vec2u>(vec2f(bitcast<f32>(71362u), 1e-40));", [71362, x]),
-        // The computed number is flushed; `x` itself keeps its bits.
+        // The computed number is flushed, but `x` itself keeps its bits.
         ("let y = x * 2.0; return bitcast<vec2u>(vec2f(x, y));", [x, 0]),
         ("let y = x > 1e-45; return vec2u(bitcast<u32>(x), u32(y));", [x, 0]),
     ] {

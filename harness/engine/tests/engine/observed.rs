@@ -1,4 +1,4 @@
-//! Values that observers receive.
+//! Tests the values that observers receive.
 
 use std::sync::Mutex;
 
@@ -19,7 +19,7 @@ fn f(x: f32, k: i32) -> f32 {
     return x;
 }";
 
-/// The lines at which an active lane got NaN, each with the case; and named values.
+/// The lines at which an active lane got NaN, each with the case. Also the named values.
 #[derive(Default)]
 struct Seen {
     nan: Mutex<Vec<(u32, usize)>>,
@@ -61,9 +61,9 @@ fn observed<A: Runs>(settings: &Settings, observer: &dyn Observer<A>) {
 fn a_hidden_nan_has_its_line_and_case() {
     let seen = Seen::default();
     observed::<F32>(&Settings::default(), &seen);
-    // Only case 1: case 0 isn't active, case 2 has a root. `max` hides the NaN.
+    // Only case 1 has NaN: case 0 isn't active, and case 2 has a root. `max` hides the NaN.
     assert_eq!(*seen.nan.lock().unwrap(), [(3, 1)]);
-    assert!(seen.named.lock().unwrap().is_empty(), "only where they are asked for");
+    assert!(seen.named.lock().unwrap().is_empty(), "only requested names are shown");
     observed::<F64>(&Settings::default(), &());
 }
 

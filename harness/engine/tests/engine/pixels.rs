@@ -1,4 +1,4 @@
-//! Fragment entry points: their invocations are the pixels of a draw.
+//! Tests fragment entry points, whose invocations are the pixels of a draw.
 
 use karat_engine::{
     F32, Options, Place, Priorities, Program, Resources, Schedule, Settings, pixel_of,
@@ -35,7 +35,7 @@ fn drawn(body: &str, options: &Options) -> (Vec<f32>, u32) {
     (words(0).into_iter().map(f32::from_bits).collect(), words(1)[0])
 }
 
-/// Each pixel runs once, at its own place. Pixels beyond the edges write nothing.
+/// Each pixel runs once, with its own position. Pixels outside of the draw write nothing.
 #[test]
 fn a_draw_runs_each_of_its_pixels() {
     let (left, count) =
@@ -50,7 +50,7 @@ fn a_draw_runs_each_of_its_pixels() {
     assert!((0..5).all(|y| (0..11).all(|x| numbers.clone().any(|pixel| pixel == [x, y]))));
 }
 
-/// A discarded pixel goes on, so that its neighbours have derivatives. It has no other effect.
+/// A discarded pixel continues, so that its neighbours have derivatives. It has no other effect.
 #[test]
 fn a_pixel_that_is_discarded_helps_and_writes_nothing() {
     let body = "if at(p) % 2u == 0u { discard; }\n\
@@ -75,7 +75,7 @@ fn a_pixel_that_is_discarded_helps_and_writes_nothing() {
     }
 }
 
-/// Pixels race. Helpers don't, and their indices don't matter.
+/// Pixels may race. Helpers don't race, and their indices aren't checked.
 #[test]
 fn helpers_are_in_no_race() {
     for (guard, expected) in [("", Some(([0, 0], [1, 0]))), ("if at(p) != 3u { discard; }", None)] {
@@ -94,7 +94,7 @@ fn helpers_are_in_no_race() {
     }
 }
 
-/// A fragment entry point gets its position, and no other input.
+/// A fragment entry point receives its position, and no other input.
 #[test]
 fn other_inputs_of_a_draw_are_refused() {
     for input in ["@location(0) x: f32", "@builtin(front_facing) front: bool"] {

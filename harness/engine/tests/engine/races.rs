@@ -1,4 +1,4 @@
-//! Races, and barriers that not all invocations reach.
+//! Tests races, and barriers that only some invocations reach.
 
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
@@ -7,7 +7,7 @@ use karat_engine::{Observed, Options, Place, Priorities, Program, Resources, Sch
 
 use crate::common::module;
 
-/// Dispatches `main` over groups in the usual order, with a buffer of so many words for `d`.
+/// Dispatches `main` over `groups` workgroups in the usual order. The buffer `d` has `words` words.
 fn observe(source: &str, groups: u32, words: usize) -> Observed {
     observe_in(Schedule::default(), source, groups, words)
 }
@@ -31,8 +31,8 @@ const HEAD: &str = "@group(0) @binding(0) var<storage, read_write> d: array<u32>
                     @compute @workgroup_size(64) fn main(@builtin(local_invocation_index) i: u32,\n\
                         @builtin(workgroup_id) group: vec3u, @builtin(global_invocation_id) g: vec3u) {\n";
 
-/// The races of a body: variable, element, invocations, which of them write, whether in one workgroup, whether with
-/// equal writes.
+/// The races of a body as text: the variable, the element, both invocations with `w` or `r`, `apart` if the invocations
+/// are in different workgroups, and `equal` for equal writes.
 fn races(body: &str, groups: u32) -> Vec<String> {
     let observed = observe(&format!("{HEAD}{body}\n}}\n"), groups, 64 * groups as usize);
     let one = |race: &karat_engine::Race| {
@@ -56,17 +56,17 @@ fn races(body: &str, groups: u32) -> Vec<String> {
 #[test]
 fn unordered_accesses_are_a_race() {
     for (body, expected) in [
-        // The barrier between is missing.
+        // There is no barrier between the accesses.
         ("w[i] = d[g.x]; d[g.x] = w[63u - i];", &["w[63] w63 r0"][..]),
         ("w[i] = d[g.x]; workgroupBarrier(); d[g.x] = w[63u - i];", &[]),
-        // The other barrier orders another address space.
+        // The barrier orders another address space.
         ("w[i] = d[g.x]; storageBarrier(); d[g.x] = w[63u - i];", &["w[63] w63 r0"]),
         ("d[g.x] = i; workgroupBarrier(); w[i] = d[g.x ^ 1u];", &["d[1] w1 r0"]),
         ("d[g.x] = i; storageBarrier(); w[i] = d[g.x ^ 1u];", &[]),
-        // A read before a write.
+        // A read comes before a write.
         ("let x = w[63u - i]; w[i] = x + 1u;", &["w[0] r63 w0"]),
         ("let x = w[63u - i]; workgroupBarrier(); w[i] = x + 1u;", &[]),
-        // Two writes: of equal words, and of different words.
+        // Two writes of equal words, or of different words.
         ("w[i / 2u] = i;", &["w[0] w0 w1"]),
         ("w[i / 2u] = 7u;", &["w[0] w0 w1 equal"]),
         ("if i == 3u { w[0] = 1u; } w[1] = w[0];", &["w[0] w3 r0", "w[1] w0 w1 equal"]),
@@ -98,7 +98,7 @@ fn nothing_orders_two_workgroups() {
             "if group.x < 2u { w[i] = d[128u + i]; } else { d[g.x] = 1u; }",
             &["d[128] r64 w128 apart"],
         ),
-        // Both workgroups read; then one of them writes the word that it has read.
+        // Both workgroups read. Then one of them writes the word that it read.
         (
             "if i == 0u { let x = d[0]; if group.x == 2u { d[0] = x + 1u; } }",
             &["d[0] r64 w128 apart"],
@@ -109,7 +109,7 @@ fn nothing_orders_two_workgroups() {
     }
 }
 
-/// A read beside writes of equal words is a race of its own kind, wherever the writes are.
+/// Equal writes and a read of the same element are two races of different kinds, whatever the order is.
 #[test]
 fn equal_writes_hide_no_other_race() {
     let twice = "if i == 0u && group.x < 2u { d[0] = 1u; }\nstorageBarrier();\n\
@@ -122,7 +122,7 @@ fn equal_writes_hide_no_other_race() {
     assert_eq!(counts, [1, 1], "an element counts once");
 }
 
-/// Each workgroup has its own memory, zero at the start.
+/// Each workgroup has its own memory, which is zero at the start.
 #[test]
 fn each_workgroup_has_its_own_unwritten_memory() {
     let unwritten = |body: &str, groups: u32| {
@@ -141,7 +141,7 @@ fn each_workgroup_has_its_own_unwritten_memory() {
     assert_eq!(unwritten(half, 2), of_w(32, 32, 64));
     // An atomic that reads and writes reads first.
     let counts = "atomicAdd(&a[i], 1u); d[g.x] = atomicLoad(&a[i]);";
-    let [one] = &unwritten(counts, 2)[..] else { panic!("the load is behind the addition") };
+    let [one] = &unwritten(counts, 2)[..] else { panic!("the load comes after the addition") };
     assert_eq!((&*one.0, one.3), ("a", 128));
     assert_eq!(unwritten("atomicStore(&a[i], 1u); d[g.x] = atomicAdd(&a[i], 1u);", 2), []);
 }
@@ -157,15 +157,15 @@ fn indices_outside_say_whether_they_write() {
     assert_eq!(outside("d[i + 60u] = i;"), [(true, 4, 60, 64)]);
     assert_eq!(outside("if i > 31u { d[2u * i] = i; }"), [(true, 32, 32, 32)]);
     assert_eq!(outside("d[i + 60u] += 1u;"), [(false, 4, 60, 64), (true, 4, 60, 64)]);
-    // 32 times 2^27 wraps to 0. Every other index from 1 on is outside.
+    // 32 times 2^27 wraps to 0. All other indices from 1 on are outside.
     assert_eq!(outside("d[i << 27u] = 1u;"), [(false, 32, 1, 64), (true, 1, 62, 64)]);
     assert_eq!(outside("if i < 32u { d[i << 27u] = 1u; }"), [(true, 1, 31, 32)]);
-    // The first number that wraps, and the element that it reaches.
+    // The first index that wraps, and the element that it selects.
     let observed = observe(&format!("{HEAD}d[i << 28u] = 1u;\n}}\n"), 1, 64);
-    assert_eq!(observed.outside[0].index, Some((1 << 32, 0)), "of 16, 32 and 48");
+    assert_eq!(observed.outside[0].index, Some((1 << 32, 0)), "the index wraps for 16, 32 and 48");
 }
 
-/// The detector lists each word and texel that a program writes, and none that it only reads.
+/// The detector lists each word and texel that a program writes, but none that it only reads.
 #[test]
 fn written_elements_are_listed() {
     let observed = observe(&format!("{HEAD}w[i] = d[i]; if i == 3u {{ d[5] = 1u; }}\n}}\n"), 1, 64);
@@ -188,7 +188,7 @@ fn written_elements_are_listed() {
     assert_eq!(texels, [[Some([7, 0, 0, 1]); 2]]);
 }
 
-/// Booleans and 16-bit floats have their own places within a word.
+/// Booleans and 16-bit floats may be different elements in the same word.
 #[test]
 fn small_elements_are_apart() {
     let text = |body: &str| {
@@ -224,7 +224,7 @@ fn texels_are_elements_too() {
     let apart =
         "let x = textureLoad(t, vec2u(i.x ^ 1u, i.y)); textureBarrier(); textureStore(t, i.xy, x);";
     assert!(of(apart).is_empty());
-    // All channels count.
+    // The comparison uses all channels.
     let alpha = "textureStore(t, vec2u(0u), vec4u(0u, 0u, 0u, 0u)); textureStore(t, vec2u(1u), vec4u(i.x));";
     let observed = observe(&text(alpha), 1, 1);
     let equal: Vec<bool> = observed.races.iter().map(|race| race.writes_equally()).collect();
@@ -243,7 +243,8 @@ fn barriers_that_some_miss_are_reported() {
     assert!(of("for (var k = 0u; k < 5u; k++) { workgroupBarrier(); }").is_empty());
 }
 
-/// The element that an invocation of `WIDTH` accesses, as WGSL and as a function.
+/// Indices of the elements that invocations access, as WGSL and as functions of the invocation. There are `WIDTH`
+/// invocations.
 const INDICES: [Index; 7] = [
     ("i", |i| i),
     ("(i ^ 1u)", |i| i ^ 1),
@@ -256,19 +257,17 @@ const INDICES: [Index; 7] = [
 
 const WIDTH: u32 = 8;
 
-/// An index as WGSL, and its value for an invocation.
 type Index = (&'static str, fn(u32) -> u32);
 
-/// A statement of a generated kernel.
 #[derive(Clone, Copy)]
 enum Statement {
-    /// A barrier for workgroup memory, or for storage.
+    /// A barrier for workgroup memory, or for storage if `storage` is set.
     Barrier { storage: bool },
-    /// An access by the invocations below a number: of workgroup memory, or of a storage buffer, in the part of the own
-    /// group or of the first group.
+    /// An access by the invocations below a number. It accesses workgroup memory, or the part of a storage buffer that
+    /// belongs to its own workgroup or to the first workgroup.
     Access {
         below: u32,
-        /// The workgroup that does it; `None` for all.
+        /// The workgroup that makes the access. `None` for all workgroups.
         of: Option<u32>,
         storage: bool,
         shared: bool,
@@ -277,7 +276,7 @@ enum Statement {
     },
 }
 
-/// Numbers from a seed (Knuth's constants for linear congruential generators, as in MMIX).
+/// Random numbers from a seed. The constants are Knuth's for linear congruential generators, as in MMIX.
 struct Random(u64);
 
 impl Random {
@@ -306,7 +305,7 @@ fn generated(random: &mut Random) -> Vec<Statement> {
         .collect()
 }
 
-/// The line of a kernel's first statement; each statement has a line.
+/// The line of a kernel's first statement. Each statement is on its own line.
 const FIRST_LINE: usize = 6;
 
 fn text(kernel: &[Statement]) -> String {
@@ -327,7 +326,7 @@ fn text(kernel: &[Statement]) -> String {
                     (true, false) => format!("d[8u * group.x + {index}]"),
                 };
                 let done = match write {
-                    // The value: a different one for each invocation, or the same for all.
+                    // The value is different for each invocation, or the same for all.
                     Some(0) => format!("{place} = 8u * group.x + i;"),
                     Some(value) => format!("{place} = {value}u;"),
                     None => format!("x += {place};"),
@@ -340,9 +339,8 @@ fn text(kernel: &[Statement]) -> String {
     text + "}\n"
 }
 
-/// An access, as a naive detector sees it.
 struct Naive {
-    /// The number of its statement in the kernel.
+    /// The index of the access's statement in the kernel.
     statement: usize,
     group: u32,
     invocation: u32,
@@ -351,16 +349,16 @@ struct Naive {
     write: Option<u32>,
 }
 
-/// The findings of the naive detector on a variable.
+/// The races that the naive detector finds on a variable.
 #[derive(Default)]
 struct Races {
-    /// Pairs of accesses: the element, both invocations, and `true` if both write the same word.
+    /// Pairs of accesses that race: the element, both invocations, and `true` if both write the same word.
     pairs: BTreeSet<(u32, u32, u32, bool)>,
     /// The pairs of lines of these accesses, the upper line first.
     lines: BTreeSet<[usize; 2]>,
 }
 
-/// The races on workgroup memory, and those on storage.
+/// The races on workgroup memory, and the races on storage.
 fn naive(kernel: &[Statement], groups: u32) -> [Races; 2] {
     [false, true].map(|of_storage| {
         let mut all = Vec::new();
@@ -413,14 +411,15 @@ fn naive(kernel: &[Statement], groups: u32) -> [Races; 2] {
     })
 }
 
-/// On each variable, the detector finds a race if and only if the naive detector does, and each race that it finds is
-/// one of the naive detector's. That holds for any order of invocations, since the accesses here don't depend on it.
+/// The detector finds a race on a variable if and only if the naive detector finds one. Each race that it finds is also
+/// found by the naive detector. This is true for any order of invocations, because the accesses don't depend on the
+/// order.
 // Lesson 215
 #[test]
 fn generated_kernels_are_judged_as_a_naive_detector_judges_them() {
     let mut random = Random(0x7261_6365);
     let mut counts = [0, 0];
-    // Pairs of lines that race, and those of them that the detector reports.
+    // The number of pairs of lines that race, and the number of those that the detector reports.
     let (mut racing, mut told_lines) = (0, 0);
     for at in 0..1000 {
         let kernel = generated(&mut random);
@@ -467,19 +466,19 @@ fn generated_kernels_are_judged_as_a_naive_detector_judges_them() {
                 let places: BTreeSet<u32> = places.collect();
                 assert!(race.elements as usize <= places.len(), "{race:?}\n{text}");
             }
-            // A race of unequal writes is reported as one.
+            // The detector reports a race other than equal writes exactly if there is one.
             let differs = |(.., equal): &(u32, u32, u32, bool)| !equal;
             let told = found.iter().any(|race| !race.writes_equally());
             assert_eq!(told, expected.iter().any(differs), "{text}\n{found:?}\n{expected:?}");
         }
     }
     assert!(counts.iter().all(|count| *count > 100), "{counts:?}");
-    // If three lines race on an element, the detector reports the pairs with its last write, and may leave out the
-    // third pair: it reports 1,707 of 1,907 pairs.
+    // If three lines race on an element, the detector reports the pairs with the last write, and may not report the
+    // third pair. It reports 1,707 of 1,907 pairs.
     assert!(100 * told_lines > 85 * racing, "{told_lines} of {racing} pairs of lines");
 }
 
-/// Two workgroups may act upon the same atomic load, if one of them stalls after it.
+/// Two workgroups may load the same value from an atomic, if one of them stalls after its load.
 #[test]
 fn a_workgroup_that_stalls_acts_upon_what_is_old() {
     let source = |body: &str| {
@@ -495,7 +494,7 @@ fn a_workgroup_that_stalls_acts_upon_what_is_old() {
     };
     let stale = source("n = atomicLoad(&count); atomicStore(&count, n + 1u); d[n] = 1u;");
     let whole = source("n = atomicAdd(&count, 1u); d[n] = 1u;");
-    // The stall is before the second atomic of the first invocation of a workgroup.
+    // The first invocation of a workgroup stalls before its second atomic.
     for (source, stalls, races) in [
         (&stale, vec![], 0),
         (&stale, vec![(4, 2)], 1),
@@ -524,7 +523,7 @@ fn a_workgroup_that_stalls_acts_upon_what_is_old() {
     }
 }
 
-/// A barrier that only some invocations reach, depending on the result of an atomic.
+/// Depending on the result of an atomic, only some invocations reach a barrier.
 #[test]
 fn a_barrier_that_the_order_of_atomics_divides() {
     let source = "@group(0) @binding(0) var<storage, read_write> d: array<atomic<u32>>;\n\

@@ -1,5 +1,5 @@
-//! Compares random programs with a walk over their syntax tree, one case at a time; and programs with undecided
-//! conditions with every combination of decisions.
+//! Compares random programs with an interpreter of their syntax trees, one case at a time. Programs with undecided
+//! conditions are compared with all combinations of decisions.
 
 use std::fmt::Write as _;
 
@@ -7,7 +7,6 @@ use karat_engine::{F32, Intervals, Lane, Options, Resources};
 
 use crate::common::{call, program};
 
-/// Variables of a program.
 const VARIABLES: usize = 5;
 
 enum Expression {
@@ -18,7 +17,7 @@ enum Expression {
 
 enum Condition {
     Less(Expression, Expression),
-    /// Undecided: bit `k` of the second parameter decides.
+    /// An undecided condition. Bit `k` of the second parameter decides it.
     Open(u32),
 }
 
@@ -95,8 +94,8 @@ impl Random {
     }
 }
 
-/// The end of a block. In a switch, a break would leave the switch, so there it stands inside ifs, and ends whatever is
-/// innermost.
+/// The end of a block. In a switch, `break` would leave the switch. So there, `break` stands inside of an `if`, and
+/// leaves the innermost loop or switch.
 enum End {
     Next,
     Break,
@@ -189,7 +188,7 @@ impl Walk {
 fn write_expression(expression: &Expression) -> String {
     match expression {
         Expression::Variable(k) => format!("v{k}"),
-        // Not a literal: naga refuses to divide by a constant zero.
+        // A literal isn't possible, because naga refuses to divide by a constant zero.
         Expression::Constant(x) => format!("(zero + {x}u)"),
         Expression::Binary(operator, a, b) => {
             format!("({} {operator} {})", write_expression(a), write_expression(b))
@@ -200,7 +199,7 @@ fn write_expression(expression: &Expression) -> String {
 fn write_condition(condition: &Condition, open: bool) -> String {
     match condition {
         Condition::Less(a, b) => format!("{} < {}", write_expression(a), write_expression(b)),
-        // sin(pi / 6) is 0.5 within its error, so the condition is undecided.
+        // sin(pi / 6) is 0.5 within the error of the sine, so the condition is undecided.
         Condition::Open(_) if open => "sin(f32(zero) + 0.52359877) > 0.5".to_owned(),
         Condition::Open(k) => format!("(bits >> {k}u & 1u) == 1u"),
     }

@@ -1,4 +1,4 @@
-//! Random float programs: in any order of their sums and products, the result is within the bounds.
+//! Tests random programs of floats: for any order of their sums and products, the result is within the bounds.
 //!
 //! WGSL, 15.7.5 "Reassociation and Fusion": "An implementation may reassociate operations."
 
@@ -28,7 +28,6 @@ struct Random {
     format: Format,
 }
 
-/// The format of a program's floats.
 #[derive(Clone, Copy, PartialEq)]
 enum Format {
     Single,
@@ -36,13 +35,13 @@ enum Format {
 }
 
 impl Format {
-    /// The nearest number, and the neighbours below and above it.
+    /// The nearest number, and its neighbours below and above.
     fn around(self, exact: f64) -> [f32; 3] {
         match self {
             Self::Single => [(exact as f32).next_down(), exact as f32, (exact as f32).next_up()],
             Self::Half => {
                 let nearest = half::f16::from_f64(exact);
-                // Infinities and NaN have no neighbours. Zero has one of either sign.
+                // Infinities and NaN have no neighbours. Zero has a negative and a positive neighbour.
                 let beside = |up: bool| {
                     let bits = nearest.to_bits();
                     let bits = match (bits & 0x7fff, (bits >> 15 == 1) == up) {
@@ -73,7 +72,7 @@ impl Random {
         ((self.state >> 33) % n as u64) as usize
     }
 
-    /// A number from -4 to 4, near 0 half of the time.
+    /// A number from -4 to 4, which is near 0 in half of the cases.
     fn number(&mut self) -> f32 {
         let number = self.number_of_single();
         self.format.around(f64::from(number))[1]
@@ -94,7 +93,7 @@ impl Random {
             return match self.below(4) {
                 0 => {
                     let number = CONSTANTS[self.below(CONSTANTS.len())];
-                    // Products of constants alone have to have a value.
+                    // A product of constants only must have a value.
                     let number =
                         if self.format == Format::Half { number.min(17.0) } else { number };
                     Tree::Constant(self.format.around(f64::from(number))[1])
@@ -102,7 +101,7 @@ impl Random {
                 _ => Tree::Variable(self.below(VARIABLES.len())),
             };
         }
-        // A constant expression would be folded before the engine sees it.
+        // naga would evaluate a constant expression before the engine sees it.
         let first = match self.tree(depth - 1) {
             Tree::Constant(_) => Tree::Variable(self.below(VARIABLES.len())),
             other => other,
@@ -126,7 +125,7 @@ impl Random {
                 let name = ["abs", "floor", "exp2", "saturate"][self.below(4)];
                 Tree::Call(name, Box::new(Tree::Subtract(two)))
             }
-            // They have no bounds in half precision.
+            // These functions have no bounds in half precision.
             _ if self.format == Format::Half => Tree::Add(two),
             _ if self.below(4) == 0 => Tree::Remainder(two),
             _ => {
@@ -136,7 +135,7 @@ impl Random {
         }
     }
 
-    /// The same tree with its formulas written out, and each sum and product in a random order.
+    /// The same tree with formulas instead of functions, and with a random order in each sum and product.
     fn reassociated(&mut self, tree: &Tree) -> Tree {
         match tree {
             Tree::Variable(_) | Tree::Constant(_) => tree.clone(),
@@ -170,7 +169,7 @@ impl Random {
             }
             Tree::Remainder(two) => {
                 let [x, y] = &**two;
-                // x - y trunc(x / y). The quotient has an order of its own.
+                // The remainder is x - y trunc(x / y). The quotient has its own order.
                 let whole = Tree::Call("trunc", Box::new(Tree::Divide(two.clone())));
                 let product = Tree::Multiply(Box::new([y.clone(), whole]));
                 self.reassociated(&Tree::Subtract(Box::new([x.clone(), product])))
@@ -178,7 +177,7 @@ impl Random {
         }
     }
 
-    /// Joins two at a time until one is left. Each may be inverted: subtracted, or a divisor.
+    /// Joins two parts at a time until one part is left. A part may be inverted: it is then subtracted, or a divisor.
     fn joined(
         &mut self,
         mut parts: Vec<(Tree, bool)>,
@@ -229,7 +228,7 @@ impl Random {
         }
     }
 
-    /// The program of a tree. Parts of it become let-bindings, variables and a function.
+    /// The program of a tree. Some parts of the tree become let-bindings, variables and a function.
     fn written(&mut self, tree: &Tree) -> String {
         let mut body = String::new();
         let result = self.expression(tree, &mut body, true);
@@ -282,11 +281,12 @@ impl Random {
     }
 }
 
-/// WGSL allows a quotient an error of 2.5 ulp; the nearest float already is off by half an ulp.
+/// The additional error of a quotient in steps. WGSL allows 2.5 ulp, and rounding to the nearest float already has an
+/// error of up to half an ulp.
 const ULPS: usize = 2;
 
 impl Random {
-    /// The result of a tree if every operation is rounded up or down, and a quotient further.
+    /// The result of a tree if each operation is rounded up or down, and a quotient by a few more steps.
     fn rounded(&mut self, tree: &Tree, row: &[f32]) -> f32 {
         let format = self.format;
         let mut of = |x: &Tree| self.rounded(x, row);
@@ -314,7 +314,7 @@ impl Random {
                 let exact = f64::from(of(&two[0])) / f64::from(of(&two[1]));
                 let mut quotient = format.around(exact)[1];
                 let up = self.below(2) == 0;
-                // No implementation gives a quotient the wrong sign.
+                // No implementation returns a quotient with the wrong sign.
                 for _ in 0..self.below(ULPS + 1) {
                     if quotient == 0.0 {
                         break;
@@ -354,17 +354,17 @@ fn is_narrow(bound: &Interval) -> bool {
 const PROGRAMS: usize = 2000;
 const CASES: usize = 16;
 
-/// Runs four orders of each of 2,000 programs in `f32`, and again with each operation rounded up or down. Almost as
-/// many cases have bounds as in the written order.
+/// Runs four orders of each of 2,000 programs in `f32`. Then runs each again, with each operation rounded up or down.
+/// Almost as many cases have bounds as for the written order only.
 // Lesson 168: each order of terms lies within the bound
 #[test]
 fn every_order_of_a_random_program_is_within_the_bounds() {
-    // 93.5 % and 91.7 % if bounds covered only the written order.
+    // It would be 93.5 % and 91.7 % if bounds included only the written order.
     within_the_bounds(Format::Single, [90.5, 88.7]);
 }
 
-/// The same with floats of half precision. An ulp is a thousandth there, so few bounds are narrow: 93.3 % of the cases
-/// have bounds, 19.7 % narrow ones.
+/// The same test with floats of half precision. There, an ulp is about a thousandth of a number, so few bounds are
+/// narrow: 93.3 % of the cases have bounds, and 19.7 % have narrow ones.
 #[test]
 fn every_order_of_a_random_program_of_halves_is_within_the_bounds() {
     within_the_bounds(Format::Half, [90.0, 15.0]);
@@ -410,7 +410,7 @@ fn one(result: &str, row: [f32; 4]) -> Interval {
     intervals(&source("", result, Format::Single), &row)[0]
 }
 
-/// A sum that overflows in another order has no bound, and the reordering is named as the cause.
+/// A sum that overflows in another order is unbounded, and the other order is reported as the cause.
 #[test]
 fn an_order_that_overflows_has_no_bound() {
     let large = [3e38, -3e38, 3e38, -3e38];
@@ -425,13 +425,13 @@ fn an_order_that_overflows_has_no_bound() {
         assert!(!found.is_bounded() && found.is_reordered(), "{result}: {found:?}");
     }
     let written = one("x + z", large);
-    assert!(!written.is_bounded() && !written.is_reordered(), "in the only order");
+    assert!(!written.is_bounded() && !written.is_reordered(), "it overflows in the only order");
     assert_eq!(one("x + y + z + w", [3.0, -4.0, 5.0, -6.0]), Interval::point(-2.0));
     assert_eq!(one("x * y * z * w", [3.0, -4.0, 5.0, 0.5]), Interval::point(-30.0));
 }
 
-/// Subnormal results of operations may be flushed to zero (WGSL, 15.7.2 "Differences from IEEE-754"). So may a partial
-/// sum, before the other terms are added.
+/// Subnormal results of operations may be flushed to zero (WGSL, 15.7.2 "Differences from IEEE-754"). A partial sum may
+/// also be flushed before the other terms are added.
 // Lesson 164
 #[test]
 fn a_sum_of_some_terms_may_be_flushed() {
@@ -446,7 +446,7 @@ fn a_sum_of_some_terms_may_be_flushed() {
     }
 }
 
-/// A product isn't distributed over a sum, and other operations keep their order.
+/// A product isn't distributed over a sum, and all other operations keep their order.
 #[test]
 fn only_sums_and_products_have_several_orders() {
     let row = [16_777_216.0, 1.0, -16_777_216.0, 1.0];

@@ -1,4 +1,4 @@
-//! Programs that Karat recognizes as computing the same.
+//! Programs that Karat must recognise as computing the same, and programs that it mustn't.
 
 use karat_engine::{Program, Settings};
 
@@ -28,7 +28,7 @@ fn identities_hold_for_every_number() {
         ("return x * (1.0 + 1.0);", "return x + x;"),
     ] {
         assert!(is_same(a, b), "{a} is {b}");
-        // The machine computes the same numbers for both.
+        // The machine computes the same numbers with both programs.
         let [a, b] = [a, b].map(|body| format!("fn f(x: f32, y: f32) -> f32 {{ {body} }}"));
         let special = [0.0, -0.0, 1.5, -3.0e38, f32::INFINITY, f32::NAN, 1.0e-45, 1.0e-38, 3.3];
         let rows: Vec<f32> =
@@ -41,7 +41,7 @@ fn identities_hold_for_every_number() {
     }
 }
 
-/// A caller sees the private variables that a function writes.
+/// A caller sees the private variables that a function writes, so they are results.
 // Lesson 29
 #[test]
 fn private_variables_are_results() {
@@ -57,7 +57,7 @@ fn private_variables_are_results() {
     assert!(!lowered("0.3").is_same(&lowered("0.6")));
 }
 
-/// Two programs that differ for a single number, for a zero or for NaN aren't the same.
+/// Two programs aren't the same if they differ for a single number, for a zero or for NaN.
 // Lesson 29
 #[test]
 fn expressions_with_one_different_result_are_not_equal() {

@@ -1,4 +1,4 @@
-//! Subgroup operations: the values that each lane gets from the others.
+//! Tests subgroup operations, in which lanes get values of other lanes.
 
 use karat_engine::{
     Choice, Elsewhere, F32, Options, Priorities, Program, Resources, Schedule, Settings,
@@ -8,7 +8,7 @@ use crate::common::module;
 
 const LANES: u32 = 64;
 
-/// Dispatches a body over one workgroup, with subgroups of a size; returns `d`.
+/// Dispatches a body over one workgroup, with the subgroups of a schedule. Returns the contents of `d`.
 fn run(body: &str, schedule: Schedule) -> Vec<u32> {
     let source = format!(
         "@group(0) @binding(0) var<storage, read_write> d: array<u32>;
@@ -34,12 +34,11 @@ fn run(body: &str, schedule: Schedule) -> Vec<u32> {
     words.map(u32::from_le_bytes).collect()
 }
 
-/// The `x` of a lane, as in the shader.
 fn x(i: u32) -> u32 {
     (i * 7 + 3) % 13
 }
 
-/// A lane of a subgroup: the number of the subgroup's first lane, its size, and the lane's number in it.
+/// A lane: the number of its subgroup's first lane, the subgroup's size, and the lane's number in the subgroup.
 type Lane = (u32, u32, u32);
 
 #[test]
@@ -105,7 +104,7 @@ fn lanes_see_each_other() {
         ("d[i] = 0u; if own >= 2u { d[i] = subgroupBroadcastFirst(i); }", &|(first, _, own)| {
             if own >= 2 { first + 2 } else { 0 }
         }),
-        // Values survive a barrier in between.
+        // Values stay the same across a barrier.
         ("w[i] = x; workgroupBarrier(); let y = w[63u - i]; d[i] = subgroupAdd(y) + x;", &|lane| {
             let (first, size, own) = lane;
             (first..first + size).map(|i| x(63 - i)).sum::<u32>() + x(first + own)
@@ -122,7 +121,7 @@ fn lanes_see_each_other() {
                 let schedule = Schedule { together, priorities, subgroup, ..Schedule::default() };
                 let found = run(body, schedule.clone());
                 for (i, found) in (0..LANES).zip(found) {
-                    // If the workgroup ends inside a subgroup, the subgroup is cut.
+                    // If the workgroup ends inside of a subgroup, the subgroup is smaller.
                     let size = subgroup.min(LANES);
                     if subgroup > LANES && (body.contains("size") || body.contains("groups")) {
                         continue;
@@ -135,7 +134,7 @@ fn lanes_see_each_other() {
     }
 }
 
-/// A lane that doesn't exist has any value, like an index outside an array.
+/// A lane that doesn't exist may have any value, as with an index outside of an array.
 #[test]
 fn a_lane_that_is_not_there() {
     let zero = Options {
@@ -183,14 +182,14 @@ fn an_operation_that_some_of_a_subgroup_miss() {
     resources.set_buffer(0, 0, vec![0; 256]);
     let seen = program.observe_races([1, 1, 1], &mut resources, &Options::default(), None);
     let seen = seen.expect("it runs");
-    // In the first branch the subgroups of 32 are complete.
+    // In the first branch, the subgroups of 32 are complete.
     assert_eq!(seen.divergences.len(), 1);
     let one = &seen.divergences[0];
     assert_eq!((one.reached, one.missing, one.count), (32, 40, 24));
     assert!(one.parted.as_ref().is_some_and(|site| site.span.location(source).line_number == 5));
 }
 
-/// Cases of a call aren't lanes of a subgroup.
+/// The cases of a call aren't lanes of a subgroup.
 #[test]
 fn a_function_has_no_subgroup() {
     let (module, info) = module("fn sum(x: f32) -> f32 { return subgroupAdd(x); }");

@@ -1,5 +1,5 @@
-"""Makes table.txt: what the WGSL specification allows for inputs of built-in functions, "Floating Point
-Accuracy", in arithmetic of 200 bits. It shares nothing with the engine, which is compared with it.
+"""Makes table.txt: the results that the WGSL specification, "Floating Point Accuracy", allows for inputs of
+built-in functions, computed with 200 bits. A test compares the engine with this table. They share no code.
 
     python3 table.py > table.txt        # needs mpmath
 """
@@ -26,7 +26,7 @@ LEAST = mpf(2) ** -126
 
 
 def step(x, up):
-    """The next f32 above or below one."""
+    """The next f32 above x, or below x."""
     word = bits(x)
     if x == 0:
         return single(1) if up else -single(1)
@@ -35,7 +35,7 @@ def step(x, up):
 
 
 def below(x):
-    """The largest f32 that isn't above an exact number."""
+    """The largest f32 that isn't above the exact number x."""
     near = float(struct.unpack("<f", struct.pack("<f", float(x)))[0])
     while mpf(near) > x:
         near = step(near, False)
@@ -53,7 +53,7 @@ class Unbounded(Exception):
 
 
 def outwards(lo, hi):
-    """From exact ends to f32, with 0 where a subnormal may be flushed."""
+    """Rounds exact ends outwards to f32. Adds 0 if a subnormal may be flushed."""
     if lo < -LARGEST or hi > LARGEST:
         raise Unbounded
     lo, hi = below(lo), above(hi)
@@ -65,7 +65,7 @@ def outwards(lo, hi):
 
 
 def ulp(x):
-    """The least distance of two f32 about an exact number."""
+    """The smallest distance between two neighbouring f32 near the exact number x."""
     x = abs(mpf(x))
     if x < LEAST:
         return mpf(2) ** -149
@@ -74,7 +74,7 @@ def ulp(x):
         exponent -= 1
     while mpf(2) ** (exponent + 1) <= x:
         exponent += 1
-    # Of a power of two the neighbour below is nearer.
+    # The neighbour below a power of two is nearer than the neighbour above.
     if x == mpf(2) ** exponent and exponent > -126:
         exponent -= 1
     return mpf(2) ** (exponent - 23)
@@ -89,7 +89,7 @@ def point(x):
 
 
 def where(f, y, lo, hi):
-    """Where a monotonic function is y, by bisection."""
+    """Finds by bisection the argument at which a monotonic function is y."""
     rising = f(lo) < f(hi)
     for _ in range(200):
         middle = (lo + hi) / 2
@@ -98,7 +98,7 @@ def where(f, y, lo, hi):
 
 
 def between(f, g, x):
-    """Like corners, of a function f with an error g, whose ulps double where f crosses a power of two."""
+    """Like corners, for a function f with an error g. An ulp doubles where f crosses a power of two."""
     lo, hi = sorted(mpf(end) for end in x)
     ends = sorted((f(lo), f(hi)))
     found = [(f(end), g(end, f(end))) for end in (lo, hi)]
@@ -112,7 +112,7 @@ def between(f, g, x):
 
 
 def corners(f, *intervals):
-    """The least and the largest of a rule at the ends of intervals, for rules that are monotonic."""
+    """The smallest and the largest result of a monotonic rule, from the ends of its intervals."""
     ends = [[]]
     for interval in intervals:
         ends = [end + [mpf(x)] for end in ends for x in interval]

@@ -1,4 +1,5 @@
-//! Compares bounds with those that `table.py` computed with 200 bits. It shares nothing with the engine.
+//! Compares the engine's bounds with those that `table.py` computed with 200 bits. `table.py` shares no code with the
+//! engine.
 
 use std::collections::BTreeMap;
 
@@ -10,11 +11,11 @@ fn word(text: &str) -> f32 {
     f32::from_bits(u32::from_str_radix(text, 16).expect("a word"))
 }
 
-/// Inputs, and the ends of the allowed results.
+/// The inputs, and the least and the greatest allowed result. `None` if any result is allowed.
 type Case = (Vec<f32>, Option<(f32, f32)>);
 
-/// The engine's bounds contain those of the table. At each end they are at most one step wider, because it computes in
-/// `f64`.
+/// The engine's bounds contain those of the table. At each end they may be one step wider, because the engine computes
+/// in `f64`.
 // Lesson 91
 #[test]
 fn bounds_are_those_of_exact_arithmetic() {
@@ -35,14 +36,14 @@ fn bounds_are_those_of_exact_arithmetic() {
             let Some((lo, hi)) = *ends else {
                 assert!(
                     !found.is_bounded(),
-                    "{text} of {inputs:?}: {found:?}, and nothing bounds it"
+                    "{text} of {inputs:?}: {found:?}, but by exact arithmetic it is unbounded"
                 );
                 continue;
             };
             let around = |near: f32, far: f32, found: f32| found == near || found == far;
             assert!(
                 around(lo, lo.next_down(), found.lo()) && around(hi, hi.next_up(), found.hi()),
-                "{text} of {inputs:?}: {found:?}, and by exact arithmetic {lo:e} to {hi:e}"
+                "{text} of {inputs:?}: {found:?}, but by exact arithmetic it is {lo:e} to {hi:e}"
             );
         }
     }

@@ -1,4 +1,4 @@
-//! Compares textures with the sums in WebGPU's definitions, written out texel by texel.
+//! Compares the results of textures with WebGPU's definitions, written as sums of texels.
 
 use crate::common::program;
 use karat_engine::{
@@ -44,7 +44,7 @@ fn run(program: &Program, rows: &[f32], texture: Texture, sampler: Sampler) -> V
     found.words().into_iter().map(f32::from_bits).collect()
 }
 
-/// For one coordinate: the two texels around it, and the weight of the second.
+/// For one coordinate, the two texels around it, and the weight of the second texel.
 fn neighbours(u: f64, size: u32, address: Address) -> (u32, u32, f64) {
     let at = u * f64::from(size) - 0.5;
     let n = i64::from(size);
@@ -52,7 +52,7 @@ fn neighbours(u: f64, size: u32, address: Address) -> (u32, u32, f64) {
         Address::ClampToEdge => i.clamp(0, n - 1) as u32,
         Address::Repeat => i.rem_euclid(n) as u32,
         Address::MirrorRepeat => {
-            // 0 1 2 | 2 1 0 | 0 1 2
+            // The texels repeat as 0 1 2 | 2 1 0 | 0 1 2.
             let tile = i.div_euclid(n);
             let inside = i.rem_euclid(n);
             (if tile % 2 == 0 { inside } else { n - 1 - inside }) as u32
@@ -85,7 +85,7 @@ fn trilinear_filtering_with_each_address_mode() {
             let share = |n: i32| ((k * n) % 307) as f32 / 307.0;
             rows.extend([4.0 * share(59) - 2.0, 4.0 * share(101) - 2.0, 3.5 * share(31) - 0.5]);
         }
-        // More texels than 31 bits can hold.
+        // There are more texels than 31 bits can count.
         for u in [-7e8_f32, -4e8, 4e8, 7e8] {
             rows.extend([u, 0.3, 0.0, 0.3, u, 0.0]);
         }
@@ -120,12 +120,12 @@ fn nearest_texels_gathers_gradients_and_loads() {
         let program = program(source, name);
         run(&program, &uv, texture(Dimension::D2, [6, 4, 1], 3), Sampler::default())
     };
-    // (0.4, 0.6) is in texel (2, 2); the test reads the texel to the right of it.
+    // (0.4, 0.6) is in texel (2, 2). The test reads the texel on the right of it.
     assert_eq!(call("f", [0.4, 0.6]), texel(3, 2, 0, 0));
-    // Texels 1 and 2 lie around (2.4, 2.4) - 0.5, in both directions.
+    // In both directions, texels 1 and 2 are around (2.4, 2.4) - 0.5.
     let third = |x, y| texel(x, y, 0, 0)[2];
     assert_eq!(call("gather", [0.4, 0.6]), [third(1, 2), third(2, 2), third(2, 1), third(1, 1)]);
-    // Two texels a pixel: level 1, with its texel (1, 1).
+    // The step is two texels for each pixel, so the sample reads level 1, and there texel (1, 1).
     assert_eq!(call("slope", [0.4, 0.6]), texel(1, 1, 0, 1));
     assert_eq!(call("load", [2.0, 1.0]), texel(2, 1, 0, 1));
     assert_eq!(call("load", [-9.0, 7.0]), texel(0, 1, 0, 1), "clamped");
@@ -149,7 +149,7 @@ fn layers_volumes_and_lines() {
         fn f(uv: vec3f) -> vec4f { return textureSampleLevel(t, s, uv, 0.0); }";
     let volume = texture(Dimension::D3, [4, 4, 4], 1);
     let found = run(&program(source, "f"), &[0.25, 0.375, 0.625], volume, linear(Address::Repeat));
-    // Between texels 0 and 1 in x; at the centre of texel 1 in y and of texel 2 in z.
+    // In x, the point is between texels 0 and 1. In y it is at the centre of texel 1, and in z of texel 2.
     let expected: [f32; 4] =
         std::array::from_fn(|c| 0.5 * (texel(0, 1, 2, 0)[c] + texel(1, 1, 2, 0)[c]));
     assert_eq!(found, expected);
@@ -163,11 +163,11 @@ fn cubes_are_seamless() {
         fn f(d: vec3f) -> vec4f { return textureSampleLevel(t, s, d, 0.0); }";
     let cube = || texture(Dimension::Cube, [4, 4, 6], 1);
     let program = program(source, "f");
-    // The middle of texel (x, y) of +X is at direction (1, -t, -s).
+    // The middle of texel (x, y) of +X is in the direction (1, -t, -s).
     let middle = |k: u32| (k as f32 + 0.5) / 4.0 * 2.0 - 1.0;
     let found = run(&program, &[1.0, -middle(1), -middle(3)], cube(), linear(Address::ClampToEdge));
     assert_eq!(found, texel(3, 1, 0, 0));
-    // The axis of each face is in the middle of four texels.
+    // The axis of each face points between four texels.
     let axes = [
         ([1.0, 0.0, 0.0], 0),
         ([-1.0, 0.0, 0.0], 1),
@@ -183,15 +183,15 @@ fn cubes_are_seamless() {
             assert_eq!(*found, four.iter().sum::<f32>() / 4.0, "{axis:?}");
         }
     }
-    // On the edge between +X and +Z, in the middle of row 1: half of the last texel on each side. On +X that is column
-    // 0 (-s is z), on +Z column 3.
+    // The point is on the edge between +X and +Z, in the middle of row 1. The sample has half of the last texel of each
+    // face: column 0 of +X (-s is z), and column 3 of +Z.
     let found = run(&program, &[1.0, -middle(1), 1.0], cube(), linear(Address::ClampToEdge));
     let expected: [f32; 4] =
         std::array::from_fn(|c| 0.5 * (texel(0, 1, 0, 0)[c] + texel(3, 1, 4, 0)[c]));
     for c in 0..4 {
         assert!((found[c] - expected[c]).abs() < 1e-5, "{found:?} {expected:?}");
     }
-    // The value doesn't jump across an edge or a corner.
+    // The value doesn't jump at an edge or a corner.
     let mut rows = Vec::new();
     for k in 0..1000 {
         let a = k as f32 / 1000.0 * std::f32::consts::TAU;
@@ -278,14 +278,14 @@ fn storage_textures_are_written_as_their_format_rounds() {
     let program = Program::entry_point(&module, &info, "main", &settings).unwrap();
     let mut resources = Resources::new();
     let blank = Texels::Float(vec![[0.0; 4]; 6]);
-    // One column fewer than there are invocations: writes outside are left out.
+    // The texture has one column fewer than there are invocations. Writes outside of it have no effect.
     resources.set_texture(0, 0, Texture::new(Dimension::D2, [3, 2, 1], 1, vec![blank]).unwrap());
     let ones = Texels::Uint(vec![[1, 0, 0, 1]; 8]);
     resources.set_texture(0, 1, Texture::new(Dimension::D2, [4, 2, 1], 1, vec![ones]).unwrap());
     program.dispatch::<F32>([1, 1, 1], &mut resources, &Options::default(), &()).unwrap();
     let Texels::Float(texels) = &resources.texture(0, 0).unwrap().texels()[0] else { panic!() };
-    // 0.5 of 255 is halfway between two integers; the even one is 128. 0.3 of 255 is 76.5, which may
-    // round either way.
+    // 0.5 of 255 is halfway between two integers, and 128 is the even one. 0.3 of 255 is 76.5, which may be rounded up
+    // or down.
     let expected = |x: f32| [x, 1.0, 0.0, 128.0 / 255.0];
     assert_eq!(texels[0], expected(0.0));
     assert!(texels[1][0] == 76.0 / 255.0 || texels[1][0] == 77.0 / 255.0);
@@ -328,7 +328,7 @@ fn bounds(source: &str, texture: Texture) -> Vec<(f32, f32)> {
     found.row(0).into_iter().map(ends).collect()
 }
 
-/// Even if all texels are equal, a filter adds rounded weights.
+/// Even if all texels are equal, a filter adds texels with rounded weights.
 // Lesson 169
 #[test]
 fn a_filter_of_equal_texels_is_near_to_them() {
@@ -346,7 +346,7 @@ fn a_filter_of_equal_texels_is_near_to_them() {
     }
 }
 
-/// A channel of 8 bits is divided by 255, which may round; one of 32 bits isn't divided.
+/// A channel of 8 bits is divided by 255, and the quotient may be rounded. A channel of 32 bits isn't divided.
 // Lesson 169
 #[test]
 fn normalised_channels_are_near_to_their_quotients() {

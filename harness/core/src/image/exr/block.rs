@@ -2,7 +2,6 @@
 
 use super::header::PartHeader;
 
-/// A rectangle of a part's pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Block {
     pub(super) x: usize,

@@ -186,7 +186,6 @@ fn unwrapped(message: &str) -> &str {
     }
 }
 
-/// The name of a compression in OpenEXR's documents.
 fn name(compression: Compression) -> &'static str {
     match compression {
         Compression::Uncompressed => "none",

@@ -17,7 +17,6 @@ const MOST_CHANNELS: usize = 32;
 /// order.
 pub(super) const ATTRIBUTE: &str = "karat";
 
-/// The bits of the version field.
 const TILED: u32 = 0x200;
 const LONG_NAMES: u32 = 0x400;
 const DEEP: u32 = 0x800;
@@ -54,10 +53,8 @@ pub(super) enum Blocks {
     Tiles { width: u32, height: u32 },
 }
 
-/// The header of one part of a file.
 #[derive(Clone, Debug)]
 pub(super) struct PartHeader {
-    /// The part's name. Empty if the file doesn't have one.
     pub(super) name: String,
     pub(super) width: u32,
     pub(super) height: u32,
@@ -73,7 +70,6 @@ pub(super) struct PartHeader {
     pub(super) chromaticities: Option<[f32; 8]>,
 }
 
-/// The headers of all parts of a file.
 #[derive(Debug)]
 pub(super) struct FileHeader {
     pub(super) parts: Vec<PartHeader>,
@@ -152,7 +148,6 @@ impl FileHeader {
     }
 }
 
-/// The attributes that Karat uses.
 #[derive(Default)]
 struct Attributes {
     channels: Option<Vec<Channel>>,

@@ -3,12 +3,10 @@
 use super::header::{Channel, PartHeader, Sample};
 use crate::image::Precision;
 
-/// The channels of a part that form an image.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Selection {
     /// For each channel of the part, the channels of a pixel that it fills.
     pub(super) fills: Vec<&'static [usize]>,
-    /// The precision of the most precise channel.
     pub(super) precision: Precision,
     /// `true` if there are three colours, `false` if there is one grey.
     pub(super) coloured: bool,

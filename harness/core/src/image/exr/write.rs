@@ -22,7 +22,6 @@ use crate::image::bytes::LONGEST_SIDE;
 use crate::image::whole::write_whole;
 use crate::image::{Image, ImageError};
 
-/// A part that is to be written.
 pub(super) struct Layer<'a> {
     pub(super) name: &'a str,
     pub(super) precision: Precision,
