@@ -19,9 +19,9 @@ use serde::Serialize;
 use crate::lived::{self, Equality, Lived};
 use crate::maker::{self, Mutant, Rule};
 
-/// A request to try mutants.
+/// A request to test mutants of a package.
 ///
-/// Tests run in this process, on the path of the settings. Each runs in a thread with its name.
+/// The tests run in this process, on the path in the settings. Each test runs in a thread with the test's name.
 #[derive(Clone, Debug)]
 #[must_use = "nothing is tried until `.run()`"]
 pub struct Request {
@@ -36,19 +36,19 @@ pub struct Request {
 /// A mutant of a package.
 #[derive(Clone, Debug)]
 pub struct Candidate {
-    /// A name that depends only on the changed lines, wherever they move.
+    /// The mutant's id: a hash of the changed lines, the module and the function. The id stays if the lines move.
     pub id: String,
-    /// The module.
+    /// The mutated module.
     pub module: String,
-    /// The author's file.
+    /// The file that its author wrote.
     pub file: PathBuf,
-    /// The text as it was read. The place of the mutation refers to this text.
+    /// The file's text when Karat read it. The mutation's position refers to this text.
     pub text: Arc<str>,
     /// The mutation.
     pub mutant: Mutant,
 }
 
-/// A mutant with its fate.
+/// A mutant and its fate.
 #[derive(Clone, Debug)]
 pub struct Tried {
     /// The mutant.
@@ -58,58 +58,60 @@ pub struct Tried {
 }
 
 impl Candidate {
-    /// The function or constant: `brdf::schlick`; in a package of one file, its name alone.
+    /// The mutated function or constant: `brdf::schlick`. In a package of one file, the name without a module.
     #[must_use]
     pub fn path(&self) -> String {
         path_of(&self.module, &self.mutant.item)
     }
 }
 
-/// The fate of a mutant: killed, alive, or not counted.
+/// The fate of a mutant. [`Score::judged`](crate::Score::judged) counts `Killed`, `Lived` and `Untested`.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "fate", rename_all = "snake_case")]
 pub enum Fate {
-    /// A test failed for it.
+    /// A test failed on the mutant.
     Killed {
         /// The test.
         test: String,
     },
-    /// All tests that use it passed.
+    /// All tests that use the mutated code passed.
     Lived {
         /// The number of these tests.
         tests: usize,
-        /// The test that sees other values with the mutant, and allows them; of several, the one closest to failing.
+        /// A test that saw other values with the mutant and tolerated them. If there are several, the test that came
+        /// closest to failing.
         #[serde(skip_serializing_if = "Option::is_none")]
         hidden: Option<Hidden>,
-        /// `true` if all of these tests show the values that they compare: none of them saw a difference, unless one hides it.
+        /// `true` if all of these tests show the values that they compare. Then no test saw a difference, unless
+        /// `hidden` names one.
         #[serde(skip)]
         seen: bool,
         /// The reason why it lived.
         why: Lived,
     },
-    /// No test uses it.
+    /// No test uses the mutated code.
     Untested {
         /// The difference that a test could see.
         why: Lived,
     },
-    /// It is equivalent to the original, so no test can see it, and none ran.
+    /// The mutant is equivalent to the original, so no test can see it. Karat ran no test on it.
     Equal {
-        /// The proof.
+        /// The proof that the two are equivalent.
         by: Equality,
     },
-    /// It isn't valid WGSL, so it proves nothing about the tests.
+    /// The mutant isn't valid WGSL, so it proves nothing about the tests.
     Invalid {
         /// The reason.
         reason: String,
     },
-    /// It doesn't change the linked text, for example because a condition leaves the code out.
+    /// The mutant doesn't change the linked text, for example because an `@if` removes the mutated code.
     Idle,
-    /// It lives, and `karat.toml` accepts that.
+    /// The mutant lives, and `karat.toml` accepts it.
     Accepted {
-        /// The reason.
+        /// The reason in `karat.toml`.
         reason: String,
     },
-    /// It has no verdict, because its tests can't be found.
+    /// The mutant has no verdict, because Karat can't find its tests.
     Unknown {
         /// The reason.
         reason: String,
@@ -123,43 +125,43 @@ pub enum Fate {
     },
 }
 
-/// A test with a tolerance that hides a mutant.
+/// A test whose tolerance hides a mutant.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Hidden {
     /// The test.
     pub test: String,
-    /// Its largest error divided by the bound: without the mutant, and with it.
+    /// The test's largest ratio: without the mutant, and with it.
     pub ratios: [f64; 2],
 }
 
-/// All mutants that were tried.
+/// The mutants that were tested, with their fates.
 #[derive(Clone, Debug)]
 pub struct Hunted {
-    /// In the order of their files and lines.
+    /// The tested mutants, in the order of their files and lines.
     pub tried: Vec<Tried>,
-    /// The number of all mutants. A sample of them was tried.
+    /// The number of all requested mutants, from which `tried` is a sample.
     pub of: usize,
-    /// The number of tests of the package that ran.
+    /// The number of the package's tests that ran.
     pub tests: usize,
-    /// The number of frames left out, because the path has no driver to draw them.
+    /// The number of frames that weren't tested, because the path has no driver that draws them.
     pub left_out: usize,
-    /// Modules that are invalid without a mutant.
+    /// The modules that are invalid in the original.
     pub invalid: Vec<String>,
-    /// Acceptances in `karat.toml` that don't apply to a mutant, each as a sentence.
+    /// The complaints about acceptances in `karat.toml` that no longer fit their mutants. Each is a sentence.
     pub complaints: Vec<String>,
 }
 
-/// The reason why no mutant was tried.
+/// The reason why Karat tested no mutant.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum MutateError {
     /// The package can't be read.
     #[error("{0}")]
     Package(#[from] PackageError),
-    /// The search for its tests failed.
+    /// Karat can't find the package's tests.
     #[error("{0}")]
     Find(#[from] FindError),
-    /// A module of the package can't be read, or has no file.
+    /// Karat can't read a module of the package, or the module has no file.
     #[error("{module}: {reason}")]
     Read {
         /// The module.
@@ -167,27 +169,27 @@ pub enum MutateError {
         /// The reason.
         reason: String,
     },
-    /// A program prints the modules, so mutants in memory would never reach them.
+    /// A program prints the modules from their files, so it would never read mutants in memory.
     #[error(
-        "`preprocess` in karat.toml prints these modules from their files, and mutants are texts that aren't saved: mutate a \
-         folder of what it prints"
+        "the program `preprocess` in karat.toml prints these modules from their files, so it can't read mutants, which \
+         exist only in memory: run `karat mutate` on a folder with the program's output"
     )]
     Printed,
     /// An acceptance in `karat.toml` doesn't apply to a mutant.
     #[error("{0}")]
     Accepted(String),
-    /// There is no test that could kill a mutant.
+    /// The package has no test that could kill a mutant.
     #[error("{0}")]
     NoTest(String),
-    /// There is no mutant.
-    #[error("there is no mutant{of}: nothing would be judged")]
+    /// The request selects no mutant.
+    #[error("there is no mutant{of}, so there is nothing to test")]
     NoMutant {
-        /// The place that has no mutant.
+        /// The selection that has no mutant.
         of: String,
     },
     /// Tests fail on the original shaders.
     #[error(
-        "{} without a mutant, and would kill each: mend them first\n\n{}",
+        "{} without a mutant, and would kill every mutant: fix them first\n\n{}",
         if wrong.len() == 1 { "1 test fails".to_owned() } else { format!("{} tests fail", wrong.len()) },
         wrong.iter().map(|(test, wrong)| format!("---- {test} ----\n{wrong}")).collect::<Vec<_>>().join("\n\n")
     )]
@@ -197,75 +199,74 @@ pub enum MutateError {
     },
 }
 
-/// Tests that run elsewhere, such as Rust's, beside those of the package. All have passed without a mutant.
+/// Tests that the package doesn't contain, such as Rust tests. All of them passed without a mutant.
 pub trait Others: Sync {
-    /// The number of these tests.
+    /// The number of the tests.
     fn count(&self) -> usize;
 
-    /// Runs the tests that use the changed code, until one fails.
+    /// Runs the tests that use the mutated code, until a test fails.
     fn judge(&self, candidate: &Candidate) -> Judged;
 }
 
-/// The verdict of the other tests on a mutant.
+/// The verdict of [`Others`] on a mutant.
 #[derive(Clone, Debug, Default)]
 pub struct Judged {
-    /// The number of tests that use the changed code.
+    /// The number of tests that use the mutated code.
     pub concerned: usize,
-    /// The test that failed.
+    /// The test that failed on the mutant.
     pub killed: Option<String>,
-    /// The test that allows other values.
+    /// A test that saw other values with the mutant and tolerated them.
     pub hidden: Option<Hidden>,
     /// A test that ended without a verdict, and the reason.
     pub stopped: Option<(String, String)>,
 }
 
-/// A test, the text that it links, and its duration.
 struct Judge {
     name: String,
-    /// The linked text; `None` if it can't be found.
+    /// The text that the test links; `None` if Karat can't determine it.
     made_of: Option<String>,
-    /// The values that its checks see without a mutant.
+    /// The values that the test's checks compare without a mutant.
     seen: Seen,
     took: Duration,
 }
 
 impl Request {
-    /// All mutants of a package.
+    /// Creates a request for all mutants of a package.
     pub fn new(package: Package) -> Self {
         let (only, filter, sample, lines) = (Vec::new(), None, None, None);
         Self { package, only, filter, sample, lines, frames: false }
     }
 
-    /// Restricts the mutants to functions and constants whose names contain one of these (`brdf::schlick`), and to
-    /// mutants with these ids.
+    /// Selects mutants of functions and constants with one of these strings in their names (`brdf::schlick`), and
+    /// mutants with one of these ids.
     pub fn only<'n>(self, names: impl IntoIterator<Item = &'n str>) -> Self {
         Self { only: names.into_iter().map(str::to_owned).collect(), ..self }
     }
 
-    /// Restricts the tests to those whose names contain this.
+    /// Selects the tests with this string in their names.
     pub fn tests(self, filter: &str) -> Self {
         Self { filter: Some(filter.to_owned()), ..self }
     }
 
-    /// Takes a random sample of so many mutants, by a seed.
+    /// Selects a random sample of `count` mutants. The same seed gives the same sample.
     pub fn sample(self, count: usize, seed: u64) -> Self {
         Self { sample: Some((count, seed)), ..self }
     }
 
-    /// Restricts the mutants to those that touch these lines of files, counted from 1.
+    /// Selects the mutants that touch these lines of files. Lines count from 1.
     pub fn lines(self, lines: BTreeMap<PathBuf, Vec<RangeInclusive<usize>>>) -> Self {
         Self { lines: Some(lines), ..self }
     }
 
-    /// Also runs frames. The path needs a driver.
+    /// Also runs tests of frames. They need a path with a driver.
     pub fn frames(self) -> Self {
         Self { frames: true, ..self }
     }
 
-    /// The mutants, in the order of modules and places, and their number before a sample is taken.
+    /// Finds the selected mutants, in the order of modules and positions. Also returns their number before sampling.
     ///
     /// # Errors
-    /// If the package can't be read.
+    /// If Karat can't read the package.
     pub fn mutants(&self) -> Result<(Vec<Candidate>, usize), MutateError> {
         Ok(self.chosen(self.all()?))
     }
@@ -278,7 +279,7 @@ impl Request {
         let tests: BTreeSet<&str> = suite.tests.iter().map(|test| &*test.name).collect();
         let mut all = Vec::new();
         let mut seen: BTreeMap<String, usize> = BTreeMap::new();
-        // Equal lines get different ids, by their order.
+        // Two equal changes of the same function get different ids, because the id includes a counter.
         let mut named = |of: &str, path: &str, [before, after]: [String; 2]| {
             let name = format!("{of}\n{path}\n{before}\n{after}");
             let count = seen.entry(name.clone()).or_default();
@@ -289,17 +290,18 @@ impl Request {
         for module in self.package.modules()? {
             let unread = |reason: String| MutateError::Read { module: module.clone(), reason };
             let file = file_of(&self.package, &module);
-            let file = file.ok_or_else(|| unread("it has no file to be changed".to_owned()))?;
+            let file = file
+                .ok_or_else(|| unread("the module has no file that could be mutated".to_owned()))?;
             let text = std::fs::read_to_string(&file)
                 .map_err(|error| unread(format!("can't read `{}`: {error}", file.display())))?;
             let text: Arc<str> = text.into();
             for mutant in maker::mutants(&text) {
                 let path = path_of(&module, &mutant.item);
-                // Tests themselves aren't mutated.
+                // The code of tests isn't mutated.
                 if tests.contains(&*path) {
                     continue;
                 }
-                // Two packages of one file each may have the same functions.
+                // Two packages of one file each may contain equal functions.
                 let of = if module.is_empty() { self.package.name() } else { module.clone() };
                 let id = named(&of, &path, mutant.lines(&text));
                 let (module, file, text) = (module.clone(), file.clone(), Arc::clone(&text));
@@ -322,12 +324,11 @@ impl Request {
         Ok(all)
     }
 
-    /// The requested mutants, and their number before a sample is taken.
     fn chosen(&self, mut all: Vec<Candidate>) -> (Vec<Candidate>, usize) {
         all.retain(|one| self.wants(one));
         let of = all.len();
         let Some((count, seed)) = self.sample else { return (all, of) };
-        // The key depends on the change and not on its place, so that lines added above don't change the sample.
+        // The key doesn't depend on the mutant's position, so that an added line above doesn't change the sample.
         let key =
             |one: &Candidate| *blake3::hash(format!("{seed} {}", one.id).as_bytes()).as_bytes();
         let mut keyed: Vec<_> = all.into_iter().map(|one| (key(&one), one)).enumerate().collect();
@@ -352,16 +353,16 @@ impl Request {
         is_named && self.lines.as_ref().is_none_or(is_in)
     }
 
-    /// Tries the mutants. `told` receives each one as soon as its fate is known, with the number of those done and of
-    /// all.
+    /// Runs the tests on each selected mutant. After each mutant, calls `told` with the mutant's fate, the number of
+    /// finished mutants and the number of all mutants.
     ///
     /// # Errors
-    /// If there is nothing to try, or a test fails without a mutant.
+    /// If there is no mutant or no test, or a test fails without a mutant.
     pub fn run(&self, told: &(dyn Fn(&Tried, usize, usize) + Sync)) -> Result<Hunted, MutateError> {
         self.run_with(None, told)
     }
 
-    /// Does the same as [`run`](Self::run), with other tests beside the package's own.
+    /// Does the same as [`run`](Self::run), and also runs tests that the package doesn't contain.
     ///
     /// # Errors
     /// As [`run`](Self::run).
@@ -409,15 +410,15 @@ impl Request {
                 _ if !accepted.contains_key(id) => return None,
                 Fate::Accepted { .. } => return None,
                 Fate::Killed { test } => format!("`{test}` kills it"),
-                _ => "it isn't in the score anyway".to_owned(),
+                _ => "the mutant isn't in the score anyway".to_owned(),
             };
-            Some(format!("karat.toml accepts the mutant {id}, and {what}: take it out"))
+            Some(format!("karat.toml accepts the mutant {id}, but {what}: remove its id"))
         };
         let complaints = tried.iter().filter_map(complaint).collect();
         Ok(Hunted { tried, of, tests: judges.len(), left_out, invalid, complaints })
     }
 
-    /// The mutants that `karat.toml` accepts, each with its reason.
+    /// The ids of the mutants that `karat.toml` accepts, each with its reason.
     fn accepted(&self, all: &[Candidate]) -> Result<BTreeMap<String, String>, MutateError> {
         let mut accepted = BTreeMap::new();
         let file = self.package.root().join("karat.toml");
@@ -430,7 +431,7 @@ impl Request {
                 let wrong = if reason.trim().is_empty() {
                     "is accepted without a reason"
                 } else if all.iter().all(|one| one.id != id) {
-                    "is accepted, and there is none: `karat mutate --list` names all"
+                    "is accepted, but there is no such mutant: `karat mutate --list` prints all mutants"
                 } else if accepted.insert(id.clone(), reason.clone()).is_some() {
                     "is accepted twice"
                 } else {
@@ -443,7 +444,7 @@ impl Request {
         Ok(accepted)
     }
 
-    /// The tests, after all of them have passed, and the number of frames left out.
+    /// The tests, if all of them pass without a mutant, and the number of frames that don't run.
     fn judges(
         &self,
         suite: &Suite,
@@ -481,12 +482,11 @@ impl Request {
                     "the only tests are frames ({frames}), which need a driver: --paths vulkan draws them"
                 ),
             };
-            return Err(MutateError::NoTest(format!("{why}; nothing could kill a mutant")));
+            return Err(MutateError::NoTest(format!("{why}, so no test could kill a mutant")));
         }
         Ok((judges, frames.len()))
     }
 
-    /// Runs tests on a mutant until one kills it.
     fn fate(&self, one: &Candidate, judges: &[Judge], others: Option<&dyn Others>) -> Fate {
         let package = self.package.unsaved(&one.file, &one.mutant.applied(&one.text));
         let is_shader = one.mutant.rule != Rule::Sampler;
@@ -504,7 +504,7 @@ impl Request {
                     if judge.made_of.is_some() && own.normalized_text(test) == judge.made_of => {}
                 Some(test) => concerned.push((judge, test)),
                 None => {
-                    let reason = format!("`{}` is gone with it", judge.name);
+                    let reason = format!("the mutant removes the test `{}`", judge.name);
                     return Fate::Unknown { reason };
                 }
             }
@@ -516,7 +516,8 @@ impl Request {
                 true => {}
             }
         }
-        // Tests that call the function itself come first, as they kill most likely; then the quicker ones.
+        // Tests that call the mutated function run first, because they most likely kill the mutant. Faster tests run
+        // before slower ones.
         let path = one.path();
         concerned.sort_by_key(|(judge, test)| (!test.is_about(&path), judge.took));
         let (mut stopped, mut hidden) = (None, None);
@@ -547,7 +548,7 @@ impl Request {
         }
         let tests = concerned.len() + others.concerned;
         match stopped.or(others.stopped) {
-            // A mutated constant may leave its own module valid and make another one invalid.
+            // A mutated constant may make another module invalid, although its own module stays valid.
             Some((test, reason)) => match self.broken_by(&package) {
                 Some(reason) => Fate::Invalid { reason },
                 None => Fate::Stopped { test, reason },
@@ -564,10 +565,10 @@ impl Request {
         }
     }
 
-    /// The fate of a mutant that needs no test: it is invalid, or equivalent to the original.
+    /// The fate of a mutant that needs no test, because the mutant is invalid or equivalent to the original.
     fn before_tests(&self, one: &Candidate, package: &Package) -> Option<Fate> {
         let Candidate { module, mutant, .. } = one;
-        // If the module is invalid anyway, only the item itself has to be valid.
+        // If the original module is invalid, only the mutated item must be valid.
         let linked = match Program::of_module(&self.package, module).is_ok() {
             true => Program::of_module(package, module),
             false => Program::of_items(package, module, &[&mutant.item]),
@@ -578,7 +579,7 @@ impl Request {
         lived::equality(&self.package, package, one).map(|by| Fate::Equal { by })
     }
 
-    /// The reason why a mutant makes a valid module invalid.
+    /// The first error of a module that is valid in the original and invalid in the mutant.
     fn broken_by(&self, mutant: &Package) -> Option<String> {
         let modules = self.package.modules().ok()?;
         let mut broken = modules.iter().filter_map(|module| {
@@ -591,12 +592,12 @@ impl Request {
 
 impl Fate {
     fn without_sampler() -> Self {
-        Self::Unknown { reason: "no test that runs here has this sampler".to_owned() }
+        Self::Unknown { reason: "no test that ran has this sampler".to_owned() }
     }
 }
 
 impl Hidden {
-    /// The one closer to failing.
+    /// Selects the test that came closer to failing on the mutant.
     #[must_use]
     pub fn nearest(one: Option<Self>, other: Option<Self>) -> Option<Self> {
         let all = one.into_iter().chain(other);
@@ -604,13 +605,12 @@ impl Hidden {
     }
 }
 
-/// An error of linking, in a line.
 fn reason(error: &ReflectError) -> String {
     error.diagnostic().map_or_else(|| error.to_string(), |found| found.message.clone())
 }
 
-/// Runs a function for each element, on all cores. Each test has its own thread, because its checks use Rayon's pool,
-/// and a thread of that pool can't wait for them.
+/// Runs a function for each element, on all cores. Each test runs in its own thread, because its checks use Rayon's
+/// pool, and a thread of that pool can't wait for them.
 fn beside_each_other<T: Sync, R: Send>(all: &[T], run: &(dyn Fn(&T) -> R + Sync)) -> Vec<R> {
     let next = AtomicUsize::new(0);
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
@@ -634,7 +634,7 @@ fn beside_each_other<T: Sync, R: Send>(all: &[T], run: &(dyn Fn(&T) -> R + Sync)
     done.into_iter().map(|(_, result)| result).collect()
 }
 
-/// Returns `true` if each linked function of the package has the same text as before.
+/// Checks if each linked function of the package has the same text in the original and in the mutant.
 fn is_idle(original: &Package, mutant: &Package) -> bool {
     let Ok(functions) = original.functions() else { return false };
     let names: BTreeSet<String> = functions.into_iter().map(|item| item.name).collect();
@@ -642,7 +642,7 @@ fn is_idle(original: &Package, mutant: &Package) -> bool {
     !known.is_empty() && known == mutant.fingerprints(&names)
 }
 
-/// The path of an item, `brdf::schlick`; in a package of one file, its name alone.
+/// The path of an item, such as `brdf::schlick`. In a package of one file, the name without a module.
 fn path_of(module: &str, item: &str) -> String {
     if module.is_empty() { item.to_owned() } else { format!("{module}::{item}") }
 }

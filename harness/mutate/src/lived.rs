@@ -1,4 +1,4 @@
-//! Explains why a mutant lived, with an input for which it differs from the original, if there is one.
+//! Explains why a mutant lived. If possible, finds an input for which the mutant and the original differ.
 
 use std::fmt;
 
@@ -16,53 +16,53 @@ use crate::maker::{Mutant, Rule};
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[serde(tag = "why", rename_all = "snake_case")]
 pub enum Lived {
-    /// Its result differs for an input that no test has.
+    /// The mutant's result differs for an input that no test has.
     Differs(Difference),
-    /// No input with a different result was found. That proves nothing about other inputs.
+    /// Karat found no input for which the results differ. Untested inputs may still differ.
     Unseen {
-        /// The number of inputs that were tried.
+        /// The number of inputs that Karat tried.
         cases: usize,
     },
-    /// It changes a sampler of a test, not the shader: no test samples where the two differ.
+    /// The mutant changes a sampler of a test, not the shader. No test samples where the two samplers differ.
     Sampler,
-    /// It can't be compared with the original.
+    /// Karat can't compare the mutant with the original.
     Unknown {
         /// The reason.
         reason: String,
     },
 }
 
-/// A difference between original and mutant.
+/// An input for which the original and the mutant differ.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Difference {
-    /// The function that shows it: `calc::half`.
+    /// The function with different results: `calc::half`.
     pub function: String,
-    /// The simplest arguments that show it, by name, and the members of buffers that it depends on.
+    /// The simplest arguments with different results, by name, and the buffer members on which the results depend.
     pub arguments: Vec<(String, String)>,
-    /// The result of the original, or the values that its pass leaves.
+    /// The original's result, or the values that its pass writes.
     pub original: String,
-    /// The result of the mutant.
+    /// The mutant's result, or the values that its pass writes.
     pub mutant: String,
-    /// `true` if its numbers are floats, which a test compares with a tolerance.
+    /// `true` if the results are floats, which tests compare with a tolerance.
     pub floats: bool,
-    /// `true` for a compute pass, which writes memory and returns nothing.
+    /// `true` for a compute pass, which writes buffers and returns no value.
     pub leaves: bool,
-    /// The types of its arguments, if the difference depends only on them and on no feature.
+    /// The arguments' types, if the difference depends only on arguments and on no feature.
     #[serde(skip)]
     types: Option<Vec<Shape>>,
-    /// The type of its result.
+    /// The type of the function's result.
     #[serde(skip)]
     result: Option<Shape>,
 }
 
-/// A language of tests.
+/// The languages in which Karat suggests tests.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Form {
     /// A `[[test]]` of a `*.test.toml`.
     Toml,
     /// A function with `@test`.
     Wgsl,
-    /// A function with `#[test]`, for a package that is called `SHADERS`.
+    /// A function with `#[test]`, which uses a package with the name `SHADERS`.
     Rust,
 }
 
@@ -70,11 +70,11 @@ pub enum Form {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Equality {
-    /// Its function executes the same operations.
+    /// The mutated function executes the same operations as the original.
     Operations,
-    /// It removes a guard that never acts: for any arguments, the value lies within its bounds.
+    /// The mutant removes a guard that never acts: for all arguments, the guarded value lies within the guard's bounds.
     Intervals,
-    /// Its function returns the same for each possible input. Holds the number of inputs.
+    /// The mutated function returns the same result for each possible input. Holds the number of inputs.
     Inputs(usize),
 }
 
@@ -82,16 +82,16 @@ impl fmt::Display for Equality {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Operations => f.write_str("it executes the same operations"),
-            Self::Intervals => {
-                f.write_str("the guard never acts: by intervals its value is within the bound")
-            }
-            Self::Inputs(0 | 1) => f.write_str("it has no inputs, and returns the same"),
+            Self::Intervals => f.write_str(
+                "the guard never acts: interval arithmetic proves its value within the bound",
+            ),
+            Self::Inputs(0 | 1) => f.write_str("it has no inputs, and returns the same value"),
             Self::Inputs(count) => write!(f, "it returns the same for all {count} inputs"),
         }
     }
 }
 
-/// The proof that a mutant's function is equivalent to the original; `None` if there is none.
+/// The proof that the mutated function is equivalent to the original function; `None` if Karat finds no proof.
 pub(crate) fn equality(
     original: &Package,
     mutant: &Package,
@@ -110,7 +110,8 @@ pub(crate) fn equality(
     }
 }
 
-/// Compares a mutant with the original, in its function or otherwise in the code that uses it.
+/// Compares the mutated function with the original. If that isn't possible, compares the functions that use the mutated
+/// code.
 pub(crate) fn why(original: &Package, mutant: &Package, candidate: &Candidate) -> Lived {
     if candidate.mutant.rule == Rule::Sampler {
         return Lived::Sampler;
@@ -125,10 +126,10 @@ pub(crate) fn why(original: &Package, mutant: &Package, candidate: &Candidate) -
         Err(reason) => return Lived::Unknown { reason },
     };
     match verdict(original, found.iter().filter(|one| one.function == own)) {
-        // A constant, or a function that can't be called by itself: compare the functions that use it.
+        // The item is a constant, or a function that can't be called directly, so compare the functions that use it.
         None | Some(Lived::Unknown { .. }) => match compared(&[]) {
             Ok(all) => verdict(original, all.iter()).unwrap_or_else(|| Lived::Unknown {
-                reason: "no function that can be called by itself shows a difference".to_owned(),
+                reason: "no function that Karat can call directly shows a difference".to_owned(),
             }),
             Err(reason) => Lived::Unknown { reason },
         },
@@ -136,7 +137,8 @@ pub(crate) fn why(original: &Package, mutant: &Package, candidate: &Candidate) -
     }
 }
 
-/// The verdict: a difference if there is one, then something unknown. `None` if nothing was compared.
+/// The combined result of several comparisons: a difference if there is one, otherwise an unknown one. `None` if
+/// nothing was compared.
 fn verdict<'c>(original: &Package, compared: impl Iterator<Item = &'c Compared>) -> Option<Lived> {
     let (mut cases, mut unknown) = (0, None);
     for one in compared {
@@ -149,7 +151,9 @@ fn verdict<'c>(original: &Package, compared: impl Iterator<Item = &'c Compared>)
             Change::Same { cases: own } => cases = cases.max(*own),
             Change::Unjudged { reason } => unknown = unknown.or(Some(reason.clone())),
             Change::Signature { .. } | Change::Added | Change::Removed => {
-                unknown = unknown.or(Some("it takes or returns something else".to_owned()));
+                unknown = unknown.or(Some(
+                    "the mutant changes the types of its parameters or its result".to_owned(),
+                ));
             }
             _ => {}
         }
@@ -170,7 +174,7 @@ impl Difference {
         let result = probed.as_ref().ok().map(|one| one.function().result.clone());
         let parameters =
             probed.map_or_else(|_| Vec::new(), |one| one.function().parameters.clone());
-        // Members of buffers, overrides and features can't be set in `over`.
+        // A test's `over` can't set members of buffers, overrides and features.
         let is_parameter =
             |(name, _): &(String, String)| parameters.iter().any(|(own, _)| own == name);
         let is_other = |one: &&(String, String)| change.given.iter().all(|(own, _)| *own != one.0);
@@ -191,14 +195,14 @@ impl Difference {
         }
     }
 
-    /// A test that the original passes and the mutant fails, for a `*.test.toml`. That the original's result is right
-    /// is its author's claim. `None` if the input isn't an argument, the original's result isn't finite, or the results
-    /// differ only in the sign of a 0, which no test distinguishes.
+    /// A test for a `*.test.toml` that the original passes and the mutant fails. The test expects the original's
+    /// result, so its author must check that the result is right. `None` if an input isn't an argument, the original's
+    /// result isn't finite, or the results differ only in the sign of a 0, which tests ignore.
     #[must_use]
     pub fn test(&self) -> Option<String> {
         let over = self.arguments.iter().map(|(name, value)| {
             let value = toml_of(value)?;
-            // A list would be the domains of the components of a vector.
+            // In TOML, a list would mean the domains of a vector's components.
             Some(match value.starts_with('[') {
                 true => format!("{name} = {{ one_of = [{value}] }}"),
                 false => format!("{name} = {value}"),
@@ -216,8 +220,8 @@ impl Difference {
         Some(format!("[[test]]\nfunction = \"{name}\"\n{over}equals = {equals}\n{tolerance}"))
     }
 
-    /// The same test in another language, with a name that ends in this. `None` also for structures, arrays and
-    /// matrices.
+    /// The same test as [`test`](Self::test) in another language, with a name that ends in `ending`. `None` also for
+    /// structures, arrays and matrices.
     #[must_use]
     pub fn test_as(&self, form: Form, ending: &str) -> Option<String> {
         let (types, result) = (self.types.as_ref()?, self.result.as_ref()?);
@@ -278,15 +282,15 @@ impl Difference {
         }
     }
 
-    /// Half of the distance to the mutant as an absolute bound, if there is one; an outer `None` if the results differ
-    /// only in the sign of a 0.
+    /// Half of the distance between the two results, as an absolute tolerance; `Some(None)` if there is no such
+    /// distance. `None` if the results differ only in the sign of a 0.
     fn bound(&self) -> Option<Option<String>> {
         let [own, others] = [&self.original, &self.mutant].map(|text| numbers(text));
         if self.floats && own == others {
             return None;
         }
         let far: Vec<f64> = own.iter().zip(&others).map(|(a, b)| (a - b).abs()).collect();
-        // A mutant's NaN is outside any bound, so the narrowest bound says most.
+        // NaN fails every tolerance, so a test that expects a number needs no absolute tolerance here.
         let is_number = far.iter().all(|one| one.is_finite());
         let far = far.into_iter().fold(0.0, f64::max);
         let has = self.floats && is_number && far > 0.0;
@@ -294,7 +298,7 @@ impl Difference {
     }
 }
 
-/// The components of a vector in its text, or the scalar.
+/// The scalars in a value's text: a vector's components, or one scalar.
 fn components<'v>(value: &'v str, shape: &Shape) -> Option<(Scalar, Vec<&'v str>)> {
     let scalar = match shape {
         Shape::Scalar(scalar) | Shape::Vector { scalar, .. } => *scalar,
@@ -304,7 +308,7 @@ fn components<'v>(value: &'v str, shape: &Shape) -> Option<(Scalar, Vec<&'v str>
     Some((scalar, inner.split(", ").collect()))
 }
 
-/// A float in the syntax of both languages.
+/// A float literal that is valid in WGSL and in Rust.
 fn float(text: &str) -> String {
     if text.contains(['.', 'e']) { text.to_owned() } else { format!("{text}.0") }
 }
@@ -324,7 +328,7 @@ fn wgsl_of(value: &str, shape: &Shape) -> Option<String> {
     })
 }
 
-/// The suffix of an expectation's name, by the type of its values: `_vec3`, `_vec2u`.
+/// The suffix of an expectation's name for values of a type: `_vec3`, `_vec2u`.
 fn suffix_of(shape: &Shape) -> Option<String> {
     Some(match shape {
         Shape::Scalar(Scalar::F32) => String::new(),
@@ -336,7 +340,7 @@ fn suffix_of(shape: &Shape) -> Option<String> {
     })
 }
 
-/// A value in Rust: for a reference, which computes in double precision, or for an argument.
+/// A value in Rust: an argument, or the result of a reference, which computes in `f64`.
 fn rust_of(value: &str, shape: &Shape, reference: bool) -> Option<String> {
     let (scalar, parts) = components(value, shape)?;
     let one = |part: &str| match scalar {
@@ -361,7 +365,7 @@ fn rust_of(value: &str, shape: &Shape, reference: bool) -> Option<String> {
     })
 }
 
-/// The type of an argument of a reference.
+/// The Rust type of a reference's parameter.
 fn rust_type(shape: &Shape) -> Option<String> {
     Some(match shape {
         Shape::Scalar(Scalar::F32) => "f64".to_owned(),
@@ -377,17 +381,17 @@ fn rust_type(shape: &Shape) -> Option<String> {
     })
 }
 
-/// The numbers in the text of a value: `(1, NaN)`.
+/// The numbers in a value's text, such as `(1, NaN)`.
 fn numbers(text: &str) -> Vec<f64> {
     let is_part = |c: char| c.is_ascii_alphanumeric() || ".+-".contains(c);
     text.split(|c| !is_part(c)).filter_map(|word| word.parse().ok()).collect()
 }
 
-/// A number, `true`, or a vector as TOML.
+/// A number, `true`, `false` or a vector in TOML.
 fn toml_of(value: &str) -> Option<String> {
     let plain = |c: char| c.is_ascii_digit() || " ,.+-e()".contains(c);
     let is_plain = value.chars().all(plain) || matches!(value, "true" | "false");
-    // In TOML `-0` is an integer, without a sign.
+    // TOML reads `-0` as an integer, which has no negative zero.
     let is_signed_zero = value.split(|c: char| " ,()".contains(c)).any(|word| word == "-0");
     (is_plain && !is_signed_zero).then(|| value.replace('(', "[").replace(')', "]"))
 }

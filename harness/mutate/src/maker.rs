@@ -1,6 +1,6 @@
-//! Makes mutants of WGSL text. Each has one mistake, in the body of a function or the value of a constant.
+//! Makes mutants of WGSL text. Each mutant has one mistake, in the body of a function or in the value of a constant.
 //!
-//! This module knows only text, not types: some mutants aren't valid WGSL, and the compiler rejects them.
+//! This module works on text and knows no types, so some mutants aren't valid WGSL.
 
 use std::collections::BTreeSet;
 use std::fmt;
@@ -14,29 +14,29 @@ use crate::tokens::{Kind, Token, tokens};
 /// The kind of a mutation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Rule {
-    /// `-` for `+`, `/` for `*`, and the same for operators on bits.
+    /// `-` in place of `+`, `/` in place of `*`, and similar changes of bit operators.
     Operator,
-    /// `<=` for `<`, or the reverse.
+    /// `<=` in place of `<`, or the reverse.
     Comparison,
-    /// `||` for `&&`, or a missing `!`.
+    /// `||` in place of `&&`, or a missing `!`.
     Logic,
-    /// 0 or 1, the double, or 1 % off.
+    /// 0, 1 or 2, the doubled number, or a slightly larger number.
     Number,
     /// A missing term or factor.
     Operand,
-    /// The argument in place of `max`, `abs`, `clamp` and the like.
+    /// A call such as `max`, `abs` or `clamp`, replaced by its argument.
     Guard,
-    /// Two neighbouring arguments, exchanged.
+    /// Two neighbouring arguments in the reverse order.
     Swap,
-    /// Another component, or two components in another order.
+    /// Another component of a vector, or two components in the reverse order.
     Swizzle,
-    /// A missing minus.
+    /// A missing minus sign.
     Sign,
-    /// A condition that is always true, or never.
+    /// A condition that is always true, or always false.
     Condition,
-    /// A missing barrier, or a missing atomic whose value nothing uses.
+    /// A missing barrier, or a missing atomic operation whose result isn't used.
     Order,
-    /// A sampler that a test declares, with another filter or address mode.
+    /// A sampler in a test's declaration, with another filter or another address mode.
     Sampler,
 }
 
@@ -59,34 +59,34 @@ impl fmt::Display for Rule {
     }
 }
 
-/// A mutation: the original text, and its replacement.
+/// One change of a text.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Mutant {
-    /// Its kind.
+    /// The mutation's kind.
     pub rule: Rule,
-    /// The function or constant that it is in.
+    /// The function or constant that contains the mutation.
     pub item: String,
-    /// The bytes of the text that it replaces.
+    /// The byte range of the text that the mutation replaces.
     pub range: Range<usize>,
-    /// The text before.
+    /// The replaced text.
     pub original: String,
-    /// The text after.
+    /// The text that replaces it.
     pub replacement: String,
-    /// The line, counted from 1.
+    /// The mutation's line, counted from 1.
     pub line: usize,
-    /// The column in characters, counted from 1.
+    /// The mutation's column in characters, counted from 1.
     pub column: usize,
 }
 
 impl Mutant {
-    /// The whole text with the mutation.
+    /// Applies the mutation to the whole text.
     #[must_use]
     pub fn applied(&self, text: &str) -> String {
         format!("{}{}{}", &text[..self.range.start], self.replacement, &text[self.range.end..])
     }
 
-    /// The changed lines, before and after, with single blanks: a name that depends only on these lines, wherever they
-    /// move.
+    /// The changed lines before and after the mutation, with single blanks and without comments. They stay equal if the
+    /// lines move.
     #[must_use]
     pub fn lines(&self, text: &str) -> [String; 2] {
         let start = text[..self.range.start].rfind('\n').map_or(0, |at| at + 1);
@@ -112,30 +112,30 @@ impl fmt::Display for Mutant {
     }
 }
 
-/// All mutants of a module, in the order of their places.
+/// Finds all mutants of a module, in the order of their positions.
 #[must_use]
 pub fn mutants(text: &str) -> Vec<Mutant> {
     let mut maker = Maker::new(text);
     maker.items();
     let mut found = maker.found;
     found.sort_by_key(|mutant| (mutant.range.start, mutant.range.end));
-    // Two rules may give the same text.
+    // Two rules may produce the same text.
     let mut seen = BTreeSet::new();
     found.retain(|mutant| seen.insert(mutant.applied(text)) && mutant.applied(text) != text);
-    // Leave out lines that assert or print.
+    // Lines with `@if(karat)` assert or print, so they aren't mutated.
     let line = |at: usize| text[..at].rsplit('\n').next().unwrap_or_default().trim_start();
     found.retain(|mutant| !line(mutant.range.start).starts_with("@if(karat)"));
     found
 }
 
-/// All mutants of the samplers that a file of tests declares, each named after its variable. These are texts below a
-/// `with` that begin with a filter, such as `filtering = "linear repeat"`.
+/// All mutants of the samplers that a test file declares, each with the name of the sampler's variable. A sampler is a
+/// string below a `with` that begins with a filter, such as `filtering = "linear repeat"`.
 pub(crate) fn samplers(text: &str) -> Vec<Mutant> {
     let mut found = Vec::new();
     if let Ok(table) = DeTable::parse(text) {
         below(table.get_ref(), false, &mut |name, value| {
             let DeValue::String(own) = value.get_ref() else { return };
-            // Inside the quotes; the text has no escapes.
+            // The range within the quotes. The string has no escapes.
             let range = value.span().start + 1..value.span().end - 1;
             if text.get(range.clone()) == Some(own) {
                 found.extend(of_sampler(text, name, range));
@@ -146,7 +146,7 @@ pub(crate) fn samplers(text: &str) -> Vec<Mutant> {
     found
 }
 
-/// Visits all values below a key `with`, each with the last key.
+/// Visits each value below a `with` key, with the value's own key.
 fn below<'t>(
     table: &'t DeTable<'_>,
     is_below: bool,
@@ -166,7 +166,7 @@ fn below<'t>(
     }
 }
 
-/// Another filter and another address mode, if a text is a sampler.
+/// Mutants with another filter and another address mode, if the text describes a sampler.
 fn of_sampler(text: &str, name: &str, range: Range<usize>) -> Vec<Mutant> {
     let words: Vec<&str> = text[range.clone()].split_whitespace().collect();
     let [filter @ ("linear" | "nearest"), rest @ ..] = &*words else { return Vec::new() };
@@ -196,9 +196,9 @@ fn of_sampler(text: &str, name: &str, range: Range<usize>) -> Vec<Mutant> {
 struct Maker<'a> {
     text: &'a str,
     tokens: Vec<Token<'a>>,
-    /// The matching bracket of each bracket token.
+    /// The index of each bracket's matching bracket.
     partner: Vec<Option<usize>>,
-    /// `true` if a token belongs to an attribute or to a list of template arguments, brackets included.
+    /// `true` if the token belongs to an attribute or to a template argument list, including its brackets.
     types: Vec<bool>,
     item: String,
     found: Vec<Mutant>,
@@ -242,8 +242,8 @@ impl<'a> Maker<'a> {
         self.tokens.get(at).map_or("", |token| token.text)
     }
 
-    /// The end of a list of template arguments that begins at a `<`. As in WGSL, it is the `>` before any token that
-    /// such a list can't contain.
+    /// The index of the `>` that ends the template argument list after a `<`. As in WGSL, such a list ends before any
+    /// token that it can't contain.
     fn template_end(&self, at: usize) -> Option<usize> {
         let after_word = at > 0 && self.tokens[at - 1].kind == Kind::Word;
         if self.word(at) != "<" || !after_word {
@@ -281,7 +281,7 @@ impl<'a> Maker<'a> {
         arguments.or_else(|| (name < self.tokens.len()).then_some(name))
     }
 
-    /// The bodies of functions, and the values of constants.
+    /// Makes the mutants of function bodies and constants' values.
     fn items(&mut self) {
         let mut at = 0;
         while at < self.tokens.len() {
@@ -290,7 +290,7 @@ impl<'a> Maker<'a> {
                 "fn" => {
                     let open = (at..self.tokens.len()).find(|i| self.word(*i) == "{");
                     let body = open.and_then(|open| Some((open, self.partner[open]?)));
-                    // In text under conditions a brace may have no partner. The text after it is still searched.
+                    // In conditional text, a brace may have no matching brace. Karat still mutates the text after it.
                     let Some((open, close)) = body else {
                         at += 1;
                         continue;
@@ -332,7 +332,6 @@ impl<'a> Maker<'a> {
         }
     }
 
-    /// Replaces tokens `from..=to`.
     fn replace(&mut self, rule: Rule, from: usize, to: usize, replacement: String) {
         let range = self.tokens[from].start..self.tokens[to].end();
         let before = &self.text[..range.start];
@@ -348,7 +347,6 @@ impl<'a> Maker<'a> {
         });
     }
 
-    /// The text of tokens `from..=to`.
     fn between(&self, from: usize, to: usize) -> String {
         self.text[self.tokens[from].start..self.tokens[to].end()].to_owned()
     }
@@ -400,12 +398,12 @@ impl<'a> Maker<'a> {
         }
     }
 
-    /// Leaves out one operand of an operator.
+    /// Removes one operand of an operator.
     fn operands(&mut self, at: usize) {
         let (left, right) = (self.left_operand(at), self.right_operand(at));
         let [kept_left, kept_right] = [self.between(left, at - 1), self.between(at + 1, right)];
         self.replace(Rule::Operand, left, right, kept_left);
-        // The left operand has an operator of its own, which leaves it out, unless it is the first one.
+        // If another operator of equal precedence precedes the left operand, that operator's mutant already removes it.
         let first = left == 0 || precedence(self.word(left - 1)) != precedence(self.word(at));
         match self.word(at) {
             "/" | "%" => {}
@@ -415,7 +413,8 @@ impl<'a> Maker<'a> {
         }
     }
 
-    /// The first token of the left operand: nothing in it binds less tightly.
+    /// The index of the left operand's first token. All operators in the operand bind more tightly than the operator at
+    /// `at`.
     fn left_operand(&self, at: usize) -> usize {
         let binds = precedence(self.word(at));
         let mut first = at;
@@ -442,7 +441,8 @@ impl<'a> Maker<'a> {
         first
     }
 
-    /// The last token of the right operand: it ends at an operator that binds as tightly, or less.
+    /// The index of the right operand's last token. An operator that binds as tightly as the one at `at`, or less, ends
+    /// the operand.
     fn right_operand(&self, at: usize) -> usize {
         let binds = precedence(self.word(at));
         let mut last = at;
@@ -468,7 +468,7 @@ impl<'a> Maker<'a> {
         last
     }
 
-    /// Returns `true` if an operator has no left operand.
+    /// Checks if an operator has no left operand.
     fn is_unary(&self, at: usize) -> bool {
         if !matches!(self.word(at), "-" | "!" | "~" | "&" | "*") {
             return false;
@@ -482,10 +482,10 @@ impl<'a> Maker<'a> {
         }
     }
 
-    /// `if` with both fixed outcomes.
+    /// Replaces the condition of an `if` with `true` and with `false`.
     fn condition(&mut self, at: usize) {
         let mut end = at + 1;
-        // `break if` ends with its statement.
+        // The condition of a `break if` ends at the semicolon.
         while end < self.tokens.len() && !matches!(self.word(end), "{" | ";") {
             end = if self.word(end) == "(" { self.partner[end].unwrap_or(end) } else { end } + 1;
         }
@@ -494,7 +494,7 @@ impl<'a> Maker<'a> {
         }
     }
 
-    /// `x` for `y`, or the first two components exchanged.
+    /// Replaces a component (`x` with `y`), or exchanges the first two components.
     fn swizzle(&mut self, at: usize) {
         let text = self.word(at);
         let set = ["xyzw", "rgba"].into_iter().find(|set| text.chars().all(|c| set.contains(c)));
@@ -510,7 +510,7 @@ impl<'a> Maker<'a> {
         self.replace(Rule::Swizzle, at, at, components.into_iter().collect());
     }
 
-    /// The argument of a guard without the guard, and arguments in another order.
+    /// Replaces a guard with its argument, and exchanges arguments.
     fn call(&mut self, at: usize) {
         let Some((open, close)) = self.parentheses(at) else { return };
         self.order(at, close);
@@ -527,7 +527,7 @@ impl<'a> Maker<'a> {
             self.replace(Rule::Guard, at, close, format!("({text})"));
         }
         if matches!(self.word(at), "max" | "min" | "dot" | "distance") {
-            return; // whichever comes first
+            return; // the order of the arguments doesn't matter
         }
         for (index, pair) in texts.windows(2).enumerate() {
             let (from, to) = (arguments[index].0, arguments[index + 1].1);
@@ -535,7 +535,7 @@ impl<'a> Maker<'a> {
         }
     }
 
-    /// Leaves out a barrier, or an atomic that is a statement by itself.
+    /// Removes a barrier, or an atomic operation that is a whole statement.
     fn order(&mut self, at: usize, close: usize) {
         let word = self.word(at);
         let orders = word.starts_with("atomic")
@@ -546,7 +546,7 @@ impl<'a> Maker<'a> {
         }
     }
 
-    /// The parentheses of a call at `at`, after its template arguments.
+    /// The parentheses of the call at `at`. They may follow template arguments.
     fn parentheses(&self, at: usize) -> Option<(usize, usize)> {
         if matches!(self.word(at), "if" | "for" | "while" | "switch" | "return" | "else") {
             return None;
@@ -556,7 +556,7 @@ impl<'a> Maker<'a> {
         called.then(|| Some((open, self.partner[open]?))).flatten()
     }
 
-    /// The first and the last token of each argument.
+    /// The indices of each argument's first and last token.
     fn arguments(&self, open: usize, close: usize) -> Vec<(usize, usize)> {
         let mut found = Vec::new();
         let mut first = open + 1;
@@ -577,7 +577,7 @@ impl<'a> Maker<'a> {
     }
 }
 
-/// `>>` at the end of nested templates is two tokens. Shifts stay one.
+/// Splits `>>` at the end of nested templates into two tokens. Shifts remain one token.
 fn split_templates(tokens: Vec<Token<'_>>) -> Vec<Token<'_>> {
     let mut depth = 0_usize;
     let mut found = Vec::with_capacity(tokens.len());
@@ -600,13 +600,13 @@ fn split_templates(tokens: Vec<Token<'_>>) -> Vec<Token<'_>> {
     found
 }
 
-/// Returns `true` if a word is one of the types that have template arguments.
+/// Checks if a word begins like a type or built-in with template arguments.
 fn is_generic(word: &str) -> bool {
     let begins = ["vec", "mat", "array", "ptr", "atomic", "texture_", "var", "bitcast"];
     begins.iter().any(|begin| word.starts_with(begin))
 }
 
-/// The precedence of an operator; `None` if it isn't a binary one.
+/// The precedence of a binary operator; `None` for other operators.
 fn precedence(operator: &str) -> Option<u8> {
     Some(match operator {
         "||" => 1,
@@ -620,8 +620,8 @@ fn precedence(operator: &str) -> Option<u8> {
     })
 }
 
-/// Replacements for a number: for 0, 1; for 1, 0 and 2; otherwise the double, and a number that is 1 % off, or 1 more.
-/// Hexadecimal numbers stay.
+/// The replacements of a number: 0 becomes 1, and 1 becomes 0 and 2. Any other number is doubled, and increased by 1 %
+/// or by 1. A hexadecimal number has no replacements.
 fn numbers(text: &str) -> Vec<String> {
     let hexadecimal = text.starts_with("0x") || text.starts_with("0X");
     let digits = text.trim_end_matches(['f', 'h', 'i', 'u']);
@@ -648,7 +648,7 @@ fn numbers(text: &str) -> Vec<String> {
     } else {
         vec![2.0 * number, 1.01 * number]
     };
-    // With as many digits as an `f32` has.
+    // With the digits of an `f32`.
     #[expect(clippy::cast_possible_truncation, reason = "it is written into a shader")]
     let written = |other: f64| with_suffix(format!("{:?}", other as f32));
     others.into_iter().map(written).filter(|other| !other.starts_with("inf")).collect()
@@ -658,7 +658,6 @@ fn numbers(text: &str) -> Vec<String> {
 mod tests {
     use super::*;
 
-    /// The mutants of a function's body.
     fn of_body(body: &str) -> Vec<(Rule, String)> {
         let text = format!("fn f() {{ {body} }}");
         let inner = |mutant: &Mutant| {
@@ -730,7 +729,7 @@ mod tests {
         texts
     }
 
-    /// Comments, types, attributes, declarations and imports aren't mutated.
+    /// Comments, types, attributes, declarations and imports have no mutants.
     // Lesson 28: mutants
     #[test]
     fn only_code_is_changed() {
@@ -749,7 +748,7 @@ mod tests {
         assert_eq!(shown, expected);
     }
 
-    /// A comparison doesn't begin a template, and a shift doesn't end one.
+    /// The `<` of a comparison doesn't begin a template, and the `>>` of a shift doesn't end a template.
     #[test]
     fn templates_are_not_comparisons() {
         assert_eq!(by_rule("if (a < b) { c = d > e; }", Rule::Comparison).len(), 4);
@@ -766,7 +765,7 @@ mod tests {
         assert_eq!((guard.line, guard.column), (2, 9));
     }
 
-    /// All mutants differ, none is the original, and each makes the change that it names.
+    /// All mutants differ from each other and from the original, and each makes the change that it names.
     #[test]
     fn mutants_differ() {
         let text = "fn f() { return 1.0 * 1.0 + g(a, a) - max(a, a); }";
@@ -777,7 +776,7 @@ mod tests {
         assert!(found.iter().all(|mutant| text[mutant.range.clone()] == mutant.original));
     }
 
-    /// A sampler gets another filter and another address mode. Names and comments stay.
+    /// Samplers get another filter and another address mode. Names and comments don't change.
     #[test]
     fn samplers_of_tests_are_changed() {
         let text = "[[test]]\nname = \"linear\" # \"nearest\"\nwith = { a = \"linear\", b = \"nearest repeat\", c = \"x.png\" }\n\

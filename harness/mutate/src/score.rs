@@ -1,4 +1,4 @@
-//! The score of a hunt: the number of mutants by fate.
+//! The mutation score.
 
 use crate::{Fate, Tried};
 
@@ -9,30 +9,30 @@ use crate::{Fate, Tried};
 ///
 /// let score = Score { killed: 19, lived: 1, ..Score::default() };
 /// assert_eq!(score.percent(), Some(95.0));
-/// assert_eq!(Score::default().percent(), None, "nothing was judged");
+/// assert_eq!(Score::default().percent(), None, "no mutant counts");
 /// ```
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Score {
-    /// Mutants for which a test failed.
+    /// Mutants that a test killed.
     pub killed: usize,
-    /// Mutants for which all of their tests passed.
+    /// Mutants that passed all tests that use the mutated code.
     pub lived: usize,
-    /// Mutants that no test uses.
+    /// Mutants in code that no test uses.
     pub untested: usize,
-    /// Mutants that are equivalent to the original. No test can see them.
+    /// Mutants that are equivalent to the original, so that no test can see them.
     pub equal: usize,
     /// Mutants that `karat.toml` accepts.
     pub accepted: usize,
     /// Mutants that aren't valid WGSL.
     pub invalid: usize,
-    /// Mutants that aren't part of a linked function, for example because a condition leaves them out.
+    /// Mutants in code that no linked function contains, for example because an `@if` removes it.
     pub idle: usize,
-    /// Mutants without a verdict: a test ended without one, or the tests can't be found.
+    /// Mutants without a verdict: a test ended without a verdict, or Karat couldn't find the tests.
     pub stopped: usize,
 }
 
 impl Score {
-    /// Counts mutants.
+    /// Counts mutants by their fates.
     pub fn of<'t>(all: impl IntoIterator<Item = &'t Tried>) -> Self {
         let mut sum = Self::default();
         for Tried { fate, .. } in all {
@@ -50,13 +50,14 @@ impl Score {
         sum
     }
 
-    /// The mutants that count: a test could kill them, and their fate is known.
+    /// The number of mutants that count in the score: the killed, living and untested ones.
     #[must_use]
     pub fn judged(&self) -> usize {
         self.killed + self.lived + self.untested
     }
 
-    /// The killed mutants in per cent of these, rounded down; `None` if there are none.
+    /// The percentage of killed mutants among [`judged`](Self::judged) ones, rounded down to 0.1; `None` if no mutant
+    /// counts.
     #[must_use]
     #[expect(clippy::cast_precision_loss, reason = "a share to a tenth of a per cent")]
     pub fn percent(&self) -> Option<f64> {

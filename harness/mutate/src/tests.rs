@@ -1,4 +1,4 @@
-//! Mutants of shaders with known tests, and their fates.
+//! Tests mutants of small shaders, and checks the mutants' fates.
 
 use std::path::Path;
 
@@ -15,7 +15,7 @@ const TESTS: &str = "[[test]]\nfunction = \"half\"\nover = { x = 2 }\nequals = 1
                      [[test]]\nfunction = \"capped\"\nover = { x = \"-4..4\" }\nagrees_with = \"capped_once\"\n\
                      tolerance = \"1 ulp\"\n";
 
-/// The expected results of `capped`, in a module that isn't mutated.
+/// The reference of `capped`, in a module without mutants.
 const REFERENCE: &str = "fn square(x: f32) -> f32 { return x * x; }\n";
 
 fn folder(shader: &str, tests: &str) -> TempDir {
@@ -29,12 +29,12 @@ fn folder(shader: &str, tests: &str) -> TempDir {
 }
 
 fn request(folder: &Path) -> Request {
-    // Tests keep nothing outside the folder of the shaders.
+    // The tests write only into the folder of the shaders.
     Request::new(Package::open(folder).expect("it opens")).only(["calc"])
 }
 
 fn hunted(folder: &Path) -> Hunted {
-    request(folder).run(&|_, _, _| {}).expect("its tests pass")
+    request(folder).run(&|_, _, _| {}).expect("the tests pass without a mutant")
 }
 
 fn of<'h>(hunted: &'h Hunted, item: &str, original: &str, replacement: &str) -> &'h Tried {
@@ -57,7 +57,7 @@ fn each_mutant_has_the_fate_that_it_deserves() {
     let untested = fate("lonely", "+", "-");
     let Fate::Untested { why: Lived::Differs(found) } = untested else { panic!("{untested:?}") };
     assert_eq!((&*found.function, found.floats), ("calc::lonely", true));
-    // A guard that never acts shows no difference for any input.
+    // The guard never acts, so no input shows a difference.
     let lived = fate("capped", "max(x * x, -1.0)", "(x * x)");
     let Fate::Lived { tests: 1, why: Lived::Unseen { cases }, .. } = lived else {
         panic!("{lived:?}")
@@ -71,8 +71,8 @@ fn each_mutant_has_the_fate_that_it_deserves() {
     );
 }
 
-/// A test hides a mutant if it sees other values and allows them. A test that sees the same values doesn't. The one
-/// closest to failing is named.
+/// A test hides a mutant if the test sees other values and tolerates them. A test that sees the same values doesn't
+/// hide the mutant. If several tests hide it, Karat names the one that came closest to failing.
 // Lesson 29
 #[test]
 fn tolerances_hide_what_they_allow() {
@@ -87,15 +87,15 @@ fn tolerances_hide_what_they_allow() {
         let Fate::Lived { hidden, .. } = fate else { panic!("{fate:?}") };
         hidden.clone()
     };
-    // 1 % off is a quarter of the bound.
+    // A deviation of 1 % is a quarter of the tolerance.
     let found = hidden("scaled", "100.0", "101.0").expect("the test sees 101");
     assert_eq!((&*found.test, found.ratios), ("calc::scaled equals", [0.0, 0.25]));
-    assert_eq!(hidden("part", "7.0", "14.0"), None, "no test comes there");
-    // Only the loose test allows twice as much.
+    assert_eq!(hidden("part", "7.0", "14.0"), None, "no test runs this code");
+    // Only the test `loose` tolerates the doubled result.
     assert!(matches!(of(&hunted, "scaled", "100.0", "200.0").fate, Fate::Killed { .. }));
 }
 
-/// A mutation of an unused value, or one that an identity undoes, gives an equivalent shader.
+/// A mutant is equivalent to the original if it changes an unused value, or if later arithmetic undoes the change.
 // Lesson 29
 #[test]
 fn equal_mutants_are_no_gaps() {
@@ -106,15 +106,16 @@ fn equal_mutants_are_no_gaps() {
     let hunted = hunted(folder(shader, tests).path());
     let fate = |item, original, replacement| of(&hunted, item, original, replacement).fate.clone();
     let same = Fate::Equal { by: Equality::Operations };
-    assert_eq!(fate("f", "3.0", "6.0"), same, "nothing needs it");
+    assert_eq!(fate("f", "3.0", "6.0"), same, "no code uses the value");
     assert_eq!(fate("f", "x * 1.0", "x"), same);
     let differs = fate("f", "1.0", "2.0");
     assert!(matches!(differs, Fate::Lived { why: Lived::Differs(_), .. }), "{differs:?}");
-    // Only one of 2^32 numbers distinguishes these two.
+    // The two functions differ for only one of 2^32 numbers.
     assert!(matches!(fate("g", "1.0", "2.0"), Fate::Lived { .. }));
 }
 
-/// Removing a guard that never acts makes no difference; removing one that acts for some argument does.
+/// Without a guard that never acts, a function stays equivalent. Without a guard that acts for some argument, it
+/// doesn't.
 #[test]
 fn guards_that_never_act_are_equal() {
     let shader = "fn f(n: i32) -> f32 { let x = f32(n); return max(abs(x), 0.0); }\n\
@@ -146,20 +147,20 @@ fn guards_that_never_act_are_equal() {
         fate("g", "max(abs(x), 0.001)", "(abs(x))"),
         fate("h", "saturate(x)", "(x)"),
         fate("i", "max(x, 0.25)", "(x)"),
-        // A float may be NaN, which `max` removes.
+        // A float may be NaN, and `max` removes NaN.
         fate("j", "max(abs(x), 0.0)", "(abs(x))"),
-        // An assertion reads it.
+        // An assertion reads the value.
         fate("k", "3.0", "6.0"),
-        // Beyond a half turn WGSL doesn't bound the error of a sine.
+        // Outside of half a turn, WGSL doesn't bound the error of `sin`.
         fate("h", "clamp(sin(x), -2.0, 2.0)", "(sin(x))"),
     ] {
         assert!(!matches!(acts, Fate::Equal { .. }), "{acts:?}");
     }
-    // Neither a result nor the assertion depends on it.
+    // Neither the result nor the assertion depends on the value.
     assert_eq!(fate("k", "5.0", "10.0"), Fate::Equal { by: Equality::Operations });
 }
 
-/// Tests of passes judge what the passes are linked with, and nothing else.
+/// A test of a pass tests only the code that the pass links.
 // Lesson 209
 #[test]
 fn passes_judge_their_own_module() {
@@ -175,12 +176,12 @@ fn passes_judge_their_own_module() {
     let test = "[[compute]]\nentry = \"sum\"\nworkgroups = 1\nwith = { total = { size = 1, range = \"0..1\" } }\n\
                 after = { total = { equals = [2], tolerance = \"exact\" } }\n";
     write("sums.test.toml", test);
-    std::fs::remove_file(folder.path().join("calc.test.toml")).expect("it was there");
+    std::fs::remove_file(folder.path().join("calc.test.toml")).expect("the file exists");
     let hunted = hunted(folder.path());
     assert!(matches!(of(&hunted, "apart", "+", "-").fate, Fate::Untested { .. }));
 }
 
-/// A test that sets an override can't begin where nothing reads it, and fails.
+/// A test that sets an override fails if the mutant doesn't use the override.
 #[test]
 fn a_declaration_that_no_longer_fits_kills() {
     let shader = "override GAIN: f32 = 1.0;\n\
@@ -191,7 +192,7 @@ fn a_declaration_that_no_longer_fits_kills() {
     assert_eq!(of(&hunted, "capped", "max(GAIN, x)", "(x)").fate, killed);
 }
 
-/// Samplers of declared tests are mutated, too. A test that samples beyond the edge sees another address mode.
+/// Samplers in declared tests have mutants, too. A test that samples beyond the edge sees another address mode.
 #[test]
 fn samplers_of_tests_are_mutants() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -220,7 +221,7 @@ fn samplers_of_tests_are_mutants() {
     assert!(matches!(lived, Fate::Lived { why: Lived::Sampler, .. }), "{lived:?}");
 }
 
-/// If all inputs can be tried and agree, the mutant is equal.
+/// A mutant is equivalent to the original if Karat can try all inputs and the results agree.
 #[test]
 fn all_inputs_are_tried_where_they_are_few() {
     let shader = "fn h(a: bool, b: bool) -> bool { return (a && b) || (a && !b) || b; }\n\
@@ -229,7 +230,7 @@ fn all_inputs_are_tried_where_they_are_few() {
                  [[test]]\nfunction = \"c\"\nin_range = [-100, 100]\n";
     let hunted = hunted(folder(shader, tests).path());
     let fate = |item, original, replacement| of(&hunted, item, original, replacement).fate.clone();
-    // `a || b` is the same without `a && b`.
+    // `a || b` has the same value without `a && b`.
     let all = Fate::Equal { by: Equality::Inputs(4) };
     assert_eq!(fate("h", "(a && b) || (a && !b)", "(a && !b)"), all);
     let parted = fate("h", "!", "");
@@ -238,7 +239,7 @@ fn all_inputs_are_tried_where_they_are_few() {
     assert_eq!(fate("c", "max(sqrt(2.0), 1.0)", "(sqrt(2.0))"), same);
 }
 
-/// Suggested tests pass on the original, and kill the mutants that they are for.
+/// A suggested test passes on the original, and kills its mutant.
 // Lesson 29
 #[test]
 fn suggested_tests_kill() {
@@ -247,7 +248,7 @@ fn suggested_tests_kill() {
     let suggested = first.tried.iter().filter_map(|one| match &one.fate {
         Fate::Lived { why: Lived::Differs(found), .. }
         | Fate::Untested { why: Lived::Differs(found) } => {
-            Some((one.candidate.id.clone(), found.test().expect("its values are numbers")))
+            Some((one.candidate.id.clone(), found.test().expect("the values are numbers")))
         }
         _ => None,
     });
@@ -263,7 +264,7 @@ fn suggested_tests_kill() {
     }
 }
 
-/// The same tests in WGSL kill, too. Those in Rust have the expected lines.
+/// The same tests in WGSL kill the mutants, too. The tests in Rust are only compared with their expected lines.
 #[test]
 fn tests_are_suggested_in_three_languages() {
     let shader = "fn half(x: f32) -> f32 { return 0.5 * x; }\n\
@@ -282,7 +283,7 @@ fn tests_are_suggested_in_three_languages() {
     for (one, found) in differ {
         let id = &one.candidate.id;
         let Some(test) = found.test_as(Form::Wgsl, id) else { panic!("{found:?}") };
-        // A module may have an import only once.
+        // A module may contain each import only once.
         let news = test.lines().filter(|line| !wgsl.contains(line)).collect::<Vec<_>>().join("\n");
         wgsl = format!("{news}\n{wgsl}");
         killed.push((id.clone(), test));
@@ -309,14 +310,14 @@ fn tests_are_suggested_in_three_languages() {
     }
 }
 
-/// Each failure has its message: failing tests, no tests, nothing to change, tests that assert nothing about the
-/// change.
+/// Each of these cases has its own message: failing tests, no tests, nothing to mutate, and tests that can't fail on
+/// the mutation.
 // Lesson 29
 #[test]
 fn nothing_is_judged_without_evidence() {
     let wrong = |shader: &str, tests: &str| {
         let folder = folder(shader, tests);
-        request(folder.path()).run(&|_, _, _| {}).expect_err("nothing is known")
+        request(folder.path()).run(&|_, _, _| {}).expect_err("there is no result")
     };
     let red = wrong(SHADER, &TESTS.replace("equals = 1", "equals = 3"));
     assert!(
@@ -334,7 +335,7 @@ fn nothing_is_judged_without_evidence() {
         "[[test]]\nfunction = \"same\"\nfinite = true\n",
     );
     assert!(matches!(empty, MutateError::NoMutant { .. }), "{empty}");
-    // A suite that asserts almost nothing kills no mutant.
+    // Tests with very weak assertions kill no mutant.
     let folder = folder(
         SHADER,
         "[[test]]\nfunction = \"half\"\nover = { x = \"1..2\" }\nin_range = [-100, 100]\n",
@@ -343,7 +344,7 @@ fn nothing_is_judged_without_evidence() {
     assert_eq!((score.killed, score.percent()), (0, Some(0.0)), "{score:?}");
 }
 
-/// A function with `@test` kills like a declared test, beside the tested function or in another module.
+/// A function with `@test` kills mutants like a declared test, in the module of the tested function or in another one.
 #[test]
 fn tests_in_wgsl_kill() {
     let own = "fn sign_of(x: f32) -> i32 { if (x < 0.0) { return -1; } return 1; }\n";
@@ -359,12 +360,13 @@ fn tests_in_wgsl_kill() {
         let hunted = hunted(folder.path());
         let always = &of(&hunted, "sign_of", "(x < 0.0)", "(true)").fate;
         assert!(matches!(always, Fate::Killed { .. }), "{always:?}");
-        // The text of a test isn't mutated.
+        // The code of a test isn't mutated.
         assert!(hunted.tried.iter().all(|one| one.candidate.mutant.item == "sign_of"));
     }
 }
 
-/// Nothing is claimed of the values of a test in WGSL, which compares in the shader. A declared test shows them.
+/// A test in WGSL compares values in the shader, so Karat makes no claim about the values that it saw. A declared test
+/// shows its values.
 #[test]
 fn values_that_no_run_shows_are_not_judged() {
     let shader = "fn f(x: f32) -> f32 { if (x > 3.0) { return x + 7.0; } return x; }\n";
@@ -374,7 +376,7 @@ fn values_that_no_run_shows_are_not_judged() {
     for (tests, other, shown) in [(declared, "", true), ("", wgsl, false)] {
         let folder = folder(shader, tests);
         if tests.is_empty() {
-            std::fs::remove_file(folder.path().join("calc.test.toml")).expect("it was there");
+            std::fs::remove_file(folder.path().join("calc.test.toml")).expect("the file exists");
             std::fs::write(folder.path().join("calc_test.wgsl"), other).expect("written");
         }
         let hunted = hunted(folder.path());
@@ -383,7 +385,7 @@ fn values_that_no_run_shows_are_not_judged() {
     }
 }
 
-/// A mutated constant shows where another module uses it: no test sees it, or it makes that module invalid.
+/// A mutated constant changes the modules that use it: no test sees the change, or the module becomes invalid.
 #[test]
 fn constants_reach_other_modules() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -409,7 +411,7 @@ fn constants_reach_other_modules() {
     assert_eq!(found.function, "user::free");
 }
 
-/// Places count characters of the author's text, not bytes. A text that a program prints has no mutants.
+/// Lines and columns count characters of the author's text, not bytes. Text that a program prints has no mutants.
 #[test]
 fn texts_are_the_authors() {
     let shader = "// \u{e9}\u{1f600}\r\nfn half(x: f32) -> f32 { /* \u{e9} */ return 0.5 * x; }\r\n\
@@ -426,11 +428,12 @@ fn texts_are_the_authors() {
     of(&hunted, "next", "x > 1.0", "(true)");
     of(&hunted, "last", "+", "-");
     std::fs::write(folder.path().join("karat.toml"), "preprocess = [\"cat\"]\n").expect("written");
-    let error = request(folder.path()).run(&|_, _, _| {}).expect_err("it is printed");
+    let error =
+        request(folder.path()).run(&|_, _, _| {}).expect_err("a program prints the modules");
     assert!(matches!(error, MutateError::Printed), "{error}");
 }
 
-/// A mutant that is invalid, left out by a condition or endless isn't killed.
+/// A mutant that is invalid, idle or endless isn't killed.
 // Lesson 29
 // Lesson 30
 #[test]
@@ -450,7 +453,7 @@ fn no_kill_is_made_up() {
     assert!(!matches!(invalid, Fate::Invalid { .. }), "{invalid:?}");
 }
 
-/// An acceptance with a reason covers a mutant that no test can kill. An acceptance without a mutant is an error.
+/// An acceptance needs a reason. It covers a mutant that no test can kill. An acceptance without a mutant is an error.
 // Lesson 30
 #[test]
 fn acceptances_are_held() {
@@ -477,15 +480,15 @@ fn acceptances_are_held() {
     );
     let wrong = |ids: String, reason: &str| {
         accept(&ids, reason);
-        request(folder.path()).run(&|_, _, _| {}).expect_err("it accepts nothing").to_string()
+        request(folder.path()).run(&|_, _, _| {}).expect_err("the acceptance is wrong").to_string()
     };
-    assert!(wrong("\"00000000\"".to_owned(), "why").contains("there is none"));
+    assert!(wrong("\"00000000\"".to_owned(), "why").contains("there is no such mutant"));
     assert!(wrong(String::new(), "why").contains("has no `ids`"));
     assert!(wrong(format!("\"{lived}\""), " ").contains("without a reason"));
     assert!(wrong(format!("\"{lived}\", \"{lived}\""), "why").contains("twice"));
 }
 
-/// The sample depends on the seed, not on the place of its lines. Edits elsewhere don't change ids.
+/// The sample depends on the seed, not on the position of the lines. Edits of other lines change no id.
 #[test]
 fn samples_and_ids_stay() {
     let ids = |shader: &str, seed: Option<u64>| -> Vec<String> {
@@ -495,7 +498,7 @@ fn samples_and_ids_stay() {
             Some(seed) => request.sample(4, seed),
             None => request,
         };
-        let (all, of) = request.mutants().expect("it opens");
+        let (all, of) = request.mutants().expect("the package opens");
         assert!(of > all.len() || seed.is_none());
         all.into_iter().map(|one| one.id).collect()
     };
@@ -507,5 +510,5 @@ fn samples_and_ids_stay() {
     let mut all = ids(SHADER, None);
     all.sort();
     all.dedup();
-    assert_eq!(all.len(), ids(SHADER, None).len(), "no two have one id");
+    assert_eq!(all.len(), ids(SHADER, None).len(), "all ids differ");
 }

@@ -1,16 +1,15 @@
-//! Splits WGSL text into tokens, as far as mutations need it.
+//! Splits WGSL text into the tokens that mutations need.
 
-/// The kind of a token.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Kind {
     /// A name or a keyword.
     Word,
     Number,
-    /// An operator or a bracket, the longest that matches. Angle brackets of templates are single.
+    /// An operator or a bracket. The longest match wins, but angle brackets of templates are single.
     Symbol,
 }
 
-/// A piece of the text. Comments and blanks separate tokens.
+/// A token of WGSL. Comments and blanks separate tokens.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Token<'a> {
     pub(crate) kind: Kind,
@@ -24,13 +23,13 @@ impl Token<'_> {
     }
 }
 
-/// Operators of more than one character, the longer ones first.
+/// Operators with more than one character, longer ones first.
 const LONG: [&str; 20] = [
     "<<=", ">>=", "&&", "||", "==", "!=", "<=", ">=", "+=", "-=", "*=", "/=", "%=", "&=", "|=",
     "^=", "++", "--", "<<", ">>",
 ];
 
-/// The tokens of a text. A text that isn't WGSL gives arbitrary tokens, but no error.
+/// Splits text into tokens. Text that isn't WGSL gives arbitrary tokens, but no error.
 pub(crate) fn tokens(text: &str) -> Vec<Token<'_>> {
     let mut found = Vec::new();
     let mut at = 0;
@@ -51,7 +50,7 @@ pub(crate) fn tokens(text: &str) -> Vec<Token<'_>> {
     found
 }
 
-/// The length of the comment at the start of a text. Such comments nest.
+/// The length of the comment at the start of a text, including nested comments.
 fn block_comment(text: &str) -> usize {
     let mut depth = 0;
     let mut at = 0;
@@ -85,7 +84,7 @@ fn token(rest: &str, next: char) -> (Kind, usize) {
     }
 }
 
-/// The length of the number at the start of a text: digits and letters, points, and signs of exponents.
+/// The length of the number at the start of a text: digits, letters, points, and signs of exponents.
 fn number(text: &str) -> usize {
     let hexadecimal = text.starts_with("0x") || text.starts_with("0X");
     let exponents = if hexadecimal { ['p', 'P'] } else { ['e', 'E'] };

@@ -1,4 +1,4 @@
-//! The assertions of test files: about results of functions, and about resources after passes.
+//! The assertions that a test file makes about functions' results, and about resources after passes.
 
 use std::path::PathBuf;
 
@@ -9,19 +9,18 @@ use crate::declared::{Direction, Integral};
 use crate::range::Range;
 use crate::wrong::Misdeclared;
 
-/// An assertion.
 #[derive(Clone, Debug)]
 pub(crate) enum What {
-    // About functions and resources.
+    // Assertions about functions and about resources.
     AgreesWith(String),
     Table(PathBuf),
     Golden(String),
     Equals(Value),
     Finite,
     InRange(Range),
-    /// No hazards of these kinds; without a list, of any kind.
+    /// No hazards of the listed kinds; without a list, no hazards of any kind.
     NoHazards(Option<Vec<HazardKind>>),
-    // About functions.
+    // Assertions about functions only.
     Unit,
     PerpendicularTo(String),
     RightHandedFrame,
@@ -34,7 +33,7 @@ pub(crate) enum What {
         is: Value,
     },
     Integral(Integral),
-    // About resources.
+    // Assertions about resources only.
     Sorted {
         descending: bool,
     },
@@ -44,7 +43,7 @@ pub(crate) enum What {
     Written,
 }
 
-/// The keys of the assertions that functions and resources share.
+/// The keys that assert the same about functions and about resources.
 pub(crate) struct Shared<'k> {
     pub(crate) agrees_with: &'k Option<String>,
     pub(crate) table: &'k Option<PathBuf>,
@@ -67,7 +66,7 @@ impl Shared<'_> {
     }
 }
 
-/// The assertion of a key that is `true`; `None` if it is `false`.
+/// The assertion of a key whose value is `true`. `None` without the key; an error for `false`.
 pub(crate) fn switched(
     key: &'static str,
     value: Option<bool>,
@@ -82,7 +81,7 @@ pub(crate) fn switched(
 }
 
 impl What {
-    /// The key in the file.
+    /// The assertion's key in the test file.
     pub(crate) fn key(&self) -> &'static str {
         match self {
             Self::AgreesWith(_) => "agrees_with",
@@ -107,7 +106,7 @@ impl What {
         }
     }
 
-    /// Its part of the test's name.
+    /// The assertion's part of the test's name.
     pub(crate) fn name(&self) -> String {
         match self {
             Self::Monotone(argument, _) => format!("monotone in {argument}"),
@@ -116,7 +115,7 @@ impl What {
         }
     }
 
-    /// Its name in the table of keys.
+    /// The assertion's name in [`TAKEN`].
     fn form(&self) -> &'static str {
         match self {
             Self::Integral(Integral { equals: None, .. }) => "integral at_most",
@@ -124,9 +123,9 @@ impl What {
         }
     }
 
-    /// Returns `true` if it takes a key that not all assertions take.
+    /// Checks if the assertion accepts a key that only some assertions accept.
     pub(crate) fn takes(&self, key: &str) -> bool {
-        // A sum has its own tolerance on all paths.
+        // A sum accepts a tolerance for all paths, but no `tolerance_on`.
         if let (Self::SumOf(_), "tolerance") = (self, key) {
             return true;
         }
@@ -135,8 +134,8 @@ impl What {
     }
 }
 
-/// The keys that only some assertions take, with those assertions. An integral that is bounded by `at_most` has a
-/// `slack` in place of a tolerance.
+/// The keys that only some assertions accept, each with these assertions. An integral with `at_most` has a `slack` and
+/// no tolerance.
 const TAKEN: [(&str, &[&str]); 8] = [
     ("over", &DRAWN),
     ("where", &DRAWN),
@@ -148,7 +147,7 @@ const TAKEN: [(&str, &[&str]); 8] = [
     ("up_to_order", &["equals", "table", "agrees_with"]),
 ];
 
-/// The assertions with sampled arguments. A table has its own.
+/// The assertions with sampled arguments. A table isn't one of them, because its rows are the arguments.
 const DRAWN: [&str; 14] = [
     "agrees_with",
     "golden",
@@ -166,15 +165,15 @@ const DRAWN: [&str; 14] = [
     "no_hazards",
 ];
 
-/// The assertions that take a tolerance.
+/// The assertions that accept a tolerance.
 const WITHIN: [&str; 8] =
     ["agrees_with", "table", "golden", "equals", "symmetric_in", "monotone", "limit", "integral"];
 
-/// The assertions about functions that resources have, too.
+/// The assertions that functions and resources share.
 const OF_BOTH: [&str; 7] =
     ["agrees_with", "table", "golden", "equals", "finite", "in_range", "no_hazards"];
 
-/// A written key that none of a test's assertions takes, with the message: it would have no effect.
+/// A key in the test file that none of the test's assertions accepts, with an error message.
 pub(crate) fn idle_key(
     whats: &[What],
     of_resource: bool,
@@ -186,7 +185,7 @@ pub(crate) fn idle_key(
     let there: Vec<&str> = takers.iter().filter(is_there).copied().collect();
     let own: Vec<String> = whats.iter().map(|what| format!("`{}`", what.form())).collect();
     let error = format!(
-        "`{key}` does nothing here: {} takes none. Leave it out, or assert what does: {}",
+        "`{key}` does nothing here: {} takes none. Leave it out, or add an assertion that takes it: {}",
         own.join(", "),
         there.join(", ")
     );

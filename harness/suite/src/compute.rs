@@ -1,4 +1,4 @@
-//! Compute passes that a file declares: `[[compute]]`, whose keys [`declared`](crate::declared) lists.
+//! Tests of compute passes, from `[[compute]]` in a test file. The page [`declared`](crate::declared) lists the keys.
 
 use std::collections::{BTreeMap, HashMap};
 use std::path::{Path, PathBuf};
@@ -24,29 +24,29 @@ use crate::table;
 use crate::tolerances::tolerance;
 use crate::wrong::Misdeclared;
 
-/// A `[[compute]]`.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Declared {
-    /// The test's own name, in place of the last entry point's.
+    /// The test's name. The default is the last entry point's name.
     pub(crate) name: Option<String>,
-    /// The compute entry point, of the file's own module, or `other::sort`.
+    /// The compute entry point: a name in the file's own module, or a path such as `other::sort`.
     entry: Option<String>,
-    /// Workgroups in each direction: `4`, `[4, 2]` or `[4, 2, 1]`.
+    /// The number of workgroups in each direction: `4`, `[4, 2]` or `[4, 2, 1]`.
     workgroups: Option<Workgroups>,
-    /// Passes one after the other, each `{ entry = .., workgroups = .. }`, in place of these two.
+    /// Several passes, which run in this order, each `{ entry = .., workgroups = .. }`. Replaces the keys `entry` and
+    /// `workgroups`.
     #[serde(default)]
     passes: Vec<Pass>,
-    /// Textures, samplers and buffers, by the names of the variables.
+    /// Textures, samplers and buffers, each under its variable's name.
     #[serde(default)]
     pub(crate) with: BTreeMap<String, Value>,
     /// Values of `override`s, by their names or numbers.
     #[serde(default, rename = "override")]
     overrides: BTreeMap<String, OverrideValue>,
-    /// Paths on which the test fails, each with the reason. It must fail there: `{ gl = "clamps faces" }`.
+    /// Paths on which the test must fail, each with the reason: `{ gl = "clamps faces" }`.
     #[serde(default)]
     pub(crate) fails_on: BTreeMap<String, String>,
-    /// Paths that can't run it, each with the reason. They must refuse it.
+    /// Paths that can't run the test, each with the reason. These paths must refuse the test.
     #[serde(default)]
     pub(crate) refused_on: BTreeMap<String, String>,
     /// Variables with accepted races, each with the reason.
@@ -55,24 +55,24 @@ pub(crate) struct Declared {
     /// Variables into which several invocations may write the same value, each with the reason.
     #[serde(default)]
     accept_equal_writes: BTreeMap<String, String>,
-    /// The expected contents of each resource after the passes: `{ sums = { equals = [1, 3] } }`; the keys stand below.
+    /// The expected contents of each resource after the passes: `{ sums = { equals = [1, 3] } }`. A table below has the
+    /// keys.
     #[serde(default)]
     after: BTreeMap<String, Expected>,
-    /// Nothing that the passes compute has a hazard: `true`, or a list of kinds.
+    /// Asserts that no operation in the passes has a hazard: `true`, or a list of kinds.
     no_hazards: Option<NoHazards>,
 }
 
-/// One of several passes.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Pass {
     /// The compute entry point.
     entry: String,
-    /// Workgroups in each direction.
+    /// The number of workgroups in each direction.
     workgroups: Workgroups,
 }
 
-/// Workgroups in each direction: `4`, `[4]`, `[4, 2]` or `[4, 2, 1]`.
+/// The number of workgroups in each direction: `4`, `[4]`, `[4, 2]` or `[4, 2, 1]`.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(try_from = "Value")]
 struct Workgroups([u32; 3]);
@@ -83,7 +83,7 @@ impl TryFrom<Value> for Workgroups {
     fn try_from(value: Value) -> Result<Self, String> {
         let wrong = || {
             format!(
-                "{value} is no number of workgroups: write 4, or [4, 2, 1], each from 1 to 65535"
+                "{value} isn't a number of workgroups: write 4, or [4, 2, 1], each from 1 to 65535"
             )
         };
         let number = |value: &Value| value.as_integer().and_then(|count| u32::try_from(count).ok());
@@ -100,64 +100,63 @@ impl TryFrom<Value> for Workgroups {
     }
 }
 
-/// The expected content of a resource.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Expected {
-    /// It holds this value; one number stands for each component.
+    /// Asserts that the resource has this value. One number is the value of each component.
     equals: Option<Value>,
-    /// Each element is a row of this CSV file, of the columns `x,y,z`, or `value`.
+    /// Asserts that the elements equal the rows of this CSV file. Its columns are `x,y,z`, or `value`.
     table: Option<PathBuf>,
-    /// It holds what was accepted as `golden/NAME.csv`.
+    /// Asserts that the resource has the contents that were accepted as `golden/NAME.csv`.
     golden: Option<String>,
-    /// Another entry point in place of the last one leaves the same, over as many workgroups and in Karat's engine.
+    /// Asserts that another entry point in place of the last one writes the same contents. Karat's engine runs the
+    /// other entry point, over as many workgroups.
     agrees_with: Option<String>,
-    /// Its elements rise: `true`; or they fall: `"descending"`.
+    /// Asserts that the elements are in ascending order (`true`), or in descending order (`"descending"`).
     sorted: Option<Value>,
-    /// Its numbers add up to those that this buffer holds before the passes.
+    /// Asserts that the numbers have the same sum as the numbers that this buffer contains before the passes.
     sum_of: Option<String>,
-    /// Its elements are those that this buffer holds before the passes, in any order.
+    /// Asserts that the elements are those that this buffer contains before the passes, in any order.
     permutation_of: Option<String>,
-    /// It holds what it held before: `true`.
+    /// Asserts that the passes don't change the contents: `true`.
     unchanged: Option<bool>,
-    /// Some invocation writes each element of the buffer or texel of the texture, the last ones included: `true`.
+    /// Asserts that the invocations write each element of the buffer, or each texel of the texture: `true`.
     written: Option<bool>,
-    /// Each component lies in this range.
+    /// Asserts that each component is in this range.
     in_range: Option<Range>,
-    /// No component is NaN or infinite: `true`.
+    /// Asserts that no component is NaN or infinite: `true`.
     finite: Option<bool>,
-    /// Elements are compared in any order, beside `equals`, `table` or `agrees_with`: `true`.
+    /// Ignores the order of the elements in `equals`, `table` or `agrees_with`: `true`.
     up_to_order: Option<bool>,
-    /// Rows and columns of the elements, `[19, 13]`: a failure names row and column.
+    /// The number of rows and columns, `[19, 13]`. Failures then name an element's row and column.
     shape: Option<[usize; 2]>,
-    /// The largest error that passes, as for functions; without it numbers are exact.
+    /// The largest error that passes, as for functions. The default is an exact comparison.
     tolerance: Option<String>,
-    /// Tolerances of single paths.
+    /// Tolerances for single paths.
     #[serde(default)]
     tolerance_on: BTreeMap<String, String>,
 }
 
-/// An assertion of a `[[compute]]`.
 #[derive(Clone, Debug)]
 pub(crate) struct Assertion {
     pub(crate) declared: Declared,
-    /// The entry points with their modules, and the workgroups.
+    /// The paths of the entry points, and their workgroups.
     passes: Vec<(String, [u32; 3])>,
-    /// The resource; empty for an assertion about the passes.
+    /// The asserted resource; empty for an assertion about the passes.
     variable: String,
     what: What,
     tolerance: Option<String>,
     pub(crate) tolerance_on: BTreeMap<String, String>,
-    /// `true` to ignore the order of elements.
+    /// `true` if the order of the elements doesn't matter.
     up_to_order: bool,
-    /// Rows and columns of the elements.
+    /// The number of rows and columns.
     shape: Option<[usize; 2]>,
-    /// The folder that paths of tables and images are relative to.
+    /// The folder to which the paths of tables and images are relative.
     pub(crate) folder: PathBuf,
     pub(crate) keys: Keys,
 }
 
-/// Refuses a kind of hazard that Karat doesn't check in passes: the test could never fail.
+/// Refuses hazard kinds that Karat doesn't check in passes, because such an assertion could never fail.
 fn expect_inside(kind: HazardKind) -> Result<(), Misdeclared> {
     let wrong = |why: &str| Err(Misdeclared::of("no_hazards")(format!("{}: {why}", kind.name())));
     match kind {
@@ -168,9 +167,9 @@ fn expect_inside(kind: HazardKind) -> Result<(), Misdeclared> {
         | HazardKind::Saturated
         | HazardKind::EdgesReversed => Ok(()),
         HazardKind::LostDigits | HazardKind::Unbounded | HazardKind::Endless => {
-            wrong("passes aren't looked through for this kind")
+            wrong("Karat doesn't check passes for this kind")
         }
-        _ => wrong("each [[compute]] is looked through for this kind: leave it out"),
+        _ => wrong("Karat checks each [[compute]] for this kind anyway: leave it out"),
     }
 }
 
@@ -203,7 +202,7 @@ impl Expected {
         all.extend(switched("written", self.written, What::Written)?);
         if all.is_empty() {
             return Err(Misdeclared::from(format!(
-                "nothing is asserted of `{variable}`: equals, table, golden, agrees_with, sorted, sum_of, \
+                "the test asserts nothing about `{variable}`: write equals, table, golden, agrees_with, sorted, sum_of, \
                  permutation_of, unchanged, written, in_range or finite"
             )));
         }
@@ -225,7 +224,7 @@ impl Expected {
 }
 
 impl Declared {
-    /// The passes in their order, with the module of the file.
+    /// The passes in their order. `module` is the file's module.
     fn all_passes(&self, module: &str) -> Result<Vec<(String, [u32; 3])>, String> {
         let path = |entry: &str| match (module, entry.contains("::")) {
             ("", _) | (_, true) => entry.to_owned(),
@@ -233,9 +232,9 @@ impl Declared {
         };
         match (&self.entry, self.workgroups, &*self.passes) {
             (Some(entry), Some(Workgroups(groups)), []) => Ok(vec![(path(entry), groups)]),
-            (Some(entry), None, []) => Err(format!(
-                "`{entry}` is dispatched over no workgroups: add workgroups = 1, or [2, 2, 1]"
-            )),
+            (Some(entry), None, []) => {
+                Err(format!("`{entry}` has no `workgroups`: add workgroups = 1, or [2, 2, 1]"))
+            }
             (None, None, [_, ..]) => {
                 Ok(self.passes.iter().map(|one| (path(&one.entry), one.workgroups.0)).collect())
             }
@@ -247,7 +246,7 @@ impl Declared {
         }
     }
 
-    /// The tests that it declares, by name.
+    /// The declared tests, by name.
     pub(crate) fn tests(
         self,
         module: &str,
@@ -297,7 +296,7 @@ impl Declared {
         }
         match all.is_empty() {
             true => Err(Misdeclared::from(format!(
-                "nothing is asserted of `{last}`: say what it leaves in [compute.after.NAME], or \
+                "the test asserts nothing about `{last}`: write the expected contents in [compute.after.NAME], or \
                  no_hazards = true"
             ))),
             false => Ok(all),
@@ -311,7 +310,7 @@ impl Assertion {
         self.passes.iter().map(|(name, _)| name.as_str())
     }
 
-    /// The entry point after which the subject is named.
+    /// The last pass's entry point, whose name the test's records have.
     pub(crate) fn last(&self) -> &str {
         self.passes.last().map_or("", |(name, _)| name)
     }
@@ -325,7 +324,7 @@ impl Assertion {
         self.own(self.key())
     }
 
-    /// A key of an assertion, as the file has it below `[[compute]]`.
+    /// The path of an assertion's key below `[[compute]]`.
     fn own(&self, key: &str) -> String {
         match self.variable.is_empty() {
             true => key.to_owned(),
@@ -333,15 +332,15 @@ impl Assertion {
         }
     }
 
-    /// The place of a key.
+    /// The position of a key in the test file.
     pub(crate) fn place_of(&self, key: Option<&str>) -> Option<&karat::unstable::diagnostic::Span> {
-        // A key of the assertion, or one of the pass.
+        // The key belongs to the assertion, or to the whole `[[compute]]`.
         let keys = key.into_iter().flat_map(|key| [self.own(key), key.to_owned()]);
         let mut named = keys.filter_map(|key| self.keys.exactly(&key));
         named.next().or_else(|| self.keys.place_of(&self.check()))
     }
 
-    /// The files that it is compared with.
+    /// The table or golden with the expected contents.
     pub(crate) fn files(&self) -> Vec<PathBuf> {
         match &self.what {
             What::Table(file) => vec![self.folder.join(file)],
@@ -350,7 +349,7 @@ impl Assertion {
         }
     }
 
-    /// Everything that the verdict depends on, except files.
+    /// All text on which the verdict depends, except for files.
     pub(crate) fn normalized_text(&self, package: &Package) -> Option<String> {
         let mut text = format!("{:?} {} {:?}", self.declared, self.variable, self.what);
         let reference = if let What::AgreesWith(entry) = &self.what {
@@ -365,7 +364,7 @@ impl Assertion {
         Some(text)
     }
 
-    /// The key that names an entry point.
+    /// The key in the test file that names an entry point.
     pub(crate) fn key_of_entry(&self, entry: &str) -> String {
         let number = self.passes.iter().position(|(name, _)| name == entry);
         match (&self.what, number) {
@@ -379,7 +378,7 @@ impl Assertion {
         }
     }
 
-    /// An entry point in the last pass's module, or in another one.
+    /// The path of an entry point: a plain name belongs to the module of the last pass.
     fn of_module(&self, entry: &str) -> String {
         match (entry.contains("::"), self.last().rsplit_once("::")) {
             (false, Some((module, _))) => format!("{module}::{entry}"),
@@ -387,7 +386,7 @@ impl Assertion {
         }
     }
 
-    /// The place of the first row of a table that differs.
+    /// The table row of the first element that differs, as the end of a message.
     pub(crate) fn row_of(&self, error: &ComputeError) -> Option<String> {
         let (What::Table(file), ComputeError::Differs(found)) = (&self.what, error) else {
             return None;
@@ -401,7 +400,7 @@ impl Assertion {
         }
     }
 
-    /// The tolerance; exact if none is needed.
+    /// The tolerance. The default is an exact comparison.
     fn tolerance(&self) -> Result<Tolerance, Misdeclared> {
         let text = self.tolerance.as_deref().unwrap_or("exact");
         tolerance(text).map_err(Misdeclared::of("tolerance"))
@@ -424,7 +423,8 @@ impl Assertion {
             let name = last.filter(|_| index + 1 == count).unwrap_or(name);
             compute = compute.dispatch(name, *groups);
             let (module, own) = name.rsplit_once("::").unwrap_or(("", name));
-            // The dispatch reports an entry point that is missing or invalid. The rest of its module may be invalid.
+            // If an entry point is missing or invalid, the dispatch reports it. Other code of the module may be
+            // invalid.
             let program = Program::of_items(package, module, &[own]).ok();
             let bindings = program.as_ref().and_then(|program| {
                 Some((program, program.entry_point_bindings(Stage::Compute, own)?))
@@ -447,7 +447,7 @@ impl Assertion {
         }
         if let Some((idle, _)) = bound.iter().find(|(_, is_bound)| !**is_bound)
             && !unread
-            // A reference may leave some resources unused.
+            // The reference may use fewer resources than the passes.
             && last.is_none()
         {
             let known = known.iter().map(String::as_str);
@@ -475,7 +475,7 @@ impl Assertion {
         Ok(compute)
     }
 
-    /// Dispatches and judges.
+    /// Binds the resources, and adds the passes.
     pub(crate) fn passes<'p>(&self, package: &'p Package) -> Result<Compute<'p>, Misdeclared> {
         self.compute(package, None)
     }
@@ -489,7 +489,7 @@ impl Assertion {
         if let What::NoHazards(kinds) = &self.what {
             let mut found = untyped::hazards(compute)?;
             found.retain(|(kind, ..)| kinds.as_ref().is_none_or(|kinds| kinds.contains(kind)));
-            // The passes are the subject, represented by the first resource that they write.
+            // The record names the first resource that the passes write.
             let left = untyped::left(compute, Route::CPU)?;
             let variable = left.first().ok_or("the passes write nothing")?.name.clone();
             let first = found.first().map(|(_, place, what)| Element {
@@ -555,10 +555,14 @@ impl Assertion {
                 let content = self.content(compute)?;
                 let scalar = only_scalar(&content, "sorted")?;
                 if content.lanes.len() == 1 {
-                    let one = "`sorted` holds for one number, so it can't fail".to_owned();
+                    let one = "one number is always sorted, so `sorted` can't fail".to_owned();
                     return Err(Misdeclared::of("sorted")(one).into());
                 }
-                let text = if *descending { "its elements fall" } else { "its elements rise" };
+                let text = if *descending {
+                    "its elements are in descending order"
+                } else {
+                    "its elements are in ascending order"
+                };
                 let breaks = |lanes: &[u32]| {
                     let pair =
                         |at: usize| [lanes[at], lanes[at + 1]].map(|word| scalar.decode(word));
@@ -594,7 +598,7 @@ impl Assertion {
                 let (content, input_content) = (self.content(compute)?, before(input)?);
                 if content.element() != input_content.element() {
                     return Err(format!(
-                        "`{}` is {}, and `{input}` is {}: no permutation of each other",
+                        "`{}` is {}, and `{input}` is {}: elements of different types can't be a permutation",
                         self.variable, content.shape, input_content.shape
                     )
                     .into());
@@ -608,7 +612,7 @@ impl Assertion {
                 let was = before(&self.variable)?;
                 let element = was.element().clone();
                 let breaks = |lanes: &[u32]| first_other(&element, &was.lanes, lanes);
-                concluded(untyped::satisfies(&after, "it is what it was before", true, &breaks))
+                concluded(untyped::satisfies(&after, "its contents don't change", true, &breaks))
             }
             What::Written => concluded(after.try_is_written()),
             What::InRange(range) => {
@@ -653,11 +657,11 @@ impl Assertion {
             | What::SymmetricIn(_)
             | What::Monotone(..)
             | What::Limit { .. }
-            | What::Integral(_) => unreachable!("no resource has it: `Expected` has no such key"),
+            | What::Integral(_) => unreachable!("`Expected` has no key for this assertion"),
         }
     }
 
-    /// The asserted resource before the passes.
+    /// The contents of the asserted resource before the passes.
     fn content(&self, compute: &Compute<'_>) -> Result<Content, Stop> {
         match untyped::before(compute, &self.variable) {
             Ok(content) => Ok(content),
@@ -665,7 +669,7 @@ impl Assertion {
                 let key = format!("after.{}", self.variable);
                 Err(Misdeclared::from(error.to_string()).below(&key).into())
             }
-            // A texture isn't a buffer, and its content before the passes can't be read.
+            // This function can't read a texture's contents before the passes.
             Err(_) => {
                 let left = untyped::left(compute, Route::CPU)?;
                 let names: Vec<String> = left.iter().map(|one| one.name.clone()).collect();
@@ -681,15 +685,14 @@ impl Assertion {
     }
 }
 
-/// The reason why there is no agreement.
+/// The reason why a check didn't succeed.
 pub(crate) enum Stop {
     Misdeclared(Misdeclared),
-    /// No check began, so none is recorded.
+    /// The check didn't begin, so there is no record of it.
     Unbegun(Box<ComputeError>),
     Failed(Box<ComputeError>),
 }
 
-/// The verdict of a check.
 fn concluded(verdict: Result<ComputeAgreement, ComputeError>) -> Result<ComputeAgreement, Stop> {
     verdict.map_err(|error| Stop::Failed(Box::new(error)))
 }
@@ -718,8 +721,8 @@ impl From<&str> for Stop {
     }
 }
 
-/// The content of a resource, or of a member of it, among all resources after the passes. A variable's name may include
-/// its module.
+/// Finds a resource, or a member of a resource, among all resources after the passes. `variable` may contain the
+/// module's name.
 fn of_variable(left: Vec<Content>, variable: &str) -> Option<Content> {
     let (name, member) = variable.split_once('.').unwrap_or((variable, ""));
     left.into_iter().find(|one| is_called(&one.name, name))?.member(member)
@@ -739,13 +742,12 @@ fn named_whole(actual: String, expected: String) -> Element {
     Element { place, actual, expected, error: String::new() }
 }
 
-/// The numbers of a resource.
 fn values(content: &Content) -> Vec<f64> {
     let scalars = content.shape.lanes();
     scalars.iter().zip(&content.lanes).map(|(scalar, word)| scalar.decode(*word)).collect()
 }
 
-/// The scalar type of each element.
+/// The scalar type of the elements; an error if they aren't scalars.
 fn only_scalar(content: &Content, key: &str) -> Result<Scalar, String> {
     match content.element() {
         Shape::Scalar(scalar) => Ok(*scalar),
@@ -753,7 +755,7 @@ fn only_scalar(content: &Content, key: &str) -> Result<Scalar, String> {
     }
 }
 
-/// The scalar type of all numbers.
+/// The type of all numbers in a resource; an error if they have different types.
 fn one_kind(content: &Content, key: &str) -> Result<Scalar, String> {
     let scalars = content.shape.lanes();
     match scalars.first() {
@@ -762,7 +764,7 @@ fn one_kind(content: &Content, key: &str) -> Result<Scalar, String> {
     }
 }
 
-/// The first element that differs.
+/// The first element that differs between two lists.
 fn first_other(element: &Shape, was: &[u32], is: &[u32]) -> Option<Broken> {
     let width = element.lanes().len().max(1);
     let pairs = was.chunks(width).zip(is.chunks(width)).enumerate();
@@ -772,7 +774,7 @@ fn first_other(element: &Shape, was: &[u32], is: &[u32]) -> Option<Broken> {
     Some(Broken { failures: wrong.len(), first: Some(first) })
 }
 
-/// The first element that the other list has less often.
+/// The first element that occurs more often in one list than in the other.
 fn not_permuted(element: &Shape, was: &[u32], is: &[u32]) -> Option<Broken> {
     let width = element.lanes().len().max(1);
     let mut left: HashMap<&[u32], i64> = HashMap::new();

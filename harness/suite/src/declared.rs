@@ -22,14 +22,14 @@
 //! size = [64, 64]                               # compared with golden/gradient.exr
 //! ```
 //!
-//! A frame is drawn by `fragment` alone, or with a `vertex` function that makes a triangle; or by `draws`, each with
-//! its functions, a `mesh` (a table of corners) or a number of `vertices`, and state (`depth_compare`, `blend`). It may
-//! set `samples`, `formats` (one for each location, such as `"float"` and `"rgba8unorm-srgb"`), the compared target
-//! (`target = 1`, or `depth = true`), `tolerance` (a relative difference, `1e-3`), `fails_on`, `refused_on`, `module`,
-//! and the folder of its `golden`.
+//! A frame is drawn by a `fragment` function, which covers the frame, or by a `vertex` and a `fragment` function.
+//! `draws` makes several draws. Each draw has its own functions, a `mesh` (a table of vertices) or a number of
+//! `vertices`, and state (`depth_compare`, `blend`). A frame may set `samples`, `formats` (one format for each
+//! location, such as `"float"` and `"rgba8unorm-srgb"`), the compared target (`target = 1`, or `depth = true`),
+//! `tolerance` (a relative difference, `1e-3`), `fails_on`, `refused_on`, `module`, and the folder of its `golden`.
 //!
-//! A test binds the variables that its function reads by `with = { exposure = 2, albedo = "wood.png" }`, and sets
-//! overrides by `override = { GAIN = 2 }`.
+//! `with = { exposure = 2, albedo = "wood.png" }` binds variables that the function reads. `override = { GAIN = 2 }`
+//! sets overrides.
 //!
 //! | assertion | holds if |
 //! |---|---|
@@ -75,8 +75,8 @@
 //! | `written = true` | some invocation writes each element of the buffer, or texel of the texture, the last ones included |
 //! | `in_range = [0, 1]`, `finite = true` | as for functions |
 //!
-//! `no_hazards = true`, or a list of kinds, beside `entry` asserts that nothing inside the passes becomes NaN or
-//! infinite, or divides by 0. Without a `tolerance` numbers are compared exactly. The sanitizer checks the passes of
+//! `no_hazards = true`, or a list of kinds, beside `entry` asserts that no operation in the passes gives NaN or an
+//! infinity, or divides by 0. Without a `tolerance`, numbers are compared exactly. The sanitizer checks the passes of
 //! each test.
 
 use std::collections::BTreeMap;
@@ -101,7 +101,6 @@ use crate::range::Range;
 use crate::wrong::Misdeclared;
 use crate::{Kind, Test};
 
-/// A file, as written.
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
@@ -113,77 +112,79 @@ struct File {
     compute: Vec<Spanned<compute::Declared>>,
 }
 
-/// A `[[test]]`.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Declared {
-    /// The test's own name, in place of the function's.
+    /// The test's name. The default is the function's name.
     name: Option<String>,
-    /// The function that the test calls: `schlick`, of the module that the file is named after, or `brdf::schlick`.
+    /// The function that the test calls: a name in the module beside the file, such as `schlick`, or a path such as
+    /// `brdf::schlick`.
     pub(crate) function: String,
     /// The domain of each argument: `{ x = "0..1", n = "unit_vector" }`.
     #[serde(default)]
     pub(crate) over: BTreeMap<String, Value>,
-    /// Keeps the arguments for which this expression of WGSL holds: `"a < b"`.
+    /// A WGSL expression: `"a < b"`. Karat tests only arguments for which the expression is true.
     #[serde(rename = "where")]
     pub(crate) filter: Option<String>,
-    /// The number of cases; 65536 without it, and of an integral fewer.
+    /// The number of cases. The default is 65536, and fewer for an integral.
     pub(crate) cases: Option<u64>,
-    /// The seed of the cases; without it the test's name gives one.
+    /// The seed of the cases. The default depends on the test's name.
     pub(crate) seed: Option<u64>,
-    /// The largest error that passes: `"4 ulp"`, `"rel 1e-4"`, `"abs 1e-6"`, `"exact"`, `"spec"`, or several by `or`.
+    /// The largest error that passes: `"4 ulp"`, `"rel 1e-4"`, `"abs 1e-6"`, `"exact"`, `"spec"`, or several joined by
+    /// `or`.
     pub(crate) tolerance: Option<String>,
-    /// Tolerances of single paths: `{ gl = "abs 1e-3" }`.
+    /// Tolerances for single paths: `{ gl = "abs 1e-3" }`.
     #[serde(default)]
     pub(crate) tolerance_on: BTreeMap<String, String>,
-    /// Paths on which the test fails, each with the reason. It must fail there: `{ gl = "clamps faces" }`.
+    /// Paths on which the test must fail, each with the reason: `{ gl = "clamps faces" }`.
     #[serde(default)]
     pub(crate) fails_on: BTreeMap<String, String>,
-    /// Paths that can't run it, each with the reason. They must refuse it.
+    /// Paths that can't run the test, each with the reason. These paths must refuse the test.
     #[serde(default)]
     pub(crate) refused_on: BTreeMap<String, String>,
-    /// Textures, samplers and buffers, by the names of the variables.
+    /// Textures, samplers and buffers, each under its variable's name.
     #[serde(default)]
     pub(crate) with: BTreeMap<String, Value>,
     /// Values of `override`s, by their names or numbers.
     #[serde(default, rename = "override")]
     pub(crate) overrides: BTreeMap<String, OverrideValue>,
-    /// Another WGSL function, which Karat executes in `f64`, returns the same.
+    /// Asserts that another WGSL function, which Karat executes in `f64`, returns the same result.
     agrees_with: Option<String>,
-    /// Each row's result is what the row of this CSV file says.
+    /// Asserts that the results equal those in this CSV file. Each row has the arguments and the result of one call.
     table: Option<PathBuf>,
-    /// Results are those that were accepted: `golden/NAME.csv`, which `karat accept` writes.
+    /// Asserts that the results equal the accepted ones in `golden/NAME.csv`, which `karat accept` writes.
     golden: Option<String>,
-    /// Each result is this value.
+    /// Asserts that each result is this value.
     equals: Option<Value>,
-    /// No component is NaN or infinite: `true`.
+    /// Asserts that no component of a result is NaN or infinite: `true`.
     finite: Option<bool>,
-    /// Each result is a vector of length 1: `true`.
+    /// Asserts that each result is a vector of length 1: `true`.
     unit: Option<bool>,
-    /// Each result is a vector at right angles to this argument. Zeros have no angle, and fail.
+    /// Asserts that each result is a vector at right angles to this argument. A zero vector has no angle, and fails.
     perpendicular_to: Option<String>,
-    /// Each result is three unit vectors at right angles, the third the cross product of the first two, as columns of
-    /// a `mat3x3f` or members of a structure: `true`.
+    /// Asserts that each result has three unit vectors at right angles, and that the third is the cross product of the
+    /// first two: `true`. They are the columns of a `mat3x3f` or the members of a structure.
     right_handed_frame: Option<bool>,
-    /// Each component lies in this range: `"0..1"`, `[0, 1]`, or `"0..<1"` without its end.
+    /// Asserts that each component of a result is in this range: `"0..1"`, `[0, 1]`, or `"0..<1"`, which excludes the
+    /// end.
     in_range: Option<Range>,
-    /// Swapping these two arguments changes nothing.
+    /// Asserts that swapping these two arguments doesn't change the result.
     symmetric_in: Option<Pair<String>>,
-    /// The result only rises, or only falls, with an argument: `{ x = "increasing" }`.
+    /// Asserts that the result only rises, or only falls, with an argument: `{ x = "increasing" }`.
     monotone: Option<BTreeMap<String, Direction>>,
-    /// The result approaches a value: `{ alpha = 0, through = [0.1, 0.01], equals = 1 }`.
+    /// Asserts that the result approaches a value: `{ alpha = 0, through = [0.1, 0.01], equals = 1 }`.
     limit: Option<BTreeMap<String, Value>>,
-    /// The integral over the last argument, a direction; its keys stand below.
+    /// Asserts the integral over the last argument, which is a direction. A table below has the keys.
     integral: Option<Integral>,
-    /// No operation inside has a hazard: `true`, or a list of kinds: `["nan", "out_of_range"]`. Not for functions
-    /// that write storage.
+    /// Asserts that no operation in the function has a hazard: `true`, or a list of kinds: `["nan", "out_of_range"]`.
+    /// The function must not write storage.
     no_hazards: Option<NoHazards>,
-    /// Hazards of `no_hazards` that are meant, each operation with the reason.
+    /// Hazards that `no_hazards` accepts: operations, each with the reason.
     #[serde(default)]
     pub(crate) accept_hazard: BTreeMap<String, String>,
 }
 
-/// The largest relative difference of a pixel that passes: `1e-3`, or `"rel 1e-3"` as in verdicts.
+/// The largest relative difference that a pixel may have: `1e-3`, or `"rel 1e-3"` as in verdicts.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(try_from = "Value")]
 pub(crate) struct Relative(pub(crate) f32);
@@ -195,7 +196,7 @@ impl TryFrom<Value> for Relative {
         let number = match &value {
             #[expect(clippy::cast_possible_truncation, reason = "bounds of pixels are f32")]
             Value::Float(number) => Some(*number as f32),
-            #[expect(clippy::cast_precision_loss, reason = "nobody allows so much")]
+            #[expect(clippy::cast_precision_loss, reason = "larger tolerances are useless")]
             Value::Integer(number) => Some(*number as f32),
             Value::String(text) => {
                 text.strip_prefix("rel ").and_then(|text| text.trim().parse().ok())
@@ -208,7 +209,7 @@ impl TryFrom<Value> for Relative {
     }
 }
 
-/// A list of exactly two: serde would silently ignore the rest of a longer one.
+/// A list of exactly two elements. For an array type, serde would silently ignore further elements.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(try_from = "Vec<T>")]
 pub(crate) struct Pair<T>(pub(crate) [T; 2]);
@@ -248,14 +249,12 @@ impl TryFrom<Value> for NoHazards {
                 let kinds = kinds.into_iter().map(kind).collect::<Result<_, _>>()?;
                 Ok(Self(Some(kinds)))
             }
-            other => {
-                Err(format!("`true`, or a list such as [\"nan\"], is wanted, and not {other}"))
-            }
+            other => Err(format!("write `true`, or a list such as [\"nan\"], and not {other}")),
         }
     }
 }
 
-/// A number, or `true` and `false`.
+/// A number, `true` or `false`.
 #[derive(Clone, Copy, Debug, Deserialize)]
 #[serde(untagged, expecting = "an override's value is a number, `true` or `false`, without quotes")]
 pub(crate) enum OverrideValue {
@@ -279,20 +278,20 @@ pub(crate) enum Direction {
     Decreasing,
 }
 
-/// An integral over directions.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Integral {
-    /// The region: `"sphere"`, `"hemisphere"` or `"projected_hemisphere"`, which weights by the cosine.
+    /// The region: `"sphere"`, `"hemisphere"` or `"projected_hemisphere"`. The last one weights each direction by its
+    /// cosine.
     pub(crate) over: Region,
-    /// The integral, of each component or of all.
+    /// The expected integral: one number for all components, or a list of numbers.
     #[serde(alias = "is")]
     pub(crate) equals: Option<Value>,
-    /// A bound of the integral.
+    /// The largest value that the integral may have.
     pub(crate) at_most: Option<Value>,
-    /// The absolute difference by which rounding may exceed the bound.
+    /// The absolute error by which rounding may exceed `at_most`.
     pub(crate) slack: Option<f64>,
-    /// The rings of directions that the quadrature takes.
+    /// The number of rings of directions in the quadrature.
     pub(crate) rings: Option<u16>,
 }
 
@@ -304,58 +303,58 @@ pub(crate) enum Region {
     ProjectedHemisphere,
 }
 
-/// A `[[frame]]`: draws that are compared with a golden.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Frame {
-    /// The frame's name, and its golden's.
+    /// The name of the frame and of its golden.
     pub(crate) name: String,
-    /// The module of its functions; without it the file's own.
+    /// The module of the frame's functions. The default is the file's own module.
     pub(crate) module: Option<String>,
-    /// The vertex function; without one the fragment function covers the frame.
+    /// The vertex function. By default, one triangle covers the frame.
     vertex: Option<String>,
     /// The fragment function.
     fragment: Option<String>,
-    /// Draws one after the other, in place of `vertex` and `fragment`; their keys stand below.
+    /// Several draws, which run in this order. Replaces the keys `vertex` and `fragment`. A table below has the keys.
     #[serde(default)]
     draws: Vec<draws::Declared>,
-    /// Samples of a pixel: 1 or 4.
+    /// The number of samples of each pixel: 1 or 4.
     pub(crate) samples: Option<u32>,
-    /// Its width and height in pixels: `[256, 256]`.
+    /// The frame's width and height in pixels: `[256, 256]`.
     pub(crate) size: Pair<u32>,
-    /// The format of each location: `["float", "rgba8unorm-srgb", "r32uint"]`; without it floats.
+    /// The format of each location: `["float", "rgba8unorm-srgb", "r32uint"]`. The default is `"float"`.
     #[serde(default)]
     pub(crate) formats: Vec<String>,
-    /// The location that is compared, from 0.
+    /// The location that Karat compares, counted from 0.
     pub(crate) target: Option<usize>,
-    /// Depth is compared in place of colours: `true`.
+    /// Compares depth in place of colours: `true`.
     #[serde(default)]
     pub(crate) depth: bool,
-    /// Textures, samplers and buffers, by the names of the variables.
+    /// Textures, samplers and buffers, each under its variable's name.
     #[serde(default)]
     pub(crate) with: BTreeMap<String, Value>,
     /// Values of `override`s, by their names or numbers.
     #[serde(default, rename = "override")]
     pub(crate) overrides: BTreeMap<String, OverrideValue>,
-    /// The largest relative difference of a pixel that passes: `1e-3`. Without it HDR-FLIP may pass a pixel that is
-    /// further off.
+    /// The largest relative difference that a pixel may have: `1e-3`. By default, HDR-FLIP may pass a pixel with a
+    /// larger difference.
     pub(crate) tolerance: Option<Relative>,
-    /// Paths on which the test fails, each with the reason. It must fail there: `{ gl = "clamps faces" }`.
+    /// Paths on which the test must fail, each with the reason: `{ gl = "clamps faces" }`.
     #[serde(default)]
     pub(crate) fails_on: BTreeMap<String, String>,
-    /// Paths that can't run it, each with the reason. They must refuse it.
+    /// Paths that can't run the test, each with the reason. These paths must refuse the test.
     #[serde(default)]
     pub(crate) refused_on: BTreeMap<String, String>,
-    /// The folder of its golden, relative to this file.
+    /// The folder of the frame's golden, relative to the test file.
     pub(crate) golden: Option<PathBuf>,
     #[serde(skip)]
     pub(crate) folder: PathBuf,
-    /// The places of its keys.
+    /// The positions of the frame's keys in the file.
     #[serde(skip)]
     pub(crate) keys: Keys,
 }
 
-/// The places of a test's keys. They aren't part of `Debug`: moving a test doesn't change it.
+/// The positions of a test's keys in the file. `Debug` doesn't print them, because moving a test doesn't change its
+/// verdict.
 #[derive(Clone, Default)]
 pub(crate) struct Keys(BTreeMap<String, Span>);
 
@@ -366,32 +365,30 @@ impl fmt::Debug for Keys {
 }
 
 impl Keys {
-    /// The place of a key, if the file has it.
     pub(crate) fn exactly(&self, key: &str) -> Option<&Span> {
         self.0.get(key)
     }
 
-    /// The place of a key, or otherwise of the innermost key around it: `draws.1.blend` is in `draws.1`, and that in
+    /// The position of a key, or of the innermost key that contains it: `draws.1.blend` is in `draws.1`, which is in
     /// `draws`.
     pub(crate) fn place_of(&self, key: &str) -> Option<&Span> {
         self.0.get(key).or_else(|| self.place_of(key.rsplit_once('.')?.0))
     }
 }
 
-/// An assertion of a `[[test]]`.
 #[derive(Clone, Debug)]
 pub(crate) struct Assertion {
     pub(crate) test: Declared,
-    /// `brdf::schlick`
+    /// The function's path: `brdf::schlick`.
     pub(crate) function: String,
     pub(crate) what: What,
-    /// The folder of the file, which paths of tables and images are relative to.
+    /// The folder of the test file, to which the paths of tables and images are relative.
     pub(crate) folder: PathBuf,
     pub(crate) keys: Keys,
 }
 
 impl Frame {
-    /// Its draws, in order.
+    /// The frame's draws, in order.
     pub(crate) fn draws(&self) -> Result<Vec<draws::Declared>, String> {
         match (&self.vertex, &self.fragment, &*self.draws) {
             (vertex, Some(fragment), []) => {
@@ -408,17 +405,16 @@ impl Frame {
         }
     }
 
-    /// The tables of its meshes.
+    /// The files of the frame's meshes.
     pub(crate) fn meshes(&self) -> impl Iterator<Item = PathBuf> {
         self.draws.iter().filter_map(|draw| draw.mesh_file(&self.folder))
     }
 
-    /// Its golden.
     pub(crate) fn golden_file(&self) -> PathBuf {
         self.golden_folder().join(format!("{}.exr", self.name))
     }
 
-    /// Its entry points, with their modules.
+    /// The paths of the frame's entry points.
     pub(crate) fn entries(&self) -> Vec<String> {
         let module = self.module.as_deref().filter(|module| !module.is_empty());
         let named = |name: String| match module {
@@ -434,7 +430,7 @@ impl Frame {
             .collect()
     }
 
-    /// The subject of its record if it couldn't begin.
+    /// The subject for the record of a frame that couldn't begin.
     pub(crate) fn subject(&self, location: Option<&str>) -> Subject {
         Subject::Frame {
             golden: self.name.clone(),
@@ -443,17 +439,16 @@ impl Frame {
         }
     }
 
-    /// The folder of its golden.
     pub(crate) fn golden_folder(&self) -> PathBuf {
         self.folder.join(self.golden.as_deref().unwrap_or(Path::new(GOLDEN)))
     }
 }
 
-/// The folder of goldens beside a file that declares tests.
+/// The folder of goldens, beside the test file.
 pub(crate) const GOLDEN: &str = "golden";
 
 impl Assertion {
-    /// A function in the tested function's module, or in another one.
+    /// The path of a function: a plain name belongs to the tested function's module.
     pub(crate) fn of_module(&self, name: &str) -> String {
         match (name.contains("::"), self.function.rsplit_once("::")) {
             (false, Some((module, _))) => format!("{module}::{name}"),
@@ -461,37 +456,37 @@ impl Assertion {
         }
     }
 
-    /// The golden of its values, if it has one.
+    /// The golden file of the assertion's values, if the assertion has one.
     pub(crate) fn golden_file(&self) -> Option<PathBuf> {
         let What::Golden(name) = &self.what else { return None };
         Some(self.folder.join(GOLDEN).join(format!("{name}.csv")))
     }
 
-    /// The place of a key, or of the assertion.
+    /// The position of a key; without a key, of the assertion.
     pub(crate) fn place_of(&self, key: Option<&str>) -> Option<&Span> {
         let named = key.and_then(|key| self.keys.place_of(key));
         named.or_else(|| self.keys.place_of(self.what.key()))
     }
 
-    /// The tolerance, if one is needed. Integers and booleans are exact by default.
+    /// The tolerance. For integers and booleans, the default is exact. For floats, a missing tolerance is an error.
     pub(crate) fn tolerance(&self, result: &Shape) -> Result<&str, String> {
         let is_exact = result.lanes().iter().all(|lane| !lane.is_float());
         let exact = is_exact.then_some("exact");
         let takes_spec =
             matches!(self.what, What::AgreesWith(_) | What::Table(_) | What::Equals(_));
-        let spec = if takes_spec { "; the first time `spec` says what WGSL allows" } else { "" };
+        let spec = if takes_spec { "; `spec` accepts every error that WGSL allows" } else { "" };
         let missing = || format!("a tolerance is missing, such as tolerance = \"4 ulp\"{spec}");
         self.test.tolerance.as_deref().or(exact).ok_or_else(missing)
     }
 }
 
-/// The parser's message about an unknown name, with the nearest known name.
+/// The parser's message about an unknown name, which suggests the nearest known name.
 fn with_nearest(message: &str) -> String {
     let mut names = message.split('`').skip(1).step_by(2);
     let unknown = names.next().filter(|_| message.starts_with("unknown "));
     match unknown.and_then(|unknown| nearest(unknown, names)) {
         Some(_) if message.contains("did you mean") => message.to_owned(),
-        // In place of all that are known.
+        // The suggestion replaces the list of all known names.
         Some(near) => {
             let unknown = message.split(", expected").next().unwrap_or(message);
             format!("{unknown}; did you mean `{near}`?")
@@ -500,8 +495,8 @@ fn with_nearest(message: &str) -> String {
     }
 }
 
-/// Reads a file of declared tests, and reports all tables with errors. `unsaved` replaces the file's text, `root` is
-/// the package.
+/// Reads a file of declared tests, and reports each table with an error. `unsaved` replaces the file's content. `root`
+/// is the package's folder or file.
 pub(crate) fn read(
     file: &Path,
     unsaved: Option<String>,
@@ -514,7 +509,7 @@ pub(crate) fn read(
         String::from_utf8(bytes).map_err(|error| unread(&error))
     };
     let text = unsaved.map_or_else(saved, Ok)?;
-    // Windows editors write a byte order mark first.
+    // Windows editors may write a byte order mark first.
     let text = text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text);
     let source = Arc::new(SourceFile::new(name, text));
     let at = |range: ops::Range<usize>| Span { file: Arc::clone(&source), range };
@@ -535,7 +530,7 @@ pub(crate) fn read(
             message => with_nearest(message),
         };
         wrong.push(Diagnostic::new(message).at(at(range), ""));
-        // Blank it out, and read the other tables.
+        // Replace the table by blanks, and read the other tables.
         let blank = |c: char| if c == '\n' { "\n".to_owned() } else { " ".repeat(c.len_utf8()) };
         let blank: String = text[table.clone()].chars().map(blank).collect();
         text.replace_range(table, &blank);
@@ -596,8 +591,10 @@ pub(crate) fn read(
         frame.folder.clone_from(&folder);
         frame.keys = frame_keys.next().unwrap_or_default();
         if goldens.contains(&frame.golden_file()) {
-            let twice =
-                format!("another frame is called `{}`, and they would share a golden", frame.name);
+            let twice = format!(
+                "another frame has the name `{}`, and both would use the same golden",
+                frame.name
+            );
             wrong.push(Diagnostic::new(twice).at(span, ""));
             continue;
         }
@@ -613,7 +610,9 @@ pub(crate) fn read(
         for (name, assertion) in all.unwrap_or_default() {
             let is_same = |test: &Test| test.name == name && matches!(test.kind, Kind::Compute(_));
             if tests.iter().any(is_same) {
-                let twice = format!("another `[[compute]]` has a test `{name}`: give one a `name`");
+                let twice = format!(
+                    "another `[[compute]]` has a test `{name}`: add a `name` to one of them"
+                );
                 wrong.push(Diagnostic::new(twice).at(span.clone(), ""));
                 continue;
             }
@@ -624,12 +623,12 @@ pub(crate) fn read(
     Ok((tests, wrong))
 }
 
-/// The kinds of tables that are tests.
+/// The tables that declare tests.
 const TABLES: [&str; 3] = ["test", "frame", "compute"];
 
-/// The tables of a file, each with its subtables, after the text before the first table.
+/// The byte ranges of a file's tables, each with its subtables. The first range is the text before the first table.
 fn blocks(text: &str) -> Vec<ops::Range<usize>> {
-    // The header of a table outside these: `[compute.after.keys]` is part of a test.
+    // A subtable such as `[compute.after.keys]` doesn't begin a new test.
     let begins = |line: &str| {
         let inner = line.trim_start().strip_prefix('[').map(|line| line.trim_start_matches('['));
         let name = inner.map(|line| line.split([']', '#', '\n']).next().unwrap_or_default().trim());
@@ -645,8 +644,8 @@ fn blocks(text: &str) -> Vec<ops::Range<usize>> {
     heads.windows(2).map(|pair| pair[0]..pair[1]).filter(|one| !one.is_empty()).collect()
 }
 
-/// The first table that can't be read on its own, the place in the text, and the message. An unclosed bracket shows at
-/// the end of its table.
+/// The first table with a parse error: the range of the table, the range of the error, and the message. The error of an
+/// unclosed bracket is at the end of its table.
 fn at_fault(text: &str) -> Option<(ops::Range<usize>, ops::Range<usize>, String)> {
     blocks(text).into_iter().find_map(|block| {
         let error = toml::from_str::<File>(&text[block.clone()]).err()?;
@@ -656,7 +655,7 @@ fn at_fault(text: &str) -> Option<(ops::Range<usize>, ops::Range<usize>, String)
     })
 }
 
-/// The places of the keys of each `[[test]]`, or `[[frame]]`.
+/// The positions of the keys of each `[[test]]`, or of another kind of table.
 fn keys(source: &Arc<SourceFile>, text: &str, kind: &str) -> Vec<Keys> {
     let Ok(table) = DeTable::parse(text) else { return Vec::new() };
     let table = table.into_inner();
@@ -671,7 +670,7 @@ fn keys(source: &Arc<SourceFile>, text: &str, kind: &str) -> Vec<Keys> {
     tests.iter().map(keys).collect()
 }
 
-/// Notes the places of the keys below a key; those of a list by number.
+/// Records the positions of all keys below a key. List elements have numbers as keys.
 fn note_keys(source: &Arc<SourceFile>, above: &str, value: &DeValue<'_>, keys: &mut Keys) {
     let mut note = |name: &str, range, value: &Spanned<DeValue<'_>>| {
         let key = if above.is_empty() { name.to_owned() } else { format!("{above}.{name}") };
@@ -694,7 +693,7 @@ fn own(module: &str, name: &str) -> String {
     if module.is_empty() { name.to_owned() } else { format!("{module}::{name}") }
 }
 
-/// The module beside a file: `sub::brdf` for `sub/brdf.test.toml`; `""` in a package of one file.
+/// The module beside a test file: `sub::brdf` for `sub/brdf.test.toml`; an empty name in a package of one file.
 pub(crate) fn module_of(file: &Path, root: &Path) -> String {
     if root.is_file() {
         return String::new();
@@ -705,7 +704,7 @@ pub(crate) fn module_of(file: &Path, root: &Path) -> String {
     stem.split(['/', '\\']).filter(|part| !part.is_empty()).collect::<Vec<_>>().join("::")
 }
 
-/// The assertions of a test: at least one.
+/// The assertions of a test; an error if it has none.
 fn whats(test: &Declared) -> Result<Vec<What>, Misdeclared> {
     let shared = Shared {
         agrees_with: &test.agrees_with,
@@ -730,7 +729,7 @@ fn whats(test: &Declared) -> Result<Vec<What>, Misdeclared> {
         && test.integral.is_none()
     {
         return Err(Misdeclared::of("over")(format!(
-            "`{argument}` in `over` does nothing: the limit says what it is. Leave it out"
+            "`{argument}` in `over` does nothing: the limit sets its value. Leave it out"
         )));
     }
     all.extend(limit);
@@ -751,7 +750,7 @@ fn whats(test: &Declared) -> Result<Vec<What>, Misdeclared> {
     }
     if all.is_empty() {
         return Err(
-            "this test asserts nothing: agrees_with, table, golden, equals, finite, unit, \
+            "this test asserts nothing: write agrees_with, table, golden, equals, finite, unit, \
                     perpendicular_to, right_handed_frame, in_range, symmetric_in, monotone, limit, \
                     integral or no_hazards"
                 .into(),
@@ -760,7 +759,7 @@ fn whats(test: &Declared) -> Result<Vec<What>, Misdeclared> {
     Ok(all)
 }
 
-/// `{ alpha = 0, through = [0.1, 0.01], equals = 1 }`
+/// Reads a limit: `{ alpha = 0, through = [0.1, 0.01], equals = 1 }`.
 fn limit(table: &BTreeMap<String, Value>) -> Result<What, String> {
     // `is` is the old name of `equals`.
     const OWN: [&str; 3] = ["through", "equals", "is"];
@@ -804,7 +803,7 @@ mod tests {
         }
     }
 
-    /// A table with an unknown key, a wrong value, or a TOML error doesn't hide the others.
+    /// A table with an unknown key, a wrong value or a TOML error doesn't hide the other tables.
     #[test]
     fn a_wrong_table_hides_no_other() {
         let folder = tempfile::tempdir().expect("a folder");
@@ -830,7 +829,7 @@ mod tests {
             assert_eq!((tests, places.len()), (2, 1), "{wrong}: {places:?}");
             assert!(places[0].contains(&format!("m.test.toml:{line}:")), "{wrong}: {places:?}");
         }
-        // Text outside any test, and headers with typos.
+        // The file has text outside of tests, or a misspelled table header.
         for (first, line) in [
             ("[inputs]\nx = 1\n", 1),
             ("x = 1\n", 1),
@@ -883,7 +882,7 @@ mod tests {
             ("[[test]]\nfunction = \"f\"\nlimit = { alpha = 0 }\n", "a limit reads"),
             ("[[test]\n", "brdf.test.toml:1"),
             ("[[test]]\nfunction = \"f\"\nin_range = [0, 1, 2]\n", "a list of two"),
-            ("[[test]]\nfunction = \"f\"\nin_range = [0]\n", "and this one has 1"),
+            ("[[test]]\nfunction = \"f\"\nin_range = [0]\n", "and this list has 1"),
             ("[[test]]\nfunction = \"f\"\nno_hazards = false\n", "asserts nothing: leave it out"),
             ("[[test]]\nfunction = \"f\"\nno_hazards = [\"nam\"]\n", "did you mean `nan`?"),
             ("[[test]]\nfunction = \"f\"\nno_hazards = []\n", "asserts nothing: name kinds"),
@@ -894,7 +893,7 @@ mod tests {
                 "`accept_hazard` does nothing here",
             ),
             ("[[test]]\nfunction = \"f\"\nin_range = \"0...1\"\n", "write [0, 1], or \"0..<1\""),
-            ("[[test]]\nfunction = \"f\"\nin_range = \"a..<1\"\n", "`a..<1` is no range"),
+            ("[[test]]\nfunction = \"f\"\nin_range = \"a..<1\"\n", "`a..<1` isn't a range"),
             ("[[test]]\nfunction = \"f\"\nin_range = [0, \"1\"]\n", "is a number, and this is"),
             (
                 "[[test]]\nfunction = \"f\"\nin_range = [0, 1]\ntolerance = \"4 ulp\"\n",

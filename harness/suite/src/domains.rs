@@ -8,8 +8,9 @@
 //! | a struct | a table of its members |
 //! | what varies from pixel to pixel, where the function takes derivatives | any of these; or `{ value = "0..1", dx = 0.1, dy = 0 }` |
 //!
-//! Arguments without a domain here get one from `[inputs]` of `karat.toml`, or from name and type, as in `karat
-//! hazards`: `n` is a unit vector, `roughness` is from 0 to 1.
+//! If a test doesn't set an argument's domain, Karat takes the domain from `[inputs]` in `karat.toml`. Otherwise Karat
+//! derives the domain from the argument's name and type, as `karat hazards` does: `n` is a unit vector, `roughness` is
+//! from 0 to 1.
 
 use karat::unstable::diagnostic::nearest;
 use karat::unstable::domain::Part;
@@ -19,7 +20,7 @@ use toml::Value;
 
 use crate::relations;
 
-/// The parts of a parameter. `name` gives the domain of members that the text leaves out.
+/// The parts of a parameter's domain. If the text leaves members out, `name` determines their domains.
 pub(crate) fn parts(
     name: &str,
     shape: &Shape,
@@ -32,7 +33,7 @@ pub(crate) fn parts(
         && !matches!(shape, Shape::Struct { .. })
     {
         if table.len() > 1 {
-            return Err(wrong("`one_of` stands alone".to_owned()));
+            return Err(wrong("`one_of` takes no other key beside it".to_owned()));
         }
         let Value::Array(list) = list else {
             return Err(wrong("`one_of` is a list of values".to_owned()));
@@ -46,7 +47,9 @@ pub(crate) fn parts(
     match shape {
         Shape::Struct { members, .. } => {
             let Value::Table(table) = value else {
-                return Err(wrong("a struct takes a table of its members".to_owned()));
+                return Err(wrong(
+                    "the domain of a struct is a table of its members' domains".to_owned(),
+                ));
             };
             let known = || members.iter().map(|(name, _)| &**name);
             if let Some(unknown) = table.keys().find(|key| known().all(|name| name != key.as_str()))
@@ -95,7 +98,7 @@ pub(crate) fn parts(
     }
 }
 
-/// The parts of a value that varies from pixel to pixel: a domain of its value, or `{ value = "0..1", dx = 0.1, dy = 0
+/// The parts of a value that varies from pixel to pixel: a domain of the value, or `{ value = "0..1", dx = 0.1, dy = 0
 /// }`. Karat generates the parts that the text leaves out.
 fn varying(
     name: &str,
@@ -131,7 +134,7 @@ fn varying(
     Ok(all)
 }
 
-/// The named domain of a vector; `None` if the text is another domain.
+/// A vector's domain by name, such as `"unit_vector"`; `None` if the text isn't such a name.
 fn vector(text: &str, shape: &Shape) -> Result<Option<Part>, String> {
     let size = match shape {
         Shape::Vector { size, scalar: Scalar::F32 } => *size,
@@ -174,7 +177,7 @@ fn vector(text: &str, shape: &Shape) -> Result<Option<Part>, String> {
     }
 }
 
-/// The part of a single number.
+/// The domain of one number.
 fn number(scalar: Scalar, value: &Value) -> Result<Part, String> {
     match value {
         Value::Array(list) => {
@@ -194,13 +197,13 @@ fn number(scalar: Scalar, value: &Value) -> Result<Part, String> {
             let end = |text: &str| {
                 let text = text.strip_prefix('=').unwrap_or(text).trim();
                 if text.starts_with('.') {
-                    // `0...1` isn't two dots and a fraction.
+                    // Rejects `0...1`, which isn't `0..` followed by the fraction `.1`.
                     return Err(format!(
-                        "`{text}` is no number: a range has two dots, and `0.5` has its 0"
+                        "`{text}` is no number: a range has two dots, and a fraction begins with 0: `0.5`"
                     ));
                 }
                 text.parse::<f64>().map_err(|_| match text.starts_with('<') {
-                    true => "a domain has both its ends: `0..1`, and no `<`".to_owned(),
+                    true => "a domain includes both ends: write `0..1` without `<`".to_owned(),
                     false => format!("`{text}` is no number"),
                 })
             };
@@ -216,14 +219,14 @@ fn name(scalar: Scalar) -> String {
     Shape::Scalar(scalar).to_string()
 }
 
-/// One number, exactly as the shader receives it.
+/// The bits of one number, exactly as the shader receives it.
 fn lane(scalar: Scalar, value: &Value) -> Result<u32, String> {
     let wrong = || format!("`{value}` is no {}", name(scalar));
     #[expect(clippy::cast_possible_truncation, reason = "arguments are f32")]
     match (scalar, value) {
         (Scalar::F32 | Scalar::F16, Value::Float(number)) => {
             let single = *number as f32;
-            // An infinity is written `inf`. Digits that overflow are a mistake.
+            // `inf` means an infinity. A decimal number that overflows is a mistake.
             match single.is_infinite() && number.is_finite() {
                 true => Err(format!("`{value}` is too large for {}", name(scalar))),
                 false => Ok(single.to_bits()),
@@ -244,7 +247,7 @@ pub(crate) fn is_number(value: &Value) -> bool {
     matches!(value, Value::Float(_) | Value::Integer(_) | Value::Boolean(_))
 }
 
-/// The lanes of a whole value. A single number sets each component of a vector.
+/// The lanes of a whole value. One number sets each component of a vector.
 pub(crate) fn lanes(shape: &Shape, value: &Value) -> Result<Vec<u32>, String> {
     match (shape, value) {
         (Shape::Scalar(scalar), value) => Ok(vec![lane(*scalar, value)?]),
@@ -261,7 +264,7 @@ pub(crate) fn lanes(shape: &Shape, value: &Value) -> Result<Vec<u32>, String> {
             }
             Ok(all)
         }
-        // A number sets each component of each element, as in one vector or matrix.
+        // In an array of vectors or matrices, each number of the list sets one component.
         (Shape::Array { element, length }, Value::Array(list))
             if list.iter().all(is_number) && !matches!(**element, Shape::Scalar(_)) =>
         {
@@ -286,7 +289,7 @@ pub(crate) fn lanes(shape: &Shape, value: &Value) -> Result<Vec<u32>, String> {
         }
         (Shape::Vector { .. } | Shape::Matrix { .. }, Value::Array(list)) => {
             let scalars = shape.lanes();
-            // A matrix may be a list of its columns.
+            // A matrix may be a list of columns.
             let flat: Vec<&Value> = list
                 .iter()
                 .flat_map(|value| match value {
@@ -313,7 +316,7 @@ pub(crate) fn lanes(shape: &Shape, value: &Value) -> Result<Vec<u32>, String> {
     }
 }
 
-/// The message about an unknown name, with the nearest known one.
+/// The message about an unknown name, which suggests the nearest known name.
 pub(crate) fn no_such<'a>(
     what: &str,
     unknown: &str,
@@ -328,7 +331,7 @@ pub(crate) fn no_such<'a>(
     }
 }
 
-/// The domain in a `@over` of a WGSL test.
+/// The domain of a WGSL test's parameter, from the words in its `@over`.
 pub(crate) fn over(name: &str, shape: &Shape, words: &[String]) -> Result<Vec<Part>, String> {
     let number = |word: &String| {
         let plain = word.trim_end_matches(['f', 'u', 'i', 'h']);

@@ -1,4 +1,4 @@
-//! The draws of a `[[frame]]`: meshes from tables, depth, blending.
+//! The draws of a `[[frame]]`, with meshes from tables, depth and blending.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -15,37 +15,35 @@ use crate::numbers::Wanted;
 use crate::table;
 use crate::wrong::Misdeclared;
 
-/// One draw of a frame.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Declared {
-    /// The vertex function; without one the fragment function covers the frame.
+    /// The vertex function. By default, one triangle covers the frame.
     pub(crate) vertex: Option<String>,
-    /// The fragment function; without one only depth is drawn.
+    /// The fragment function. Without one, the draw writes only depth.
     pub(crate) fragment: Option<String>,
-    /// A CSV file with a row for each corner: its columns are the inputs of the vertex function with a `@location`,
-    /// and location 0 is the position.
+    /// A CSV file with a row for each vertex. The columns are the vertex function's inputs with a `@location`. Location
+    /// 0 is the position.
     mesh: Option<PathBuf>,
-    /// Corners of triangles; without them three rows are one.
+    /// The vertices of each triangle, as row numbers from 0. By default, each three rows are a triangle.
     indices: Option<Vec<u32>>,
-    /// The number of vertices without a mesh, by `@builtin(vertex_index)`; 3 without it.
+    /// The number of vertices without a mesh; the function reads `@builtin(vertex_index)`. The default is 3.
     vertices: Option<u32>,
-    /// The number of instances; 1 without it.
+    /// The number of instances. The default is 1.
     instances: Option<u32>,
-    /// The faces that aren't drawn: `"none"`, `"front"`, `"back"`.
+    /// The faces that the draw leaves out: `"none"`, `"front"` or `"back"`.
     cull: Option<String>,
-    /// The comparison by which a pixel is drawn, by WebGPU's names: `"less"`, `"greater-equal"`.
+    /// The depth comparison that decides if a pixel is drawn, by WebGPU's name: `"less"`, `"greater-equal"`.
     depth_compare: Option<String>,
-    /// Depth is written: `true`.
+    /// Makes the draw write depth: `true`.
     depth_write: Option<bool>,
-    /// How colours meet: `"replace"`, `"add"`, `"alpha"`, `"premultiplied"`, `"multiply"`.
+    /// The blending with the colours in the frame: `"replace"`, `"add"`, `"alpha"`, `"premultiplied"` or `"multiply"`.
     blend: Option<String>,
 }
 
 const CULLS: [(&str, Cull); 3] =
     [("none", Cull::None), ("front", Cull::Front), ("back", Cull::Back)];
 
-/// The comparisons, by WebGPU's names.
 const COMPARES: [(&str, Compare); 8] = [
     ("never", Compare::Never),
     ("less", Compare::Less),
@@ -77,7 +75,7 @@ fn named<T: Copy>(
 }
 
 impl Declared {
-    /// A draw that covers the frame.
+    /// Makes a draw that covers the frame.
     pub(crate) fn covering(vertex: Option<String>, fragment: String) -> Self {
         Self {
             vertex,
@@ -93,13 +91,12 @@ impl Declared {
         }
     }
 
-    /// The file of its mesh.
     pub(crate) fn mesh_file(&self, folder: &Path) -> Option<PathBuf> {
         Some(folder.join(self.mesh.as_ref()?))
     }
 
-    /// The draw. If the program `lacks` one of its functions, the mesh can't be read, and drawing reports the missing
-    /// function.
+    /// Makes the draw. If the program `lacks` one of the draw's functions, the mesh isn't read, and drawing reports the
+    /// missing function.
     pub(crate) fn draw(
         &self,
         program: &Arc<Program>,
@@ -117,7 +114,7 @@ impl Declared {
                 return Err(wrong("a draw has a `mesh` or a number of `vertices`, not both"));
             }
             (None, _, Some(_), _) | (None, _, _, Some(_)) => {
-                return Err(wrong("vertices are for a `vertex` function: name one"));
+                return Err(wrong("`mesh` and `vertices` need a `vertex` function: name one"));
             }
             (None, None, ..) => {
                 return Err(wrong("a draw has a `fragment` function, or a `vertex` one"));
@@ -127,9 +124,7 @@ impl Declared {
                 Draw::depth(vertex, self.read(program, vertex, folder)?)
             }
             (Some(_), None, ..) => {
-                return Err(wrong(
-                    "without a `fragment` function the depth of a `mesh` is drawn: name one",
-                ));
+                return Err(wrong("a draw without a `fragment` function needs a `mesh`: name one"));
             }
             (Some(vertex), Some(fragment), Some(_), None) => {
                 Draw::mesh(vertex, fragment, self.read(program, vertex, folder)?)
@@ -143,7 +138,7 @@ impl Declared {
             }
         };
         if self.indices.is_some() && self.mesh.is_none() {
-            return Err(wrong("`indices` are of a `mesh`: name one"));
+            return Err(wrong("`indices` need a `mesh`: name one"));
         }
         if let Some(instances) = self.instances {
             if instances == 0 {
@@ -166,7 +161,7 @@ impl Declared {
         Ok(draw)
     }
 
-    /// Reads the mesh. Its columns are the inputs of the vertex function.
+    /// Reads the mesh, which has a column for each input of the vertex function.
     fn read(
         &self,
         program: &Arc<Program>,
@@ -183,12 +178,12 @@ impl Declared {
         };
         if !first.is_some_and(|input| is_position(&input.shape)) {
             return Err(wrong(format!(
-                "`{vertex}` reads no position at `@location(0)`, a vector of two or three floats, and a mesh has one"
+                "`{vertex}` must read the mesh's position at `@location(0)`, as a vector of two or three floats"
             )));
         }
         let parameters: Vec<(String, Shape)> =
             inputs.iter().map(|input| (input.name.clone(), input.shape.clone())).collect();
-        // A table of arguments, without expected results.
+        // The mesh is read as a table of arguments without expected results.
         let nothing = Shape::Struct { name: String::new(), members: Vec::new() };
         let table = table::read(&file, &parameters, &nothing, Wanted::Equal)?;
         let count = table.rows.len();
@@ -204,7 +199,7 @@ impl Declared {
                 "the index {beyond} is beyond the {count} rows of the mesh"
             )));
         }
-        // The first lane of an input among the lanes of all inputs.
+        // The index of an input's first lane among the lanes of all inputs.
         let start = |number: usize| -> usize {
             parameters[..number].iter().map(|(_, shape)| shape.lanes().len()).sum()
         };
@@ -221,14 +216,19 @@ impl Declared {
         let mut mesh = Mesh::new(positions, indices);
         for (number, input) in inputs.iter().enumerate().filter(|(_, input)| input.location != 0) {
             mesh = with_attribute(mesh, input.location, &input.shape, &column(number)).ok_or_else(
-                || wrong(format!("`{}` is no attribute of a mesh: {}", input.name, input.shape)),
+                || {
+                    wrong(format!(
+                        "`{}` can't be an attribute of a mesh: its type is {}",
+                        input.name, input.shape
+                    ))
+                },
             )?;
         }
         Ok(mesh)
     }
 }
 
-/// The mesh with the values of an input for each vertex; `None` if the type can't be an attribute.
+/// Adds an input's value for each vertex to the mesh; `None` if the type can't be an attribute.
 fn with_attribute(mesh: Mesh, location: u32, shape: &Shape, rows: &[Vec<u32>]) -> Option<Mesh> {
     let lanes = shape.lanes();
     let float = |row: &[u32]| row.iter().map(|word| f32::from_bits(*word)).collect::<Vec<_>>();

@@ -22,7 +22,7 @@ pub enum FindError {
     Package(PackageError),
 }
 
-/// The ending of files with declared tests.
+/// The ending of test files.
 const ENDING: &str = ".test.toml";
 
 pub(crate) fn find(package: Package) -> Result<Suite, FindError> {
@@ -67,7 +67,7 @@ pub(crate) fn find(package: Package) -> Result<Suite, FindError> {
         broken.name = name(&broken.name).into_owned();
     }
     for test in &mut tests {
-        // Threads, records, replay commands and files use the name.
+        // Threads, records, replay commands and files have the test's name.
         test.name = name(&test.name).into_owned();
         let count = seen.entry(test.name.clone()).or_default();
         *count += 1;
@@ -81,7 +81,7 @@ pub(crate) fn find(package: Package) -> Result<Suite, FindError> {
     Ok(Suite { package, folder, tests, broken, fingerprints: OnceLock::new() })
 }
 
-/// The message that a file isn't read, and which endings are.
+/// The message that Karat doesn't read a file, with the endings that it reads.
 fn unread(file: &Path) -> Diagnostic {
     let read = match is_misnamed_module(file) {
         true => "tests in WGSL are in `*.wgsl` and `*.wesl`".to_owned(),
@@ -90,15 +90,15 @@ fn unread(file: &Path) -> Diagnostic {
     of_whole(file, format!("`{}` isn't read: {read}", shown(file)))
 }
 
-/// A message about a whole file, placed at its beginning: editors only show messages with a place.
+/// A message about a whole file, at the file's beginning, because editors show only messages with a position.
 pub(crate) fn of_whole(file: &Path, message: String) -> Diagnostic {
     let source = SourceFile::new(shown(file), "");
     let start = Span { file: Arc::new(source), range: 0..0 };
     Diagnostic::new(message).at(start, "")
 }
 
-/// The name of the module in a file name: `brdf` in `brdf.test.toml`, and in names that the author probably meant as
-/// such: `brdf.tests.toml`, `brdf_test.toml`, `brdf.test.tml`, `BRDF.TEST.TOML`.
+/// The module in a test file's name, such as `brdf` in `brdf.test.toml`. Also recognizes misspelled names:
+/// `brdf.tests.toml`, `brdf_test.toml`, `brdf.test.tml`, `BRDF.TEST.TOML`.
 fn stem_of(name: &str) -> Option<&str> {
     let lower = name.to_ascii_lowercase();
     let (rest, ending) = lower.rsplit_once('.')?;
@@ -107,18 +107,17 @@ fn stem_of(name: &str) -> Option<&str> {
     let means_test = rest.as_bytes()[stem.len()] == b'.' && nearest(word, ["test"]).is_some();
     let meant = match ending {
         "toml" => is_test || means_test,
-        // Skip an editor's copy, such as `brdf.test.toml~`.
+        // An editor's copy, such as `brdf.test.toml~`, isn't a test file.
         "yaml" | "yml" | "json" => is_test && rest.as_bytes()[stem.len()] == b'.',
         other => is_test && !other.ends_with('~') && nearest(other, ["toml"]).is_some(),
     };
     (meant && !stem.is_empty()).then(|| &name[..stem.len()])
 }
 
-/// Returns `true` if a file with another name, such as `tests.toml`, declares tests. Its author probably expects them
-/// to run.
+/// Checks if a file with another name, such as `tests.toml`, declares tests. Its author probably expects them to run.
 fn declares(file: &Path, name: &str) -> bool {
     let lower = name.to_ascii_lowercase();
-    // Copies that editors and git leave, and files that Cargo reads.
+    // Copies from editors and git, and files of Cargo.
     let is_other = lower.ends_with('~')
         || [".bak", ".orig", ".rej", ".old", ".swp"].iter().any(|ending| lower.ends_with(ending))
         || lower == "cargo.toml";
@@ -134,7 +133,7 @@ fn declares(file: &Path, name: &str) -> bool {
     has("[[test]]", "function") || has("[[frame]]", "fragment")
 }
 
-/// Returns `true` for a file with tests in WGSL and a wrong ending, such as `brdf_test.wgls`.
+/// Checks if a file has WGSL tests and a misspelled ending, such as `brdf_test.wgls`.
 fn is_misnamed_module(file: &Path) -> bool {
     const ENDINGS: [&str; 2] = ["wgsl", "wesl"];
     let ending = file.extension().unwrap_or_default().to_string_lossy();
@@ -146,7 +145,7 @@ fn is_misnamed_module(file: &Path) -> bool {
     is_near && read_file(file).is_ok_and(|text| String::from_utf8_lossy(&text).lines().any(is_test))
 }
 
-/// Returns `true` if a file was probably meant to have tests, by its name or its content.
+/// Checks if an author probably meant a file to contain tests, by the file's name and content.
 #[must_use]
 pub fn is_meant(file: &Path) -> bool {
     let name = file.file_name().unwrap_or_default().to_string_lossy();
@@ -154,7 +153,7 @@ pub fn is_meant(file: &Path) -> bool {
 }
 
 impl Suite {
-    /// The files that declare tests, each with its module.
+    /// The test files, each with its module.
     #[must_use]
     pub fn declared(&self) -> Vec<(String, PathBuf)> {
         let root = self.package.root();
@@ -164,7 +163,7 @@ impl Suite {
     }
 }
 
-/// The files of a package, or of its only module, that were probably meant to declare tests.
+/// The files of a package, or beside its only file, that their authors probably meant as test files.
 fn meant(package: &Package) -> Result<Vec<PathBuf>, FindError> {
     let root = package.root();
     let own = root.is_file().then(|| root.file_stem().unwrap_or_default().to_string_lossy());

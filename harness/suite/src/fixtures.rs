@@ -1,4 +1,4 @@
-//! Fixtures that a declared test or a command binds: images, samplers, and values of buffers.
+//! The fixtures that a declared test or a command binds: textures, samplers and buffers.
 //!
 //! | for | is |
 //! |---|---|
@@ -9,10 +9,10 @@
 //! | an array without a length | `{ size = 256 }`, of zeros (the last line of a run counts checks whose passes read such elements before they write them); `{ size = 256, value = 0 }`, if the host clears the buffer; `{ size = 256, range = "0..1", seed = 7 }`, sampled like arguments |
 //! | a buffer | its value: numbers, lists, or tables of members, the last of which may be a list of any length; or `"values.json"`, `"values.toml"`, `"bytes.bin"` |
 //!
-//! The red channel of an image gives the texels of a depth texture. A PNG holds colours in sRGB, which become linear,
-//! as in textures with an sRGB format; `"normals.png linear"` takes them as stored. Depths and integers are always
-//! taken as stored. A value for all texels makes a texture of 16 x 16; an image keeps its size, and loads outside it
-//! give zeros.
+//! A depth texture takes its texels from the red channel of an image. A PNG has colours in sRGB. Karat converts them to
+//! linear colours, as textures with an sRGB format do; `"normals.png linear"` prevents that. Depths and integers are
+//! never converted. A texture with one value for all texels has 16 x 16 texels. A texture from an image has the image's
+//! size.
 
 use std::path::Path;
 
@@ -28,19 +28,19 @@ use toml::Value;
 
 use crate::domains::{is_number, lanes, no_such, parts};
 
-/// The texels along an edge of a cube map's face that is made from an image.
+/// The width of a cube map's face in texels, if the cube map is made from an equirectangular image.
 const FACE: u32 = 64;
 
-/// The texels along a side of a texture with equal texels.
+/// The width and height of a texture with equal texels.
 const SIDE: u32 = 16;
 
-/// The samples of a texel of a multisampled texture, all equal.
+/// The number of samples of a multisampled texture's texel. All samples are equal.
 const SAMPLES: u32 = 4;
 
-/// The fixture of a variable. Files are relative to the folder.
+/// Makes the fixture that a test or a command binds to a variable. Files are relative to `folder`.
 ///
 /// # Errors
-/// If the value doesn't fit the variable's kind, or a file can't be read.
+/// If the value doesn't fit the variable's type, or a file can't be read.
 pub fn fixture(
     program: &Program,
     binding: &Binding,
@@ -60,7 +60,7 @@ pub fn fixture(
         BindingKind::Uniform | BindingKind::Storage { .. } | BindingKind::Immediate => {
             buffer(program, binding, value, folder)
         }
-        BindingKind::Other => Err(format!("it is a {}", binding.kind)),
+        BindingKind::Other => Err(format!("Karat can't bind a {}", binding.kind)),
     };
     made.map_err(wrong)
 }
@@ -109,7 +109,7 @@ fn sampler(value: &Value, comparison: bool) -> Result<Sampler, String> {
             "not_equal" => Compare::NotEqual,
             "greater_equal" => Compare::GreaterEqual,
             "always" => Compare::Always,
-            other => return Err(wrong(&format!("`{other}` is nothing of a sampler"))),
+            other => return Err(wrong(&format!("`{other}` isn't a property of a sampler"))),
         };
         if let Some(other) = compares.replace(word) {
             return Err(wrong(&format!("`{other}` and `{word}` can't both be")));
@@ -117,13 +117,17 @@ fn sampler(value: &Value, comparison: bool) -> Result<Sampler, String> {
         sampler = sampler.compare(compare);
     }
     match (compares.is_some(), comparison) {
-        (false, true) => Err(wrong("it compares depths, and the sampler doesn't say how")),
-        (true, false) => Err(wrong("it compares nothing, and the sampler says how")),
+        (false, true) => {
+            Err(wrong("the variable compares depths, so the sampler needs a comparison"))
+        }
+        (true, false) => {
+            Err(wrong("the variable compares nothing, so the sampler can't have a comparison"))
+        }
         _ => Ok(sampler),
     }
 }
 
-/// The file name of an image, and the colour space after it: `linear` or `srgb`.
+/// Splits text into an image's file name and its colour space, `linear` or `srgb`.
 pub(crate) fn name_and_space(file: &str) -> (&str, Option<&str>) {
     match file.rsplit_once(' ') {
         Some((name, space @ ("linear" | "srgb"))) => (name.trim(), Some(space)),
@@ -131,11 +135,12 @@ pub(crate) fn name_and_space(file: &str) -> (&str, Option<&str>) {
     }
 }
 
-/// An image. Its texels are colours, unless its name or its texture says that they are data.
+/// Reads an image. Its texels are colours, unless its colour space is `linear` or the texture stores integers or
+/// depths.
 fn image(file: &str, folder: &Path, texels: Texels) -> Result<Image, String> {
     let (name, space) = name_and_space(file);
     if name.is_empty() {
-        return Err("it is empty: name an image, or give a value for all texels".to_owned());
+        return Err("the name is empty: name an image, or write a value for all texels".to_owned());
     }
     let path = folder.join(name);
     let data = texels != Texels::Float;
@@ -145,7 +150,7 @@ fn image(file: &str, folder: &Path, texels: Texels) -> Result<Image, String> {
     let read = if data || space == Some("linear") { Image::read_stored } else { Image::read };
     let unread = |error: std::io::Error| format!("can't read `{}`: {error}", path.display());
     let bytes = match read_file(&path) {
-        // The image reader reports a missing file.
+        // The image reader reports a missing file, so this isn't an error here.
         Err(error) if error.kind() == std::io::ErrorKind::NotFound => Vec::new(),
         read => read.map_err(unread)?,
     };
@@ -159,18 +164,18 @@ fn image(file: &str, folder: &Path, texels: Texels) -> Result<Image, String> {
     Ok(image)
 }
 
-/// The largest value of a PNG's samples; 1 for other images.
+/// The value of a PNG's brightest sample; 1 for other images.
 fn largest_sample(bytes: &[u8]) -> f32 {
     match (bytes.starts_with(b"\x89PNG"), bytes.get(24)) {
         (true, Some(16)) => 65535.0,
-        // The reader widens samples with fewer bits.
+        // The reader converts samples with fewer bits to 8 bits.
         (true, _) => 255.0,
         _ => 1.0,
     }
 }
 
-/// The texel for a value: a number for all colours, or four numbers. `f64` can hold all integers and floats of
-/// textures.
+/// The texel for a value: one number for all channels, or a list of numbers. `f64` represents all integers and floats
+/// of textures exactly.
 fn texel(value: &Value) -> Option<[f64; 4]> {
     let number = |value: &Value| match value {
         Value::Float(number) => Some(*number),
@@ -188,7 +193,7 @@ fn texel(value: &Value) -> Option<[f64; 4]> {
     }
 }
 
-/// A layer, slice or face.
+/// One layer, slice or face of a texture.
 struct Layer {
     width: u32,
     height: u32,
@@ -207,21 +212,22 @@ impl Layer {
             Value::String(file) => Self::read(file, folder, kind),
             other => match texel(other) {
                 Some(texel) => Ok(Self { width: 1, height: 1, texels: vec![texel] }),
-                None => Err(format!("{other} is no image and no colour")),
+                None => Err(format!("{other} isn't an image or a colour")),
             },
         }
     }
 }
 
-/// The most texels of a texture that a file declares without an image: 4096 x 4096.
+/// The largest number of texels in a texture without an image: 4096 x 4096.
 const MOST_TEXELS: u64 = 1 << 24;
 
-/// Layers of a given size, `{ size = [50, 5] }`: zeros, the `value` for all texels, or samples from a `range`.
+/// Layers with a declared size, `{ size = [50, 5] }`. The texels are zeros, copies of the `value`, or samples from the
+/// `range`.
 fn sized(name: &str, kind: TextureKind, table: &toml::Table) -> Result<Vec<Layer>, String> {
     let known = ["size", "value", "range", "seed"];
     if let Some(other) = table.keys().find(|key| !known.contains(&key.as_str())) {
         return Err(format!(
-            "`{other}` is nothing of a texture: it has a `size`, and a `value` of all texels or a `range` and `seed` of each"
+            "a texture has no key `{other}`: it has a `size`, and a `value` for all texels or a `range` and `seed` for each"
         ));
     }
     let count = match kind.dimension {
@@ -254,17 +260,16 @@ fn sized(name: &str, kind: TextureKind, table: &toml::Table) -> Result<Vec<Layer
     if all > MOST_TEXELS {
         return Err(format!("it has {all} texels, and {MOST_TEXELS} at most without an image"));
     }
-    let value = match table.get("value") {
-        None => [0.0; 4],
-        Some(_) if table.contains_key("range") => {
-            return Err(
-                "its texels are one `value`, or drawn from a `range`, and not both".to_owned()
-            );
-        }
-        Some(value) => {
-            texel(value).ok_or("its `value` is a number, or a colour: a list of 3 or 4 numbers")?
-        }
-    };
+    let value =
+        match table.get("value") {
+            None => [0.0; 4],
+            Some(_) if table.contains_key("range") => {
+                return Err("its texels are one `value`, or sampled from a `range`, and not both"
+                    .to_owned());
+            }
+            Some(value) => texel(value)
+                .ok_or("its `value` is a number, or a colour: a list of 3 or 4 numbers")?,
+        };
     let (scalar, channels) = match kind.texels {
         Texels::Depth => (Scalar::F32, 1),
         Texels::Float => (Scalar::F32, 4),
@@ -295,7 +300,7 @@ fn texture(name: &str, kind: TextureKind, value: &Value, folder: &Path) -> Resul
     }
     let several = kind.arrayed || kind.dimension != Dimension::D2;
     let layers = match (texel(value), value) {
-        // The same value for all texels.
+        // One value for all texels.
         (Some(texel), _) => {
             let count = if kind.dimension == Dimension::Cube { 6 } else { 1 };
             let height = if kind.dimension == Dimension::D1 { 1 } else { SIDE };
@@ -328,12 +333,12 @@ fn texture(name: &str, kind: TextureKind, value: &Value, folder: &Path) -> Resul
     of_layers(kind, &layers).map(Fixture::from)
 }
 
-/// A texture with these layers, slices or faces.
+/// Makes a texture from layers, slices or faces.
 fn of_layers(kind: TextureKind, layers: &[Layer]) -> Result<Texture, String> {
     let first = layers.first().ok_or("a texture without an image")?;
     let (width, height) = (first.width, first.height);
     if layers.iter().any(|layer| (layer.width, layer.height) != (width, height)) {
-        return Err("its images are of one size".to_owned());
+        return Err("its images must have the same size".to_owned());
     }
     let (least, most, name) = match kind.texels {
         Texels::Sint => (f64::from(i32::MIN), f64::from(i32::MAX), "i32"),
@@ -371,7 +376,7 @@ fn of_layers(kind: TextureKind, layers: &[Layer]) -> Result<Texture, String> {
     }
 }
 
-/// A texture of a kind, from a value for each layer, column and row.
+/// Makes a texture. `value` returns the texel for a layer, a column and a row.
 fn shaped<T: karat::Shareable>(
     kind: TextureKind,
     layers: usize,
@@ -382,22 +387,22 @@ fn shaped<T: karat::Shareable>(
     let layer = |layer: usize| Texture::from_fn(width, height, |x, y| value(layer, x, y));
     let expect = |count: usize, what: &str| match layers {
         found if found == count => Ok(()),
-        found => Err(format!("{what}, not of {found}")),
+        found => Err(format!("{what}, not {found}")),
     };
     let square = || match width == height {
         true => Ok(()),
-        false => Err("a face is a square".to_owned()),
+        false => Err("a face must be square".to_owned()),
     };
     Ok(match (kind.dimension, kind.arrayed) {
         (Dimension::D1, _) => {
-            expect(1, "a 1D texture is of one image")?;
+            expect(1, "a 1D texture has 1 image")?;
             if height != 1 {
-                return Err("a 1D texture is an image of one row".to_owned());
+                return Err("the image of a 1D texture must have one row".to_owned());
             }
             Texture::from_fn_1d(width, |x| value(0, x, 0))
         }
         (Dimension::D2, false) => {
-            expect(1, "a 2D texture is of one image")?;
+            expect(1, "a 2D texture has 1 image")?;
             match kind.multisampled {
                 true => Texture::multisampled(width, height, SAMPLES, |x, y, _| value(0, x, y)),
                 false => layer(0),
@@ -409,13 +414,13 @@ fn shaped<T: karat::Shareable>(
             Texture::volume([width, height, depth], |x, y, z| value(z as usize, x, y))
         }
         (Dimension::Cube, false) => {
-            expect(6, "a cube is of six images")?;
+            expect(6, "a cube has 6 images")?;
             square()?;
             Texture::cube((0..6).map(layer))
         }
         (Dimension::Cube, true) => {
             if !layers.is_multiple_of(6) {
-                return Err(format!("cubes are of six images each, not of {layers}"));
+                return Err(format!("each cube has 6 images, so their number can't be {layers}"));
             }
             square()?;
             Texture::cube_array((0..layers).map(layer))
@@ -443,7 +448,7 @@ fn buffer(
                 if !bytes.len().is_multiple_of(4) {
                     let length = bytes.len();
                     let reason =
-                        format!("it has {length} bytes, and buffers are made of 4 at a time");
+                        format!("it has {length} bytes, and a buffer's size is a multiple of 4");
                     return Err(inside(&reason));
                 }
                 return Ok(Buffer::from_bytes(bytes).into());
@@ -464,7 +469,7 @@ fn buffer(
         return buffer(program, binding, &value, Path::new("")).map_err(|error| inside(&error));
     }
     let is_list = |shape: &Shape| matches!(shape, Shape::Array { .. });
-    let unknown = || format!("a {} has no values that a test could give", binding.kind);
+    let unknown = || format!("a test can't set the values of a {}", binding.kind);
     let plain = program.buffer_of(binding, 0).ok_or_else(unknown)?;
     match (&plain, value) {
         (Shape::Array { element, length }, Value::Table(table)) => {
@@ -476,7 +481,7 @@ fn buffer(
                 false => karat::unstable::fixture::blank(bytes.len()).into(),
             });
         }
-        // `{ count = 0, items = { size = 150 } }`
+        // The value has a size for its last member: `{ count = 0, items = { size = 150 } }`.
         (Shape::Struct { members, .. }, Value::Table(table)) => {
             if let Some((name, Shape::Array { element, length: 0 })) = members.last()
                 && let Some(Value::Table(own)) = table.get(name)
@@ -489,7 +494,7 @@ fn buffer(
         }
         _ => {}
     }
-    // A runtime-sized array has as many elements as the list. In a structure it is the last member.
+    // The list determines the length of a runtime-sized array. In a structure, such an array is the last member.
     let elements = match (&plain, value) {
         (Shape::Struct { members, .. }, Value::Table(table)) => {
             let last = members.last().filter(|(_, shape)| is_list(shape));
@@ -501,20 +506,20 @@ fn buffer(
         }
         (Shape::Array { element, .. }, Value::Array(list)) => listed(element, list),
         (Shape::Array { length: 0, .. }, _) => {
-            return Err("the type is an array without a length: write a list".to_owned());
+            return Err("the type is a runtime-sized array: write a list".to_owned());
         }
         _ => 0,
     };
     let shape = program.buffer_of(binding, elements).ok_or_else(unknown)?;
     if elements == 0 && is_left_empty(&shape) {
-        return Err("an array without a length has one element, at least".to_owned());
+        return Err("a runtime-sized array has at least one element".to_owned());
     }
     let lanes = lanes(&shape, value)?;
     let bytes = program.bytes(binding, &lanes).map_err(|error| error.to_string())?;
     Ok(Buffer::from_bytes(bytes).into())
 }
 
-/// The number of elements of a list, which may have a number for each of their components.
+/// The number of elements in a list. The list may have one number for each component.
 fn listed(element: &Shape, list: &[Value]) -> usize {
     match list.iter().all(is_number) {
         true => list.len().div_ceil(element.lanes().len().max(1)),
@@ -522,7 +527,7 @@ fn listed(element: &Shape, list: &[Value]) -> usize {
     }
 }
 
-/// Returns `true` if a runtime-sized array, which is the whole value or its last member, is left empty.
+/// Checks if a runtime-sized array, which is the value or its last member, has no length yet.
 fn is_left_empty(shape: &Shape) -> bool {
     match shape {
         Shape::Array { length, .. } => *length == 0,
@@ -533,7 +538,7 @@ fn is_left_empty(shape: &Shape) -> bool {
     }
 }
 
-/// The lanes of elements as a list, as an author would write it.
+/// The lanes of an array's elements as a TOML list.
 fn listed_lanes(element: &Shape, lanes: &[u32]) -> Value {
     let scalars = element.lanes();
     let one = |(word, scalar): (&u32, &Scalar)| match scalar {
@@ -545,14 +550,15 @@ fn listed_lanes(element: &Shape, lanes: &[u32]) -> Value {
     Value::Array(lanes.iter().zip(scalars.iter().cycle()).map(one).collect())
 }
 
-/// The lanes of an array with its size, unless the shader gives that, and the domain of its elements: `{ size = 256,
-/// range = "0..1" }`; or the value of each: `{ size = 256, value = 1 }`. Without either they are 0.
+/// The lanes of an array from its size and its elements' domain, `{ size = 256, range = "0..1" }`, or from a value for
+/// all elements, `{ size = 256, value = 1 }`. Without a range or a value, all lanes are 0. A fixed-size array needs no
+/// `size`.
 fn spread(
     name: &str,
     (element, length): (&Shape, u32),
     table: &toml::Table,
 ) -> Result<Vec<u32>, String> {
-    /// The most words of a buffer that each device supports: 128 MiB.
+    /// The largest buffer that each device supports, in 32-bit words: 128 MiB.
     const MOST: usize = 1 << 25;
     let fixed = Some(length as usize).filter(|length| *length > 0);
     let known = ["size", "value", "range", "seed"];
@@ -574,13 +580,13 @@ fn spread(
         Some((_, Some(size))) if size > 0 && size as u64 <= (MOST / width) as u64 => size as usize,
         Some((value, _)) => {
             let most = MOST / width;
-            return Err(format!("size = {value} is no number of elements from 1 to {most}"));
+            return Err(format!("size = {value} isn't a number of elements from 1 to {most}"));
         }
         None => match fixed {
             Some(length) => length,
             None => {
                 return Err(
-                    "the type is an array without a length: write a list, or its `size`".to_owned()
+                    "the type is a runtime-sized array: write a list, or its `size`".to_owned()
                 );
             }
         },
@@ -593,7 +599,7 @@ fn spread(
     }
 }
 
-/// The lanes of so many elements, sampled from the table's `range` with its `seed`. `None` without a range.
+/// The lanes of `size` elements, sampled from the table's `range` with its `seed`; `None` without a range.
 fn drawn(
     name: &str,
     element: &Shape,
@@ -602,7 +608,7 @@ fn drawn(
 ) -> Result<Option<Vec<u32>>, String> {
     let seed = match table.get("seed").map(|seed| (seed, seed.as_integer())) {
         Some((_, Some(seed))) => seed.cast_unsigned(),
-        Some((value, None)) => return Err(format!("seed = {value} is no whole number")),
+        Some((value, None)) => return Err(format!("seed = {value} isn't a whole number")),
         None => 0,
     };
     let Some(range) = table.get("range") else {
@@ -614,12 +620,12 @@ fn drawn(
     let parameter = (name.to_owned(), element.clone());
     let parts = parts(&parameter.0, element, Some(range), &Ranges::default())?;
     let domain = Dynamic::new(&[parameter], vec![parts]);
-    // Few values are sampled, too: all of them in order would be sorted, for any seed.
+    // Samples even if the range has few values. In order, they would be sorted for each seed.
     let numbering = Numbering::of(&domain, seed, size as u64, 0);
     let mut rows = Vec::new();
     let count = domain.rows(&numbering, 0..numbering.count, &mut rows);
     if count < size as u64 {
-        return Err("nothing lies in that range".to_owned());
+        return Err("the range contains no value".to_owned());
     }
     Ok(Some(rows))
 }
@@ -646,7 +652,8 @@ mod tests {
         let package = Package::from_source("bound", text);
         let probed = Probed::new(&package, "f").map_err(|error| error.to_string())?;
         let bindings = &probed.function().bindings;
-        let binding = bindings.iter().find(|b| b.name() == "v").ok_or("it isn't read")?;
+        let binding =
+            bindings.iter().find(|b| b.name() == "v").ok_or("the function doesn't read `v`")?;
         let table: toml::Table = format!("v = {value}").parse().map_err(|e| format!("{e}"))?;
         fixture(probed.program(), binding, &table["v"], Path::new("")).map(|_| ())
     }
@@ -676,21 +683,21 @@ mod tests {
         }
         for (declared, value, part) in [
             ("sampler", "\"linaer\"", "is no sampler"),
-            ("sampler", "\"linear repaet\"", "`repaet` is nothing of a sampler"),
+            ("sampler", "\"linear repaet\"", "`repaet` isn't a property of a sampler"),
             ("sampler", "\"linear less\"", "compares nothing"),
-            ("sampler_comparison", "\"linear\"", "doesn't say how"),
+            ("sampler_comparison", "\"linear\"", "so the sampler needs a comparison"),
             ("texture_2d<u32>", "0.5", "its texels are integers"),
             ("texture_2d<u32>", "-1", "its texels are u32"),
             ("texture_2d<f32>", "\"missing.exr\"", "missing.exr"),
             ("texture_3d<f32>", "true", "a list of images"),
-            ("texture_3d<f32>", "[[1], true]", "true is no image"),
+            ("texture_3d<f32>", "[[1], true]", "true isn't an image"),
             ("texture_2d<f32>", "{ size = [50] }", "is [width, height], each from 1"),
             ("texture_2d<f32>", "{ size = [50, 0] }", "is [width, height], each from 1"),
             ("texture_2d<f32>", "{ size = [50, 5], value = true }", "its `value` is a number"),
             ("texture_2d<f32>", "{ size = [8, 4], value = 1, range = \"0..1\" }", "and not both"),
             ("texture_2d<f32>", "{ size = [8, 4], seed = 1 }", "does nothing without a `range`"),
             ("texture_2d<u32>", "{ size = [8, 4], range = \"-1..1\" }", "-1"),
-            ("texture_2d<f32>", "{ sise = [50, 5] }", "`sise` is nothing of a texture"),
+            ("texture_2d<f32>", "{ sise = [50, 5] }", "a texture has no key `sise`"),
             ("texture_2d<f32>", "{ size = [65536, 65536] }", "16777216 at most"),
         ] {
             let error = bound(declared, value).expect_err(declared);
@@ -698,7 +705,7 @@ mod tests {
         }
     }
 
-    /// A counter and the list that it counts, for passes that append.
+    /// A structure with a counter and a list, as passes use that append to a buffer.
     #[test]
     fn the_last_array_of_a_structure_has_a_size() {
         let text = "struct All { count: u32, items: array<vec2f> }
@@ -715,7 +722,7 @@ mod tests {
             of(value).unwrap_or_else(|error| panic!("{value}: {error}"));
         }
         for (value, part) in [
-            ("{ count = 0, items = { size = 0 } }", "is no number of elements"),
+            ("{ count = 0, items = { size = 0 } }", "isn't a number of elements"),
             ("{ count = 0, items = { sise = 2 } }", "did you mean `size`?"),
             ("{ items = { size = 2 } }", "count"),
         ] {
@@ -724,7 +731,7 @@ mod tests {
         }
     }
 
-    /// Samples from few values aren't sorted, and depend on the seed.
+    /// A sample from few values isn't sorted, and depends on the seed.
     // Lesson 141
     #[test]
     fn ranges_are_drawn_by_their_seed() {
@@ -741,7 +748,7 @@ mod tests {
         assert!(words.iter().all(|word| *word <= 99));
     }
 
-    /// Each texel has its own sample, with as many channels as the format.
+    /// Each texel is sampled separately, with as many channels as the texture's format has.
     #[test]
     fn texels_are_drawn() {
         let float = TextureKind {
@@ -760,14 +767,17 @@ mod tests {
             assert!((0.0..=1.0).contains(r) && (2.0..=3.0).contains(b), "{r} {b}");
             assert_eq!((*g, *a), (5.0, 1.0));
         }
-        assert!(colours.iter().any(|texel| texel[0] != colours[0][0]), "they are drawn one by one");
+        assert!(
+            colours.iter().any(|texel| texel[0] != colours[0][0]),
+            "each texel is sampled separately"
+        );
         let depth = TextureKind { texels: Texels::Depth, ..float };
         let depths = of(depth, "size = [8, 4, 2]\nrange = \"0.5..0.75\"");
         assert!(depths.iter().all(|texel| (0.5..=0.75).contains(&texel[0])), "{depths:?}");
         assert_eq!(depths.len(), 64);
     }
 
-    /// A fixed-size array needs no list.
+    /// A fixed-size array needs no list and no size.
     #[test]
     fn fixed_arrays_are_spread() {
         let of = |value: &str| {

@@ -1,4 +1,4 @@
-//! JSON without duplicate members: a reader can't tell which of two values the author meant.
+//! Reads JSON, and rejects duplicate members, because one of the two values must be a mistake.
 
 use std::fmt;
 
@@ -8,21 +8,23 @@ use serde_json::{Map, Number, Value};
 
 use crate::domains::lanes;
 
-/// Reads a value.
+/// Parses JSON.
 ///
 /// # Errors
+/// If the text isn't JSON, or an object has two members with the same name.
 /// If it isn't JSON, or an object has two members with the same name.
 pub fn json(text: &str) -> Result<Value, serde_json::Error> {
     serde_json::from_str::<Strict>(text).map(|strict| strict.0)
 }
 
-/// The lanes of a value of this shape: a structure is an object of its members, a vector or an array a list.
+/// Reads a value of type `shape` from JSON, and returns its lanes. A structure is an object with its members; a vector
+/// or an array is a list.
 ///
 /// # Errors
-/// If the text isn't JSON, or isn't a value of this shape.
+/// If the text isn't JSON, or its value doesn't have this type.
 pub fn lanes_of_json(shape: &Shape, text: &str) -> Result<Vec<u32>, String> {
     let value = json(text).map_err(|error| error.to_string())?;
-    let value = toml::Value::try_from(value).map_err(|_| "`null` is no value".to_owned())?;
+    let value = toml::Value::try_from(value).map_err(|_| "`null` isn't a value".to_owned())?;
     lanes(shape, &value)
 }
 
@@ -56,7 +58,9 @@ impl<'de> Visitor<'de> for Reader {
     }
 
     fn visit_f64<E: Error>(self, value: f64) -> Result<Value, E> {
-        Number::from_f64(value).map(Value::Number).ok_or_else(|| E::custom("it isn't finite"))
+        Number::from_f64(value)
+            .map(Value::Number)
+            .ok_or_else(|| E::custom("the number isn't finite"))
     }
 
     fn visit_str<E>(self, value: &str) -> Result<Value, E> {
@@ -98,7 +102,7 @@ mod tests {
         let plain: Value = serde_json::from_str(text).expect("it is JSON");
         assert_eq!(json(text).expect("nothing is given twice"), plain);
         for twice in [r#"{"a": 1, "a": 1}"#, r#"[{"b": {"a": 1, "c": 2, "a": 3}}]"#] {
-            let error = json(twice).expect_err("one of them is meant").to_string();
+            let error = json(twice).expect_err("`a` has two values").to_string();
             assert!(error.starts_with("`a` is given twice at line 1"), "{error}");
         }
         assert!(json("{").is_err() && json("1 2").is_err());

@@ -1,10 +1,12 @@
 //! Tests of WGSL without Rust.
 //!
-//! There are two forms. Both use Karat's checks, with their verdicts, records, simplest failures and replays:
+//! A package can declare tests in two forms. Both forms use Karat's checks, with the same verdicts, records, simplest
+//! failures and replays:
 //!
-//! - **In WGSL**: a function with `@test` in any module calls expectations such as `expect_near` of the
-//!   package `karat`, or those of the WESL community's `wgsl_test`. See [`WgslTest`].
-//! - **Declared**: `brdf.test.toml` beside `brdf.wgsl` asserts properties of its functions. See [`declared`].
+//! - **In WGSL**: a function with `@test` in any module. It calls expectations such as `expect_near` from the package
+//!   `karat`, or the expectations of the WESL community's package `wgsl_test`. See [`WgslTest`].
+//! - **In TOML**: a file `brdf.test.toml` beside `brdf.wgsl`. It asserts properties of the module's functions. See
+//!   [`declared`].
 //!
 //! ```no_run
 //! let suite = karat_suite::Suite::open("shaders".as_ref()).unwrap();
@@ -52,24 +54,24 @@ pub use wrong::{Fault, Wrong};
 /// The tests of a package.
 #[derive(Debug)]
 pub struct Suite {
-    /// The shaders.
+    /// The package with the shaders.
     pub package: Package,
-    /// The folder of the package.
+    /// The package's folder.
     pub folder: PathBuf,
-    /// Its tests, by module and line.
+    /// The package's tests, ordered by module and line.
     pub tests: Vec<Test>,
-    /// The modules, files and tests that can't be run, each with its error. Each is a failure.
+    /// The modules, files and tests that can't run, each with its error. Each counts as a failure.
     pub broken: Vec<Broken>,
-    /// The text that functions of declared tests depend on.
+    /// The linked text of each function that declared tests call.
     fingerprints: OnceLock<BTreeMap<String, String>>,
 }
 
-/// A test.
+/// A test of a package.
 #[derive(Debug)]
 pub struct Test {
-    /// The name, which is unique: `brdf_test::grazing`, or `brdf::schlick in_range` for a declared test.
+    /// The unique name: `brdf_test::grazing`, or `brdf::schlick in_range` for a declared test.
     pub name: String,
-    /// The place in the author's file.
+    /// The test's position in the file that its author wrote.
     pub span: Span,
     pub(crate) kind: Kind,
 }
@@ -87,26 +89,26 @@ pub(crate) enum Kind {
 }
 
 impl Test {
-    /// The functions that it calls, by name (`brdf::schlick`), if it is a function with `@test`.
+    /// The paths of the functions that a function with `@test` calls, such as `brdf::schlick`. Empty for other tests.
     pub fn calls(&self) -> impl Iterator<Item = &str> {
         let test = if let Kind::Wgsl(test) = &self.kind { Some(test) } else { None };
         test.into_iter().flat_map(|test| test.calls())
     }
 
-    /// The entry points that it dispatches, in order, if it is an assertion of a `[[compute]]`. Records name the last
-    /// one.
+    /// The entry points that an assertion of a `[[compute]]` dispatches, in order. Empty for other tests. Records have
+    /// the last entry point's name.
     pub fn dispatches(&self) -> impl Iterator<Item = &str> {
         let passes = if let Kind::Compute(assertion) = &self.kind { Some(assertion) } else { None };
         passes.into_iter().flat_map(|passes| passes.entries())
     }
 
-    /// The entry points of its draws, if it is a frame.
+    /// The entry points of a frame's draws. Empty for other tests.
     pub fn draws(&self) -> impl Iterator<Item = String> {
         let frame = if let Kind::Frame(frame) = &self.kind { Some(frame) } else { None };
         frame.into_iter().flat_map(|frame| frame.entries())
     }
 
-    /// Returns `true` if its name contains this, or the name of a function that it calls, or of its golden.
+    /// Checks if the name of the test, of a function that it calls, or of its golden contains `words`.
     #[must_use]
     pub fn is_about(&self, words: &str) -> bool {
         let has = |name: &str| name.contains(words);
@@ -114,39 +116,39 @@ impl Test {
             || match &self.kind {
                 Kind::Wgsl(test) => test.calls().any(has),
                 Kind::Function(assertion) => has(&assertion.function),
-                Kind::Frame(_) => false, // its golden's name is its own
+                Kind::Frame(_) => false, // the frame and its golden have the same name
                 Kind::Compute(assertion) => assertion.entries().any(has),
             }
     }
 
-    /// Returns `true` if a run shows the values that it compares. A test in WGSL compares in the shader, a frame compares
-    /// images.
+    /// Checks if a run shows the values that the test compares. A test in WGSL compares values in the shader, and a
+    /// frame compares images, so neither shows values.
     #[must_use]
     pub fn shows_values(&self) -> bool {
         !matches!(self.kind, Kind::Wgsl(_) | Kind::Frame(_))
     }
 
-    /// Returns `true` if it draws a frame, which needs a driver.
+    /// Checks if the test draws a frame, which needs a driver.
     #[must_use]
     pub fn is_frame(&self) -> bool {
         matches!(self.kind, Kind::Frame(_))
     }
 }
 
-/// A test that can't be read, or a module or file that can't.
+/// A test, module or file that Karat can't read.
 #[derive(Clone, Debug)]
 pub struct Broken {
-    /// Its name: that of a test, a module or a file.
+    /// The name of the test, module or file.
     pub name: String,
-    /// The error, with its place.
+    /// The error, with its position.
     pub wrong: Wrong,
-    /// `true` for a file that was probably meant to declare tests, but has none that can be read. That is an error in
-    /// any package; a module, in contrast, may depend on other packages to be complete.
+    /// `true` for a file that its author probably meant as a test file, but in which Karat finds no valid test. Such a
+    /// file is an error in any package. A module, in contrast, may need other packages to be valid.
     pub is_file: bool,
 }
 
 impl Suite {
-    /// Finds the tests of a folder of shaders, or of one file.
+    /// Finds the tests in a folder of shaders, or in one file.
     ///
     /// # Errors
     /// If the folder can't be read, or has no module.
@@ -157,7 +159,7 @@ impl Suite {
     /// Finds the tests of a package.
     ///
     /// # Errors
-    /// If it can't be read, or has no module.
+    /// If the package can't be read, or has no module.
     pub fn of(package: Package) -> Result<Self, FindError> {
         find::find(package)
     }

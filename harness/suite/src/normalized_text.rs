@@ -1,4 +1,4 @@
-//! The text that a test depends on: while it stays the same, so does the verdict.
+//! The text on which a test's verdict depends. While the text stays the same, the verdict stays the same.
 
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
@@ -12,8 +12,8 @@ use crate::fixtures::name_and_space;
 use crate::{Kind, Suite, Test};
 
 impl Suite {
-    /// Everything that a test's verdict depends on, except comments and blanks of shaders, and the driver; `None` if it
-    /// is unknown, for example for an invalid shader.
+    /// Everything on which a test's verdict depends, except for the driver, and the comments and blanks of shaders.
+    /// `None` if Karat can't determine it, for example for an invalid shader.
     #[must_use]
     pub fn normalized_text(&self, test: &Test) -> Option<String> {
         match &test.kind {
@@ -52,7 +52,7 @@ impl Suite {
         }
     }
 
-    /// The files besides modules that the tests read: tables, goldens, images and values.
+    /// The files that the tests read, except for modules: tables, goldens, images and values.
     #[must_use]
     pub fn reads(&self) -> BTreeSet<PathBuf> {
         let mut all = BTreeSet::new();
@@ -81,7 +81,7 @@ impl Suite {
         all
     }
 
-    /// The text that a function of a declared test depends on, with everything that it uses.
+    /// The linked text of a function that a declared test calls.
     fn fingerprint(&self, function: &str) -> Option<&str> {
         let all = self.fingerprints.get_or_init(|| {
             let mut names = BTreeSet::new();
@@ -98,18 +98,18 @@ impl Suite {
     }
 }
 
-/// The content of a file, if it exists.
+/// A hash of a file's contents; `None` if the file can't be read.
 fn content(file: &Path) -> Option<String> {
     let bytes = read_file(file).ok()?;
     Some(blake3::hash(&bytes).to_hex().to_string())
 }
 
-/// The values of a table that may name files. A range, `"0..1"`, names none.
+/// The values of a table that may be file names. A `range` such as `"0..1"` isn't one.
 fn values(table: &toml::Table) -> Vec<&Value> {
     table.iter().filter(|(key, _)| *key != "range").map(|(_, value)| value).collect()
 }
 
-/// The files that values name for binding.
+/// The files that a test's `with` names.
 fn named<'v>(
     with: impl IntoIterator<Item = &'v Value>,
     folder: &Path,
@@ -127,11 +127,11 @@ fn named<'v>(
     }
 }
 
-/// The contents of the bound images and value files, listed or on their own.
+/// The contents of the images and value files that a test binds, also of files in lists.
 fn files<'v>(mut with: impl Iterator<Item = &'v Value>, folder: &Path) -> Option<String> {
     with.try_fold(String::new(), |all, value| {
         Some(match value {
-            // The name of an image may have no ending. Words that name no file are skipped.
+            // An image's name may have no ending. Strings that aren't file names are skipped.
             Value::String(name) => match content(&folder.join(name_and_space(name).0)) {
                 Some(content) => all + &content,
                 None if name.contains('.') => return None,
@@ -157,7 +157,7 @@ mod tests {
             std::fs::write(folder.path().join(name), text).expect("written");
         };
         let read = || files(with.values(), folder.path());
-        assert_eq!(read(), None, "a file that isn't there");
+        assert_eq!(read(), None, "the file doesn't exist");
         write("a.png", "1");
         write("b.json", "1");
         let first = read();

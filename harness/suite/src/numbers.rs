@@ -1,11 +1,11 @@
-//! Numbers in tables.
+//! Reads numbers from tables.
 
 use karat::unstable::value::Scalar;
 use karat::unstable::value::format_f32;
 use karat::{Tolerance, Ulp};
 
-/// A hexadecimal float of C99, which WGSL and Karat write. Exact in `f64` with up to 13 digits behind the point, more
-/// than an `f32` has.
+/// Parses a hexadecimal float, as in C99 and WGSL. The result is exact if at most 13 digits follow the point. An `f32`
+/// needs only 6.
 #[must_use]
 pub fn hexadecimal(word: &str) -> Option<f64> {
     let (sign, word) = match word.strip_prefix('-') {
@@ -27,8 +27,8 @@ pub fn hexadecimal(word: &str) -> Option<f64> {
     Some(sign * value)
 }
 
-/// The lane of an argument from a cell of a table; `None` if the cell isn't a value of the type. `inf`, `-inf` and
-/// `nan` are floats: a table may test how a function handles them.
+/// The lane of an argument from a table cell; `None` if the cell isn't a value of this type. A float may be `inf`,
+/// `-inf` or `nan`, so that a table can test how a function handles them.
 pub(crate) fn argument(scalar: Scalar, cell: &str) -> Option<u32> {
     let unsigned = cell.strip_prefix(['-', '+']).unwrap_or(cell);
     let named = unsigned.to_ascii_lowercase();
@@ -43,12 +43,12 @@ pub(crate) fn argument(scalar: Scalar, cell: &str) -> Option<u32> {
     (f64::from(single).to_bits() == value.to_bits()).then_some(single.to_bits())
 }
 
-/// The comparison of results with an author's number.
+/// The comparison between a function's results and an expected number.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Wanted {
-    /// They equal it.
+    /// The results must equal the number.
     Equal,
-    /// They are near to it.
+    /// The results must be near the number.
     Near,
 }
 
@@ -58,25 +58,25 @@ impl From<&Tolerance> for Wanted {
     }
 }
 
-/// Returns `true` if a component can hold a number. Integers and `bool` can hold only some numbers, floats those that
-/// don't overflow.
+/// Checks if a component can represent a number. Integers and `bool` must represent it exactly. For floats, the number
+/// must not overflow.
 pub(crate) fn fits(scalar: Scalar, number: f64) -> bool {
     match scalar {
         Scalar::I32 => f64::from(number as i32) == number,
         Scalar::U32 => f64::from(number as u32) == number,
         Scalar::Bool => number == 0.0 || number == 1.0,
-        // Floats are compared with the exact number, in `f64`.
+        // The comparison uses the exact number, in `f64`.
         _ => !number.is_finite() || (number as f32).is_finite(),
     }
 }
 
-/// The expected value of a component from a cell of a table: a finite number, `true` or `false`.
+/// The expected value of a component from a table cell: a finite number, `true` or `false`.
 ///
-/// A decimal that is the printed form of an `f32` stands for that `f32`. So does any other decimal if results have to
-/// equal it.
+/// A decimal that Karat would print for an `f32` means exactly this `f32`. If results must equal the number, each
+/// decimal means the nearest `f32`.
 ///
 /// # Errors
-/// If nothing can be compared with it: it isn't a number, or the component can't hold it.
+/// If the cell isn't a finite number, or the component can't represent it.
 pub fn expected(scalar: Scalar, cell: &str, wanted: Wanted) -> Result<f64, String> {
     let decimal = || {
         let value = cell.parse().ok().filter(|value: &f64| value.is_finite());
@@ -95,11 +95,11 @@ pub fn expected(scalar: Scalar, cell: &str, wanted: Wanted) -> Result<f64, Strin
     }
 }
 
-/// The number that an author's decimal stands for beside results of this type: in a table, in `equals` or in `at_most`.
+/// The number that an author means by a decimal in a table, in `equals` or in `at_most`, for results of this type.
 ///
-/// A decimal that is the printed form of an `f32` stands for that `f32`: `0.3` is the value that `return 0.3;` returns.
-/// A decimal with more digits, such as `0.3333333333333333`, is exact, and the tolerance applies to it. If results have
-/// to equal it, it is the nearest `f32`, since no other number can be returned.
+/// A decimal that Karat would print for an `f32` means exactly this `f32`: `0.3` is the value that `return 0.3;`
+/// returns. A decimal with more digits, such as `0.3333333333333333`, is exact, and the tolerance applies to it. If
+/// results must equal the number, the decimal means the nearest `f32`, because functions can't return any other number.
 pub(crate) fn meant(scalar: Scalar, value: f64, wanted: Wanted) -> f64 {
     #[expect(clippy::cast_possible_truncation, reason = "the nearest is wanted")]
     let single = value as f32;
@@ -125,11 +125,11 @@ mod tests {
         }
         let third = expected(Scalar::F32, "0.3333333333333333").expect("a number");
         assert!((third - 1.0 / 3.0).abs() < 1e-16 && third != f64::from(third as f32));
-        // A number that results have to equal is the nearest `f32`, however many digits it has.
+        // If results must equal the number, it means the nearest `f32`, whatever its number of digits.
         let third =
             super::expected(Scalar::F32, "0.3333333333333333", Wanted::from(&Ulp(0.0).into()));
         assert_eq!(third, Ok(f64::from(1.0_f32 / 3.0)));
-        assert_eq!(meant(Scalar::F32, 1e39, Wanted::Equal), 1e39, "no f32 is as large");
+        assert_eq!(meant(Scalar::F32, 1e39, Wanted::Equal), 1e39, "each f32 is smaller");
         assert_eq!(meant(Scalar::I32, 16_777_217.0, Wanted::Equal), 16_777_217.0);
         assert_eq!(expected(Scalar::F32, "0x1.8p-1"), Ok(0.75));
         assert_eq!(argument(Scalar::F32, "0x1.8p-1"), Some(0.75_f32.to_bits()));

@@ -1,38 +1,38 @@
-//! `in_range`: a range whose upper end may be excluded.
+//! The range of `in_range`, which may exclude its upper end.
 
 use std::fmt;
 use std::ops::{Bound, RangeBounds};
 
 use serde::Deserialize;
 
-/// `[0, 1]`, or `"0..1"` as text; `"0..<1"` excludes the upper end.
+/// A range: `[0, 1]`, `"0..1"`, or `"0..<1"`, which excludes the upper end.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(try_from = "toml::Value")]
 pub(crate) struct Range {
     least: f64,
     most: f64,
-    /// `true` if the upper end is excluded.
+    /// `true` if the range excludes the upper end.
     half_open: bool,
 }
 
 impl Range {
-    /// Both bounds.
+    /// The range's two bounds.
     pub(crate) fn bounds(self) -> (Bound<f64>, Bound<f64>) {
         let most = if self.half_open { Bound::Excluded } else { Bound::Included };
         (Bound::Included(self.least), most(self.most))
     }
 
-    /// Returns `true` if a number is in the range.
     pub(crate) fn contains(self, value: f64) -> bool {
         self.bounds().contains(&value)
     }
 
-    /// The range, or the error that it contains no number.
+    /// Returns the range, or an error if it contains no number.
     pub(crate) fn checked(self) -> Result<Self, String> {
         let is_some = if self.half_open { self.least < self.most } else { self.least <= self.most };
         let quote = if self.half_open { "\"" } else { "" };
-        let wrong =
-            || format!("in_range = {quote}{self}{quote} has no value: the lower end comes first");
+        let wrong = || {
+            format!("in_range = {quote}{self}{quote} contains no number: write the lower end first")
+        };
         if is_some { Ok(self) } else { Err(wrong()) }
     }
 }
@@ -59,14 +59,18 @@ impl TryFrom<toml::Value> for Range {
                     let (least, most) = (number(least)?, number(most)?);
                     Ok(Self { least, most, half_open: false })
                 }
-                list => Err(format!("a list of two is wanted, and this one has {}", list.len())),
+                list => Err(format!(
+                    "a range is a list of two numbers, and this list has {}",
+                    list.len()
+                )),
             },
             toml::Value::String(text) => {
-                let wanted =
-                    || format!("`{text}` is no range: write [0, 1], or \"0..<1\" without its end");
+                let wanted = || {
+                    format!("`{text}` isn't a range: write [0, 1], or \"0..<1\" without its end")
+                };
                 let (least, most) = text.split_once("..").ok_or_else(wanted)?;
                 let end = most.strip_prefix('<');
-                // `0...1` isn't two dots and a fraction.
+                // Rejects `0...1`, which isn't `0..` followed by the fraction `.1`.
                 let parsed = |end: &str| {
                     let number = end.trim().parse::<f64>().ok().filter(|_| !end.starts_with('.'));
                     number.ok_or_else(wanted)

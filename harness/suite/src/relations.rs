@@ -1,4 +1,4 @@
-//! Vectors that are perpendicular to others of the same domain: `t = { perpendicular_to = "n" }`.
+//! Domains of vectors that are perpendicular to other arguments: `t = { perpendicular_to = "n" }`.
 
 use std::collections::BTreeMap;
 use std::ops::Range;
@@ -9,19 +9,19 @@ use toml::Value;
 
 use crate::domains::no_such;
 
-/// The key of a vector's domain.
+/// The key of such a domain.
 pub(crate) const KEY: &str = "perpendicular_to";
 
-/// A vector among the arguments: `n`, `surface.tangent`, `frames[1].t`.
+/// A vector in the arguments: `n`, `surface.tangent`, `frames[1].t`.
 #[derive(Clone, Debug)]
 struct Vector {
     path: String,
     lanes: Range<usize>,
-    /// The names of the vectors that it is perpendicular to, as written.
+    /// The names of the vectors to which this vector is perpendicular, as the test file has them.
     to: Vec<String>,
 }
 
-/// The names in a vector's domain.
+/// The names in a vector's domain; `None` if the domain has no such key.
 pub(crate) fn names(value: &Value) -> Option<Result<Vec<String>, String>> {
     let said = value.as_table()?.get(KEY)?;
     let one = |value: &Value| value.as_str().map(str::to_owned);
@@ -34,13 +34,13 @@ pub(crate) fn names(value: &Value) -> Option<Result<Vec<String>, String>> {
             Ok(all)
         }
         Some(all) if !all.is_empty() => {
-            Err(format!("`{KEY}` stands alone: the vector has length 1"))
+            Err(format!("`{KEY}` takes no other key beside it: the vector has length 1"))
         }
         _ => Err(format!("`{KEY}` is the name of a vector, or a list of names")),
     })
 }
 
-/// A domain with the relations that a test declares.
+/// Adds the relations that a test declares to a domain.
 pub(crate) fn related(
     domain: Dynamic,
     parameters: &[(String, Shape)],
@@ -58,7 +58,7 @@ pub(crate) fn related(
         let to = vector.to.iter().map(of).collect::<Result<Vec<_>, _>>()?;
         if to.len() >= vector.lanes.len() {
             return Err(format!(
-                "`{}`: of {} components, it can't be perpendicular to {} vectors",
+                "`{}`: a vector of {} components can't be perpendicular to {} vectors",
                 vector.path,
                 vector.lanes.len(),
                 to.len()
@@ -72,7 +72,7 @@ pub(crate) fn related(
         let Some(next) = pending.iter().position(|(_, to)| !to.iter().any(|to| waits(to))) else {
             let names: Vec<_> = pending.iter().map(|(own, _)| format!("`{}`", own.path)).collect();
             return Err(format!(
-                "`{KEY}` of {} goes round in a circle: it holds both ways, so one of them needs none",
+                "`{KEY}` of {} goes round in a circle: it holds in both directions, so remove it from one vector",
                 names.join(", ")
             ));
         };
@@ -84,7 +84,7 @@ pub(crate) fn related(
     Ok(domain)
 }
 
-/// The vector that another one's domain names: a neighbour in its structure, or a path that begins at a parameter.
+/// Finds the vector with a given name: a member of the same structure, or a path that begins at a parameter.
 fn found<'v>(own: &Vector, name: &str, all: &'v [Vector]) -> Result<&'v Vector, String> {
     let beside = own.path.rfind('.').map(|end| format!("{}.{name}", &own.path[..end]));
     let by = |path: &str| all.iter().find(|vector| vector.path == path);
@@ -119,7 +119,7 @@ fn found<'v>(own: &Vector, name: &str, all: &'v [Vector]) -> Result<&'v Vector, 
     }
 }
 
-/// The vectors of floats in a value, each with its domain's text.
+/// The float vectors in a value, each with its domain.
 fn vectors(
     path: &str,
     shape: &Shape,
@@ -212,7 +212,7 @@ mod tests {
             ("t = { perpendicular_to = \"uv\" }", "it has 3 components, and `uv` has 2"),
             ("t = { perpendicular_to = 1 }", "the name of a vector, or a list"),
             ("t = { perpendicular_to = [] }", "the name of a vector, or a list"),
-            ("t = { perpendicular_to = \"n\", x = 1 }", "stands alone"),
+            ("t = { perpendicular_to = \"n\", x = 1 }", "takes no other key"),
             ("uv = { perpendicular_to = [\"w\", \"w\"] }", "can't be perpendicular to 2 vectors"),
             (
                 "t = { perpendicular_to = \"n\" }\nn = { perpendicular_to = \"t\" }",

@@ -1,32 +1,32 @@
-//! Rows of tables, the columns in their heads, and the comments above them.
+//! The rows of CSV tables, the columns in a table's head, and the comments above the head.
 //!
-//! Comments are the lines above a table's head that begin with `#`. Below the head such a line might be a row, and a
-//! comment there would hide it from the comparison. So it is an error.
+//! A line above the head that begins with `#` is a comment. Below the head, such a line is an error: it may be a row,
+//! and as a comment it would never be compared.
 
 use karat::unstable::diagnostic::nearest;
 
 /// The positions of a table's columns.
 #[derive(Debug)]
 pub struct Places {
-    /// The columns of the arguments, in the arguments' order.
+    /// The columns of the arguments, in the order of the arguments.
     pub arguments: Vec<usize>,
     /// The columns of the expected values.
     pub expected: Vec<usize>,
-    /// The other columns, which are notes, by name.
+    /// All other columns, with their names. They are notes.
     pub others: Vec<(String, usize)>,
 }
 
 impl Places {
-    /// Reads a head, which names the columns in any order.
+    /// Reads a head, which has the names of the columns in any order.
     ///
     /// # Errors
-    /// A column that is missing, that occurs twice, or that looks like a part of a value but isn't one, because the
-    /// type has changed. The text is the end of a sentence about the table.
+    /// If a column is missing or occurs twice. Also if a column's name looks like a part of an argument or result that
+    /// has no such part, because the type has changed. The error is the end of a sentence about the table.
     pub fn of_head(head: &[&str], arguments: &[&str], expected: &[&str]) -> Result<Self, String> {
         let twice = |(at, column): &(usize, &&str)| head[..*at].contains(column);
         if let Some((_, column)) = head.iter().enumerate().find(twice) {
             return Err(format!(
-                "has two columns `{column}`, and it isn't clear which is meant: rename or remove one"
+                "has two columns `{column}`, and Karat can't know which one you mean: rename or remove one"
             ));
         }
         let wanted = || arguments.iter().chain(expected).copied();
@@ -45,7 +45,7 @@ impl Places {
         if let Some(foreign) = head.iter().find(is_part) {
             let wanted = wanted().collect::<Vec<_>>().join(",");
             return Err(format!(
-                "has a column `{foreign}`, which is no part of what the function takes and returns: {wanted}"
+                "has a column `{foreign}`, which isn't a part of the function's parameters or result: {wanted}"
             ));
         }
         let expected = expected.iter().map(find).collect::<Result<Vec<_>, _>>()?;
@@ -56,7 +56,7 @@ impl Places {
     }
 }
 
-/// The line of a record, counted from 1, by the byte position of its reader before it. Skips empty lines.
+/// The line of a record, counted from 1. `begins` is the reader's byte position before the record. Skips empty lines.
 #[must_use]
 pub fn line_of(text: &[u8], begins: usize) -> usize {
     let (before, rest) = text.split_at(begins.min(text.len()));
@@ -65,14 +65,14 @@ pub fn line_of(text: &[u8], begins: usize) -> usize {
     1 + before.iter().filter(|byte| **byte == b'\n').count() + skipped.count()
 }
 
-/// The byte at which a table's head begins, after comments and blank lines.
+/// The byte position of a table's head, which follows comments and blank lines.
 #[must_use]
 pub fn head_of(text: &[u8]) -> usize {
     let is_above = |line: &&[u8]| line.starts_with(b"#") || line.trim_ascii().is_empty();
     text.split_inclusive(|byte| *byte == b'\n').take_while(is_above).map(<[u8]>::len).sum()
 }
 
-/// Returns `true` if the row after byte `at` begins with `#`. Blank lines may come first.
+/// Checks if the row after byte `at` begins with `#`. Skips blank lines.
 #[must_use]
 pub fn begins_with_mark(text: &[u8], at: usize) -> bool {
     let rest = text.get(at..).unwrap_or_default();
@@ -80,7 +80,7 @@ pub fn begins_with_mark(text: &[u8], at: usize) -> bool {
     rest.iter().find(|byte| !is_blank(byte)) == Some(&b'#')
 }
 
-/// The message that a row begins with `#`.
+/// The error message for a row that begins with `#`.
 pub(crate) const MARKED: &str = "this row begins with `#`, and comments stand above the head: remove it, or quote \
                                  its first cell";
 
@@ -95,6 +95,6 @@ mod tests {
         assert_eq!((head_of(b"x\n"), head_of(b"# no head"), head_of(b"")), (0, 9, 0));
         let text = b"x\n\r\n#1\n2\n";
         assert!(begins_with_mark(text, 2) && !begins_with_mark(text, 0));
-        assert!(!begins_with_mark(b"\"#1\"\n", 0), "it is quoted");
+        assert!(!begins_with_mark(b"\"#1\"\n", 0), "the cell is in quotes");
     }
 }

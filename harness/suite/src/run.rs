@@ -1,4 +1,4 @@
-//! Runs a test.
+//! Runs tests.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -35,36 +35,36 @@ use crate::wrong::{Fault, Misdeclared, blamed};
 use crate::{Broken, Kind, Suite, Test, Wrong};
 
 impl Suite {
-    /// Runs a test, in a thread with its name: seeds and records depend on that name.
+    /// Runs a test, in a thread with the test's name. Seeds and records depend on this name.
     ///
     /// # Errors
-    /// The error, as a message with its place.
+    /// If the test fails or can't run.
     ///
     /// # Panics
-    /// If a thread can't be started.
+    /// If no thread can start.
     pub fn run(&self, test: &Test) -> Result<(), Wrong> {
         self.run_with(test, &Groups::default())
     }
 
-    /// Does the same as [`run`](Self::run), with the other tests of its group.
+    /// Does the same as [`run`](Self::run), and shares a kernel with the other tests of the test's group.
     ///
     /// # Errors
     /// As [`run`](Self::run).
     ///
     /// # Panics
-    /// If a thread can't be started.
+    /// If no thread can start.
     pub fn run_with(&self, test: &Test, groups: &Groups) -> Result<(), Wrong> {
         Self::on_a_thread(test, || self.verdict(test, groups))
     }
 
-    /// Does the same as [`run`](Self::run) for shaders that differ from the saved files: the verdict is neither
-    /// recorded nor remembered. Also returns the values that its checks saw.
+    /// Does the same as [`run`](Self::run) for shaders that aren't saved. It doesn't add the verdict to the record, and
+    /// doesn't store it for later runs. Also returns the values that the test's checks saw.
     ///
     /// # Errors
     /// As [`run`](Self::run).
     ///
     /// # Panics
-    /// If a thread can't be started.
+    /// If no thread can start.
     pub fn run_unrecorded(&self, test: &Test) -> Result<Seen, Wrong> {
         let verdict = || {
             let (verdict, seen) = unrecorded(|| self.verdict(test, &Groups::default()));
@@ -85,15 +85,15 @@ impl Suite {
             };
             thread.spawn_scoped(scope, run).expect("a thread can be started").join()
         });
-        // A panic is a bug of Karat, or of a driver.
+        // A panic is a bug in Karat or in a driver.
         verdict.unwrap_or_else(|panic| {
             let text = panic.downcast_ref::<String>().cloned();
             let text = text.or_else(|| Some((*panic.downcast_ref::<&str>()?).to_owned()));
-            Err(Wrong::of(text.unwrap_or_else(|| "it panics".to_owned())))
+            Err(Wrong::of(text.unwrap_or_else(|| "the test panics".to_owned())))
         })
     }
 
-    /// The tests that can run, and the errors of the others. An error that several tests share is reported once.
+    /// The tests that can run, and the errors of all other tests. An error that several tests share appears once.
     #[must_use]
     pub fn sound<'t>(&self, tests: Vec<&'t Test>) -> (Vec<&'t Test>, Vec<Broken>) {
         let wrong = |test: &&Test| match &test.kind {
@@ -101,7 +101,7 @@ impl Suite {
             Kind::Function(_) | Kind::Frame(_) | Kind::Compute(_) => None,
         };
         let wrong: Vec<Option<Wrong>> = match &*tests {
-            // Starting threads takes time, which shows with a single test.
+            // A single test needs no thread. Starting threads takes noticeable time.
             [test] => vec![wrong(test)],
             tests => std::thread::scope(|scope| {
                 let threads = std::thread::available_parallelism().map_or(1, usize::from);
@@ -131,15 +131,15 @@ impl Suite {
         (sound, broken.into_iter().map(named).collect())
     }
 
-    /// Adds broken tests to the record of the run, since no check does.
+    /// Adds a broken test to the record of the run, because no check adds it.
     ///
     /// # Panics
-    /// If a thread can't be started.
+    /// If no thread can start.
     pub fn record_broken(&self, broken: &Broken) {
         let Broken { name, wrong, .. } = broken;
         let subject = self.unbegun(name, "declared", wrong.place.as_deref());
         std::thread::scope(|scope| {
-            // Records use the thread's name.
+            // The record has the thread's name.
             let thread = std::thread::Builder::new().name(name.clone());
             let record = thread.spawn_scoped(scope, || drop(wrong.recorded(subject)));
             let recorded = record.expect("a thread can be started").join();
@@ -147,7 +147,7 @@ impl Suite {
         });
     }
 
-    /// The subject of a record that isn't about a function of the package.
+    /// The record's subject for a test that couldn't begin.
     fn unbegun(&self, name: &str, check: &str, location: Option<&str>) -> Subject {
         Subject::Function {
             package: self.package.root().display().to_string(),
@@ -160,8 +160,7 @@ impl Suite {
         }
     }
 
-    /// The tests that share a kernel, among those that are about to run. On the path `cpu` alone there is nothing to
-    /// compile, and so no group.
+    /// The groups of tests that share a kernel. If `cpu` is the only path, nothing is compiled, so there are no groups.
     #[must_use]
     pub fn groups(tests: &[&Test]) -> Groups {
         let drivers = karat::unstable::path::selected()
@@ -185,7 +184,7 @@ impl Suite {
                 };
                 let probe = match groups.0.iter().find_map(|group| group.probe(test)) {
                     Some(together) => together,
-                    // Invalid WGSL is reported at its own place.
+                    // The error of invalid WGSL has its own position.
                     None => test.probe().map_err(|error| unbegun(Wrong::from(&*error)))?,
                 };
                 let judged = wgsl(&self.package, test, probe)
@@ -248,14 +247,14 @@ impl Suite {
     }
 }
 
-/// The violations of passes, whatever the test asserts.
+/// The violations that the sanitizer found in the passes, independently of the test's assertions.
 fn violations_of(error: &ComputeError) -> Option<String> {
     let ComputeError::Violations(found) = error else { return None };
     let headlines = found.all.iter().map(|one| one.headline.as_str());
     Some(headlines.collect::<Vec<_>>().join("\n"))
 }
 
-/// The place of the table row of the worst case.
+/// The position of the worst case's row in a table, as the end of a message.
 fn row_of(failure: &Failure, Assertion { test, what, folder, .. }: &Assertion) -> Option<String> {
     let What::Table(file) = what else { return None };
     let found = match failure {
@@ -266,13 +265,13 @@ fn row_of(failure: &Failure, Assertion { test, what, folder, .. }: &Assertion) -
         })?,
         _ => return None,
     };
-    // The case number is the row number, unless a test sets another number of cases.
+    // Unless a test sets the number of cases, a case's number is the number of its row.
     let worst =
         &found.paths.first().filter(|path| test.cases.is_none() && !path.worst.remembered)?.worst;
     table::told("worst case", &folder.join(file), worst.case)
 }
 
-/// The tests that share a kernel: see [`Suite::groups`].
+/// The groups of tests that share a kernel: see [`Suite::groups`].
 #[derive(Debug, Default)]
 pub struct Groups(Vec<TestGroup>);
 
@@ -280,7 +279,7 @@ fn part_of(tests: &[&Test], wrong: impl Fn(&&Test) -> Option<Wrong>) -> Vec<Opti
     tests.iter().map(wrong).collect()
 }
 
-/// The message that a test in WGSL reads a variable that isn't bound.
+/// The error message if a test in WGSL reads a variable that needs a fixture.
 fn unbound(failure: &Failure) -> Option<String> {
     let Failure::Probe(ProbeError::Fixture(error)) = failure else { return None };
     let error = match error {
@@ -290,12 +289,12 @@ fn unbound(failure: &Failure) -> Option<String> {
     let FixtureError::Missing { variable, kind } = error else { return None };
     let name = variable.rsplit("::").next().unwrap_or(variable);
     Some(format!(
-        "`{name}` ({kind}) is read by this test, and a test in WGSL binds nothing: declare a test in \
+        "this test reads `{name}` ({kind}), and a test in WGSL can't bind variables: declare a test in \
          `*.test.toml`, with `with = {{ {name} = ... }}`"
     ))
 }
 
-/// The conclusion of a check, or the reason why it couldn't begin.
+/// The verdict of a check, or the reason why it couldn't begin.
 type Judged<E> = Result<Result<Agreement, Failure>, E>;
 
 fn wgsl(package: &Package, test: &WgslTest, probe: Probe<'_>) -> Judged<Misdeclared> {
@@ -315,7 +314,7 @@ fn wgsl(package: &Package, test: &WgslTest, probe: Probe<'_>) -> Judged<Misdecla
     Ok(check.cases(test.cases.unwrap_or(CASES)).try_expects())
 }
 
-/// The cases of a WGSL test with parameters and without a number of its own. Each case carries a report.
+/// The default number of cases for a WGSL test with parameters. It is small because each case has its own report.
 const CASES: u64 = 4096;
 
 fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
@@ -324,7 +323,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
     let overrides: BTreeMap<String, f64> = overrides.collect();
     let probed = match Probed::in_valid(package, function, &overrides) {
         Ok(probed) => probed,
-        // Invalid WGSL is reported at its own place.
+        // The error of invalid WGSL has its own position.
         Err(ProbeError::Reflect(error)) if error.diagnostic().is_some() => {
             return Ok(Err(ProbeError::Reflect(error).into()));
         }
@@ -338,10 +337,12 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
             return Err(Misdeclared::of("override")(wrong));
         }
     }
-    // If the arguments don't vary, each derivative is 0.
+    // With a constant argument, each derivative is 0.
     let mut probed = match what {
         What::Integral(_) if probed.takes_derivatives() => {
-            return Err("it takes derivatives, and directions of an integral don't vary".into());
+            return Err(
+                "the function takes derivatives, and an integral's directions don't vary".into()
+            );
         }
         _ => probed.with_varying(),
     };
@@ -355,7 +356,7 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
         probe = probe.with_override(&name, value);
     }
     let fixtures = bound(probed.program(), &probed.function().bindings, &test.with, folder)?;
-    // The check reports missing and wrong fixtures.
+    // If a fixture is missing or wrong, the check reports it.
     let _ = probed.fit(&fixtures);
     for (name, fixture) in fixtures {
         probe = probe.with(&name, fixture);
@@ -394,18 +395,18 @@ fn function(package: &Package, assertion: &Assertion) -> Judged<Misdeclared> {
         What::Table(file) => {
             let criterion = wanted()?;
             let table = table::read(&folder.join(file), &parameters, &result, near)?;
-            // The rows unchanged: values of one parameter aren't combined with other rows.
+            // Each row is a combination of all arguments, so Karat doesn't combine them further.
             let mut parts: Vec<Vec<Part>> = shapes.iter().map(|_| Vec::new()).collect();
             match parts.first_mut() {
                 Some(first) => first.push(table.part(&shapes)),
                 None => {
-                    return Err("a function without arguments has no table: `equals`".into());
+                    return Err("a function without arguments has no table: write `equals`".into());
                 }
             }
             let check = settled(probe.over_dynamic(Dynamic::new(&parameters, parts)), assertion)?;
             let expect = |words: &[u32], lanes: &mut Vec<f64>| match table.expected.get(words) {
                 Some(expected) => lanes.extend(expected),
-                // An argument that was flushed or simplified has no row.
+                // An argument that was flushed or simplified isn't in the table.
                 None => lanes.extend(vec![f64::NAN; result.lanes().len()]),
             };
             Ok(check.try_agrees_with(&expect, criterion))
@@ -563,7 +564,6 @@ fn settled<'p>(
     if let Some(seed) = test.seed {
         check = check.seed(seed);
     }
-    // Another assertion of the test may take it.
     if what.takes("tolerance_on") {
         for (on, text) in &test.tolerance_on {
             let own: Tolerance = tolerance(text).map_err(Misdeclared::of("tolerance_on"))?;

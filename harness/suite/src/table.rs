@@ -1,4 +1,4 @@
-//! Tables of expected values: CSV files with columns for components of arguments and of the result.
+//! Tables of expected values: CSV files with a column for each component of the arguments and of the result.
 
 use std::collections::HashMap;
 use std::path::Path;
@@ -11,19 +11,18 @@ use crate::numbers::{self, Wanted};
 use crate::rows::{MARKED, Places, begins_with_mark, head_of, line_of};
 use crate::wrong::Misdeclared;
 
-/// Arguments with their expected results.
 #[derive(Debug)]
 pub(crate) struct Table {
-    /// The words of the arguments of each row.
+    /// The lanes of each row's arguments, as 32-bit words.
     pub(crate) rows: Vec<Vec<u32>>,
-    /// The expected lanes, by arguments.
+    /// The expected lanes for each row's arguments.
     pub(crate) expected: HashMap<Vec<u32>, Vec<f64>>,
 }
 
-/// The name of the columns for expected results.
+/// The name of the columns with expected results.
 const RESULT: &str = "result";
 
-/// Reads a table for a function.
+/// Reads a table of a function's arguments and results.
 pub(crate) fn read(
     file: &Path,
     parameters: &[(String, Shape)],
@@ -78,7 +77,7 @@ pub(crate) fn read(
         if let Some(other) = expected.insert(words.clone(), lanes.clone())
             && other != lanes
         {
-            return Err(at("the same arguments had another result above".to_owned()));
+            return Err(at("a row above has the same arguments and another result".to_owned()));
         }
         rows.push(words);
     }
@@ -88,7 +87,7 @@ pub(crate) fn read(
     Ok(Table { rows, expected })
 }
 
-/// Reads a table with the expected elements of a resource: a row each, with the columns `x,y,z` or `value`.
+/// Reads a table of a resource's expected elements. Each row is an element. The columns are `x,y,z` or `value`.
 pub(crate) fn elements(
     file: &Path,
     element: &Shape,
@@ -122,20 +121,20 @@ pub(crate) fn elements(
 }
 
 impl Table {
-    /// The rows, each once, as the arguments of a function.
+    /// The domain of the arguments: each row is one case.
     pub(crate) fn part(&self, shapes: &[Shape]) -> Part {
         let scalars = shapes.iter().flat_map(Shape::lanes).collect();
         Part::listed(scalars, self.rows.clone())
     }
 }
 
-/// `v.x`, `v.y` for a vector; the plain name for a number.
+/// The columns of a value: `v.x`, `v.y` for a vector, and only the name for a number.
 fn columns(name: &str, shape: &Shape) -> Vec<(String, Scalar)> {
     let lanes = shape.lane_names().into_iter().zip(shape.lanes());
     lanes.map(|(lane, scalar)| (format!("{name}{lane}"), scalar)).collect()
 }
 
-/// The place of a row, counted from 0, in a readable table: the end of a message.
+/// The position of a table's row, counted from 0, as the end of a message.
 pub(crate) fn told(what: &str, file: &Path, row: u64) -> Option<String> {
     let text = read_file(file).ok()?;
     let record = reader(&text).into_records().nth(usize::try_from(row).ok()?)?.ok()?;
@@ -143,7 +142,7 @@ pub(crate) fn told(what: &str, file: &Path, row: u64) -> Option<String> {
     Some(format!("  row of the {what}: {}:{line}:1\n", shown(file)))
 }
 
-/// Each record with the position of its reader before it.
+/// The records of a table, each with the byte position of the reader before it.
 fn placed_rows<'r>(
     reader: &'r mut csv::Reader<&[u8]>,
     text: &'r [u8],
@@ -157,13 +156,13 @@ fn placed_rows<'r>(
     })
 }
 
-/// The position of a reader before a record.
+/// The byte position of the reader before a record.
 fn begins(text: &[u8], position: Option<&csv::Position>) -> usize {
     let below = usize::try_from(position.map_or(0, csv::Position::byte)).unwrap_or(0);
     (head_of(text) + below).min(text.len())
 }
 
-/// A reader of the text below the comments. A golden has its facts in comments.
+/// Reads the text below the comments. In a golden, the comments are its provenance.
 fn reader(text: &[u8]) -> csv::Reader<&[u8]> {
     csv::ReaderBuilder::new().trim(csv::Trim::All).from_reader(&text[head_of(text)..])
 }
@@ -196,11 +195,11 @@ mod tests {
         ] {
             let error = of(&format!("{head}\n1,2,3,4,5\n")).expect_err("another type");
             assert!(
-                error.contains(&format!("has a column `{column}`, which is no part of")),
+                error.contains(&format!("has a column `{column}`, which isn't a part of")),
                 "{error}"
             );
         }
-        of("a,v.x,v.y,result,note,vx\n1,2,3,4,5,6\n").expect("others are notes");
+        of("a,v.x,v.y,result,note,vx\n1,2,3,4,5,6\n").expect("other columns are notes");
     }
 
     #[test]
@@ -251,7 +250,10 @@ mod tests {
             ("a,v.x,v.y,result\n1,2,x,4\n", "column `v.y`: `x` is no f32"),
             ("a,v.x,v.y,result\n1,2,x,4\n", "t.csv:2:1"),
             ("a,v.x,v.y,result\n1,2,3,nan\n", "`nan` is no finite number, and nothing else"),
-            ("a,v.x,v.y,result\n1,2,3,4\n1,2,3,5\n", "the same arguments had another result above"),
+            (
+                "a,v.x,v.y,result\n1,2,3,4\n1,2,3,5\n",
+                "a row above has the same arguments and another result",
+            ),
             ("a,v.x,v.y,result\n1,2,3\n", "CSV error"),
             ("a,v.x,v.y,result\n\n1,2,3\n", "t.csv:3:1"),
             ("a,v.x,v.y,result,result\n1,2,3,4,5\n", "two columns `result`"),

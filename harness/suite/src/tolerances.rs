@@ -1,9 +1,9 @@
-//! Tolerances as text: `4 ulp`, `rel 1e-4 or abs 1e-6`, `spec`, `spec or rel 1e-3`, `exact`.
+//! Reads tolerances: `4 ulp`, `rel 1e-4 or abs 1e-6`, `spec`, `spec or rel 1e-3`, `exact`.
 
 use karat::unstable::tolerance::{Criterion, SpecTolerance};
 use karat::{Abs, DeviceSpec, Rel, Spec, Tolerance, Ulp};
 
-/// A tolerance, or the errors that a specification allows.
+/// A tolerance, or the errors that WGSL's specification allows.
 pub(crate) fn criterion(text: &str) -> Result<Criterion, String> {
     let granting = |first: &str, rest: &str| -> Result<Option<SpecTolerance>, String> {
         let base = match first {
@@ -26,7 +26,7 @@ pub(crate) fn criterion(text: &str) -> Result<Criterion, String> {
         }
         match rest.strip_prefix("or ") {
             Some(otherwise) => Ok(Some(base.or(tolerance(otherwise)?))),
-            None => Err(format!("`{text}`: behind `{first}` comes `or` or `needing`")),
+            None => Err(format!("`{text}`: write `or` or `needing` after `{first}`")),
         }
     };
     let trimmed = text.trim();
@@ -41,16 +41,14 @@ pub(crate) fn criterion(text: &str) -> Result<Criterion, String> {
     }
 }
 
-/// A tolerance: bounds joined by `or`, or by `and`.
+/// Reads a tolerance: bounds joined by `or`, or by `and`.
 ///
 /// # Errors
 /// If the text isn't a tolerance.
 pub fn tolerance(text: &str) -> Result<Tolerance, String> {
     let (words, or): (Vec<&str>, bool) = match (text.contains(" or "), text.contains(" and ")) {
         (true, true) => {
-            return Err(format!(
-                "`{text}` mixes `or` with `and`, so it isn't clear what it bounds"
-            ));
+            return Err(format!("`{text}` mixes `or` with `and`, so its bound isn't clear"));
         }
         (_, and) => (text.split(if and { " and " } else { " or " }).collect(), !and),
     };
@@ -63,7 +61,7 @@ fn bound(text: &str) -> Result<Tolerance, String> {
     let words: Vec<&str> = text.split_whitespace().collect();
     if let [granted @ ("spec" | "device"), ..] = &*words {
         return Err(format!(
-            "`{granted}` is no number, and one is needed here: `4 ulp`, `rel 1e-4`, `abs 1e-6` or \
+            "`{granted}` isn't a number, and this tolerance needs a number: `4 ulp`, `rel 1e-4`, `abs 1e-6` or \
              `exact`"
         ));
     }
@@ -75,7 +73,7 @@ fn bound(text: &str) -> Result<Tolerance, String> {
     };
     let number: f64 = number.parse().map_err(|_| unknown(text))?;
     if !(number.is_finite() && number >= 0.0) {
-        return Err(format!("`{text}` bounds nothing: the number is finite and at least 0"));
+        return Err(format!("`{text}` bounds nothing: the number must be finite and at least 0"));
     }
     let bound: Tolerance = match unit {
         "ulp" => Ulp(number).into(),
@@ -118,7 +116,7 @@ mod tests {
         for text in ["", "4", "ulp", "4 ulps", "nan ulp", "-1 abs", "inf rel", "spec 4 ulp"] {
             assert!(criterion(text).is_err(), "{text}");
         }
-        // No result could exceed these.
+        // Each of these tolerances passes every result.
         for text in ["rel 1e300", "abs 1e39", "1e10 ulp", "spec or rel 1e300", "4 ulp or abs 1e300"]
         {
             assert!(criterion(text).expect_err(text).contains("bounds nothing"), "{text}");

@@ -9,7 +9,8 @@ use std::process::Command;
 use crate::child::{self, End};
 use crate::{Stage, Target, Tool, Translation, Validation, Verdict};
 
-/// The most files of a process. After a rejected file, each of its neighbours costs a process.
+/// The maximum number of files that one process checks. If one file is rejected, Karat checks each file of the batch
+/// again in its own process.
 const FILES: usize = 32;
 
 impl Tool {
@@ -36,7 +37,8 @@ impl Tool {
         each.map(|(said, one)| said.unwrap_or_else(|| self.validate(one))).collect()
     }
 
-    /// Returns `true` if one process that reads all of them finds no error. Otherwise each is checked alone.
+    /// Checks if one process that reads all files finds no error. Otherwise [`validate`](Self::validate) checks each
+    /// file separately.
     fn all_valid(&self, target: Target, batch: &[&Translation]) -> bool {
         batch.len() > 1 && self.judges_files(target) && self.find_nothing(batch).unwrap_or(false)
     }
@@ -50,12 +52,11 @@ impl Tool {
         }
         let Some(mut command) = self.command(batch[0], &names) else { return Ok(false) };
         let ran = child::run(command.current_dir(folder.path()))?;
-        // It prints the name of each file that it has read.
+        // The tool prints the name of each file that it has read.
         let read = |name: &String| ran.output.lines().any(|line| line == name);
         Ok(ran.end == End::Good && names.iter().all(read))
     }
 
-    /// The tool with its arguments for one translation, applied to several files.
     fn command(&self, first: &Translation, files: &[String]) -> Option<Command> {
         let mut command = Command::new(self.program()?);
         let mut arguments = self.arguments(first)?;
@@ -64,14 +65,13 @@ impl Tool {
         Some(command)
     }
 
-    /// The result of [`validate`](Self::validate) for a valid translation.
+    /// The [`Validation`] of a valid translation, equal to the result of [`validate`](Self::validate).
     fn says_valid(&self, translation: &Translation) -> Validation {
         let arguments = self.arguments(translation).unwrap_or_default();
         self.says(format!("{} {}", self.name(), arguments.join(" ")), Verdict::Valid)
     }
 }
 
-/// The properties that all files of a process share.
 fn kind(translation: &Translation) -> Option<(Target, Stage)> {
     match &*translation.entry_points {
         [one] => Some((translation.target, one.stage)),

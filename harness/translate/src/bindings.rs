@@ -8,23 +8,23 @@ use naga::{
 
 /// The resources of a shader, in the order of their bindings in a translation.
 ///
-/// GLSL has no groups, and HLSL numbers the registers of buffers, textures and samplers separately. So for both, all
-/// resources share one sequence of numbers: first those that the entry point uses, in the order of groups and bindings,
-/// then the others. A number means the same resource in both languages, and in the SPIR-V that compilers make from
-/// them.
+/// GLSL has no groups, and HLSL numbers the registers of buffers, textures and samplers separately. So Karat numbers
+/// all resources in one sequence for GLSL and HLSL: first the resources that the entry point uses, in the order of
+/// groups and bindings, then all others. A number means the same resource in GLSL, in HLSL, and in the SPIR-V that
+/// compilers make from GLSL and HLSL.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Bindings(Vec<Resource>);
 
 /// A resource with its bindings.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Resource {
-    /// Its group and binding in WGSL.
+    /// The resource's group and binding in WGSL.
     pub wgsl: (u32, u32),
-    /// Its group and binding, or space and register, in the translation.
+    /// The resource's group and binding, or HLSL's space and register, in the translation.
     pub translated: (u32, u32),
-    /// Its kind.
+    /// The resource's kind.
     pub kind: Kind,
-    /// `true` if the entry point uses it; always `true` in translations of whole shaders.
+    /// `true` if the entry point uses the resource, and for each resource in the translation of a whole shader.
     pub used: bool,
 }
 
@@ -36,16 +36,16 @@ pub enum Kind {
     Uniform,
     /// A storage buffer.
     Storage {
-        /// `true` if it is only read.
+        /// `true` if shaders can only read the buffer.
         read_only: bool,
     },
     /// A sampled texture.
     Texture {
-        /// Its dimensions, with 4 for a cube.
+        /// The number of dimensions: 1, 2 or 3, or 4 for a cube.
         dimensions: u8,
-        /// `true` if it is an array.
+        /// `true` for an array of textures.
         arrayed: bool,
-        /// The type of its texels.
+        /// The type of the texture's texels.
         texels: Texels,
     },
     /// A sampler.
@@ -68,13 +68,13 @@ pub enum Texels {
 }
 
 impl Bindings {
-    /// The bindings of WGSL, unchanged.
+    /// The WGSL bindings, unchanged.
     pub(crate) fn kept(module: &Module) -> Self {
         let bound = bound(module, |_| true);
         Self(bound.map(|r| Resource { translated: r.wgsl, ..r }).collect())
     }
 
-    /// All in group 0, numbered in order.
+    /// All resources in group 0, numbered in order.
     pub(crate) fn in_a_row(
         module: &Module,
         info: &ModuleInfo,
@@ -88,19 +88,19 @@ impl Bindings {
         Self(resources)
     }
 
-    /// Each resource.
+    /// Iterates over all resources.
     pub fn iter(&self) -> impl Iterator<Item = &Resource> {
         self.0.iter()
     }
 
-    /// The binding of a resource in the translation.
+    /// The binding that a resource has in the translation, found by the resource's WGSL group and binding.
     #[must_use]
     pub fn of(&self, group: u32, binding: u32) -> Option<(u32, u32)> {
         self.iter().find(|resource| resource.wgsl == (group, binding)).map(|r| r.translated)
     }
 }
 
-/// Returns `true` if an entry point uses a variable. Without an entry point, each variable counts as used.
+/// Checks if an entry point uses a variable. Without an entry point, each variable counts as used.
 pub(crate) fn uses(
     module: &Module,
     info: &ModuleInfo,

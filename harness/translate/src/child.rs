@@ -4,49 +4,47 @@ use std::io::{self, Read, Seek};
 use std::process::{Child, Command, ExitStatus, Stdio};
 use std::time::{Duration, Instant};
 
-/// The time limit of a validator or a compiler for one shader. They take some 30 ms.
+/// The time limit of a validator or a compiler for one shader. Each usually needs about 30 ms.
 const DEADLINE: Duration = Duration::from_secs(30);
 
-/// The most bytes that a program may write: far more than any writes about a shader.
+/// The maximum number of bytes that a program may write. Validators and compilers write far less about one shader.
 const MOST_WRITTEN: u64 = 16 << 20;
 
-/// The most bytes of these to keep.
+/// The number of output bytes that Karat keeps.
 const MOST_KEPT: u64 = 64 << 10;
 
-/// The first pause between checks whether a program has ended; later pauses are longer.
+/// The first pause between two checks that look if a program has ended. Later pauses are longer.
 const FIRST_PAUSE: Duration = Duration::from_micros(500);
 const LONGEST_PAUSE: Duration = Duration::from_millis(20);
 
-/// The end of a program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum End {
     Good,
-    /// With an exit code that isn't 0.
+    /// The program ended with an exit code other than 0.
     Bad,
-    /// By a signal, or with a Windows code for crashes.
+    /// A signal ended the program, or the program ended with a Windows crash code.
     Crashed,
-    /// It took too long, and was killed.
+    /// The program took too long, and Karat killed it.
     TimedOut,
-    /// It wrote too much, and was killed.
+    /// The program wrote too much, and Karat killed it.
     TooMuch,
 }
 
-/// A program that has run.
 #[derive(Clone, Debug)]
 pub(crate) struct Ran {
     pub(crate) end: End,
-    /// The beginning of what it wrote to both of its outputs.
+    /// The first bytes that the program wrote to its standard output and standard error.
     pub(crate) output: String,
-    /// Its status in the system's words: `signal: 11 (SIGSEGV)`.
+    /// The exit status in the system's words: `signal: 11 (SIGSEGV)`.
     pub(crate) status: String,
 }
 
 impl Ran {
-    /// The reason why it gives no verdict; `None` if it gives one.
+    /// The reason why the program gave no verdict; `None` if it gave one.
     pub(crate) fn broke(&self) -> Option<String> {
         Some(match self.end {
             End::Bad if self.output.is_empty() => {
-                format!("says nothing and ends badly ({})", self.status)
+                format!("fails without any output ({})", self.status)
             }
             End::Good | End::Bad => return None,
             End::Crashed => format!("crashes ({})", self.status),
@@ -62,10 +60,10 @@ pub(crate) fn run(command: &mut Command) -> io::Result<Ran> {
 
 /// Runs a program with a time limit.
 fn run_for(command: &mut Command, deadline: Duration) -> io::Result<Ran> {
-    // A file takes all output. A pipe would need a reader at the same time.
+    // The output goes into a file, because a pipe needs a reader while the program runs.
     let mut output = tempfile::tempfile()?;
     command.stdin(Stdio::null()).stdout(output.try_clone()?).stderr(output.try_clone()?);
-    // In its own group, so that its children end with it.
+    // The program runs in its own process group, so that Karat can kill its children, too.
     #[cfg(unix)]
     std::os::unix::process::CommandExt::process_group(command, 0);
     let (mut child, start) = (command.spawn()?, Instant::now());
@@ -93,15 +91,15 @@ fn run_for(command: &mut Command, deadline: Duration) -> io::Result<Ran> {
     Ok(Ran { end, output, status })
 }
 
-/// Kills a program and its children.
 fn end(child: &mut Child) -> io::Result<()> {
     #[cfg(unix)]
     {
         use rustix::process::{Pid, Signal, kill_process_group};
-        // It hasn't been waited for, so its group still exists. If this fails, `kill` below reports the error.
+        // The program hasn't been waited for, so its process group still exists. If this call fails, `kill` below
+        // reports the error.
         let _ = kill_process_group(Pid::from_child(child), Signal::KILL);
     }
-    // If its group has ended, so has the program.
+    // If the process group has ended, the program has ended, too.
     match child.kill() {
         Err(error) if error.kind() != io::ErrorKind::InvalidInput => return Err(error),
         _ => {}
@@ -110,11 +108,11 @@ fn end(child: &mut Child) -> io::Result<()> {
 }
 
 fn ended(status: ExitStatus) -> End {
-    /// Windows' error codes have their highest bits set: access violations, overflowed stacks.
+    /// Windows' error codes for access violations, overflowed stacks and the like have their highest bits set.
     const ERRORS: u32 = 0xc000_0000;
     match status.code() {
         Some(0) => End::Good,
-        // A shell's code for a program that it can't run, or that a signal ended.
+        // A shell returns these codes if it can't run a program, or if a signal ended the program.
         Some(126..) if cfg!(unix) => End::Crashed,
         Some(code) if cfg!(windows) && code.cast_unsigned() >= ERRORS => End::Crashed,
         Some(_) => End::Bad,
@@ -126,7 +124,7 @@ fn ended(status: ExitStatus) -> End {
 mod tests {
     use super::*;
 
-    /// A limit that is longer than a busy machine needs for a script that ends.
+    /// Runs a script with a time limit that is long enough on a busy machine.
     fn shell(script: &str) -> Ran {
         shell_for(script, Duration::from_secs(20))
     }
@@ -171,7 +169,7 @@ mod tests {
         let ran = shell_for("sleep 600 & echo $!; wait", Duration::from_secs(2));
         assert_eq!(ran.end, End::TimedOut);
         assert!(ran.output.parse::<u32>().is_ok(), "no process in {:?}", ran.output);
-        // The signal has been sent, but a busy machine may take a while to end the process.
+        // The system has received the signal, but a busy machine may need time to end the process.
         let deadline = Instant::now() + Duration::from_secs(10);
         while runs(&ran.output) {
             assert!(Instant::now() < deadline, "process {} is left", ran.output);
@@ -179,7 +177,7 @@ mod tests {
         }
     }
 
-    /// Returns `true` if a process is still running, and not just an entry that no parent has waited for.
+    /// Checks if a process still runs. An ended process for which no parent has waited doesn't count.
     #[cfg(target_os = "linux")]
     fn runs(id: &str) -> bool {
         let status = std::fs::read_to_string(format!("/proc/{id}/status"));

@@ -1,4 +1,4 @@
-//! Compiles naga's GLSL and HLSL to SPIR-V, with other compilers than naga.
+//! Compiles naga's GLSL and HLSL to SPIR-V with other compilers, such as glslang and DXC.
 
 use std::collections::VecDeque;
 use std::io;
@@ -9,36 +9,36 @@ use std::sync::{Arc, Mutex, PoisonError};
 use crate::child::{self, End, Ran};
 use crate::{Code, EntryPoint, Stage, Target, Translation, layout, tool};
 
-/// The reason why there is no SPIR-V.
+/// The reason why [`compile`] returns no SPIR-V.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum CompileError {
     /// This machine has no compiler for the language.
-    #[error("`{name}` compiles {target}, and isn't here: {reason} ({remedy})")]
+    #[error("`{name}` compiles {target}, but this machine can't use it: {reason} ({remedy})")]
     NoCompiler {
         /// The language.
         target: Target,
         /// The compiler.
         name: &'static str,
-        /// The reason why it isn't used.
+        /// The reason why Karat doesn't use the compiler.
         reason: String,
-        /// Instructions to install it.
+        /// Instructions to install the compiler.
         remedy: &'static str,
     },
-    /// No compiler from this language to SPIR-V is known.
-    #[error("no compiler is known that makes SPIR-V of {target}")]
+    /// Karat knows no compiler from this language to SPIR-V.
+    #[error("Karat knows no compiler from {target} to SPIR-V")]
     NoWay {
         /// The language.
         target: Target,
     },
-    /// The compiler rejects it.
+    /// The compiler rejects the translation.
     #[error("`{command}` rejects naga's {target}:\n{message}")]
     Rejected {
         /// The language.
         target: Target,
-        /// The command.
+        /// The compiler's command line.
         command: String,
-        /// The compiler's words.
+        /// The compiler's message.
         message: String,
     },
     /// The compiler crashed, didn't end, or wrote no SPIR-V.
@@ -46,11 +46,11 @@ pub enum CompileError {
     Broke {
         /// The language.
         target: Target,
-        /// The command.
+        /// The compiler's command line.
         command: String,
-        /// `crashes (signal: 11)`.
+        /// The failure: `crashes (signal: 11)`.
         how: String,
-        /// Its output.
+        /// The compiler's output.
         message: String,
     },
     /// The compiler's SPIR-V is invalid.
@@ -58,15 +58,15 @@ pub enum CompileError {
     Invalid {
         /// The language.
         target: Target,
-        /// The command.
+        /// The compiler's command line.
         command: String,
-        /// The words of `spirv-val`.
+        /// The message of `spirv-val`.
         message: String,
     },
-    /// The compiler uses another layout for a uniform buffer than naga.
+    /// The compiler and naga lay out a uniform buffer differently.
     #[error("`{command}` doesn't lay uniform buffers out as Direct3D does: {message}")]
     Layout {
-        /// The command.
+        /// The compiler's command line.
         command: String,
         /// The members with different offsets.
         message: String,
@@ -74,20 +74,20 @@ pub enum CompileError {
     /// The compiler can't be run.
     #[error("`{command}` can't be run: {message}")]
     Unrunnable {
-        /// The command.
+        /// The compiler's command line.
         command: String,
         /// The reason.
         message: String,
     },
 }
 
-/// glslang, which reads GLSL and HLSL.
+/// The name of glslang's program, which compiles GLSL and HLSL.
 pub(crate) const GLSLANG: &str = "glslangValidator";
 
-/// Microsoft's compiler of HLSL.
+/// The name of Microsoft's HLSL compiler.
 const DXC: &str = "dxc";
 
-/// The program that compiles a language to SPIR-V, if one is known.
+/// The program that compiles a language to SPIR-V; `None` if Karat knows none.
 #[must_use]
 pub fn compiler(target: Target) -> Option<&'static str> {
     match target {
@@ -97,11 +97,11 @@ pub fn compiler(target: Target) -> Option<&'static str> {
     }
 }
 
-/// The compiler's arguments; `None` if there is no compiler for this language.
+/// The compiler's arguments; `None` if Karat knows no compiler for the language.
 pub(crate) fn arguments(target: Target, one: &EntryPoint, file: &str) -> Option<Vec<String>> {
     let own: &[&str] = match target {
         Target::Glsl | Target::GlslEs => &[],
-        // naga lays out buffers as HLSL does.
+        // HLSL's offsets, because naga relies on them.
         Target::Hlsl => &["-D", "--hlsl-offsets", "-e", &one.name],
         Target::Hlsl6 => return Some(of_dxc(one, file)),
         Target::Msl | Target::Spirv | Target::Wgsl => return None,
@@ -111,7 +111,7 @@ pub(crate) fn arguments(target: Target, one: &EntryPoint, file: &str) -> Option<
     Some(own.iter().chain(&common).map(|argument| (*argument).to_owned()).collect())
 }
 
-/// The arguments of DXC. It uses Direct3D's layout for buffers; its own validator only checks DXIL.
+/// The arguments of DXC. DXC lays out buffers as Direct3D does. DXC's own validator checks only DXIL, not SPIR-V.
 fn of_dxc(one: &EntryPoint, file: &str) -> Vec<String> {
     let profile = format!("{}_6_2", profile(one));
     let words = [
@@ -131,7 +131,6 @@ fn of_dxc(one: &EntryPoint, file: &str) -> Vec<String> {
     words.map(str::to_owned).to_vec()
 }
 
-/// Direct3D's name for a stage.
 pub(crate) fn profile(one: &EntryPoint) -> &'static str {
     match one.stage {
         Stage::Vertex => "vs",
@@ -140,37 +139,36 @@ pub(crate) fn profile(one: &EntryPoint) -> &'static str {
     }
 }
 
-/// The file that the compiler writes.
+/// The name of the file that the compiler writes.
 const OUTPUT: &str = "out.spv";
 
-/// The result of a compilation.
 #[derive(Debug)]
 pub(crate) struct Compiled {
     pub(crate) ran: Ran,
-    /// The SPIR-V that it wrote, if it is any.
+    /// The words of the file that the compiler wrote, if they are SPIR-V.
     words: Option<Vec<u32>>,
 }
 
 impl Compiled {
-    /// Returns `true` if the compiler reports success but wrote no SPIR-V.
+    /// Checks if the compiler reports success although it wrote no SPIR-V.
     pub(crate) fn writes_nothing(&self) -> bool {
         self.ran.end == End::Good && self.words.is_none()
     }
 }
 
-/// Runs a compiler on a translation. Judging HLSL and running it next use the same command, so the last results are
-/// kept.
+/// Runs a compiler on a translation. Karat first checks HLSL with the same command that later compiles it, so this
+/// function remembers its last results.
 pub(crate) fn run(
     program: &Path,
     arguments: &[String],
     translation: &Translation,
 ) -> io::Result<Arc<Compiled>> {
-    /// The arguments, the text, and the result.
+    /// The arguments, the source text and the result.
     type Known = (Vec<String>, String, Arc<Compiled>);
-    /// As many as are judged together before they run.
+    /// The number of results to keep: as many as Karat checks together before it runs the shaders.
     const KEPT: usize = 128;
     static LAST: Mutex<VecDeque<Known>> = Mutex::new(VecDeque::new());
-    let text = translation.code.text().expect("what a compiler reads is a text");
+    let text = translation.code.text().expect("compilers read text");
     let last = || LAST.lock().unwrap_or_else(PoisonError::into_inner);
     let same = |(made_by, of, _): &&Known| made_by == arguments && of == text;
     if let Some((.., compiled)) = last().iter().find(same) {
@@ -180,7 +178,8 @@ pub(crate) fn run(
     let file = arguments.last().expect("the file is the last argument");
     std::fs::write(folder.path().join(file), text)?;
     let ran = child::run(Command::new(program).args(arguments).current_dir(folder.path()))?;
-    // A compiler that rejects a text writes no file. One that accepts it may fail to write one, too.
+    // A compiler writes no file for source text that it rejects. It may also fail to write one for text that it
+    // accepts.
     let written = match std::fs::read(folder.path().join(OUTPUT)) {
         Err(error) if error.kind() == io::ErrorKind::NotFound => None,
         read => Some(read?),
@@ -199,10 +198,11 @@ fn spirv(bytes: &[u8]) -> Option<Vec<u32>> {
     (words.first() == Some(&MAGIC) && rest.is_empty()).then_some(words)
 }
 
-/// The first word of SPIR-V.
+/// The magic number at the start of SPIR-V.
 const MAGIC: u32 = 0x0723_0203;
 
-/// The error that `spirv-val` finds in SPIR-V, if it is installed. Drivers don't check the output of compilers.
+/// The error that `spirv-val` finds in SPIR-V. Drivers don't check a compiler's output. Without `spirv-val` there is no
+/// check.
 fn rejected(words: &[u32]) -> io::Result<Option<String>> {
     let Ok((program, _)) = tool::program("spirv-val") else { return Ok(None) };
     let folder = tempfile::tempdir()?;
@@ -218,10 +218,10 @@ fn rejected(words: &[u32]) -> io::Result<Option<String>> {
     })
 }
 
-/// Returns `true` if glslang's SPIR-V returns the number of a buffer's words, where HLSL's
-/// `ByteAddressBuffer.GetDimensions` returns bytes: the SPIR-V doesn't multiply it.
+/// Checks if glslang's SPIR-V returns the length of a buffer in 32-bit words. HLSL's `ByteAddressBuffer.GetDimensions`
+/// returns bytes, so correct SPIR-V multiplies the length by 4.
 fn counts_words(words: &[u32]) -> bool {
-    // Numbers from the specification.
+    // The instructions' numbers in the SPIR-V specification.
     const OP_ARRAY_LENGTH: u32 = 68;
     const OP_I_MUL: u32 = 132;
     const OP_SHIFT_LEFT_LOGICAL: u32 = 196;
@@ -239,20 +239,20 @@ fn counts_words(words: &[u32]) -> bool {
     lengths.into_iter().any(|length| !multiplied(length))
 }
 
-/// naga's HLSL for a compiler that [counts words](counts_words), changed so that naga's own length function converts
-/// the length to bytes.
+/// naga's HLSL for a compiler that [counts words](counts_words). In the changed text, naga's own length function
+/// converts the length to bytes.
 fn with_bytes(translation: &Translation) -> Translation {
     const ASKED: &str = "buffer.GetDimensions(ret);";
-    let text = translation.code.text().expect("what a compiler reads is a text");
+    let text = translation.code.text().expect("compilers read text");
     let code = Code::Text(text.replace(ASKED, &format!("{ASKED} ret *= 4;")));
     Translation { code, ..translation.clone() }
 }
 
-/// SPIR-V 1.3 for Vulkan 1.1 from a translation with one entry point, by another compiler than naga. Its bindings are
-/// those of the translation.
+/// Compiles a translation with one entry point to SPIR-V 1.3 for Vulkan 1.1. The compiler isn't naga: see [`compiler`].
+/// The SPIR-V has the translation's bindings.
 ///
 /// # Errors
-/// If there is no compiler for its language, or the compiler rejects it, crashes or doesn't end.
+/// If Karat knows no compiler for the language, or the compiler rejects the translation, crashes or takes too long.
 pub fn compile(translation: &Translation) -> Result<Vec<u32>, CompileError> {
     let target = translation.target;
     let [entry_point] = &*translation.entry_points else {
@@ -303,7 +303,7 @@ pub fn compile(translation: &Translation) -> Result<Vec<u32>, CompileError> {
 mod tests {
     use super::*;
 
-    /// A multiplied length is in bytes: a later glslang may multiply it itself.
+    /// Code that multiplies the length has bytes already: a later glslang may multiply it itself.
     // Lesson 159
     #[test]
     fn lengths_in_words_differ_from_lengths_in_bytes() {
@@ -315,6 +315,6 @@ mod tests {
         assert!(counts_words(&module(&[&length, &load])));
         assert!(!counts_words(&module(&[&length, &multiplied])));
         assert!(!counts_words(&module(&[&length, &shifted])));
-        assert!(!counts_words(&module(&[&load])), "no length is asked for");
+        assert!(!counts_words(&module(&[&load])), "the module has no `OpArrayLength`");
     }
 }

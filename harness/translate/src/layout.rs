@@ -1,8 +1,8 @@
 //! Checks that a compiler uses naga's layout for uniform buffers.
 //!
-//! naga's HLSL relies on Direct3D's packing, in which a number fits behind the last row of a matrix with three rows.
-//! glslang silently puts it behind the whole matrix, and so reads each later member from a wrong place. So this module
-//! compares the offsets in glslang's SPIR-V with those of WGSL.
+//! naga's HLSL relies on Direct3D's packing: a scalar may follow the last row of a matrix with three rows. glslang
+//! silently puts the scalar after the whole matrix, so each later member has a wrong offset. So this module compares
+//! the offsets in glslang's SPIR-V with WGSL's offsets.
 
 use std::collections::BTreeMap;
 
@@ -11,11 +11,11 @@ use naga::{AddressSpace, EntryPoint, Module, TypeInner};
 
 use crate::bindings::uses;
 
-/// The members of a structure of WGSL, with their offsets.
+/// The names of a WGSL structure's members, with their offsets in bytes.
 pub(crate) type Members = Vec<(String, u32)>;
 
-/// The structures in the uniform buffers that an entry point uses, nested ones included; without an entry point, those
-/// of all buffers.
+/// The structures, also nested ones, in the uniform buffers that an entry point uses. Without an entry point, the
+/// structures in all uniform buffers.
 pub(crate) fn uniform_structures(
     module: &Module,
     info: &ModuleInfo,
@@ -50,7 +50,7 @@ fn plain(name: &str) -> String {
     name.trim_end_matches('_').to_owned()
 }
 
-/// The error in the layout of a structure in SPIR-V, if there is one.
+/// The first difference between WGSL's structures and the structures in SPIR-V, as a message.
 pub(crate) fn fault(structures: &[Members], words: &[u32]) -> Option<String> {
     let made = structures_of(words);
     for wanted in structures {
@@ -58,8 +58,8 @@ pub(crate) fn fault(structures: &[Members], words: &[u32]) -> Option<String> {
         let of_name: Vec<&Members> = made.iter().filter(|m| names(m) == names(wanted)).collect();
         if of_name.is_empty() {
             return Some(format!(
-                "the structure of `{}` isn't found again in its SPIR-V, so that its layout can't be \
-                 compared",
+                "its SPIR-V has no structure with the members `{}`, so that Karat can't compare \
+                 their offsets",
                 names(wanted).join("`, `")
             ));
         }
@@ -70,7 +70,7 @@ pub(crate) fn fault(structures: &[Members], words: &[u32]) -> Option<String> {
         let wrong = members.into_iter().find(|((_, wanted), (_, made))| wanted != made);
         if let Some(((name, wanted), (_, made))) = wrong {
             return Some(format!(
-                "it lays `{name}` out at byte {made}, where naga's HLSL and Direct3D have it at byte \
+                "it puts the member `{name}` at byte {made}, but naga's HLSL and Direct3D expect it at byte \
                  {wanted}"
             ));
         }
@@ -78,9 +78,9 @@ pub(crate) fn fault(structures: &[Members], words: &[u32]) -> Option<String> {
     None
 }
 
-/// The instructions of SPIR-V: the operation and all words of each.
+/// The instructions of SPIR-V, each with its operation and all its words.
 pub(crate) fn instructions(words: &[u32]) -> impl Iterator<Item = (u32, &[u32])> {
-    /// Words before the first instruction.
+    /// The number of words before the first instruction.
     const HEADER: usize = 5;
     let mut rest = words.get(HEADER..).unwrap_or_default();
     std::iter::from_fn(move || {
@@ -91,9 +91,9 @@ pub(crate) fn instructions(words: &[u32]) -> impl Iterator<Item = (u32, &[u32])>
     })
 }
 
-/// The structures of SPIR-V with the names and offsets of their members, without naga's padding.
+/// The structures of SPIR-V with their members' names and offsets, without naga's padding.
 fn structures_of(words: &[u32]) -> Vec<Members> {
-    // Numbers from the specification: instructions, and the decoration `Offset`.
+    // Numbers from the SPIR-V specification: two instructions, and the decoration `Offset`.
     const OP_MEMBER_NAME: u32 = 6;
     const OP_MEMBER_DECORATE: u32 = 72;
     const OFFSET: u32 = 35;
@@ -121,7 +121,7 @@ fn structures_of(words: &[u32]) -> Vec<Members> {
     structures.into_values().collect()
 }
 
-/// Returns `true` for a member that naga adds to a structure in HLSL.
+/// Checks if naga added this member to a structure in HLSL.
 fn is_padding(name: &str) -> bool {
     name.starts_with("_pad") || name.starts_with("_end_pad")
 }

@@ -1,9 +1,9 @@
-//! Makes every translation of WGSL that naga offers, and checks them with other tools.
+//! Translates WGSL into every language that naga writes, and checks the translations with other tools.
 //!
 //! wgpu passes each driver a translation: SPIR-V to Vulkan, GLSL to OpenGL, HLSL to Direct3D, MSL to Metal. This crate
-//! makes all of them on any machine, with wgpu's options ([`Shader::translate`]), checks them with the installed
-//! validators ([`Tool::validate`]), and compiles GLSL and HLSL to SPIR-V, so that a Vulkan driver can run the
-//! translation for another API ([`compile`]).
+//! makes all these translations on any machine, with wgpu's options ([`Shader::translate`]). It checks translations
+//! with the installed validators ([`Tool::validate`]). It also compiles GLSL and HLSL to SPIR-V ([`compile`]), so that
+//! a Vulkan driver can run a translation for OpenGL or Direct3D.
 //!
 //! ```
 //! use karat_translate::{Shader, Target};
@@ -29,5 +29,5 @@ pub use shader::{EntryPoint, Shader, Stage, TranslateError};
 pub use target::{Code, Target, Translation};
 pub use tool::{Missing, Tool, Validation, Verdict};
 
-/// The version of naga that makes the translations. A test compares it with Cargo.lock.
+/// The version of naga that makes the translations. A test compares this version with Cargo.lock.
 pub const NAGA_VERSION: &str = "30.0.1";

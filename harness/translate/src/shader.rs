@@ -1,4 +1,4 @@
-//! A shader in naga's form.
+//! A shader as naga's module, and the errors of its translation.
 
 use std::fmt;
 
@@ -8,22 +8,22 @@ use naga::{Module, ShaderStage};
 
 use crate::{Bindings, Code, Target, Translation, write};
 
-/// The reason why there is no translation.
+/// The reason why a shader couldn't be read or translated.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum TranslateError {
-    /// naga can't read the shader.
+    /// naga can't parse the shader.
     #[error("naga doesn't read the shader: {0}")]
     Unread(String),
-    /// The shader isn't valid.
+    /// naga's validator rejects the shader.
     #[error("naga finds the shader invalid: {0}")]
     Invalid(String),
-    /// naga reports that it can't write something.
+    /// naga can't write a construct of the shader in this language.
     #[error("naga doesn't write it as {target}: {message}")]
     Unsupported {
         /// The language.
         target: Target,
-        /// naga's own words.
+        /// naga's message.
         message: String,
     },
     /// naga panicked.
@@ -34,7 +34,7 @@ pub enum TranslateError {
         /// The panic's message.
         message: String,
     },
-    /// There is no such entry point.
+    /// The shader has no entry point with this name.
     #[error("the shader has no entry point `{0}`")]
     NoEntryPoint(String),
 }
@@ -43,13 +43,13 @@ pub enum TranslateError {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 #[non_exhaustive]
 pub enum Stage {
-    /// `@vertex`
+    /// `@vertex`.
     Vertex,
-    /// `@fragment`
+    /// `@fragment`.
     Fragment,
-    /// `@compute`
+    /// `@compute`.
     Compute,
-    /// A stage of an extension: mesh shaders, ray tracing.
+    /// A stage of a WGSL extension: mesh shaders, ray tracing.
     Other,
 }
 
@@ -63,7 +63,7 @@ impl Stage {
         }
     }
 
-    /// glslang's name for it.
+    /// glslang's name of the stage.
     pub(crate) fn short(self) -> &'static str {
         match self {
             Self::Vertex => "vert",
@@ -88,9 +88,9 @@ impl fmt::Display for Stage {
 /// An entry point of a shader or of a translation.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct EntryPoint {
-    /// Its stage.
+    /// The entry point's stage.
     pub stage: Stage,
-    /// Its name.
+    /// The entry point's name.
     pub name: String,
 }
 
@@ -102,22 +102,22 @@ pub struct Shader {
 }
 
 impl Shader {
-    /// Reads WGSL.
+    /// Parses and validates WGSL.
     ///
     /// # Errors
-    /// If naga can't read it, or finds it invalid.
+    /// If naga can't parse the text, or its validator rejects the shader.
     pub fn parse(wgsl: &str) -> Result<Self, TranslateError> {
-        /// naga writes this line but can't read it; it accepts subgroup operations without it.
+        /// naga writes this line but can't parse it. naga accepts subgroup operations without this line.
         const SUBGROUPS: &str = "enable subgroups;";
         let read = wgsl.replacen(SUBGROUPS, &" ".repeat(SUBGROUPS.len()), 1);
         let module = on_deep_stack(|| naga::front::wgsl::parse_str(&read));
         Self::of(module.map_err(|error| TranslateError::Unread(error.emit_to_string(wgsl)))?)
     }
 
-    /// Wraps a module of naga.
+    /// Validates a naga module.
     ///
     /// # Errors
-    /// If naga finds it invalid.
+    /// If naga's validator rejects the module.
     pub fn of(module: Module) -> Result<Self, TranslateError> {
         let mut validator = Validator::new(ValidationFlags::all(), Capabilities::all());
         let info = on_deep_stack(|| {
@@ -127,17 +127,16 @@ impl Shader {
         Ok(Self { info: info.map_err(TranslateError::Invalid)?, module })
     }
 
-    /// Returns `true` if a compute entry point uses `num_workgroups`: as HLSL it needs this value from the host, in a
-    /// buffer of its own.
+    /// Checks if a compute entry point uses `num_workgroups`. In HLSL the host passes this value in a separate buffer.
     #[must_use]
     pub fn takes_constants(&self, entry_point: &str) -> bool {
         write::hlsl::takes_constants(&self.module, entry_point)
     }
 
-    /// Reads SPIR-V.
+    /// Parses and validates SPIR-V.
     ///
     /// # Errors
-    /// If naga can't read it, or finds it invalid.
+    /// If naga can't parse the SPIR-V, or its validator rejects the shader.
     pub fn from_spirv(words: &[u32]) -> Result<Self, TranslateError> {
         // naga flipped the Y axis when it wrote the SPIR-V.
         let options = naga::front::spv::Options::default();
@@ -146,7 +145,7 @@ impl Shader {
         Self::of(module.map_err(|error| TranslateError::Unread(causes(&error)))?)
     }
 
-    /// The entry points, in the order of the text.
+    /// The entry points, in source order.
     #[must_use]
     pub fn entry_points(&self) -> Vec<EntryPoint> {
         let own =
@@ -161,23 +160,23 @@ impl Shader {
         known.map_or((0, 0, 0), |e| e.workgroup_size.into())
     }
 
-    /// The IR of naga.
+    /// The shader's naga module.
     #[must_use]
     pub fn module(&self) -> &Module {
         &self.module
     }
 
-    /// The shader's IR, by value.
+    /// Converts the shader into its naga module.
     #[must_use]
     pub fn into_module(self) -> Module {
         self.module
     }
 
-    /// Translates one entry point with everything that it uses, or the whole shader. A GLSL text has one entry point,
-    /// so name it if there are several.
+    /// Translates one entry point with everything that it uses, or the whole shader. GLSL has only one entry point, so
+    /// pass its name if the shader has several.
     ///
     /// # Errors
-    /// If there is no such entry point, or naga can't write it in this language.
+    /// If the shader has no such entry point, or naga can't write the shader in this language.
     pub fn translate(
         &self,
         target: Target,
@@ -190,7 +189,7 @@ impl Shader {
             }
             None => None,
         };
-        // A crash or a panic of a compiler is a verdict on it. naga is one of these compilers.
+        // naga is a compiler under test, so its crash or panic counts as a verdict.
         let written = panics::caught(|| on_deep_stack(|| write::write(self, target, entry_point)));
         match written {
             Ok(Ok(translation)) => Ok(translation),
@@ -201,7 +200,8 @@ impl Shader {
 }
 
 impl Shader {
-    /// The text from which the shader was [parsed](Self::parse), for an executor of naga's IR. Nothing is translated.
+    /// Wraps the WGSL from which the shader was [parsed](Self::parse) as a [`Translation`] without translating it.
+    /// Executors that run naga's modules use it.
     ///
     /// # Errors
     /// If there is no such entry point.
@@ -213,20 +213,20 @@ impl Shader {
             code: Code::Text(text.to_owned()),
             entry_points: vec![one],
             bindings: Bindings::default(),
-            options: "the author's text, which nothing translates".to_owned(),
+            options: "the author's text, not translated".to_owned(),
             uniforms: Vec::new(),
         })
     }
 }
 
-/// Runs code that recurses as deeply as a shader nests, on a large stack.
+/// Runs a function on a large stack, because naga recurses as deeply as a shader nests.
 fn on_deep_stack<T>(work: impl FnOnce() -> T) -> T {
-    /// Without optimisation, naga's recursion takes up to some 20 KB a level.
+    /// Without optimisation, naga's recursion needs up to about 20 KB for each level.
     const STACK: usize = 256 << 20;
     stacker::grow(STACK, work)
 }
 
-/// An error with its causes.
+/// An error's message, followed by the messages of its causes.
 pub(crate) fn causes(error: &dyn std::error::Error) -> String {
     let mut text = error.to_string();
     let mut source = error.source();

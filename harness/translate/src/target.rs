@@ -1,11 +1,11 @@
-//! The languages that naga writes, and the translations.
+//! The languages that naga writes, and the translations into these languages.
 
 use std::fmt;
 use std::str::FromStr;
 
 use crate::Bindings;
 
-/// A language that naga translates to, in a version that some API accepts.
+/// A language that naga translates to, in a version that a graphics API accepts.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Target {
     /// SPIR-V 1.3, for Vulkan 1.1.
@@ -14,11 +14,11 @@ pub enum Target {
     Glsl,
     /// GLSL ES 3.10, for OpenGL ES.
     GlslEs,
-    /// HLSL for shader model 5.1, which FXC compiles.
+    /// HLSL for shader model 5.1. The compiler FXC accepts this language.
     Hlsl,
-    /// HLSL for shader model 6.2, which DXC compiles, and which has 16-bit floats.
+    /// HLSL for shader model 6.2, which has 16-bit floats. The compiler DXC accepts this language.
     Hlsl6,
-    /// Metal's language, version 2.4.
+    /// The Metal Shading Language, version 2.4.
     Msl,
     /// WGSL, as naga writes it.
     Wgsl,
@@ -43,7 +43,7 @@ impl Target {
         }
     }
 
-    /// The extension of its files.
+    /// The file extension of a translation.
     #[must_use]
     pub const fn extension(self) -> &'static str {
         match self {
@@ -55,7 +55,7 @@ impl Target {
         }
     }
 
-    /// Returns `true` if a text has only one entry point.
+    /// Checks if a translation into this language has only one entry point.
     #[must_use]
     pub const fn is_of_one_entry_point(self) -> bool {
         matches!(self, Self::Glsl | Self::GlslEs)
@@ -75,12 +75,12 @@ impl FromStr for Target {
         let known = Self::ALL.into_iter().find(|target| target.name() == name);
         known.ok_or_else(|| {
             let names = Self::ALL.map(Self::name).join(", ");
-            format!("naga writes no `{name}`; it writes {names}")
+            format!("naga doesn't write `{name}`: it writes {names}")
         })
     }
 }
 
-/// The text or the words of a translation.
+/// A translation's source text or its SPIR-V words.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Code {
     /// Source text.
@@ -90,7 +90,7 @@ pub enum Code {
 }
 
 impl Code {
-    /// The text, if it is one.
+    /// The source text; `None` for SPIR-V.
     #[must_use]
     pub fn text(&self) -> Option<&str> {
         match self {
@@ -99,7 +99,7 @@ impl Code {
         }
     }
 
-    /// The bytes of its file. SPIR-V is little-endian.
+    /// The bytes of the translation's file. SPIR-V is little-endian.
     #[must_use]
     pub fn bytes(&self) -> Vec<u8> {
         match self {
@@ -109,18 +109,18 @@ impl Code {
     }
 }
 
-/// A translation.
+/// A translation of a shader, or of one entry point.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Translation {
     /// The language.
     pub target: Target,
-    /// The text, or the words.
+    /// The source text, or the SPIR-V.
     pub code: Code,
-    /// Its entry points, with their names in it.
+    /// The entry points, with the names that they have in the translation.
     pub entry_points: Vec<crate::EntryPoint>,
-    /// The binding of each WGSL variable in it.
+    /// The bindings of the WGSL variables in the translation.
     pub bindings: Bindings,
-    /// naga's options, in words.
+    /// A description of naga's options.
     pub options: String,
     /// The structures in uniform buffers, with the offsets of their members.
     pub(crate) uniforms: Vec<crate::layout::Members>,

@@ -12,24 +12,24 @@ use crate::{Code, EntryPoint, Shader, Target, Translation, compile};
 /// The verdict of a tool on a translation.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Verdict {
-    /// It finds nothing wrong.
+    /// The tool accepts the translation.
     Valid,
-    /// It rejects it, with this message.
+    /// The tool rejects the translation with this message.
     Invalid(String),
-    /// No verdict: it doesn't support all of the language. Holds the missing part, and its words.
+    /// No verdict: the tool doesn't support a part of the language. Holds the missing part and the tool's output.
     Unable(String),
-    /// No verdict: it crashed, took too long, or wrote too much. Holds the problem, and its output.
+    /// No verdict: the tool crashed, took too long, or wrote too much. Holds the problem and the tool's output.
     Broke(String),
 }
 
-/// A verdict, with the data to repeat it.
+/// A tool's verdict, with the data to repeat the check.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Validation {
     /// The tool's name.
     pub tool: &'static str,
-    /// Its version, in its own words.
+    /// The tool's version, as the tool prints it.
     pub version: String,
-    /// The command. The file `shader.*` in it is the translation.
+    /// The command line, in which the file `shader.*` is the translation.
     pub command: String,
     /// The verdict.
     pub verdict: Verdict,
@@ -39,32 +39,30 @@ pub struct Validation {
 #[derive(Clone, Debug)]
 pub struct Tool {
     known: &'static Known,
-    /// The program; `None` if the tool is a part of this one.
+    /// The program; `None` for naga, which is a part of Karat.
     program: Option<PathBuf>,
     version: String,
 }
 
-/// A tool that this crate supports.
 #[derive(Debug)]
 struct Known {
     name: &'static str,
-    /// The languages that it checks.
+    /// The languages that the tool checks.
     targets: &'static [Target],
-    /// The arguments that make it print its version, and a word of that output that no other program with this name
-    /// writes.
+    /// The arguments that make the program print its version. `says` is a part of that output which no other program
+    /// with this name prints.
     asked: &'static [&'static str],
     says: &'static str,
     /// Instructions to install it.
     remedy: &'static str,
-    /// The languages of which one process checks several files, and prints the name of each.
+    /// The languages for which one process of the tool checks several files, and prints the name of each.
     several: &'static [Target],
-    /// Its arguments. The last one is the file.
+    /// The arguments for a check. The last argument is the file.
     arguments: fn(Target, &EntryPoint, file: &str) -> Vec<String>,
 }
 
 const NAGA: &str = "naga";
 
-/// naga itself.
 static BUILT_IN: Known = Known {
     name: NAGA,
     targets: &[Target::Wgsl],
@@ -151,7 +149,7 @@ static KNOWN: [Known; 6] = [
         targets: &[Target::Msl],
         asked: &["metal", "--version"],
         says: "metal",
-        remedy: "it is part of Xcode, on macOS alone",
+        remedy: "it is part of Xcode, which exists only for macOS",
         several: &[],
         arguments: |_, _, file| {
             words(&["-sdk", "macosx", "metal", "-std=macos-metal2.4", "-o", "out.air", "-c", file])
@@ -166,18 +164,18 @@ fn words(words: &[&str]) -> Vec<String> {
 /// A tool that isn't installed.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Missing {
-    /// Its name.
+    /// The tool's name.
     pub name: &'static str,
-    /// The languages that it would check.
+    /// The languages that the tool checks.
     pub targets: &'static [Target],
-    /// The reason why it isn't used.
+    /// The reason why Karat doesn't use the tool.
     pub reason: String,
-    /// Instructions to install it.
+    /// Instructions to install the tool.
     pub remedy: &'static str,
 }
 
 impl Tool {
-    /// Every supported tool, installed or not. A process looks for them once, in `PATH` and in `VULKAN_SDK`.
+    /// All supported tools, installed or not. Karat searches for them once in a process, in `PATH` and in `VULKAN_SDK`.
     pub fn all() -> &'static [Result<Self, Missing>] {
         static ALL: OnceLock<Vec<Result<Tool, Missing>>> = OnceLock::new();
         ALL.get_or_init(|| {
@@ -190,48 +188,48 @@ impl Tool {
 
     /// The installed tools that check a language.
     ///
-    /// naga checks its own WGSL. It reads only a part of SPIR-V and rejects much that is valid, so it doesn't count for
-    /// SPIR-V; [`naga`](Self::naga) still gives it.
+    /// For WGSL, naga checks its own output. naga doesn't check SPIR-V here, because it rejects much valid SPIR-V.
+    /// [`naga`](Self::naga) can still check SPIR-V.
     pub fn of(target: Target) -> impl Iterator<Item = &'static Self> {
         let here = Self::all().iter().filter_map(|tool| tool.as_ref().ok());
         here.filter(move |tool| tool.targets().contains(&target))
     }
 
-    /// naga, which reads its own WGSL and SPIR-V back.
+    /// naga, which can read its own WGSL and SPIR-V.
     #[must_use]
     pub fn naga() -> &'static Self {
         let first = Self::all().first().and_then(|tool| tool.as_ref().ok());
         first.expect("naga is a part of this program")
     }
 
-    /// Its name.
+    /// The tool's name.
     #[must_use]
     pub fn name(&self) -> &'static str {
         self.known.name
     }
 
-    /// Its version, in its own words.
+    /// The tool's version, as the tool prints it.
     #[must_use]
     pub fn version(&self) -> &str {
         &self.version
     }
 
-    /// The languages that it checks.
+    /// The languages that the tool checks.
     #[must_use]
     pub fn targets(&self) -> &'static [Target] {
         self.known.targets
     }
 
-    /// Checks a translation: each entry point, up to the first that it rejects.
+    /// Checks the entry points of a translation, and stops at the first rejected entry point.
     ///
     /// # Errors
-    /// If the program can't be run, or its file can't be written.
+    /// If the program doesn't start, or the file for the program can't be written.
     pub fn validate(&self, translation: &Translation) -> io::Result<Validation> {
         let Some(program) = &self.program else { return Ok(self.read_back(translation)) };
         if let Some(arguments) = self.compiles(translation) {
             let compiled = compile::run(program, &arguments, translation)?;
             let verdict = match compiled.writes_nothing() {
-                true => Verdict::Broke("ends well, and writes no SPIR-V".to_owned()),
+                true => Verdict::Broke("reports success, but writes no SPIR-V".to_owned()),
                 false => self.verdict(translation.target, compiled.ran.clone()),
             };
             return Ok(self.says(format!("{} {}", self.name(), arguments.join(" ")), verdict));
@@ -252,30 +250,29 @@ impl Tool {
             }
         }
         if said.command.is_empty() {
-            return Err(io::Error::other("there is no entry point to judge"));
+            return Err(io::Error::other("the translation has no entry point to check"));
         }
         Ok(said)
     }
 
-    /// The program; `None` if the tool is a part of this one.
     pub(crate) fn program(&self) -> Option<&Path> {
         self.program.as_deref()
     }
 
-    /// Its arguments for a translation of one entry point.
+    /// The tool's arguments for a translation with one entry point.
     pub(crate) fn arguments(&self, translation: &Translation) -> Option<Vec<String>> {
         let [entry_point] = &*translation.entry_points else { return None };
         let target = translation.target;
         Some((self.known.arguments)(target, entry_point, &file_of(target)))
     }
 
-    /// The arguments that compile a translation, if the tool checks it by compiling.
+    /// The arguments that compile a translation, if the tool checks this language by compiling it.
     fn compiles(&self, translation: &Translation) -> Option<Vec<String>> {
         let own = self.name() == compile::GLSLANG && translation.target == Target::Hlsl;
         own.then(|| self.arguments(translation)).flatten()
     }
 
-    /// Returns `true` if one of its processes can check several files of a language.
+    /// Checks if one process of the tool can check several files of a language.
     pub(crate) fn judges_files(&self, target: Target) -> bool {
         self.known.several.contains(&target)
     }
@@ -284,7 +281,7 @@ impl Tool {
         Validation { tool: self.name(), version: self.version.clone(), command, verdict }
     }
 
-    /// naga's verdict on its own translation.
+    /// Reads naga's own translation with naga.
     fn read_back(&self, translation: &Translation) -> Validation {
         let read = karat_core::panics::caught(|| match &translation.code {
             Code::Text(text) => Shader::parse(text).map_err(|error| error.to_string()),
@@ -312,18 +309,19 @@ impl Tool {
         }
     }
 
-    /// The part of a language that it lacks, if its first error is about that. Later errors may only follow from it.
+    /// The part of the language that the tool doesn't support, if its first error is about that part. Later errors may
+    /// follow from the first.
     fn lacks(&self, target: Target, output: &str) -> Option<&'static str> {
-        /// Messages of glslang (as of 11.12) about HLSL that DXC and FXC accept.
+        /// glslang's messages (as of 11.12) about HLSL that DXC and FXC accept.
         const OF_HLSL: [(&str, &str); 2] = [
             (
                 "array constructor needs one argument per array element",
                 "it doesn't know the zero value of an array, `(uint[64])0`",
             ),
-            // WGSL has no such construct, and neither has naga's output.
+            // WGSL has no recursion, so naga's output has none.
             (
                 "Recursion detected",
-                "it takes a function that a constant calls for one that calls itself",
+                "it mistakes a function that a constant calls for a recursive one",
             ),
         ];
         let asked = self.name() == compile::GLSLANG && target == Target::Hlsl;
@@ -333,7 +331,7 @@ impl Tool {
     }
 }
 
-/// The name of a translation's file in commands.
+/// The name that a translation's file has in commands.
 fn file_of(target: Target) -> String {
     format!("shader.{}", target.extension())
 }
@@ -373,7 +371,7 @@ impl Known {
     }
 }
 
-/// An installed program for compiling: see [`compile`](crate::compile()).
+/// An installed compiler, for [`compile`](crate::compile()).
 pub(crate) fn program(name: &str) -> Result<(&'static Path, &'static str), &'static Missing> {
     let of_name = Tool::all().iter().find(|tool| match tool {
         Ok(tool) => tool.name() == name,
@@ -402,29 +400,30 @@ mod tests {
 
     use super::*;
 
-    /// Debian's `tint` is a panel for desktops, so a program has to identify itself.
+    /// Debian's `tint` is a desktop panel, so Karat checks what a program prints about itself.
     // Lesson 83
     #[test]
     fn a_program_of_the_same_name_is_not_the_tool() {
         let folder = tempfile::tempdir().expect("a temporary folder");
         let program = |name: &str, says: &str| {
             let file = folder.path().join(name);
-            std::fs::write(&file, format!("#!/bin/sh\necho '{says}'\n")).expect("it is written");
+            std::fs::write(&file, format!("#!/bin/sh\necho '{says}'\n"))
+                .expect("the script is written");
             let all = std::fs::Permissions::from_mode(0o755);
-            std::fs::set_permissions(&file, all).expect("it is ours");
+            std::fs::set_permissions(&file, all).expect("the script is executable");
         };
         program("tint", "tint: a lightweight panel");
         program("spirv-val", "SPIRV-Tools v2099.1 unknown hash");
         let known = |name: &str| KNOWN.iter().find(|known| known.name == name).expect(name);
         let folders = [folder.path().to_owned()];
-        let error = known("tint").find(&folders).expect_err("it is a panel");
+        let error = known("tint").find(&folders).expect_err("this `tint` is another program");
         assert!(error.reason.contains("another program of this name"), "{}", error.reason);
         program("dxc", "'; kill -SEGV $$; echo '");
-        let error = known("dxc").find(&folders).expect_err("it crashes");
+        let error = known("dxc").find(&folders).expect_err("this `dxc` crashes");
         assert!(error.reason.contains("crashes (signal: 11"), "{}", error.reason);
-        let found = known("spirv-val").find(&folders).expect("it says so");
+        let found = known("spirv-val").find(&folders).expect("this `spirv-val` is accepted");
         assert_eq!(found.version, "SPIRV-Tools v2099.1 unknown hash");
-        let error = known("xcrun").find(&folders).expect_err("it isn't there");
+        let error = known("xcrun").find(&folders).expect_err("no `xcrun` is in the folder");
         assert_eq!(error.reason, "it isn't in PATH");
     }
 }

@@ -1,4 +1,4 @@
-//! naga's back ends, with the options that wgpu gives them.
+//! Calls naga's back ends with wgpu's options.
 
 mod glsl;
 pub(crate) mod hlsl;
@@ -15,16 +15,14 @@ use naga::{EntryPoint, Module};
 
 use crate::{Bindings, Code, Shader, Stage, Target, Translation};
 
-/// The output of a back end.
 struct Written {
     code: Code,
-    /// The names of the entry points, in the module's order, or of the requested one.
+    /// The entry points' names in the output: of all entry points in the module's order, or of the requested one.
     entry_points: Vec<String>,
     bindings: Bindings,
     options: String,
 }
 
-/// A job for a back end.
 struct Job<'j> {
     module: &'j Module,
     info: &'j ModuleInfo,
@@ -32,7 +30,7 @@ struct Job<'j> {
 }
 
 impl Job<'_> {
-    /// The WGSL names of the entry points.
+    /// The WGSL names of the requested entry points.
     fn names(&self) -> Vec<String> {
         match self.entry_point {
             Some(one) => vec![one.name.clone()],
@@ -41,16 +39,16 @@ impl Job<'_> {
     }
 }
 
-/// Moves indices into range, as wgpu does if a driver doesn't check them.
+/// Moves indices into their range. wgpu does the same if a driver doesn't check indices.
 const RESTRICT: BoundsCheckPolicies = BoundsCheckPolicies {
     index: BoundsCheckPolicy::Restrict,
     buffer: BoundsCheckPolicy::Restrict,
     image_load: BoundsCheckPolicy::Restrict,
-    // wgpu has no check for arrays of bindings.
+    // wgpu doesn't check the indices of binding arrays.
     binding_array: BoundsCheckPolicy::Unchecked,
 };
 
-/// The name of [`RESTRICT`] in reports.
+/// The words for [`RESTRICT`] in reports.
 const RESTRICTED: &str = "bounds checks restrict";
 
 pub(crate) fn write(
@@ -59,7 +57,7 @@ pub(crate) fn write(
     entry_point: Option<&EntryPoint>,
 ) -> Result<Translation, String> {
     let wanted = entry_point.map(|e| (e.stage, e.name.as_str()));
-    // WGSL keeps its overrides.
+    // Unlike all other languages, WGSL keeps the overrides.
     let (module, info) = if target == Target::Wgsl || shader.module.overrides.is_empty() {
         (Cow::Borrowed(&shader.module), Cow::Borrowed(&shader.info))
     } else {

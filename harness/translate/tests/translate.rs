@@ -1,4 +1,4 @@
-//! Tests translations, and the verdicts of tools on them.
+//! Tests translations, and tools' verdicts on translations.
 
 use karat_translate::{
     Code, CompileError, NAGA_VERSION, Shader, Stage, Target, Tool, TranslateError, Translation,
@@ -49,7 +49,7 @@ fn each_entry_point_is_written_in_each_language() {
             assert!(!translation.options.is_empty());
             let stages: Vec<Stage> = translation.entry_points.iter().map(|e| e.stage).collect();
             match target {
-                // naga writes only whole modules.
+                // For WGSL, naga writes only whole modules.
                 Target::Wgsl => assert!(stages.contains(&stage)),
                 _ => assert_eq!(stages, [stage], "{target} {entry_point}"),
             }
@@ -66,7 +66,7 @@ fn each_entry_point_is_written_in_each_language() {
     }
 }
 
-/// GLSL and HLSL number all resources in one sequence, across groups.
+/// GLSL and HLSL number all resources in one sequence, across the groups of WGSL.
 #[test]
 fn resources_keep_their_order() {
     for target in [Target::Glsl, Target::GlslEs, Target::Hlsl, Target::Hlsl6] {
@@ -88,7 +88,7 @@ fn translations_of_naga_are_valid_for_the_installed_tools() {
         for entry_point in ["add", "corner", "shade"] {
             let translation = translate(target, entry_point);
             for tool in Tool::of(target) {
-                let said = tool.validate(&translation).expect("it runs");
+                let said = tool.validate(&translation).expect("the tool runs");
                 assert_eq!(said.verdict, Verdict::Valid, "{target} {entry_point}: {said:?}");
                 assert!(said.command.starts_with(tool.name()) && said.tool == tool.name());
                 asked.push(tool.name());
@@ -96,11 +96,11 @@ fn translations_of_naga_are_valid_for_the_installed_tools() {
         }
     }
     assert!(asked.contains(&"naga"), "naga is always here");
-    let read = Tool::naga().validate(&translate(Target::Spirv, "add")).expect("it runs");
+    let read = Tool::naga().validate(&translate(Target::Spirv, "add")).expect("naga runs");
     assert_eq!(read.verdict, Verdict::Valid);
 }
 
-/// If a validator doesn't support a part of a language, it gives no verdict, unless it finds another fault first.
+/// A validator that doesn't support a part of a language gives no verdict, unless it finds another fault first.
 // Lesson 160
 #[test]
 fn arrays_of_workgroups_are_no_fault_of_hlsl() {
@@ -115,19 +115,19 @@ fn arrays_of_workgroups_are_no_fault_of_hlsl() {
     let translation = shader.translate(Target::Hlsl, Some("turn"));
     let mut translation = translation.expect("naga writes it");
     for tool in Tool::of(Target::Hlsl) {
-        let said = tool.validate(&translation).expect("it runs");
+        let said = tool.validate(&translation).expect("the tool runs");
         let is_none = matches!(&said.verdict, Verdict::Unable(what) if what.contains("zero value of an array"));
         assert!(is_none || said.verdict == Verdict::Valid, "{said:?}");
     }
     let Code::Text(written) = &mut translation.code else { panic!("HLSL is a text") };
     *written = format!("static uint early = undeclared_name;\n{written}");
     for tool in Tool::of(Target::Hlsl) {
-        let said = tool.validate(&translation).expect("it runs");
+        let said = tool.validate(&translation).expect("the tool runs");
         assert!(matches!(said.verdict, Verdict::Invalid(_)), "{said:?}");
     }
 }
 
-/// Each validator can reject: otherwise accepting would prove nothing.
+/// Each validator can reject a translation. Otherwise its acceptance would prove nothing.
 // Lesson 82
 #[test]
 fn a_fault_is_seen_by_each_tool_that_judges_it() {
@@ -135,7 +135,7 @@ fn a_fault_is_seen_by_each_tool_that_judges_it() {
         let mut translation = translate(target, "add");
         match &mut translation.code {
             Code::Text(text) => *text = text.replacen("total =", "undeclared_name =", 1),
-            // Replaces the result type of the last instruction that has one with an undefined one.
+            // Gives the last instruction that has a result type an undefined result type.
             Code::Words(words) => {
                 let last = words.len() - 8;
                 words[last..].fill(0x0002_0001);
@@ -146,7 +146,7 @@ fn a_fault_is_seen_by_each_tool_that_judges_it() {
     for target in Target::ALL {
         for tool in Tool::of(target) {
             let translation = spoiled(target);
-            let said = tool.validate(&translation).expect("it runs");
+            let said = tool.validate(&translation).expect("the tool runs");
             assert!(
                 matches!(said.verdict, Verdict::Invalid(_) | Verdict::Broke(_)),
                 "{target}: {} sees nothing in {:?}",
@@ -157,7 +157,7 @@ fn a_fault_is_seen_by_each_tool_that_judges_it() {
     }
 }
 
-/// Values of a draw have a place in each language.
+/// naga can write immediates, the values that a draw call sets, in each language.
 #[test]
 fn immediates_are_written() {
     let text = "struct Scale { by: f32 }\nvar<immediate> scale: Scale;\n\
@@ -170,7 +170,8 @@ fn immediates_are_written() {
     }
 }
 
-/// Checking several together gives the same verdicts as one by one: an invalid one doesn't affect the others.
+/// Checking several translations together gives the same verdicts as separate checks: an invalid translation doesn't
+/// affect the others.
 // Lesson 116
 #[test]
 fn several_are_judged_as_each_alone() {
@@ -189,11 +190,14 @@ fn several_are_judged_as_each_alone() {
         all[37] = &bad;
         all.extend(whole.as_ref());
         for tool in Tool::of(target) {
-            let alone = |one: &&Translation| tool.validate(one).expect("it runs");
+            let alone = |one: &&Translation| tool.validate(one).expect("the tool runs");
             let (of_good, of_bad) = (alone(&&good), alone(&&bad));
             assert_ne!(of_good.verdict, of_bad.verdict, "{target} {}", tool.name());
-            let said: Vec<_> =
-                tool.validate_all(&all).into_iter().map(|one| one.expect("it runs")).collect();
+            let said: Vec<_> = tool
+                .validate_all(&all)
+                .into_iter()
+                .map(|one| one.expect("the tool runs"))
+                .collect();
             assert_eq!(said.len(), all.len());
             for (index, said) in said.iter().enumerate() {
                 match index {
@@ -213,7 +217,8 @@ fn glsl_and_hlsl_become_spirv() {
             Ok(words) => {
                 assert_eq!(words[0], 0x0723_0203, "the magic number of SPIR-V");
                 let back = Shader::from_spirv(&words);
-                // naga can't read all of the output of other compilers, but what it reads has the entry point.
+                // naga can't read everything that other compilers write. If naga can read the SPIR-V, it has one entry
+                // point.
                 if let Ok(back) = back {
                     assert_eq!(back.entry_points().len(), 1);
                 }
@@ -222,8 +227,9 @@ fn glsl_and_hlsl_become_spirv() {
             Err(error) => panic!("{target}: {error}"),
         }
     }
-    let error = compile(&translate(Target::Msl, "add")).expect_err("nobody compiles it so");
-    assert_eq!(error.to_string(), "no compiler is known that makes SPIR-V of msl");
+    let error =
+        compile(&translate(Target::Msl, "add")).expect_err("no compiler makes SPIR-V from MSL");
+    assert_eq!(error.to_string(), "Karat knows no compiler from msl to SPIR-V");
 }
 
 #[test]
@@ -248,13 +254,16 @@ fn errors_of_naga_are_reported() {
     assert!(error.contains("naga"), "{error}");
     let error = shader().translate(Target::Hlsl, Some("ad")).expect_err("no such entry point");
     assert_eq!(error, TranslateError::NoEntryPoint("ad".to_owned()));
-    let error = shader().translate(Target::Glsl, None).expect_err("three of them").to_string();
+    let error = shader()
+        .translate(Target::Glsl, None)
+        .expect_err("the shader has three entry points")
+        .to_string();
     assert!(error.contains("has one entry point: name it"), "{error}");
     let error = "hlls".parse::<Target>().expect_err("no such language");
     assert!(error.contains("spirv, glsl, glsl-es, hlsl, hlsl6, msl, wgsl"), "{error}");
 }
 
-/// An override without a value can't be translated. One with a value gets it.
+/// An override without a value can't be translated. An override with a value becomes that value.
 #[test]
 fn overrides_have_their_values() {
     let shader = |value: &str| {
@@ -264,7 +273,7 @@ fn overrides_have_their_values() {
         );
         Shader::parse(&text).expect("valid").translate(Target::Hlsl, Some("add"))
     };
-    let text = shader(" = 2.5").expect("it has a value");
+    let text = shader(" = 2.5").expect("the override has a value");
     assert!(text.code.text().is_some_and(|text| text.contains("2.5")));
     assert!(matches!(shader(""), Err(TranslateError::Unsupported { .. })));
 }
@@ -274,12 +283,12 @@ fn the_reported_version_is_that_of_the_lock_file() {
     // The lock file of the repository, or its copy in a published package.
     let package = std::path::Path::new(env!("CARGO_MANIFEST_DIR"));
     let read = |folder: &str| std::fs::read_to_string(package.join(folder).join("Cargo.lock")).ok();
-    let lock = read("../..").or_else(|| read("")).expect("it is there");
+    let lock = read("../..").or_else(|| read("")).expect("a lock file exists");
     assert!(lock.contains(&format!("name = \"naga\"\nversion = \"{NAGA_VERSION}\"\n")));
 }
 
-/// glslang puts a number behind a matrix of three rows, Direct3D behind the matrix's last row. Such output can't be
-/// used to judge naga's translation.
+/// glslang puts a scalar after a matrix of three rows, but Direct3D puts it after the matrix's last row. Karat can't
+/// judge naga's translation by such SPIR-V.
 #[test]
 fn another_layout_of_a_uniform_buffer_is_refused() {
     let shader = |members: &str| {

@@ -547,7 +547,7 @@ fn wrong_passes_fail_with_the_element() {
             "reverse",
             input,
             "[compute.after.keys]\n",
-            ["nothing is asserted of `keys`", "m.test.toml:5:16"],
+            ["the test asserts nothing about `keys`", "m.test.toml:5:16"],
         ),
         ("reverse", input, "[compute.after.keys]\nsortd = true", ["sortd", "m.test.toml:6:1"]),
         (
@@ -609,7 +609,7 @@ fn wrong_passes_fail_with_the_element() {
             "root",
             root,
             "no_hazards = [\"race\"]",
-            ["race: each [[compute]] is looked through for this kind", "m.test.toml:5:1"],
+            ["race: Karat checks each [[compute]] for this kind anyway", "m.test.toml:5:1"],
         ),
     ] {
         let said = of(entry, with, after);
@@ -795,7 +795,7 @@ depth_write = false
         ("mesh = \"two.csv\"", "mesh = \"two.csv\"\nindices = [0, 1, 7]", "the index 7 is beyond"),
         ("mesh = \"two.csv\"", "mesh = \"two.csv\"\nindices = [0, 1]", "aren't whole triangles"),
         ("vertices = 3", "vertices = 3\ninstances = 0", "0 instances draw nothing"),
-        ("vertices = 3", "indices = [0, 1, 2]", "`indices` are of a `mesh`"),
+        ("vertices = 3", "indices = [0, 1, 2]", "`indices` need a `mesh`"),
         ("blend = \"add\"", "blend = \"plus\"", "there is no blending `plus`"),
     ] {
         let text = declared.replace(from, to);

@@ -392,7 +392,7 @@ fn tests_that_check_nothing_or_cannot_run_fail() {
             "t.wgsl",
             "import karat::expect_true;\n@group(0) @binding(0) var<uniform> u: vec4f;\n\
              @test fn t() { expect_true(u.x > 0.0); }\n",
-            "`u` (uniform buffer) is read by this test, and a test in WGSL binds nothing",
+            "this test reads `u` (uniform buffer), and a test in WGSL can't bind variables",
         ),
         (
             "brdf.test.toml",

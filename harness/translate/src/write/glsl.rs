@@ -1,4 +1,4 @@
-//! Writes GLSL for desktops and for ES.
+//! Writes GLSL and GLSL ES.
 
 use naga::back::glsl::{BindingMap, Options, PipelineOptions, Version, Writer, WriterFlags};
 use naga::proc::{BoundsCheckPolicies, BoundsCheckPolicy};
@@ -13,7 +13,7 @@ pub(super) fn write(job: &Job<'_>, version: Version) -> Result<Written, String> 
     let mut binding_map = BindingMap::new();
     for resource in bindings.iter() {
         let ((group, binding), (_, number)) = (resource.wgsl, resource.translated);
-        let number = u8::try_from(number).map_err(|_| "it has more than 256 resources")?;
+        let number = u8::try_from(number).map_err(|_| "the shader has more than 256 resources")?;
         binding_map.insert(ResourceBinding { group, binding }, number);
     }
     let options = Options {
@@ -28,10 +28,11 @@ pub(super) fn write(job: &Job<'_>, version: Version) -> Result<Written, String> 
         multiview: None,
     };
     let mut text = String::new();
-    // In GLSL naga checks only texels.
+    // In GLSL, naga can check only texel indices.
     let policies = match version {
         Version::Desktop(_) => RESTRICT,
-        // GLSL ES can't query levels, which the check needs. wgpu has no check there, either.
+        // The check of texel indices needs the number of mip levels, which GLSL ES can't query. wgpu doesn't check
+        // these indices, either.
         Version::Embedded { .. } => {
             BoundsCheckPolicies { image_load: BoundsCheckPolicy::Unchecked, ..RESTRICT }
         }
@@ -55,11 +56,11 @@ pub(super) fn write(job: &Job<'_>, version: Version) -> Result<Written, String> 
     })
 }
 
-/// The entry point of the text.
+/// The only entry point of the output.
 fn one<'j>(job: &Job<'j>) -> Result<&'j EntryPoint, String> {
     match (job.entry_point, &*job.module.entry_points) {
         (Some(entry_point), _) | (None, [entry_point]) => Ok(entry_point),
-        (None, []) => Err("GLSL is written of an entry point, and the shader has none".to_owned()),
-        (None, _) => Err("a text of GLSL has one entry point: name it".to_owned()),
+        (None, []) => Err("GLSL needs an entry point, and the shader has none".to_owned()),
+        (None, _) => Err("a GLSL translation has one entry point: name it".to_owned()),
     }
 }

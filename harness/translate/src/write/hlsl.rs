@@ -9,13 +9,13 @@ use naga::{Binding, BuiltIn, Function, Module, ResourceBinding, TypeInner};
 use super::{Job, Written};
 use crate::{Bindings, Code};
 
-/// The space of naga's additions. The shader's own resources are in group 0.
+/// The register space of naga's additions. The shader's own resources are in space 0.
 const SAMPLERS: u8 = 1;
 const SAMPLER_INDICES: u8 = 2;
 const CONSTANTS: u8 = 3;
 const IMMEDIATES: u8 = 4;
 
-/// Samplers of naga's heap.
+/// The number of samplers in naga's sampler heap.
 const HEAP: u32 = 2048;
 
 pub(super) fn write(job: &Job<'_>, shader_model: ShaderModel) -> Result<Written, String> {
@@ -64,14 +64,14 @@ pub(super) fn write(job: &Job<'_>, shader_model: ShaderModel) -> Result<Written,
     })
 }
 
-/// Returns `true` if a compute entry point needs a value from the host in HLSL, in a constant buffer.
+/// Checks if a compute entry point needs a value from the host in an HLSL constant buffer.
 pub(crate) fn takes_constants(module: &Module, entry_point: &str) -> bool {
     let mut all = module.entry_points.iter();
     all.find(|one| one.name == entry_point).is_some_and(|one| asks_constants(module, &one.function))
 }
 
-/// Returns `true` if an entry point uses a value that differs between Direct3D and Vulkan: naga then requires it from
-/// the host.
+/// Checks if an entry point uses a value that differs between Direct3D and Vulkan. naga then expects the value from the
+/// host.
 fn needs_constants(module: &Module) -> bool {
     module.entry_points.iter().any(|one| asks_constants(module, &one.function))
 }

@@ -1,11 +1,11 @@
-//! Writes Metal's language.
+//! Writes the Metal Shading Language.
 
 use naga::back::msl::{Options, PipelineOptions, write_string};
 
 use super::{Job, RESTRICT, RESTRICTED, Written};
 use crate::{Bindings, Code};
 
-/// macOS 12 and iOS 15 have this version. Each macOS that wgpu supports has it or a later one.
+/// macOS 12 and iOS 15 support this version. Each macOS that wgpu supports has this version or a later one.
 const VERSION: (u8, u8) = (2, 4);
 
 pub(super) fn write(job: &Job<'_>) -> Result<Written, String> {
@@ -31,7 +31,7 @@ pub(super) fn write(job: &Job<'_>) -> Result<Written, String> {
         entry_points: names,
         bindings: Bindings::kept(job.module),
         options: format!(
-            "MSL {}.{}, {RESTRICTED}, workgroup memory set to zero, loops bounded, bindings made up",
+            "MSL {}.{}, {RESTRICTED}, workgroup memory set to zero, loops bounded, bindings generated",
             VERSION.0, VERSION.1
         ),
     })

@@ -7,7 +7,7 @@ use crate::{Bindings, Code};
 
 pub(super) fn write(job: &Job<'_>) -> Result<Written, String> {
     let options = Options {
-        // wgpu's version for Vulkan 1.1 and later.
+        // wgpu uses this version for Vulkan 1.1 and later.
         lang_version: (1, 3),
         flags: WriterFlags::ADJUST_COORDINATE_SPACE
             | WriterFlags::LABEL_VARYINGS

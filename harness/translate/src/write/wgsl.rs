@@ -10,7 +10,7 @@ pub(super) fn write(job: &Job<'_>) -> Result<Written, String> {
         .map_err(|error| crate::shader::causes(&error))?;
     Ok(Written {
         code: Code::Text(text),
-        // naga writes the whole module, even for one entry point.
+        // naga writes the whole module even if one entry point is requested.
         entry_points: job.names(),
         bindings: Bindings::kept(job.module),
         options: "WGSL, without explicit types".to_owned(),
