@@ -58,15 +58,14 @@ use karat::package::Feature;
 use karat::unstable::golden::AcceptError;
 use karat::unstable::output::{Output, tell, trusted, visible, visible_json};
 
-/// The result of a command that did its work.
 type Outcome = anyhow::Result<Ending>;
 
-/// The finding of a command about its input.
+/// The result of a command that ran without an error. It sets the exit code.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Ending {
     Good,
     Bad,
-    /// The input, or the thing to compare it with, is missing.
+    /// A file that the command needs doesn't exist: its input, or the golden or record to compare with.
     Missing,
 }
 
@@ -341,7 +340,7 @@ enum Command {
     },
 }
 
-/// The place of the shaders, where a folder needs no option.
+/// The options that name the shaders. The folder may also be a positional argument.
 #[derive(clap::Args)]
 struct PlaceArgs {
     /// Folder of WGSL modules, or one file; the same as `--shaders`
@@ -352,14 +351,14 @@ struct PlaceArgs {
 }
 
 impl PlaceArgs {
-    /// The place as options.
+    /// Returns the options with the positional folder as `--shaders`.
     fn package(&self) -> PackageArgs {
         let mut package = self.package.clone();
         package.package = package.package.or_else(|| self.folder.clone());
         package
     }
 
-    /// Names the tests outside of the package that don't run, unless the command names a package.
+    /// Names the tests outside of the package, which don't run, unless an option names the package.
     fn write_outside(&self, out: &mut dyn Write) -> anyhow::Result<()> {
         let package = self.package();
         match package.package.is_none() && package.krate.is_none() {
@@ -369,7 +368,7 @@ impl PlaceArgs {
     }
 }
 
-/// The place of the shaders, by options.
+/// The options that name the shaders.
 #[derive(Clone, clap::Args, Default)]
 struct PackageArgs {
     /// Uses this folder of WGSL modules, or one file [default: the folders in `metadata.karat` of Cargo.toml, else
@@ -392,20 +391,18 @@ struct PackageArgs {
 }
 
 impl PackageArgs {
-    /// A package with the features of the options.
     fn featured(&self, package: karat::Package) -> karat::Package {
         featured(package, &self.features)
     }
 }
 
-/// Parses a share in per cent, from 0 to 100.
+/// Parses a percentage from 0 to 100.
 fn percent(text: &str) -> Result<f64, String> {
     let number = text.trim_end_matches('%').trim().parse::<f64>();
     let number = number.ok().filter(|number| (0.0..=100.0).contains(number));
     number.ok_or_else(|| "write a number from 0 to 100".to_owned())
 }
 
-/// A package with some features.
 fn featured(package: karat::Package, features: &[(String, Feature)]) -> karat::Package {
     features.iter().fold(package, |package, (name, value)| package.feature(name, *value))
 }
@@ -458,7 +455,7 @@ pub(crate) fn run() -> ExitCode {
     })
 }
 
-/// Checks the KARAT_ variables, as a misspelt one would have no effect, and runs the command.
+/// Checks the `KARAT_` variables, because a misspelt one would have no effect, and runs the command.
 fn settled(wanted: Command, out: &mut dyn Write) -> Outcome {
     if !matches!(wanted, Command::Completions { .. }) {
         karat::unstable::settings::check()?;
@@ -511,7 +508,7 @@ fn command(command: Command, out: &mut dyn Write) -> Outcome {
 
 /// Prints help, or the error of wrong arguments.
 fn explain(error: clap::Error, out: &mut dyn Write) -> anyhow::Result<ExitCode> {
-    // Arguments in the message may hold escape sequences, which are made visible.
+    // Arguments in the message may contain escape sequences. The writer makes them visible.
     let words = std::env::args_os().map(|word| visible(&word.to_string_lossy()).into_owned());
     let error = Cli::try_parse_from(words).err().unwrap_or(error);
     let text = trusted(&error.render().ansi().to_string());
@@ -529,7 +526,7 @@ fn complain(text: &str) {
     tell(&format!("{prefix}{text}"));
 }
 
-/// Refuses an output that is also an input, even under another name: it may be the only copy.
+/// Refuses an output that is also an input, even under another name: the input may be the only copy.
 fn spare<'a>(
     what: &str,
     output: &Path,
@@ -579,7 +576,7 @@ fn resolved(path: &Path) -> PathBuf {
     whole
 }
 
-/// Returns `true` if the output lies in the folder of a package, or is the package's file.
+/// Checks if the output lies in the folder of a package, or is the file of a package.
 fn is_in_package(output: &Path, package: &karat::Package) -> bool {
     resolved(output).starts_with(resolved(&package.root()))
 }
@@ -604,7 +601,7 @@ fn spare_shaders(what: &str, output: &Path, packages: &[karat::Package]) -> anyh
     spare(what, output, files.iter().map(PathBuf::as_path))
 }
 
-/// Returns `true` if the error is a missing file, golden or record. An unusable file is another error.
+/// Checks if the error means that a file, golden or record is missing. An unusable file is a different error.
 fn is_missing(error: &anyhow::Error) -> bool {
     let missing = |image: &ImageError| matches!(image, ImageError::Missing { .. });
     error.is::<NotThere>()
@@ -616,7 +613,7 @@ fn is_missing(error: &anyhow::Error) -> bool {
         })
 }
 
-/// Writes indented JSON with a line end. Control characters are escaped, also for terminals.
+/// Writes indented JSON and a line end. serde escapes control characters, so terminals can show the JSON safely.
 fn write_json(value: &impl serde::Serialize, out: &mut dyn Write) -> anyhow::Result<()> {
     let json = serde_json::to_string_pretty(value).context("the result isn't JSON")?;
     writeln!(out, "{}", visible_json(&json))?;

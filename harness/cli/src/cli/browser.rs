@@ -1,8 +1,8 @@
-//!
 //! `karat browser`: runs the tests in the browser that opens its page.
 //!
-//! The test programs start this program again as an executor (`KARAT_EXECUTORS`). It passes each job to the process
-//! that serves the page. A file that only this user can read holds the port and the secret of that process.
+//! `karat test` and the test programs start this program again as an executor (`KARAT_EXECUTORS`). The executor passes
+//! each job to the process that serves the page. It finds the process by a file with the port and the secret; only this
+//! user can read the file.
 
 use std::io::{BufRead, BufReader, Write};
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
@@ -19,13 +19,14 @@ use serde::Deserialize;
 
 use super::{Ending, Outcome, child};
 
-/// The most bytes of an answer, as for other executors: a frame of 4096 by 4096 pixels.
+/// The largest size of a page's reply, in bytes. Other executors have the same limit: a frame of 4096 by 4096 pixels.
 const LONGEST: u64 = 1 << 30;
 
-/// The time after which a page without a job asks again. Proxies and browsers give up after 30 seconds.
+/// The time after which the server tells a page that there is no job. The page then asks again. Proxies and browsers
+/// give up after 30 seconds.
 const POLL: Duration = Duration::from_secs(5);
 
-/// The time after which a page without a job counts as closed if it hasn't asked. Background tabs ask late.
+/// The time after which a page that didn't ask for a job counts as closed. Background tabs ask late.
 const GONE: Duration = Duration::from_secs(30);
 
 #[derive(clap::Args)]
@@ -81,7 +82,6 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let file = scratch.path().join("page");
     let listener =
         TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).context("the jobs can't be handed on")?;
-    // Only this user can read the folder.
     std::fs::write(&file, format!("{} {}", listener.local_addr()?.port(), desk.door.token()))?;
     let relaying = Arc::clone(&desk);
     std::thread::spawn(move || {
@@ -115,7 +115,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
 }
 
-/// Passes jobs on, line by line, as a program of `KARAT_EXECUTORS`.
+/// Runs as a program of `KARAT_EXECUTORS`: passes each job on, and prints the reply.
 fn relay(file: &Path, out: &mut dyn Write) -> Outcome {
     let told = std::fs::read_to_string(file).context("`karat browser` has ended")?;
     let (port, token) = told.split_once(' ').context("the file says neither port nor secret")?;
@@ -136,7 +136,7 @@ fn relay(file: &Path, out: &mut dyn Write) -> Outcome {
     }
 }
 
-/// A message of the page: the page's number, and an answer or a greeting.
+/// A message of the page: its number, and a greeting or the reply to a job.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Said {
@@ -154,16 +154,15 @@ struct Said {
     failed: Option<String>,
 }
 
-/// The state of the page that runs jobs, and of its job.
 #[derive(Default)]
 struct State {
     page: Option<(String, Instant)>,
     greeting: String,
-    /// The number of jobs so far, which is the number of the last job.
+    /// The number of jobs so far. It is also the number of the last job.
     jobs: u64,
-    /// The job that no page has taken.
+    /// The job that the page hasn't fetched yet.
     waiting: Option<String>,
-    /// The answer to the last job.
+    /// The page's reply to the last job.
     answer: Option<String>,
     /// `true` while a page runs the job.
     is_taken: bool,
@@ -173,7 +172,7 @@ struct State {
 
 struct Desk {
     door: Door,
-    /// Held by the program whose job runs.
+    /// The lock of the program that sent the current job.
     turn: Mutex<()>,
     state: Mutex<State>,
     changed: Condvar,
@@ -183,7 +182,7 @@ fn locked<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Returns `true` if the other end keeps the stream open.
+/// Checks if the other end keeps the stream open.
 fn is_open(stream: &TcpStream) -> bool {
     let peeked = stream.set_nonblocking(true).and_then(|()| stream.peek(&mut [0]));
     let is_blocking = stream.set_nonblocking(false).is_ok();
@@ -191,7 +190,7 @@ fn is_open(stream: &TcpStream) -> bool {
 }
 
 impl Desk {
-    /// Waits for a page, and returns `true` if one opened in time.
+    /// Waits for a page, and checks if one opened in time.
     fn is_greeted(&self, patience: Duration) -> bool {
         let is_alone = |state: &mut State| state.page.is_none() && state.failed.is_none();
         let waited = self.changed.wait_timeout_while(locked(&self.state), patience, is_alone);
@@ -223,7 +222,7 @@ impl Desk {
         }
     }
 
-    /// Takes a page's answer, and gives it the next job once there is one.
+    /// Stores the page's reply. Then waits for the next job, and returns it.
     fn next(&self, said: Said) -> Answer {
         let mut state = locked(&self.state);
         if let (None, Some(failed)) = (&state.page, said.failed) {
@@ -259,7 +258,7 @@ impl Desk {
             }
         }
         state.page = Some((said.page, Instant::now()));
-        // A late answer belongs to a job that was given up.
+        // A late reply belongs to a job that Karat gave up.
         if let Some(answer) = said.answer
             && state.is_taken
             && said.number == state.jobs
@@ -277,7 +276,6 @@ impl Desk {
         Answer(200, "application/json", next.to_string())
     }
 
-    /// Runs the jobs of one program.
     fn relay(&self, stream: &TcpStream) -> std::io::Result<()> {
         let mut lines = BufReader::new(stream.try_clone()?).lines();
         let mut stream = stream;
@@ -297,8 +295,8 @@ impl Desk {
         Ok(())
     }
 
-    /// Returns the page's answer to a job. The program that asks has a deadline, and closes its stream when a job
-    /// hangs.
+    /// Returns the page's reply to a job. The program that sent the job has a deadline: if the job hangs, the program
+    /// closes its stream.
     fn ask(&self, job: String, asking: &TcpStream) -> Result<String, &'static str> {
         let _turn = locked(&self.turn);
         let mut state = locked(&self.state);

@@ -1,4 +1,4 @@
-//! `karat call`: a shader as a calculator.
+//! `karat call`: calls a shader's function with given arguments.
 
 mod arguments;
 pub(super) mod bind;
@@ -146,7 +146,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         );
         let compute = compute.dispatch(&args.function, groups);
         let invocation = args.invocation.unwrap_or_default();
-        // The error about a missing invocation comes first.
+        // If the shader has no such invocation, that error must be reported first.
         let steps = match args.trace || args.html.is_some() {
             true => karat::unstable::compute::trace(&compute, invocation)?,
             false => Vec::new(),
@@ -222,9 +222,9 @@ impl Args {
     }
 }
 
-/// Returns the paths of the options, or else every driver that opens, and the engine.
+/// Returns the paths of the options. Without such options, returns every driver that opens, and the engine.
 fn paths(probed: &Probed, fixtures: &Fixtures, names: &[String]) -> anyhow::Result<Vec<Path>> {
-    // An empty variable counts as unset.
+    // An empty variable is an unset variable.
     let names: Vec<&str> =
         names.iter().map(|name| name.trim()).filter(|name| !name.is_empty()).collect();
     let named = if names.is_empty() { "all".to_owned() } else { names.join(",") };
@@ -243,7 +243,7 @@ fn paths(probed: &Probed, fixtures: &Fixtures, names: &[String]) -> anyhow::Resu
     if named.trim() != "all" {
         return Ok(paths);
     }
-    // Paths that lack a needed ability are left out, unless an option names them.
+    // Paths without a needed ability are left out, unless an option names them.
     let (mut able, mut reasons) = (Vec::new(), Vec::new());
     for path in paths {
         match karat::unstable::executor::call(probed, path, &[], fixtures) {
@@ -262,7 +262,7 @@ fn paths(probed: &Probed, fixtures: &Fixtures, names: &[String]) -> anyhow::Resu
     Ok(able)
 }
 
-/// Prints the generated values, and the ranges that they were taken from.
+/// Prints the generated values with the ranges that contain them.
 fn write_made_up(
     function: &Function,
     made_up: &MadeUp,
@@ -281,12 +281,12 @@ fn write_made_up(
     Ok(())
 }
 
-/// The most numbers of a result that are also shown in hexadecimal: as many as a matrix has. For a buffer they would
-/// hide the values.
+/// The largest number of scalars in a result that Karat also prints in hexadecimal. A matrix has 16. In the output of a
+/// buffer, hexadecimal numbers would hide the values.
 const MOST_HEXADECIMAL: usize = 16;
 
 impl Args {
-    /// Shows the steps of a call, if an option asks for them.
+    /// Shows the steps of a call, if an option requests steps.
     fn show_steps(
         &self,
         name: &str,
@@ -335,7 +335,7 @@ fn single(request: &Request<'_>, lanes: &[u32], args: &Args, out: &mut dyn Write
     given.ending()
 }
 
-/// Evaluates a sweep: as a table, or as a curve.
+/// Evaluates a sweep, and prints the results as a table or as a curve.
 fn sweep(request: &Request<'_>, given: &Given, args: &Args, out: &mut dyn Write) -> Outcome {
     ensure!(!args.trace && args.html.is_none(), "a trace is of one call: leave out the sweep");
     let Some(sweep) = &given.sweep else { return Ok(Ending::Good) };

@@ -68,7 +68,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         args.paths
     );
     let project = Project::find()?;
-    // Errors of the arguments are reported before the tests run.
+    // Karat reports wrong arguments before it runs the tests.
     let mut packages = project.packages(&args.place.package())?;
     let mut changed = BTreeMap::new();
     for package in &packages {
@@ -84,7 +84,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let used = ran.iter().flat_map(|ran| &ran.statements).map(|one| one.file.as_path());
     let used: BTreeSet<_> = used.collect();
     if args.place.package().package.is_none() {
-        // As in `karat test`, a folder of shaders that no test uses doesn't count.
+        // As in `karat test`, a folder of shaders counts only if a test uses it.
         let is_used = |package: &Package| {
             let root = std::path::absolute(package.root()).unwrap_or_else(|_| package.root());
             used.iter().any(|file| file.starts_with(&root))
@@ -109,7 +109,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             .with_context(|| format!("can't write `{}`", file.display()))?;
     }
     let least = args.fail_under_lines.unwrap_or_default();
-    // In an edit without shaders there is nothing to measure.
+    // An edit of other files than shaders has nothing to measure.
     let enough = match sum.percent() {
         Some(percent) => percent >= least,
         None => args.in_diff.is_some(),
@@ -136,8 +136,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(if good { Ending::Good } else { Ending::Bad })
 }
 
-/// Returns the parts of the last line: the figures, and the code that they leave out. `short` is the share that the
-/// options ask for, if it isn't reached.
+/// Returns the parts of the last line: the numbers, and the code that they don't count. `short` is the percentage that
+/// the options require, if the tests don't reach it.
 fn parts(
     sum: &Sum,
     tests: usize,
@@ -166,8 +166,8 @@ fn parts(
     parts
 }
 
-/// Runs the tests, and returns `true` if they passed. Their output goes to standard error, beside this command's
-/// results.
+/// Runs the tests, and checks if they passed. Their output goes to standard error, so that standard output has only the
+/// results of this command.
 fn tests(args: &Args, folder: TempDir, only_engine: bool) -> anyhow::Result<(bool, TempDir)> {
     let program = std::env::current_exe().context("this program isn't where it was")?;
     let mut command = Command::new(program);
@@ -187,30 +187,30 @@ fn tests(args: &Args, folder: TempDir, only_engine: bool) -> anyhow::Result<(boo
     match status.code() {
         Some(0) => Ok((true, folder)),
         Some(1) => Ok((false, folder)),
-        // The tests have printed the reason.
+        // The tests have already printed the reason.
         Some(2 | 3) => Err(super::Reported.into()),
         _ => anyhow::bail!("the tests ended without a result ({status})"),
     }
 }
 
-/// Adds all that a package has. Returns the modules that aren't valid.
+/// Adds the statements of a package. Returns the invalid modules.
 fn add(union: &mut Union, package: &Package, no_frames: bool) -> anyhow::Result<Vec<String>> {
     let suite = Suite::of(package.clone())?;
     let tests: BTreeSet<&str> = suite.tests.iter().map(|test| &*test.name).collect();
     let mut invalid = Vec::new();
     for module in package.modules()? {
         match Program::of_module(package, &module) {
-            // Functions that are tests don't count.
+            // Test functions don't count.
             Ok(program) => union.add(
                 &package.root(),
                 statements_of(&program).into_iter().filter(|one| !tests.contains(&*one.function)),
             ),
-            // The tests' own output gives the reason.
+            // The output of the tests has the reason.
             Err(_) => invalid.push(module),
         }
     }
     union.leave_out(tests.iter().map(|test| (*test).to_owned()));
-    // Functions of frames that weren't drawn aren't measured.
+    // If the tests drew no frames, the functions of frames aren't measured.
     for test in suite.tests.iter().filter(|test| no_frames && test.is_frame()) {
         for entry in test.draws() {
             let (module, own) = entry.rsplit_once("::").unwrap_or(("", &entry));
@@ -223,7 +223,6 @@ fn add(union: &mut Union, package: &Package, no_frames: bool) -> anyhow::Result<
     Ok(invalid)
 }
 
-/// Prints a row for each file.
 fn write_files(union: &Union, out: &mut dyn Write) -> std::io::Result<()> {
     let head = ["file", "lines", "ways", "functions", "not run", "not looked at", "not measured"];
     let mut table = Table::new(&head, &[1, 2, 3, 4, 5, 6]).leaving(&[3, 5, 6]);
@@ -258,7 +257,6 @@ fn write_variants(union: &Union, out: &mut dyn Write) -> std::io::Result<()> {
     writeln!(out)
 }
 
-/// Prints the lines and the sides of branches that no test runs.
 fn write_missing(union: &Union, out: &mut dyn Write) -> std::io::Result<()> {
     for (file, own) in union.files() {
         let missing = own.missing();

@@ -56,15 +56,14 @@ struct Report {
     compilers: Vec<CompilerReport>,
     tools: Vec<ToolReport>,
     settings: Vec<SettingReport>,
-    /// The crates that the project compiles with too little optimisation.
+    /// The crates that the project compiles with less optimisation than recommended.
     unoptimised: Vec<profile::Unoptimised>,
 }
 
-/// A validator of translations.
 #[derive(Serialize)]
 struct ToolReport {
     name: &'static str,
-    /// The languages that it judges.
+    /// The languages that it validates.
     judges: Vec<&'static str>,
     version: Option<String>,
     missing: Option<String>,
@@ -92,11 +91,11 @@ fn tools() -> Vec<ToolReport> {
     Tool::all().iter().map(report).collect()
 }
 
-/// A compiler of the author's text.
+/// A WGSL compiler that reads the author's files.
 #[derive(Serialize)]
 struct CompilerReport {
     name: &'static str,
-    /// The compiler's place and its version.
+    /// The compiler's file and version, if it is installed.
     here: Option<(String, String)>,
     missing: Option<String>,
     remedy: Option<String>,
@@ -124,7 +123,7 @@ fn names(paths: &[Path]) -> Vec<&'static str> {
     paths.iter().map(|path| path.name()).collect()
 }
 
-/// A variable of the environment.
+/// An environment variable.
 #[derive(Serialize)]
 struct SettingReport {
     name: &'static str,
@@ -135,9 +134,9 @@ struct SettingReport {
 #[derive(Serialize)]
 struct PathReport {
     path: &'static str,
-    /// The profile under which goldens of this path and driver are stored.
+    /// The profile that has the goldens of this path and driver.
     profile: Option<String>,
-    /// The driver's name after the `@` of a path.
+    /// The driver's name after the `@` in a path's name.
     family: Option<String>,
     adapter: Option<Adapter>,
     missing: Option<String>,
@@ -161,7 +160,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         }
         return package::run(folder, args.write, args.json, out);
     }
-    // Required paths are tried even if the platform doesn't support them, and so are paths that name a driver.
+    // Required paths, and paths that name a driver, are tried even if the platform doesn't support them.
     let usual = Path::ALL.into_iter().filter(|path| path.is_supported() || required.contains(path));
     let mut all: Vec<Path> =
         usual.chain([Path::CPU]).chain(karat::unstable::path::programs()?).collect();

@@ -27,12 +27,11 @@ pub(super) struct FolderArgs {
 }
 
 impl FolderArgs {
-    /// Returns the folder of the option.
     pub(super) fn named(&self) -> Option<&Path> {
         self.goldens.as_deref()
     }
 
-    /// Returns the folder of the option, or else that of the project; a missing folder is an error.
+    /// Returns the folder that the option names, or otherwise the project's folder. A missing folder is an error.
     pub(super) fn path(&self) -> anyhow::Result<PathBuf> {
         if let Some(folder) = &self.goldens {
             anyhow::ensure!(folder.is_dir(), "{}", absent(folder, &[]));
@@ -50,8 +49,8 @@ impl FolderArgs {
         Ok(folder)
     }
 
-    /// Opens the goldens that a review changes. For a CI run's frames they are the goldens that the frames were
-    /// compared with; the folder needn't exist.
+    /// Opens the goldens that a review changes. If the frames come from a CI run, these are the goldens that the run
+    /// compared its frames with. Their folder needn't exist.
     pub(super) fn open(&self, from: Option<&Artefact>) -> anyhow::Result<Goldens> {
         let (None, Some(artefact)) = (&self.goldens, from) else {
             return Ok(Goldens::open(&self.path()?));
@@ -73,7 +72,7 @@ impl FolderArgs {
     }
 }
 
-/// Returns the message that a folder of goldens is missing, with the folders that exist.
+/// Formats the message that a folder of goldens is missing. It names the folders that exist.
 fn absent(folder: &Path, others: &[String]) -> String {
     let others = match others.join("`, `") {
         none if none.is_empty() => String::new(),
@@ -91,7 +90,7 @@ fn has_pending(folder: &str) -> bool {
     !frames.is_empty() || !unusable.is_empty()
 }
 
-/// Permission to write into sources in CI.
+/// The permission to write into sources in CI.
 #[derive(clap::Args)]
 pub(super) struct CiArgs {
     /// Allows writing into your sources although `CI` is set
@@ -100,7 +99,7 @@ pub(super) struct CiArgs {
 }
 
 impl CiArgs {
-    /// Refuses a command that writes into sources in CI, unless the option allows it.
+    /// Refuses a command that writes into sources in CI, unless `--ci-may-write` allows it.
     pub(super) fn check(&self, what: &str) -> anyhow::Result<()> {
         anyhow::ensure!(
             self.ci_may_write || !karat::unstable::golden::in_ci(),
@@ -111,7 +110,6 @@ impl CiArgs {
     }
 }
 
-/// The place of the pending frames.
 #[derive(clap::Args)]
 pub(super) struct FromArgs {
     /// Takes the pending frames of a CI run from its downloaded artefact, a folder or a zip
@@ -120,12 +118,11 @@ pub(super) struct FromArgs {
 }
 
 impl FromArgs {
-    /// Returns the artefact of the option.
     pub(super) fn named(&self) -> Option<&Path> {
         self.from.as_deref()
     }
 
-    /// Opens the artefact; `None`: the pending frames of the project.
+    /// Opens the artefact. `None` means the pending frames of the project.
     pub(super) fn open(&self) -> anyhow::Result<Option<Artefact>> {
         self.from.as_deref().map(Artefact::open).transpose()
     }

@@ -1,4 +1,4 @@
-//! Arguments of a call as words: numbers, derivatives, and one range that is swept.
+//! The arguments that a call gets from the command line: numbers, derivatives, and one range to sweep.
 
 use anyhow::{Context, anyhow, bail, ensure};
 use karat::unstable::diagnostic::nearest;
@@ -7,30 +7,27 @@ use karat::unstable::reflect::Function;
 use karat::unstable::value::{Scalar, Shape};
 use karat_suite::hexadecimal;
 
-/// The most points of a sweep.
 const MOST_POINTS: u32 = 1 << 22;
 
-/// The arguments of the command line.
 pub(super) struct Given {
-    /// The lanes of all arguments in order, each with its derivatives if it has some.
+    /// The 32-bit lanes of all arguments in order. The derivatives of an argument follow its value.
     pub(super) lanes: Vec<u32>,
     /// For each argument, `true` if it has derivatives.
     pub(super) varying: Vec<bool>,
     pub(super) sweep: Option<Sweep>,
 }
 
-/// A component that takes several values in turn.
+/// A component that gets several values, one after the other.
 pub(super) struct Sweep {
-    /// The index of the component among the lanes.
+    /// The index of the component's lane.
     pub(super) lane: usize,
-    /// The values in order.
     pub(super) values: Vec<u32>,
 }
 
 impl Given {
-    /// Reads the arguments of a function: each `0.5`, `1,0,0`, `0..1:100` (a sweep), JSON or, of functions
-    /// that take derivatives, `0.5@0.1@0` (its value, and how it changes to the right and downwards). Each
-    /// may have its parameter's name in front: `x=0.5`.
+    /// Reads the arguments of a function. An argument is `0.5`, `1,0,0`, `0..1:100` (a sweep) or JSON. If the function
+    /// uses derivatives, an argument may be `0.5@0.1@0`: the value, its change to the right, and its change downwards.
+    /// The name of the parameter may stand in front: `x=0.5`.
     pub(super) fn read(function: &Function, arguments: &[String]) -> anyhow::Result<Self> {
         let ordered = ordered(function, arguments)?;
         let mut given = Self { lanes: Vec::new(), varying: Vec::new(), sweep: None };
@@ -87,12 +84,12 @@ impl Given {
     }
 }
 
-/// Returns `true` if an argument is written as JSON, as a structure or a list.
+/// Checks if an argument is a structure or list in JSON.
 fn is_json(text: &str) -> bool {
     text.trim_start().starts_with(['{', '['])
 }
 
-/// The arguments in the order of the parameters.
+/// Returns the arguments in the order of the parameters.
 fn ordered<'a>(function: &Function, arguments: &'a [String]) -> anyhow::Result<Vec<&'a str>> {
     let parameters = &function.parameters;
     let mut found: Vec<Option<&str>> = vec![None; parameters.len()];
@@ -136,7 +133,7 @@ fn ordered<'a>(function: &Function, arguments: &'a [String]) -> anyhow::Result<V
     Ok(found.into_iter().flatten().collect())
 }
 
-/// A value of a type in JSON: `{"roughness": 0, "f0": [0, 0, 0]}`.
+/// Returns a value of a type in JSON: `{"roughness": 0, "f0": [0, 0, 0]}`.
 fn example(shape: &Shape) -> String {
     let list = |one: String, count: usize| format!("[{}]", vec![one; count].join(", "));
     match shape {
@@ -156,7 +153,7 @@ fn example(shape: &Shape) -> String {
     }
 }
 
-/// The values of `least..most:count`.
+/// Returns the values of `least..most:count`.
 fn swept(scalar: Scalar, least: &str, rest: &str) -> anyhow::Result<Vec<u32>> {
     let (most, count) = rest
         .split_once(':')
@@ -198,8 +195,9 @@ fn swept(scalar: Scalar, least: &str, rest: &str) -> anyhow::Result<Vec<u32>> {
     Ok((0..count).map(value).collect())
 }
 
-/// A scalar's lane. Decimals are rounded to the nearest f32, which the shortest decimals of that
-/// f32 name exactly; hexadecimal floats (`0x1.8p-3`) are exact, or refused.
+/// Parses a scalar, and returns its lane. A decimal number is rounded to the nearest f32. The shortest decimal that
+/// denotes an f32 exactly is read back as that f32. A hexadecimal float (`0x1.8p-3`) that isn't exactly an f32 is an
+/// error.
 pub(super) fn parse(word: &str, scalar: Scalar) -> anyhow::Result<u32> {
     let word = word.trim();
     let bad = || format!("`{word}` isn't a value of type {}", scalar.wgsl());

@@ -1,4 +1,4 @@
-//! A page of all files. A click on a line shows the tests that run it.
+//! An HTML page of all files. A click on a line shows the tests that run it.
 
 use std::path::Path;
 
@@ -8,7 +8,7 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use super::union::{File, Line, Sum, Union, word};
 
-/// The most tests that a line shows.
+/// The largest number of tests that the page lists for a line.
 const SHOWN: usize = 20;
 
 pub(super) fn page(union: &Union) -> anyhow::Result<String> {
