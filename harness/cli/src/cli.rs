@@ -123,9 +123,9 @@ enum Command {
     /// Watches files, and runs the tests that an edit affects
     #[command(after_help = "Examples:\n  karat watch\n  karat watch my/shaders\n  \
                             karat watch shaders fresnel --paths cpu\n\
-                            Tests without Rust (functions with `@test`, `*.test.toml`), and in a Cargo project \
-                            its Rust tests, too.\nAn edit of shaders runs the tests that it affects; an edit of \
-                            comments runs none. Only an edit of Rust builds.\nWithout a terminal it prints lines.\n\
+                            It runs tests without Rust (functions with `@test`, `*.test.toml`), and in a Cargo project \
+                            also the Rust tests.\nAn edit of a shader runs the tests that depend on the edited code; an edit of \
+                            comments runs none. Only an edit of Rust starts a build.\nIf the output isn't a terminal, it prints lines.\n\
                             Keys: r runs all, f filters by name, n shows the next failure, arrow and page keys scroll, a accepts frames,\no opens the report, q quits.")]
     Watch(watch::Args),
     /// Serves an editor (LSP): shows invalid modules, failing tests, and a lens beside each function
@@ -133,7 +133,7 @@ enum Command {
         after_help = "An editor starts the server: docs/editors.md has the settings for VS Code, Helix, Zed and Neovim.\n\
                             It shows invalid modules as you type, and failures of the last `karat test`. After each\n\
                             save it runs the tests without Rust. It hides verdicts of files that have changed\n\
-                            since. A lens beside each function has its worst error, and\n\
+                            since. A lens beside each function shows the function's worst error, and\n\
                             runs its tests. Without a server, `karat test --short` has a line for each failure.\n\
                             Exit codes: 0 the editor asked the server to shut down; 1 the editor ended without asking."
     )]
@@ -151,7 +151,7 @@ enum Command {
     #[command(after_help = "Examples:\n  karat replay          the only failure\n  \
                             karat replay 3f2a     the failure of this name in `karat test`\n  \
                             karat replay 3f2a --print    the whole command, for a debugger or CI\n\
-                            It runs the simplest failing case that was found, on the first path that fails.\n\
+                            It runs the simplest failing case that Karat found, on the first path that failed.\n\
                             Exit codes: 0 the case passes now; 1 it fails; 2 it can't be run; 3 there is no such failure.")]
     Replay(replay::Args),
     /// Runs your own test command, and records the verdicts of its checks
@@ -172,7 +172,7 @@ enum Command {
     Report(report::Args),
     /// Validates every module and entry point of the shader packages, and runs no test
     #[command(after_help = "Examples:\n  karat check\n  karat check --shaders shaders\n\
-                            `karat test` also validates. If a module is valid only with features, \
+                            `karat test` also validates. If a module needs features to be valid, \
                             declare them in Cargo.toml:\n  [package.metadata.karat.features]\n  \
                             \"debug::overlay\" = [\"DEBUG\"]\n\
                             Exit codes: 0 all modules are valid; 1 a module is invalid; 2 a package can't be \
@@ -228,7 +228,7 @@ enum Command {
     #[command(
         after_help = "Examples:\n  karat compare HEAD\n  karat compare HEAD my/shaders\n  karat compare main --only fresnel\n  \
                             karat compare ../old/shaders --paths cpu,vulkan\n\
-                            Karat generates arguments from their types, and three in four from the range that their names suggest.\n\
+                            Karat generates arguments: three in four lie in the range that the parameter's name suggests.\n\
                             It skips functions that differ only in comments and blanks, and compares results bit by bit.\n\
                             Exit codes: 0 no change, or only new functions; 1 a result, a signature or an interface changed, a \
                             function\nis gone, or something can't be compared; 2 the revision can't be read."
@@ -323,7 +323,7 @@ enum Command {
                             karat_gallery::Gallery and named in `metadata.karat`\nof Cargo.toml. Fails if \
                             a frame can't be rendered or has values that are not finite.")]
     Render(karat_gallery::RenderArguments),
-    /// Shows a value of a frame's fragment functions on every pixel, as a picture and in numbers
+    /// Shows a value of a frame's fragment functions on every pixel, as an image and in numbers
     #[command(after_help = tap::EXAMPLES)]
     Tap(tap::Args),
     /// Shows, step by step, how a frame gets the value of one pixel
@@ -540,7 +540,7 @@ fn spare<'a>(
         // A missing input isn't the output. Reading the input later reports that it is missing.
         if same_file::is_same_file(output, input).unwrap_or(false) {
             bail!(
-                "the {what} `{}` would overwrite `{}`, which is read: name another file",
+                "the {what} `{}` would overwrite `{}`, which the command reads: name another file",
                 output.display(),
                 input.display()
             );

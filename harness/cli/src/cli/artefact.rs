@@ -42,7 +42,7 @@ impl Artefact {
         if !path.exists() {
             return Err(NotThere(format!("there is no folder or zip `{shown}`")).into());
         }
-        let unpacked = tempfile::tempdir().context("there is no room for temporary files")?;
+        let unpacked = tempfile::tempdir().context("can't make a temporary folder")?;
         let contents =
             unpack(path, unpacked.path()).with_context(|| format!("can't use `{shown}`"))?;
         contents.expect_run(path)?;
@@ -72,7 +72,7 @@ fn waits(name: &str) -> bool {
     WAITING.iter().any(|ending| name.ends_with(ending))
 }
 
-/// The evidence that a folder or zip comes from a run.
+/// The signs that a folder or zip comes from a run.
 #[derive(Debug, Default)]
 struct Contents {
     /// `true` if it contains a pending frame or a record.
@@ -116,7 +116,7 @@ impl Contents {
         if self.of_run {
             return Ok(());
         }
-        let inner = self.zip.as_ref().map(|zip| format!("; perhaps `{zip}` in it is one"));
+        let inner = self.zip.as_ref().map(|zip| format!("; perhaps you mean `{zip}` in it"));
         Err(NotThere(format!(
             "`{}` isn't what a run left: it has no frame (`*.new.exr`), no values (`*.new.csv`) \
              and no record (`record/*.jsonl`, `run.json`); name what CI uploaded of `target/karat`, a folder or \
@@ -133,7 +133,7 @@ fn unpack(path: &Path, folder: &Path) -> anyhow::Result<Contents> {
     // one.
     ensure!(!archive.has_duplicate_names(), "two of its entries have the same name");
     let entries = archive.len();
-    ensure!(entries <= MOST_ENTRIES, "it has {entries} entries, at most {MOST_ENTRIES} are read");
+    ensure!(entries <= MOST_ENTRIES, "it has {entries} entries; the limit is {MOST_ENTRIES}");
     let (mut contents, mut frames, mut bytes) = (Contents::default(), 0, 0);
     for index in 0..entries {
         let entry = archive.by_index(index).context("an entry can't be read")?;
@@ -141,7 +141,7 @@ fn unpack(path: &Path, folder: &Path) -> anyhow::Result<Contents> {
         // The crate `zip` makes `/etc/x` relative. That is safe, but an honest zip has no such entry.
         let relative = entry.enclosed_name().filter(|_| !name.starts_with(['/', '\\']));
         let Some(relative) = relative else {
-            bail!("its entry `{name}` would lie outside of the folder it is unpacked into");
+            bail!("its entry `{name}` would be unpacked outside of its folder");
         };
         if !entry.is_file() {
             continue;
@@ -170,15 +170,18 @@ fn unpack(path: &Path, folder: &Path) -> anyhow::Result<Contents> {
 
 fn place(folder: &Path, relative: &Path, content: &[u8]) -> anyhow::Result<()> {
     let place = folder.join(relative);
-    ensure!(!place.is_dir(), "other entries lie in a folder of that name");
+    ensure!(!place.is_dir(), "the zip has a file and a folder of that name");
     if let Some(file) = relative.ancestors().skip(1).find(|above| folder.join(above).is_file()) {
-        bail!("`{}` is an entry, too, and no folder", file.display().to_string().escape_debug());
+        bail!(
+            "`{}` is both a file and a folder in the zip",
+            file.display().to_string().escape_debug()
+        );
     }
     std::fs::create_dir_all(place.parent().unwrap_or(folder))?;
     // Two names may mean the same file: `a/b` and `a/./b`, or names that differ only in capitals.
     let mut file = match File::create_new(&place) {
         Err(error) if error.kind() == ErrorKind::AlreadyExists => {
-            bail!("another entry is the same file")
+            bail!("another entry has the same path")
         }
         created => created?,
     };

@@ -52,7 +52,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if let Some(file) = &args.relay {
         return relay(file, out);
     }
-    let http = Http::bind(args.port, false).context("the page can't be served")?;
+    let http = Http::bind(args.port, false).context("can't serve the page")?;
     let desk = Arc::new(Desk {
         door: Door::new(&http)?,
         turn: Mutex::default(),
@@ -65,7 +65,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if args.open
         && let Err(error) = open::that_detached(desk.door.url())
     {
-        tell(&format!("no browser opens ({error}); open the URL yourself"));
+        tell(&format!("can't open a browser ({error}); open the URL yourself"));
     }
     let serving = Arc::clone(&desk);
     std::thread::spawn(move || http.run(move |request| serving.answer(request)));
@@ -75,13 +75,13 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     ensure!(
         is_greeted,
-        "no browser opened the page within {} s: open it, or say how long to wait by --wait",
+        "no browser opened the page within {} s: open it sooner, or wait longer with --wait SECONDS",
         args.wait
     );
-    let scratch = tempfile::tempdir().context("no temporary folder")?;
+    let scratch = tempfile::tempdir().context("can't make a temporary folder")?;
     let file = scratch.path().join("page");
     let listener =
-        TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).context("the jobs can't be handed on")?;
+        TcpListener::bind((Ipv4Addr::LOCALHOST, 0)).context("can't open a port for the jobs")?;
     std::fs::write(&file, format!("{} {}", listener.local_addr()?.port(), desk.door.token()))?;
     let relaying = Arc::clone(&desk);
     std::thread::spawn(move || {
@@ -90,7 +90,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             std::thread::spawn(move || drop(desk.relay(&stream)));
         }
     });
-    let program = std::env::current_exe().context("this program isn't where it was")?;
+    let program = std::env::current_exe().context("can't find this program's own file")?;
     let relay = format!("{} browser --relay {}", program.display(), file.display());
     ensure!(
         relay.split_whitespace().count() == 4 && !relay.contains(';'),
@@ -118,7 +118,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
 /// Runs as a program of `KARAT_EXECUTORS`: passes each job on, and prints the reply.
 fn relay(file: &Path, out: &mut dyn Write) -> Outcome {
     let told = std::fs::read_to_string(file).context("`karat browser` has ended")?;
-    let (port, token) = told.split_once(' ').context("the file says neither port nor secret")?;
+    let (port, token) = told.split_once(' ').context("the file has no port and secret")?;
     let mut stream = TcpStream::connect((Ipv4Addr::LOCALHOST, port.parse()?))
         .context("`karat browser` has ended")?;
     writeln!(stream, "{token}")?;
@@ -214,9 +214,11 @@ impl Desk {
             ("POST", "next") => match request.body(LONGEST) {
                 Some(Ok(body)) => match serde_json::from_str(&body) {
                     Ok(said) => self.next(said),
-                    Err(error) => Answer::text(400, &format!("this is no answer: {error}")),
+                    Err(error) => {
+                        Answer::text(400, &format!("can't read the page's reply: {error}"))
+                    }
                 },
-                _ => Answer::text(400, "the answer can't be read"),
+                _ => Answer::text(400, "can't read the page's reply"),
             },
             _ => Answer::text(404, "there is nothing here"),
         }
@@ -247,13 +249,13 @@ impl Desk {
             (false, Some(_)) => {
                 return Answer::text(
                     409,
-                    "Another page runs the tests. Close that one, and load this one again.",
+                    "Another page runs the tests. Close the other page, and reload this page.",
                 );
             }
             (false, None) => {
                 return Answer::text(
                     409,
-                    "Another page runs the tests, or has run them: load this one again.",
+                    "Another page runs the tests, or has run them. Reload this page.",
                 );
             }
         }
@@ -312,11 +314,11 @@ impl Desk {
                 Some((_, seen)) => !state.is_taken && seen.elapsed() > GONE,
             };
             if !is_open(asking) {
-                return Err("nothing waits for the answer");
+                return Err("the program that sent the job no longer waits");
             }
             if is_gone {
                 state.waiting = None;
-                return Err("the page was closed, or answers no more: run `karat browser` again");
+                return Err("the page was closed, or no longer answers: run `karat browser` again");
             }
             let waited = self.changed.wait_timeout(state, POLL);
             state = waited.unwrap_or_else(PoisonError::into_inner).0;

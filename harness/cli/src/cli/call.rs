@@ -112,7 +112,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     ensure!(
         args.dispatch.is_none() || probed.function().stage() == Some(Stage::Compute),
-        "`{}` is no compute entry point: leave --dispatch out",
+        "`{}` isn't a compute entry point: remove --dispatch",
         args.function
     );
     let made_up = match args.arbitrary {
@@ -142,7 +142,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             overrides.iter().fold(compute, |all, (name, value)| all.with_override(name, *value));
         ensure!(
             args.invocation.is_none() || args.trace || args.html.is_some(),
-            "--invocation says whose steps are shown: add --trace, or --html FILE"
+            "--invocation selects the steps to show: add --trace, or --html FILE"
         );
         let compute = compute.dispatch(&args.function, groups);
         let invocation = args.invocation.unwrap_or_default();
@@ -154,14 +154,14 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         let ending = dispatch::run(&compute, &paths, out)?;
         if args.trace {
             let [x, y, z] = invocation;
-            write!(out, "\n{DIM}what invocation ({x}, {y}, {z}) computes:{DIM:#}")?;
+            write!(out, "\n{DIM}steps of invocation ({x}, {y}, {z}):{DIM:#}")?;
         }
         args.show_steps(&args.function, &|| Ok(steps.clone()), out)?;
         return Ok(ending);
     }
     if let Some(Some(plot)) = &args.plot {
         let svg = plot.extension().is_some_and(|end| end.eq_ignore_ascii_case("svg"));
-        ensure!(svg, "a plot is an SVG: --plot={}", plot.with_extension("svg").display());
+        ensure!(svg, "a plot must be an SVG: --plot={}", plot.with_extension("svg").display());
     }
     let tolerance = match &args.tolerance {
         Some(text) => Some(karat_suite::tolerance(text).map_err(|error| anyhow!(error))?),
@@ -189,7 +189,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if given.varying.contains(&true) {
         ensure!(
             probed.takes_derivatives(),
-            "`{}` takes no derivatives: leave out what is behind `@`",
+            "`{}` uses no derivatives: remove `@` and the numbers behind it",
             args.function
         );
         probed = probed.with_quads(&given.varying);
@@ -239,7 +239,7 @@ fn paths(probed: &Probed, fixtures: &Fixtures, names: &[String]) -> anyhow::Resu
     if names.is_empty() {
         paths.push(Path::CPU);
     }
-    ensure!(!paths.is_empty(), "no execution path opens; `karat doctor` tells why");
+    ensure!(!paths.is_empty(), "no execution path opens; `karat doctor` gives the reasons");
     if named.trim() != "all" {
         return Ok(paths);
     }
@@ -273,10 +273,10 @@ fn write_made_up(
     let members =
         made_up.members.iter().filter(|(path, _)| !bound(path.split('.').next().unwrap_or(path)));
     for (name, value) in made_up.arguments(function).iter().chain(members) {
-        writeln!(out, "{DIM}made up: {name} = {value}{DIM:#}")?;
+        writeln!(out, "{DIM}generated: {name} = {value}{DIM:#}")?;
     }
     for line in made_up.drawn.lines(usize::MAX) {
-        writeln!(out, "{DIM}drawn {line}{DIM:#}")?;
+        writeln!(out, "{DIM}generated {line}{DIM:#}")?;
     }
     Ok(())
 }
@@ -309,11 +309,11 @@ fn single(request: &Request<'_>, lanes: &[u32], args: &Args, out: &mut dyn Write
     let function = probed.function();
     writeln!(out, "{DIM}{function}{DIM:#}")?;
     if function.stage() == Some(Stage::Compute) {
-        writeln!(out, "{DIM}one invocation alone; --dispatch X,Y,Z runs workgroups{DIM:#}")?;
+        writeln!(out, "{DIM}this is one invocation; --dispatch X,Y,Z runs workgroups{DIM:#}")?;
     }
     let given = cases::results(request, &[lanes.to_vec()])?;
     for (path, results) in &given.results {
-        let result = results.first().context("the probe returned nothing")?;
+        let result = results.first().context("the path returned no result")?;
         write!(out, "{HEAD}{path:<8}{HEAD:#} {}", function.result.format(result))?;
         let hexadecimal: Vec<String> = result
             .iter()
@@ -337,7 +337,10 @@ fn single(request: &Request<'_>, lanes: &[u32], args: &Args, out: &mut dyn Write
 
 /// Evaluates a sweep, and prints the results as a table or as a curve.
 fn sweep(request: &Request<'_>, given: &Given, args: &Args, out: &mut dyn Write) -> Outcome {
-    ensure!(!args.trace && args.html.is_none(), "a trace is of one call: leave out the sweep");
+    ensure!(
+        !args.trace && args.html.is_none(),
+        "--trace and --html show one call: remove the sweep"
+    );
     let Some(sweep) = &given.sweep else { return Ok(Ending::Good) };
     let row = |value: &u32| {
         let mut lanes = given.lanes.clone();

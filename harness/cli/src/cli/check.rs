@@ -17,7 +17,7 @@ use super::{Ending, Outcome, PlaceArgs};
 
 #[derive(clap::Args)]
 pub(super) struct Args {
-    /// Fails unless this compiler also accepts each module, even where karat.toml doesn't ask for it
+    /// Fails unless this compiler also accepts each module, even if karat.toml doesn't require that compiler
     #[arg(long, value_name = "COMPILER")]
     require: Option<Compiler>,
     #[command(flatten)]
@@ -48,7 +48,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let style = if good { GOOD } else { BAD };
     let packages = counted(found.len(), "package");
     let are = match (valid, broken.len()) {
-        (false, _) => "looked at, and not all valid".to_owned(),
+        (false, _) => "checked, and not all are valid".to_owned(),
         (true, 0) => "valid".to_owned(),
         (true, errors) => format!("valid, with {} in files of tests", counted(errors, "error")),
     };

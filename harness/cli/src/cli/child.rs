@@ -27,7 +27,6 @@ pub(super) fn verdict(line: &str) -> Option<(&str, &str)> {
     Some((name.strip_suffix(" - should panic").unwrap_or(name), word))
 }
 
-///
 /// Runs a program, and calls `line` with each line of its standard output.
 ///
 /// Without a terminal, standard error passes through this process, too. Otherwise a closed pipe would end the program

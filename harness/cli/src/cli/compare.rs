@@ -55,7 +55,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let mut all: Vec<Compared> = Vec::new();
     for after in &packages {
         // The folder must exist while Karat reads its package.
-        let folder = tempfile::tempdir().context("no temporary folder")?;
+        let folder = tempfile::tempdir().context("can't make a temporary folder")?;
         let before = match Path::new(&args.before) {
             path if path.exists() => Package::open(path)?,
             _ => Package::open(&shaders_at(&args.before, &after.root(), folder.path())?)?,
@@ -153,7 +153,10 @@ fn write_one(
             match one.dispatched {
                 Some([x, y, z]) => {
                     let of = "invocations";
-                    writeln!(out, "    {DIM}{cases} words of {x} x {y} x {z} {of}{DIM:#}")?;
+                    writeln!(
+                        out,
+                        "    {DIM}{cases} 32-bit words from {x} x {y} x {z} {of}{DIM:#}"
+                    )?;
                 }
                 None => writeln!(out, "    {DIM}{cases} inputs{DIM:#}")?,
             }
@@ -176,18 +179,18 @@ fn write_one(
         other => writeln!(out, "{function}: {other:?}")?,
     }
     for line in drawn.lines(usize::MAX) {
-        writeln!(out, "    {DIM}drawn {line}{DIM:#}")?;
+        writeln!(out, "    {DIM}generated {line}{DIM:#}")?;
     }
     if one.cut > 0 {
         let left = counted(one.cut, "input");
-        writeln!(out, "    {DIM}{left} not run: they are too much work{DIM:#}")?;
+        writeln!(out, "    {DIM}{left} not run: too much work{DIM:#}")?;
     }
     for Uncovered { place, text, missed } in &one.uncovered {
         let what = match missed {
-            Missed::Line => "no input came to",
-            Missed::True => "no input made it true:",
-            Missed::False => "each input made it true:",
-            Missed::Unmeasured => "it isn't known which lines inputs come to:",
+            Missed::Line => "no input reaches",
+            Missed::True => "no input makes the condition true:",
+            Missed::False => "every input makes the condition true:",
+            Missed::Unmeasured => "Karat doesn't know if an input reaches this line:",
         };
         writeln!(out, "    {KNOWN}{what}{KNOWN:#} {place}: {text}")?;
     }
@@ -236,7 +239,7 @@ fn write_sum(all: &[Compared], out: &mut dyn Write) -> anyhow::Result<()> {
         }
     }
     if moved > 0 {
-        write!(out, "{moved} with another interface, ")?;
+        write!(out, "{moved} with a changed interface, ")?;
     }
     if brought > 0 {
         write!(out, "{}, ", counted(brought, "new violation"))?;
@@ -250,10 +253,10 @@ fn write_sum(all: &[Compared], out: &mut dyn Write) -> anyhow::Result<()> {
     write!(out, "{same} edited with the same results, {quiet} untouched")?;
     if !uncovered.is_empty() {
         let lines = counted(uncovered.len(), "line");
-        write!(out, "; inputs say nothing of {lines} of the edits")?;
+        write!(out, "; no input reaches {lines} of the edits")?;
     }
     if cut > 0 {
-        write!(out, "; {} not run: they are too much work", counted(cut, "input"))?;
+        write!(out, "; {} not run: too much work", counted(cut, "input"))?;
     }
     writeln!(out)?;
     Ok(())
@@ -281,7 +284,7 @@ fn write_path(change: &PathChange, dispatched: bool, out: &mut dyn Write) -> any
     let arguments: Vec<String> = shown.chain(more).collect();
     let at =
         if arguments.is_empty() { String::new() } else { format!("at {}: ", arguments.join("; ")) };
-    let what = if dispatched { "words" } else { "results" };
+    let what = if dispatched { "32-bit words" } else { "results" };
     writeln!(out, "    {path}: {} of {} {what} changed{by}", cases.0, cases.1)?;
     writeln!(out, "    {at}{before} -> {after}")?;
     for WordChange { before, after, .. } in words.iter().skip(1) {

@@ -64,7 +64,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let is_engine = |path: &karat::Path| path.api() == karat::unstable::path::Api::Cpu;
     ensure!(
         paths.iter().any(is_engine),
-        "`cpu` alone counts what runs, and `{}` isn't it: nothing would be measured",
+        "only the path `cpu` counts lines, and `{}` isn't that path: nothing would be counted",
         args.paths
     );
     let project = Project::find()?;
@@ -76,11 +76,11 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             changed.extend(lines_since(revision, &package.root())?);
         }
     }
-    let folder = tempfile::tempdir().context("no temporary folder")?;
+    let folder = tempfile::tempdir().context("can't make a temporary folder")?;
     let only_engine = paths.iter().all(is_engine);
     let (passed, folder) = tests(args, folder, only_engine)?;
-    let ran = Ran::all(folder.path()).context("what the tests ran can't be read")?;
-    ensure!(!ran.is_empty(), "no test ran anything on `cpu`: nothing was counted");
+    let ran = Ran::all(folder.path()).context("can't read the counts of the tests")?;
+    ensure!(!ran.is_empty(), "no test ran a shader on `cpu`, so nothing was counted");
     let used = ran.iter().flat_map(|ran| &ran.statements).map(|one| one.file.as_path());
     let used: BTreeSet<_> = used.collect();
     if args.place.package().package.is_none() {
@@ -148,11 +148,11 @@ fn parts(
     let mut parts = vec![format!("{sum} by {}", counted(tests, "test"))];
     if sum.weak > 0 {
         let lines = counted(sum.weak, "line");
-        parts.push(format!("no test looks at the value of {lines}"));
+        parts.push(format!("no test checks the value of {lines}"));
     }
     if sum.unmeasured > 0 {
         let lines = counted(sum.unmeasured, "line");
-        parts.push(format!("{lines} not measured: frames and drivers alone run them"));
+        parts.push(format!("{lines} not measured: only frames and drivers run them"));
     }
     if !invalid.is_empty() {
         let invalid: Vec<&str> = invalid.iter().map(String::as_str).collect();
@@ -160,16 +160,16 @@ fn parts(
         parts.push(format!("{} not valid: {named}", counted(invalid.len(), "module")));
     }
     if !passed {
-        parts.push("tests failed, see above: what they ran after that isn't counted".to_owned());
+        parts.push("tests failed, see above: what they ran afterwards isn't counted".to_owned());
     }
-    parts.extend(short.map(|least| format!("{least}% of the lines are asked for")));
+    parts.extend(short.map(|least| format!("the options require {least}% of the lines")));
     parts
 }
 
 /// Runs the tests, and checks if they passed. Their output goes to standard error, so that standard output has only the
 /// results of this command.
 fn tests(args: &Args, folder: TempDir, only_engine: bool) -> anyhow::Result<(bool, TempDir)> {
-    let program = std::env::current_exe().context("this program isn't where it was")?;
+    let program = std::env::current_exe().context("can't find this program's own file")?;
     let mut command = Command::new(program);
     let place = args.place.package();
     command.arg("test").args(&place.package).args(&args.tests);
@@ -183,7 +183,7 @@ fn tests(args: &Args, folder: TempDir, only_engine: bool) -> anyhow::Result<(boo
     }
     command.envs(only_engine.then_some(("KARAT_FRAMES", "off")));
     let (status, folder) =
-        child::status_over(&mut command, folder).context("the tests can't be run")?;
+        child::status_over(&mut command, folder).context("can't run the tests")?;
     match status.code() {
         Some(0) => Ok((true, folder)),
         Some(1) => Ok((false, folder)),
@@ -248,7 +248,7 @@ fn write_variants(union: &Union, out: &mut dyn Write) -> std::io::Result<()> {
     if variants.len() < 2 {
         return Ok(());
     }
-    let mut table = Table::new(&["variant", "lines run", "by it alone"], &[1, 2]);
+    let mut table = Table::new(&["variant", "lines run", "only by it"], &[1, 2]);
     for (variant, lines, alone) in variants {
         let name = if variant.is_empty() { "no feature" } else { variant };
         table.row(DIM, vec![name.to_owned(), lines.to_string(), alone.to_string()]);

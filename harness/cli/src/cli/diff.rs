@@ -29,7 +29,7 @@ Examples:
 
 The first image is the expected one. Karat makes a PNG linear before it compares. The bounds are
 those of frames: each channel within 1e-3 (the gate), or else every 16 x 16 tile at most 0.01 under
-HDR-FLIP and the mean at most 0.005. With --rel alone, only the gate counts. FLIP uses the
+HDR-FLIP and the mean at most 0.005. If only --rel is given, only the gate counts. FLIP uses the
 exposures in the first image's golden, or else exposures that suit the first image. For two PNGs
 Karat also prints LDR-FLIP, the number of other FLIP tools; no bound applies to it.
 Karat compares the stored values, whatever primaries the chromaticities name; a note says if the
@@ -90,7 +90,9 @@ fn relative(text: &str) -> Result<f64, String> {
     #[expect(clippy::cast_possible_truncation, reason = "a bound is no larger than a float can be")]
     let float = bound as f32;
     if float == 0.0 && bound != 0.0 {
-        return Err("it is smaller than the smallest float: say 0, or at least 1e-45".to_owned());
+        return Err(
+            "the bound is smaller than the smallest float: write 0, or at least 1e-45".to_owned()
+        );
     }
     Ok(bound)
 }
@@ -144,7 +146,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         message::write(&comparison, out)?;
     }
     if args.heatmap.is_some() && comparison.heatmap.is_none() {
-        super::complain("there is no heatmap of images that can't be compared pixel by pixel");
+        super::complain("no heatmap is written: the images can't be compared pixel by pixel");
     }
     Ok(if comparison.passes() { Ending::Good } else { Ending::Bad })
 }

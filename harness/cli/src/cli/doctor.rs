@@ -304,7 +304,9 @@ fn write_text(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
 /// Returns how to get a path on this platform.
 fn remedy(path: Path) -> &'static str {
     match path.via() {
-        _ if path.api() == Api::Cpu => return "there are `cpu`, `cpu:fma` and `cpu:ftz`",
+        _ if path.api() == Api::Cpu => {
+            return "the engine's paths are `cpu`, `cpu:fma` and `cpu:ftz`";
+        }
         _ if path.api() == Api::Process => {
             return "the guide's chapter on paths says what such a program does";
         }
@@ -314,7 +316,7 @@ fn remedy(path: Path) -> &'static str {
         Via::HlslDxc if path.api() == Api::Vulkan => {
             return "install dxc, from GitHub (microsoft/DirectXShaderCompiler) or Vulkan's SDK";
         }
-        Via::Glsl | Via::Hlsl | Via::HlslDxc => return "nothing provides it yet",
+        Via::Glsl | Via::Hlsl | Via::HlslDxc => return "no program provides this path yet",
         _ => {}
     }
     let usual = Path::ALL.into_iter().find(|usual| usual.api() == path.api());
@@ -329,9 +331,9 @@ fn remedy(path: Path) -> &'static str {
              Fedora: mesa-libEGL mesa-dri-drivers; Arch: mesa)"
         }
         Path::VULKAN | Path::GL => "install the driver of your GPU's vendor",
-        Path::METAL => "Metal is part of macOS, and of nothing else",
-        Path::DX12 => "Direct3D 12 is part of Windows, and of nothing else",
-        _ => "this path has no known source",
+        Path::METAL => "only macOS has Metal",
+        Path::DX12 => "only Windows has Direct3D 12",
+        _ => "Karat doesn't know how to get this path",
     }
 }
 

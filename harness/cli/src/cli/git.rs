@@ -16,7 +16,7 @@ pub(super) fn git(folder: &Path, arguments: &[&str]) -> anyhow::Result<Vec<u8>> 
     command.current_dir(folder);
     command.args(["-c", "core.quotePath=false", "-c", "diff.relative=false"]).args(arguments);
     let output = process::output(&mut command, process::LOOK_UP, u64::MAX);
-    let output = output.context("git gives no answer")?;
+    let output = output.context("can't run git")?;
     if !output.status.success() {
         let said = String::from_utf8_lossy(&output.stderr);
         match said.trim() {
@@ -37,7 +37,7 @@ pub(super) fn lines_since(
     let git = |arguments: &[&str]| -> anyhow::Result<String> {
         Ok(String::from_utf8_lossy(&git(around, arguments)?).into_owned())
     };
-    ensure!(!revision.starts_with('-'), "`{revision}` is no revision");
+    ensure!(!revision.starts_with('-'), "`{revision}` isn't a revision");
     let root = PathBuf::from(git(&["rev-parse", "--show-toplevel"])?.trim_end_matches('\n'));
     let mut all: BTreeMap<PathBuf, Vec<RangeInclusive<usize>>> = BTreeMap::new();
     let place = |name: &str| {
@@ -102,7 +102,8 @@ pub(super) fn shaders_at(revision: &str, root: &Path, folder: &Path) -> anyhow::
     for name in names.filter(|name| is_shader(name)) {
         let bytes = git(&["show", &format!("{revision}:./{name}")])?;
         let to = folder.join(name);
-        std::fs::create_dir_all(to.parent().unwrap_or(folder)).context("no temporary folder")?;
+        std::fs::create_dir_all(to.parent().unwrap_or(folder))
+            .context("can't make a temporary folder")?;
         std::fs::write(&to, bytes).with_context(|| format!("can't write `{}`", to.display()))?;
         count += 1;
     }

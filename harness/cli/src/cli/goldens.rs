@@ -44,7 +44,7 @@ impl FolderArgs {
         let others: Vec<String> = others.map(|other| shown(other)).collect();
         anyhow::ensure!(folder.is_dir(), "{}", absent(&folder, &others));
         for other in others.iter().filter(|other| has_pending(other)) {
-            tell(&format!("note: frames of `{other}` wait, too: name it with --goldens"));
+            tell(&format!("note: `{other}` has pending frames, too: name it with --goldens"));
         }
         Ok(folder)
     }
@@ -66,7 +66,7 @@ impl FolderArgs {
         }
         for other in all.iter().skip(1) {
             let other = shown(&other.folder());
-            tell(&format!("note: frames of `{other}` wait, too: name it with --goldens"));
+            tell(&format!("note: `{other}` has pending frames, too: name it with --goldens"));
         }
         Ok(all.into_iter().next().unwrap_or_else(|| Goldens::open(&project.golden())))
     }
@@ -80,7 +80,7 @@ fn absent(folder: &Path, others: &[String]) -> String {
     };
     let folder = folder.display();
     format!(
-        "there is no folder `{folder}`: no frame was drawn yet, or its golden is elsewhere: name the folder of goldens with \
+        "there is no folder `{folder}`: Karat hasn't drawn a frame yet, or the goldens are in another folder: name that folder with \
          --goldens DIR{others}"
     )
 }
@@ -103,7 +103,7 @@ impl CiArgs {
     pub(super) fn check(&self, what: &str) -> anyhow::Result<()> {
         anyhow::ensure!(
             self.ci_may_write || !karat::unstable::golden::in_ci(),
-            "`CI` is set, and CI writes nothing into your sources: {what} on your own machine, or say \
+            "`CI` is set, and Karat writes nothing into your sources in CI: {what} on your own machine, or add \
              --ci-may-write"
         );
         Ok(())

@@ -270,7 +270,7 @@ const NAMES: usize = 12;
 /// Prints the ranges that arguments were generated from.
 fn write_drawn(drawn: &Drawn, all: bool, out: &mut dyn Write) -> anyhow::Result<()> {
     for line in drawn.lines(if all { usize::MAX } else { NAMES }) {
-        writeln!(out, "{DIM}drawn {line}{DIM:#}")?;
+        writeln!(out, "{DIM}generated {line}{DIM:#}")?;
     }
     Ok(())
 }

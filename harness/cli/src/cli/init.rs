@@ -188,7 +188,7 @@ fn run_tests(folder: &Path, out: &mut dyn Write) -> anyhow::Result<bool> {
 }
 
 fn this() -> anyhow::Result<Command> {
-    Ok(Command::new(std::env::current_exe().context("this program isn't where it was")?))
+    Ok(Command::new(std::env::current_exe().context("can't find this program's own file")?))
 }
 
 /// Writes a test of one function beside its module, or of a compute pass if there is no function. It prefers a

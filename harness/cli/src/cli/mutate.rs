@@ -227,8 +227,8 @@ fn list(requests: &[(String, Request)], out: &mut dyn Write) -> Outcome {
 /// Runs this command in a process of its own, with settings for mutants: tests fail on purpose there, and their files
 /// mustn't be beside the shaders.
 fn apart(path: &str) -> Outcome {
-    let scratch = tempfile::tempdir().context("no temporary folder")?;
-    let program = std::env::current_exe().context("this program isn't where it was")?;
+    let scratch = tempfile::tempdir().context("can't make a temporary folder")?;
+    let program = std::env::current_exe().context("can't find this program's own file")?;
     let mut command = Command::new(program);
     let mut words = std::env::args_os().skip(1);
     command.args(words.next()).arg("--scratch").arg(scratch.path()).args(words);

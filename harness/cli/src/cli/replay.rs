@@ -130,7 +130,7 @@ fn made(replay: &Replay, folder: &Path) -> anyhow::Result<Command> {
     let mut command = match &**program {
         "cargo" => Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into())),
         "karat" => {
-            Command::new(std::env::current_exe().context("this program isn't where it was")?)
+            Command::new(std::env::current_exe().context("can't find this program's own file")?)
         }
         other => anyhow::bail!("the record's command is another program, `{other}`"),
     };

@@ -88,7 +88,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         && let Err(error) = open::that_detached(server.url())
     {
         karat::unstable::output::tell(&format!(
-            "no browser opens ({error}); open the URL yourself"
+            "can't open a browser ({error}); open the URL yourself"
         ));
     }
     // The page shows unusable files, and the terminal, too.

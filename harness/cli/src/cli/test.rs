@@ -512,7 +512,7 @@ impl<'a> Asked<'a> {
         progress: &mut Progress,
         out: &mut dyn Write,
     ) -> anyhow::Result<bool> {
-        let program = std::env::current_exe().context("this program isn't where it was")?;
+        let program = std::env::current_exe().context("can't find this program's own file")?;
         let suite = Suite::of(self.args.package.featured(Package::open(folder)?))?;
         let no_frames = self.args.leaves_frames_out();
         let asked: Vec<&Test> = suite

@@ -121,19 +121,19 @@ fn traced(args: &Args, project: &Project) -> anyhow::Result<Option<Traced>> {
 
 /// Traces the same pixel with the shaders of a revision, or returns `None` if they haven't changed.
 fn at_revision(args: &Args, project: &Project, revision: &str) -> anyhow::Result<Option<Traced>> {
-    let folder = tempfile::tempdir().context("no temporary folder")?;
+    let folder = tempfile::tempdir().context("can't make a temporary folder")?;
     let overlay = folder.path().join("overlay");
     let mut any = false;
     for package in project.packages(&args.package)? {
         let before = folder.path().join("before");
         shaders_at(revision, &package.root(), &before)?;
         any |= keep_changed(&before, &package.root(), &overlay.join(package.name()))?;
-        std::fs::remove_dir_all(&before).context("no temporary folder")?;
+        std::fs::remove_dir_all(&before).context("can't make a temporary folder")?;
     }
     if !any {
         return Ok(None);
     }
-    let program = std::env::current_exe().context("this program isn't where it was")?;
+    let program = std::env::current_exe().context("can't find this program's own file")?;
     let mut command = Command::new(program);
     // The same arguments without the revision, whose shaders are in the overlay.
     let mut words = std::env::args_os().skip(1);

@@ -24,7 +24,7 @@ fn hazards_are_told_with_their_line() {
         "fault: NaN  pow(1.0 - v_dot_h, 5.0)  shaders/fresnel.wgsl:2:30",
         "for other inputs unbounded",
         "it fails where v_dot_h is 1\n",
-        "drawn from 0 to 1.0000001: v_dot_h",
+        "generated from 0 to 1.0000001: v_dot_h",
         "shaders: 1 fault and 0 requirements in 2 functions",
     ] {
         assert!(ran.out.contains(part), "no `{part}` in {}", ran.out);

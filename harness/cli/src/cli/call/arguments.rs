@@ -42,7 +42,7 @@ impl Given {
             let parts: Vec<&str> = text.split('@').collect();
             ensure!(
                 matches!(parts.len(), 1 | 3),
-                "argument `{name}`: derivatives are two, to the right and downwards: \
+                "argument `{name}` needs two derivatives, to the right and downwards: \
                  `{}@DX@DY`",
                 parts[0]
             );
@@ -59,7 +59,7 @@ impl Given {
         let scalars = shape.lanes();
         ensure!(
             words.len() == scalars.len(),
-            "argument `{name}` is a {shape} of {}, `{text}` has {}{}",
+            "argument `{name}` is a {shape} with {}, but `{text}` has {}{}",
             counted(scalars.len(), "component"),
             words.len(),
             match shape {
@@ -73,7 +73,7 @@ impl Given {
             match word.split_once("..") {
                 None => self.lanes.push(parse(word, scalar).with_context(of)?),
                 Some((least, rest)) => {
-                    ensure!(self.sweep.is_none(), "one component is swept, not two");
+                    ensure!(self.sweep.is_none(), "a call can sweep only one component");
                     let values = swept(scalar, least, rest).with_context(of)?;
                     self.lanes.push(values[0]);
                     self.sweep = Some(Sweep { lane, values });
@@ -101,7 +101,7 @@ fn ordered<'a>(function: &Function, arguments: &'a [String]) -> anyhow::Result<V
                 let Some(place) = place else {
                     if let Some(binding) = function.bindings.iter().find(|b| b.name() == name) {
                         let kind = binding.kind;
-                        bail!("`{name}` is a {kind}, which is bound: --bind {name}={value}");
+                        bail!("`{name}` is a {kind}, not a parameter: write --bind {name}={value}");
                     }
                     let near = nearest(name, parameters.iter().map(|(known, _)| known.as_str()));
                     let near = near.map_or_else(String::new, |n| format!("; did you mean `{n}`?"));
@@ -155,29 +155,29 @@ fn example(shape: &Shape) -> String {
 
 /// Returns the values of `least..most:count`.
 fn swept(scalar: Scalar, least: &str, rest: &str) -> anyhow::Result<Vec<u32>> {
-    let (most, count) = rest
-        .split_once(':')
-        .with_context(|| format!("`{least}..{rest}`: a sweep says how many points: `0..1:100`"))?;
+    let (most, count) = rest.split_once(':').with_context(|| {
+        format!("`{least}..{rest}`: a sweep needs the number of points: `0..1:100`")
+    })?;
     ensure!(
         !most.starts_with('.'),
-        "`{least}..{rest}` has a dot too many: `{least}..0{most}:{count}`"
+        "`{least}..{rest}` has one dot too many: write `{least}..0{most}:{count}`"
     );
     let most = most.strip_prefix('=').unwrap_or(most);
-    let count: u32 = count.trim().parse().with_context(|| format!("`{count}` is no number"))?;
+    let count: u32 = count.trim().parse().with_context(|| format!("`{count}` isn't a number"))?;
     ensure!(
         (2..=MOST_POINTS).contains(&count),
         "a sweep has 2 to {MOST_POINTS} points, not {count}"
     );
     let end = |word: &str| Ok::<_, anyhow::Error>(scalar.decode(parse(word, scalar)?));
-    ensure!(scalar != Scalar::Bool, "a bool isn't swept");
+    ensure!(scalar != Scalar::Bool, "a bool can't be swept");
     let (least, most) = (end(least)?, end(most)?);
-    ensure!(least.is_finite() && most.is_finite(), "a sweep goes from one number to another");
+    ensure!(least.is_finite() && most.is_finite(), "both ends of a sweep must be finite");
     let distinct = (most - least).abs() + 1.0;
     ensure!(
         scalar.is_float() || f64::from(count) <= distinct,
-        "there are {distinct} integers from {least} to {most}, not {count}"
+        "there are only {distinct} integers from {least} to {most}, so a sweep can't have {count} points"
     );
-    ensure!(!scalar.is_float() || least != most, "a sweep's ends are two numbers");
+    ensure!(!scalar.is_float() || least != most, "the two ends of a sweep must differ");
     let value = |index: u32| {
         let value = least + (most - least) * f64::from(index) / f64::from(count - 1);
         #[expect(
@@ -209,7 +209,7 @@ pub(super) fn parse(word: &str, scalar: Scalar) -> anyhow::Result<u32> {
                     let single = value as f32;
                     ensure!(
                         f64::from(single).to_bits() == value.to_bits(),
-                        "`{word}` is no f32: it has more than 24 binary digits, or is too large"
+                        "`{word}` isn't an f32: it has more than 24 binary digits, or is too large"
                     );
                     single
                 }
@@ -255,7 +255,7 @@ mod tests {
         let values: Vec<f32> = values.into_iter().map(f32::from_bits).collect();
         assert_eq!(values, [0.0, 0.25, 0.5, 0.75, 1.0]);
         assert_eq!(swept(Scalar::U32, "3", "=6:4").expect("a sweep"), [3, 4, 5, 6]);
-        for (rest, part) in [("1", "how many points"), ("1:1", "2 to"), ("x:3", "f32")] {
+        for (rest, part) in [("1", "number of points"), ("1:1", "2 to"), ("x:3", "f32")] {
             let error = format!("{:#}", swept(Scalar::F32, "0", rest).expect_err(rest));
             assert!(error.contains(part), "{error}");
         }

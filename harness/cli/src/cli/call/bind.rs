@@ -116,7 +116,7 @@ pub(super) fn fixtures(
         let (name, kind) = (missing.name(), missing.kind);
         let place = missing.span.as_ref().map_or_else(String::new, |span| format!(" ({span})"));
         bail!(
-            "`{name}`, a {kind}, is used{place}: add --bind {name}={}, or --arbitrary",
+            "`{name}`, a {kind}, is used{place} and has no value: add --bind {name}={}, or --arbitrary",
             example(missing.kind)
         );
     }
@@ -136,7 +136,7 @@ fn example(kind: BindingKind) -> &'static str {
 fn parsed(text: &str) -> anyhow::Result<Value> {
     let json = |text: &str| {
         let value = karat_suite::json(text)?;
-        Value::try_from(value).context("`null` is no value of WGSL")
+        Value::try_from(value).context("`null` isn't a WGSL value")
     };
     if text.starts_with(['{', '[']) {
         return json(text);

@@ -57,11 +57,11 @@ pub(super) fn evaluate(request: &Request<'_>, input: &FilePath, out: &mut dyn Wr
     let columns = columns(function);
     ensure!(
         !columns.is_empty(),
-        "`{}` takes no arguments, so a table has no columns",
+        "`{}` has no parameters, so a table can't have columns for them",
         function.name
     );
     let table = read(input, &columns, function, request.expect.as_ref())?;
-    ensure!(!table.rows.is_empty(), "`{}` holds no case", input.display());
+    ensure!(!table.rows.is_empty(), "`{}` has no cases", input.display());
     let given = results(request, &table.rows)?;
     eprint!("{}", given.printed);
     match &request.expect {
@@ -329,14 +329,14 @@ fn read(
         let line = || line_of(text.as_bytes(), start);
         ensure!(
             !begins_with_mark(text.as_bytes(), start),
-            "`{shown}` line {} begins with `#`, and comments stand above the head: remove it, or quote its \
+            "`{shown}` line {} begins with `#`, but comments may stand only above the head: remove the line, or quote its \
              first cell",
             line()
         );
         if index == 0 && record.iter().any(is_name) {
             if let Some(both) = expected.iter().find(|name| columns.iter().any(|(c, _)| c == *name))
             {
-                bail!("`{both}` is an argument, and no result is expected to be one");
+                bail!("`{both}` is an argument, so it can't be the expected result");
             }
             let head: Vec<&str> = record.iter().collect();
             let own: Vec<&str> = columns.iter().map(|(name, _)| &**name).collect();
@@ -355,7 +355,7 @@ fn read(
         );
         ensure!(
             record.len() == width,
-            "`{shown}` line {} has {}, {} has {width}: {}",
+            "`{shown}` line {} has {}, but {} has {width}: {}",
             line(),
             counted(record.len(), "column"),
             if width == columns.len() { "a case" } else { "its head" },

@@ -59,7 +59,7 @@ fn tick(value: f64) -> String {
 /// Draws curves with characters.
 pub(super) fn write_text(curves: &[Curve], axis: &str, out: &mut dyn Write) -> anyhow::Result<()> {
     let Some([(left, right), (bottom, top)]) = ends(curves) else {
-        anyhow::bail!("nothing is finite, so there is no curve");
+        anyhow::bail!("no value is finite, so there is no curve");
     };
     let Size { columns, rows } = terminal::size();
     let wide = columns.map_or(COLUMNS, |columns| columns.saturating_sub(BESIDE).max(LEAST));
@@ -112,7 +112,7 @@ pub(super) fn write_text(curves: &[Curve], axis: &str, out: &mut dyn Write) -> a
 /// Draws curves into an SVG.
 pub(super) fn write_svg(curves: &[Curve], axis: &str, file: &FilePath) -> anyhow::Result<()> {
     let ends = ends(curves);
-    ensure!(ends.is_some(), "nothing is finite, so there is no curve");
+    ensure!(ends.is_some(), "no value is finite, so there is no curve");
     let [(left, right), (bottom, top)] = ends.unwrap_or_default();
     let mut text = String::new();
     {

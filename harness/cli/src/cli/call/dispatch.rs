@@ -69,17 +69,17 @@ pub(super) fn run(compute: &Compute<'_>, paths: &[Path], out: &mut dyn Write) ->
     let fails = found.iter().any(|(one, _)| one.kind.fails());
     for name in unlike {
         let why = match fails {
-            true => "the reason may be what follows",
-            false => "it may depend on the order of invocations",
+            true => "the problem below may be the reason",
+            false => "the results may depend on the order of invocations",
         };
-        writeln!(out, "{KNOWN}paths leave other numbers in `{name}`: {why}{KNOWN:#}")?;
+        writeln!(out, "{KNOWN}paths have different results in `{name}`: {why}{KNOWN:#}")?;
     }
     for (one, message) in &found {
         let style = if one.kind.fails() { BAD } else { DIM };
         writeln!(out, "\n{style}{message}{style:#}")?;
     }
     if !watched.reason.is_empty() {
-        writeln!(out, "{DIM}not looked through whole: {}{DIM:#}", watched.reason)?;
+        writeln!(out, "{DIM}not checked completely: {}{DIM:#}", watched.reason)?;
     }
     for table in printed(compute)? {
         write!(out, "{table}")?;

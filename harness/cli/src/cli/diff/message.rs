@@ -18,7 +18,7 @@ pub(super) fn write(comparison: &Comparison, out: &mut dyn Write) -> io::Result<
     if comparison.of_other_primaries() {
         writeln!(
             out,
-            "note: the files name other primaries (chromaticities {} and {}); values are compared \
+            "note: the files name different primaries (chromaticities {} and {}); the values are compared \
              as they are",
             primaries(a),
             primaries(b)
@@ -33,7 +33,7 @@ pub(super) fn write(comparison: &Comparison, out: &mut dyn Write) -> io::Result<
     let all = u64::from(a.width) * u64::from(a.height);
     if comparison.gate.is_some() && (comparison.compared as u64) < all {
         let by = if comparison.own_mask { "the part `mask` of b" } else { "the mask" };
-        writeln!(out, "{} of {all} pixels are compared, by {by}", comparison.compared)?;
+        writeln!(out, "{} of {all} pixels are compared, selected by {by}", comparison.compared)?;
     }
     if let Some(file) = &comparison.heatmap {
         let scale = comparison.heatmap_full.map(|full| format!(", colours from 0 to {full}"));
@@ -46,7 +46,7 @@ pub(super) fn write(comparison: &Comparison, out: &mut dyn Write) -> io::Result<
         (Ending::Within, _) => writeln!(out, "{GOOD}within {tolerance}{GOOD:#}"),
         (_, Some(Reason::Size)) => writeln!(out, "{BAD}they differ in size{BAD:#}"),
         (_, Some(Reason::NonFinite)) => {
-            writeln!(out, "{BAD}they differ: nothing agrees with NaN or an infinity{BAD:#}")
+            writeln!(out, "{BAD}they differ: NaN and infinities agree with no value{BAD:#}")
         }
         _ => writeln!(out, "{BAD}they differ by more than {tolerance}{BAD:#}"),
     }

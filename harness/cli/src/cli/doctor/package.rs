@@ -25,7 +25,7 @@ const ROUNDS: usize = 32;
 const TOLD: usize = 12;
 
 /// The remark on a value that only the engine knows.
-const MADE_UP: &str = "made up: write what your engine gives";
+const MADE_UP: &str = "invented: write the value of your engine";
 
 /// The value for a feature with an unknown number. An array of 4 elements is small.
 const FEATURE: &str = "4";
@@ -34,13 +34,14 @@ const FEATURE: &str = "4";
 const VALUE: &str = "64";
 
 /// The remark on an undeclared name in capitals.
-const UNDECLARED: &str = "made up, as nothing declares it: a macro of your engine's, or a slip";
+const UNDECLARED: &str =
+    "invented, as nothing declares it: a macro of your engine, or a misspelt name";
 
 /// The remark on a feature that switches declarations on or off.
-const VARIANT: &str = "a name needs it: your engine may set another variant";
+const VARIANT: &str = "a declaration needs it: your engine may set another variant";
 
 /// The remark on a text that only the engine knows.
-const TEXT: &str = "empty: write what your engine puts there";
+const TEXT: &str = "empty: write the text that your engine inserts";
 
 /// Returns advice on an error that only the author can correct.
 fn advice(mend: &Mend) -> Option<String> {
@@ -359,7 +360,7 @@ fn write_text(report: &Report, file: &str, out: &mut dyn Write) -> std::io::Resu
         writeln!(out, "\nthen {then_whole} of {all} are whole{refused}")?;
     }
     if !not_enough.is_empty() {
-        writeln!(out, "\nnot enough by themselves, or for a place of your own in {file}:\n")?;
+        writeln!(out, "\nthese lines aren't enough, or you must choose their place in {file}:\n")?;
         write_lines(not_enough, out)?;
         writeln!(out)?;
     }
@@ -379,7 +380,7 @@ fn write_text(report: &Report, file: &str, out: &mut dyn Write) -> std::io::Resu
         more => format!(", {more} of them not listed here: `karat check` has all"),
     };
     let with = if lines.is_empty() { "" } else { " with these lines" };
-    let first = "; each module shows its first obstacle, which hides the others";
+    let first = "; each module shows only its first error";
     writeln!(out, "\n{} not whole{with}{rest}{first}", counted(left.len(), "module"))
 }
 

@@ -84,7 +84,7 @@ impl Runs {
 }
 
 fn run(function: &str, names: &BTreeSet<String>, folder: PathBuf) -> anyhow::Result<Ended> {
-    let program = std::env::current_exe().context("this program isn't where it was")?;
+    let program = std::env::current_exe().context("can't find this program's own file")?;
     let mut command = Command::new(program);
     command.current_dir(folder).args(["test", "--short"]);
     for name in names {

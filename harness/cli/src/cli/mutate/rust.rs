@@ -80,7 +80,7 @@ impl RustTests {
             if tests.is_empty() {
                 continue;
             }
-            let folder = tempfile::tempdir().context("no temporary folder")?;
+            let folder = tempfile::tempdir().context("can't make a temporary folder")?;
             let mut failed: Vec<(String, String)> = Vec::new();
             let began = Instant::now();
             libtest::run(program, &tests, (folder.path(), None), &mut |test, message| {
@@ -155,7 +155,7 @@ impl RustTests {
 
     fn judge(&self, package: &Package, candidate: &Candidate) -> anyhow::Result<Judged> {
         let text = candidate.mutant.applied(&candidate.text);
-        let scratch = tempfile::tempdir().context("no temporary folder")?;
+        let scratch = tempfile::tempdir().context("can't make a temporary folder")?;
         let (overlay, records) = (scratch.path().join("overlay"), scratch.path().join("record"));
         write_overlay(&overlay, package, candidate, &text)?;
         // Text in memory isn't a file, so an overlay can't replace it.

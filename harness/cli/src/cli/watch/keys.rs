@@ -37,7 +37,7 @@ pub(super) fn pending(project: &Project, shaders: impl Iterator<Item = PathBuf>)
 /// Accepts frames as `karat accept` does, and returns its message.
 pub(super) fn accept(project: &Project, waiting: &Waiting, because: &str) -> String {
     let accepted = |(folder, frames): (&PathBuf, &Vec<String>)| -> anyhow::Result<String> {
-        let program = std::env::current_exe().context("this program isn't where it was")?;
+        let program = std::env::current_exe().context("can't find this program's own file")?;
         let mut command = Command::new(program);
         command.arg("accept").args(frames).args(["--because", because]);
         command.arg("--goldens").arg(folder);

@@ -107,7 +107,7 @@ impl Worker {
         records: &Path,
         tell: impl Fn(Said) -> bool + Send + 'static,
     ) -> anyhow::Result<Self> {
-        let program = std::env::current_exe().context("this program isn't where it was")?;
+        let program = std::env::current_exe().context("can't find this program's own file")?;
         let mut command = Command::new(program);
         command.arg("suite").arg(source.folder()).arg("--serve").env("KARAT_PATHS", path);
         // Removes the records of an earlier process.
