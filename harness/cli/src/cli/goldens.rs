@@ -185,12 +185,11 @@ pub(super) struct RejectArgs {
     folder: FolderArgs,
 }
 
-/// A pending frame in JSON. Fields may be added, and never change.
+/// A pending frame in JSON. Fields may be added, and existing fields don't change.
 #[derive(Serialize)]
 struct PendingEntry<'a> {
     status: Status,
     file: &'a Path,
-    /// The reason why the file can't be used.
     #[serde(skip_serializing_if = "Option::is_none")]
     error: Option<String>,
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -202,11 +201,9 @@ struct PendingEntry<'a> {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 enum Status {
-    /// The frame differs from its golden.
     Differs,
-    /// There is no golden.
+    /// The frame has no golden.
     New,
-    /// The file can't be used.
     Unusable,
 }
 
@@ -261,7 +258,7 @@ pub(super) fn pending(args: &PendingArgs, out: &mut dyn Write) -> Outcome {
     })
 }
 
-/// Reports files that can't be used. The other files were handled, but the command still fails.
+/// Reports unusable files. The command has handled the other files, but still fails.
 pub(super) fn report(unusable: &[Unusable]) -> anyhow::Result<()> {
     for Unusable { reason, .. } in unusable {
         complain(&reason.to_string());
@@ -289,22 +286,21 @@ fn write_table(frames: &[Frame], out: &mut dyn Write) -> std::io::Result<()> {
     table.write(out)
 }
 
-/// Pending frames and values, of one folder of goldens or of all crates of a project.
+/// The pending frames and values of one folder of goldens, or of all crates of a project.
 struct Waiting {
-    /// The folders that hold them.
     places: Vec<Goldens>,
-    /// The goldens of the option. Without it, each frame has the goldens that it was compared with.
+    /// The goldens that the option names. Without the option, each frame belongs to the goldens that it was compared
+    /// with.
     named: Option<Goldens>,
-    /// The project whose goldens a CI run's frames become.
+    /// The project whose goldens the frames of a CI run replace.
     project: Option<Project>,
 }
 
-/// A pending frame, or pending values.
 struct Frame {
     pending: Pending,
-    /// The folder whose golden it becomes.
+    /// The folder of goldens that the frame belongs to.
     goldens: Goldens,
-    /// Its name, with its crate if several crates have frames of that name: `lamp::dusk`.
+    /// The frame's name. It includes the crate if several crates have frames of that name: `lamp::dusk`.
     name: String,
 }
 
@@ -327,7 +323,7 @@ impl Waiting {
         Ok(Self { places, named, project: None })
     }
 
-    /// Returns the folder whose golden a pending frame in `place` becomes.
+    /// Returns the folder of goldens that a pending frame in `place` belongs to.
     fn goldens(&self, place: &Goldens, pending: &Pending) -> Result<Goldens, AcceptError> {
         match (&self.named, &self.project) {
             (Some(named), _) => Ok(named.clone()),
@@ -358,7 +354,7 @@ impl Waiting {
         Ok((frames, unusable))
     }
 
-    /// Selects pending frames and values by names and globs, each once.
+    /// Selects pending frames and values by names and globs. Each frame is selected once.
     fn select(&self, names: &[String]) -> anyhow::Result<(Vec<Frame>, Vec<Unusable>)> {
         let (all, broken) = self.all()?;
         let (mut chosen, mut told) = (vec![false; all.len()], vec![false; broken.len()]);
@@ -395,7 +391,7 @@ impl Waiting {
     }
 }
 
-/// A name or glob of the command line, with its crate if it has one.
+/// A name or glob of the command line. It may include a crate.
 struct Wanted {
     krate: Option<Option<glob::Pattern>>,
     name: String,
@@ -463,7 +459,7 @@ fn name_crates(frames: &mut [Frame]) {
     }
 }
 
-/// Returns the name of an unusable file, by its place.
+/// Returns the name of an unusable file, from its path.
 fn file_case(place: &Goldens, Unusable { path, reason }: &Unusable) -> String {
     match reason {
         AcceptError::Twice { case, .. } | AcceptError::Nowhere { case, .. } => case.clone(),
@@ -471,7 +467,7 @@ fn file_case(place: &Goldens, Unusable { path, reason }: &Unusable) -> String {
     }
 }
 
-/// The outcome of accepting a frame, in JSON. Fields may be added, and never change.
+/// The result of accepting a frame, in JSON. Fields may be added, and existing fields don't change.
 #[derive(Default, Serialize)]
 struct AcceptEntry {
     case: String,
@@ -479,7 +475,7 @@ struct AcceptEntry {
     golden: Option<PathBuf>,
     written: bool,
     warnings: Vec<String>,
-    /// The reason why the frame is refused.
+    /// The reason why Karat refuses the frame.
     error: Option<String>,
 }
 
@@ -488,7 +484,7 @@ pub(super) fn accept(args: &AcceptArgs, out: &mut dyn Write) -> Outcome {
     let artefact = args.from.open()?;
     let waiting = Waiting::of(&args.folder, artefact.as_ref())?;
     let (frames, unusable) = waiting.select(&args.frames)?;
-    // A CI run may leave frames of several folders of goldens, and the option names one folder.
+    // The frames of a CI run may belong to several folders of goldens, but the option names only one folder.
     let (own, others): (Vec<_>, Vec<_>) =
         frames.into_iter().partition(|frame| frame.pending.is_of(&frame.goldens));
     if !own.is_empty() && !others.is_empty() {

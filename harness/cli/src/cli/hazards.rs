@@ -18,7 +18,7 @@ use super::project::{self, Project};
 use super::table::{BAD, DIM, GOOD, HEAD, KNOWN};
 use super::{Ending, Outcome, PlaceArgs, call, terminal, write_json};
 
-/// The most reasons that are shown for unchecked functions.
+/// The largest number of reasons that Karat prints for unchecked functions.
 const REASONS: usize = 4;
 
 /// The average number of lines of a finding.
@@ -60,10 +60,9 @@ pub(super) struct Args {
     place: PlaceArgs,
 }
 
-/// An input's name and its range.
 type Input = (String, RangeInclusive<f64>);
 
-/// Parses a kind, by its name in JSON and in `no_hazards` of a `*.test.toml`.
+/// Parses the name of a kind, as JSON and `no_hazards` in a `*.test.toml` have it.
 fn kind(text: &str) -> Result<Kind, String> {
     let name = serde_json::Value::String(text.replace('-', "_"));
     serde_json::from_value(name).map_err(|error| error.to_string())
@@ -91,14 +90,14 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     let overrides = call::bind::overrides_in(&packages, &args.overrides)?;
     let mut all = Vec::new();
-    // Each of several packages has its own inputs. An input that no package has is an error.
+    // Each package has its own inputs. An input that no package has is an error.
     let mut unknown: BTreeMap<String, Vec<HazardError>> = BTreeMap::new();
     for package in &packages {
         tell_beside(package);
         let mut inputs: Vec<&Input> = args.inputs.iter().collect();
         let mut found = loop {
             match look(args, package, (&inputs, &overrides))? {
-                // An unknown input in a package's own `karat.toml` is an error of that package.
+                // An unknown input in a package's `karat.toml` is an error of that package.
                 Err(HazardError::UnknownInput { name, nearest, place })
                     if packages.len() > 1 && place.is_empty() =>
                 {
@@ -140,7 +139,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(if good { Ending::Good } else { Ending::Bad })
 }
 
-/// Warns of a `karat.toml` beside a folder of modules, which Karat doesn't read.
+/// Warns of a `karat.toml` beside a folder of modules. Karat doesn't read such a file.
 fn tell_beside(package: &Package) {
     let root = package.root();
     let beside = root.parent().map(|around| around.join(project::MANIFEST));
@@ -151,7 +150,7 @@ fn tell_beside(package: &Package) {
     }
 }
 
-/// Keeps hazards of some kinds, or all if `kinds` is empty. Returns the number of removed hazards.
+/// Keeps only hazards of the given kinds, or all hazards if `kinds` is empty. Returns the number of removed hazards.
 fn keep_kinds(hazards: &mut Hazards, kinds: &[Kind]) -> usize {
     let Hazards { found, others, .. } = hazards;
     let is_asked = |hazard: &Hazard| {
@@ -162,7 +161,6 @@ fn keep_kinds(hazards: &mut Hazards, kinds: &[Kind]) -> usize {
     found.extract_if(.., |hazard| !is_asked(hazard)).count()
 }
 
-/// Finds the hazards of a package, with these inputs.
 fn look(
     args: &Args,
     package: &Package,
@@ -264,10 +262,10 @@ fn write_text(
     Ok(())
 }
 
-/// The most names in a line about the ranges of arguments.
+/// The largest number of names in a line about the ranges of arguments.
 const NAMES: usize = 12;
 
-/// Prints the ranges that arguments were generated from.
+/// Prints the ranges from which Karat generated arguments.
 fn write_drawn(drawn: &Drawn, all: bool, out: &mut dyn Write) -> anyhow::Result<()> {
     for line in drawn.lines(if all { usize::MAX } else { NAMES }) {
         writeln!(out, "{DIM}generated {line}{DIM:#}")?;
@@ -275,7 +273,7 @@ fn write_drawn(drawn: &Drawn, all: bool, out: &mut dyn Write) -> anyhow::Result<
     Ok(())
 }
 
-/// Prints why functions weren't checked, each reason once.
+/// Prints the reasons why functions weren't checked, each reason once.
 fn write_reasons(skipped: &[(String, String)], out: &mut dyn Write) -> anyhow::Result<()> {
     let mut reasons: Vec<(&str, &str, usize)> = Vec::new();
     for (name, why) in skipped {
@@ -296,8 +294,8 @@ fn write_reasons(skipped: &[(String, String)], out: &mut dyn Write) -> anyhow::R
     Ok(())
 }
 
-/// Groups the requirements of each function that the same inputs avert. Requirements that no single input averts are
-/// grouped by kind. Groups are in the order of their first finding.
+/// Groups the requirements of each function: requirements that a range of the same inputs prevents are one group.
+/// Requirements that no single input prevents are grouped by kind. Groups are in the order of their first finding.
 fn groups(found: &[Hazard]) -> Vec<Vec<&Hazard>> {
     let mut groups: Vec<Vec<&Hazard>> = Vec::new();
     let mut known = BTreeMap::new();

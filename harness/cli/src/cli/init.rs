@@ -40,7 +40,7 @@ pub(super) struct Args {
     ci: CiArgs,
 }
 
-/// The output of runs, which belongs into `.gitignore`.
+/// The output of runs. These files belong into `.gitignore`.
 const IGNORED: [&str; 4] = ["**/.karat/run/", "*.new.exr", "*.new.csv", "*.new.png"];
 
 const GITHUB: &str = include_str!("init/github.yml");
@@ -77,7 +77,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         writeln!(out, "{DIM}no test of these modules can pass before they are mended{DIM:#}")?;
     }
     let mut items = callable(&package)?;
-    // Fragment and vertex functions are called like any other function.
+    // Karat calls fragment and vertex functions as it calls any other function.
     items.extend(entry_points(&package, |stage| stage != Stage::Compute)?);
     let mut passes = entry_points(&package, |stage| stage == Stage::Compute)?;
     if !valid {
@@ -94,9 +94,9 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         "`{}` has no function and no entry point: write one, and run this again",
         folder.display()
     );
-    // A project with Rust tests that asks for a workflow gets only the workflow.
+    // If a project with Rust tests asks for a workflow, it gets only the workflow.
     let is_cargo = Project::around(&folder.canonicalize()?)?.is_cargo();
-    // This comes first: if Karat can't write a test, it writes no file.
+    // This step comes first: if Karat can't write a test, it must write no other file.
     let written = if (args.github || args.gitlab) && is_cargo && tested(&folder)?.any() {
         writeln!(out, "{DIM}there are tests in Rust: none is written{DIM:#}")?;
         None
@@ -147,7 +147,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(if good { Ending::Good } else { Ending::Bad })
 }
 
-/// Refuses a folder inside of a package with a karat.toml.
+/// Refuses a folder inside a package with a karat.toml.
 fn expect_no_package_around(folder: &Path) -> anyhow::Result<()> {
     let (whole, here) = (folder.canonicalize()?, Path::new(".").canonicalize()?);
     let around = whole.ancestors().skip(1).take_while(|around| around.starts_with(&here));
@@ -163,15 +163,15 @@ fn expect_no_package_around(folder: &Path) -> anyhow::Result<()> {
     }
 }
 
-/// Returns the folder whose tests `karat test` runs here, or else the working directory.
+/// Returns the folder whose tests `karat test` runs here, or otherwise the working directory.
 fn usual_folder() -> anyhow::Result<PathBuf> {
     let packages = Project::find()?.packages(&PackageArgs::default()).unwrap_or_default();
     let root = packages.first().map(Package::root).filter(|root| root.is_dir());
     Ok(PathBuf::from(root.map_or_else(|| ".".to_owned(), |root| shown(&root))))
 }
 
-/// Runs the folder's tests. If the project has a record of a run, they don't replace it, as the verdicts of its Rust
-/// tests would be lost.
+/// Runs the folder's tests. If the project has the record of a run, these tests don't replace the record: it would lose
+/// the verdicts of the Rust tests.
 fn run_tests(folder: &Path, out: &mut dyn Write) -> anyhow::Result<bool> {
     let suite = karat_suite::Suite::open(folder)?;
     if suite.tests.is_empty() && suite.broken.is_empty() {
@@ -191,9 +191,9 @@ fn this() -> anyhow::Result<Command> {
     Ok(Command::new(std::env::current_exe().context("can't find this program's own file")?))
 }
 
-/// Writes a test of one function beside its module, or of a compute pass if there is no function. It prefers a
-/// function with arguments and a float in its result. Returns `None` if there are tests, or if each function has a
-/// Rust test.
+/// Writes a test of one function beside its module. If there is no function, writes a test of a compute pass. Prefers a
+/// function with arguments and a float in its result. Returns `None` if there are tests, or if each function has a Rust
+/// test.
 fn first_test(
     package: &Package,
     folder: &Path,
@@ -240,14 +240,14 @@ fn first_test(
 
 /// The reason why a function has no first test.
 enum Open {
-    /// It reads a variable that a test has to bind.
+    /// A test must bind a variable that the function reads.
     Bound,
-    /// It can't be called.
+    /// A test can't call the function.
     Refused,
 }
 
-/// Returns a test of a function over the ranges that its arguments' names and types suggest, with a rank: 0 is the
-/// most useful test.
+/// Returns a test of a function, and the rank of the test: rank 0 is the most useful. The names and types of the
+/// arguments determine the ranges.
 fn function_test(package: &Package, item: &FunctionItem) -> Result<(u8, String), Open> {
     let (_, name) = item.name.rsplit_once("::").unwrap_or(("", &item.name));
     let probed = Probed::new(package, &item.name).map_err(|_| Open::Refused)?;
@@ -265,7 +265,8 @@ fn function_test(package: &Package, item: &FunctionItem) -> Result<(u8, String),
              # over = {{ {name} = \"0..1\" }}\n"
         )
     });
-    // Integer results have hazards, too: an index outside of its array, a division by 0, a conversion out of range.
+    // Functions with integer results have hazards, too: an index outside of an array, a division by 0, a conversion out
+    // of range.
     let assertion = if has_float { "finite" } else { "no_hazards" };
     let text = format!("# {function}\n[[test]]\nfunction = \"{name}\"\n{over}{assertion} = true\n");
     Ok((rank, text))
@@ -289,7 +290,7 @@ fn beside(item: &FunctionItem, folder: &Path) -> PathBuf {
     PathBuf::from(format!("{}.test.toml", beside.display()))
 }
 
-/// The functions and passes that have no first test, by the reason.
+/// The functions and passes without a first test, by the reason.
 #[derive(Default)]
 struct Why<'i> {
     bound: Vec<&'i str>,
@@ -299,7 +300,7 @@ struct Why<'i> {
 
 impl Why<'_> {
     fn told(&self) -> String {
-        /// The most names that a line shows.
+        /// The largest number of names in a line.
         const SHOWN: usize = 4;
         let mut text = "no first test can be written".to_owned();
         for (names, thing, what) in [
@@ -325,14 +326,14 @@ impl Why<'_> {
     }
 }
 
-/// The functions with tests, from the last run, or by their names in the Rust files of `tests`.
+/// The functions with tests, from the last run. Without a run, the functions that Rust files in `tests` name.
 struct Tested {
     ran: BTreeSet<String>,
     texts: Vec<String>,
 }
 
 impl Tested {
-    /// Returns `true` if there is a test with Karat.
+    /// Checks if any test uses Karat.
     fn any(&self) -> bool {
         !self.ran.is_empty() || self.texts.iter().any(|text| text.contains("karat"))
     }
@@ -348,16 +349,17 @@ fn tested(folder: &Path) -> anyhow::Result<Tested> {
     let folder = folder.canonicalize()?;
     let project = Project::around(&folder)?;
     let mut texts = Vec::new();
-    // In a workspace the tests are in the member's folder.
+    // In a workspace, the tests are in the folder of the member.
     for around in folder.ancestors().take_while(|around| around.starts_with(project.root())) {
         read_rust(&around.join("tests"), &mut texts);
     }
-    // Without Cargo all tests are beside the modules. There are none, so a record is of deleted tests.
+    // Without Cargo, all tests are beside the modules. This folder has no tests, so a record would belong to deleted
+    // tests.
     let ran = if project.is_cargo() { tested_functions(&project)? } else { BTreeSet::new() };
     Ok(Tested { ran, texts })
 }
 
-/// Adds the texts of the Rust files below a folder, and skips unreadable files.
+/// Adds the contents of the Rust files below a folder, and skips unreadable files.
 fn read_rust(folder: &Path, texts: &mut Vec<String>) {
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
         let path = entry.path();
@@ -398,8 +400,8 @@ fn ignore(out: &mut dyn Write) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Adds profiles to Cargo.toml that optimise the crates that tests wait for, in a project that depends on Karat.
-/// Existing profiles stay.
+/// Adds profiles to the Cargo.toml of a project that depends on Karat. They optimise the crates whose speed tests
+/// depend on. Existing profiles stay.
 fn optimise(folder: &Path, out: &mut dyn Write) -> anyhow::Result<()> {
     let project = Project::around(&folder.canonicalize()?)?;
     let file = project.root().join("Cargo.toml");
@@ -419,12 +421,12 @@ fn optimise(folder: &Path, out: &mut dyn Write) -> anyhow::Result<()> {
         if !text.ends_with('\n') {
             text.push('\n');
         }
-        // With debug information the first build would take a third longer.
+        // Debug information would make the first build take a third longer.
         let level = level.map_or_else(String::new, |level| format!("opt-level = {level}\n"));
         text += &format!("\n[profile.dev.package.{name}]\n{level}debug = false\n");
         added.push(name);
     }
-    // The form of the existing tables may allow no new ones. Then `karat doctor` names the missing profiles.
+    // The form of the existing tables may not allow new tables. Then `karat doctor` names the missing profiles.
     if added.is_empty() || text.parse::<toml::Table>().is_err() {
         return Ok(());
     }

@@ -1,4 +1,4 @@
-//! `karat match`: compares an image that another program drew with its golden.
+//! `karat match`: compares an image of another program with its golden.
 
 use std::io::Write;
 use std::path::PathBuf;

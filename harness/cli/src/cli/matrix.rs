@@ -69,7 +69,6 @@ pub(super) struct Args {
     place: PlaceArgs,
 }
 
-/// Parses `vulkan:hlsl=executed`.
 fn requirement(text: &str) -> Result<(String, Status), String> {
     let (column, status) = text.split_once('=').ok_or("write COLUMN=STATUS")?;
     let status = status.parse()?;
@@ -90,8 +89,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
 }
 
-/// Runs this command in a process of its own. If a driver hangs or crashes and ends that process, the command starts
-/// again without that row.
+/// Runs this command in a separate process. If a driver hangs or crashes and ends that process, the command starts
+/// again without the row that was running.
 fn supervise() -> Outcome {
     let folder = tempfile::tempdir().context("can't make a temporary folder")?;
     let file = folder.path().join("journal.jsonl");
@@ -123,7 +122,7 @@ fn make(args: &Args, journal: &Path, out: &mut dyn Write) -> Outcome {
     let overrides = call::bind::overrides_in(&packages, &args.overrides)?;
     let mut matrices = Vec::new();
     for package in &packages {
-        // The bar shows on a terminal only.
+        // Only terminals show the bar.
         let bar = ProgressBar::new(0).with_message(package.name());
         bar.set_style(ProgressStyle::with_template("{msg}: {pos} of {len} rows {wide_bar}")?);
         let request = karat_inspect::matrix(package)
@@ -214,7 +213,7 @@ fn expect_outputs(args: &Args, packages: &[karat::Package]) -> anyhow::Result<()
     Ok(())
 }
 
-/// Refuses a path that the options name and that doesn't open, as its column would be empty.
+/// Refuses a path that the options name and that doesn't open: its column would be empty.
 fn expect_opened(matrix: &Matrix, name: &str) -> anyhow::Result<()> {
     let Some(index) = matrix.columns.iter().position(|head| head.name == name) else {
         return Ok(());
@@ -225,7 +224,7 @@ fn expect_opened(matrix: &Matrix, name: &str) -> anyhow::Result<()> {
     let Some(stop) = cells().find_map(|cell| cell.stopped.as_ref().filter(|_| absent(cell))) else {
         return Ok(());
     };
-    // An entry point that no path runs stopped for another reason.
+    // An entry point that no path runs has another reason.
     let ran = |cell: &Cell| matches!(cell.status, Some(Status::Executed | Status::Agrees));
     let lacks_path = matches!(stop, Stop::Unavailable(_));
     ensure!(
@@ -270,7 +269,7 @@ fn tell_findings(matrices: &[Matrix]) -> usize {
     findings.len()
 }
 
-/// Returns an error if a row couldn't be read, as the matrix lacks it.
+/// Returns an error if the matrix lacks a row because it couldn't be read.
 fn expect_no_errors(matrices: &[Matrix]) -> anyhow::Result<()> {
     let rows = || matrices.iter().flat_map(|m| &m.rows).filter(|row| row.is_judged());
     let Some(error) = rows().find_map(|row| row.error.as_ref()) else { return Ok(()) };
@@ -367,8 +366,8 @@ fn write_text(matrix: &Matrix, out: &mut dyn Write) -> anyhow::Result<()> {
     Ok(())
 }
 
-/// Returns a cell's status, with the number of compared cases if they are fewer than half, and the number of
-/// differences that WGSL allows.
+/// Formats the status of a cell. If fewer than half of the cases were compared, adds their number. Also adds the number
+/// of differences that WGSL allows.
 fn shown(cell: &Cell, row: &Row, cases: usize) -> String {
     let few = row.kind == "function" && cell.compared * 2 < cases;
     let word = match cell.status {
@@ -386,7 +385,7 @@ fn is_bad(cell: &Cell) -> bool {
     cell.fails_as_declared().is_none() && cell.stopped.as_ref().is_some_and(wrong)
 }
 
-/// Counts the rows per status on each column.
+/// Counts the rows of each status in each column.
 fn summary(matrix: &Matrix) -> String {
     let judged = matrix.rows.iter().filter(|row| row.is_judged()).count();
     let lines = matrix.columns.iter().enumerate().map(|(index, head)| {

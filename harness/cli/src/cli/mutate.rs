@@ -122,7 +122,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     });
     let began = Instant::now();
     let mut all: Vec<(String, Hunted)> = Vec::new();
-    // Some of several packages have no tests, and an edit may change no shader.
+    // Some of the packages may have no tests, and an edit may change no shader.
     let mut passed_over: Vec<String> = Vec::new();
     // Building the Rust tests takes long, so Karat builds them only if there is a mutant.
     let mut any = false;
@@ -150,7 +150,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     passed_over.iter().for_each(|line| tell(line));
     if all.is_empty() {
-        // A pull request without shaders isn't a failure.
+        // A pull request without changes to shaders isn't a failure.
         ensure!(args.in_diff.is_some(), "no mutant was tried: nothing is known of the tests");
         writeln!(out, "{DIM}no mutant is in the lines that changed: no mutant was tried{DIM:#}")?;
         return Ok(Ending::Good);
@@ -196,7 +196,6 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(if good { Ending::Good } else { Ending::Bad })
 }
 
-/// Returns the request for a package's mutants.
 fn request(args: &Args, package: &Package, paths: &[karat::Path]) -> anyhow::Result<Request> {
     let mut request = Request::new(package.clone()).only(args.only.iter().map(String::as_str));
     if let Some(filter) = &args.tests {
@@ -224,8 +223,8 @@ fn list(requests: &[(String, Request)], out: &mut dyn Write) -> Outcome {
     Ok(Ending::Good)
 }
 
-/// Runs this command in a process of its own, with settings for mutants: tests fail on purpose there, and their files
-/// mustn't be beside the shaders.
+/// Runs this command in a separate process with special settings: the tests fail on purpose, and must not write their
+/// files beside the shaders.
 fn apart(path: &str) -> Outcome {
     let scratch = tempfile::tempdir().context("can't make a temporary folder")?;
     let program = std::env::current_exe().context("can't find this program's own file")?;
@@ -238,7 +237,7 @@ fn apart(path: &str) -> Outcome {
     for setting in ["KARAT_REQUIRE", "KARAT_RECORD", "KARAT_FRAMES", "KARAT_CASE"] {
         command.env_remove(setting);
     }
-    // Rust tests leave their frames out, too.
+    // Rust tests skip their frames, too.
     command.envs((path == "cpu").then_some(("KARAT_FRAMES", "off")));
     let (status, scratch) =
         child::status_over(&mut command, scratch).context("the mutants can't be tried")?;
@@ -254,13 +253,13 @@ fn apart(path: &str) -> Outcome {
     }
 }
 
-/// Tries the mutants, with a bar on a terminal.
+/// Tries the mutants, and shows a bar on a terminal.
 fn hunt(
     request: &Request,
     others: Option<&OfPackage<'_>>,
     title: &str,
 ) -> Result<Hunted, MutateError> {
-    // The verdict says that a test panicked.
+    // The verdict contains the panic of a test.
     let hook = std::panic::take_hook();
     std::panic::set_hook(Box::new(|_| {}));
     let bar = ProgressBar::new(0).with_message(title.to_owned());
@@ -269,7 +268,7 @@ fn hunt(
     let (sender, seen) = mpsc::channel();
     let hunted = std::thread::scope(|scope| {
         let hunting = scope.spawn(move || {
-            // The receiver lives as long as there are messages.
+            // The receiver lives until the last message is sent.
             let others = others.map(|others| others as &dyn Others);
             request.run_with(others, &move |_, done, of| {
                 let _ = sender.send((done, of));
@@ -289,7 +288,7 @@ fn hunt(
     })
 }
 
-/// `shaders/brdf.wgsl:31:12 `a` -> `b` in `brdf::schlick` (operator)`
+/// Formats a mutant: `shaders/brdf.wgsl:31:12 `a` -> `b` in `brdf::schlick` (operator)`.
 fn headline(one: &Candidate) -> String {
     let Candidate { file, mutant, .. } = one;
     let short = |text: &str| text.split_whitespace().collect::<Vec<_>>().join(" ");
@@ -308,8 +307,7 @@ fn headline(one: &Candidate) -> String {
     )
 }
 
-/// Prints the surviving mutants, each with the reason. For a function that no test uses it prints only the first
-/// mutant.
+/// Prints the surviving mutants with the reasons. If no test uses a function, prints only the function's first mutant.
 fn write_one(hunted: &Hunted, args: &Args, out: &mut dyn Write) -> std::io::Result<()> {
     let all = args.all;
     let mut suggested: BTreeSet<String> = BTreeSet::new();
@@ -386,7 +384,7 @@ fn write_one(hunted: &Hunted, args: &Args, out: &mut dyn Write) -> std::io::Resu
     Ok(())
 }
 
-/// How many tests pass with a mutant. Where one of them sees other values, a line of its own says so.
+/// Formats the number of tests that pass with a mutant. `unseen` means that no value which they compare depends on it.
 fn passing(tests: usize, unseen: bool) -> String {
     let tests = match tests {
         1 => "1 test passes with it".to_owned(),
@@ -427,7 +425,7 @@ fn is_untested(one: &Tried) -> bool {
     matches!(&one.fate, Fate::Untested { .. })
 }
 
-/// Returns the reason why a mutant survived, in lines.
+/// Returns the reason why a mutant survived, as lines.
 fn lines(tests: &str, why: &Lived) -> Vec<String> {
     match why {
         Lived::Differs(found) => {
@@ -450,7 +448,6 @@ fn lines(tests: &str, why: &Lived) -> Vec<String> {
     }
 }
 
-/// Prints a row for each module.
 fn write_modules(all: &[(String, Hunted)], out: &mut dyn Write) -> std::io::Result<()> {
     let mut modules: BTreeMap<String, Vec<&Tried>> = BTreeMap::new();
     for (title, hunted) in all {
@@ -479,7 +476,7 @@ fn write_modules(all: &[(String, Hunted)], out: &mut dyn Write) -> std::io::Resu
     table.write(out)
 }
 
-/// Returns the parts of the last line: the score, and the mutants that weren't judged.
+/// Returns the parts of the last line: the score, and the mutants without a judgement.
 fn parts(
     all: &[(String, Hunted)],
     score: &Score,

@@ -1,4 +1,4 @@
-//! `karat render`: builds the project's gallery and runs it.
+//! `karat render`: builds the project's gallery, and runs it.
 
 use std::io::{IsTerminal, Write};
 use std::process::Command;
@@ -41,7 +41,7 @@ pub(super) fn run(arguments: RenderArguments, out: &mut dyn Write) -> Outcome {
     let gallery = project.gallery().context(HOW_TO_DECLARE)?;
     let arguments = arguments.out_or(project.output().join("frames"));
 
-    // Building is a separate step, so that a failed build isn't reported as a failure of the gallery.
+    // Building is a separate step. A failed build must not look like a failure of the gallery.
     let mut build = cargo(&project, "build", gallery);
     if !std::io::stderr().is_terminal() {
         build.arg("--quiet");
@@ -62,8 +62,8 @@ pub(super) fn run(arguments: RenderArguments, out: &mut dyn Write) -> Outcome {
     }
 }
 
-/// Returns a Cargo command for the binary of the project. It runs in the working directory, so that the user's
-/// relative paths are right.
+/// Returns a Cargo command for the binary of the project. It runs in the working directory, because the user's paths
+/// are relative to that directory.
 fn cargo(project: &Project, verb: &str, binary: &str) -> Command {
     let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
     command.args([verb, "--bin", binary, "--manifest-path"]);

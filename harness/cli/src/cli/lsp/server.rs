@@ -1,4 +1,4 @@
-//! The session: the editor's messages and the server's answers.
+//! The session: messages of the editor, and replies of the server.
 
 use std::collections::BTreeMap;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -27,7 +27,6 @@ use super::run::Runs;
 use super::wire::{Client, Heard, Refusal};
 use super::{Event, Said};
 
-/// The phase of the session.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Phase {
     New,
@@ -43,18 +42,18 @@ pub(super) struct Server {
     pub(super) live: Live,
     runs: Runs,
     sender: Sender<Event>,
-    /// The watched packages. `None` if the system can't watch files: then only saves in the editor count.
+    /// The watched packages. `None` means that the system can't watch files: then only saves in the editor count.
     watched: BTreeMap<PathBuf, Option<Watching>>,
     /// The errors of modules after the last edit.
     pub(super) invalid: Findings,
     /// The diagnostics that the editor shows.
     pub(super) published: Findings,
-    /// `true` if modules or verdicts may have changed since they were shown.
+    /// `true` if modules or verdicts may have changed since the server sent them.
     pub(super) edited: bool,
     pub(super) judged: bool,
 }
 
-/// A request that can't be answered.
+/// A request that the server refuses, with the reason.
 struct Refused(Refusal, String);
 
 impl Server {
@@ -79,17 +78,17 @@ impl Server {
         })
     }
 
-    /// Returns `true` if the editor no longer reads.
+    /// Checks if the editor no longer reads.
     pub(super) fn is_gone(&self) -> bool {
         self.client.gone
     }
 
-    /// Returns `true` if the shown diagnostics may be out of date.
+    /// Checks if the shown diagnostics may be out of date.
     pub(super) fn is_unsettled(&self) -> bool {
         self.edited || self.judged
     }
 
-    /// Handles an event. If the session ends, returns `true` if the editor had asked the server to shut down.
+    /// Handles an event. At the end of the session, returns `true` if the editor had asked the server to shut down.
     pub(super) fn take(&mut self, event: Event) -> Option<bool> {
         match event {
             Event::Heard(Heard::End) => return Some(false),
@@ -97,7 +96,7 @@ impl Server {
                 return Some(self.phase == Phase::Shut);
             }
             Event::Heard(Heard::Request { id, method, parameters }) => {
-                // A panic ends one request, and not the session.
+                // A panic ends one request, but not the session.
                 let answered = catch_unwind(AssertUnwindSafe(|| self.answer(&method, parameters)));
                 let broken = || Refused(Refusal::Internal, format!("`{method}` failed"));
                 match answered.unwrap_or_else(|_| Err(broken())) {
@@ -198,8 +197,8 @@ impl Server {
         serde_json::to_value(result).unwrap_or_default()
     }
 
-    /// Opens the project of a folder, and the folder that was tested last. If that one is inside of the other, its
-    /// modules are a package of their own.
+    /// Opens the project of a folder, and the folder that was tested last. If the tested folder is inside the project's
+    /// folder, its modules form a separate package.
     fn open_root(&mut self, folder: &Path) {
         let (own, last) = (Project::at(folder), Project::last_tested_at(folder));
         let is_within = match (&own, &last) {
@@ -241,7 +240,7 @@ impl Server {
             "textDocument/didChange" => {
                 let Ok(change) = read::<DidChangeTextDocumentParams>(parameters) else { return };
                 let Some(file) = place::file(change.text_document.uri.as_str()) else { return };
-                // Each change has the whole text.
+                // Each change contains the whole text.
                 if let Some(last) = change.content_changes.into_iter().next_back() {
                     self.documents.change(&file, change.text_document.version, last.text);
                     self.edited = true;
@@ -262,7 +261,7 @@ impl Server {
         }
     }
 
-    /// Opens the Cargo project of a file, if it is below the open folder.
+    /// Opens the Cargo project of a file, if the project is below the open folder.
     fn find_root(&mut self, file: &Path) {
         if self.roots.iter().any(|root| root.module_of(file).is_some()) {
             return;
@@ -294,7 +293,7 @@ impl Server {
         }
     }
 
-    /// Runs the tests that a change of files in some packages affects.
+    /// Runs the tests that changed files in some packages affect.
     fn changed(&mut self, is_concerned: impl Fn(&Path) -> bool) {
         self.find_packages();
         for package in self.roots.iter().flat_map(|root| &root.packages) {
@@ -322,7 +321,7 @@ impl Server {
         }
     }
 
-    /// Checks for runs that have ended since.
+    /// Checks if runs have ended since the last call.
     pub(super) fn look(&mut self) {
         for root in &mut self.roots {
             match root.read_record() {

@@ -1,4 +1,4 @@
-//! A wrong row as a folder, to attach to a bug report.
+//! A folder with the evidence of a wrong row, to attach to a bug report.
 
 use std::fmt::Write;
 use std::path::{Path, PathBuf};
@@ -8,7 +8,7 @@ use karat::unstable::image::write_whole;
 use karat_inspect::matrix::{Cell, Divergence, Head, Matrix, Row, Stop};
 use serde_json::json;
 
-/// Writes a folder for each cell that differs, is rejected or broke a validator. Returns the written folders.
+/// Writes a folder for each cell that differs, is rejected or crashed a validator. Returns the folders.
 pub(super) fn write(folder: &Path, matrices: &[Matrix]) -> anyhow::Result<Vec<PathBuf>> {
     let mut written = Vec::new();
     for matrix in matrices {
@@ -28,7 +28,7 @@ pub(super) fn write(folder: &Path, matrices: &[Matrix]) -> anyhow::Result<Vec<Pa
     Ok(written)
 }
 
-/// Returns a name for a file, without `:` and `/`.
+/// Returns a file name without `:` and `/`.
 fn plain(name: &str) -> String {
     let kept = |c: char| if c.is_alphanumeric() || "._@-".contains(c) { c } else { '-' };
     name.chars().map(kept).collect()
@@ -51,7 +51,6 @@ fn one(place: &Path, matrix: &Matrix, row: &Row, head: &Head, cell: &Cell) -> an
     let baseline = cell.against.as_deref();
     let columns = matrix.columns.iter().zip(&row.cells);
     for (head, cell) in columns.filter(|(h, _)| h.name == head.name || Some(&*h.name) == baseline) {
-        // The name in the commands.
         let column = plain(&head.name);
         let name = format!("{column}/shader.{}", extension(&head.language));
         if let Some(code) = &cell.code {
@@ -66,12 +65,12 @@ fn one(place: &Path, matrix: &Matrix, row: &Row, head: &Head, cell: &Cell) -> an
         files.push(("values.json".to_owned(), "inputs and results, as words".to_owned()));
     }
     let text = readme(matrix, row, head, cell, &files)?;
-    // Authors' texts and validators' messages may contain control characters.
+    // Texts of authors and messages of validators may contain control characters.
     file("README.md", karat::unstable::output::visible(&text).as_bytes())?;
     Ok(())
 }
 
-/// Returns the extension of a language's files.
+/// Returns the file extension of a language.
 fn extension(language: &str) -> &str {
     match language {
         "spirv" => "spv",
@@ -151,7 +150,7 @@ fn readme(
     Ok(text)
 }
 
-/// Returns a block of code, whose fence is longer than any row of backticks in it.
+/// Returns a block of code. Its fence is longer than any sequence of backticks in the code.
 fn fenced(language: &str, text: &str) -> String {
     let longest = text.split(|c| c != '`').map(str::len).max().unwrap_or(0);
     let fence = "`".repeat(3.max(longest + 1));
