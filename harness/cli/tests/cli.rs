@@ -440,7 +440,7 @@ fn list_shows_signatures_and_what_is_broken_beside_the_rest() {
         "calc::add(a: vec3<f32>, b: f32) -> vec3<f32>",
         "shaders/calc.wgsl:4:4",
         "broken::sound(x: f32) -> f32",
-        "can't be probed  shaders/broken.wgsl:2:4",
+        "can't be called   shaders/broken.wgsl:2:4",
         "--> shaders/broken.wgsl:2:",
     ] {
         assert!(out.contains(part), "`{part}` is missing in:\n{out}");

@@ -371,7 +371,7 @@ impl Waiting {
                 && rest.iter().any(|other| other.goldens.folder() != first.goldens.folder())
             {
                 let names: Vec<&str> = exact.iter().map(|frame| &*frame.name).collect();
-                bail!("`{name}` waits in several crates: name `{}`", names.join("` or `"));
+                bail!("`{name}` is pending in several crates: name `{}`", names.join("` or `"));
             }
             let of_files = broken.iter().enumerate().filter(|(_, broken)| {
                 self.places.iter().any(|place| wanted.names(&file_case(place, broken)))
@@ -480,7 +480,7 @@ struct AcceptEntry {
 }
 
 pub(super) fn accept(args: &AcceptArgs, out: &mut dyn Write) -> Outcome {
-    args.ci.check("accept, with --from and what this run leaves,")?;
+    args.ci.check("accept with --from and this run's artefact")?;
     let artefact = args.from.open()?;
     let waiting = Waiting::of(&args.folder, artefact.as_ref())?;
     let (frames, unusable) = waiting.select(&args.frames)?;
@@ -490,7 +490,7 @@ pub(super) fn accept(args: &AcceptArgs, out: &mut dyn Write) -> Outcome {
     if !own.is_empty() && !others.is_empty() {
         let folders: BTreeSet<String> = others.iter().map(folder_of).collect();
         let folders = folders.into_iter().collect::<Vec<_>>().join("`, `");
-        tell(&format!("note: frames of `{folders}` aren't looked at"));
+        tell(&format!("note: frames of `{folders}` are left pending"));
     }
     let frames = if own.is_empty() { others } else { own };
     let acceptance = Acceptance {
@@ -556,7 +556,7 @@ pub(super) fn reject(args: &RejectArgs, out: &mut dyn Write) -> Outcome {
     args.ci.check("reject")?;
     let artefact = args.from.open()?;
     if artefact.as_ref().is_some_and(Artefact::is_zip) {
-        bail!("a frame in a zip can't be rejected: delete the zip instead");
+        bail!("frames in a zip can't be rejected: delete the zip");
     }
     let mut entries = Vec::new();
     let (frames, unusable) = Waiting::of(&args.folder, artefact.as_ref())?.select(&args.frames)?;

@@ -76,7 +76,7 @@ fn input(text: &str) -> Result<Input, String> {
     let number = |text: &str| text.trim().parse::<f64>().map_err(|_| wrong());
     let (least, most) = (number(least)?, number(most.trim_start_matches('='))?);
     if !(least <= most && least.is_finite() && most.is_finite()) {
-        return Err(format!("{least} to {most} is no range"));
+        return Err(format!("{least} to {most} isn't a range"));
     }
     Ok((name.trim().to_owned(), least..=most))
 }
@@ -122,7 +122,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             if !args.only.is_empty() {
                 writeln!(
                     out,
-                    "{DIM}--only leaves callers out: findings that they would meet are judged here{DIM:#}"
+                    "{DIM}--only excludes callers: findings that excluded callers would trigger count here{DIM:#}"
                 )?;
             }
             all.iter()
@@ -146,7 +146,9 @@ fn tell_beside(package: &Package) {
     let (Some(beside), true) = (beside, root.is_dir()) else { return };
     if beside.is_file() && !root.join(project::MANIFEST).is_file() {
         let (beside, root) = (shown(&beside), shown(&root));
-        tell(&format!("`{beside}` isn't read: a package's lies in its folder, `{root}`"));
+        tell(&format!(
+            "`{beside}` isn't read: the karat.toml of a package must be in its folder, `{root}`"
+        ));
     }
 }
 
@@ -184,7 +186,7 @@ fn look(
         if at.found > 0 && began.elapsed() > PATIENCE {
             let found = counted(at.found, "finding");
             let line = format!(
-                "{} of {} functions: {found} in {}, unless its callers meet them",
+                "{} of {} functions: {found} in {}, before the check of callers",
                 at.done, at.of, at.function
             );
             bar.suspend(|| tell(&line));
@@ -206,17 +208,17 @@ fn write_text(
             write_one(hazard, &[], out)?;
         }
         for (name, why) in skipped {
-            writeln!(out, "{DIM}not looked at: {name}: {why}{DIM:#}")?;
+            writeln!(out, "{DIM}not checked: {name}: {why}{DIM:#}")?;
         }
         for line in &hazards.unreached {
-            writeln!(out, "{DIM}no input came to {line}{DIM:#}")?;
+            writeln!(out, "{DIM}no input reaches {line}{DIM:#}")?;
         }
     } else {
         write_groups(found, out)?;
         write_reasons(skipped, out)?;
     }
     for functions in &hazards.needless {
-        let why = "nothing of it is a fault, so nothing needs the acceptance";
+        let why = "that hazard isn't a fault, so delete the line";
         writeln!(out, "{DIM}karat.toml accepts a hazard of {functions}: {why}{DIM:#}")?;
     }
     write_drawn(drawn, all, out)?;
@@ -230,10 +232,10 @@ fn write_text(
     }
     let others = skipped.len() - unread - invalid;
     if others > 0 {
-        write!(out, ", {} not looked at", counted(others, "function"))?;
+        write!(out, ", {} not checked", counted(others, "function"))?;
     }
     if *invalid > 0 {
-        let why = "not looked at, as naga rejects what they use: `karat check` says why";
+        let why = "not checked, because naga rejects code that they use: `karat check` says why";
         write!(out, ", {} {why}", counted(*invalid, "function"))?;
     }
     if *unread > 0 {
@@ -242,21 +244,17 @@ fn write_text(
     let Unseen { inputs, functions, in_part, of_state } = *unseen;
     if inputs > 0 {
         let of = counted(functions, "function");
-        write!(
-            out,
-            ", {} of {of} not looked at: they are too much work",
-            counted(inputs, "input")
-        )?;
+        write!(out, ", {} of {of} not run: too much work", counted(inputs, "input"))?;
     }
     if !hazards.unreached.is_empty() {
-        write!(out, ", no input came to {}", counted(hazards.unreached.len(), "line"))?;
+        write!(out, ", no input reaches {}", counted(hazards.unreached.len(), "line"))?;
     }
     if of_state > 0 {
         let of = counted(of_state, "function");
-        write!(out, ", large private variables of {of} with their first values alone")?;
+        write!(out, ", only the first values of large private variables in {of}")?;
     }
     if in_part > 0 {
-        write!(out, ", the first operations alone of {}", counted(in_part, "function"))?;
+        write!(out, ", only the first operations of {}", counted(in_part, "function"))?;
     }
     writeln!(out)?;
     Ok(())
@@ -285,11 +283,11 @@ fn write_reasons(skipped: &[(String, String)], out: &mut dyn Write) -> anyhow::R
     reasons.sort_by_key(|(.., count)| std::cmp::Reverse(*count));
     for (why, name, count) in reasons.iter().take(REASONS) {
         let more = if *count > 1 { format!(" and {} more", count - 1) } else { String::new() };
-        writeln!(out, "{DIM}not looked at: {name}{more}: {why}{DIM:#}")?;
+        writeln!(out, "{DIM}not checked: {name}{more}: {why}{DIM:#}")?;
     }
     if reasons.len() > REASONS {
         let more = reasons.len() - REASONS;
-        writeln!(out, "{DIM}not looked at for {more} other reasons: --all shows them{DIM:#}")?;
+        writeln!(out, "{DIM}not checked for {more} other reasons: --all shows them{DIM:#}")?;
     }
     Ok(())
 }
@@ -333,7 +331,7 @@ fn write_one(hazard: &Hazard, alike: &[&Hazard], out: &mut dyn Write) -> anyhow:
     writeln!(out, "{DIM}{}{DIM:#}", hazard.details())?;
     if let [next, ..] = alike {
         let (count, place) = (alike.len(), &next.location);
-        let like = if hazard.needs.is_empty() { "are like it" } else { "need the same" };
+        let like = if hazard.needs.is_empty() { "are similar" } else { "need the same inputs" };
         writeln!(out, "{DIM}    {count} more that {like}, the next at {place}{DIM:#}")?;
     }
     writeln!(out)?;

@@ -74,7 +74,10 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let valid = check::validate(std::slice::from_ref(&package), false, &mut invalid)?;
     out.write_all(&invalid)?;
     if !valid {
-        writeln!(out, "{DIM}no test of these modules can pass before they are mended{DIM:#}")?;
+        writeln!(
+            out,
+            "{DIM}no test of these modules can pass until you correct the errors{DIM:#}"
+        )?;
     }
     let mut items = callable(&package)?;
     // Karat calls fragment and vertex functions as it calls any other function.
@@ -87,7 +90,10 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         };
         items.retain(is_whole);
         passes.retain(is_whole);
-        ensure!(!items.is_empty() || !passes.is_empty(), "mend these modules first");
+        ensure!(
+            !items.is_empty() || !passes.is_empty(),
+            "correct the errors of these modules first"
+        );
     }
     ensure!(
         !items.is_empty() || !passes.is_empty(),
@@ -98,7 +104,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let is_cargo = Project::around(&folder.canonicalize()?)?.is_cargo();
     // This step comes first: if Karat can't write a test, it must write no other file.
     let written = if (args.github || args.gitlab) && is_cargo && tested(&folder)?.any() {
-        writeln!(out, "{DIM}there are tests in Rust: none is written{DIM:#}")?;
+        writeln!(out, "{DIM}there are tests in Rust, so no test is written{DIM:#}")?;
         None
     } else {
         first_test(&package, &folder, (&items, &passes), out)?
@@ -116,7 +122,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if let (false, true, Some(file)) = (good, valid, &written) {
         writeln!(
             out,
-            "\n{BAD}the first test is red{BAD:#}: mend the function, or say in {} what a host gives it",
+            "\n{BAD}the first test fails{BAD:#}: correct the function, or write in {} which inputs your program passes to it",
             file.display()
         )?;
     }
@@ -124,9 +130,9 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     writeln!(out, "\n{HEAD}what to do next{HEAD:#}")?;
     writeln!(
         out,
-        "  karat watch {folder}     the tests again at each edit: break a function, and see it"
+        "  karat watch {folder}     runs the tests after each edit: break a function, and see the failure"
     )?;
-    writeln!(out, "  karat hazards {folder}   what can go wrong, with no test")?;
+    writeln!(out, "  karat hazards {folder}   lists operations that can go wrong, without a test")?;
     match written {
         Some(file) => writeln!(
             out,
@@ -141,7 +147,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if !args.github && !args.gitlab {
         writeln!(
             out,
-            "  karat init --github (or --gitlab)   the same tests in CI, on Mesa's lavapipe"
+            "  karat init --github (or --gitlab)   runs the same tests in CI, on Mesa's lavapipe"
         )?;
     }
     Ok(if good { Ending::Good } else { Ending::Bad })
@@ -154,7 +160,7 @@ fn expect_no_package_around(folder: &Path) -> anyhow::Result<()> {
     let mut packages = around.filter(|around| around.join(project::MANIFEST).is_file());
     match packages.next() {
         Some(package) => bail!(
-            "`{0}` is a package by its {1}, and `{2}` is a part of it: run `karat init {0}`",
+            "`{0}` is a package (it has {1}), and `{2}` is a part of it: run `karat init {0}`",
             shown(package),
             project::MANIFEST,
             folder.display()
@@ -184,7 +190,7 @@ fn run_tests(folder: &Path, out: &mut dyn Write) -> anyhow::Result<bool> {
     if recorded {
         writeln!(out, "{DIM}the record of the last run stays: `karat test` runs all tests{DIM:#}")?;
     }
-    Ok(status.context("the tests don't run")?.success())
+    Ok(status.context("can't run the tests")?.success())
 }
 
 fn this() -> anyhow::Result<Command> {
@@ -202,7 +208,7 @@ fn first_test(
 ) -> anyhow::Result<Option<PathBuf>> {
     let suite = karat_suite::Suite::open(folder)?;
     if !suite.tests.is_empty() || !suite.broken.is_empty() {
-        writeln!(out, "{DIM}there are tests already: none is written{DIM:#}")?;
+        writeln!(out, "{DIM}there are tests already, so no test is written{DIM:#}")?;
         return Ok(None);
     }
     let tested = tested(folder)?;
@@ -226,7 +232,7 @@ fn first_test(
     let Some((item, text)) = best.map(|(_, item, text)| (item, text)).or_else(pass) else {
         let all: Vec<_> = items.iter().chain(passes).collect();
         if !all.is_empty() && all.iter().all(|item| tested.is(&item.name)) {
-            writeln!(out, "{DIM}each function has a test already: none is written{DIM:#}")?;
+            writeln!(out, "{DIM}each function has a test already, so no test is written{DIM:#}")?;
             return Ok(None);
         }
         why.passes.extend(passes.iter().filter(is_open).map(|item| item.name.as_str()));
@@ -261,7 +267,7 @@ fn function_test(package: &Package, item: &FunctionItem) -> Result<(u8, String),
     let mut floats = function.parameters.iter().filter(|(_, shape)| is_of_floats(shape));
     let over = floats.next().map_or_else(String::new, |(name, _)| {
         format!(
-            "# Where arguments come from; what isn't named comes from its name and type:\n\
+            "# The ranges of arguments. For other arguments, the name and the type determine the range:\n\
              # over = {{ {name} = \"0..1\" }}\n"
         )
     });
@@ -307,13 +313,13 @@ impl Why<'_> {
             (
                 &self.bound,
                 "function",
-                "reads a binding, so its test says what that holds: `with = { name = .. }` in `*.test.toml`",
+                "reads a binding: give it a value by `with = { name = .. }` in `*.test.toml`",
             ),
-            (&self.refused, "function", "can't be called by a test; `karat call` says why"),
+            (&self.refused, "function", "can't be called by a test: `karat call` gives the reason"),
             (
                 &self.passes,
                 "pass",
-                "has resources that no size follows for, or writes none: `[[compute]]` in `*.test.toml` says what they hold",
+                "has resources of unknown size, or writes no resource: describe them in `[[compute]]` of a `*.test.toml`",
             ),
         ] {
             let more = if names.len() > SHOWN { ", .." } else { "" };
@@ -438,7 +444,11 @@ fn optimise(folder: &Path, out: &mut dyn Write) -> anyhow::Result<()> {
 /// Writes a file for CI, unless the file exists.
 fn keep(file: &Path, text: &str, out: &mut dyn Write) -> anyhow::Result<()> {
     if file.exists() {
-        return Ok(writeln!(out, "{DIM}{} is there already: not written{DIM:#}", file.display())?);
+        return Ok(writeln!(
+            out,
+            "{DIM}{} exists already, and stays unchanged{DIM:#}",
+            file.display()
+        )?);
     }
     if let Some(folder) = file.parent() {
         std::fs::create_dir_all(folder).with_context(|| format!("`{}`", folder.display()))?;
@@ -446,7 +456,7 @@ fn keep(file: &Path, text: &str, out: &mut dyn Write) -> anyhow::Result<()> {
     std::fs::write(file, text).with_context(|| format!("`{}`", file.display()))?;
     writeln!(out, "{GOOD}wrote{GOOD:#} {}", file.display())?;
     if text.contains("example.org") {
-        let hint = "write the address of your copy of Karat into it: Karat isn't released yet";
+        let hint = "write the address of your copy of Karat into this file, because Karat isn't released yet";
         writeln!(out, "  {KNOWN}{hint}{KNOWN:#}")?;
     }
     if file == Path::new(GITLAB_FILE) {
@@ -458,7 +468,7 @@ fn keep(file: &Path, text: &str, out: &mut dyn Write) -> anyhow::Result<()> {
     let repository = here.ancestors().find(|folder| folder.join(".git").exists());
     if let Some(root) = repository.filter(|root| *root != here) {
         let root = root.display();
-        let hint = "it is read at the root of the repository alone: move it there, and run its steps in this folder";
+        let hint = "GitHub reads it only at the root of the repository: move it there, and run its steps in this folder";
         writeln!(out, "  {KNOWN}{hint} ({root}){KNOWN:#}")?;
     }
     Ok(())

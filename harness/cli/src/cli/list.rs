@@ -84,7 +84,10 @@ fn list_tests(args: &Args, out: &mut dyn Write) -> Outcome {
             add(name, wrong.place.clone(), Some(wrong));
         }
     }
-    ensure!(!all.is_empty(), "no test is beside the shaders: `karat init` writes a first one");
+    ensure!(
+        !all.is_empty(),
+        "there is no test beside the shaders: `karat init` writes a first test"
+    );
     let good = all.iter().all(|one| one.error.is_none());
     match args.json {
         true => write_json(&all, out)?,
@@ -138,7 +141,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             }
         }
     }
-    ensure!(!entries.is_empty(), "the packages hold no function");
+    ensure!(!entries.is_empty(), "the packages have no functions");
     let good = valid && no_tests.is_empty();
     let verdict = if good { Ending::Good } else { Ending::Bad };
     if args.json {
@@ -152,7 +155,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let mut table = Table::new(&["function", "tested", "at"], &[]);
     for entry in &entries {
         let (style, state) = match (entry.tested, &entry.error) {
-            (_, Some(_)) => (BAD, "can't be probed"),
+            (_, Some(_)) => (BAD, "can't be called"),
             (true, None) => (GOOD, "yes"),
             (false, None) => (DIM, untested),
         };
@@ -161,7 +164,10 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     }
     table.write(out)?;
     if let Some(selected) = selected {
-        writeln!(out, "{DIM}the last run was of `{selected}` alone: `karat test` runs all{DIM:#}")?;
+        writeln!(
+            out,
+            "{DIM}the last run had only `{selected}`: `karat test` runs all tests{DIM:#}"
+        )?;
     }
     for error in entries.iter().filter_map(|entry| entry.error.as_ref()) {
         writeln!(out, "\n{error}")?;

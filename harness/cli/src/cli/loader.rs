@@ -30,7 +30,7 @@ fn is_named(words: impl Iterator<Item = OsString>) -> bool {
 }
 
 fn again(arguments: &[OsString], manifest: &Path) -> anyhow::Result<ExitCode> {
-    let program = std::env::current_exe().context("can't find out where this program is")?;
+    let program = std::env::current_exe().context("can't find this program's own file")?;
     let mut command = Command::new(program);
     command.args(arguments).env(swiftshader::ADD, OsStr::new(manifest));
     // Replaces this process if the system can, so that signals reach the new program.
@@ -38,7 +38,7 @@ fn again(arguments: &[OsString], manifest: &Path) -> anyhow::Result<ExitCode> {
     return Err(std::os::unix::process::CommandExt::exec(&mut command).into());
     #[cfg(not(unix))]
     {
-        let status = command.status().context("can't start this program anew")?;
+        let status = command.status().context("can't restart this program")?;
         let code = status.code().and_then(|code| u8::try_from(code).ok()).unwrap_or(2);
         Ok(ExitCode::from(code))
     }

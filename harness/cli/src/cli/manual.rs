@@ -37,7 +37,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let mut asked = Command::new(&cargo);
     let asked = asked.args(["metadata", "--format-version", "1"]).stderr(Stdio::inherit());
     let output =
-        asked.output().context("`cargo` doesn't run, and makes the manual of karat's sources: read `docs/guide` in karat's repository")?;
+        asked.output().context("can't run `cargo`, which makes the manual from karat's sources: read `docs/guide` in karat's repository")?;
     ensure!(
         output.status.success(),
         "`cargo metadata` fails: run `karat manual` in a Cargo project that uses karat"
@@ -91,6 +91,6 @@ fn open(page: &Path) {
     let mut browser = Command::new(program);
     let browser = browser.args(arguments).arg(page).stdout(Stdio::null()).stderr(Stdio::null());
     if browser.status().is_err() {
-        eprintln!("no `{program}` opens it: look at the page with your browser");
+        eprintln!("can't open the page with `{program}`: open it in your browser");
     }
 }

@@ -146,7 +146,7 @@ fn make(args: &Args, journal: &Path, out: &mut dyn Write) -> Outcome {
         let judged: usize = matrices.iter_mut().map(|matrix| matrix.judge_by(&records)).sum();
         ensure!(
             judged > 0,
-            "no test of the last run was on these functions and paths as they are now: run \
+            "the last run has no test of these functions on these paths in their present state: run \
              `karat test` with KARAT_PATHS=vulkan,vulkan:hlsl, or whatever the columns are"
         );
     }
@@ -190,7 +190,7 @@ fn expect_outputs(args: &Args, packages: &[karat::Package]) -> anyhow::Result<()
         let whole = resolved(output);
         ensure!(
             !outputs.contains(&whole),
-            "two outputs are to be written to `{}`: name another place for one of them",
+            "two outputs have the same file `{}`: name another file for one of them",
             output.display()
         );
         outputs.push(whole);
@@ -199,7 +199,7 @@ fn expect_outputs(args: &Args, packages: &[karat::Package]) -> anyhow::Result<()
     let shown = folder.display();
     if let Some(package) = packages.iter().find(|package| is_in_package(folder, package)) {
         bail!(
-            "`{shown}` is in the package `{}`, which would read the shaders that are written \
+            "`{shown}` is in the package `{}`, which would then contain the shaders written \
              there: name a folder outside of it",
             package.name()
         );
@@ -207,8 +207,8 @@ fn expect_outputs(args: &Args, packages: &[karat::Package]) -> anyhow::Result<()
     let earlier = folder.read_dir().is_ok_and(|mut entries| entries.next().is_some());
     ensure!(
         !earlier && !folder.is_file(),
-        "`{shown}` isn't an empty folder, and those of an earlier run would stand beside those of \
-         this one: delete it, or name another"
+        "`{shown}` isn't an empty folder, so it would mix the files of an earlier run with those of \
+         this run: delete it, or name another folder"
     );
     Ok(())
 }
@@ -229,7 +229,7 @@ fn expect_opened(matrix: &Matrix, name: &str) -> anyhow::Result<()> {
     let lacks_path = matches!(stop, Stop::Unavailable(_));
     ensure!(
         if lacks_path { cells().any(ran) } else { !cells().all(absent) },
-        "`{name}` isn't here, so nothing ran on it: {}\nThe column `{}` translates and validates \
+        "`{name}` doesn't open, so nothing ran on it: {}\nThe column `{}` translates and validates \
          without running",
         stop.text(),
         matrix.columns[index].language
@@ -250,19 +250,15 @@ fn tell_findings(matrices: &[Matrix]) -> usize {
     };
     if !wrong.is_empty() {
         karat::unstable::output::tell(&format!(
-            "{} wrong, and not declared to be: {}",
+            "{} wrong, and not declared as wrong: {}",
             counted(wrong.len(), "cell of the matrix is", "cells of the matrix are"),
             places(&wrong)
         ));
     }
     if !outdated.is_empty() {
         karat::unstable::output::tell(&format!(
-            "{} to work: delete what `karat.toml` declares of {}",
-            counted(
-                outdated.len(),
-                "cell declared to fail turns out",
-                "cells declared to fail turn out"
-            ),
+            "{}: delete from `karat.toml` the declarations for {}",
+            counted(outdated.len(), "cell declared to fail works", "cells declared to fail work"),
             few(outdated.iter().map(|finding| format!("{}: {}", place(finding), finding.why)))
         ));
     }
@@ -359,8 +355,8 @@ fn write_text(matrix: &Matrix, out: &mut dyn Write) -> anyhow::Result<()> {
         let (count, columns) = (matrix.undecided.len(), columns.join("`, `"));
         writeln!(
             out,
-            "\n{DIM}not looked at: {count} declared failures, on `{columns}`: nothing here shows or \
-             refutes them{DIM:#}"
+            "\n{DIM}not checked: {count} declared failures, on `{columns}`: this machine can't show or \
+             refute them{DIM:#}"
         )?;
     }
     Ok(())
@@ -396,5 +392,5 @@ fn summary(matrix: &Matrix) -> String {
     let skipped = matrix.rows.len() - judged;
     let open = matrix.open().map_or_else(String::new, |text| format!("\n{text}"));
     let lines = lines.join("\n");
-    format!("of {judged} rows ({skipped} more that nothing can call):\n{lines}{open}")
+    format!("of {judged} rows ({skipped} more can't be called):\n{lines}{open}")
 }

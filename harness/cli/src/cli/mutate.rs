@@ -99,10 +99,10 @@ impl From<Suggest> for Form {
 
 pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let paths = karat::unstable::path::named("--paths", &args.paths)?;
-    ensure!(paths.len() == 1, "`karat mutate` takes one path: --paths {}", args.paths);
+    ensure!(paths.len() == 1, "`karat mutate` needs exactly one path: --paths {}", args.paths);
     ensure!(
         std::env::var_os("KARAT_OVERLAY").is_none(),
-        "KARAT_OVERLAY stands in for modules, so a mutant of their files would change nothing: unset it"
+        "KARAT_OVERLAY replaces modules, so a mutant of their files would change nothing: unset KARAT_OVERLAY"
     );
     let project = Project::find()?;
     let packages = project.packages(&args.place.package())?;
@@ -151,8 +151,8 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     passed_over.iter().for_each(|line| tell(line));
     if all.is_empty() {
         // A pull request without changes to shaders isn't a failure.
-        ensure!(args.in_diff.is_some(), "no mutant was tried: nothing is known of the tests");
-        writeln!(out, "{DIM}no mutant is in the lines that changed: no mutant was tried{DIM:#}")?;
+        ensure!(args.in_diff.is_some(), "no mutant was tried, so the tests have no score");
+        writeln!(out, "{DIM}the changed lines have no mutants, so no mutant was tried{DIM:#}")?;
         return Ok(Ending::Good);
     }
     let tried = || all.iter().flat_map(|(_, hunted)| &hunted.tried);
@@ -240,7 +240,7 @@ fn apart(path: &str) -> Outcome {
     // Rust tests skip their frames, too.
     command.envs((path == "cpu").then_some(("KARAT_FRAMES", "off")));
     let (status, scratch) =
-        child::status_over(&mut command, scratch).context("the mutants can't be tried")?;
+        child::status_over(&mut command, scratch).context("can't try the mutants")?;
     drop(scratch);
     match status.code() {
         Some(0) => Ok(Ending::Good),
@@ -248,7 +248,7 @@ fn apart(path: &str) -> Outcome {
         Some(2) => Err(super::Reported.into()),
         Some(3) => Ok(Ending::Missing),
         _ => anyhow::bail!(
-            "the process that tries the mutants ended ({status}): try fewer by --only, or another path"
+            "the process that tries the mutants ended ({status}): try fewer mutants with --only, or another path"
         ),
     }
 }
@@ -331,11 +331,11 @@ fn write_one(hunted: &Hunted, args: &Args, out: &mut dyn Write) -> std::io::Resu
                     let percent = |ratio: &f64| format!("{:.3}%", 100.0 * ratio);
                     match *after > 0.0 {
                         true => format!(
-                            "hidden by the tolerance of `{test}`: its largest error is {} of the bound, and {} without the mutant",
+                            "hidden by the tolerance of `{test}`: its largest error is {} of the bound with the mutant, and {} without it",
                             percent(after),
                             percent(before)
                         ),
-                        false => format!("hidden by what `{test}` asserts: it sees other values, and allows them"),
+                        false => format!("hidden by the assertion of `{test}`: the test sees different values, and accepts them"),
                     }
                 });
                 (BAD, word, lines(&tests, why).into_iter().chain(by).collect())
@@ -349,9 +349,7 @@ fn write_one(hunted: &Hunted, args: &Args, out: &mut dyn Write) -> std::io::Resu
             Fate::Killed { test } if all => (GOOD, "killed", vec![format!("by `{test}`")]),
             Fate::Invalid { reason } if all => (DIM, "invalid", vec![reason.clone()]),
             Fate::Equal { by } if all => (DIM, "equal", vec![by.to_string()]),
-            Fate::Idle if all => {
-                (DIM, "idle", vec!["it changes nothing that is linked".to_owned()])
-            }
+            Fate::Idle if all => (DIM, "idle", vec!["it changes no linked code".to_owned()]),
             Fate::Accepted { .. }
             | Fate::Killed { .. }
             | Fate::Equal { .. }
@@ -415,7 +413,7 @@ fn write_annotations(
     }
     let lines = lines.into_iter().map(|((file, line), (column, mutants))| {
         let mutants_of = counted(mutants.len(), "mutant");
-        let message = format!("no test sees {mutants_of} of this line: {}", mutants.join(", "));
+        let message = format!("no test notices {mutants_of} of this line: {}", mutants.join(", "));
         (format!("{file}:{line}:{column}"), message)
     });
     report::write_warnings("karat mutate", lines, project, out)
@@ -503,8 +501,8 @@ fn parts(
     for (count, what) in [
         (score.equal, "equal to the original"),
         (score.accepted, "accepted in karat.toml"),
-        (score.invalid, "no valid WGSL"),
-        (score.idle, "in no function that is linked"),
+        (score.invalid, "invalid WGSL"),
+        (score.idle, "in functions that aren't linked"),
         (score.stopped, "without a verdict"),
     ] {
         if count > 0 {

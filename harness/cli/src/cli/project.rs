@@ -121,7 +121,7 @@ fn visible(folder: &Path) -> impl Iterator<Item = PathBuf> {
 }
 
 fn here() -> anyhow::Result<PathBuf> {
-    std::env::current_dir().context("the working directory is gone")
+    std::env::current_dir().context("the working directory doesn't exist any more")
 }
 
 /// The project around the working directory.
@@ -154,7 +154,7 @@ pub(super) fn tests_beside(packages: &[Package]) -> Option<String> {
         (file.is_file() && tests.is_file()).then_some(tests)
     };
     let tests = packages.iter().map(Package::root).find_map(beside)?;
-    Some(format!("`{}` didn't run: name its folder instead of the file", shown(&tests)))
+    Some(format!("`{}` didn't run: name the folder instead of the file", shown(&tests)))
 }
 
 impl Project {
@@ -303,7 +303,7 @@ impl Project {
     pub(super) fn last_run(&self) -> Option<Recorded> {
         static TOLD: Once = Once::new();
         Recorded::read(&self.record()).unwrap_or_else(|error| {
-            TOLD.call_once(|| tell(&format!("warning: the last run isn't known: {error}")));
+            TOLD.call_once(|| tell(&format!("warning: can't read the last run: {error}")));
             None
         })
     }

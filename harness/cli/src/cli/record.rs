@@ -46,7 +46,7 @@ impl Place {
         let mut entries = std::fs::read_dir(folder).with_context(name)?;
         ensure!(
             entries.next().is_none(),
-            "{} isn't empty, and a record is of one run: remove it, or name another folder",
+            "{} isn't empty, and a record needs an empty folder: remove this one, or name another",
             name()
         );
         // Tests run in the folders of their packages.
@@ -77,7 +77,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let held = args.output.hold_commands(out)?;
     let told: &mut dyn Write = if args.output.short { &mut unread } else { &mut *out };
     let [program, arguments @ ..] = args.command.as_slice() else {
-        anyhow::bail!("no command runs the tests: `karat record -- cargo nextest run`");
+        anyhow::bail!("name the command that runs the tests: `karat record -- cargo nextest run`");
     };
     let mut command = Command::new(program);
     command.args(arguments).env("KARAT_RECORD", place.folder());
@@ -91,7 +91,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let Heard { not_run, stopped } = heard;
     let selected = vec![words.join(" ")];
     let run = Run { selected, passed, not_run, stopped, ..Run::default() };
-    run.write(place.folder()).context("can't say how the run was made")?;
+    run.write(place.folder()).context("can't write how the run was made")?;
     let folder = place.end().context("can't keep the record")?;
     let sum = Sum::of(&records, Some(&run));
     tables::write(&records, args.output.all, told)?;

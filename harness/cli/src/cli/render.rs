@@ -10,7 +10,7 @@ use super::project::Project;
 use super::{Ending, Outcome, Reported, child};
 
 const HOW_TO_DECLARE: &str = "\
-this project declares no gallery, which is a cargo binary that lists its frames
+this project declares no gallery. A gallery is a cargo binary that lists frames
 
   in the Cargo.toml of the workspace (or `package.metadata.karat` in that of a package):
 
@@ -48,7 +48,7 @@ pub(super) fn run(arguments: RenderArguments, out: &mut dyn Write) -> Outcome {
     }
     let built = child::pass_on(&mut build, out)?;
     if !built.success() {
-        bail!("the gallery `{gallery}` can't be built, see above");
+        bail!("can't build the gallery `{gallery}`, see above");
     }
 
     let mut run = cargo(&project, "run", gallery);

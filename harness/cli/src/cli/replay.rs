@@ -92,11 +92,12 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     };
     let Some((_, record)) = found else {
         let Some(name) = args.name.as_deref().filter(|_| !names.is_empty()) else {
-            let none = "no failure of the last run can be replayed: each passed, or has no cases";
+            let none = "no failure of the last run can be replayed: all checks passed, or the failures have no cases";
             return Err(NotThere(none.to_owned()).into());
         };
         let near = nearest(name, known()).map_or_else(list, str::to_owned);
-        let none = format!("no failure of the last run is called `{name}`; there is {near}");
+        let none =
+            format!("no failure of the last run is called `{name}`; the failures are {near}");
         return Err(NotThere(none).into());
     };
     let command = command(record).context("the record has the command")?;

@@ -165,7 +165,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         remarks: remarks(left_out, &opinion).into_iter().chain(tests_beside(&packages)).collect(),
         ..Run::default()
     };
-    run.write(running.folder()).context("can't say how the run was made")?;
+    run.write(running.folder()).context("can't write how the run was made")?;
     let sum = Sum::of(&records, Some(&run));
     let (folder, _of_replay) = match is_replay {
         true => (project.record(), Some(running)),

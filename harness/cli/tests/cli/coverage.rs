@@ -192,7 +192,7 @@ fn functions_of_frames_are_not_measured() {
 #[test]
 fn tests_beside_a_file_are_named() {
     let folder = folder();
-    let beside = "`shaders/calc_test.wgsl` didn't run: name its folder instead of the file";
+    let beside = "`shaders/calc_test.wgsl` didn't run: name the folder instead of the file";
     for verb in ["test", "coverage", "mutate"] {
         let ran = karat(folder.path(), &[verb, "shaders/calc.wgsl"]);
         assert!(format!("{}{}", ran.out, ran.err).contains(beside), "{verb}: {ran:?}");

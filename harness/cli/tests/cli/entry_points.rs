@@ -186,7 +186,7 @@ fn slope(x: f32) -> f32 {
     let hazards = karat(folder.path(), &["hazards"]);
     assert!(hazards.out.contains("nodes[3]") && hazards.out.contains("pixel ("), "{hazards:?}");
     // Of the functions that write, the one that is no entry point.
-    let unseen = hazards.out.lines().filter(|line| line.starts_with("not looked at: "));
+    let unseen = hazards.out.lines().filter(|line| line.starts_with("not checked: "));
     let unseen: Vec<&str> = unseen.collect();
     assert!(matches!(unseen[..], [one] if one.contains("o::slope")), "{unseen:?}");
 }

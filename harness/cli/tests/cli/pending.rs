@@ -257,7 +257,7 @@ fn frames_of_a_ci_run_are_accepted_from_a_folder_or_a_zip() {
     assert_eq!(karat(folder, &["reject", "scene", "--from", "ci"]).good(), "rejected scene\n");
     assert_eq!(karat(folder, &["pending", "--from", "ci"]).good(), "nothing is pending\n");
     let error = karat(folder, &["reject", "scene", "--from", "ci.zip"]).error();
-    assert!(error.contains("a frame in a zip can't be rejected"), "{error}");
+    assert!(error.contains("frames in a zip can't be rejected"), "{error}");
 }
 
 #[test]
@@ -420,7 +420,7 @@ fn frames_of_one_name_are_named_by_their_crates() {
         }
         let because = [from, &["--because", "x"]].concat();
         let both = karat(folder, &[&["accept", "dusk"][..], &because].concat()).error();
-        let told = "`dusk` waits in several crates: name `the-lamp::dusk` or `the-sky::dusk`";
+        let told = "`dusk` is pending in several crates: name `the-lamp::dusk` or `the-sky::dusk`";
         assert!(both.contains(told), "{both}");
         let one = karat(folder, &[&["accept", "the-sky::dusk"][..], &because].concat()).good();
         assert!(one.contains("accepted the-sky::dusk\n"), "{one}");

@@ -139,7 +139,7 @@ fn a_run_that_is_killed_leaves_the_record_of_the_one_before() {
     // It is the last that ended, and no verdict on what was begun later.
     runs.assert_last("before", 1);
     let report = karat(runs.project.path(), &["report"]).out;
-    assert!(report.contains("a later run was stopped before its end"), "{report}");
+    assert!(report.contains("a later run was stopped early"), "{report}");
     // Another one runs while a third begins and ends, and clears what the killed one left.
     let live = runs.start("live", "pass");
     write(runs.project.path(), "go.killed", "");

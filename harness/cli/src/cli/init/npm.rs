@@ -46,11 +46,11 @@ fn add_script(file: &Path, shaders: &str, out: &mut dyn Write) -> anyhow::Result
     let name = shown(file);
     let text = std::fs::read_to_string(file).with_context(|| format!("`{name}`"))?;
     let Ok(manifest) = serde_json::from_str::<Value>(&text) else {
-        writeln!(out, "{DIM}{name} is no JSON: no script is added{DIM:#}")?;
+        writeln!(out, "{DIM}{name} isn't valid JSON: no script is added{DIM:#}")?;
         return Ok(());
     };
     if !manifest.is_object() || !matches!(manifest["scripts"], Value::Null | Value::Object(_)) {
-        writeln!(out, "{DIM}{name} isn't npm's: no script is added{DIM:#}")?;
+        writeln!(out, "{DIM}{name} isn't a package.json of npm: no script is added{DIM:#}")?;
         return Ok(());
     }
     if manifest["scripts"][SCRIPT].is_string() {
@@ -119,7 +119,7 @@ fn ask_for_tint(
     if !has(&manifest, TINT) {
         writeln!(
             out,
-            "{DIM}Chrome's compiler isn't required, as {FILE} hasn't got it: `npm install --save-dev {TINT}`, and run this \
+            "{DIM}Chrome's compiler isn't required, because {FILE} doesn't have it: `npm install --save-dev {TINT}`, and run this \
              again{DIM:#}"
         )?;
         return Ok(());
@@ -129,12 +129,12 @@ fn ask_for_tint(
         let remedy = &missing.remedy;
         writeln!(
             out,
-            "{DIM}Chrome's compiler isn't asked: {missing}; {remedy}, and run this again{DIM:#}"
+            "{DIM}Chrome's compiler isn't used: {missing}; {remedy}, and run this again{DIM:#}"
         )?;
         return Ok(());
     }
     let blank = if known.is_empty() { "" } else { "\n" };
-    let asked = "# Chrome, Edge and Node compile WGSL by Tint: what it rejects isn't valid here.\n\
+    let asked = "# Chrome, Edge and Node compile WGSL with Tint: a module that Tint rejects isn't valid.\n\
                  [compilers]\nrequire = [\"tint\"]\n";
     std::fs::write(&file, format!("{known}{blank}{asked}"))
         .with_context(|| format!("`{}`", file.display()))?;
@@ -174,10 +174,10 @@ mod tests {
     #[test]
     fn what_isnt_plain_is_left_as_it_is() {
         for (text, expected) in [
-            ("{ \"scripts\"", "is no JSON"),
-            ("[]", "isn't npm's"),
-            ("{ \"scripts\": 3 }", "isn't npm's"),
-            ("{ \"scripts\": [] }", "isn't npm's"),
+            ("{ \"scripts\"", "isn't valid JSON"),
+            ("[]", "isn't a package.json of npm"),
+            ("{ \"scripts\": 3 }", "isn't a package.json of npm"),
+            ("{ \"scripts\": [] }", "isn't a package.json of npm"),
             // The first braces after the word aren't those of the scripts.
             (
                 "{ \"files\": [\"scripts\"], \"config\": { \"a\": 1 }, \"scripts\": { \"a\": \"b\" } }",

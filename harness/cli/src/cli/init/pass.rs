@@ -72,9 +72,9 @@ pub(super) fn declaration(package: &Package, item: &FunctionItem) -> Option<Stri
     let [x, y, z] = groups;
     let first = written.first()?;
     Some(format!(
-        "[[compute]]\nentry = \"{name}\"\nworkgroups = [{x}, {y}, {z}]\n# What the resources hold before: values, \
-         files, or so many elements of a range.\nwith = {{ {} }}\n# No race, no barrier that some invocations miss, no \
-         index outside.\nno_hazards = true\n# What they hold afterwards:\n# [compute.after.{first}]\n# finite = true\n",
+        "[[compute]]\nentry = \"{name}\"\nworkgroups = [{x}, {y}, {z}]\n# The resources before the pass: values, \
+         files, or a number of elements from a range.\nwith = {{ {} }}\n# No race, no barrier that some invocations miss, no \
+         index outside of an array.\nno_hazards = true\n# The resources after the pass:\n# [compute.after.{first}]\n# finite = true\n",
         with.join(", ")
     ))
 }

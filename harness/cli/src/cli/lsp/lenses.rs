@@ -161,7 +161,7 @@ fn title(current: &[&Record], is_stale: bool, is_tested: bool, known: &Known<'_>
             (true, _) => "changed since it was tested",
             (false, true) => "not run yet",
             (false, false) if known.whole => "no test",
-            (false, false) => "no test is known: `karat test` tells",
+            (false, false) => "no test is known: run `karat test`",
         };
         return why.to_owned();
     }

@@ -36,13 +36,13 @@ impl Runs {
         sender: &Sender<Event>,
     ) {
         if let Some(running) = &self.running {
-            let message = format!("karat: the tests of `{running}` still run");
+            let message = format!("karat: the tests of `{running}` are still running");
             return client.tell(MessageType::WARNING, message);
         }
         if names.is_empty() {
             let message = match whole {
                 true => format!("karat: `{function}` has no test"),
-                false => format!("karat: no test of `{function}` is known: `karat test` tells"),
+                false => format!("karat: no test of `{function}` is known: run `karat test`"),
             };
             return client.tell(MessageType::WARNING, message);
         }

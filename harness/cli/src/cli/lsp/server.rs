@@ -131,12 +131,15 @@ impl Server {
         match (method, self.phase) {
             ("initialize", Phase::New) => Ok(self.initialize(&parameters)),
             ("initialize", _) => {
-                Err(Refused(Refusal::Invalid, "the session has begun already".to_owned()))
+                Err(Refused(Refusal::Invalid, "the session has already begun".to_owned()))
             }
-            (_, Phase::New) => {
-                Err(Refused(Refusal::NotInitialized, "`initialize` comes first".to_owned()))
+            (_, Phase::New) => Err(Refused(
+                Refusal::NotInitialized,
+                "the first request must be `initialize`".to_owned(),
+            )),
+            (_, Phase::Shut) => {
+                Err(Refused(Refusal::Invalid, "the session is shut down".to_owned()))
             }
-            (_, Phase::Shut) => Err(Refused(Refusal::Invalid, "the session is shut".to_owned())),
             ("shutdown", _) => {
                 self.phase = Phase::Shut;
                 Ok(Value::Null)
@@ -313,8 +316,9 @@ impl Server {
             Ok(Told::Verdicts) => self.judged = true,
             Ok(Told::Ended(why)) => {
                 self.client.log(format!("the process of the tests ended: {why}"));
-                self.client
-                    .tell_once("tests were ended; the next save runs them again (see the log)");
+                self.client.tell_once(
+                    "the tests ended early (see the log); the next save runs them again",
+                );
                 self.judged = true;
             }
             Err(error) => self.client.tell_once(&format!("{error:#}")),
@@ -362,7 +366,7 @@ impl Server {
         };
         let Some((root, _, subjects)) = place::file(uri).and_then(|file| self.subjects(&file))
         else {
-            let why = format!("karat: `{uri}` is in no package of shaders");
+            let why = format!("karat: `{uri}` isn't in a package of shaders");
             self.client.tell(MessageType::WARNING, why);
             return Ok(Value::Null);
         };

@@ -66,7 +66,7 @@ fn evidence(cell: &Cell) -> String {
         lines.push(format!("{} cases compared, {} differ", cell.compared, cell.differing));
     }
     if cell.open > 0 {
-        lines.push(format!("{} differ where WGSL leaves open what they are", cell.open));
+        lines.push(format!("{} differ where WGSL allows several results", cell.open));
     }
     lines.extend(cell.known.as_ref().map(|known| format!("known: {}", known.reason)));
     lines.join("\n")

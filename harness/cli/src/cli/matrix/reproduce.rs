@@ -41,10 +41,10 @@ fn one(place: &Path, matrix: &Matrix, row: &Row, head: &Head, cell: &Cell) -> an
     let mut files = vec![(
         "shader.wgsl".to_owned(),
         if row.kind == "function" {
-            "the function with all that it uses, and the kernel that calls it: `karat_in` are the \
-             arguments' words, `karat_out` the results', each case followed by a canary"
+            "the function with everything that it uses, and the kernel that calls it: `karat_in` has the \
+             32-bit words of the arguments, `karat_out` those of the results; a canary follows each case"
         } else {
-            "the entry point's module with all that it uses"
+            "the entry point's module with everything that it uses"
         }
         .to_owned(),
     )];
@@ -62,7 +62,7 @@ fn one(place: &Path, matrix: &Matrix, row: &Row, head: &Head, cell: &Cell) -> an
     if cell.divergence.is_some() || !row.buffers.is_empty() {
         let text = serde_json::to_string_pretty(&values(row, cell))?;
         file("values.json", text.as_bytes())?;
-        files.push(("values.json".to_owned(), "inputs and results, as words".to_owned()));
+        files.push(("values.json".to_owned(), "inputs and results, as 32-bit words".to_owned()));
     }
     let text = readme(matrix, row, head, cell, &files)?;
     // Texts of authors and messages of validators may contain control characters.
@@ -146,7 +146,10 @@ fn readme(
         }
     }
     let all = baseline.into_iter().chain([&*head.name]).collect::<Vec<_>>().join(",");
-    writeln!(text, "Karat repeats it here: `karat matrix --shaders shader.wgsl --columns {all}`.")?;
+    writeln!(
+        text,
+        "To repeat it with Karat in this folder: `karat matrix --shaders shader.wgsl --columns {all}`."
+    )?;
     Ok(text)
 }
 
@@ -163,7 +166,7 @@ fn write_divergence(text: &mut String, head: &Head, found: &Divergence) -> std::
     for (name, value) in &found.arguments {
         writeln!(text, "| `{name}` | {value} |")?;
     }
-    writeln!(text, "\nIn words: {}\n", hex(&found.words).join(" "))?;
+    writeln!(text, "\nAs 32-bit words: {}\n", hex(&found.words).join(" "))?;
     writeln!(text, "| column | result | words |\n|---|---|---|")?;
     let (here, there) = (hex(&found.results.0).join(" "), hex(&found.results.1).join(" "));
     writeln!(text, "| `{}` | {} | {here} |", head.name, found.here)?;
@@ -171,7 +174,7 @@ fn write_divergence(text: &mut String, head: &Head, found: &Divergence) -> std::
     if !found.alone {
         writeln!(
             text,
-            "\nRun alone, this input gives the same on both: a result depends on the inputs that run \
+            "\nIf it is the only input, both results are equal: a result depends on the inputs that run \
              beside it. These are the results among the inputs that Karat makes up, which are the same \
              each time."
         )?;
@@ -192,10 +195,10 @@ fn write_divergence(text: &mut String, head: &Head, found: &Divergence) -> std::
                 writeln!(text, "It is line {line} of the translation.")?;
             }
         }
-        None => writeln!(text, "\nNone of the let-bindings that could be looked at differs.")?,
+        None => writeln!(text, "\nNone of the let-bindings that Karat could compare differs.")?,
     }
     if !found.unseen.is_empty() {
-        writeln!(text, "Not looked at: `{}`.", found.unseen.join("`, `"))?;
+        writeln!(text, "Not compared: `{}`.", found.unseen.join("`, `"))?;
     }
     Ok(())
 }

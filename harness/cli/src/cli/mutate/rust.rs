@@ -58,7 +58,7 @@ impl RustTests {
         packages: &[String],
         filter: Option<&str>,
     ) -> anyhow::Result<Self> {
-        tell("building the tests in Rust, and running each once");
+        tell("building the tests in Rust, and running each test once");
         let (mut slowest, mut slow) = (Duration::ZERO, BTreeSet::new());
         let mut found: BTreeMap<String, Vec<PathRecord>> = BTreeMap::new();
         let mut direct: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
@@ -115,7 +115,8 @@ impl RustTests {
                     }
                 }
             }
-            let all = Dependence::all(folder.path()).context("what tests linked can't be read")?;
+            let all = Dependence::all(folder.path())
+                .context("can't read which shaders the tests linked")?;
             // A thread without a test's name may have linked the program for any test of its program.
             for mut one in all {
                 let is_own = tests.contains(&&*one.test);
@@ -132,7 +133,7 @@ impl RustTests {
             let more =
                 if red.len() > 1 { format!(", and {} more", red.len() - 1) } else { String::new() };
             bail!(
-                "`{test}`{more} fails without a mutant, and would kill each: mend it first\n\n{}",
+                "`{test}`{more} fails without a mutant, so it would kill each mutant: correct it first\n\n{}",
                 message.trim_end()
             );
         }
@@ -211,7 +212,7 @@ impl RustTests {
             }
             if was_ended {
                 let seconds = self.limit.as_secs();
-                let reason = format!("it was ended after {seconds} s");
+                let reason = format!("Karat ended it after {seconds} s");
                 judged.stopped = Some((program.show(concerned[0]), reason));
                 continue;
             }

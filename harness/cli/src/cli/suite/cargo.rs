@@ -286,7 +286,7 @@ impl Tests {
 /// Returns the programs and files of a run's tests, by their names in the test program.
 fn made(folder: &Path, records: &[Record]) -> anyhow::Result<HashMap<String, Made>> {
     let mut all: HashMap<String, Made> = HashMap::new();
-    let all_of = Dependence::all(folder).context("what tests linked can't be read")?;
+    let all_of = Dependence::all(folder).context("can't read which shaders the tests linked")?;
     for dependence in all_of {
         all.entry(dependence.test.clone()).or_default().linked.push(dependence);
     }
