@@ -24,6 +24,7 @@ mod members;
 #[derive(Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 struct Settings {
+    /// The folders of shaders, relative to the manifest.
     packages: Option<Vec<PathBuf>>,
     /// The features with which modules are validated, by the names of the modules.
     #[serde(default)]

@@ -431,8 +431,9 @@ fn place(record: &Record, root: &Path, workspace: &Path) -> Option<Place> {
 /// The variables that contain the repository's folder on GitHub, GitLab and Jenkins.
 const WORKSPACES: [&str; 3] = ["GITHUB_WORKSPACE", "CI_PROJECT_DIR", "WORKSPACE"];
 
-/// Returns the folder to which files are relative in reports for CI: the repository's, if CI or git names it and the
-/// project is in it; otherwise the project's, or the working directory around a folder of shaders.
+/// Returns the folder that paths in reports for CI are relative to. This is the repository's folder, if CI or git names
+/// it and it contains the project. Otherwise it is the project's folder, or the working directory around a folder of
+/// shaders.
 fn workspace(root: &Path) -> PathBuf {
     let whole = |folder: &Path| folder.canonicalize().ok();
     let named = WORKSPACES.iter().filter_map(std::env::var_os).filter(|folder| !folder.is_empty());
@@ -448,8 +449,8 @@ fn workspace(root: &Path) -> PathBuf {
     found.unwrap_or_else(|| root.to_owned())
 }
 
-/// Resolves `file:line:column`. Its file may be relative to any folder above the package: tests run in their
-/// package's folder, and the compiler in the workspace.
+/// Resolves `file:line:column`. The file may be relative to any folder above the package: tests run in their package's
+/// folder, and the compiler runs in the workspace.
 pub(super) fn located(location: &str, package: &Path, workspace: &Path) -> Option<Place> {
     let place = Place::of(location)?;
     let mut files = package.ancestors().map(|folder| folder.join(&place.file));
@@ -457,7 +458,8 @@ pub(super) fn located(location: &str, package: &Path, workspace: &Path) -> Optio
     Some(Place { file: relative(&file, workspace), ..place })
 }
 
-/// [`located`] among the files that a record depends on, as the record may come from another folder.
+/// Does the work of [`located`] for the files that a record depends on, because the record may come from another
+/// folder.
 fn of_read(location: &str, record: &Record, workspace: &Path) -> Option<Place> {
     let file = Path::new(location.rsplitn(3, ':').nth(2)?);
     let read = record.read.iter().map(|read| &read.file).find(|read| read.ends_with(file))?;
@@ -465,7 +467,7 @@ fn of_read(location: &str, record: &Record, workspace: &Path) -> Option<Place> {
     located(location, above, workspace)
 }
 
-/// Returns a relative path with `/`, as GitHub needs it.
+/// Returns a relative path with `/`, as GitHub requires.
 fn relative(file: &Path, root: &Path) -> String {
     let (file, root) = match (file.canonicalize(), root.canonicalize()) {
         (Ok(file), Ok(root)) => (file, root),

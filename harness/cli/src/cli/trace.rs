@@ -1,4 +1,4 @@
-//! `karat trace`: shows, step by step, how a frame gets the value of one pixel.
+//! `karat trace`: shows each step that computes one pixel of a frame.
 
 use std::io::Write;
 use std::path::Path;
@@ -69,7 +69,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         return Ok(Ending::Good);
     };
     match args.json {
-        // The page of `karat review` reads this form.
+        // The page of `karat review` reads this format.
         true => write_json(&[&before, &traced].map(|one| told(args, one, &project)), out)?,
         false => write_parting(&before, &traced, revision, out)?,
     }
@@ -78,12 +78,12 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(if same && before.engine == traced.engine { Ending::Good } else { Ending::Bad })
 }
 
-/// A pixel in JSON. Numbers are strings, since JSON has no NaN.
+/// A pixel in JSON. Numbers are strings, because JSON has no NaN.
 #[derive(Serialize)]
 struct Told<'t> {
     frame: &'t str,
     pixel: (u32, u32),
-    /// The golden's pixel, if a golden has the frame's name and size.
+    /// The pixel of the golden, if a golden has the frame's name and size.
     golden: Option<String>,
     #[serde(flatten)]
     traced: &'t Traced,
@@ -93,7 +93,7 @@ fn told<'t>(args: &'t Args, traced: &'t Traced, project: &Project) -> Told<'t> {
     Told { frame: &args.frame, pixel: args.pixel, golden: golden(args, project), traced }
 }
 
-/// Traces the pixel. If it can't be traced, prints the reason to standard error and returns `None`.
+/// Traces the pixel. If that isn't possible, prints the reason to standard error and returns `None`.
 fn traced(args: &Args, project: &Project) -> anyhow::Result<Option<Traced>> {
     if let Some(suite) = tap::find(&args.frame, project, &args.package)? {
         let path = tap::expect_own(&args.drawn)?;
@@ -119,7 +119,7 @@ fn traced(args: &Args, project: &Project) -> anyhow::Result<Option<Traced>> {
     Ok(Some(traced))
 }
 
-/// Traces the same pixel with the shaders of a revision, or returns `None` if they haven't changed.
+/// Traces the same pixel with the shaders of a revision. Returns `None` if the shaders haven't changed.
 fn at_revision(args: &Args, project: &Project, revision: &str) -> anyhow::Result<Option<Traced>> {
     let folder = tempfile::tempdir().context("can't make a temporary folder")?;
     let overlay = folder.path().join("overlay");
@@ -135,7 +135,7 @@ fn at_revision(args: &Args, project: &Project, revision: &str) -> anyhow::Result
     }
     let program = std::env::current_exe().context("can't find this program's own file")?;
     let mut command = Command::new(program);
-    // The same arguments without the revision, whose shaders are in the overlay.
+    // The arguments are the same, but without the revision: the overlay contains its shaders.
     let mut words = std::env::args_os().skip(1);
     while let Some(word) = words.next() {
         match word.to_str() {
@@ -164,7 +164,7 @@ fn at_revision(args: &Args, project: &Project, revision: &str) -> anyhow::Result
     ensure!(status.success(), "with the shaders of {revision} the pixel can't be traced:\n{said}");
     let parsed = serde_json::from_str(&lines.join("\n"));
     let mut before: Traced = parsed.context("this program printed no pixel")?;
-    // The files of a revision are in a temporary folder, so messages name the revision.
+    // The files of a revision lie in a temporary folder, so messages name the revision.
     let written = format!("{}{}", overlay.display(), std::path::MAIN_SEPARATOR);
     for row in &mut before.steps {
         let own = row.file.strip_prefix(&written).unwrap_or(&row.file);
@@ -173,7 +173,7 @@ fn at_revision(args: &Args, project: &Project, revision: &str) -> anyhow::Result
     Ok(Some(before))
 }
 
-/// Moves the files that differ today into an overlay. Returns `true` if there are some.
+/// Moves the files that differ from today's files into an overlay. Returns `true` if there are any.
 fn keep_changed(before: &Path, today: &Path, overlay: &Path) -> anyhow::Result<bool> {
     let mut any = false;
     let mut open = vec![before.to_owned()];
@@ -242,7 +242,7 @@ fn golden(args: &Args, project: &Project) -> Option<String> {
     project.goldens().into_iter().find_map(own)
 }
 
-/// Returns the number of equal steps before the first that differs.
+/// Returns the number of equal steps before the first different step.
 fn first_difference(before: &Traced, after: &Traced) -> usize {
     let pairs = before.steps.iter().zip(&after.steps);
     let alike = |(a, b): &(&Row, &Row)| a.operation == b.operation && a.single == b.single;

@@ -86,12 +86,12 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     Ok(Ending::Good)
 }
 
-/// Returns the shader's text, and for a function the entry point that calls it.
+/// Returns the text of the shader. For a function, also returns the name of the entry point that calls it.
 fn source(args: &Args) -> anyhow::Result<(String, Option<String>)> {
     let project = Project::find()?;
     for package in project.packages(&args.package)? {
         let modules = package.modules()?;
-        // In a package of one file the module has no name.
+        // In a package of one file, the module has no name.
         let alone = (package.name() == args.what).then(String::new);
         let module = Some(&args.what).or(alone.as_ref()).filter(|m| modules.contains(m));
         let module = module.or(alone.as_ref().filter(|m| modules.contains(m)));
@@ -125,7 +125,7 @@ fn print(translation: &Translation, out: &mut dyn Write) -> anyhow::Result<()> {
                 words.len()
             );
         }
-        // SPIR-V doesn't go through `out`, which is for text.
+        // `out` is for text, so SPIR-V doesn't go through it.
         Code::Words(_) => {
             let mut stdout = std::io::stdout().lock();
             let written = stdout.write_all(&translation.code.bytes()).and_then(|()| stdout.flush());

@@ -1,7 +1,7 @@
 //!
 //! `karat unreferenced`: lists goldens that no test compares, and files that belong to no golden.
 //!
-//! It needs the record of a complete run that passed. Without such a record there is no verdict.
+//! It needs the record of a complete run that passed. Without such a record it gives no verdict.
 
 mod facts;
 mod files;
@@ -51,7 +51,7 @@ struct Report {
     unreferenced: Vec<Golden>,
     /// The goldens of profiles that didn't run.
     unjudged: Vec<Golden>,
-    /// The compared or unjudged goldens whose facts don't match their image.
+    /// The goldens whose provenance doesn't match their image. A test compared them, or their profile didn't run.
     doubtful: Vec<Doubt>,
     stray: Vec<Stray>,
     deleted: Vec<PathBuf>,
@@ -61,15 +61,13 @@ struct Report {
 
 /// The goldens that the tests compared.
 struct Evidence {
-    /// The names of the compared goldens.
     frames: BTreeSet<String>,
-    /// The other folders whose goldens were compared.
+    /// The other folders of compared goldens.
     elsewhere: BTreeSet<String>,
-    /// The profiles that ran.
     profiles: BTreeSet<String>,
     /// The compared pairs of name and profile.
     pairs: BTreeSet<(String, String)>,
-    /// The files that tests read, some of which may be goldens of values.
+    /// The files that tests read. Some of them may be goldens of values.
     read: BTreeSet<PathBuf>,
 }
 
@@ -112,7 +110,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     };
     for golden in goldens {
         let compared = evidence.has(&golden);
-        // An unreferenced golden is to be deleted, so its facts don't matter.
+        // An unreferenced golden is to be deleted, so its provenance doesn't matter.
         if compared != Some(false) {
             report.doubtful.extend(Doubt::of(&golden));
         }
@@ -149,7 +147,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
 }
 
 impl Report {
-    /// Returns `true` if no unreferenced golden and no stray file is left, and all facts match their images.
+    /// Checks that no unreferenced golden and no stray file remains, and that each provenance matches its image.
     fn is_good(&self) -> bool {
         let gone = |file: &PathBuf| self.deleted.contains(file);
         self.doubtful.is_empty()
@@ -173,7 +171,8 @@ fn deletable(report: &Report) -> Vec<PathBuf> {
     all
 }
 
-/// Returns `true` if a file's facts say that it was accepted. A file without them may be another tool's.
+/// Checks if the provenance in a file says that someone accepted it. Without provenance, the file may belong to another
+/// tool.
 fn is_golden(file: &Path) -> bool {
     if Table::read(file).is_ok() {
         return true;
@@ -220,7 +219,7 @@ fn write(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
     )
 }
 
-/// Returns the records of the last run, which must be complete.
+/// Returns the records of the last run. The run must be complete.
 fn whole_run(record: &Path) -> anyhow::Result<(PathBuf, Vec<Record>)> {
     let none = |why: String| NotThere(format!("{why}; run `karat test` without a filter first"));
     let recorded = Recorded::read(record)?;
@@ -250,7 +249,7 @@ fn whole_run(record: &Path) -> anyhow::Result<(PathBuf, Vec<Record>)> {
 }
 
 impl Evidence {
-    /// Collects the goldens of a folder that the records compared.
+    /// Collects the goldens in a folder that the records compared.
     fn gather(records: &[Record], golden: &Path) -> Self {
         let (mut frames, mut profiles, mut pairs) =
             <(BTreeSet<_>, BTreeSet<_>, BTreeSet<_>)>::default();
@@ -282,7 +281,7 @@ impl Evidence {
         Self { frames, elsewhere, profiles, pairs, read }
     }
 
-    /// Returns `true` if a test compared a golden, or `None` if its profile didn't run.
+    /// Checks if a test compared a golden. Returns `None` if the profile of the golden didn't run.
     fn has(&self, golden: &Golden) -> Option<bool> {
         if golden.is_table() {
             return Some(golden.file.canonicalize().is_ok_and(|file| self.read.contains(&file)));

@@ -835,7 +835,7 @@ mod planted {
             let says = cell["stopped"]["says"].as_str().expect("a reason");
             assert!(says.contains("validator of hlsl6") && says.contains("dxc"), "{says}");
             assert_eq!(without.code, Some(2), "a path that is asked for by name must be here");
-            assert!(without.err.contains("`vulkan:hlsl-dxc` isn't here"), "{without:?}");
+            assert!(without.err.contains("`vulkan:hlsl-dxc` doesn't open"), "{without:?}");
         }
     }
 

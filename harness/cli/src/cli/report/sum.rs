@@ -1,8 +1,8 @@
 //!
-//! The outcome of a run, in one line.
+//! The last line of a run: the sum of its verdicts.
 //!
-//! The line, its colour and the exit code come from one count, so they can't contradict each other: only a good line
-//! has "0 failed".
+//! The line, its colour and the exit code come from the same count, so they can't contradict each other: only a good
+//! line has "0 failed".
 
 use std::collections::BTreeSet;
 use std::io::Write;
@@ -15,16 +15,15 @@ use crate::cli::Ending;
 use crate::cli::table::{BAD, GOOD};
 use crate::cli::test::some;
 
-/// The count of a run.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(in crate::cli) struct Sum {
     checks: usize,
     failed: usize,
     known: usize,
     cases: u64,
-    /// Tests that failed although each of their checks passed, by their names.
+    /// The names of the tests that failed although all their checks passed.
     outside: Vec<String>,
-    /// Other reasons: invalid modules, tests that didn't run.
+    /// The other reasons to fail: invalid modules, tests that didn't run.
     others: Vec<String>,
     /// Remarks that don't make the run fail.
     remarks: Vec<String>,
@@ -36,8 +35,8 @@ fn first(names: &[String]) -> String {
     some(&names.iter().map(|name| &**name).collect::<Vec<&str>>())
 }
 
-/// Counts the checks of compute passes, and of draws that write storage, that the sanitizer didn't check completely.
-/// Adds the first reason; the records have the others.
+/// Counts the checks that the sanitizer didn't check completely: of compute passes, and of draws that write storage.
+/// Adds the first reason; the records have the other reasons.
 fn unwatched(records: &[Record]) -> Option<String> {
     let watched = records.iter().filter_map(|record| record.watched.as_ref());
     let reasons =
@@ -56,7 +55,7 @@ fn unwatched(records: &[Record]) -> Option<String> {
     ))
 }
 
-/// Counts the checks of compute passes whose invocations have more orders than were tried.
+/// Counts the checks of compute passes that have more orders of invocations than Karat tried.
 fn in_some_orders(records: &[Record]) -> Option<String> {
     let passed = records.iter().filter(|record| !is_failure(record));
     let watched = passed.filter_map(|record| record.watched.as_ref());
@@ -70,7 +69,7 @@ fn in_some_orders(records: &[Record]) -> Option<String> {
     ))
 }
 
-/// Counts the elements that passes read before they write them, without a value from the test.
+/// Counts the elements that passes read although neither the test nor a pass has written them.
 fn unwritten(records: &[Record]) -> Option<String> {
     let watched = records.iter().filter_map(|record| record.watched.as_ref());
     let all: BTreeSet<&String> = watched.flat_map(|watched| &watched.unwritten).collect();
@@ -82,9 +81,8 @@ fn unwritten(records: &[Record]) -> Option<String> {
     ))
 }
 
-/// Counts the accepted races of compute passes.
 fn accepted(records: &[Record]) -> Option<String> {
-    // Each assertion about a pass accepts the races that the pass's declaration accepts.
+    // Each assertion about a pass accepts the races that the declaration of the pass accepts.
     let of = |record: &Record| {
         let name = match &record.subject {
             Subject::Function { function, .. } => function.clone(),
@@ -98,7 +96,7 @@ fn accepted(records: &[Record]) -> Option<String> {
 }
 
 impl Sum {
-    /// Counts the records of a run. `run` says how it ended, and is `None` if that is unknown.
+    /// Counts the records of a run. `run` says how the run ended, and is `None` if that is unknown.
     pub(in crate::cli) fn of(records: &[Record], run: Option<&Run>) -> Self {
         let count = |verdict| records.iter().filter(|record| record.verdict == verdict).count();
         let mut sum = Self {
@@ -106,7 +104,7 @@ impl Sum {
             failed: records.iter().filter(|record| is_failure(record)).count(),
             known: count(Verdict::KnownIssue),
             cases: records.iter().flat_map(|record| &record.paths).map(|path| path.cases).sum(),
-            // In a run that passed, a line that looks like a failed test is other output.
+            // If the run passed, a line that looks like a failed test is other output.
             outside: run
                 .filter(|run| !run.passed)
                 .map_or_else(Vec::new, |run| outside(records, &run.failed)),
@@ -142,13 +140,11 @@ impl Sum {
         sum
     }
 
-    /// Adds another reason to fail.
     pub(in crate::cli) fn with(mut self, reason: String) -> Self {
         self.others.push(reason);
         self
     }
 
-    /// Returns `true` if the run is good.
     pub(in crate::cli) fn is_good(&self) -> bool {
         self.checks > 0 && self.failed == 0 && self.outside.is_empty() && self.others.is_empty()
     }
@@ -161,17 +157,16 @@ impl Sum {
         if self.is_good() { GOOD } else { BAD }
     }
 
-    /// Returns the tests that failed outside of Karat's checks.
     pub(in crate::cli) fn outside(&self) -> &[String] {
         &self.outside
     }
 
-    /// Returns the reasons besides failing checks and tests.
+    /// Returns the reasons other than failing checks and tests.
     pub(in crate::cli) fn others(&self) -> &[String] {
         &self.others
     }
 
-    /// Returns the reasons besides failing checks, in words.
+    /// Returns the reasons other than failing checks, as sentences.
     pub(in crate::cli) fn reasons(&self) -> Vec<String> {
         let mut all = self.others.clone();
         if !self.outside.is_empty() {
@@ -181,7 +176,7 @@ impl Sum {
         all
     }
 
-    /// Returns the line, without the number of compared cases and the remarks.
+    /// Returns the line without the number of compared cases and without the remarks.
     pub(in crate::cli) fn line(&self) -> String {
         let Self { checks, failed, known, .. } = *self;
         let mut parts = self.reasons();
@@ -199,7 +194,7 @@ impl Sum {
         parts.join("; ")
     }
 
-    /// Returns the remarks after the line, which don't make the run fail.
+    /// Returns the remarks that follow the line. They don't make the run fail.
     pub(in crate::cli) fn remarks(&self) -> String {
         self.remarks.iter().map(|remark| format!("; {}", one_line(remark))).collect()
     }
@@ -234,7 +229,7 @@ mod tests {
         names.iter().map(ToString::to_string).collect()
     }
 
-    /// The remark after the line counts the checks that the sanitizer didn't check, with the first reason.
+    /// The remark after the line counts the checks that the sanitizer didn't check, and gives the first reason.
     #[test]
     fn what_was_not_looked_through_is_counted() {
         let with = |reason: &str| {
@@ -320,7 +315,6 @@ mod tests {
         assert!(line(one, Some(&stopped)).starts_with("the runner stopped at a failure"));
     }
 
-    /// The count of cases includes all checks on all paths.
     #[test]
     fn all_cases_are_counted() {
         let mut records = [record(Verdict::Pass, 0, None), record(Verdict::Pass, 0, None)];

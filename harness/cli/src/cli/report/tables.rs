@@ -1,4 +1,4 @@
-//! The tables of records.
+//! The tables of verdicts.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::io::Write;
@@ -11,11 +11,12 @@ use super::{Names, Sum};
 use crate::cli::table::{BAD, DIM, GOOD, KNOWN, Table};
 use crate::cli::{replay, terminal};
 
-/// The lines of a screen that a table's rows can't use: its head, the sum, replays, a prompt.
+/// The number of lines on a screen that the rows of a table can't use: the head, the sum, replays, a prompt.
 const AROUND: usize = 8;
 
-/// Writes the functions, then the frames, and returns the number of failed checks. If the passing checks don't fit a
-/// screen, a module takes one line, and the failures follow again in full after all tables, unless `all` is set.
+/// Writes the functions, then the frames, and returns the number of failed checks. If the passing checks don't fit on a
+/// screen, each module takes one line, and the full failures follow after all tables. With `all`, each check has a
+/// line.
 pub(in crate::cli) fn write(
     records: &[Record],
     all: bool,
@@ -45,10 +46,10 @@ pub(in crate::cli) fn write(
     Ok(failed)
 }
 
-/// The most failures that are written in full: a person reads no more before the next edit.
+/// The largest number of failures that Karat writes in full. A person reads no more before the next edit.
 const IN_FULL: usize = 3;
 
-/// Writes the passing checks: one line per module, and one for the frames.
+/// Writes the passing checks: one line for each module, and one for the frames.
 fn write_folded(records: &[&Record], out: &mut dyn Write) -> anyhow::Result<()> {
     #[derive(Default)]
     struct Folded<'r> {
@@ -90,7 +91,6 @@ fn write_folded(records: &[&Record], out: &mut dyn Write) -> anyhow::Result<()> 
     Ok(())
 }
 
-/// Writes the closing lines.
 pub(in crate::cli) fn write_sum(
     records: &[Record],
     sum: &Sum,
@@ -118,14 +118,14 @@ pub(in crate::cli) fn write_sum(
     Ok(())
 }
 
-/// The most failures whose replay is named.
+/// The largest number of failures for which Karat prints a replay command.
 const NAMED: usize = 8;
 
-/// The time in seconds from which a check counts as slow.
+/// The time in seconds above which a check counts as slow.
 const SLOW: f64 = 1.0;
 
-/// Returns the three slowest checks: `frame scene 3.2 s, fresnel::schlick agrees_with 1.1 s`, or `None` if all are
-/// fast.
+/// Returns the three slowest checks, or `None` if all checks are fast: `frame scene 3.2 s, fresnel::schlick agrees_with
+/// 1.1 s`.
 fn slowest(records: &[Record]) -> Option<String> {
     let names = Names::of(records);
     let time = |record: &Record| Some((record.time.as_ref()?.seconds, names.subject(record)));
@@ -137,7 +137,7 @@ fn slowest(records: &[Record]) -> Option<String> {
     (!shown.is_empty()).then(|| shown.join(", "))
 }
 
-/// Returns an error for a run without a verdict.
+/// Returns an error if a run has no verdict.
 pub(in crate::cli) fn expect_some(records: &[Record], filter: Option<&str>) -> anyhow::Result<()> {
     if !records.is_empty() {
         return Ok(());
@@ -151,7 +151,7 @@ pub(in crate::cli) fn expect_some(records: &[Record], filter: Option<&str>) -> a
     }
 }
 
-/// Writes one row per check and path, and returns the number of failed checks.
+/// Writes one row for each check and path, and returns the number of failed checks.
 fn write_functions(records: &[&Record], out: &mut dyn Write) -> anyhow::Result<usize> {
     let head =
         ["function", "check", "path", "cases", "worst", "of bound", "WGSL allows", "asserted"];
@@ -190,8 +190,7 @@ pub(in crate::cli) fn is_failure(record: &Record) -> bool {
     !matches!(record.verdict, Verdict::Pass | Verdict::KnownIssue)
 }
 
-/// Adds a row for each path of a record, or one row if no path ran. `allowance` is the text about the errors that
-/// WGSL allows.
+/// Adds a row for each path of a record, or one row if no path ran. `allowance` describes the errors that WGSL allows.
 fn add_rows(
     table: &mut Table,
     names: &[&str],
@@ -208,7 +207,7 @@ fn add_rows(
         row(BAD, ["-", "0", "ERROR", ""], None, assertion);
     }
     let passes = |path: &PathRecord| path.failures == 0 && path.cases > 0;
-    // No case fails, for example if a golden of values has other rows.
+    // If a golden of values has a different number of rows, for example, the check fails without a failing case.
     let otherwise = is_failure(record)
         && record.paths.iter().all(|path| passes(path) == path.known_issue.is_none());
     for path in &record.paths {
@@ -237,8 +236,8 @@ fn add_rows(
     }
 }
 
-/// Writes the largest error that WGSL allows, in per cent of the tolerance, and the share of cases in which it
-/// exceeds the tolerance: `40%`, `300% in 12%`, `anything in 3%`. With a tolerance of 0 it writes `more in 12%`.
+/// Formats the largest error that WGSL allows, in per cent of the tolerance, and the share of cases in which this error
+/// exceeds the tolerance: `40%`, `300% in 12%`, `anything in 3%`. If the tolerance is 0, the text is `more in 12%`.
 fn allowance(allowance: &Allowance) -> String {
     let worst = match allowance.worst {
         Some(worst) => percentage(worst),
@@ -254,7 +253,7 @@ fn allowance(allowance: &Allowance) -> String {
     }
 }
 
-/// Writes how many tolerances another driver may exceed.
+/// Writes the number of tolerances that another driver may exceed.
 fn write_grants(records: &[&Record], out: &mut dyn Write) -> anyhow::Result<()> {
     // The errors of a wrong shader don't help to judge its tolerance.
     let passes = |record: &&&Record| record.verdict == Verdict::Pass;
@@ -280,12 +279,12 @@ fn write_grants(records: &[&Record], out: &mut dyn Write) -> anyhow::Result<()> 
     Ok(())
 }
 
-/// Writes the largest error divided by its bound, in per cent up to ten times the bound: `48%`, `27 x`. An error
-/// above the bound never rounds to `100%`.
+/// Formats the largest error divided by its bound: `48%`, or `27 x` above ten times the bound. An error above the bound
+/// never rounds to `100%`.
 pub(super) fn share(path: &PathRecord) -> String {
     match path.ratio.filter(|ratio| ratio.is_finite()) {
         Some(ratio) => percentage(ratio),
-        // The record is JSON, which has no number for an infinite ratio.
+        // JSON has no number for an infinite ratio.
         None if path.failures > 0 && !path.worst.is_empty() => "infinite".to_owned(),
         None => String::new(),
     }
@@ -307,7 +306,7 @@ pub(super) mod tests {
 
     use super::*;
 
-    /// A test that ran on no path has a row for that error.
+    /// If a test ran on no path, the table has a row for the error.
     #[test]
     fn a_check_without_a_path_is_an_error_in_the_table() {
         let none = Record { paths: Vec::new(), ..record(Verdict::Error, 0, None) };
@@ -337,7 +336,6 @@ pub(super) mod tests {
         assert!(text.contains("tolerances of 1 of 1 checks are below what WGSL allows"), "{text}");
     }
 
-    /// A record of a check, with one path.
     pub(in crate::cli::report) fn record(
         verdict: Verdict,
         failures: u64,
