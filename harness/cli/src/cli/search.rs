@@ -79,7 +79,7 @@ impl Project {
             let is_toml = folder.is_file() && folder.extension().is_some_and(|end| end == "toml");
             ensure!(
                 !is_toml,
-                "`{}` has no shaders: name a folder of WGSL modules, or one of them; `karat test` takes files of tests",
+                "`{}` has no shaders: name a folder of WGSL modules, or one module; `karat test` accepts files of tests",
                 folder.display()
             );
             found.push(Found::stated(Package::open(folder)?));
@@ -127,7 +127,7 @@ impl Project {
             true => "`metadata.karat` lists no shader package".to_owned(),
             false => format!(
                 "there is no shader package: no Cargo.toml of the project names one in `metadata.karat`, \
-                 there is no folder `{SHADERS}` beside one, and no recorded test used one; name the shader \
+                 there is no folder `{SHADERS}` beside a Cargo.toml, and no recorded test used a package; name the shader \
                  folder with --shaders DIR, or run `karat test` first"
             ),
         };
@@ -276,7 +276,7 @@ pub(super) fn write_outside(named: Option<&Path>, out: &mut dyn Write) -> anyhow
     }
     // A folder with a karat.toml is a separate package.
     let is_package = folder.join(SHADERS).join(MANIFEST).is_file();
-    let all = "`karat test .` runs all".to_owned();
+    let all = "`karat test .` runs all tests".to_owned();
     let some = |places: &[String]| {
         super::test::some(&places.iter().map(String::as_str).collect::<Vec<_>>())
     };
@@ -289,7 +289,7 @@ pub(super) fn write_outside(named: Option<&Path>, out: &mut dyn Write) -> anyhow
         let count = counted(files.len(), "file");
         let files: Vec<String> = files.iter().map(|file| shown(file)).collect();
         let how = match is_package {
-            true => format!("move them into `{SHADERS}`, beside the modules that they are of"),
+            true => format!("move them into `{SHADERS}`, beside the modules that they test"),
             false => all,
         };
         writeln!(
@@ -307,7 +307,7 @@ pub(super) fn expect_filter(folder: &Path, filter: Option<&str>) -> anyhow::Resu
     let second = filter.filter(|second| Path::new(second).exists()).unwrap_or_default();
     ensure!(
         second.is_empty(),
-        "`{second}` is a folder or file that is there, and the second word is a filter: name one folder at a time, `{}` or \
+        "`{second}` is an existing folder or file, but the second argument must be a filter: name only one folder, `{}` or \
          `{second}`",
         folder.display()
     );

@@ -71,7 +71,7 @@ fn passes(args: &Args, project: &Project, out: &mut dyn Write) -> anyhow::Result
         let suite = Suite::of(package)?;
         if let Some(compute) = suite.compute(&args.frame) {
             let compute = compute.map_err(|wrong| anyhow!("{}", wrong.message))?;
-            ensure!(!args.beside, "passes have no colours: leave `--beside` out");
+            ensure!(!args.beside, "passes have no colours: remove `--beside`");
             return tell_of(&compute, args, project, out).map(Some);
         }
     }
@@ -122,7 +122,7 @@ pub(super) fn find(
     match nearest(frame, names.iter().map(String::as_str)) {
         Some(near) => bail!("there is no frame `{frame}`; did you mean `{near}`?"),
         None if names.is_empty() => bail!(
-            "there is no frame: no `*.test.toml` has a `[[frame]]`, and Cargo.toml names no gallery, of which `karat render` tells more"
+            "there is no frame: no `*.test.toml` has a `[[frame]]`, and Cargo.toml names no gallery (`karat render` explains galleries)"
         ),
         None => bail!("there is no frame `{frame}`; there are {}", names.join(", ")),
     }
@@ -132,8 +132,8 @@ pub(super) fn find(
 pub(super) fn expect_own(drawn: &DrawArguments) -> anyhow::Result<Option<karat::Path>> {
     ensure!(
         drawn.size.is_none() && drawn.samples.is_none() && drawn.environment.is_none(),
-        "a `[[frame]]` says its size, its samples and its light itself: leave `--size`, `--samples` and \
-         `--environment` out"
+        "a `[[frame]]` sets its size, samples and light: remove `--size`, `--samples` and \
+         `--environment`"
     );
     Ok(drawn.path)
 }

@@ -98,7 +98,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let mut progress = Progress::of(subjects.count().filter(|_| asked.is_whole()));
     if asked.folder.is_none() && project.is_cargo() {
         if !args.package.features.is_empty() {
-            let theirs = "`--feature` is for the modules and their own tests: what a Rust test sets is in its \
+            let theirs = "`--feature` applies to the modules and the tests beside them: features of a Rust test are in its \
                           `package.feature(..)`";
             writeln!(told, "{KNOWN}{theirs}{KNOWN:#}")?;
         }
@@ -140,10 +140,12 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if !is_replay {
         subjects
             .write(&project.record())
-            .context("can't keep which tests check which functions")?;
+            .context("can't store which tests check which functions")?;
     }
     if !passed && suites_passed && progress.done() == 0 && records.is_empty() {
-        anyhow::bail!("no test ran: they weren't built, or ended before the first, see above");
+        anyhow::bail!(
+            "no test ran: the test programs weren't built, or ended before the first test, see above"
+        );
     }
     // Suites that can't run record nothing, and have already reported their error.
     if suites_passed || !records.is_empty() {
@@ -189,7 +191,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     check::write_remarks(&opinion, told)?;
     tables::write_sum(&records, &sum, &folder, told)?;
     if args.leaves_frames_out() {
-        writeln!(told, "{KNOWN}frames were left out{KNOWN:#}")?;
+        writeln!(told, "{KNOWN}no frame was drawn{KNOWN:#}")?;
     }
     if asked.is_whole() {
         write_silent(&records, progress.passed(), args.output.all, told)?;
@@ -252,15 +254,17 @@ impl<'a> Asked<'a> {
         let is_path = |what: &str| what.contains(['/', '\\']) || what.ends_with(".wgsl");
         match (what, named) {
             (Some(what), None) if filter.is_some() || is_path(what) => {
-                let more = filter
-                    .map_or("", |_| ": of two words the first is a folder, the second a filter");
+                let more = filter.map_or(
+                    "",
+                    |_| ": with two arguments, the first is a folder, the second a filter",
+                );
                 anyhow::bail!("there is no folder or file `{what}`{more}")
             }
             (_, Some(file)) if file.extension().is_some_and(|ending| ending == "toml") => {
                 let of = file.to_string_lossy();
                 let of = of.strip_suffix(".test.toml").unwrap_or(&of);
                 anyhow::bail!(
-                    "`{}` declares tests and has no shader: name the module that it is of, such as `{of}.wgsl`",
+                    "`{}` declares tests and has no shader: name the module that it tests, such as `{of}.wgsl`",
                     file.display()
                 )
             }
@@ -281,7 +285,7 @@ impl<'a> Asked<'a> {
                         });
                     }
                     anyhow::bail!(
-                        "`{word}` is a folder, and a word in the name of the test `{test}`: write `karat test ./{word}` for the \
+                        "`{word}` is a folder, and also a part of the name of the test `{test}`: write `karat test ./{word}` for the \
                          folder's tests, or `karat test {} --exact '{test}'` for that one",
                         shown(&root)
                     );
@@ -291,7 +295,7 @@ impl<'a> Asked<'a> {
                 Ok(Self { args, folder, filter, about, names })
             }
             (Some(what), None) if args.failed => {
-                anyhow::bail!("`--failed` chooses the tests, and `{what}` is no folder")
+                anyhow::bail!("`--failed` selects the tests, and `{what}` isn't a folder")
             }
             (what, None) => {
                 Ok(Self { args, folder: None, filter: what, about: Vec::new(), names: None })
@@ -318,7 +322,7 @@ impl<'a> Asked<'a> {
             let why = match passed {
                 true => "no test failed in the last run",
                 false => {
-                    "no check failed in the last run, though a test did, which isn't recorded: run \
+                    "no check failed in the last run. A test failed without a check, and isn't recorded: run \
                      `karat test` without `--failed`"
                 }
             };
@@ -347,7 +351,7 @@ impl<'a> Asked<'a> {
         }
         writeln!(
             out,
-            "{DIM}the filter finds a new Rust test by its own name alone; once `karat test` has run all, it \
+            "{DIM}the filter finds a new Rust test only by its name; after `karat test` has run all tests, it \
              also finds tests by the functions that they check{DIM:#}"
         )
     }
@@ -370,7 +374,7 @@ impl<'a> Asked<'a> {
             // The failures may belong to a folder that the last run named.
             return if self.args.failed { Project::last_tested() } else { Project::find() };
         };
-        let folder = folder.canonicalize().context("the folder can't be read")?;
+        let folder = folder.canonicalize().context("can't read the folder")?;
         let folder = if folder.is_file() { folder.parent().unwrap_or(&folder) } else { &folder };
         Project::around(folder)
     }
@@ -400,7 +404,7 @@ impl<'a> Asked<'a> {
         let tests = counted(tests.len(), "test");
         writeln!(
             out,
-            "{KNOWN}not run: {tests} whose condition doesn't hold, {names}; `--feature NAME` sets one{KNOWN:#}"
+            "{KNOWN}not run: {tests} whose condition is false, {names}; `--feature NAME` turns a feature on{KNOWN:#}"
         )?;
         Ok(count)
     }
@@ -428,21 +432,21 @@ impl<'a> Asked<'a> {
     fn nothing(&self, packages: &[Package]) -> NotThere {
         if let Some(names) = &self.names {
             let names = some(&names.iter().map(String::as_str).collect::<Vec<_>>());
-            return NotThere(format!("none of the tests that are asked for is there: {names}"));
+            return NotThere(format!("none of the requested tests exists: {names}"));
         }
         let left_out = |package: &Package| {
             let tests = package.tests_left_out(&package.modules().unwrap_or_default());
             tests.iter().any(|test| self.filter.is_none_or(|filter| test.name.contains(filter)))
         };
         if packages.iter().any(left_out) {
-            let none = "no test runs: the condition of each that is there doesn't hold";
+            let none = "no test runs: the conditions of all tests are false";
             return NotThere(none.to_owned());
         }
         let Some(filter) = self.filter else {
             if let Some(folder) = &self.folder {
                 let none = format!(
                     "`{0}` has no tests: no function with `@test`, and no `*.test.toml`; `karat init {0}` writes a \
-                     first one, and `karat test` alone runs tests in Rust",
+                     first one, and `karat test` without arguments runs tests in Rust",
                     folder.display()
                 );
                 return NotThere(none);
@@ -540,7 +544,7 @@ impl<'a> Asked<'a> {
                 };
                 writeln!(
                     out,
-                    "{BAD}error{BAD:#}: the process of the tests ended ({status}){before}"
+                    "{BAD}error{BAD:#}: the process that runs the tests ended ({status}){before}"
                 )?;
             }
             Ok(status.success())
@@ -664,7 +668,7 @@ pub(super) fn unwritable(project: &Project) -> String {
             place.display()
         ),
         false => format!(
-            "can't keep a record in `{}`: copy a folder that is read-only, and test that",
+            "can't keep a record in `{}`: the folder is read-only: copy it, and test the copy",
             place.display()
         ),
     }
@@ -731,13 +735,13 @@ fn write_untested(
     if !untested.is_empty() {
         let names: Vec<&str> = untested.iter().map(|item| &*item.name).collect();
         let names = some(&names);
-        writeln!(out, "\n{DIM}functions with no test of their own: {names} (`karat list`){DIM:#}")?;
+        writeln!(out, "\n{DIM}functions without a test: {names} (`karat list`){DIM:#}")?;
     }
     for package in others {
         let name = package.name();
         writeln!(
             out,
-            "\n{DIM}{name}: which functions have no test isn't known before it is valid{DIM:#}"
+            "\n{DIM}{name}: Karat lists functions without a test only for valid modules{DIM:#}"
         )?;
     }
     Ok(())

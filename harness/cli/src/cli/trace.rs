@@ -65,7 +65,10 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
             write_json(&[&today, &today], out)?;
             return Ok(Ending::Good);
         }
-        writeln!(out, "{DIM}the shaders are those of {revision}: no step differs{DIM:#}")?;
+        writeln!(
+            out,
+            "{DIM}the shaders are equal to those of {revision}, so no step differs{DIM:#}"
+        )?;
         return Ok(Ending::Good);
     };
     match args.json {
@@ -114,8 +117,9 @@ fn traced(args: &Args, project: &Project) -> anyhow::Result<Option<Traced>> {
         return Ok(None);
     }
     let json = String::from_utf8(printed).context("the gallery printed no text")?;
-    let traced = serde_json::from_str(trusted(&json).trim())
-        .context("the gallery printed no pixel: is its `karat-gallery` as old as this program?")?;
+    let traced = serde_json::from_str(trusted(&json).trim()).context(
+        "the gallery printed no pixel: update its `karat-gallery` to the version of this program",
+    )?;
     Ok(Some(traced))
 }
 
@@ -161,7 +165,7 @@ fn at_revision(args: &Args, project: &Project, revision: &str) -> anyhow::Result
             Ok(())
         },
     )?;
-    ensure!(status.success(), "with the shaders of {revision} the pixel can't be traced:\n{said}");
+    ensure!(status.success(), "can't trace the pixel with the shaders of {revision}:\n{said}");
     let parsed = serde_json::from_str(&lines.join("\n"));
     let mut before: Traced = parsed.context("this program printed no pixel")?;
     // The files of a revision lie in a temporary folder, so messages name the revision.
@@ -266,7 +270,7 @@ fn write_parting(
             writeln!(out, "{GOOD}no step differs from {revision}{GOOD:#}")?;
         }
         (None, None) => {
-            writeln!(out, "no step that is shown differs from {revision}: a later run of one does")?
+            writeln!(out, "no shown step differs from {revision}: a later run of a step differs")?
         }
         (was, is) => {
             let shown = |row: Option<&Row>| {

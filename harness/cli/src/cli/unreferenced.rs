@@ -85,15 +85,15 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     let Files { goldens, stray } = Files::of(&folder)?;
     let shown = folder.display();
     if goldens.is_empty() && stray.is_empty() {
-        let why = "so there is nothing to judge; name the folder of goldens with --goldens DIR";
+        let why = "so Karat can't judge it; name the folder of goldens with --goldens DIR";
         return Err(NotThere(format!("there is no golden in `{shown}`, {why}")).into());
     }
     let none = evidence.frames.is_empty() && evidence.read.is_empty();
     if none && !evidence.elsewhere.is_empty() {
         let elsewhere: Vec<&str> = evidence.elsewhere.iter().map(String::as_str).collect();
         return Err(NotThere(format!(
-            "the last run compared no frame with a golden of `{shown}`, but with those of `{}`; \
-             name their folder with --goldens DIR",
+            "the last run compared no frame with a golden of `{shown}`, only with goldens of `{}`; \
+             name that folder with --goldens DIR",
             elsewhere.join("`, `")
         ))
         .into());
@@ -127,7 +127,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
     if args.delete {
         ensure!(
             report.compared > 0 || report.unreferenced.is_empty(),
-            "the run compared none of the goldens in `{shown}`: they aren't deleted, as it may be \
+            "the run compared none of the goldens in `{shown}`: Karat deletes none, because it may be \
              the wrong folder"
         );
         for file in deletable(&report) {
@@ -186,7 +186,7 @@ fn write_deleted(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
         let file = file.display();
         writeln!(
             out,
-            "{BAD}left alone, as it doesn't say that Karat accepted it: delete it yourself, or \
+            "{BAD}not deleted, because it has no note that Karat accepted it: delete it yourself, or \
              compare it in a test{BAD:#}  {file}"
         )?;
     }
@@ -204,7 +204,7 @@ fn write(report: &Report, out: &mut dyn Write) -> std::io::Result<()> {
         writeln!(out, "{BAD}{reason}{BAD:#}  {}", file.display())?;
     }
     for golden in &report.unjudged {
-        writeln!(out, "{DIM}not judged, as its profile didn't run: {golden}{DIM:#}")?;
+        writeln!(out, "{DIM}not judged, because its profile didn't run: {golden}{DIM:#}")?;
     }
     let (unreferenced, stray) = (report.unreferenced.len(), report.stray.len());
     let doubtful = match report.doubtful.len() {
@@ -235,13 +235,13 @@ fn whole_run(record: &Path) -> anyhow::Result<(PathBuf, Vec<Record>)> {
         run.ok_or_else(|| none(format!("the record `{shown}` doesn't say that its run ended")))?;
     if !run.selected.is_empty() {
         let selected = run.selected.join(" ");
-        return Err(none(format!("the last run left tests out (`{selected}`)")).into());
+        return Err(none(format!("the last run had only some tests (`{selected}`)")).into());
     }
     if let Some(overlay) = records.iter().find_map(|record| record.overlay.as_ref()) {
         return Err(none(format!("the last run had KARAT_OVERLAY={overlay}")).into());
     }
     if !run.passed {
-        let why = "a test failed in the last run, and what it would have compared afterwards is \
+        let why = "a test failed in the last run, and the goldens that it would have compared later are \
                    unknown; mend it, or accept its frames";
         return Err(none(why.to_owned()).into());
     }

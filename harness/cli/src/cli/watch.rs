@@ -184,7 +184,7 @@ pub(super) fn run(args: &Args, out: &mut dyn Write) -> Outcome {
         files::watch(&folder, move |files| told.send(Event::Files(files)).is_ok())
     });
     let watching = watching.collect::<anyhow::Result<Vec<_>>>()?;
-    let records = tempfile::tempdir().context("records can't be kept")?;
+    let records = tempfile::tempdir().context("can't make a folder for records")?;
     let mut lanes = Vec::new();
     for (at, path) in names.iter().enumerate() {
         for source in &sources {
@@ -253,7 +253,7 @@ impl Watch {
         }
         self.screen.draw(&self.view(), out)?;
         loop {
-            let event = events.recv().context("nobody watches any more")?;
+            let event = events.recv().context("the watch has ended")?;
             match event {
                 Event::Files(mut files) => {
                     files.retain(|file| self.concerns(file) && !self.screen.is_printed_in(file));
@@ -400,7 +400,7 @@ impl Watch {
                     return self.all_again();
                 }
                 (KeyCode::Enter, Typing::Reason(_, because)) if because.trim().is_empty() => {
-                    self.notice = Some("nothing was accepted: there was no reason".to_owned());
+                    self.notice = Some("nothing was accepted: a reason is required".to_owned());
                     return Ok(true);
                 }
                 // The goldens are watched files, so the tests that compare with them run again.
@@ -423,7 +423,7 @@ impl Watch {
             KeyCode::Char('f') => self.typing = Some(Typing::Filter(String::new())),
             KeyCode::Char('a') => match self.pending() {
                 none if none.is_empty() => {
-                    self.notice = Some("no frame waits to be accepted".to_owned());
+                    self.notice = Some("no frame is pending".to_owned());
                 }
                 frames => self.typing = Some(Typing::Reason(frames, String::new())),
             },
@@ -451,7 +451,7 @@ impl Watch {
         let asked = self.lanes.iter_mut().map(|lane| lane.resident.ask_for_records());
         let asked = asked.filter(|asked| *asked).count();
         self.reports = (asked > 0).then_some(asked);
-        let wait = "the report opens when the tests have run";
+        let wait = "the report opens after the tests have run";
         self.notice = Some(if asked > 0 { wait } else { "no test has run" }.to_owned());
     }
 

@@ -206,7 +206,9 @@ fn tests_outside_of_shaders_are_told() {
 /// karat.toml; inside of `shaders` it isn't.
 #[test]
 fn declared_tests_outside_of_shaders_are_told() {
-    for (own, how) in [(None, "`karat test .` runs all"), (Some(""), "move them into `shaders`")] {
+    for (own, how) in
+        [(None, "`karat test .` runs all tests"), (Some(""), "move them into `shaders`")]
+    {
         let folder = with("shaders", &[], &[("a.wgsl", HALF), ("a.test.toml", DECLARED)]);
         let path = folder.path();
         std::fs::remove_dir_all(path.join("before")).expect("it is there");
@@ -268,7 +270,7 @@ fn a_second_folder_is_refused() {
         ] {
             let error = run(path, command).error();
             assert!(
-                error.contains(&format!("`{second}` is a folder or file that is there")),
+                error.contains(&format!("`{second}` is an existing folder or file")),
                 "{error}"
             );
         }

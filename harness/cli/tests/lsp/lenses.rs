@@ -207,6 +207,6 @@ fn a_lens_runs_the_rust_tests_of_its_function() {
     let said = run(&mut editor, "calc::half");
     assert_eq!(
         said,
-        "karat: `calc::half`: error: no test ran a check; a run that compared nothing is no success"
+        "karat: `calc::half`: error: no test ran a check. A run that compared nothing isn't a success"
     );
 }

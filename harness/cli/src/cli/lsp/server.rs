@@ -315,7 +315,7 @@ impl Server {
             Ok(Told::Nothing) => {}
             Ok(Told::Verdicts) => self.judged = true,
             Ok(Told::Ended(why)) => {
-                self.client.log(format!("the process of the tests ended: {why}"));
+                self.client.log(format!("the process that runs the tests ended: {why}"));
                 self.client.tell_once(
                     "the tests ended early (see the log); the next save runs them again",
                 );

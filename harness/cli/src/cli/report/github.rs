@@ -75,7 +75,7 @@ pub(in crate::cli) fn summarise(title: &str, headline: &str, text: &[u8]) -> any
     let text = String::from_utf8_lossy(&plain);
     let end = text.char_indices().map(|(at, _)| at).take_while(|at| *at <= LONGEST_LOG).last();
     let cut = &text[..end.filter(|_| text.len() > LONGEST_LOG).unwrap_or(text.len())];
-    let more = if cut.len() < text.len() { "\n... (the log has the rest)" } else { "" };
+    let more = if cut.len() < text.len() { "\n... (the rest is in the log)" } else { "" };
     append_summary(|| {
         Ok(format!(
             "## {title}\n\n{}.\n\n<details><summary>more</summary>\n\n<pre>{}{more}</pre>\n</details>\n\n",
@@ -144,7 +144,7 @@ fn annotations(
     lines.splice(0..0, errors);
     if !rest.is_empty() {
         let title = format!("{} failed", counted(rest.len(), "more check"));
-        let message = format!("the log has their messages:\n{}", rest.join("\n"));
+        let message = format!("their messages are in the log:\n{}", rest.join("\n"));
         lines.push(annotation(None, &title, &message));
     }
     if !reasons.is_empty() {
@@ -156,12 +156,12 @@ fn annotations(
 /// Returns the message of a failure. A long message keeps its end, because the replay command is there.
 fn message(record: &Record) -> String {
     let message = record.message.clone();
-    let message = message.unwrap_or_else(|| "it fails, and says nothing".to_owned());
+    let message = message.unwrap_or_else(|| "it fails without a message".to_owned());
     if message.encode_utf16().count() <= LONGEST_ANNOTATION {
         return message;
     }
     let replay = replays(record).first().map(|command| format!("\n  replay: {command}"));
-    let end = format!("\n  ... (the log has the rest){}", replay.unwrap_or_default());
+    let end = format!("\n  ... (the rest is in the log){}", replay.unwrap_or_default());
     let room = LONGEST_ANNOTATION.saturating_sub(end.encode_utf16().count());
     format!("{}{end}", cut(&message, room))
 }
@@ -192,7 +192,7 @@ pub(in crate::cli) fn write_warnings(
         writeln!(out, "{}", command("warning", place.as_ref(), title, &message))?;
     }
     if count > shown {
-        let message = format!("{} more: the log has them", count - shown);
+        let message = format!("{} more are in the log", count - shown);
         writeln!(out, "{}", command("warning", None, title, &message))?;
     }
     Ok(())
@@ -256,7 +256,7 @@ fn summary(
         }
     }
     if dropped > 0 {
-        writeln!(text, "The log has {}.", counted(dropped, "more message"))?;
+        writeln!(text, "{} in the log.", counted(dropped, "more message"))?;
     }
     Ok(text)
 }

@@ -89,20 +89,20 @@ fn head(
             }
             @match run {
                 None => p class="fail" {
-                    "The record doesn't say that its run ended, so tests may be missing: it was stopped, or it \
-                     runs still. Run the tests again."
+                    "The record doesn't say that its run ended, so tests may be missing: the run was stopped, or it \
+                     is still running. Run the tests again."
                 },
                 Some(run) if !run.selected.is_empty() => p { "Only: " (run.selected.join(" ")) },
                 Some(_) => {}
             }
             @for overlay in overlays {
-                p class="fail" { "With KARAT_OVERLAY=" (overlay) ": not the modules of the packages." }
+                p class="fail" { "With KARAT_OVERLAY=" (overlay) ": files of this folder replaced modules of the packages." }
             }
             @if let Some(matrix) = matrix { p { a href=(matrix) { "Every translation of the shaders" } } }
             ul class="adapters" { @for adapter in &adapters { li { (adapter) } } }
             label { "Search " input id="search" type="search" placeholder="name, test, path, message"; }
             label { input id="failing" type="checkbox"; " only what fails" }
-            p id="none" hidden { "Nothing has all of these words." }
+            p id="none" hidden { "No row has all of these words." }
         }
     }
 }
@@ -303,8 +303,8 @@ fn functions(rows: &[Row<'_>]) -> Markup {
             section {
                 h2 { "Functions" }
                 p class="note" {
-                    "The worst error, its share of the bound, and how many cases were compared. The bars are \
-                     some cases by their error in powers of two of the bound, which is the line."
+                    "The worst error, its share of the bound, and how many cases were compared. Each bar counts the \
+                     cases of a sample between two powers of two of the bound; the line is the bound."
                 }
                 table {
                     @for (row, function, check, facts) in functions {
@@ -340,7 +340,7 @@ fn frames(rows: &[Row<'_>], review: Option<&str>) -> Markup {
             section {
                 h2 { "Frames" }
                 @if review.is_none() {
-                    p class="note" { "Look at them with " code { "karat review" } "." }
+                    p class="note" { "Show them with " code { "karat review" } "." }
                 }
                 table {
                     @for (row, golden, name) in frames {
@@ -367,8 +367,8 @@ fn hazards(all: &[Hazards]) -> Markup {
         section {
             h2 { "Hazards" }
             p class="note" {
-                "What can go wrong inside of functions, over arguments that names and types suggest, whether or not \
-                 a test sees it: " code { "karat hazards" } "."
+                "Operations that can go wrong, for arguments that names and types suggest, whether or not \
+                 a test notices: " code { "karat hazards" } "."
             }
             @for hazards in all {
                 p {
@@ -385,7 +385,7 @@ fn without_tests(untested: Option<&[String]>) -> Markup {
     html! {
         @if let Some(untested) = untested {
             section {
-                h2 { "Functions with no test of their own" }
+                h2 { "Functions without a test" }
                 @if untested.is_empty() { p class="note" { "None." } }
                 ul { @for name in untested { li class="row" { code { (name) } } } }
             }

@@ -41,7 +41,7 @@ pub(super) fn text(records: &[Record], sum: &Sum, project: &Project) -> anyhow::
     report.time =
         report.test_suites.iter().filter_map(|suite| suite.time).reduce(Duration::saturating_add);
     let mut rest = TestSuite::new("tests");
-    let outside = "it failed outside of Karat's checks, or didn't end";
+    let outside = "the test failed outside of Karat's checks, or didn't end";
     let tests = sum.outside().iter().map(|name| (name.as_str(), outside));
     let others = sum.others().iter().map(|why| ("karat test", why.as_str()));
     for (name, why) in tests.chain(others) {

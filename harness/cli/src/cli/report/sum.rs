@@ -51,7 +51,7 @@ fn unwatched(records: &[Record]) -> Option<String> {
     let were = if count == 1 { "wasn't" } else { "weren't" };
     let checks = counted(count, "check");
     Some(format!(
-        "{checks} of passes or draws {were} looked through by the sanitizer, or not whole: {first}{others}"
+        "{checks} of passes or draws {were} checked completely by the sanitizer: {first}{others}"
     ))
 }
 
@@ -64,7 +64,7 @@ fn in_some_orders(records: &[Record]) -> Option<String> {
     let least = orders.iter().min()?;
     let checks = counted(orders.len(), "check");
     Some(format!(
-        "{checks} of passes held in {} of invocations, of more",
+        "{checks} of passes held in {} of invocations; there are more",
         counted(*least as usize, "order")
     ))
 }
@@ -77,7 +77,7 @@ fn unwritten(records: &[Record]) -> Option<String> {
     let lines = counted(all.len(), "line");
     let reads = if all.len() == 1 { "reads" } else { "read" };
     Some(format!(
-        "{lines} {reads} what no pass has written: {first}; say `value = 0` beside `size` if the host clears it"
+        "{lines} {reads} elements that no pass has written: {first}; add `value = 0` beside `size` if the host clears them"
     ))
 }
 
@@ -130,7 +130,7 @@ impl Sum {
             let were = if run.not_run == 1 { "wasn't" } else { "weren't" };
             sum = sum.with(format!("{tests} {were} run after a failure: run with --no-fail-fast"));
         } else if run.stopped {
-            let why = "the runner stopped at a failure, and what comes after it may be missing: run with \
+            let why = "the runner stopped at a failure, so later tests may be missing: run with \
                        --no-fail-fast";
             sum = sum.with(why.to_owned());
         }
@@ -246,7 +246,8 @@ mod tests {
         let remarks = |records: &[Record]| Sum::of(records, Some(&Run::default())).remarks();
         assert_eq!(remarks(&[with(""), record(Verdict::Pass, 0, None)]), "");
         let told = remarks(&[with("too large"), with(""), with("no engine")]);
-        let expected = "; 2 checks of passes or draws weren't looked through by the sanitizer, or not whole: too large";
+        let expected =
+            "; 2 checks of passes or draws weren't checked completely by the sanitizer: too large";
         assert_eq!(told, format!("{expected}, and 1 other reason"));
         assert_eq!(remarks(&[with("too large"), with("too large")]), expected);
         let in_orders = |orders, all_orders| {
@@ -257,11 +258,11 @@ mod tests {
         };
         assert_eq!(remarks(&[in_orders(12, true), in_orders(0, true)]), "");
         let some = remarks(&[in_orders(16, false), in_orders(12, true), in_orders(20, false)]);
-        assert_eq!(some, "; 2 checks of passes held in 16 orders of invocations, of more");
+        assert_eq!(some, "; 2 checks of passes held in 16 orders of invocations; there are more");
         let mut reading = with("");
         let watched = reading.watched.as_mut().expect("it has passes");
         watched.unwritten.push("`partials[3]` at mean.wgsl:17:57".to_owned());
-        let expected = "; 1 line reads what no pass has written: `partials[3]` at mean.wgsl:17:57; say `value = 0` beside \
+        let expected = "; 1 line reads elements that no pass has written: `partials[3]` at mean.wgsl:17:57; add `value = 0` beside \
                         `size` if the host clears it";
         assert_eq!(remarks(&[reading.clone(), reading]), expected, "two checks of one pass");
         let mut accepting = with("");

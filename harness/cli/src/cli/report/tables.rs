@@ -87,7 +87,7 @@ fn write_folded(records: &[&Record], out: &mut dyn Write) -> anyhow::Result<()> 
         table.row(GOOD, vec![module.to_owned(), checks, cases, closest, paths]);
     }
     table.write(out)?;
-    writeln!(out, "{DIM}--all shows each check{DIM:#}")?;
+    writeln!(out, "{DIM}--all lists each check{DIM:#}")?;
     Ok(())
 }
 
@@ -113,7 +113,10 @@ pub(in crate::cli) fn write_sum(
     writeln!(out, "{DIM}record: {}{DIM:#}", folder.display())?;
     let overlays: BTreeSet<_> = records.iter().filter_map(|r| r.overlay.as_ref()).collect();
     for overlay in overlays {
-        writeln!(out, "{BAD}with KARAT_OVERLAY={overlay}: not the modules of the packages{BAD:#}")?;
+        writeln!(
+            out,
+            "{BAD}with KARAT_OVERLAY={overlay}: files of this folder replaced modules of the packages{BAD:#}"
+        )?;
     }
     Ok(())
 }
@@ -144,10 +147,10 @@ pub(in crate::cli) fn expect_some(records: &[Record], filter: Option<&str>) -> a
     }
     match filter {
         Some(filter) => bail!(
-            "no check ran: no test's name contains `{filter}`, and no test checked such a function when it last \
-             ran. A new test is found by its own name alone; `karat test` runs all; a run that compared nothing is no success"
+            "no check ran: no test's name contains `{filter}`, and no test checked such a function in its last \
+             run. The filter finds a new test only by its name; `karat test` runs all tests. A run that compared nothing isn't a success"
         ),
-        None => bail!("no test ran a check; a run that compared nothing is no success"),
+        None => bail!("no test ran a check. A run that compared nothing isn't a success"),
     }
 }
 
@@ -213,7 +216,7 @@ fn add_rows(
     for path in &record.paths {
         if otherwise {
             let cells =
-                [&*path.adapter.path, &path.cases.to_string(), "FAIL (see its message)", ""];
+                [&*path.adapter.path, &path.cases.to_string(), "FAIL (see the message)", ""];
             row(BAD, cells, path.allowed.as_ref(), &path.asserted);
             continue;
         }
@@ -460,7 +463,7 @@ pub(super) mod tests {
     fn a_run_without_a_record_is_no_success() {
         for filter in [None, Some("x")] {
             let error = expect_some(&[], filter).expect_err("nothing ran").to_string();
-            assert!(error.contains("a run that compared nothing is no success"), "{error}");
+            assert!(error.contains("A run that compared nothing isn't a success"), "{error}");
         }
         assert!(expect_some(&[record(Verdict::Pass, 0, None)], None).is_ok());
     }

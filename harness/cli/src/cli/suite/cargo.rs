@@ -249,8 +249,8 @@ impl Tests {
                 let wrong = message.map(Wrong::of);
                 say(&Said::Test { name: program.show(test), wrong }, out)
             })?;
-            let left_out = record::left_out(folder.path())
-                .context("the tests that a run left out can't be read")?;
+            let left_out =
+                record::left_out(folder.path()).context("can't read which tests a run left out")?;
             for test in &own {
                 let name = program.show(test);
                 match left_out.contains(*test) {

@@ -52,7 +52,7 @@ fn problem(image: &Path, beside: &Path) -> Option<String> {
     let told = match std::fs::read_to_string(beside) {
         Ok(text) => text,
         Err(error) if error.kind() == ErrorKind::NotFound => {
-            return Some(format!("`{shown}` is missing, the facts of `{image}` as text"));
+            return Some(format!("`{shown}` is missing: it has the facts of `{image}` as text"));
         }
         Err(error) => return Some(format!("can't read `{shown}`: {error}")),
     };
@@ -62,7 +62,7 @@ fn problem(image: &Path, beside: &Path) -> Option<String> {
             let others = differing(&told, &held).join("`, `");
             Some(format!("`{shown}` has other facts than `{image}`: `{others}`"))
         }
-        Err(error) => Some(format!("`{shown}` can't be read as facts: {}", error.message())),
+        Err(error) => Some(format!("`{shown}` has no readable facts: {}", error.message())),
     }
 }
 

@@ -72,7 +72,7 @@ impl Files {
             let Some((stem, ending)) = split(&name) else {
                 // Hidden files and Markdown files are for Git and for people.
                 if !hidden && !name.ends_with(".md") {
-                    files.push(file, "a file that isn't a golden's", false);
+                    files.push(file, "not a file of a golden", false);
                 }
                 continue;
             };

@@ -57,8 +57,8 @@ fn started(folder: &Path, raw: &Raw) -> anyhow::Result<RecommendedWatcher> {
             let _ = raw.send(change);
         }
     };
-    let mut watcher = notify::recommended_watcher(changes).context("files can't be watched")?;
-    let name = || format!("`{}` can't be watched", folder.display());
+    let mut watcher = notify::recommended_watcher(changes).context("can't watch files")?;
+    let name = || format!("can't watch `{}`", folder.display());
     watcher.watch(folder, RecursiveMode::Recursive).with_context(name)?;
     Ok(watcher)
 }

@@ -58,7 +58,7 @@ pub(super) fn open_report(project: &Project, files: &[PathBuf], page: &Path) -> 
         let text = std::fs::read_to_string(file)
             .with_context(|| format!("can't read `{}`", file.display()))?;
         for line in text.lines() {
-            records.push(serde_json::from_str(line).context("a record isn't one")?);
+            records.push(serde_json::from_str(line).context("a line isn't a record")?);
         }
     }
     report::write_page(records, project, page)?;

@@ -296,8 +296,8 @@ fn words(lane: &Lane) -> (karat::unstable::output::Style, String) {
     }
     let (took, good) = match idle {
         0 => (took, GOOD),
-        1 => (format!("{took}; 1 isn't judged here: a frame needs a driver"), KNOWN),
-        more => (format!("{took}; {more} aren't judged here: frames need a driver"), KNOWN),
+        1 => (format!("{took}; 1 frame isn't judged: it needs a driver"), KNOWN),
+        more => (format!("{took}; {more} frames aren't judged: they need a driver"), KNOWN),
     };
     let path = &lane.name;
     let pass = if *count == 1 { "1 test passes".to_owned() } else { format!("{count} tests pass") };
@@ -311,9 +311,7 @@ fn words(lane: &Lane) -> (karat::unstable::output::Style, String) {
             true => (BAD, format!("{path}: there are no tests: `karat init` writes a first one")),
             false => (DIM, format!("{path}: no tests here  {took}")),
         },
-        (.., 0) if *ran == 0 => {
-            (good, format!("{path}: {pass}; nothing changed in meaning  {took}"))
-        }
+        (.., 0) if *ran == 0 => (good, format!("{path}: {pass}; no code changed  {took}")),
         (.., 0) => (good, format!("{path}: {pass}; {ran} ran  {took}")),
         (.., failed) if invalid.is_some() => {
             (BAD, format!("{path}: not valid; {failed} of {count} tests fail; {ran} ran  {took}"))

@@ -46,7 +46,10 @@ pub(in crate::cli) struct Request {
 #[serde(rename_all = "snake_case")]
 pub(in crate::cli) enum Said {
     /// A test ran. `wrong` is set if it failed.
-    Test { name: String, wrong: Option<Wrong> },
+    Test {
+        name: String,
+        wrong: Option<Wrong>,
+    },
     /// All tests have a verdict. `tests` are all tests, `broken` are unreadable tests, and `idle` is the number of
     /// tests that this path can't judge.
     Done {
@@ -69,8 +72,12 @@ pub(in crate::cli) enum Said {
         records: Vec<Record>,
     },
     /// The process wrote the records, or failed with this error.
-    Reported { error: Option<String> },
-    Ended { why: String },
+    Reported {
+        error: Option<String>,
+    },
+    Ended {
+        why: String,
+    },
 }
 
 impl Said {
@@ -129,7 +136,7 @@ impl Worker {
             command.env("KARAT_TIMEOUT", DEADLINE);
         }
         command.stdin(Stdio::piped()).stdout(Stdio::piped()).stderr(Stdio::piped());
-        let mut child = command.spawn().context("a process for tests can't be started")?;
+        let mut child = command.spawn().context("can't start a process for tests")?;
         let stdin = child.stdin.take().context("it is piped")?;
         let stdout = child.stdout.take().context("it is piped")?;
         let last_words = LastWords::of(child.stderr.take().context("it is piped")?);
@@ -144,7 +151,7 @@ impl Worker {
                 }
             }
             let why = match last_words.heard() {
-                words if words.is_empty() => "the process of the tests ended".to_owned(),
+                words if words.is_empty() => "the process that runs the tests ended".to_owned(),
                 words => words,
             };
             tell(Said::Ended { why });

@@ -25,12 +25,12 @@ pub(super) fn map(histogram: &Histogram, path: &str) -> Markup {
     html! {
         figure {
             figcaption {
-                "Samples in each of " (expected.len()) " cells on " (path) ", over what is expected there: red where \
-                 there are too many, blue where too few, full at " (MOST) " standard deviations. "
+                "Samples in each of " (expected.len()) " cells on " (path) ", compared with the expected number: red where \
+                 there are too many, blue where there are too few; the full colour is at " (MOST) " standard deviations. "
                 (across) " runs to the right" @if !down.is_empty() { ", " (down) " down" }
-                "; cells stand side by side, whatever their size."
+                "; the cells have equal sizes in this map."
             }
-            svg width=(WIDTH) height=(HEIGHT) role="img" aria-label="counts over what is expected" {
+            svg width=(WIDTH) height=(HEIGHT) role="img" aria-label="counts compared with expected counts" {
                 @for ((x, y, width), (observed, expected)) in cells.zip(numbers) {
                     @let sigma = deviation(*observed, *expected);
                     rect x=(number(x)) y=(number(y)) width=(number(width)) height=(number(height))

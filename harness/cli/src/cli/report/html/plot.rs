@@ -41,8 +41,8 @@ pub(super) fn figures(plot: &Plot, path: &str, asserted: &str) -> Markup {
             figure {
                 figcaption {
                     "Error divided by its bound on " (path) " (" (asserted) "), of " (plot.rows.len())
-                    " cases. A dot is a case, red above the bound, which is the line at 1; a field of the map \
-                     is empty where no case is."
+                    " cases. A dot is a case. The line at 1 is the bound, and dots above it are red. Blank fields of the map \
+                     had no cases."
                 }
                 @for svg in drawn { (PreEscaped(svg)) }
             }

@@ -100,7 +100,7 @@ fn run_some(
             heard(test, Some(message))?;
         } else if !parser.has_passed(test) {
             let status = status.map_or_else(String::new, |status| status.to_string());
-            let message = format!("its program ended before it ({status})\n{words}");
+            let message = format!("its program ended before the test did ({status})\n{words}");
             heard(test, Some(message))?;
         }
     }

@@ -95,7 +95,7 @@ impl Programs {
         let stdout = child.stdout.take().context("it is piped")?;
         let (mut artifacts, mut scripts) = (Vec::new(), false);
         for message in Message::parse_stream(BufReader::new(stdout)) {
-            match message.context("`cargo` printed something else than messages")? {
+            match message.context("can't read the messages of `cargo`")? {
                 Message::CompilerArtifact(artifact) => artifacts.push(artifact),
                 Message::BuildScriptExecuted(script) => {
                     scripts |= is_local(&script.package_id.repr);
